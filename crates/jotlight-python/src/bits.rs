@@ -1,0 +1,23 @@
+use jotlight::bits::PackedBits;
+use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2};
+use pyo3::prelude::*;
+
+use crate::run;
+
+#[pyfunction]
+#[pyo3(signature = (packed, width, side, valid, counts, threads))]
+pub fn add_block_counts(
+    py: Python<'_>,
+    packed: PyReadonlyArray3<'_, u8>,
+    width: usize,
+    side: usize,
+    valid: Option<PyReadonlyArray2<'_, u8>>,
+    mut counts: PyReadwriteArray2<'_, i32>,
+    threads: Option<usize>,
+) -> PyResult<()> {
+    let (packed, counts) = (packed.as_array(), counts.as_array_mut());
+    let valid = valid.as_ref().map(|valid| valid.as_array());
+    run(py, threads, || {
+        jotlight::bits::add_block_counts(&PackedBits::new(packed, width)?, side, valid, counts)
+    })
+}

@@ -1,0 +1,52 @@
+//! The Python module `jotlight._engine`: arrays in, arrays out, the GIL released in between.
+#![allow(missing_docs)]
+
+mod bits;
+mod mle;
+mod network;
+mod sensing;
+mod vst;
+
+use jotlight::error::Error;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+/// The compiled engine. Its functions check shapes; `jotlight`'s own functions name, check and explain the rest.
+#[pymodule]
+mod _engine {
+    use super::{PyModule, PyResult};
+    use pyo3::prelude::*;
+
+    #[pymodule_export]
+    use super::bits::add_block_counts;
+    #[pymodule_export]
+    use super::mle::{equivalent_counts, mle_from_counts, mle_from_jots, mle_from_probability};
+    #[pymodule_export]
+    use super::network::{block_sums, forward};
+    #[pymodule_export]
+    use super::sensing::{
+        expose, kernel_taps, probability, rate, threshold_probability, threshold_rate,
+    };
+    #[pymodule_export]
+    use super::vst::{algebraic_inverse, exact_inverse, stabilise};
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+        module.add("DEBUG_BUILD", cfg!(debug_assertions))
+    }
+}
+
+fn to_python(error: Error) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}
+
+/// Runs `work` without the GIL on `threads` threads.
+fn run<R: Send>(
+    py: Python<'_>,
+    threads: Option<usize>,
+    work: impl FnOnce() -> jotlight::error::Result<R> + Send,
+) -> PyResult<R> {
+    py.detach(|| jotlight::threads::install(threads, work).and_then(|result| result))
+        .map_err(to_python)
+}

@@ -1,0 +1,53 @@
+use jotlight::vst::{Anscombe, ExactInverse, map};
+use numpy::{PyReadonlyArray1, PyReadwriteArray1};
+use pyo3::prelude::*;
+
+use crate::run;
+
+#[pyfunction]
+#[pyo3(signature = (counts, bits, out, threads))]
+pub fn stabilise(
+    py: Python<'_>,
+    counts: PyReadonlyArray1<'_, f32>,
+    bits: u32,
+    mut out: PyReadwriteArray1<'_, f32>,
+    threads: Option<usize>,
+) -> PyResult<()> {
+    let (counts, out) = (counts.as_array(), out.as_array_mut());
+    run(py, threads, || {
+        let transform = Anscombe::new(bits)?;
+        map(counts, out, |count| transform.stabilise(count))
+    })
+}
+
+#[pyfunction]
+#[pyo3(signature = (z, bits, out, threads))]
+pub fn algebraic_inverse(
+    py: Python<'_>,
+    z: PyReadonlyArray1<'_, f32>,
+    bits: u32,
+    mut out: PyReadwriteArray1<'_, f32>,
+    threads: Option<usize>,
+) -> PyResult<()> {
+    let (z, out) = (z.as_array(), out.as_array_mut());
+    run(py, threads, || {
+        let transform = Anscombe::new(bits)?;
+        map(z, out, |z| transform.algebraic_inverse(z))
+    })
+}
+
+#[pyfunction]
+#[pyo3(signature = (z, bits, out, threads))]
+pub fn exact_inverse(
+    py: Python<'_>,
+    z: PyReadonlyArray1<'_, f32>,
+    bits: u32,
+    mut out: PyReadwriteArray1<'_, f32>,
+    threads: Option<usize>,
+) -> PyResult<()> {
+    let (z, out) = (z.as_array(), out.as_array_mut());
+    run(py, threads, || {
+        let inverse = ExactInverse::new(bits)?;
+        map(z, out, |z| inverse.invert(z))
+    })
+}

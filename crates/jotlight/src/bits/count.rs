@@ -1,0 +1,152 @@
+//! Ones per pixel, counted in the packed domain.
+
+use ndarray::{ArrayView2, ArrayViewMut2, Axis};
+use rayon::prelude::*;
+
+use super::{FIELD, PackedBits, field, mask_row, packed_width};
+use crate::error::{Error, Result};
+
+/// Rows of pixels that one task counts, so that each frame is read in stretches and not byte by byte.
+const ROWS: usize = 16;
+
+/// The byte lanes of an accumulator overflow after this many frames.
+const FLUSH: usize = 255;
+
+/// Adds, to each pixel of `counts`, the ones among its `side` × `side` jots in all frames. `valid` is a packed mask of the
+/// jots that count, `(H, ⌈W/8⌉)`.
+///
+/// # Errors
+/// [`Error::Shape`] when the arrays do not fit.
+pub fn add_block_counts(
+    bits: &PackedBits<'_>,
+    side: usize,
+    valid: Option<ArrayView2<'_, u8>>,
+    mut counts: ArrayViewMut2<'_, i32>,
+) -> Result<()> {
+    let pixels = bits.pixels(side)?;
+    if counts.dim() != pixels {
+        return Err(Error::shape("counts", pixels, counts.dim()));
+    }
+    let (frames, rows, width) = bits.shape();
+    check_mask(valid, rows, width)?;
+    counts
+        .axis_chunks_iter_mut(Axis(0), ROWS)
+        .into_par_iter()
+        .enumerate()
+        .for_each(|(chunk, counts)| {
+            let first = chunk * ROWS;
+            if side == 1 {
+                add_single_jots(bits, frames, first, valid, counts);
+            } else {
+                add_blocks(bits, frames, side, first, valid, counts);
+            }
+        });
+    Ok(())
+}
+
+pub(crate) fn check_mask(
+    valid: Option<ArrayView2<'_, u8>>,
+    rows: usize,
+    width: usize,
+) -> Result<()> {
+    match valid {
+        Some(valid) if valid.dim() != (rows, packed_width(width)) => Err(Error::shape(
+            "packed mask",
+            (rows, packed_width(width)),
+            valid.dim(),
+        )),
+        _ => Ok(()),
+    }
+}
+
+fn add_blocks(
+    bits: &PackedBits<'_>,
+    frames: usize,
+    side: usize,
+    first: usize,
+    valid: Option<ArrayView2<'_, u8>>,
+    mut counts: ArrayViewMut2<'_, i32>,
+) {
+    let mut masked = Vec::new();
+    for frame in 0..frames {
+        for (pixel_row, mut counts) in counts.axis_iter_mut(Axis(0)).enumerate() {
+            for row in (first + pixel_row) * side..(first + pixel_row + 1) * side {
+                let bytes = bits.row(frame, row);
+                let bytes: &[u8] = if let Some(valid) = valid {
+                    let valid = mask_row(valid, row);
+                    masked.clear();
+                    masked.extend(
+                        bytes
+                            .iter()
+                            .zip(valid.iter())
+                            .map(|(bit, valid)| bit & valid),
+                    );
+                    &masked
+                } else {
+                    &bytes
+                };
+                for (pixel, count) in counts.iter_mut().enumerate() {
+                    let mut start = pixel * side;
+                    let end = start + side;
+                    while start < end {
+                        let length = (end - start).min(FIELD);
+                        *count += field(bytes, start, length).count_ones() as i32;
+                        start += length;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// One jot a pixel: the eight bits of a byte go to the eight byte lanes of a word, which is 255 frames from overflowing.
+fn add_single_jots(
+    bits: &PackedBits<'_>,
+    frames: usize,
+    first: usize,
+    valid: Option<ArrayView2<'_, u8>>,
+    mut counts: ArrayViewMut2<'_, i32>,
+) {
+    let width = packed_width(counts.ncols());
+    let mut lanes = vec![0u64; counts.nrows() * width];
+    for batch in (0..frames).step_by(FLUSH) {
+        for frame in batch..(batch + FLUSH).min(frames) {
+            for (row, lanes) in lanes.chunks_exact_mut(width).enumerate() {
+                for (lanes, &byte) in lanes.iter_mut().zip(bits.row(frame, first + row).iter()) {
+                    *lanes += SPREAD[byte as usize];
+                }
+            }
+        }
+        for (row, (mut counts, lanes)) in counts
+            .axis_iter_mut(Axis(0))
+            .zip(lanes.chunks_exact_mut(width))
+            .enumerate()
+        {
+            let valid = valid.map(|valid| mask_row(valid, first + row));
+            for (column, count) in counts.iter_mut().enumerate() {
+                let valid = valid
+                    .as_ref()
+                    .is_none_or(|valid| valid[column / 8] >> (7 - column % 8) & 1 == 1);
+                if valid {
+                    *count += i32::from(lanes[column / 8].to_be_bytes()[column % 8]);
+                }
+            }
+            lanes.fill(0);
+        }
+    }
+}
+
+/// `SPREAD[byte]` has the bits of the byte, most significant first, as the lowest bits of its eight bytes.
+static SPREAD: [u64; 256] = {
+    let mut table = [0; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        let mut bit = 0;
+        while bit < 8 {
+            table[byte] |= ((byte as u64 >> bit) & 1) << (8 * bit);
+            bit += 1;
+        }
+        byte += 1;
+    }
+    table
+};

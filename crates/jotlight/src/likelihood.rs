@@ -1,0 +1,169 @@
+//! What one bit says of the light: P(b = 1), its slope and its inverse, for any threshold q.
+//!
+//! A jot sees Y ~ Poisson(s) photons and reports b = [Y ≥ q] (paper, equation (3)), so that
+//! P(b = 1) = P(q, s), the regularised lower incomplete gamma function.
+
+use crate::error::{Error, Result};
+
+/// The threshold q of a jot: it reports 1 when at least q photons arrive.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Threshold {
+    q: f64,
+    ln_factorial: f64,
+}
+
+impl Threshold {
+    /// The threshold of `q` photons.
+    ///
+    /// # Errors
+    /// [`Error::Range`] for q = 0: such a jot would always report 1.
+    pub fn new(q: u32) -> Result<Self> {
+        if q == 0 {
+            return Err(Error::range("threshold", "at least 1 photon", q));
+        }
+        let q = f64::from(q);
+        Ok(Self {
+            q,
+            ln_factorial: libm::lgamma(q + 1.0),
+        })
+    }
+
+    /// q.
+    #[must_use]
+    pub fn photons(&self) -> u32 {
+        self.q as u32
+    }
+
+    /// P(b = 1) = P(Y ≥ q) for s ≥ 0 expected photons; accurate for the smallest s too.
+    #[must_use]
+    pub fn fires(&self, s: f64) -> f64 {
+        if self.one_photon() {
+            -(-s).exp_m1()
+        } else if s < self.q {
+            self.poisson(s) * self.upper_sum(s)
+        } else {
+            1.0 - self.poisson(s) * self.lower_sum(s)
+        }
+    }
+
+    /// P(b = 0) = P(Y < q) for s ≥ 0 expected photons; accurate for the largest s too.
+    #[must_use]
+    pub fn stays_dark(&self, s: f64) -> f64 {
+        if self.one_photon() {
+            (-s).exp()
+        } else if s < self.q {
+            1.0 - self.poisson(s) * self.upper_sum(s)
+        } else {
+            self.poisson(s) * self.lower_sum(s)
+        }
+    }
+
+    /// dP(b = 1)/ds = s^(q−1) e^(−s) / (q−1)!.
+    #[must_use]
+    pub fn slope(&self, s: f64) -> f64 {
+        if self.one_photon() {
+            (-s).exp()
+        } else {
+            self.poisson(s) * self.q / s.max(f64::MIN_POSITIVE)
+        }
+    }
+
+    /// d log P(b = 1)/ds for s > 0: what a jot that fired says of the light. Finite where P itself underflows.
+    #[must_use]
+    pub fn fired_score(&self, s: f64) -> f64 {
+        if self.one_photon() {
+            s.exp_m1().recip()
+        } else if s < self.q {
+            self.q / s / self.upper_sum(s)
+        } else {
+            self.slope(s) / self.fires(s)
+        }
+    }
+
+    /// −d log P(b = 0)/ds for s > 0: what a jot that stayed dark says of the light. Finite where P(b = 0) underflows.
+    #[must_use]
+    pub fn dark_score(&self, s: f64) -> f64 {
+        if self.one_photon() {
+            1.0
+        } else if s < self.q {
+            self.slope(s) / self.stays_dark(s)
+        } else {
+            self.q / s / self.lower_sum(s)
+        }
+    }
+
+    /// The s at which P(b = 1) is `probability`: P⁻¹(q, ·). 0 gives 0, 1 gives infinity.
+    #[must_use]
+    pub fn rate(&self, probability: f64) -> f64 {
+        if probability <= 0.0 {
+            return 0.0;
+        }
+        if probability >= 1.0 {
+            return f64::INFINITY;
+        }
+        if self.one_photon() {
+            return -(-probability).ln_1p();
+        }
+        let (mut low, mut high) = (0.0, self.q + 1.0);
+        while self.fires(high) < probability {
+            (low, high) = (high, 2.0 * high);
+        }
+        // The first term of the tail, s^q / q! ≈ p, starts close for small p; Newton does the rest inside of the bracket.
+        let mut s = (((probability.ln() + self.ln_factorial) / self.q).exp())
+            .clamp(low.max(f64::MIN_POSITIVE), high);
+        for _ in 0..200 {
+            let excess = self.fires(s) - probability;
+            if excess > 0.0 {
+                high = s;
+            } else {
+                low = s;
+            }
+            let newton = s - excess / self.slope(s);
+            let next = if newton > low && newton < high {
+                newton
+            } else {
+                0.5 * (low + high)
+            };
+            if (next - s).abs() <= 1e-15 * next {
+                return next;
+            }
+            s = next;
+        }
+        s
+    }
+
+    fn one_photon(&self) -> bool {
+        self.q < 1.5
+    }
+
+    /// P(Y = q).
+    fn poisson(&self, s: f64) -> f64 {
+        if s <= 0.0 {
+            0.0
+        } else {
+            (self.q * s.ln() - s - self.ln_factorial).exp()
+        }
+    }
+
+    /// P(Y ≥ q) / P(Y = q) = 1 + s/(q+1) + s²/((q+1)(q+2)) + …: all terms positive, so nothing cancels.
+    fn upper_sum(&self, s: f64) -> f64 {
+        let (mut term, mut sum, mut k) = (1.0, 1.0, self.q);
+        while term > f64::EPSILON * 0.1 * sum {
+            k += 1.0;
+            term *= s / k;
+            sum += term;
+        }
+        sum
+    }
+
+    /// P(Y < q) / P(Y = q) = q/s + q(q−1)/s² + ….
+    fn lower_sum(&self, s: f64) -> f64 {
+        let (mut term, mut sum, mut k) = (1.0, 0.0, self.q);
+        while k > 0.0 && term > f64::EPSILON * 0.1 * sum {
+            term *= k / s;
+            sum += term;
+            k -= 1.0;
+        }
+        sum
+    }
+}

@@ -1,0 +1,260 @@
+//! Bits, drawn straight into packed words.
+
+use std::sync::Arc;
+
+use ndarray::{ArrayViewMut1, ArrayViewMut2, ArrayViewMut3, Axis};
+use rayon::prelude::*;
+
+use super::chance::{Chance, ChanceTable};
+use super::rate::Light;
+use super::{Image, Sensor, Window};
+use crate::bits::packed_width;
+use crate::error::{Error, Result};
+use crate::likelihood::Threshold;
+use crate::rng::{ALIGNMENT, JotRandom, RowPlace, check_size};
+
+/// Jots of a row that are drawn at a time; bounds the memory of a thread.
+const STRETCH: usize = 4096;
+
+/// Draws the bits of a window of frames and pixels into `out` `(frames, rows·K̂, ⌈columns·K̂ / 8⌉)`, most significant bit first.
+///
+/// Each jot has a place of its own in the stream of random numbers, so that a window holds exactly the bits that
+/// the whole would hold there, and `channel` keeps the channels of a colour image independent.
+///
+/// # Errors
+/// [`Error::Shape`] when the arrays do not fit, [`Error::Range`] when there are too many frames or rows.
+pub fn expose(
+    sensor: &Sensor<'_>,
+    image: Image<'_>,
+    seed: [u8; 32],
+    channel: usize,
+    window: &Window,
+    mut out: ArrayViewMut3<'_, u8>,
+) -> Result<()> {
+    sensor.check(&image)?;
+    window.check(image.shape())?;
+    let side = sensor.kernel.oversampling();
+    check_size(channel, window.frames.end, image.shape().0 * side)?;
+    let expected = (
+        window.frames.len(),
+        window.rows.len() * side,
+        packed_width(window.columns.len() * side),
+    );
+    if out.dim() != expected {
+        return Err(Error::shape("out", expected, out.dim()));
+    }
+
+    // One task a row of pixels, with that row's bits of all frames: probabilities are found once for all frames.
+    let mut tasks: Vec<Vec<ArrayViewMut2<'_, u8>>> = window
+        .rows
+        .clone()
+        .map(|_| Vec::with_capacity(window.frames.len()))
+        .collect();
+    for frame in out.axis_iter_mut(Axis(0)) {
+        for (task, rows) in tasks.iter_mut().zip(split_rows(frame, side)) {
+            task.push(rows);
+        }
+    }
+    let light = Light { sensor, image };
+    tasks
+        .into_par_iter()
+        .zip(window.rows.clone())
+        .for_each_init(
+            || Scratch::new(seed, sensor.threshold),
+            |scratch, (mut frames, pixel_row)| {
+                scratch.draw_pixels(&light, pixel_row, channel, window, &mut frames);
+            },
+        );
+    Ok(())
+}
+
+fn split_rows(
+    frame: ArrayViewMut2<'_, u8>,
+    side: usize,
+) -> impl Iterator<Item = ArrayViewMut2<'_, u8>> {
+    let mut rest = Some(frame);
+    std::iter::from_fn(move || {
+        let frame = rest.take().filter(|frame| frame.nrows() >= side)?;
+        let (rows, below) = frame.split_at(Axis(0), side);
+        rest = Some(below);
+        Some(rows)
+    })
+}
+
+/// What a thread needs for a stretch of a row.
+struct Scratch {
+    random: JotRandom,
+    table: Arc<ChanceTable>,
+    photons: Vec<f64>,
+    chances: Vec<Chance>,
+    high: Vec<u16>,
+    bytes: Vec<u8>,
+    words: Vec<u64>,
+}
+
+impl Scratch {
+    fn new(seed: [u8; 32], threshold: Threshold) -> Self {
+        Self {
+            random: JotRandom::new(seed),
+            table: ChanceTable::of(threshold),
+            photons: Vec::new(),
+            chances: Vec::new(),
+            high: Vec::new(),
+            bytes: Vec::new(),
+            words: Vec::new(),
+        }
+    }
+
+    /// Draws a row of pixels, that is K̂ rows of jots, of all frames.
+    fn draw_pixels(
+        &mut self,
+        light: &Light<'_, '_, '_>,
+        pixel_row: usize,
+        channel: usize,
+        window: &Window,
+        out: &mut [ArrayViewMut2<'_, u8>],
+    ) {
+        let side = light.sensor.kernel.oversampling();
+        let end = window.columns.end * side;
+        let mut start = window.columns.start * side;
+        let mut byte = 0;
+        while start < end {
+            let stop = (start + STRETCH).min(end);
+            // Draws begin at an aligned column; the few before `start` belong to the neighbouring tile and are shifted out.
+            let base = start / ALIGNMENT * ALIGNMENT;
+            for line in 0..side {
+                let row = pixel_row * side + line;
+                if line == 0 || !light.sensor.is_blockwise() {
+                    self.prepare(light, row, base, start, stop);
+                }
+                for (frame, out) in window.frames.clone().zip(out.iter_mut()) {
+                    self.draw_words(RowPlace::new(channel, frame, row), base);
+                    let mut out = out.row_mut(line);
+                    write_bits(&self.words, start - base, stop - start, byte, &mut out);
+                }
+            }
+            byte += STRETCH / 8;
+            start = stop;
+        }
+    }
+
+    /// The chances of the jots from `base` to the end of the last word; none outside of `start..stop`.
+    fn prepare(
+        &mut self,
+        light: &Light<'_, '_, '_>,
+        row: usize,
+        base: usize,
+        start: usize,
+        stop: usize,
+    ) {
+        let sensor = light.sensor;
+        let side = sensor.kernel.oversampling();
+        self.chances.clear();
+        self.chances.resize(start - base, Chance::NEVER);
+        if sensor.is_blockwise() {
+            for pixel in start / side..stop.div_ceil(side) {
+                let photons = light.block_photons(row / side, pixel);
+                let chance = self.table.chance(light.detections(row, start, photons));
+                let jots = stop.min((pixel + 1) * side) - start.max(pixel * side);
+                self.chances.extend(std::iter::repeat_n(chance, jots));
+            }
+        } else {
+            light.photons(row, start..stop, &mut self.photons);
+            let table = &self.table;
+            let rates = (start..stop).zip(&self.photons);
+            self.chances
+                .extend(rates.map(|(column, &photons)| {
+                    table.chance(light.detections(row, column, photons))
+                }));
+            if sensor.dead.is_some() {
+                let jots = self.chances[start - base..].iter_mut();
+                for (column, chance) in (start..stop).zip(jots) {
+                    if sensor.is_dead(row, column) {
+                        *chance = Chance::NEVER;
+                    }
+                }
+            }
+        }
+        let words = (stop - base).div_ceil(64);
+        self.chances.resize(words * 64, Chance::NEVER);
+        self.high.clear();
+        self.high
+            .extend(self.chances.iter().map(|chance| chance.high()));
+        self.bytes.resize(words * 128, 0);
+        self.words.resize(words, 0);
+    }
+
+    /// b = [U < P(b = 1)] with U uniform of 48 bits, of which the first 16 nearly always decide.
+    fn draw_words(&mut self, place: RowPlace, base: usize) {
+        self.random.draws(place, base, &mut self.bytes);
+        let jots = self
+            .bytes
+            .as_chunks::<128>()
+            .0
+            .iter()
+            .zip(self.high.as_chunks::<64>().0);
+        for (index, (bytes, high)) in jots.enumerate() {
+            let mut below = [0u8; 64];
+            let mut tie = 0u8;
+            for jot in 0..64 {
+                let draw = u16::from_le_bytes([bytes[2 * jot], bytes[2 * jot + 1]]);
+                below[jot] = u8::from(draw < high[jot]);
+                tie |= u8::from(draw == high[jot]);
+            }
+            let mut word = pack(&below);
+            if tie != 0 {
+                for jot in 0..64 {
+                    let draw = u16::from_le_bytes([bytes[2 * jot], bytes[2 * jot + 1]]);
+                    let chance = self.chances[index * 64 + jot];
+                    if draw == chance.high()
+                        && self.random.refinement(place, base + index * 64 + jot) < chance.low()
+                    {
+                        word |= 1 << (63 - jot);
+                    }
+                }
+            }
+            self.words[index] = word;
+        }
+    }
+}
+
+/// 64 bytes of 0 or 1 into a word, the first byte into the most significant bit.
+fn pack(bits: &[u8; 64]) -> u64 {
+    bits.as_chunks::<8>().0.iter().fold(0, |word, &eight| {
+        // The multiplication gathers the lowest bit of each byte in the highest byte.
+        let byte = u64::from_be_bytes(eight).wrapping_mul(0x0102_0408_1020_4080) >> 56;
+        word << 8 | byte
+    })
+}
+
+/// Writes `length` bits, from bit `offset` of `words` on, to `out` from byte `byte` on; padding bits are 0.
+fn write_bits(
+    words: &[u64],
+    offset: usize,
+    length: usize,
+    byte: usize,
+    out: &mut ArrayViewMut1<'_, u8>,
+) {
+    let mut whole = 0;
+    if offset == 0
+        && let Some(out) = out.as_slice_mut()
+    {
+        whole = length / 64;
+        let out = out[byte..].as_chunks_mut::<8>().0;
+        for (out, word) in out.iter_mut().zip(&words[..whole]) {
+            *out = word.to_be_bytes();
+        }
+    }
+    let rest = out.iter_mut().skip(byte).take(length.div_ceil(8));
+    for (index, out) in rest.enumerate().skip(8 * whole) {
+        let bit = offset + 8 * index;
+        let (word, shift) = (bit / 64, bit % 64);
+        let mut value = words[word] << shift;
+        if shift > 56 && word + 1 < words.len() {
+            value |= words[word + 1] >> (64 - shift);
+        }
+        let left = length - 8 * index;
+        let keep = if left < 8 { !(0xff >> left) } else { 0xff };
+        *out = (value >> 56) as u8 & keep;
+    }
+}

@@ -1,0 +1,39 @@
+"""Pictures from the bits of single-photon cameras.
+
+A quanta image sensor reports one bit per tiny pixel (jot) and frame: did at least q photons
+arrive? jotlight simulates such sensors and estimates the picture behind the bits.
+
+>>> import jotlight as jl
+>>> import numpy as np
+>>> sensor = jl.Sensor(oversampling=4)
+>>> bits = sensor.expose(np.full((8, 8), 0.5), rng=0)
+>>> jl.mle(bits, sensor).shape
+(8, 8)
+"""
+
+from jotlight import datasets, denoise, metrics, vst
+from jotlight._engine import __version__
+from jotlight.bits import Bits
+from jotlight.errors import JotlightWarning, MissingExtraError
+from jotlight.formats import open
+from jotlight.mle import mle
+from jotlight.network import Layer, Network
+from jotlight.noniterative import noniterative
+from jotlight.sensor import Sensor
+
+__all__ = [
+    "Bits",
+    "JotlightWarning",
+    "Layer",
+    "MissingExtraError",
+    "Network",
+    "Sensor",
+    "__version__",
+    "datasets",
+    "denoise",
+    "metrics",
+    "mle",
+    "noniterative",
+    "open",
+    "vst",
+]

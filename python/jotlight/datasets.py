@@ -1,0 +1,45 @@
+"""Scenes to try things on."""
+
+import numpy as np
+import numpy.typing as npt
+
+PHOTOGRAPHS = ("camera", "coins", "moon", "astronaut", "coffee", "chelsea", "rocket")
+"""Photographs that come with scikit-image: three in grey, four in colour."""
+
+
+def photograph(name: str = "camera") -> npt.NDArray[np.float32]:
+    """A photograph that comes with scikit-image, intensities in [0, 1].
+
+    Parameters
+    ----------
+    name : str
+        One of :data:`PHOTOGRAPHS`.
+
+    Returns
+    -------
+    ndarray of float32, shape (H, W) or (H, W, 3)
+        The grey levels over 255. They are display-encoded, as in any photograph, and not linear in light.
+
+    Examples
+    --------
+    >>> photograph().shape
+    (512, 512)
+    """
+    if name not in PHOTOGRAPHS:
+        raise ValueError(f"photograph: expected one of {', '.join(PHOTOGRAPHS)}, got {name!r}")
+    import skimage.data
+
+    return np.asarray(getattr(skimage.data, name)(), np.float32) / np.float32(255)
+
+
+def uniform_scene(
+    shape: tuple[int, ...] = (32, 32), rng: int | np.random.Generator | None = None
+) -> npt.NDArray[np.float32]:
+    """The paper's synthetic scene: intensities uniform in [0, 1], independent of each other.
+
+    Examples
+    --------
+    >>> uniform_scene((2, 3), rng=0).shape
+    (2, 3)
+    """
+    return np.random.default_rng(rng).random(shape, np.float32)

@@ -1,0 +1,51 @@
+"""Every method by name, for the command line, comparisons and the tests that all must pass."""
+
+import dataclasses
+from collections.abc import Callable
+from functools import partial
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.bits import Bits
+from jotlight.mle import mle
+from jotlight.network import Network
+from jotlight.noniterative import noniterative
+from jotlight.sensor import Sensor
+
+Run = Callable[..., npt.NDArray[np.float32]]
+
+
+def initial_network(
+    data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = None, **options: Any
+) -> npt.NDArray[np.float32]:
+    """Run the network at its initial parameters; `options` are those of `Network.initial`."""
+    return Network.initial(sensor, **options).reconstruct(data, sensor, threads=threads)
+
+
+@dataclasses.dataclass(frozen=True)
+class Method:
+    """A reconstruction method: ``run(data, sensor, *, threads)`` gives a picture."""
+
+    title: str
+    run: Run
+    needs: str | None = None
+    """A package beyond those that jotlight brings."""
+
+    @property
+    def available(self) -> bool:
+        """Whether the package that it needs is installed."""
+        return self.needs is None or find_spec(self.needs) is not None
+
+
+METHODS: dict[str, Method] = {
+    "mle": Method("maximum likelihood", mle),
+    "gaussian": Method("non-iterative, Gaussian", partial(noniterative, denoiser="gaussian")),
+    "tv": Method("non-iterative, total variation", partial(noniterative, denoiser="tv")),
+    "nlm": Method("non-iterative, non-local means", partial(noniterative, denoiser="nlm")),
+    "bm3d": Method("non-iterative, BM3D", partial(noniterative, denoiser="bm3d"), needs="bm3d"),
+    "network": Method("network, initial", initial_network),
+}
+"""The methods that can be compared, in the order in which they are shown."""

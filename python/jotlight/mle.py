@@ -1,0 +1,137 @@
+"""Maximum likelihood in closed form: equation (5), for any threshold."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight import _engine
+from jotlight.bits import Bits, Observation, observe
+from jotlight.channels import by_channel
+from jotlight.fill import fill_blind
+from jotlight.sensor import Sensor
+
+
+def mle(
+    data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = None
+) -> npt.NDArray[np.float32]:
+    """Estimate each pixel by itself: the intensity that makes its bits most likely.
+
+    ``ĉ = (K/α)(P⁻¹(q, L/n) - d)/η`` clipped to [0, S], with L ones among the pixel's n valid bits.
+
+    Parameters
+    ----------
+    data : Bits or array_like of int
+        Bits, or an image of counts L of shape (H, W) or (H, W, C).
+    sensor : Sensor
+        With the box kernel. Bits of a smooth kernel are taken as if their kernel were the box.
+    threads : int, optional
+        Threads to use. Default: all.
+
+    Returns
+    -------
+    ndarray of float32, shape (H, W) or (H, W, C)
+        Intensities in [0, S].
+
+    Raises
+    ------
+    TypeError, ValueError
+        When data and sensor do not fit, or a count is above K.
+
+    Warns
+    -----
+    JotlightWarning
+        When pixels without a valid jot were filled from their neighbours.
+
+    Notes
+    -----
+    Paper, equation (5), there for q = 1 without dark counts. Where the jots of one pixel differ in
+    their dark counts there is no closed form; the scalar likelihood equation of each pixel is then
+    solved to rounding, which takes bits.
+
+    Examples
+    --------
+    >>> counts = np.array([[0, 4, 8]])
+    >>> mle(counts, Sensor(frames=8)).round(4).tolist()
+    [[0.0, 0.6930999755859375, 1.0]]
+    """
+
+    def one_channel(data: Bits | npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
+        seen = observe(data, sensor, threads)
+        out = np.empty(seen.counts.shape, np.float32)
+        if seen.dark_varies:
+            _jot_by_jot(data, seen, out, threads)
+        else:
+            _engine.mle_from_counts(
+                sensor._response(),
+                seen.counts.ravel(),
+                _flat(seen.trials),
+                _flat(seen.dark_counts),
+                out.reshape(-1),
+                threads,
+            )
+        return fill_blind(out, seen.blind)
+
+    return by_channel(one_channel, data)
+
+
+def _jot_by_jot(
+    data: Bits | npt.NDArray[np.int32],
+    seen: Observation,
+    out: npt.NDArray[np.float32],
+    threads: int | None,
+) -> None:
+    sensor = seen.sensor
+    if not isinstance(data, Bits):
+        raise ValueError(
+            "counts: where jots of one pixel differ in their dark counts the bits are needed, "
+            "since a count does not tell which jots fired"
+        )
+    dark, mask = sensor.dark_counts, sensor.mask
+    assert isinstance(dark, np.ndarray)
+    _engine.mle_from_jots(
+        sensor._response(),
+        data.counts(1, threads=threads).ravel(),
+        dark.ravel(),
+        None if mask is None else mask.ravel(),
+        sensor.frames,
+        sensor.oversampling,
+        out.shape[1],
+        out.reshape(-1),
+        threads,
+    )
+
+
+def _flat(value: float | npt.NDArray[Any]) -> Any:
+    return value.ravel() if isinstance(value, np.ndarray) else value
+
+
+def equivalent_counts(
+    seen: Observation, reference: float, threads: int | None
+) -> npt.NDArray[np.float32]:
+    """Bring all pixels to K valid bits and `reference` dark counts per jot and frame.
+
+    Methods that look at many pixels at once take these, so that dead and hot jots do not
+    show as a pattern. The counts become real numbers in [0, K]; pixels without any
+    valid jot are filled from their neighbours.
+    """
+    out = np.empty(seen.counts.shape, np.float32)
+    _engine.equivalent_counts(
+        seen.sensor._response(),
+        seen.counts.ravel(),
+        _flat(seen.trials),
+        _flat(seen.dark_counts),
+        seen.sensor.bits_per_pixel,
+        reference,
+        out.reshape(-1),
+        threads,
+    )
+    return fill_blind(out, seen.blind)
+
+
+def reference_dark_counts(sensor: Sensor) -> float:
+    """The dark counts that stand for all jots: the number, or the median of the map."""
+    dark = sensor.dark_counts
+    if not isinstance(dark, np.ndarray):
+        return dark
+    return float(np.median(dark if sensor.mask is None else dark[~sensor.mask]))

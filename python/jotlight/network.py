@@ -1,0 +1,394 @@
+"""The learned method: linear filters and cubic B-splines, started at the classical pipeline."""
+
+import dataclasses
+import json
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight import _engine, vst
+from jotlight.bits import Bits, observe
+from jotlight.channels import by_channel
+from jotlight.files import written_whole
+from jotlight.fill import fill_blind
+from jotlight.mle import equivalent_counts, reference_dark_counts
+from jotlight.sensor import Sensor
+
+_FORMAT = "jotlight network"
+_VERSION = 1
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Layer:
+    """A filter bank followed by one pointwise cubic B-spline per output channel.
+
+    Parameters
+    ----------
+    filters : ndarray of float32, shape (C_out, C_in, height, width)
+        The first layer reads bits with stride K̂: its shape is (C_out, T, K̂, K̂), or (C_out, 1, 1, 1)
+        when it is tied, one weight for the whole block. Later layers convolve with stride 1.
+    coefficients : ndarray of float32, shape (C_out, N_w)
+        N_w of at least 4.
+    start, spacing : float
+        The spline φ(z) = Σ_k w_k β3((z - start)/spacing - (k - 1)) lives on
+        [start, start + (N_w - 3) spacing] and is constant outside of it.
+
+    Raises
+    ------
+    ValueError
+        When shapes or numbers do not fit.
+    """
+
+    filters: npt.NDArray[np.float32]
+    coefficients: npt.NDArray[np.float32]
+    start: float
+    spacing: float
+
+    def __post_init__(self) -> None:
+        for name, dimensions in (("filters", 4), ("coefficients", 2)):
+            array = np.asarray(getattr(self, name))
+            if array.dtype.kind != "f" or array.ndim != dimensions or array.size == 0:
+                raise ValueError(
+                    f"{name}: expected floats of {dimensions} dimensions, got {array.dtype} "
+                    f"of shape {array.shape}"
+                )
+            if not np.isfinite(array).all():
+                raise ValueError(f"{name}: expected finite numbers")
+            object.__setattr__(self, name, np.ascontiguousarray(array, np.float32))
+        if len(self.coefficients) != len(self.filters) or self.coefficients.shape[1] < 4:
+            raise ValueError(
+                f"coefficients: expected {len(self.filters)} rows, one per filter, of at least 4, "
+                f"got shape {self.coefficients.shape}"
+            )
+        if not (math.isfinite(self.start) and math.isfinite(self.spacing) and self.spacing > 0):
+            raise ValueError(
+                "start and spacing: expected finite numbers, the spacing above 0, "
+                f"got {self.start} and {self.spacing}"
+            )
+
+
+class Network:
+    """A reconstruction network for one sensor: equations (8) to (11), and any number of layers.
+
+    Parameters
+    ----------
+    layers : sequence of Layer
+        Each one's input channels are the output channels of the one before; the last has one.
+    sensor : Sensor
+        What the network is for.
+    history : mapping, optional
+        How it came to be; anything that JSON can hold.
+
+    Raises
+    ------
+    ValueError
+        When the layers do not fit each other or the sensor.
+
+    Examples
+    --------
+    >>> sensor = Sensor(oversampling=4)
+    >>> bits = sensor.expose(np.full((20, 30), 0.5), rng=0)
+    >>> Network.initial(sensor).reconstruct(bits).shape
+    (20, 30)
+    """
+
+    def __init__(
+        self,
+        layers: Sequence[Layer],
+        sensor: Sensor,
+        history: Mapping[str, Any] | None = None,
+    ) -> None:
+        self.layers = tuple(layers)
+        self.sensor = sensor
+        self.history = dict(history or {})
+        if not self.layers:
+            raise ValueError("layers: expected at least one, got none")
+        block = (sensor.frames, sensor.oversampling, sensor.oversampling)
+        first = self.layers[0].filters.shape[1:]
+        if first not in ((1, 1, 1), block):
+            raise ValueError(
+                f"layers: expected filters of shape (C, {', '.join(map(str, block))}) in the first "
+                f"layer, or (C, 1, 1, 1) when it is tied, got {self.layers[0].filters.shape}"
+            )
+        for index, (before, layer) in enumerate(
+            zip(self.layers, self.layers[1:], strict=False), 1
+        ):
+            if layer.filters.shape[1] != before.filters.shape[0]:
+                raise ValueError(
+                    f"layers: expected {before.filters.shape[0]} input channels in layer {index}, "
+                    f"got filters of shape {layer.filters.shape}"
+                )
+        if len(self.layers[-1].filters) != 1:
+            raise ValueError(
+                f"layers: expected one output channel of the last layer, "
+                f"got {len(self.layers[-1].filters)}"
+            )
+
+    @classmethod
+    def initial(
+        cls,
+        sensor: Sensor,
+        *,
+        sigma: float = 0.7,
+        tied: bool = True,
+        taps: int = 15,
+        coefficients: int = 150,
+    ) -> Self:
+        """The paper's two-layer network at its initial parameters (section 3.2).
+
+        It is the non-iterative method with a Gaussian as denoiser and the algebraic inverse:
+        h1 = 1 (20), φ1 = T (6), h2 a Gaussian, φ2 = (K/α)(P⁻¹(q, T⁻¹(z)/K) - d)/η clipped to [0, S].
+
+        Parameters
+        ----------
+        sensor : Sensor
+            The sensor; a map of dark counts enters by its median.
+        sigma : float
+            Standard deviation of h2 in pixels; the paper takes 0.25 to 1.
+        tied : bool
+            Whether one weight serves the whole block of h1. With the box kernel the bits of a pixel are
+            exchangeable, so nothing is lost, and counts can be reconstructed too.
+        taps : int
+            Height and width of h2, odd.
+        coefficients : int
+            N_w, the coefficients of each spline.
+
+        Notes
+        -----
+        The spline coefficients are least-squares fits; those of φ2 are clipped to [0, S], so that every
+        output lies there.
+        """
+        if not (math.isfinite(sigma) and sigma > 0):
+            raise ValueError(f"sigma: expected a number above 0, got {sigma}")
+        if taps < 1 or taps % 2 == 0:
+            raise ValueError(f"taps: expected an odd number, got {taps}")
+        if coefficients < 5:
+            raise ValueError(f"coefficients: expected at least 5, got {coefficients}")
+        bits = sensor.bits_per_pixel
+        threshold, sensitivity, most = sensor._response()
+        dark = reference_dark_counts(sensor)
+
+        def intensity(z: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+            probability = vst.invert(z, bits, inverse="algebraic") / np.float32(bits)
+            out = np.empty(z.shape, np.float32)
+            _engine.mle_from_probability(
+                (threshold, sensitivity, most), probability, dark, out, None
+            )
+            return out.astype(np.float64)
+
+        block = (1, 1, 1) if tied else (sensor.frames, sensor.oversampling, sensor.oversampling)
+        low, high = vst.stabilise([0, bits], bits).astype(float)
+        first = _fitted(
+            lambda counts: vst.stabilise(counts, bits).astype(np.float64), 0.0, bits, coefficients
+        )
+        second = _fitted(intensity, low, high, coefficients)
+        second = (second[0].clip(0, most), *second[1:])
+        line = np.exp(-0.5 * (np.arange(taps) - taps // 2) ** 2 / sigma**2)
+        gaussian = np.outer(line, line) / line.sum() ** 2
+        return cls(
+            [
+                Layer(np.ones((1, *block), np.float32), *first),
+                Layer(gaussian[None, None].astype(np.float32), *second),
+            ],
+            sensor,
+            {"start": f"initial parameters of the paper, sigma = {sigma}"},
+        )
+
+    @property
+    def tied(self) -> bool:
+        """Whether the first layer has one weight for the whole block, and so takes counts too."""
+        return self.layers[0].filters.shape[1:] == (1, 1, 1)
+
+    @property
+    def halo(self) -> int:
+        """Pixels around a pixel that its estimate depends on.
+
+        A tile with a border of this width has exactly the pixels of the whole inside of the border.
+        """
+        return sum(max(layer.filters.shape[2:]) // 2 for layer in self.layers[1:])
+
+    def reconstruct(
+        self,
+        data: Bits | npt.ArrayLike,
+        sensor: Sensor | None = None,
+        *,
+        threads: int | None = None,
+    ) -> npt.NDArray[np.float32]:
+        """Run the network.
+
+        Parameters
+        ----------
+        data : Bits or array_like of int
+            Bits, or for a tied network also an image of counts L of shape (H, W) or (H, W, C).
+        sensor : Sensor, optional
+            The sensor of these data, which may have dead jots and dark counts of its own. Default: the one
+            that the bits carry, or else the network's.
+        threads : int, optional
+            Threads to use. Default: all.
+
+        Returns
+        -------
+        ndarray of float32, shape (H, W) or (H, W, C)
+
+        Raises
+        ------
+        TypeError, ValueError
+            When the data, their sensor and the network do not fit.
+
+        Warns
+        -----
+        JotlightWarning
+            When pixels without a valid jot were filled from their neighbours.
+        """
+        if sensor is None:
+            sensor = (data.sensor if isinstance(data, Bits) else None) or self.sensor
+        self._check_sensor(sensor)
+
+        def one_channel(data: Bits | npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
+            sums = self._first_sums(data, sensor, threads)
+            return _engine.forward([dataclasses.astuple(x) for x in self.layers], sums, threads)
+
+        return by_channel(one_channel, data)
+
+    def _first_sums(
+        self, data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int | None
+    ) -> npt.NDArray[np.float32]:
+        """p: equation (11)."""
+        seen = observe(data, sensor, threads)
+        reference = reference_dark_counts(self.sensor)
+        filters = self.layers[0].filters
+        if self.tied:
+            return filters.reshape(-1, 1, 1) * equivalent_counts(seen, reference, threads)
+        if not isinstance(data, Bits):
+            raise TypeError(
+                "data: expected Bits, since this network weighs the jots of a pixel singly; "
+                "a tied network takes counts"
+            )
+        if np.any(seen.dark_counts != reference) or seen.dark_varies:
+            raise ValueError(
+                "sensor: expected the dark counts that the network is for, one number for all "
+                "jots; a tied network takes others"
+            )
+        mask = sensor.mask
+        valid = None if mask is None else np.packbits(~mask, axis=1)
+        sums = _engine.block_sums(
+            dataclasses.astuple(self.layers[0]), data.packed, data.width, valid, threads
+        )
+        return np.stack([fill_blind(plane, seen.blind) for plane in sums])
+
+    def _check_sensor(self, sensor: Sensor) -> None:
+        """A tied network serves jots in space and frames in time alike."""
+        mine, its = self.sensor, sensor
+        if not self.tied and (mine.oversampling, mine.frames) != (its.oversampling, its.frames):
+            raise ValueError(
+                f"sensor: the network is for {mine.frames} frames of {mine.oversampling} x "
+                f"{mine.oversampling} jots per pixel, got {its.frames} frames of "
+                f"{its.oversampling} x {its.oversampling}"
+            )
+        if mine.bits_per_pixel != its.bits_per_pixel or not np.allclose(
+            mine._response(), its._response(), rtol=1e-9, atol=0
+        ):
+            raise ValueError(
+                "sensor: the network needs data with its own bits per pixel, threshold, "
+                f"efficiency * gain / bits and max_intensity: it is for {mine!r}, got {its!r}"
+            )
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the network to a `.safetensors` file, with its sensor and history as metadata."""
+        from safetensors.numpy import save
+
+        tensors: dict[str, npt.NDArray[Any]] = {}
+        for index, layer in enumerate(self.layers):
+            tensors[f"layers.{index}.filters"] = layer.filters
+            tensors[f"layers.{index}.coefficients"] = layer.coefficients
+        for name, map_ in self.sensor.maps().items():
+            tensors[f"sensor.{name}"] = np.ascontiguousarray(map_)
+        splines = [{"start": x.start, "spacing": x.spacing} for x in self.layers]
+        metadata = {
+            "format": _FORMAT,
+            "version": str(_VERSION),
+            "splines": json.dumps(splines),
+            "sensor": json.dumps(self.sensor.numbers()),
+            "history": json.dumps(self.history),
+        }
+        with written_whole(path) as temporary:
+            temporary.write_bytes(save(tensors, metadata))
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a network that :meth:`save` wrote.
+
+        Raises
+        ------
+        OSError
+            When there is no such file.
+        ValueError
+            When it is not such a file. Nothing in it is run.
+        """
+        from safetensors import SafetensorError, safe_open
+
+        path = Path(path)
+        if not path.is_file():
+            raise FileNotFoundError(f"there is no network file {path}")
+        try:
+            with safe_open(path, framework="numpy") as file:
+                metadata = file.metadata() or {}
+                tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        except SafetensorError as error:
+            raise ValueError(f"{path}: expected a safetensors file: {error}") from error
+        if metadata.get("format") != _FORMAT:
+            raise ValueError(
+                f"{path}: expected a network of jotlight, got a safetensors file of another kind"
+            )
+        if metadata.get("version") != str(_VERSION):
+            raise ValueError(
+                f"{path}: expected format version {_VERSION}, got {metadata.get('version')}; "
+                "a newer jotlight may read it"
+            )
+        try:
+            splines = json.loads(metadata["splines"])
+            layers = [
+                Layer(
+                    tensors[f"layers.{index}.filters"],
+                    tensors[f"layers.{index}.coefficients"],
+                    float(spline["start"]),
+                    float(spline["spacing"]),
+                )
+                for index, spline in enumerate(splines)
+            ]
+            maps = {
+                name.removeprefix("sensor."): tensor
+                for name, tensor in tensors.items()
+                if name.startswith("sensor.")
+            }
+            sensor = Sensor.from_parts(json.loads(metadata["sensor"]), maps)
+            return cls(layers, sensor, json.loads(metadata["history"]))
+        except (KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"{path}: damaged network file: {error}") from error
+
+    def __repr__(self) -> str:
+        channels = " -> ".join(str(len(layer.filters)) for layer in self.layers)
+        parameters = sum(x.filters.size + x.coefficients.size for x in self.layers)
+        return f"<Network: channels {channels}, {parameters} parameters, for {self.sensor!r}>"
+
+
+def _fitted(
+    function: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]],
+    low: float,
+    high: float,
+    number: int,
+) -> tuple[npt.NDArray[np.float32], float, float]:
+    """Coefficients (1, number), start and spacing of the least-squares spline on [low, high]."""
+    from scipy.interpolate import make_lsq_spline
+
+    spacing = (high - low) / (number - 3)
+    knots = low + spacing * (np.arange(number + 4) - 3)
+    # Eight samples to an interval, kept inside where rounding might put the last one out.
+    samples = np.linspace(low, high, 8 * (number - 3) + 1).clip(knots[3], knots[-4])
+    spline = make_lsq_spline(samples, function(samples), knots, k=3)
+    return spline.c[None].astype(np.float32), float(low), float(spacing)

@@ -1,0 +1,95 @@
+"""The non-iterative method: stabilise, denoise, invert (paper, section 2.2.2)."""
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight import _engine, vst
+from jotlight.bits import Bits, observe
+from jotlight.channels import by_channel
+from jotlight.denoise import Denoiser, pick
+from jotlight.mle import equivalent_counts, reference_dark_counts
+from jotlight.sensor import Sensor
+
+
+def noniterative(
+    data: Bits | npt.ArrayLike,
+    sensor: Sensor,
+    *,
+    denoiser: str | Denoiser = "tv",
+    inverse: str = "exact",
+    threads: int | None = None,
+) -> npt.NDArray[np.float32]:
+    """Stabilise the variance of the counts, denoise them as if the noise were Gaussian, go back.
+
+    Parameters
+    ----------
+    data : Bits or array_like of int
+        Bits, or an image of counts L of shape (H, W) or (H, W, C).
+    sensor : Sensor
+        With the box kernel. Bits of a smooth kernel are taken as if their kernel were the box.
+    denoiser : {"tv", "gaussian", "nlm", "bm3d"} or callable
+        A callable takes an image (H, W) of float32 with white noise of standard deviation
+        `jotlight.vst.NOISE` = 1/2 and gives one of the same shape.
+    inverse : {"exact", "algebraic"}
+        See :func:`jotlight.vst.invert`.
+    threads : int, optional
+        Threads for the engine's part; a denoiser has its own ways. Default: all.
+
+    Returns
+    -------
+    ndarray of float32, shape (H, W) or (H, W, C)
+        Intensities in [0, S].
+
+    Raises
+    ------
+    TypeError, ValueError
+        When data and sensor do not fit, or the denoiser gives another shape or NaN.
+    MissingExtraError
+        For "bm3d" when its package is not installed.
+
+    Warns
+    -----
+    JotlightWarning
+        When pixels without a valid jot were filled from their neighbours.
+
+    Notes
+    -----
+    Counts of pixels with dead jots, or with dark counts other than the median, are first brought to
+    the counts that K valid jots with median dark counts would have shown; their noise is then only
+    about that of the others.
+
+    Examples
+    --------
+    >>> counts = np.full((8, 8), 8)
+    >>> noniterative(counts, Sensor(frames=16), denoiser=lambda z: z)[0, 0].round(3)
+    np.float32(0.693)
+    """
+    run = pick(denoiser)
+    dark_counts = reference_dark_counts(sensor)
+    if inverse not in vst.INVERSES:
+        raise ValueError(f"inverse: expected one of {', '.join(vst.INVERSES)}, got {inverse!r}")
+
+    def one_channel(data: Bits | npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
+        bits = sensor.bits_per_pixel
+        counts = equivalent_counts(observe(data, sensor, threads), dark_counts, threads)
+        z = vst.stabilise(counts, bits, threads=threads)
+        denoised = np.asarray(run(z), np.float32)
+        if denoised.shape != z.shape or not np.isfinite(denoised).all():
+            raise ValueError(
+                f"denoiser: expected a finite image of shape {z.shape}, got shape "
+                f"{denoised.shape}" + ("" if denoised.shape != z.shape else " with NaN or infinity")
+            )
+        probability = vst.invert(denoised, bits, inverse=inverse, threads=threads) / np.float32(
+            bits
+        )
+        out = np.empty(z.shape, np.float32)
+        _engine.mle_from_probability(
+            sensor._response(),
+            probability.ravel(),
+            dark_counts,
+            out.reshape(-1),
+            threads,
+        )
+        return out
+
+    return by_channel(one_channel, data)

@@ -1,0 +1,176 @@
+"""Pictures in and out of files."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.formats.npy import read_npy
+
+Picture = npt.NDArray[np.floating[Any]]
+
+
+def read_picture(
+    path: str | os.PathLike[str], *, white: float | None = None, gray: bool = False
+) -> Picture:
+    """Read a photograph as intensities.
+
+    Parameters
+    ----------
+    path : path
+        PNG, JPEG or whatever else Pillow reads, TIFF, or `.npy`.
+    white : float, optional
+        The level that becomes intensity 1. Default: the full scale of 8-bit photographs and of 16-bit PNG, and
+        1 for floats. Other integers need it, since nothing tells their scale.
+    gray : bool
+        Turn colour into grey, the luma 0.299 R + 0.587 G + 0.114 B of ITU-R BT.601.
+
+    Returns
+    -------
+    ndarray of float32 or float64, shape (H, W) or (H, W, 3)
+        Intensities. Transparency is left out, the orientation noted by the camera is applied.
+
+    Raises
+    ------
+    OSError, ValueError
+        When the file cannot be read, or the scale is unknown.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no picture file {path}")
+    if path.suffix.lower() == ".npy":
+        array, scale = np.asarray(read_npy(path)), None
+    elif path.suffix.lower() in (".tif", ".tiff"):
+        array, scale = _read_tiff(path)
+    else:
+        array, scale = _read_with_pillow(path)
+    if array.dtype.kind not in "iuf":
+        raise ValueError(f"{path}: expected numbers, got {array.dtype}")
+    if array.dtype.kind == "f":
+        scale = 1.0
+    if white is not None:
+        if not white > 0:
+            raise ValueError(f"white: expected a level above 0, got {white}")
+        scale = white
+    if scale is None:
+        raise ValueError(
+            f"{path}: the scale of its {array.dtype} values is unknown; give the level that "
+            "stands for intensity 1 (--white, white=), such as 1023 for a 10-bit camera"
+        )
+    if array.ndim == 3 and array.shape[2] == 4:
+        array = array[..., :3]
+    if gray and array.ndim == 3:
+        luma = array @ np.array([0.299, 0.587, 0.114])
+        array = np.rint(luma) if array.dtype.kind in "iu" else luma
+    if array.dtype != np.float64:
+        array = array.astype(np.float32)
+    return array / np.asarray(scale, array.dtype)
+
+
+def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
+    from PIL import Image, ImageOps, UnidentifiedImageError
+
+    try:
+        with Image.open(path) as file:
+            picture = ImageOps.exif_transpose(file)
+            if picture.mode in ("I;16", "I;16B", "I"):
+                return np.asarray(picture).astype(np.int32), 65535.0
+            if picture.mode == "F":
+                return np.asarray(picture), 1.0
+            keeps = picture.mode in ("L", "RGB")
+            grey = picture.mode in ("1", "LA", "L")
+            picture = picture if keeps else picture.convert("L" if grey else "RGB")
+            return np.asarray(picture), 255.0
+    except UnidentifiedImageError as error:
+        raise ValueError(f"{path}: expected a picture, but no known format fits") from error
+    except Image.DecompressionBombError as error:
+        raise ValueError(f"{path}: {error}") from error
+    except (OSError, SyntaxError) as error:
+        raise ValueError(f"{path}: the picture is damaged or truncated ({error})") from error
+
+
+def _read_tiff(path: Path) -> tuple[npt.NDArray[Any], float | None]:
+    import tifffile
+
+    try:
+        array = tifffile.imread(path)
+    except (tifffile.TiffFileError, ValueError, OSError) as error:
+        raise ValueError(f"{path}: the TIFF file is damaged or truncated ({error})") from error
+    return array, 255.0 if array.dtype == np.uint8 else None
+
+
+def picture_writer(
+    path: str | os.PathLike[str], *, depth: int = 8, white: float = 1.0
+) -> Callable[[Path, Picture], None]:
+    """Find how to write a picture to `path`, before it is made.
+
+    Parameters
+    ----------
+    path : path
+        Its ending chooses: `.png` and `.jpg` for display, `.tif` (float32) and `.npy` for numbers, which are
+        written as they are and never clipped.
+    depth : {8, 16}
+        Bits of a PNG.
+    white : float
+        The intensity that becomes white in PNG and JPEG; what is brighter is white too.
+
+    Returns
+    -------
+    callable
+        ``write(file, picture)``, where `file` has the same ending as `path`.
+
+    Raises
+    ------
+    ValueError
+        For an unknown ending, or a depth that the format does not have.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".npy"):
+        raise ValueError(
+            f"{path}: expected a name that ends in .png, .jpg, .tif or .npy, got {suffix or 'none'}"
+        )
+    if depth not in (8, 16) or (depth == 16 and suffix != ".png"):
+        raise ValueError(
+            f"depth: expected 8, or 16 for a .png, got {depth} for {suffix}; "
+            ".tif and .npy hold floats"
+        )
+
+    def write(file: Path, picture: Picture) -> None:
+        if suffix == ".npy":
+            with file.open("wb") as handle:
+                np.save(handle, picture)
+        elif suffix in (".tif", ".tiff"):
+            import tifffile
+
+            photometric = "rgb" if picture.ndim == 3 else "minisblack"
+            tifffile.imwrite(file, picture.astype(np.float32), photometric=photometric)
+        elif depth == 16:
+            _write_png16(file, levels(picture, white, 65535).astype(np.uint16))
+        else:
+            from PIL import Image
+
+            image = Image.fromarray(levels(picture, white, 255).astype(np.uint8))
+            if suffix == ".png":
+                image.save(file, optimize=True)
+            else:
+                image.save(file, quality=95)
+
+    return write
+
+
+def levels(picture: Picture, white: float, most: int) -> Picture:
+    """Whole display levels from 0 to `most`, `white` and what is brighter becoming `most`."""
+    return np.rint(np.clip(picture / white, 0, 1) * most)
+
+
+def _write_png16(file: Path, values: npt.NDArray[np.uint16]) -> None:
+    # Pillow has no 16-bit colour.
+    import png
+
+    height, width = values.shape[:2]
+    writer = png.Writer(width, height, greyscale=values.ndim == 2, bitdepth=16)
+    with file.open("wb") as handle:
+        writer.write(handle, values.reshape(height, -1))

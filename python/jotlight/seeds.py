@@ -1,0 +1,36 @@
+"""The seed of the engine's generator, from whatever NumPy's users give."""
+
+import numpy as np
+
+SeedLike = int | np.random.Generator | np.random.SeedSequence | None
+
+
+def seed_bytes(rng: SeedLike) -> bytes:
+    """256 bits: of a number or nothing by NumPy's `SeedSequence`, of a generator its next draw.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For anything else, and for a negative number.
+
+    Examples
+    --------
+    >>> seed_bytes(7) == seed_bytes(7), seed_bytes(7) == seed_bytes(8)
+    (True, False)
+    """
+    if isinstance(rng, np.random.Generator):
+        return rng.bytes(32)
+    if isinstance(rng, bool) or not isinstance(
+        rng, int | np.integer | np.random.SeedSequence | None
+    ):
+        raise TypeError(
+            "rng: expected a whole number, a numpy.random.Generator, a SeedSequence or None, "
+            f"got {rng!r}"
+        )
+    if isinstance(rng, np.random.SeedSequence):
+        sequence = rng
+    else:
+        if rng is not None and rng < 0:
+            raise ValueError(f"rng: expected a seed of 0 or more, got {rng}")
+        sequence = np.random.SeedSequence(rng if rng is None else int(rng))
+    return sequence.generate_state(8, np.uint32).astype("<u4").tobytes()

@@ -1,0 +1,103 @@
+"""Variance stabilisation of counts: equations (6) and (7), and the exact unbiased inverse.
+
+After :func:`stabilise` the noise of a count is close to normal with standard deviation
+:data:`NOISE`, whatever the light, so that any denoiser for white Gaussian noise can be used.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight import _engine
+
+NOISE = 0.5
+"""Standard deviation of the noise after :func:`stabilise`."""
+
+INVERSES = ("exact", "algebraic")
+"""The inverses of :func:`invert`."""
+
+
+def stabilise(
+    counts: npt.ArrayLike, bits_per_pixel: int, *, threads: int | None = None
+) -> npt.NDArray[np.float32]:
+    """T of counts out of K bits: equation (6).
+
+    Parameters
+    ----------
+    counts : array_like, any shape
+        In [0, K].
+    bits_per_pixel : int
+        K.
+    threads : int, optional
+        Threads to use. Default: all.
+
+    Returns
+    -------
+    ndarray of float32
+        Of the same shape.
+
+    Examples
+    --------
+    >>> stabilise([0, 8, 16], 16).round(3).tolist()
+    [0.609000027179718, 3.190000057220459, 5.770999908447266]
+    """
+    values = np.asarray(counts, np.float32)
+    if values.size and not (values.min() >= 0 and values.max() <= bits_per_pixel):
+        raise ValueError(
+            f"counts: expected 0 to {bits_per_pixel}, got {values.min()} to {values.max()}"
+        )
+    return _apply(_engine.stabilise, values, bits_per_pixel, threads)
+
+
+def invert(
+    z: npt.ArrayLike,
+    bits_per_pixel: int,
+    *,
+    inverse: str = "exact",
+    threads: int | None = None,
+) -> npt.NDArray[np.float32]:
+    """Counts in [0, K] for denoised values z.
+
+    Parameters
+    ----------
+    z : array_like, any shape
+        What :func:`stabilise` gave, after denoising.
+    bits_per_pixel : int
+        K.
+    inverse : {"exact", "algebraic"}
+        The exact unbiased inverse maps E[T(L)], L ~ Binomial(K, p), back to K p. The algebraic one
+        is equation (7), the inverse function of T; it is biased where K is small.
+    threads : int, optional
+        Threads to use. Default: all.
+
+    Returns
+    -------
+    ndarray of float32
+        Of the same shape.
+
+    Notes
+    -----
+    The exact inverse is that of Makitalo and Foi (2011), there for Poisson counts, by the same
+    definition for binomial ones.
+
+    Examples
+    --------
+    >>> invert(stabilise([0, 8, 16], 16), 16, inverse="algebraic").round(3).tolist()
+    [0.0, 8.0, 16.0]
+    """
+    if inverse not in INVERSES:
+        raise ValueError(f"inverse: expected one of {', '.join(INVERSES)}, got {inverse!r}")
+    function = _engine.exact_inverse if inverse == "exact" else _engine.algebraic_inverse
+    return _apply(function, np.asarray(z, np.float32), bits_per_pixel, threads)
+
+
+def _apply(
+    function: Callable[..., None],
+    values: npt.NDArray[np.float32],
+    bits_per_pixel: int,
+    threads: int | None,
+) -> npt.NDArray[np.float32]:
+    out = np.empty(values.shape, np.float32)
+    function(values.ravel(), bits_per_pixel, out.reshape(-1), threads)
+    return out
