@@ -154,8 +154,11 @@ class Bits:
                 f"bits: expected rows and columns of jots that are multiples of the oversampling "
                 f"{oversampling}, got {height} x {width}"
             )
-        if mask is not None and mask.shape != (height, width):
-            raise ValueError(f"mask: expected shape {(height, width)}, got {mask.shape}")
+        if mask is not None and (mask.dtype != np.bool_ or mask.shape != (height, width)):
+            raise ValueError(
+                f"mask: expected bool of shape {(height, width)}, "
+                f"got {mask.dtype} of shape {mask.shape}"
+            )
         valid = None if mask is None else np.packbits(~mask, axis=1)
         counts = np.zeros((height // oversampling, width // oversampling, *channels), np.int32)
         slabs = list(slabs_of(frames, counts.shape[0], width * oversampling))
@@ -229,7 +232,7 @@ class Observation:
         """Pixels without a valid bit, if there are any."""
         if isinstance(self.trials, int) or self.trials.all():
             return None
-        return self.trials == 0
+        return np.asarray(self.trials == 0)
 
 
 def observe(data: "Bits | npt.ArrayLike", sensor: Sensor, threads: int | None) -> Observation:
@@ -278,9 +281,9 @@ def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
             f"counts: expected shape (H, W) or (H, W, C) with at most 4 channels, got "
             f"{counts.shape}; Bits.from_array takes the single frames (T, H, W) of 0 and 1"
         )
-    if counts.max() >= 2**31:
-        raise ValueError(f"counts: expected less than 2**31, got {counts.max()}")
-    return np.ascontiguousarray(counts, np.int32)
+    if counts.min() < 0 or counts.max() >= 2**31:
+        raise ValueError(f"counts: expected 0 to 2**31 - 1, got {counts.min()} to {counts.max()}")
+    return np.require(counts, np.int32, ["C", "ALIGNED"])
 
 
 def _pixel_dark_counts(sensor: Sensor) -> tuple[float | npt.NDArray[np.float64], bool]:

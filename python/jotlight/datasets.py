@@ -18,7 +18,8 @@ def photograph(name: str = "camera") -> npt.NDArray[np.float32]:
     Returns
     -------
     ndarray of float32, shape (H, W) or (H, W, 3)
-        The grey levels over 255. They are display-encoded, as in any photograph, and not linear in light.
+        The grey levels over 255. They are display-encoded, as in any photograph, and not linear in
+        light.
 
     Examples
     --------

@@ -16,7 +16,7 @@ Image = npt.NDArray[np.float32]
 Denoiser = Callable[[Image], npt.ArrayLike]
 
 
-def gaussian(image: Image, sigma: float = 1.0) -> Image:
+def gaussian(image: Image, sigma: float = 1.5) -> Image:
     """Smooth by a Gaussian of standard deviation `sigma` in pixels (SciPy)."""
     from scipy.ndimage import gaussian_filter
 
@@ -30,24 +30,23 @@ def tv(image: Image, weight: float = 0.5) -> Image:
     return np.asarray(denoise_tv_chambolle(image, weight=weight, max_num_iter=200), np.float32)
 
 
-def nlm(image: Image, strength: float = 0.8) -> Image:
+def nlm(image: Image, strength: float = 0.7) -> Image:
     """Average over similar patches: non-local means (scikit-image).
 
     `strength` is the cut-off h in units of the noise's standard deviation.
     """
     from skimage.restoration import denoise_nl_means
 
-    return np.asarray(
-        denoise_nl_means(
-            image,
-            patch_size=5,
-            patch_distance=6,
-            h=strength * NOISE,
-            sigma=NOISE,
-            fast_mode=True,
-        ),
-        np.float32,
+    denoised = denoise_nl_means(
+        image,
+        patch_size=5,
+        patch_distance=6,
+        h=strength * NOISE,
+        sigma=NOISE,
+        fast_mode=True,
     )
+    # scikit-image drops a height or width of 1.
+    return np.asarray(denoised, np.float32).reshape(image.shape)
 
 
 def bm3d(image: Image) -> Image:
@@ -65,7 +64,12 @@ def bm3d(image: Image) -> Image:
             "the denoiser 'bm3d' needs its authors' package: pip install 'jotlight[bm3d]'. "
             "Its licence allows non-commercial use only; 'tv' and 'nlm' need no extra package"
         ) from error
-    return np.asarray(authors_bm3d(image, sigma_psd=NOISE), np.float32)
+    # The package refuses images smaller than its blocks of 8 x 8, and one of just that size
+    # crashes it.
+    height, width = image.shape
+    whole = np.pad(image, ((0, max(0, 16 - height)), (0, max(0, 16 - width))), mode="symmetric")
+    denoised = authors_bm3d(whole, sigma_psd=NOISE)
+    return np.asarray(denoised[:height, :width], np.float32)
 
 
 DENOISERS: dict[str, Callable[[Image], Image]] = {
@@ -88,8 +92,7 @@ def pick(denoiser: str | Denoiser) -> Denoiser:
     if isinstance(denoiser, str):
         if denoiser not in DENOISERS:
             raise ValueError(
-                f"denoiser: expected one of {', '.join(DENOISERS)} or a callable, "
-                f"got {denoiser!r}"
+                f"denoiser: expected one of {', '.join(DENOISERS)} or a callable, got {denoiser!r}"
             )
         return DENOISERS[denoiser]
     if not callable(denoiser):

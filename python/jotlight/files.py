@@ -40,7 +40,7 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise PermissionError(f"cannot write {path}: the file is read-only")
     try:
         handle, name = tempfile.mkstemp(
-            prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent
+            prefix=f".{path.stem[:32]}-", suffix=path.suffix, dir=path.parent
         )
     except OSError as error:
         raise type(error)(

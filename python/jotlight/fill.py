@@ -1,11 +1,9 @@
 """Pixels of which nothing is known."""
 
-import warnings
-
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.errors import JotlightWarning
+from jotlight.errors import warn
 
 
 def fill_blind(
@@ -25,20 +23,20 @@ def fill_blind(
         return image
     if blind.all():
         raise ValueError("mask: expected at least one jot that is alive, got none")
-    from scipy.ndimage import uniform_filter
+    from scipy.ndimage import correlate
 
-    warnings.warn(
+    warn(
         f"{blind.sum()} of {blind.size} pixels have no valid jot and were filled from their "
-        "neighbours",
-        JotlightWarning,
-        stacklevel=4,
+        "neighbours"
     )
     known = ~blind
     filled = np.where(known, image, 0).astype(np.float64)
+    # No running sums as in uniform_filter: what they leave of the sums gone by may be below 0.
+    window = np.ones((3, 3))
     while not known.all():
-        weight = uniform_filter(known.astype(np.float64), 3, mode="constant")
-        total = uniform_filter(np.where(known, filled, 0), 3, mode="constant")
-        rim = ~known & (weight > 0.5 / 9)
+        weight = correlate(known.astype(np.float64), window, mode="constant")
+        total = correlate(np.where(known, filled, 0), window, mode="constant")
+        rim = ~known & (weight > 0)
         filled[rim] = total[rim] / weight[rim]
         known |= rim
     return filled.astype(np.float32)

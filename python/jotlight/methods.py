@@ -42,10 +42,18 @@ class Method:
 
 METHODS: dict[str, Method] = {
     "mle": Method("maximum likelihood", mle),
-    "gaussian": Method("non-iterative, Gaussian", partial(noniterative, denoiser="gaussian")),
-    "tv": Method("non-iterative, total variation", partial(noniterative, denoiser="tv")),
-    "nlm": Method("non-iterative, non-local means", partial(noniterative, denoiser="nlm")),
-    "bm3d": Method("non-iterative, BM3D", partial(noniterative, denoiser="bm3d"), needs="bm3d"),
+    "noniterative-gaussian": Method(
+        "non-iterative, Gaussian", partial(noniterative, denoiser="gaussian")
+    ),
+    "noniterative-tv": Method(
+        "non-iterative, total variation", partial(noniterative, denoiser="tv")
+    ),
+    "noniterative-nlm": Method(
+        "non-iterative, non-local means", partial(noniterative, denoiser="nlm")
+    ),
+    "noniterative-bm3d": Method(
+        "non-iterative, BM3D", partial(noniterative, denoiser="bm3d"), needs="bm3d"
+    ),
     "network": Method("network, initial", initial_network),
 }
 """The methods that can be compared, in the order in which they are shown."""

@@ -78,7 +78,7 @@ def _pair(
     return pair[0], pair[1]
 
 
-def _decibel(signal: float, noise: float) -> float:
+def _decibel(signal: np.floating | float, noise: np.floating | float) -> float:
     if noise == 0:
         return float("inf")
     return float(10 * np.log10(signal / noise)) if signal > 0 else float("-inf")

@@ -30,8 +30,8 @@ class Layer:
     Parameters
     ----------
     filters : ndarray of float32, shape (C_out, C_in, height, width)
-        The first layer reads bits with stride K̂: its shape is (C_out, T, K̂, K̂), or (C_out, 1, 1, 1)
-        when it is tied, one weight for the whole block. Later layers convolve with stride 1.
+        The first layer reads bits with stride K̂: its shape is (C_out, T, K̂, K̂), or
+        (C_out, 1, 1, 1) when it is tied, one weight for the whole block. Later layers convolve with stride 1.
     coefficients : ndarray of float32, shape (C_out, N_w)
         N_w of at least 4.
     start, spacing : float
@@ -57,18 +57,22 @@ class Layer:
                     f"{name}: expected floats of {dimensions} dimensions, got {array.dtype} "
                     f"of shape {array.shape}"
                 )
+            with np.errstate(over="ignore"):
+                array = np.ascontiguousarray(array, np.float32)
             if not np.isfinite(array).all():
-                raise ValueError(f"{name}: expected finite numbers")
-            object.__setattr__(self, name, np.ascontiguousarray(array, np.float32))
+                raise ValueError(f"{name}: expected finite numbers in the range of float32")
+            object.__setattr__(self, name, array)
         if len(self.coefficients) != len(self.filters) or self.coefficients.shape[1] < 4:
             raise ValueError(
                 f"coefficients: expected {len(self.filters)} rows, one per filter, of at least 4, "
                 f"got shape {self.coefficients.shape}"
             )
-        if not (math.isfinite(self.start) and math.isfinite(self.spacing) and self.spacing > 0):
+        single = np.finfo(np.float32)
+        least, most = float(single.tiny), float(single.max)
+        if not (abs(self.start) <= most and least <= self.spacing <= most):
             raise ValueError(
-                "start and spacing: expected finite numbers, the spacing above 0, "
-                f"got {self.start} and {self.spacing}"
+                "start and spacing: expected finite numbers in the range of float32, the spacing "
+                f"above 0, got {self.start} and {self.spacing}"
             )
 
 
@@ -115,9 +119,7 @@ class Network:
                 f"layers: expected filters of shape (C, {', '.join(map(str, block))}) in the first "
                 f"layer, or (C, 1, 1, 1) when it is tied, got {self.layers[0].filters.shape}"
             )
-        for index, (before, layer) in enumerate(
-            zip(self.layers, self.layers[1:], strict=False), 1
-        ):
+        for index, (before, layer) in enumerate(zip(self.layers, self.layers[1:], strict=False), 1):
             if layer.filters.shape[1] != before.filters.shape[0]:
                 raise ValueError(
                     f"layers: expected {before.filters.shape[0]} input channels in layer {index}, "
@@ -142,7 +144,8 @@ class Network:
         """The paper's two-layer network at its initial parameters (section 3.2).
 
         It is the non-iterative method with a Gaussian as denoiser and the algebraic inverse:
-        h1 = 1 (20), φ1 = T (6), h2 a Gaussian, φ2 = (K/α)(P⁻¹(q, T⁻¹(z)/K) - d)/η clipped to [0, S].
+        h1 = 1 (20), φ1 = T (6), h2 a Gaussian, and φ2 = (K/α)(P⁻¹(q, T⁻¹(z)/K) - d)/η clipped to
+        [0, S].
 
         Parameters
         ----------
@@ -151,8 +154,8 @@ class Network:
         sigma : float
             Standard deviation of h2 in pixels; the paper takes 0.25 to 1.
         tied : bool
-            Whether one weight serves the whole block of h1. With the box kernel the bits of a pixel are
-            exchangeable, so nothing is lost, and counts can be reconstructed too.
+            Whether one weight serves the whole block of h1. With the box kernel the bits of a pixel
+            are exchangeable, so nothing is lost, and counts can be reconstructed too.
         taps : int
             Height and width of h2, odd.
         coefficients : int
@@ -160,8 +163,8 @@ class Network:
 
         Notes
         -----
-        The spline coefficients are least-squares fits; those of φ2 are clipped to [0, S], so that every
-        output lies there.
+        The spline coefficients are least-squares fits; those of φ2 are clipped to [0, S], so that
+        every output lies there.
         """
         if not (math.isfinite(sigma) and sigma > 0):
             raise ValueError(f"sigma: expected a number above 0, got {sigma}")
@@ -226,8 +229,8 @@ class Network:
         data : Bits or array_like of int
             Bits, or for a tied network also an image of counts L of shape (H, W) or (H, W, C).
         sensor : Sensor, optional
-            The sensor of these data, which may have dead jots and dark counts of its own. Default: the one
-            that the bits carry, or else the network's.
+            The sensor of these data, which may have dead jots and dark counts of its own. Default:
+            the one that the bits carry, or else the network's.
         threads : int, optional
             Threads to use. Default: all.
 
@@ -339,7 +342,8 @@ class Network:
             with safe_open(path, framework="numpy") as file:
                 metadata = file.metadata() or {}
                 tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        except SafetensorError as error:
+        except (SafetensorError, TypeError, AttributeError) as error:
+            # The latter two for tensors of a type that NumPy lacks.
             raise ValueError(f"{path}: expected a safetensors file: {error}") from error
         if metadata.get("format") != _FORMAT:
             raise ValueError(
@@ -368,7 +372,7 @@ class Network:
             }
             sensor = Sensor.from_parts(json.loads(metadata["sensor"]), maps)
             return cls(layers, sensor, json.loads(metadata["history"]))
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
             raise ValueError(f"{path}: damaged network file: {error}") from error
 
     def __repr__(self) -> str:

@@ -23,8 +23,8 @@ def read_picture(
     path : path
         PNG, JPEG or whatever else Pillow reads, TIFF, or `.npy`.
     white : float, optional
-        The level that becomes intensity 1. Default: the full scale of 8-bit photographs and of 16-bit PNG, and
-        1 for floats. Other integers need it, since nothing tells their scale.
+        The level that becomes intensity 1. Default: the full scale of 8-bit photographs and of
+        16-bit PNG, and 1 for floats. Other integers need it, since nothing tells their scale.
     gray : bool
         Turn colour into grey, the luma 0.299 R + 0.587 G + 0.114 B of ITU-R BT.601.
 
@@ -67,7 +67,7 @@ def read_picture(
         array = np.rint(luma) if array.dtype.kind in "iu" else luma
     if array.dtype != np.float64:
         array = array.astype(np.float32)
-    return array / np.asarray(scale, array.dtype)
+    return np.asarray(array / np.asarray(scale, array.dtype))
 
 
 def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
@@ -110,8 +110,8 @@ def picture_writer(
     Parameters
     ----------
     path : path
-        Its ending chooses: `.png` and `.jpg` for display, `.tif` (float32) and `.npy` for numbers, which are
-        written as they are and never clipped.
+        Its ending chooses: `.png` and `.jpg` for display, `.tif` (float32) and `.npy` for numbers,
+        which are written as they are and never clipped.
     depth : {8, 16}
         Bits of a PNG.
     white : float
@@ -163,7 +163,7 @@ def picture_writer(
 
 def levels(picture: Picture, white: float, most: int) -> Picture:
     """Whole display levels from 0 to `most`, `white` and what is brighter becoming `most`."""
-    return np.rint(np.clip(picture / white, 0, 1) * most)
+    return np.asarray(np.rint(np.clip(picture / white, 0, 1) * most))
 
 
 def _write_png16(file: Path, values: npt.NDArray[np.uint16]) -> None:

@@ -20,14 +20,17 @@ KERNELS = ("box", "linear", "quadratic", "cubic")
 _SLAB = 1 << 26
 """Jots that the engine handles between two looks at Ctrl-C: some tens of milliseconds."""
 
+_SHORT_ROW = 1 << 9
+"""A row of pixels with fewer jots takes as much time and memory as one with so many."""
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Sensor:
     """A quanta image sensor: each jot reports 1 when at least `threshold` photons arrive.
 
     An image c, in units of intensity, gives each jot ``s = (gain / frames) * (G c)`` photons per
-    frame in the mean, where G spreads a pixel's light over its jots by `kernel`; of these the sensor
-    detects ``efficiency * s + dark_counts``. With the defaults a pixel of intensity 1 gives each of
+    frame in the mean, where G spreads a pixel's light over its jots by `kernel`; of these the
+    sensor detects ``efficiency * s + dark_counts``. With the defaults a pixel of intensity 1 gives each of
     its jots one photon per frame.
 
     Parameters
@@ -37,7 +40,8 @@ class Sensor:
     frames : int
         T: binary frames of the same scene.
     gain : float, optional
-        α: photons on a pixel of intensity 1, over all its jots and frames. Default: K, the number of bits per pixel.
+        α: photons on a pixel of intensity 1, over all its jots and frames. Default: K, the number
+        of bits per pixel.
     threshold : int
         q: photons that make a jot report 1.
     kernel : {"box", "linear", "quadratic", "cubic"}
@@ -93,9 +97,7 @@ class Sensor:
             raise ValueError(f"kernel: expected one of {', '.join(KERNELS)}, got {self.kernel!r}")
         gain = self.bits_per_pixel if self.gain is None else self.gain
         object.__setattr__(self, "gain", _positive("gain", gain))
-        object.__setattr__(
-            self, "max_intensity", _positive("max_intensity", self.max_intensity)
-        )
+        object.__setattr__(self, "max_intensity", _positive("max_intensity", self.max_intensity))
         efficiency = _positive("efficiency", self.efficiency)
         if efficiency > 1:
             raise ValueError(f"efficiency: expected a number in (0, 1], got {efficiency}")
@@ -136,9 +138,7 @@ class Sensor:
             object.__setattr__(new, "gain", scale * new.bits_per_pixel)
         return new
 
-    def rate(
-        self, image: npt.ArrayLike, *, threads: int | None = None
-    ) -> npt.NDArray[np.float32]:
+    def rate(self, image: npt.ArrayLike, *, threads: int | None = None) -> npt.NDArray[np.float32]:
         """Expected detections per jot and frame, s, or η s + d for a sensor that has η or d.
 
         Parameters
@@ -241,11 +241,13 @@ class Sensor:
         rows, columns = (
             _span(name, part, size)
             for name, part, size in zip(
-                ("tile rows", "tile columns"), tile or (slice(None),) * 2, (height, width),
+                ("tile rows", "tile columns"),
+                (slice(None),) * 2 if tile is None else tile,
+                (height, width),
                 strict=True,
             )
         )
-        span = _span("frames", frames or slice(None), self.frames)
+        span = _span("frames", slice(None) if frames is None else frames, self.frames)
         jots = (
             len(span),
             len(rows) * self.oversampling,
@@ -301,9 +303,7 @@ class Sensor:
                 function(description, pixels[..., channel], out[..., channel], threads)
         return out
 
-    def _cut(
-        self, frames: int, rows: range, columns: range, whole: tuple[int, int]
-    ) -> "Sensor":
+    def _cut(self, frames: int, rows: range, columns: range, whole: tuple[int, int]) -> "Sensor":
         """The sensor that reports only these frames, rows and columns of pixels."""
         cut = self if frames == self.frames else self.replace(frames=frames)
         if (len(rows), len(columns)) == whole:
@@ -332,6 +332,10 @@ class Sensor:
             if isinstance(value := getattr(self, name), np.ndarray)
         }
 
+    def without_maps(self) -> Self:
+        """Give the sensor without dead jots, and with the mean for a map of dark counts."""
+        return self.replace(mask=None, dark_counts=float(np.mean(self.dark_counts)))
+
     def numbers(self) -> dict[str, Any]:
         """Those of the parameters that are not maps, by name; JSON can hold them."""
         maps = self.maps()
@@ -358,7 +362,7 @@ class Sensor:
         if unknown := sorted(map(str, set(numbers) - known)):
             raise ValueError(f"sensor: unknown parameters {', '.join(unknown)}")
         try:
-            return cls(**numbers, **(maps or {}))
+            return cls(**{**numbers, **(maps or {})})
         except TypeError as error:
             raise ValueError(f"sensor: {error}") from error
 
@@ -467,13 +471,14 @@ def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
         raise ValueError(f"image: expected intensities of 0 or more, got {low}")
     if array.dtype not in (np.float32, np.float64):
         array = array.astype(np.float64 if array.dtype.itemsize > 4 else np.float32)
-    return array
+    return array if array.flags.aligned else array.copy()
 
 
 def slabs_of(frames: int, rows: int, jots_per_row: int) -> Iterator[tuple[range, range]]:
     """Cut frames and rows into parts of which each takes well under a second."""
-    rows_at_once = max(1, min(rows, _SLAB // max(1, jots_per_row)))
-    frames_at_once = max(1, _SLAB // max(1, rows_at_once * jots_per_row))
+    cost = max(_SHORT_ROW, jots_per_row)
+    rows_at_once = max(1, min(rows, _SLAB // cost))
+    frames_at_once = max(1, _SLAB // (rows_at_once * cost))
     for frame in range(0, frames, frames_at_once):
         for row in range(0, rows, rows_at_once):
             yield (
@@ -490,23 +495,23 @@ def _frozen(array: npt.NDArray[Any], dtype: type[np.generic]) -> npt.NDArray[Any
 
 
 def _whole(name: str, value: Any, most: int) -> int:
-    try:
-        whole = int(value)
-    except (TypeError, ValueError, OverflowError):
-        whole = 0
-    if isinstance(value, bool) or whole != value or not 1 <= whole <= most:
+    number = _number(value)
+    if not 1 <= number <= most or number != int(number):
         raise ValueError(f"{name}: expected a whole number from 1 to {most}, got {value!r}")
-    return whole
+    return int(number)
 
 
 def _positive(name: str, value: Any) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
+    number = float(_number(value))
     if not (math.isfinite(number) and number > 0):
         raise ValueError(f"{name}: expected a finite number above 0, got {value!r}")
     return number
+
+
+def _number(value: Any) -> float:
+    """A single real number, and NaN for all else: bool and text too."""
+    array = np.asarray(value)
+    return array.item() if array.ndim == 0 and array.dtype.kind in "iuf" else math.nan
 
 
 def _span(name: str, part: slice, size: int) -> range:

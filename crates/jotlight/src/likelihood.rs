@@ -104,32 +104,22 @@ impl Threshold {
         if self.one_photon() {
             return -(-probability).ln_1p();
         }
-        let (mut low, mut high) = (0.0, self.q + 1.0);
-        while self.fires(high) < probability {
-            (low, high) = (high, 2.0 * high);
+        if probability < self.fires(self.q) {
+            // ln P is concave in ln s, and the first term of the tail, s^q / q! = p, lies left of the root: Newton's steps
+            // rise to the root and never pass it.
+            let target = probability.ln();
+            let start = ((target + self.ln_factorial) / self.q).exp();
+            newton(start, |s| {
+                let short = target - self.ln_poisson(s) - self.upper_sum(s).ln();
+                s * (short / (s * self.fired_score(s))).exp()
+            })
+        } else {
+            // ln(1 − P) is concave and falls: the first step passes the root, the others come back to it.
+            let target = (1.0 - probability).ln();
+            newton(self.q, |s| {
+                s + (self.ln_poisson(s) + self.lower_sum(s).ln() - target) / self.dark_score(s)
+            })
         }
-        // The first term of the tail, s^q / q! ≈ p, starts close for small p; Newton does the rest inside of the bracket.
-        let mut s = (((probability.ln() + self.ln_factorial) / self.q).exp())
-            .clamp(low.max(f64::MIN_POSITIVE), high);
-        for _ in 0..200 {
-            let excess = self.fires(s) - probability;
-            if excess > 0.0 {
-                high = s;
-            } else {
-                low = s;
-            }
-            let newton = s - excess / self.slope(s);
-            let next = if newton > low && newton < high {
-                newton
-            } else {
-                0.5 * (low + high)
-            };
-            if (next - s).abs() <= 1e-15 * next {
-                return next;
-            }
-            s = next;
-        }
-        s
     }
 
     fn one_photon(&self) -> bool {
@@ -138,11 +128,15 @@ impl Threshold {
 
     /// P(Y = q).
     fn poisson(&self, s: f64) -> f64 {
-        if s <= 0.0 {
+        if s <= 0.0 || s.is_infinite() {
             0.0
         } else {
-            (self.q * s.ln() - s - self.ln_factorial).exp()
+            self.ln_poisson(s).exp()
         }
+    }
+
+    fn ln_poisson(&self, s: f64) -> f64 {
+        self.q * s.ln() - s - self.ln_factorial
     }
 
     /// P(Y ≥ q) / P(Y = q) = 1 + s/(q+1) + s²/((q+1)(q+2)) + …: all terms positive, so nothing cancels.
@@ -166,4 +160,17 @@ impl Threshold {
         }
         sum
     }
+}
+
+/// Iterates `step` until it stands still.
+fn newton(start: f64, step: impl Fn(f64) -> f64) -> f64 {
+    let mut s = start;
+    for _ in 0..100 {
+        let next = step(s);
+        if (next - s).abs() <= 1e-15 * next {
+            return next;
+        }
+        s = next;
+    }
+    s
 }

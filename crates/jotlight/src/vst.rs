@@ -30,7 +30,9 @@ impl Anscombe {
     /// T: equation (6).
     #[must_use]
     pub fn stabilise(&self, count: f64) -> f64 {
-        (self.bits + 0.5).sqrt() * ((count + 0.375) / (self.bits + 0.75)).sqrt().asin()
+        // A float32 count may lie above K where K is beyond 2²⁴.
+        let share = ((count + 0.375) / (self.bits + 0.75)).min(1.0);
+        (self.bits + 0.5).sqrt() * share.sqrt().asin()
     }
 
     /// T⁻¹: equation (7), for z inside of the range of T, and clipped to [0, K].

@@ -3,7 +3,6 @@
 import contextlib
 import json
 import os
-import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.bits import Bits
-from jotlight.errors import JotlightWarning
+from jotlight.errors import warn
 from jotlight.files import written_whole
 from jotlight.sensor import Sensor
 
@@ -103,7 +102,7 @@ def created_bits(
         )
     description: dict[str, Any] = {"format": _FORMAT, "version": _VERSION, "width": width}
     with contextlib.ExitStack() as stack:
-        # What is entered first is put in place last: the bits only once all that describes them stands.
+        # What is entered first is put in place last: the bits once all that describes them stands.
         cube = stack.enter_context(written_whole(path))
         text = stack.enter_context(written_whole(beside))
         if sensor is not None:
@@ -127,11 +126,7 @@ def _read_description(path: Path) -> tuple[int | None, Sensor | None]:
         return None, None
     description = _parse(beside)
     if description is None:
-        warnings.warn(
-            f"{beside} does not describe bits of jotlight and is not used",
-            JotlightWarning,
-            stacklevel=4,
-        )
+        warn(f"{beside} does not describe bits of jotlight and is not used")
         return None, None
     width = description.get("width")
     if description.get("version") != _VERSION or not isinstance(width, int) or width < 1:

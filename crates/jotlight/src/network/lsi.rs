@@ -98,7 +98,7 @@ impl Padded {
 }
 
 /// p = Σ h1·b over each pixel's block of all frames: equation (11), one plane per filter. Where jots are dead, the valid ones
-/// stand for them: the sum is scaled by Σ h1 over the sum of the valid taps; a pixel without a valid tap becomes NaN.
+/// stand for them: each counts as their mean, for taps of any sign; a pixel without a valid jot becomes NaN.
 pub(super) fn block_filter(
     bits: &PackedBits<'_>,
     valid: Option<ArrayView2<'_, u8>>,
@@ -107,25 +107,28 @@ pub(super) fn block_filter(
 ) -> Array3<f32> {
     let mut planes = Array3::zeros((filters.dim().0, height, width));
     for (filter, mut plane) in filters.outer_iter().zip(planes.outer_iter_mut()) {
-        let total = filter.sum();
         plane
             .axis_iter_mut(Axis(0))
             .into_par_iter()
             .enumerate()
             .for_each(|(row, mut out)| {
-                let mut weights = vec![0.0f32; width];
+                let mut blocks = vec![Dead::default(); width];
                 for (frame, taps) in filter.outer_iter().enumerate() {
                     for (line, taps) in taps.outer_iter().enumerate() {
                         let jots = bits.row(frame, row * filter.dim().1 + line);
                         let valid = valid.map(|valid| mask_row(valid, row * filter.dim().1 + line));
-                        for (pixel, (out, weight)) in out.iter_mut().zip(&mut weights).enumerate() {
+                        for (pixel, (out, dead)) in out.iter_mut().zip(&mut blocks).enumerate() {
                             let start = pixel * taps.len();
                             if let Some(valid) = &valid {
                                 let valid = |jot| field(valid, start + jot, 1) == 1;
                                 for (jot, &tap) in taps.iter().enumerate() {
                                     if valid(jot) {
-                                        *weight += tap;
-                                        *out += tap * field(&jots, start + jot, 1) as f32;
+                                        let bit = field(&jots, start + jot, 1) as f32;
+                                        *out += tap * bit;
+                                        dead.ones += bit;
+                                        dead.valid += 1.0;
+                                    } else {
+                                        dead.taps += tap;
                                     }
                                 }
                             } else {
@@ -135,17 +138,21 @@ pub(super) fn block_filter(
                     }
                 }
                 if valid.is_some() {
-                    for (out, weight) in out.iter_mut().zip(weights) {
-                        *out = if weight > 0.0 {
-                            *out * total / weight
-                        } else {
-                            f32::NAN
-                        };
+                    for (out, dead) in out.iter_mut().zip(blocks) {
+                        *out += dead.taps * (dead.ones / dead.valid);
                     }
                 }
             });
     }
     planes
+}
+
+/// What stands for the dead jots of a block.
+#[derive(Clone, Default)]
+struct Dead {
+    taps: f32,
+    ones: f32,
+    valid: f32,
 }
 
 fn add_taps(jots: &[u8], start: usize, taps: ndarray::ArrayView1<'_, f32>, sum: &mut f32) {

@@ -14,7 +14,7 @@ use crate::likelihood::Threshold;
 use crate::rng::{ALIGNMENT, JotRandom, RowPlace, check_size};
 
 /// Jots of a row that are drawn at a time; bounds the memory of a thread.
-const STRETCH: usize = 4096;
+const STRETCH: usize = 2048;
 
 /// Draws the bits of a window of frames and pixels into `out` `(frames, rows·K̂, ⌈columns·K̂ / 8⌉)`, most significant bit first.
 ///
@@ -85,8 +85,9 @@ fn split_rows(
 struct Scratch {
     random: JotRandom,
     table: Arc<ChanceTable>,
-    photons: Vec<f64>,
+    rates: Vec<f64>,
     chances: Vec<Chance>,
+    jots_per_chance: usize,
     high: Vec<u16>,
     bytes: Vec<u8>,
     words: Vec<u64>,
@@ -97,8 +98,9 @@ impl Scratch {
         Self {
             random: JotRandom::new(seed),
             table: ChanceTable::of(threshold),
-            photons: Vec::new(),
+            rates: Vec::new(),
             chances: Vec::new(),
+            jots_per_chance: 1,
             high: Vec::new(),
             bytes: Vec::new(),
             words: Vec::new(),
@@ -124,8 +126,8 @@ impl Scratch {
             let base = start / ALIGNMENT * ALIGNMENT;
             for line in 0..side {
                 let row = pixel_row * side + line;
-                if line == 0 || !light.sensor.is_blockwise() {
-                    self.prepare(light, row, base, start, stop);
+                if line == 0 || light.sensor.blockwise().is_none() {
+                    self.prepare(light, row, base, stop);
                 }
                 for (frame, out) in window.frames.clone().zip(out.iter_mut()) {
                     self.draw_words(RowPlace::new(channel, frame, row), base);
@@ -138,48 +140,40 @@ impl Scratch {
         }
     }
 
-    /// The chances of the jots from `base` to the end of the last word; none outside of `start..stop`.
-    fn prepare(
-        &mut self,
-        light: &Light<'_, '_, '_>,
-        row: usize,
-        base: usize,
-        start: usize,
-        stop: usize,
-    ) {
+    /// The chances of the jots from `base` up to `stop`; the last word is filled with jots that never fire.
+    fn prepare(&mut self, light: &Light<'_, '_, '_>, row: usize, base: usize, stop: usize) {
         let sensor = light.sensor;
-        let side = sensor.kernel.oversampling();
+        let table = &self.table;
         self.chances.clear();
-        self.chances.resize(start - base, Chance::NEVER);
-        if sensor.is_blockwise() {
-            for pixel in start / side..stop.div_ceil(side) {
-                let photons = light.block_photons(row / side, pixel);
-                let chance = self.table.chance(light.detections(row, start, photons));
-                let jots = stop.min((pixel + 1) * side) - start.max(pixel * side);
-                self.chances.extend(std::iter::repeat_n(chance, jots));
+        self.high.clear();
+        if let Some(dark) = sensor.blockwise() {
+            let side = sensor.kernel.oversampling();
+            self.jots_per_chance = side;
+            let pixels = base / side..stop.div_ceil(side);
+            light.block_detections(row / side, pixels.clone(), dark, &mut self.rates);
+            table.chances(&self.rates, &mut self.chances);
+            self.high.resize(pixels.len() * side, 0);
+            for (jots, chance) in self.high.chunks_exact_mut(side).zip(&self.chances) {
+                jots.fill(chance.high());
             }
+            self.high.drain(..base % side);
+            self.high.truncate(stop - base);
         } else {
-            light.photons(row, start..stop, &mut self.photons);
-            let table = &self.table;
-            let rates = (start..stop).zip(&self.photons);
-            self.chances
-                .extend(rates.map(|(column, &photons)| {
-                    table.chance(light.detections(row, column, photons))
-                }));
+            self.jots_per_chance = 1;
+            light.detections(row, base..stop, &mut self.rates);
+            table.chances(&self.rates, &mut self.chances);
             if sensor.dead.is_some() {
-                let jots = self.chances[start - base..].iter_mut();
-                for (column, chance) in (start..stop).zip(jots) {
+                for (column, chance) in (base..stop).zip(&mut self.chances) {
                     if sensor.is_dead(row, column) {
                         *chance = Chance::NEVER;
                     }
                 }
             }
+            self.high
+                .extend(self.chances.iter().map(|chance| chance.high()));
         }
         let words = (stop - base).div_ceil(64);
-        self.chances.resize(words * 64, Chance::NEVER);
-        self.high.clear();
-        self.high
-            .extend(self.chances.iter().map(|chance| chance.high()));
+        self.high.resize(words * 64, Chance::NEVER.high());
         self.bytes.resize(words * 128, 0);
         self.words.resize(words, 0);
     }
@@ -194,28 +188,38 @@ impl Scratch {
             .iter()
             .zip(self.high.as_chunks::<64>().0);
         for (index, (bytes, high)) in jots.enumerate() {
-            let mut below = [0u8; 64];
-            let mut tie = 0u8;
-            for jot in 0..64 {
-                let draw = u16::from_le_bytes([bytes[2 * jot], bytes[2 * jot + 1]]);
-                below[jot] = u8::from(draw < high[jot]);
-                tie |= u8::from(draw == high[jot]);
-            }
-            let mut word = pack(&below);
-            if tie != 0 {
+            let (mut word, tie) = compare(bytes, high);
+            if tie {
                 for jot in 0..64 {
                     let draw = u16::from_le_bytes([bytes[2 * jot], bytes[2 * jot + 1]]);
-                    let chance = self.chances[index * 64 + jot];
-                    if draw == chance.high()
-                        && self.random.refinement(place, base + index * 64 + jot) < chance.low()
-                    {
-                        word |= 1 << (63 - jot);
+                    if draw == high[jot] {
+                        let column = base + index * 64 + jot;
+                        let place_of = |column: usize| column / self.jots_per_chance;
+                        let chance = self.chances.get(place_of(column) - place_of(base));
+                        if chance.is_some_and(|chance| {
+                            self.random.refinement(place, column) < chance.low()
+                        }) {
+                            word |= 1 << (63 - jot);
+                        }
                     }
                 }
             }
             self.words[index] = word;
         }
     }
+}
+
+/// Which of 64 draws are below their bounds, the first in the most significant bit, and whether any is equal to its bound.
+#[inline(never)]
+fn compare(bytes: &[u8; 128], high: &[u16; 64]) -> (u64, bool) {
+    let mut below = [0u8; 64];
+    let mut tie = 0;
+    for ((below, bytes), &high) in below.iter_mut().zip(bytes.as_chunks::<2>().0).zip(high) {
+        let draw = u16::from_le_bytes(*bytes);
+        *below = u8::from(draw < high);
+        tie |= u16::from(draw == high);
+    }
+    (pack(&below), tie != 0)
 }
 
 /// 64 bytes of 0 or 1 into a word, the first byte into the most significant bit.

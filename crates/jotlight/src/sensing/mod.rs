@@ -50,15 +50,6 @@ pub enum DarkCounts<'a> {
     Map(ArrayView2<'a, f32>),
 }
 
-impl DarkCounts<'_> {
-    pub(crate) fn at(&self, row: usize, column: usize) -> f64 {
-        match self {
-            Self::Same(dark) => *dark,
-            Self::Map(map) => f64::from(map[[row, column]]),
-        }
-    }
-}
-
 /// A sensor, as far as light is concerned.
 #[derive(Clone, Debug)]
 pub struct Sensor<'a> {
@@ -101,11 +92,14 @@ impl Sensor<'_> {
         Ok(())
     }
 
-    /// Whether the jots of a pixel all have the same rate.
-    fn is_blockwise(&self) -> bool {
-        self.kernel.degree() == 0
-            && matches!(self.dark_counts, DarkCounts::Same(_))
-            && self.dead.is_none()
+    /// The dark counts of all jots, where the jots of a pixel all have the same rate.
+    fn blockwise(&self) -> Option<f64> {
+        match self.dark_counts {
+            DarkCounts::Same(dark) if self.kernel.degree() == 0 && self.dead.is_none() => {
+                Some(dark)
+            }
+            _ => None,
+        }
     }
 
     fn is_dead(&self, row: usize, column: usize) -> bool {

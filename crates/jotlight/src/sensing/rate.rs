@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-use ndarray::{ArrayView2, ArrayViewMut2, Axis};
+use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2, Axis, s};
 use rayon::prelude::*;
 
-use super::{Image, Sensor};
+use super::{DarkCounts, Image, Sensor};
 use crate::error::{Error, Result};
 use crate::sensing::kernel::{Kernel, mirrored};
 
@@ -56,12 +56,9 @@ fn for_each_jot(
         .into_par_iter()
         .enumerate()
         .for_each_init(Vec::new, |rates, (row, mut out)| {
-            light.photons(row, 0..width * side, rates);
-            for (column, (out, photons)) in out.iter_mut().zip(rates.iter()).enumerate() {
-                *out = value(
-                    light.detections(row, column, *photons),
-                    sensor.is_dead(row, column),
-                ) as f32;
+            light.detections(row, 0..width * side, rates);
+            for (column, (out, rate)) in out.iter_mut().zip(rates.iter()).enumerate() {
+                *out = value(*rate, sensor.is_dead(row, column)) as f32;
             }
         });
     Ok(())
@@ -74,30 +71,53 @@ pub(super) struct Light<'l, 's, 'i> {
 }
 
 impl Light<'_, '_, '_> {
-    /// s of the jots of a row and range of columns, into `photons`.
-    pub fn photons(&self, row: usize, columns: Range<usize>, photons: &mut Vec<f64>) {
+    /// η s + d of the jots of a row and range of columns, into `rates`.
+    pub fn detections(&self, row: usize, columns: Range<usize>, rates: &mut Vec<f64>) {
+        let kernel = &self.sensor.kernel;
         match self.image {
-            Image::F32(image) => filter(&self.sensor.kernel, image, row, columns, photons),
-            Image::F64(image) => filter(&self.sensor.kernel, image, row, columns, photons),
+            Image::F32(image) => filter(kernel, image, row, columns.clone(), rates),
+            Image::F64(image) => filter(kernel, image, row, columns.clone(), rates),
         }
-        for photons in photons {
-            *photons *= self.sensor.gain_per_frame;
+        let sensitivity = self.sensor.efficiency * self.sensor.gain_per_frame;
+        match self.sensor.dark_counts {
+            DarkCounts::Same(dark) => {
+                for rate in rates {
+                    *rate = sensitivity * *rate + dark;
+                }
+            }
+            DarkCounts::Map(map) => {
+                let map = map.row(row);
+                for (rate, column) in rates.iter_mut().zip(columns) {
+                    *rate = sensitivity * *rate + f64::from(map[column]);
+                }
+            }
         }
     }
 
-    /// s of each jot of a pixel, for the box kernel.
-    pub fn block_photons(&self, row: usize, column: usize) -> f64 {
-        let intensity = match self.image {
-            Image::F32(image) => f64::from(image[[row, column]]),
-            Image::F64(image) => image[[row, column]],
-        };
+    /// η s + d of any jot of each of these pixels, where all jots of a pixel have the same, with dark counts `dark`.
+    pub fn block_detections(
+        &self,
+        row: usize,
+        pixels: Range<usize>,
+        dark: f64,
+        rates: &mut Vec<f64>,
+    ) {
+        match self.image {
+            Image::F32(image) => widen(image.slice(s![row, pixels]), rates),
+            Image::F64(image) => widen(image.slice(s![row, pixels]), rates),
+        }
         let share = self.sensor.kernel.taps()[0];
-        self.sensor.gain_per_frame * share * share * intensity
+        let sensitivity = self.sensor.efficiency * self.sensor.gain_per_frame * share * share;
+        for rate in rates {
+            *rate = sensitivity * *rate + dark;
+        }
     }
+}
 
-    /// η s + d.
-    pub fn detections(&self, row: usize, column: usize, photons: f64) -> f64 {
-        self.sensor.efficiency * photons + self.sensor.dark_counts.at(row, column)
+fn widen<F: Copy + Into<f64>>(values: ArrayView1<'_, F>, out: &mut Vec<f64>) {
+    out.resize(values.len(), 0.0);
+    for (out, &value) in out.iter_mut().zip(values) {
+        *out = value.into();
     }
 }
 
@@ -109,35 +129,60 @@ fn filter<F: Copy + Into<f64>>(
     columns: Range<usize>,
     out: &mut Vec<f64>,
 ) {
-    let (height, width) = image.dim();
     let side = kernel.oversampling();
-    let degree = kernel.degree() as isize;
     let (first, phase) = kernel.last_pixel(columns.start);
     let (last, _) = kernel.last_pixel(columns.end - 1);
+    let light = down_the_columns(
+        kernel,
+        image,
+        row,
+        first - kernel.degree() as isize..last + 1,
+    );
 
-    // Down the columns of all pixels that these jots see, …
-    let (bottom, line) = kernel.last_pixel(row);
-    let mut light: Vec<f64> = vec![0.0; (last - first + 1 + degree) as usize];
-    for (back, &tap) in kernel.taps()[line..].iter().step_by(side).enumerate() {
-        let image = image.row(mirrored(bottom - back as isize, height));
-        for (light, pixel) in light.iter_mut().zip(first - degree..) {
-            *light += tap * image[mirrored(pixel, width)].into();
-        }
-    }
-
-    // … then along the row, block by block.
+    // Along the row, the jots at the same place in their pixels at a time, so that the loop over pixels is a plain one.
+    let pixels = (last - first + 1) as usize;
     out.clear();
-    out.resize((last - first + 1) as usize * side, 0.0);
-    for (block, light) in out
-        .chunks_exact_mut(side)
-        .zip(light.windows(degree as usize + 1))
-    {
-        for (taps, light) in kernel.taps().chunks_exact(side).zip(light.iter().rev()) {
-            for (sum, tap) in block.iter_mut().zip(taps) {
+    out.resize(pixels * side, 0.0);
+    let mut sums = vec![0.0; pixels];
+    for place in 0..side {
+        sums.fill(0.0);
+        for (back, &tap) in kernel.taps()[place..].iter().step_by(side).enumerate() {
+            for (sum, light) in sums.iter_mut().zip(&light[kernel.degree() - back..]) {
                 *sum += tap * light;
             }
+        }
+        for (out, &sum) in out[place..].iter_mut().step_by(side).zip(&sums) {
+            *out = sum;
         }
     }
     out.drain(..phase);
     out.truncate(columns.len());
+}
+
+/// The light of the pixels `pixels` on a row of jots, the scene going on mirrored past its rim.
+fn down_the_columns<F: Copy + Into<f64>>(
+    kernel: &Kernel,
+    image: ArrayView2<'_, F>,
+    row: usize,
+    pixels: Range<isize>,
+) -> Vec<f64> {
+    let (height, width) = image.dim();
+    let mut light: Vec<f64> = vec![0.0; pixels.len()];
+    let (bottom, line) = kernel.last_pixel(row);
+    let inside = pixels.start.max(0) as usize..(pixels.end.max(0) as usize).min(width);
+    let left = (inside.start as isize - pixels.start) as usize;
+    let taps = kernel.taps()[line..].iter().step_by(kernel.oversampling());
+    for (back, &tap) in taps.enumerate() {
+        let image = image.row(mirrored(bottom - back as isize, height));
+        for (light, &pixel) in light[left..]
+            .iter_mut()
+            .zip(image.slice(s![inside.clone()]))
+        {
+            *light += tap * pixel.into();
+        }
+        for pixel in (pixels.start..0).chain(width as isize..pixels.end) {
+            light[(pixel - pixels.start) as usize] += tap * image[mirrored(pixel, width)].into();
+        }
+    }
+    light
 }

@@ -1,0 +1,78 @@
+"""Every check by name; plain `nox` is the gate."""
+
+import shutil
+from pathlib import Path
+
+import nox
+
+nox.needs_version = ">=2024.10.9"
+nox.options.default_venv_backend = "venv"
+nox.options.reuse_existing_virtualenvs = True
+nox.options.sessions = ["lint", "rust", "wheel", "types", "stubs", "tests", "docs"]
+
+DIST = Path("dist")
+
+
+@nox.session
+def lint(session: nox.Session) -> None:
+    """Style and lints of Python and Rust."""
+    session.install("ruff>=0.9")
+    session.run("ruff", "check", ".")
+    session.run("ruff", "format", "--check", ".")
+    for tool, arguments in (
+        ("rustfmt", ["fmt", "--all", "--check"]),
+        ("cargo-clippy", ["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]),
+    ):
+        if shutil.which(tool):
+            session.run("cargo", *arguments, external=True)
+        else:
+            session.warn(f"{tool} is not installed: its check was NOT made")
+
+
+@nox.session(venv_backend="none")
+def rust(session: nox.Session) -> None:
+    """The engine's own tests, and its documentation's examples."""
+    session.run("cargo", "test", "--workspace", external=True)
+
+
+@nox.session
+def wheel(session: nox.Session) -> None:
+    """Build the one wheel that the sessions below install."""
+    session.install("maturin>=1.9.4,<2")
+    shutil.rmtree(DIST, ignore_errors=True)
+    session.run("maturin", "build", "--release", "--locked", "--out", str(DIST))
+
+
+@nox.session
+def types(session: nox.Session) -> None:
+    """Strict types."""
+    install_wheel(session, "mypy>=1.13")
+    session.run("mypy")
+
+
+@nox.session
+def stubs(session: nox.Session) -> None:
+    """The stub of the engine against the compiled module."""
+    install_wheel(session, "mypy>=1.13")
+    session.run("python", "-m", "mypy.stubtest", "jotlight._engine")
+
+
+@nox.session
+def tests(session: nox.Session) -> None:
+    """The default suite; arguments go to pytest."""
+    install_wheel(session, extra="test")
+    session.run("pytest", *session.posargs)
+
+
+@nox.session
+def docs(session: nox.Session) -> None:
+    """README, docs, docstrings and examples run as they stand."""
+    install_wheel(session, extra="test")
+    session.run("pytest", "tests/docs", *session.posargs)
+
+
+def install_wheel(session: nox.Session, *packages: str, extra: str | None = None) -> None:
+    found = sorted(DIST.glob("jotlight-*.whl"))
+    if not found:
+        session.error("there is no wheel in dist/; run `nox -s wheel` first")
+    session.install(f"{found[-1]}[{extra}]" if extra else str(found[-1]), *packages)

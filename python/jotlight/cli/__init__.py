@@ -1,0 +1,55 @@
+"""The command line: one file per command, with the words of the Python interface."""
+
+import sys
+import warnings
+from typing import Annotated
+
+import typer
+
+from jotlight import __version__
+from jotlight.cli.compare import compare
+from jotlight.cli.console import error, show_warning
+from jotlight.cli.demo import demo
+from jotlight.cli.info import info
+from jotlight.cli.reconstruct import reconstruct
+from jotlight.cli.simulate import simulate
+
+app = typer.Typer(
+    help="Pictures from the bits of single-photon cameras.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for command in (demo, compare, simulate, reconstruct, info):
+    app.command()(command)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"jotlight {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _global_options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version."
+        ),
+    ] = False,
+) -> None:
+    pass
+
+
+def main() -> None:
+    """Run the command line; what the user can mend is said in one line, without a traceback."""
+    warnings.showwarning = show_warning
+    try:
+        app()
+    except KeyboardInterrupt:
+        error("stopped; nothing was written")
+        sys.exit(130)
+    except (ValueError, TypeError, OSError, ImportError, MemoryError) as reason:
+        error(str(reason) or type(reason).__name__)
+        sys.exit(1)

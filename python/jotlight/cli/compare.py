@@ -1,0 +1,138 @@
+"""`jotlight compare`: every method on one photograph, as a figure and a table."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import numpy.typing as npt
+import typer
+from rich.table import Table
+
+from jotlight.cli import options
+from jotlight.cli.console import out, progress
+from jotlight.comparison import Result, chosen, compare_methods
+from jotlight.files import written_whole
+from jotlight.methods import METHODS
+from jotlight.pictures import read_picture
+from jotlight.sensor import Sensor
+
+_FIGURES = (".png", ".jpg", ".jpeg", ".pdf", ".svg")
+
+
+def compare(
+    photo: Annotated[Path, typer.Argument(help="PNG, JPEG, TIFF or .npy.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="The figure, .png, .jpg, .pdf or .svg. Default: PHOTO-compare.png.",
+        ),
+    ] = None,
+    methods: Annotated[
+        str | None,
+        typer.Option(
+            "--methods",
+            "-m",
+            help=f"Some of {', '.join(METHODS)}, with commas. Default: all that are installed.",
+        ),
+    ] = None,
+    oversampling: options.Oversampling = 4,
+    frames: options.Frames = 1,
+    gain: options.Gain = None,
+    threshold: options.Threshold = None,
+    kernel: options.Kernel = None,
+    dark_counts: options.DarkCounts = None,
+    efficiency: options.Efficiency = None,
+    mask: options.Mask = None,
+    max_intensity: options.MaxIntensity = None,
+    seed: options.Seed = 0,
+    gray: options.Gray = False,
+    white: options.White = None,
+    threads: options.Threads = None,
+) -> None:
+    """Turn a photograph into bits, reconstruct it by every method, and show all side by side."""
+    sensor = Sensor(
+        **options.sensor_parameters(
+            oversampling=oversampling,
+            frames=frames,
+            gain=gain,
+            threshold=threshold,
+            kernel=kernel,
+            dark_counts=dark_counts,
+            efficiency=efficiency,
+            mask=mask,
+            max_intensity=max_intensity,
+        )
+    )
+    names = None if methods is None else [name.strip() for name in methods.split(",")]
+    image = read_picture(photo, white=white, gray=gray)
+    output = output or Path(f"{photo.stem}-compare.png")
+    if output.resolve() == photo.resolve():
+        raise ValueError(f"{output}: expected another name than that of the photograph")
+    run_comparison(image, sensor, output, chosen(names), seed, threads)
+
+
+def run_comparison(
+    image: npt.NDArray[np.floating],
+    sensor: Sensor,
+    output: Path,
+    names: list[str],
+    seed: int,
+    threads: int | None = None,
+) -> None:
+    """Expose, reconstruct, draw and print; the figure appears whole or not at all."""
+    from jotlight import plots
+
+    if output.suffix.lower() not in _FIGURES:
+        raise ValueError(f"{output}: expected a name that ends in {', '.join(_FIGURES)}")
+    with written_whole(output) as temporary, progress(len(names) + 2) as begin:
+        bits = sensor.expose(image, seed, threads=threads, progress=begin("drawing bits"))
+        results = compare_methods(image, bits, sensor, names, threads=threads, begin=begin)
+        begin("drawing the figure")
+        height, width = image.shape[:2]
+        panels = [
+            plots.Panel("photograph", f"{height} × {width} pixels", image),
+            plots.bits_panel(bits, sensor.oversampling),
+        ]
+        panels += [
+            plots.Panel(
+                METHODS[result.method].title,
+                f"{result.psnr:.2f} dB   SSIM {result.ssim:.3f}   {_time(result.seconds)}",
+                result.picture,
+            )
+            for result in results
+        ]
+        heading = f"{sensor.bits_per_pixel} bits per pixel   {sensor!r}"
+        figure = plots.comparison(panels, heading, white=sensor.max_intensity)
+        figure.savefig(temporary, dpi=110)
+    out.print(_table(results))
+    missing = [method.needs for method in METHODS.values() if not method.available]
+    if missing:
+        extras = ", ".join(f"jotlight\\[{name}]" for name in missing)
+        out.print(
+            f"[dim]Not installed: {', '.join(map(str, missing))} (pip install '{extras}'; its "
+            "licence is for non-commercial use)[/]"
+        )
+    out.print(f"Look at [bold]{output}[/]", soft_wrap=True)
+
+
+def _table(results: list[Result]) -> Table:
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    table.add_column("method")
+    for column in ("PSNR", "SSIM", "time"):
+        table.add_column(column, justify="right")
+    best = max(result.psnr for result in results)
+    for result in results:
+        table.add_row(
+            METHODS[result.method].title,
+            f"{result.psnr:.2f} dB",
+            f"{result.ssim:.3f}",
+            _time(result.seconds),
+            style="bold green" if result.psnr == best else "",
+        )
+    return table
+
+
+def _time(seconds: float) -> str:
+    return f"{1000 * seconds:.1f} ms" if seconds < 1 else f"{seconds:.2f} s"

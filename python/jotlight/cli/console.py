@@ -1,0 +1,65 @@
+"""What the user sees while and after a command works."""
+
+import contextlib
+import warnings
+from collections.abc import Callable, Iterator
+from typing import TextIO
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from jotlight.errors import JotlightWarning
+
+out = Console(highlight=False)
+err = Console(stderr=True, highlight=False)
+
+
+def error(message: str) -> None:
+    """Say in one line what went wrong."""
+    err.print(f"[bold red]error:[/] {escape(message)}", soft_wrap=True)
+
+
+def show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Print our own warnings in one line, and others as Python does."""
+    if issubclass(category, JotlightWarning):
+        err.print(f"[yellow]warning:[/] {escape(str(message))}", soft_wrap=True)
+    else:
+        err.print(escape(warnings.formatwarning(message, category, filename, lineno, line)), end="")
+
+
+@contextlib.contextmanager
+def progress(steps: int) -> Iterator[Callable[[str], Callable[[float], None]]]:
+    """Show a bar over a number of steps while the block runs, on a terminal only.
+
+    Gives a function that begins the next step, by name, and returns a function that takes
+    the share of it that is done.
+    """
+    bar = Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+        console=err,
+        transient=True,
+        disable=not err.is_terminal,
+    )
+    with bar:
+        task = bar.add_task("", total=steps)
+        begun = 0
+
+        def begin(name: str) -> Callable[[float], None]:
+            nonlocal begun
+            first, begun = begun, begun + 1
+            bar.update(task, description=name, completed=first)
+            return lambda share: bar.update(task, completed=first + share)
+
+        yield begin

@@ -1,0 +1,89 @@
+"""`jotlight info`: what is in a file."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from jotlight.bits import Bits
+from jotlight.cli.console import out, progress
+from jotlight.formats.npy import load_bits, read_npy
+from jotlight.network import Network
+from jotlight.pictures import read_picture
+
+
+def info(
+    file: Annotated[
+        Path, typer.Argument(help="Bits or counts (.npy), a network (.safetensors), a picture.")
+    ],
+    width: Annotated[
+        int | None, typer.Option(help="True width in jots, where no .json tells.")
+    ] = None,
+) -> None:
+    """Say what a file holds: shape, sensor, share of ones, range."""
+    table = Table(box=None, show_header=False, pad_edge=False)
+    table.add_column(style="bold")
+    table.add_column(overflow="fold")
+    for name, value in _facts(file, width):
+        table.add_row(name, value)
+    out.print(table)
+
+
+def _facts(file: Path, width: int | None) -> list[tuple[str, str]]:
+    if file.suffix.lower() == ".safetensors":
+        return _network_facts(Network.load(file))
+    if file.suffix.lower() == ".npy":
+        array = read_npy(file)
+        if array.dtype == np.uint8 and array.ndim in (3, 4):
+            return _bits_facts(load_bits(file, width=width))
+        kind = "counts" if array.dtype.kind in "iu" else "array"
+        return [("kind", kind), ("shape", _by(array.shape)), *_range(np.asarray(array))]
+    picture = read_picture(file)
+    return [("kind", "picture"), ("shape", _by(picture.shape)), *_range(picture)]
+
+
+def _bits_facts(bits: Bits) -> list[tuple[str, str]]:
+    with progress(1) as begin:
+        ones = int(bits.counts(1, progress=begin("counting")).sum(dtype=np.int64))
+    frames, height, width, *channels = bits.shape
+    facts = [
+        ("kind", "bits" if not channels else f"bits of {channels[0]} colours"),
+        ("frames", str(frames)),
+        ("jots", f"{height} x {width}"),
+        ("size", f"{bits.packed.nbytes / 1e6:.3g} MB packed"),
+        ("ones", f"{ones / np.prod(bits.shape, dtype=float):.3%}"),
+    ]
+    if bits.sensor is None:
+        return [*facts, ("sensor", "not told; the width is taken to be a multiple of 8")]
+    pixels = f"{height // bits.sensor.oversampling} x {width // bits.sensor.oversampling}"
+    return [
+        *facts,
+        ("sensor", repr(bits.sensor)),
+        ("pixels", f"{pixels}, {bits.sensor.bits_per_pixel} bits each"),
+    ]
+
+
+def _network_facts(network: Network) -> list[tuple[str, str]]:
+    facts = [("kind", "network"), ("sensor", repr(network.sensor))]
+    for index, layer in enumerate(network.layers):
+        facts.append(
+            (
+                f"layer {index}",
+                f"filters {_by(layer.filters.shape)}, splines of {layer.coefficients.shape[1]} "
+                f"coefficients on [{layer.start:.3g}, "
+                f"{layer.start + layer.spacing * (layer.coefficients.shape[1] - 3):.3g}]",
+            )
+        )
+    return [*facts, *((name, str(value)) for name, value in network.history.items())]
+
+
+def _by(shape: tuple[int, ...]) -> str:
+    return " x ".join(map(str, shape))
+
+
+def _range(array: np.ndarray) -> list[tuple[str, str]]:
+    if array.size == 0 or array.dtype.kind not in "biuf":
+        return [("values", str(array.dtype))]
+    return [("values", f"{array.dtype}, {array.min():.4g} to {array.max():.4g}")]

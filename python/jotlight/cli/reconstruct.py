@@ -1,0 +1,146 @@
+"""`jotlight reconstruct`: bits or counts into a picture."""
+
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import numpy.typing as npt
+import typer
+
+from jotlight.bits import Bits, as_counts
+from jotlight.cli import options
+from jotlight.cli.console import out, progress
+from jotlight.files import written_whole
+from jotlight.formats.npy import load_bits, read_npy
+from jotlight.methods import METHODS
+from jotlight.network import Network
+from jotlight.pictures import picture_writer
+from jotlight.sensor import Sensor
+from jotlight.vst import INVERSES
+
+
+def reconstruct(
+    data: Annotated[
+        Path,
+        typer.Argument(
+            help="Packed bits (.npy), or an image of counts (.npy, or .npz with --key)."
+        ),
+    ],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output", "-o", help=".png or .jpg to look at, .tif or .npy for floats as they are."
+        ),
+    ],
+    method: Annotated[
+        str, typer.Option("--method", "-m", help=f"One of {', '.join(METHODS)}.")
+    ] = "noniterative-tv",
+    inverse: Annotated[
+        str | None,
+        typer.Option(help=f"Of the non-iterative methods: {' or '.join(INVERSES)}."),
+    ] = None,
+    model: Annotated[Path | None, typer.Option(help="Of the network: a .safetensors file.")] = None,
+    key: Annotated[str | None, typer.Option(help="Name of the array in a .npz.")] = None,
+    width: Annotated[
+        int | None, typer.Option(help="True width in jots, where no .json tells.")
+    ] = None,
+    oversampling: options.Oversampling = None,
+    frames: options.Frames = None,
+    gain: options.Gain = None,
+    threshold: options.Threshold = None,
+    kernel: options.Kernel = None,
+    dark_counts: options.DarkCounts = None,
+    efficiency: options.Efficiency = None,
+    mask: options.Mask = None,
+    max_intensity: options.MaxIntensity = None,
+    depth: Annotated[int, typer.Option(help="Bits of a .png: 8 or 16.")] = 8,
+    threads: options.Threads = None,
+) -> None:
+    """Estimate the picture behind bits or counts.
+
+    The sensor is the one that the bits carry, changed by the options given here.
+    """
+    given = options.sensor_parameters(
+        oversampling=oversampling,
+        frames=frames,
+        gain=gain,
+        threshold=threshold,
+        kernel=kernel,
+        dark_counts=dark_counts,
+        efficiency=efficiency,
+        mask=mask,
+        max_intensity=max_intensity,
+    )
+    if output.resolve() == data.resolve():
+        raise ValueError(f"{output}: expected another name than that of the data")
+    settings = _method_settings(method, inverse=inverse, model=model)
+    seen, sensor, told = _read(data, key, width, given)
+    write = picture_writer(output, depth=depth, white=sensor.max_intensity)
+    with written_whole(output) as temporary:
+        with progress(1) as begin:
+            begin(METHODS[method].title)
+            start = time.perf_counter()
+            if "model" in settings:
+                picture = settings["model"].reconstruct(seen, sensor, threads=threads)
+            else:
+                picture = METHODS[method].run(seen, sensor, threads=threads, **settings)
+            seconds = time.perf_counter() - start
+        write(temporary, picture)
+    size = " x ".join(map(str, picture.shape))
+    out.print(
+        f"{output}: {size}, intensities {picture.min():.3g} to {picture.max():.3g}, by "
+        f"{METHODS[method].title} in {seconds:.3g} s\n{told}: {sensor!r}",
+        soft_wrap=True,
+        markup=False,
+    )
+
+
+def _method_settings(method: str, *, inverse: str | None, model: Path | None) -> dict[str, Any]:
+    if method not in METHODS:
+        raise ValueError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
+    settings: dict[str, Any] = {}
+    if inverse is not None:
+        if not method.startswith("noniterative"):
+            raise ValueError(f"inverse: is for the non-iterative methods, not for {method}")
+        settings["inverse"] = inverse
+    if model is not None:
+        if method != "network":
+            raise ValueError(f"model: is for the method network, not for {method}")
+        settings["model"] = Network.load(model)
+    return settings
+
+
+def _read(
+    path: Path, key: str | None, width: int | None, given: dict[str, Any]
+) -> tuple[Bits | npt.NDArray[np.int32], Sensor, str]:
+    """The data, their sensor, and in a word where it is from."""
+    array = _read_npz(path, key) if path.suffix.lower() == ".npz" else read_npy(path)
+    is_bits = (
+        array.dtype == np.uint8 and array.ndim + (array.shape[-1:] in ((3,), (4,))) >= 4
+    ) or (array.dtype == np.uint8 and array.ndim == 3 and array.shape[-1] > 4)
+    if path.suffix.lower() == ".npy" and is_bits:
+        bits = load_bits(path, width=width)
+        if bits.sensor is None:
+            sensor = Sensor(**{"frames": len(bits), **given})
+            return bits, sensor, "nothing beside the bits tells their sensor; assumed"
+        return bits, bits.sensor.replace(**given), "sensor"
+    if "frames" not in given and "oversampling" not in given:
+        raise ValueError(
+            f"{path}: holds counts, and nothing tells out of how many bits; give --frames, or "
+            "--oversampling where a pixel covers many jots"
+        )
+    return as_counts(array), Sensor(**given), "assumed"
+
+
+def _read_npz(path: Path, key: str | None) -> npt.NDArray[Any]:
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {path}")
+    with np.load(path, allow_pickle=False) as archive:
+        names = ", ".join(archive.files)
+        if key is None and len(archive.files) != 1:
+            raise ValueError(f"{path}: expected --key with one of {names}")
+        if key is not None and key not in archive.files:
+            raise ValueError(f"{path}: expected --key with one of {names}, got {key!r}")
+        array: npt.NDArray[Any] = archive[key or archive.files[0]]
+    return array

@@ -1,0 +1,79 @@
+"""Methods side by side on one photograph."""
+
+import dataclasses
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight import metrics
+from jotlight.bits import Bits
+from jotlight.methods import METHODS
+from jotlight.sensor import Sensor
+
+
+@dataclasses.dataclass(frozen=True)
+class Result:
+    """What a method made of the bits."""
+
+    method: str
+    picture: npt.NDArray[np.float32]
+    psnr: float
+    """In dB, for a peak of 1."""
+    ssim: float
+    seconds: float
+
+
+def chosen(names: Sequence[str] | None = None) -> list[str]:
+    """Check the names of methods; without names, all whose packages are installed.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name.
+    """
+    if names is None:
+        return [name for name, method in METHODS.items() if method.available]
+    for name in names:
+        if name not in METHODS:
+            raise ValueError(f"methods: expected some of {', '.join(METHODS)}, got {name!r}")
+    return list(names)
+
+
+def compare_methods(
+    image: npt.NDArray[np.floating],
+    bits: Bits,
+    sensor: Sensor,
+    names: Sequence[str],
+    *,
+    threads: int | None = None,
+    begin: Callable[[str], object] = lambda title: None,
+) -> list[Result]:
+    """Run methods on the same bits and measure each against the image.
+
+    `begin` is called with each method's title before it runs. Each is run on a small corner first,
+    so that loading its library is not counted in its time.
+    """
+    results = []
+    corner = Bits(
+        np.ascontiguousarray(bits.packed[:, : 16 * sensor.oversampling, : 2 * sensor.oversampling]),
+    )
+    for name in names:
+        method = METHODS[name]
+        begin(method.title)
+        if min(image.shape[:2]) >= 16:
+            method.run(corner, sensor.without_maps(), threads=threads)
+        start = time.perf_counter()
+        picture = method.run(bits, sensor, threads=threads)
+        seconds = time.perf_counter() - start
+        results.append(
+            Result(
+                name,
+                picture,
+                metrics.psnr(picture, image),
+                metrics.ssim(picture, image),
+                seconds,
+            )
+        )
+    return results

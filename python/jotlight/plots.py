@@ -1,0 +1,130 @@
+"""Figures. Made without pyplot, so that nothing global is touched and no display is needed."""
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.bits import Bits
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Rectangle
+
+_COLUMNS = 4
+_SIDE, _TEXT, _GAP = 3.2, 0.5, 0.08
+"""Inches: the width of a picture, the height of the words above it, the space between things."""
+_INK, _QUIET, _MARK = "#1d2733", "#5b6876", "#e4572e"
+
+
+@dataclasses.dataclass(frozen=True)
+class Panel:
+    """A picture (H, W) or (H, W, 3) in units of intensity, with what to write above it."""
+
+    title: str
+    subtitle: str
+    picture: npt.NDArray[np.floating]
+    detail: npt.NDArray[np.floating] | None = None
+    """The picture at a finer scale, a whole multiple of its size; the crop is taken from it."""
+
+
+def comparison(panels: list[Panel], heading: str, *, white: float = 1.0) -> "Figure":
+    """Draw pictures of one scene side by side, each with the same crop enlarged below it.
+
+    The crop is the part of the first picture that has most detail.
+    """
+    from matplotlib.figure import Figure
+
+    height, width = panels[0].picture.shape[:2]
+    top, left, tall, wide = most_detailed(panels[0].picture)
+    columns = min(_COLUMNS, len(panels))
+    rows = math.ceil(len(panels) / columns)
+    picture_height, crop_height = _SIDE * height / width, _SIDE * tall / wide
+    cell_height = _TEXT + picture_height + _GAP + crop_height + 2 * _GAP
+    total_width = columns * (_SIDE + _GAP) + _GAP
+    total_height = rows * cell_height + _TEXT
+    figure = Figure(figsize=(total_width, total_height), facecolor="white")
+
+    def axes_at(x: float, y: float, axes_height: float) -> "Axes":
+        """Axes with their top left corner at x, y inches from the figure's."""
+        bottom = 1 - (y + axes_height) / total_height
+        size = (_SIDE / total_width, axes_height / total_height)
+        axes = figure.add_axes((x / total_width, bottom, *size))
+        axes.set_axis_off()
+        return axes
+
+    figure.text(
+        _GAP / total_width, 1 - 0.1 / total_height, heading, fontsize=11, color=_INK, va="top"
+    )
+    for index, panel in enumerate(panels):
+        x = _GAP + (index % columns) * (_SIDE + _GAP)
+        y = 2 * _TEXT + (index // columns) * cell_height
+        above = axes_at(x, y, picture_height)
+        figure.text(
+            x / total_width,
+            1 - (y - 0.26) / total_height,
+            panel.title,
+            fontsize=11,
+            color=_INK,
+            fontweight="bold",
+        )
+        figure.text(
+            x / total_width, 1 - (y - 0.07) / total_height, panel.subtitle, fontsize=9, color=_QUIET
+        )
+        _show(above, panel.picture, white)
+        above.add_patch(_frame(left, top, wide, tall, line=1))
+        fine = panel.picture if panel.detail is None else panel.detail
+        scale = fine.shape[0] // height
+        crop = fine[top * scale : (top + tall) * scale, left * scale : (left + wide) * scale]
+        below = axes_at(x, y + picture_height + _GAP, crop_height)
+        _show(below, crop, white)
+        below.add_patch(_frame(0, 0, wide * scale, tall * scale, line=2))
+    return figure
+
+
+def bits_panel(bits: Bits, oversampling: int) -> Panel:
+    """One frame of bits: of each pixel a single jot, and in the crop all of them."""
+    first = bits[:1].to_array()[0].astype(np.float32)
+    frames = len(bits)
+    share = float(bits.counts(1).sum()) / np.prod(bits.shape)
+    jots = (
+        f"{oversampling} × {oversampling} jots per pixel" if oversampling > 1 else "1 jot a pixel"
+    )
+    return Panel(
+        "bits",
+        f"{frames} frame{'' if frames == 1 else 's'}, {jots}, {share:.0%} ones",
+        first[::oversampling, ::oversampling],
+        first,
+    )
+
+
+def most_detailed(picture: npt.NDArray[np.floating]) -> tuple[int, int, int, int]:
+    """Top, left, height and width of the part, a quarter as wide, where grey levels vary most."""
+    from scipy.ndimage import gaussian_gradient_magnitude, uniform_filter
+
+    grey = picture.mean(axis=2) if picture.ndim == 3 else picture
+    height, width = grey.shape
+    wide = max(1, width // 4)
+    tall = max(1, min(height, round(wide * 0.6)))
+    # Edges, not the grain of grass or noise, which the smoothing takes away.
+    slopes = gaussian_gradient_magnitude(grey.astype(np.float64), 2)
+    energy = uniform_filter(slopes, (tall, wide), mode="constant")
+    inside = energy[tall // 2 : height - (tall - 1) // 2, wide // 2 : width - (wide - 1) // 2]
+    top, left = np.unravel_index(int(inside.argmax()), inside.shape)
+    return int(top), int(left), tall, wide
+
+
+def _show(axes: "Axes", picture: npt.NDArray[np.floating], white: float) -> None:
+    shown = np.clip(picture / white, 0, 1)
+    interpolation = "nearest" if min(shown.shape[:2]) < 400 else "auto"
+    axes.imshow(shown, cmap="gray", vmin=0, vmax=1, interpolation=interpolation)
+
+
+def _frame(left: float, top: float, width: float, height: float, *, line: float) -> "Rectangle":
+    from matplotlib.patches import Rectangle
+
+    corner = (left - 0.5, top - 0.5)
+    return Rectangle(corner, width, height, fill=False, edgecolor=_MARK, linewidth=line)
