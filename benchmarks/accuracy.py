@@ -2,8 +2,8 @@
 
     python benchmarks/accuracy.py path/to/data [--images 20]
 
-The folder holds ``bsds300/test/*.jpg`` and ``real/swissspad2_bird/counts.npz``. What is missing is named
-and left out.
+The folder holds ``bsds300/test/*.jpg`` and ``real/swissspad2_bird/counts.npz``. What is missing is
+named and left out.
 """
 
 import argparse
@@ -47,9 +47,9 @@ def photographs(data: Path, number: int) -> None:
     sensor = jl.Sensor(oversampling=4)
     runs = {name: method.run for name, method in METHODS.items() if method.available}
     runs |= {
-        f"network, initial, sigma = {sigma}": lambda bits, sensor, sigma=sigma: (
-            jl.Network.initial(sensor, sigma=sigma).reconstruct(bits)
-        )
+        f"network, initial, sigma = {sigma}": lambda bits, sensor, sigma=sigma: jl.Network.initial(
+            sensor, sigma=sigma
+        ).reconstruct(bits)
         for sigma in (0.5, 1.0)
     }
     if METHODS["noniterative-bm3d"].available:

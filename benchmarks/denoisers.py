@@ -7,8 +7,9 @@ import argparse
 from functools import partial
 from pathlib import Path
 
-import jotlight as jl
 import numpy as np
+
+import jotlight as jl
 from jotlight.pictures import read_picture
 
 SETTINGS = {

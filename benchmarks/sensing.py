@@ -21,14 +21,14 @@ import jotlight as jl
 from jotlight import _engine
 
 SETTINGS = [
-    dict(oversampling=4),
-    dict(oversampling=4, threshold=2),
-    dict(oversampling=4, threshold=5),
-    dict(oversampling=10),
-    dict(oversampling=1, frames=16),
-    dict(oversampling=4, kernel="cubic"),
-    dict(oversampling=4, frames=4, kernel="cubic"),
-    dict(oversampling=1),
+    {"oversampling": 4},
+    {"oversampling": 4, "threshold": 2},
+    {"oversampling": 4, "threshold": 5},
+    {"oversampling": 10},
+    {"oversampling": 1, "frames": 16},
+    {"oversampling": 4, "kernel": "cubic"},
+    {"oversampling": 4, "frames": 4, "kernel": "cubic"},
+    {"oversampling": 1},
 ]
 
 

@@ -31,7 +31,8 @@ class Layer:
     ----------
     filters : ndarray of float32, shape (C_out, C_in, height, width)
         The first layer reads bits with stride K̂: its shape is (C_out, T, K̂, K̂), or
-        (C_out, 1, 1, 1) when it is tied, one weight for the whole block. Later layers convolve with stride 1.
+        (C_out, 1, 1, 1) when it is tied, one weight for the whole block. Later layers convolve
+        with stride 1.
     coefficients : ndarray of float32, shape (C_out, N_w)
         N_w of at least 4.
     start, spacing : float

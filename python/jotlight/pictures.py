@@ -163,7 +163,7 @@ def picture_writer(
 
 def levels(picture: Picture, white: float, most: int) -> Picture:
     """Whole display levels from 0 to `most`, `white` and what is brighter becoming `most`."""
-    return np.asarray(np.rint(np.clip(picture / white, 0, 1) * most))
+    return np.asarray(np.rint(np.clip(picture / np.float64(white), 0, 1) * most))
 
 
 def _write_png16(file: Path, values: npt.NDArray[np.uint16]) -> None:

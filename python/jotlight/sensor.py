@@ -30,8 +30,8 @@ class Sensor:
 
     An image c, in units of intensity, gives each jot ``s = (gain / frames) * (G c)`` photons per
     frame in the mean, where G spreads a pixel's light over its jots by `kernel`; of these the
-    sensor detects ``efficiency * s + dark_counts``. With the defaults a pixel of intensity 1 gives each of
-    its jots one photon per frame.
+    sensor detects ``efficiency * s + dark_counts``. With the defaults a pixel of intensity 1 gives
+    each of its jots one photon per frame.
 
     Parameters
     ----------

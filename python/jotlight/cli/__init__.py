@@ -1,7 +1,8 @@
 """The command line: one file per command, with the words of the Python interface."""
 
-import sys
+import functools
 import warnings
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
@@ -20,8 +21,27 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _plain_errors(command: Callable[..., None]) -> Callable[..., None]:
+    """Say in one line, without a traceback, what the user can mend; Ctrl-C too."""
+
+    @functools.wraps(command)
+    def run(*arguments: object, **options: object) -> None:
+        try:
+            command(*arguments, **options)
+        except KeyboardInterrupt:
+            error("stopped; nothing was written")
+            raise typer.Exit(130) from None
+        except (ValueError, TypeError, OSError, ImportError, MemoryError) as reason:
+            error(str(reason) or type(reason).__name__)
+            raise typer.Exit(1) from None
+
+    return run
+
+
 for command in (demo, compare, simulate, reconstruct, info):
-    app.command()(command)
+    app.command()(_plain_errors(command))
 
 
 def _print_version(wanted: bool) -> None:
@@ -43,13 +63,6 @@ def _global_options(
 
 
 def main() -> None:
-    """Run the command line; what the user can mend is said in one line, without a traceback."""
+    """Run the command line."""
     warnings.showwarning = show_warning
-    try:
-        app()
-    except KeyboardInterrupt:
-        error("stopped; nothing was written")
-        sys.exit(130)
-    except (ValueError, TypeError, OSError, ImportError, MemoryError) as reason:
-        error(str(reason) or type(reason).__name__)
-        sys.exit(1)
+    app()

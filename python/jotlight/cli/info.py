@@ -9,7 +9,7 @@ from rich.table import Table
 
 from jotlight.bits import Bits
 from jotlight.cli.console import out, progress
-from jotlight.formats.npy import load_bits, read_npy
+from jotlight.formats.npy import is_cube, load_bits, read_npy
 from jotlight.network import Network
 from jotlight.pictures import read_picture
 
@@ -36,7 +36,7 @@ def _facts(file: Path, width: int | None) -> list[tuple[str, str]]:
         return _network_facts(Network.load(file))
     if file.suffix.lower() == ".npy":
         array = read_npy(file)
-        if array.dtype == np.uint8 and array.ndim in (3, 4):
+        if is_cube(array):
             return _bits_facts(load_bits(file, width=width))
         kind = "counts" if array.dtype.kind in "iu" else "array"
         return [("kind", kind), ("shape", _by(array.shape)), *_range(np.asarray(array))]

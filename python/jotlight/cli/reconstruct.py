@@ -12,7 +12,7 @@ from jotlight.bits import Bits, as_counts
 from jotlight.cli import options
 from jotlight.cli.console import out, progress
 from jotlight.files import written_whole
-from jotlight.formats.npy import load_bits, read_npy
+from jotlight.formats.npy import is_cube, load_bits, read_npy
 from jotlight.methods import METHODS
 from jotlight.network import Network
 from jotlight.pictures import picture_writer
@@ -42,6 +42,10 @@ def reconstruct(
     ] = None,
     model: Annotated[Path | None, typer.Option(help="Of the network: a .safetensors file.")] = None,
     key: Annotated[str | None, typer.Option(help="Name of the array in a .npz.")] = None,
+    counts: Annotated[
+        bool,
+        typer.Option("--counts", help="The file holds counts, even if it looks like packed bits."),
+    ] = False,
     width: Annotated[
         int | None, typer.Option(help="True width in jots, where no .json tells.")
     ] = None,
@@ -75,7 +79,7 @@ def reconstruct(
     if output.resolve() == data.resolve():
         raise ValueError(f"{output}: expected another name than that of the data")
     settings = _method_settings(method, inverse=inverse, model=model)
-    seen, sensor, told = _read(data, key, width, given)
+    seen, sensor, told = _read(data, key, counts, width, given)
     write = picture_writer(output, depth=depth, white=sensor.max_intensity)
     with written_whole(output) as temporary:
         with progress(1) as begin:
@@ -112,14 +116,12 @@ def _method_settings(method: str, *, inverse: str | None, model: Path | None) ->
 
 
 def _read(
-    path: Path, key: str | None, width: int | None, given: dict[str, Any]
+    path: Path, key: str | None, counts: bool, width: int | None, given: dict[str, Any]
 ) -> tuple[Bits | npt.NDArray[np.int32], Sensor, str]:
     """The data, their sensor, and in a word where it is from."""
     array = _read_npz(path, key) if path.suffix.lower() == ".npz" else read_npy(path)
-    is_bits = (
-        array.dtype == np.uint8 and array.ndim + (array.shape[-1:] in ((3,), (4,))) >= 4
-    ) or (array.dtype == np.uint8 and array.ndim == 3 and array.shape[-1] > 4)
-    if path.suffix.lower() == ".npy" and is_bits:
+    # A photon cube is what uint8 of so many dimensions nearly always is; --counts says otherwise.
+    if not counts and path.suffix.lower() == ".npy" and is_cube(array):
         bits = load_bits(path, width=width)
         if bits.sensor is None:
             sensor = Sensor(**{"frames": len(bits), **given})

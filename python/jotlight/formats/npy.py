@@ -56,11 +56,16 @@ def read_npy(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
         raise ValueError(f"{path}: the header of the .npy file is damaged ({error})") from error
 
 
+def is_cube(array: npt.NDArray[Any]) -> bool:
+    """Whether an array looks like packed bits, (T, H, W/8) or (T, H, W/8, C)."""
+    return array.dtype == np.uint8 and array.ndim in (3, 4)
+
+
 def load_bits(path: str | os.PathLike[str], *, width: int | None = None) -> Bits:
     """Open a photon cube with what the `.json` beside it says."""
     path = Path(path)
     packed = read_npy(path)
-    if packed.dtype != np.uint8 or packed.ndim not in (3, 4):
+    if not is_cube(packed):
         raise ValueError(
             f"{path}: expected packed bits, uint8 of shape (T, H, W/8) or (T, H, W/8, C), "
             f"got {packed.dtype} of shape {packed.shape}; Bits.from_array packs unpacked bits, "

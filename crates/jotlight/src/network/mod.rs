@@ -25,7 +25,8 @@ impl Layer {
     /// `coefficients` `(C_out, N_w)` belong to knots at `start` + k·`spacing`.
     ///
     /// # Errors
-    /// [`Error::Shape`] when the arrays do not fit, [`Error::Range`] for fewer than 4 coefficients or a spacing that is not positive.
+    /// [`Error::Shape`] when the arrays do not fit, [`Error::Range`] for fewer than 4 coefficients, a spacing that is not positive,
+    /// and infinity or NaN.
     pub fn new(
         filters: Array4<f32>,
         coefficients: Array2<f32>,
@@ -51,6 +52,13 @@ impl Layer {
                 "spline coefficients",
                 "at least 4",
                 coefficients.ncols(),
+            ));
+        }
+        if !filters.iter().chain(&coefficients).all(|x| x.is_finite()) {
+            return Err(Error::range(
+                "filters and spline coefficients",
+                "finite numbers",
+                "infinity or NaN",
             ));
         }
         if !(spacing > 0.0 && spacing.is_finite() && start.is_finite()) {

@@ -10,18 +10,25 @@ pub struct Spline<'a> {
     coefficients: ArrayView1<'a, f32>,
     start: f32,
     inverse_spacing: f32,
+    hull: (f32, f32),
 }
 
 impl<'a> Spline<'a> {
     pub(super) fn new(coefficients: ArrayView1<'a, f32>, start: f32, spacing: f32) -> Self {
+        let hull = coefficients
+            .iter()
+            .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &w| {
+                (low.min(w), high.max(w))
+            });
         Self {
             coefficients,
             start,
             inverse_spacing: 1.0 / spacing,
+            hull,
         }
     }
 
-    /// φ(z).
+    /// φ(z), never outside of the coefficients' hull, not even by rounding.
     #[must_use]
     pub fn value(&self, z: f32) -> f32 {
         let intervals = self.coefficients.len() - 3;
@@ -31,7 +38,8 @@ impl<'a> Spline<'a> {
             .iter()
             .enumerate()
             .map(|(k, weight)| weight * self.coefficients[first + k])
-            .sum()
+            .sum::<f32>()
+            .clamp(self.hull.0, self.hull.1)
     }
 }
 

@@ -1,0 +1,134 @@
+//! Counting in the packed domain against counting one jot after the other.
+
+use jotlight::bits::{PackedBits, add_block_counts, packed_width};
+use jotlight::error::{Error, Result};
+use jotlight::threads;
+use ndarray::{Array2, Array3, s};
+
+/// Bytes without a pattern, padding bits among them.
+fn garbage(frames: usize, rows: usize, width: usize) -> Array3<u8> {
+    let mut state = 0x2016_u32;
+    Array3::from_shape_simple_fn((frames, rows, packed_width(width)), || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 24) as u8
+    })
+}
+
+fn naive(
+    bytes: &Array3<u8>,
+    width: usize,
+    side: usize,
+    valid: impl Fn(usize, usize) -> bool,
+) -> Array2<i32> {
+    let (frames, rows, _) = bytes.dim();
+    let mut counts = Array2::zeros((rows / side, width / side));
+    for frame in 0..frames {
+        for row in 0..rows {
+            for column in 0..width {
+                let bit = bytes[[frame, row, column / 8]] >> (7 - column % 8) & 1;
+                if valid(row, column) {
+                    counts[[row / side, column / side]] += i32::from(bit);
+                }
+            }
+        }
+    }
+    counts
+}
+
+#[test]
+fn counts_are_those_of_single_jots() -> Result<()> {
+    for side in [1, 2, 3, 7, 8, 9, 57, 58, 64, 70, 120] {
+        let (rows, width) = (2 * side, 3 * side);
+        let bytes = garbage(3, rows, width);
+        let bits = PackedBits::new(bytes.view(), width)?;
+        let mut counts = Array2::zeros((2, 3));
+        add_block_counts(&bits, side, None, counts.view_mut())?;
+        assert_eq!(
+            counts,
+            naive(&bytes, width, side, |_, _| true),
+            "side {side}"
+        );
+
+        let mask = garbage(1, rows, width + 1);
+        let mask = mask.slice(s![0, .., ..packed_width(width)]);
+        let is_valid =
+            |row: usize, column: usize| mask[[row, column / 8]] >> (7 - column % 8) & 1 == 1;
+        counts.fill(0);
+        add_block_counts(&bits, side, Some(mask), counts.view_mut())?;
+        assert_eq!(
+            counts,
+            naive(&bytes, width, side, is_valid),
+            "side {side}, masked"
+        );
+    }
+    Ok(())
+}
+
+#[test]
+fn counts_are_added_to_what_is_there() -> Result<()> {
+    for side in [1, 4] {
+        let bytes = Array3::from_elem((300, 40, 2), 0xff);
+        let bits = PackedBits::new(bytes.view(), 12)?;
+        let mut counts = Array2::from_elem((40 / side, 12 / side), 1000);
+        add_block_counts(&bits, side, None, counts.view_mut())?;
+        let all = 1000 + 300 * (side * side) as i32;
+        assert!(counts.iter().all(|&count| count == all), "side {side}");
+    }
+    Ok(())
+}
+
+#[test]
+fn layout_and_threads_do_not_matter() -> Result<()> {
+    let bytes = garbage(20, 66, 30);
+    let expected = [1, 6].map(|side| naive(&bytes, 30, side, |_, _| true));
+    let mut turned = bytes.clone();
+    turned.invert_axis(ndarray::Axis(0));
+    let fortran = bytes
+        .clone()
+        .reversed_axes()
+        .as_standard_layout()
+        .to_owned();
+    for view in [bytes.view(), turned.view(), fortran.t()] {
+        for threads in [Some(1), Some(2), Some(3), None] {
+            for (side, expected) in [1, 6].into_iter().zip(&expected) {
+                let mut counts = Array2::zeros(expected.dim());
+                threads::install(threads, || {
+                    add_block_counts(&PackedBits::new(view, 30)?, side, None, counts.view_mut())
+                })??;
+                assert_eq!(&counts, expected, "side {side}, threads {threads:?}");
+            }
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn what_does_not_fit_is_an_error() -> Result<()> {
+    let bytes = garbage(2, 6, 12);
+    let shape = |error: Result<()>| match error {
+        Err(Error::Shape { what, .. } | Error::Range { what, .. }) => what,
+        other => {
+            assert!(other.is_err(), "no error");
+            "another error"
+        }
+    };
+    for width in [8, 17] {
+        assert_eq!(
+            shape(PackedBits::new(bytes.view(), width).map(|_| ())),
+            "bytes in a packed row"
+        );
+    }
+    let bits = PackedBits::new(bytes.view(), 12)?;
+    let mask = Array2::<u8>::zeros((6, 1));
+    let mut counts = Array2::zeros((3, 6));
+    let mut add = |side, mask| shape(add_block_counts(&bits, side, mask, counts.view_mut()));
+    assert_eq!(add(0, None), "oversampling");
+    assert_eq!(add(5, None), "rows and columns of jots");
+    assert_eq!(add(3, None), "counts");
+    assert_eq!(add(2, Some(mask.view())), "packed mask");
+    assert_eq!(
+        threads::install(Some(0), || ()).map_err(|error| error.to_string()),
+        Err("threads: expected at least 1, got 0".into())
+    );
+    Ok(())
+}

@@ -1,0 +1,169 @@
+//! P(b = 1), its slope, scores and inverse against their definitions.
+
+use jotlight::error::{Error, Result};
+use jotlight::likelihood::Threshold;
+
+const THRESHOLDS: [u32; 6] = [1, 2, 3, 5, 20, 100];
+const RATES: [f64; 12] = [
+    1e-9, 1e-4, 0.01, 0.3, 1.0, 2.5, 4.999, 5.0, 19.0, 60.0, 100.5, 150.0,
+];
+
+/// P(Y < q), the Poisson probabilities summed one by one.
+fn poisson_below(q: u32, s: f64) -> f64 {
+    let mut term = (-s).exp();
+    let mut sum = 0.0;
+    for k in 0..q {
+        sum += term;
+        term *= s / f64::from(k + 1);
+    }
+    sum
+}
+
+fn assert_close(value: f64, expected: f64, relative: f64, what: &str) {
+    let off = (value - expected).abs();
+    assert!(
+        off <= relative * expected.abs(),
+        "{what}: {value} instead of {expected}"
+    );
+}
+
+#[test]
+fn both_probabilities_are_sums_of_poisson_terms() -> Result<()> {
+    for q in THRESHOLDS {
+        let threshold = Threshold::new(q)?;
+        assert_eq!(threshold.photons(), q);
+        for s in RATES {
+            let below = poisson_below(q, s);
+            let what = format!("q = {q}, s = {s}");
+            assert_close(threshold.stays_dark(s), below, 1e-11, &what);
+            assert!(
+                (threshold.fires(s) - (1.0 - below)).abs() < 1e-12,
+                "{what}: {}",
+                threshold.fires(s)
+            );
+        }
+        assert_eq!(
+            [threshold.fires(0.0), threshold.stays_dark(0.0)].map(f64::to_bits),
+            [0.0f64, 1.0].map(f64::to_bits)
+        );
+    }
+    Ok(())
+}
+
+#[test]
+fn faint_and_bright_tails_keep_their_digits() -> Result<()> {
+    for (q, factorial) in [(1, 1.0), (2, 2.0), (3, 6.0), (5, 120.0)] {
+        let threshold = Threshold::new(q)?;
+        let s = 1e-9f64;
+        assert_close(
+            threshold.fires(s),
+            s.powi(q as i32) / factorial,
+            1e-8,
+            "faint",
+        );
+        let (s, k) = (700.0f64, q as i32 - 1);
+        let leading = (-s).exp() * s.powi(k) * f64::from(q) / factorial;
+        assert_close(
+            threshold.stays_dark(s),
+            leading,
+            1.2 * f64::from(k) / s,
+            "bright",
+        );
+    }
+    Ok(())
+}
+
+#[test]
+fn slope_and_scores_are_derivatives() -> Result<()> {
+    for q in THRESHOLDS {
+        let threshold = Threshold::new(q)?;
+        for s in RATES {
+            let step = 1e-5 * s;
+            let derivative = |f: &dyn Fn(f64) -> f64| (f(s + step) - f(s - step)) / (2.0 * step);
+            let what = format!("q = {q}, s = {s}");
+            let fires = threshold.fires(s);
+            if fires > 1e-290 {
+                let lower = derivative(&|s| threshold.fires(s).ln());
+                assert!(
+                    (threshold.fired_score(s) - lower).abs() < 1e-5 * (lower + 1e-5 / s),
+                    "{what}: {} instead of {lower}",
+                    threshold.fired_score(s)
+                );
+                assert_close(
+                    threshold.slope(s),
+                    threshold.fired_score(s) * fires,
+                    1e-9,
+                    &what,
+                );
+            }
+            let upper = -derivative(&|s| threshold.stays_dark(s).ln());
+            assert!(
+                (threshold.dark_score(s) - upper).abs() < 1e-5 * (upper + 1e-5 / s),
+                "{what}: {} instead of {upper}",
+                threshold.dark_score(s)
+            );
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn scores_stay_finite_where_probabilities_underflow() -> Result<()> {
+    let threshold = Threshold::new(100)?;
+    assert_eq!(threshold.fires(1e-9).to_bits(), 0);
+    assert_close(threshold.fired_score(1e-9), 100.0 / 1e-9, 1e-9, "faint");
+    assert_eq!(threshold.stays_dark(1e4).to_bits(), 0);
+    assert_close(threshold.dark_score(1e4), 1.0 - 99.0 / 1e4, 1e-4, "bright");
+    Ok(())
+}
+
+#[test]
+fn rate_undoes_both_probabilities() -> Result<()> {
+    for q in THRESHOLDS {
+        let threshold = Threshold::new(q)?;
+        for exponent in -280..0 {
+            let probability = 10f64.powi(exponent);
+            let what = format!("q = {q}, p = {probability}");
+            assert_close(
+                threshold.fires(threshold.rate(probability)),
+                probability,
+                1e-11,
+                &what,
+            );
+        }
+        for exponent in 1..15 {
+            let probability = 1.0 - 10f64.powi(-exponent);
+            let what = format!("q = {q}, p = {probability}");
+            let dark = threshold.stays_dark(threshold.rate(probability));
+            assert_close(dark, 1.0 - probability, 1e-11, &what);
+        }
+        assert_eq!(threshold.rate(0.0).to_bits(), 0);
+        assert!(threshold.rate(1.0).is_infinite());
+    }
+    Ok(())
+}
+
+#[test]
+fn endless_light_makes_every_jot_fire() -> Result<()> {
+    for q in THRESHOLDS {
+        let threshold = Threshold::new(q)?;
+        let ends = [
+            threshold.fires(f64::INFINITY),
+            threshold.stays_dark(f64::INFINITY),
+        ];
+        assert_eq!(ends.map(f64::to_bits), [1.0f64, 0.0].map(f64::to_bits));
+    }
+    Ok(())
+}
+
+#[test]
+fn a_threshold_of_no_photons_is_an_error() {
+    assert_eq!(
+        Threshold::new(0),
+        Err(Error::Range {
+            what: "threshold",
+            expected: "at least 1 photon",
+            given: "0".into()
+        })
+    );
+}

@@ -1,0 +1,173 @@
+"""What every method promises, new ones too: they are taken from `METHODS`."""
+
+import functools
+
+import numpy as np
+import pytest
+from scipy.special import gammainc
+from scipy.stats import poisson
+
+import jotlight as jl
+from jotlight.methods import METHODS
+
+SENSOR = jl.Sensor(oversampling=4, frames=2)
+SIZE = 12
+BITS = SENSOR.expose(np.linspace(0, 1, SIZE * SIZE).reshape(SIZE, SIZE), rng=0)
+
+
+@pytest.fixture(params=METHODS)
+def name(request):
+    if not METHODS[request.param].available:
+        pytest.skip(f"{request.param} needs the package {METHODS[request.param].needs}")
+    return request.param
+
+
+@pytest.fixture
+def run(name):
+    return METHODS[name].run
+
+
+@functools.cache
+def picture_of_bits(name):
+    return METHODS[name].run(BITS, SENSOR)
+
+
+def assert_same(name, first, second):
+    """To the bit; BM3D's own threads add up in any order, so that it never repeats itself quite."""
+    np.testing.assert_allclose(first, second, rtol=0, atol=1e-3 if "bm3d" in name else 0)
+
+
+def test_a_picture_of_float32_comes_out_and_the_bits_stay(name):
+    before = BITS.packed.copy()
+    picture = picture_of_bits(name)
+    assert (type(picture), picture.dtype, picture.shape) == (np.ndarray, np.float32, (SIZE, SIZE))
+    assert np.isfinite(picture).all()
+    assert picture.std() > 0.1
+    np.testing.assert_array_equal(BITS.packed, before)
+
+
+@pytest.mark.parametrize("pattern", ["none", "all", "checkerboard", "halves", "noise"])
+def test_no_bits_lead_out_of_the_range(run, pattern):
+    sensor = jl.Sensor(frames=6, max_intensity=0.7)
+    rows, columns = np.mgrid[:SIZE, :SIZE]
+    share = {
+        "none": 0,
+        "all": 1,
+        "checkerboard": (rows + columns) % 2,
+        "halves": columns < SIZE // 2,
+        "noise": np.random.default_rng(1).random((SIZE, SIZE)),
+    }[pattern]
+    counts = np.rint(6 * share * np.ones((SIZE, SIZE))).astype(int)
+    picture = run(counts, sensor)
+    assert np.isfinite(picture).all()
+    assert picture.min() >= 0
+    assert picture.max() <= np.float32(0.7)
+    if pattern == "none":
+        assert picture.max() < 0.01
+    if pattern == "all":
+        assert picture.min() > 0.69
+
+
+def fisher_deviation(sensor, intensity):
+    """The least standard deviation of an unbiased estimate from K bits: 1/√(K I(c))."""
+    sensitivity = sensor.efficiency * sensor.gain / sensor.bits_per_pixel
+    rate = sensitivity * intensity + sensor.dark_counts
+    chance = gammainc(sensor.threshold, rate)
+    slope = sensitivity * poisson.pmf(sensor.threshold - 1, rate)
+    return np.sqrt(chance * (1 - chance) / sensor.bits_per_pixel) / slope
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        jl.Sensor(frames=16_384),
+        jl.Sensor(frames=16_384, threshold=2, dark_counts=0.2, efficiency=0.7, max_intensity=3.0),
+    ],
+    ids=repr,
+)
+def test_many_bits_lead_to_the_truth(run, sensor):
+    chance = gammainc(sensor.threshold, sensor.efficiency * 0.5 + sensor.dark_counts)
+    counts = np.random.default_rng(2).binomial(sensor.frames, chance, (20, 20))
+    error = run(counts, sensor) - 0.5
+    deviation = fisher_deviation(sensor, 0.5)
+    # The mean square of 400 errors strays by √(2/400) of itself: five times that.
+    assert np.sqrt(np.mean(error**2)) < deviation * np.sqrt(1 + 5 * np.sqrt(2 / 400))
+    assert deviation < 0.02
+
+
+def test_more_light_gives_a_brighter_picture(run):
+    scenes = [np.full((SIZE, SIZE), light) for light in (0.1, 0.4, 0.8)]
+    means = [run(SENSOR.expose(scene, rng=3), SENSOR).mean() for scene in scenes]
+    # A mean over 144 pixels of 32 bits is known to 0.02; clipping to [0, 1] moves the brightest.
+    np.testing.assert_allclose(means, [0.1, 0.4, 0.8], atol=0.08)
+
+
+def test_bits_and_their_counts_give_one_picture(name, run):
+    assert_same(name, run(BITS.counts(4), SENSOR), picture_of_bits(name))
+
+
+def test_one_thread_gives_the_picture_of_all(name, run):
+    assert_same(name, run(BITS, SENSOR, threads=1), picture_of_bits(name))
+
+
+def test_channels_do_not_mix(name, run):
+    scene = np.random.default_rng(4).random((SIZE, SIZE, 2))
+    scene[..., 0] = np.linspace(0, 1, SIZE)
+    bits = SENSOR.expose(scene, rng=5)
+    bits.packed[..., 0] = BITS.packed
+    picture = run(bits, SENSOR)
+    assert picture.shape == (SIZE, SIZE, 2)
+    assert_same(name, picture[..., 0], picture_of_bits(name))
+    assert (np.abs(picture[..., 1] - picture[..., 0]) > 0.1).any()
+
+
+def test_dead_jots_do_not_show(run):
+    sensor = jl.Sensor(oversampling=4, frames=16)
+    mask = np.tile(np.eye(4, dtype=bool), (SIZE, SIZE))
+    mask[:, : 2 * SIZE] = False
+    scene = np.full((SIZE, SIZE), 0.5)
+    whole = run(sensor.expose(scene, rng=6), sensor)
+    partly = sensor.replace(mask=mask)
+    masked = run(partly.expose(scene, rng=6), partly)
+    # 12 of 16 jots say what 16 would, with an error of √(16/12 - 1) = 0.58 deviations.
+    deviation = fisher_deviation(sensor, 0.5)
+    difference = masked[:, SIZE // 2 :] - whole[:, SIZE // 2 :]
+    assert np.sqrt(np.mean(difference**2)) < 0.58 * deviation * (1 + 5 / np.sqrt(2 * 72))
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 9), (8, 8)])
+def test_the_smallest_pictures_work(run, shape):
+    counts = np.random.default_rng(7).integers(0, 33, shape)
+    picture = run(counts, SENSOR)
+    assert picture.shape == shape
+    assert np.isfinite(picture).all()
+
+
+@pytest.mark.parametrize(
+    ("data", "sensor", "error", "message"),
+    [
+        (BITS, SENSOR.replace(frames=3), ValueError, "expected the sensor's 3 frames, got 2"),
+        (BITS, SENSOR.replace(oversampling=5), ValueError, "multiples of the oversampling 5"),
+        (BITS, SENSOR.replace(mask=np.zeros((4, 4), bool)), ValueError, "mask: expected one"),
+        (
+            jl.Bits(BITS.packed),
+            SENSOR.replace(dark_counts=np.ones((4, 4))),
+            ValueError,
+            "dark_counts: expected one",
+        ),
+        (np.full((SIZE, SIZE), 33), SENSOR, ValueError, "0 to K = 32 .* got 33 to 33"),
+        (np.full((SIZE, SIZE), -1), SENSOR, ValueError, "got -1"),
+        (np.ones((SIZE, SIZE)), SENSOR, TypeError, "image of counts in whole numbers, got float64"),
+        (np.ones((SIZE, SIZE), bool), SENSOR, TypeError, "got bool"),
+        (np.ones(SIZE, int), SENSOR, ValueError, r"expected shape \(H, W\)"),
+        (np.ones((0, SIZE), int), SENSOR, ValueError, r"expected shape \(H, W\)"),
+    ],
+)
+def test_data_that_do_not_fit_are_refused(run, data, sensor, error, message):
+    with pytest.raises(error, match=message):
+        run(data, sensor)
+
+
+def test_a_picture_without_a_live_jot_is_refused(run):
+    with pytest.raises(ValueError, match="at least one jot that is alive"):
+        run(BITS, SENSOR.replace(mask=np.ones((48, 48), bool)))

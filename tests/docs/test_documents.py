@@ -1,0 +1,109 @@
+"""README, docs, docstrings and examples run as they stand."""
+
+import doctest
+import importlib
+import pkgutil
+import re
+import runpy
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import jotlight
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+MODULES = ["jotlight"] + [
+    module.name
+    for module in pkgutil.walk_packages(jotlight.__path__, "jotlight.")
+    if not module.name.endswith("_engine")
+]
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", page.read_text("utf-8"), re.S | re.M)
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_docstring_examples_run(name):
+    result = doctest.testmod(importlib.import_module(name), optionflags=doctest.ELLIPSIS)
+    assert result.failed == 0
+
+
+@pytest.mark.parametrize("name", jotlight.__all__)
+def test_every_public_name_is_documented(name):
+    documented = getattr(jotlight, name).__doc__
+    assert name == "__version__" or (documented and len(documented) > 20)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_the_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    code = page.read_text("utf-8")
+    names: dict[str, object] = {}
+    for language, block in re.findall(r"^```(python|sh)\n(.*?)^```", code, re.S | re.M):
+        if language == "python":
+            exec(compile(block, page.name, "exec"), names)
+        elif page.name != "README.md":  # its sh blocks install the package itself
+            for line in block.splitlines():
+                run_command(line)
+
+
+def run_command(line: str) -> None:
+    words = shlex.split(line, comments=True)
+    if not words:
+        return
+    assert words[0] == "jotlight", f"expected a jotlight command, got {line!r}"
+    subprocess.run([sys.executable, "-m", "jotlight", *words[1:]], check=True, timeout=120)
+
+
+def test_the_readme_names_only_commands_that_exist():
+    from jotlight.cli import app
+
+    known = {command.callback.__name__ for command in app.registered_commands}
+    named = set(re.findall(r"^jotlight (\w+)", "\n".join(blocks(PAGES[0], "text")), re.M))
+    assert named
+    assert named <= known
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_between_pages_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text("utf-8")):
+        if "://" not in target:
+            assert (page.parent / target).exists(), target
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_the_example_runs(path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [str(path), "--quick"])
+    runpy.run_path(str(path), run_name="__main__")
+
+
+def test_there_are_examples_and_pages():
+    assert EXAMPLES
+    assert len(PAGES) > 5
+
+
+def test_import_loads_nothing_heavy():
+    heavy = {"scipy", "skimage", "matplotlib", "typer", "rich", "safetensors", "PIL", "tifffile"}
+    code = "import sys, jotlight; print(*sorted({m.split('.')[0] for m in sys.modules}))"
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True
+    ).stdout.split()
+    assert "numpy" in loaded
+    assert not heavy & set(loaded)
+
+
+def test_the_paper_map_names_functions_and_tests_that_exist():
+    rows = (ROOT / "docs/paper_map.md").read_text("utf-8")
+    for module, name in re.findall(r"`jotlight\.(\w+)\.(\w+)`", rows):
+        assert hasattr(importlib.import_module(f"jotlight.{module}"), name), (module, name)
+    tests = re.findall(r"`(tests/[\w/]+\.py)`", rows)
+    assert tests
+    for path in tests:
+        assert (ROOT / path).is_file(), path

@@ -1,0 +1,1 @@
+"""Slow and obvious twins of the engine, from the definitions, with nothing taken from it."""

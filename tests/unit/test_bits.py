@@ -1,0 +1,243 @@
+import numpy as np
+import pytest
+from reference.sensing import block_counts
+
+import jotlight as jl
+
+RANDOM = np.random.default_rng(0)
+
+
+def random_bits(*shape):
+    return RANDOM.random(shape) < 0.4
+
+
+@pytest.mark.parametrize("width", [1, 7, 8, 9, 64, 65, 123])
+@pytest.mark.parametrize("channels", [(), (1,), (3,)])
+@pytest.mark.parametrize("dtype", [bool, np.uint8, np.int64, np.uint16])
+def test_packing_is_that_of_numpy(width, channels, dtype):
+    array = random_bits(3, 5, width, *channels)
+    bits = jl.Bits.from_array(array.astype(dtype))
+    np.testing.assert_array_equal(bits.packed, np.packbits(array, axis=2))
+    np.testing.assert_array_equal(bits.to_array(), array)
+    assert bits.to_array().dtype == bool
+    assert bits.shape == array.shape
+    assert len(bits) == 3
+
+
+def test_one_frame_may_come_without_its_axis():
+    array = random_bits(5, 9)
+    np.testing.assert_array_equal(jl.Bits.from_array(array).to_array(), array[None])
+
+
+@pytest.mark.parametrize("side", [*range(1, 71), 113, 128])
+def test_counts_are_those_of_the_definition(side):
+    array = random_bits(3, 2 * side, 3 * side)
+    mask = random_bits(2 * side, 3 * side)
+    bits = jl.Bits.from_array(array)
+    counts = bits.counts(side)
+    assert counts.dtype == np.int32
+    np.testing.assert_array_equal(counts, block_counts(array, side))
+    np.testing.assert_array_equal(bits.counts(side, mask=mask), block_counts(array, side, mask))
+
+
+@pytest.mark.parametrize("frames", [1, 254, 255, 256, 511, 1000])
+@pytest.mark.parametrize("side", [1, 2])
+def test_counts_of_many_frames_do_not_overflow(frames, side):
+    array = np.ones((frames, 4, 22), bool)
+    array[:, 1, 3] = random_bits(frames)
+    counts = jl.Bits.from_array(array).counts(side)
+    np.testing.assert_array_equal(counts, block_counts(array, side))
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+@pytest.mark.parametrize("side", [1, 3])
+def test_counts_are_the_same_for_any_number_of_threads(threads, side):
+    array = random_bits(300, 99, 27)
+    counts = jl.Bits.from_array(array).counts(side, threads=threads)
+    np.testing.assert_array_equal(counts, block_counts(array, side))
+
+
+@pytest.mark.parametrize("side", [1, 3, 7])
+@pytest.mark.parametrize("masked", [False, True])
+def test_garbage_in_the_padding_never_counts(side, masked):
+    array = random_bits(4, 21, 21)
+    mask = random_bits(21, 21) if masked else None
+    packed = np.packbits(array, axis=2)
+    packed[..., -1] |= 0b00000111
+    bits = jl.Bits(packed, width=21)
+    np.testing.assert_array_equal(bits.counts(side, mask=mask), block_counts(array, side, mask))
+    np.testing.assert_array_equal(bits.to_array(), array)
+
+
+@pytest.mark.parametrize("side", [1, 5])
+def test_colours_are_counted_apart(side):
+    array = random_bits(3, 10, 35, 3)
+    mask = random_bits(10, 35)
+    counts = jl.Bits.from_array(array).counts(side, mask=mask)
+    assert counts.shape == (10 // side, 35 // side, 3)
+    for channel in range(3):
+        expected = block_counts(array[..., channel], side, mask)
+        np.testing.assert_array_equal(counts[..., channel], expected)
+
+
+def memory_map(packed, folder):
+    np.save(folder / "cube.npy", packed)
+    return np.load(folder / "cube.npy", mmap_mode="r")
+
+
+@pytest.mark.parametrize("side", [1, 3])
+@pytest.mark.parametrize(
+    "layout",
+    [
+        memory_map,
+        lambda packed, folder: np.asfortranarray(packed),
+        lambda packed, folder: packed[::-1].copy()[::-1],
+        lambda packed, folder: np.repeat(packed, 2, axis=2)[:, :, ::2],
+        lambda packed, folder: np.stack([packed, packed], axis=3)[..., 1],
+        lambda packed, folder: np.frombuffer(packed.tobytes(), np.uint8).reshape(packed.shape),
+    ],
+    ids=["memmap", "fortran", "reversed", "strided", "plane", "read-only"],
+)
+def test_the_layout_of_the_bytes_does_not_matter(layout, side, tmp_path):
+    array = random_bits(4, 6, 21)
+    mask = random_bits(6, 21)
+    bits = jl.Bits(layout(np.packbits(array, axis=2), tmp_path), width=21)
+    np.testing.assert_array_equal(bits.counts(side), block_counts(array, side))
+    np.testing.assert_array_equal(
+        bits.counts(side, mask=np.asfortranarray(mask)), block_counts(array, side, mask)
+    )
+    np.testing.assert_array_equal(bits.to_array(), array)
+
+
+def test_counts_tell_their_progress_and_do_not_depend_on_the_slabs(monkeypatch):
+    array = random_bits(7, 20, 12, 2)
+    bits = jl.Bits.from_array(array)
+    whole = bits.counts(4)
+    monkeypatch.setattr("jotlight.sensor._SLAB", 100)
+    monkeypatch.setattr("jotlight.sensor._SHORT_ROW", 1)
+    done = []
+    np.testing.assert_array_equal(bits.counts(4, progress=done.append), whole)
+    assert done == sorted(set(done))
+    assert len(done) > 20
+    assert done[-1] == 1
+
+
+def test_the_oversampling_of_counts_is_that_of_the_sensor_or_one():
+    array = random_bits(2, 6, 9)
+    sensor = jl.Sensor(oversampling=3, frames=2)
+    np.testing.assert_array_equal(
+        jl.Bits.from_array(array, sensor).counts(), block_counts(array, 3)
+    )
+    np.testing.assert_array_equal(jl.Bits.from_array(array).counts(), array.sum(axis=0))
+
+
+@pytest.mark.parametrize(
+    "part", [slice(2), slice(1, 4), slice(None, None, 2), slice(None, None, -1), slice(-1, None)]
+)
+def test_a_slice_has_those_frames_and_a_sensor_with_as_many(part):
+    array = random_bits(5, 4, 9)
+    sensor = jl.Sensor(frames=5, gain=20)
+    bits = jl.Bits.from_array(array, sensor)[part]
+    np.testing.assert_array_equal(bits.to_array(), array[part])
+    frames = len(array[part])
+    assert bits.sensor == jl.Sensor(frames=frames, gain=4 * frames)
+    assert np.shares_memory(bits.packed, bits[:1].packed)
+    assert jl.Bits.from_array(array)[part].sensor is None
+
+
+@pytest.mark.parametrize("part", [0, (slice(1), slice(1)), [0, 1], None, ...])
+def test_what_is_no_slice_gives_no_frames(part):
+    with pytest.raises(TypeError, match=r"slice of frames such as bits\[:16\]"):
+        jl.Bits.from_array(random_bits(5, 4, 9))[part]
+
+
+def test_a_slice_without_frames_is_refused():
+    with pytest.raises(ValueError, match="no frames in"):
+        jl.Bits.from_array(random_bits(5, 4, 9))[5:]
+
+
+@pytest.mark.parametrize(
+    ("array", "error", "message"),
+    [
+        (np.zeros((2, 2, 2)), TypeError, "0 and 1, got float64"),
+        (np.zeros((2, 2, 2), object), TypeError, "0 and 1, got object"),
+        (np.zeros((2, 2, 2), complex), TypeError, "0 and 1, got complex128"),
+        ("1010", TypeError, "0 and 1, got <U4"),
+        (np.full((2, 2, 2), 2), ValueError, "0 and 1 only, got 2 to 2"),
+        (np.full((2, 2, 2), -1), ValueError, "0 and 1 only, got -1 to -1"),
+        (np.array([[[0, 1, 255]]], np.uint8), ValueError, "got 0 to 255"),
+        (np.zeros(8, bool), ValueError, r"expected shape \(T, H, W\)"),
+        (np.zeros((1, 2, 3, 4, 5), bool), ValueError, r"expected shape \(T, H, W\)"),
+        (np.zeros((0, 2, 2), bool), ValueError, "none of it 0"),
+        (np.zeros((2, 2, 0), bool), ValueError, "none of it 0"),
+    ],
+)
+def test_what_is_no_bits_is_not_packed(array, error, message):
+    with pytest.raises(error, match=message):
+        jl.Bits.from_array(array)
+
+
+@pytest.mark.parametrize(
+    ("packed", "width", "error", "message"),
+    [
+        (np.zeros((2, 2, 2)), None, TypeError, "uint8 .*got float64"),
+        (np.zeros((2, 2, 2), bool), None, TypeError, "got bool; Bits.from_array"),
+        ([[[1]]], None, TypeError, "got list"),
+        (np.zeros((2, 2), np.uint8), None, ValueError, r"packed: expected shape \(T, H"),
+        (np.zeros((0, 2, 2), np.uint8), None, ValueError, "none of it 0"),
+        (np.zeros((2, 2, 2), np.uint8), 8, ValueError, "9 to 16 for 2 bytes a row, got 8"),
+        (np.zeros((2, 2, 2), np.uint8), 17, ValueError, "9 to 16 for 2 bytes a row, got 17"),
+        (np.zeros((2, 2, 2), np.uint8), 0, ValueError, "got 0"),
+        (np.zeros((2, 2, 2), np.uint8), -9, ValueError, "got -9"),
+    ],
+)
+def test_bytes_or_a_width_that_do_not_fit_are_refused(packed, width, error, message):
+    with pytest.raises(error, match=message):
+        jl.Bits(packed, width)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "message"),
+    [
+        (jl.Sensor(frames=2), "expected the sensor's 2 frames, got 3"),
+        (jl.Sensor(frames=3, oversampling=5), "multiples of the oversampling 5, got 4 x 6"),
+        (jl.Sensor(frames=3, mask=np.zeros((6, 4), bool)), "mask: .*got shape"),
+        (jl.Sensor(frames=3, dark_counts=np.zeros((4, 7))), "dark_counts: .*got shape"),
+    ],
+)
+def test_a_sensor_that_did_not_make_these_bits_is_refused(sensor, message):
+    with pytest.raises(ValueError, match=message):
+        jl.Bits.from_array(random_bits(3, 4, 6), sensor)
+
+
+@pytest.mark.parametrize("side", [0, -1, 3, 4, 8])
+def test_blocks_that_do_not_fill_the_frame_are_refused(side):
+    with pytest.raises(ValueError, match=f"multiples of the oversampling {side}, got 4 x 6"):
+        jl.Bits.from_array(random_bits(3, 4, 6)).counts(side)
+
+
+@pytest.mark.parametrize(
+    "mask",
+    [
+        np.zeros((4, 7), bool),
+        np.zeros((6, 4), bool),
+        np.zeros((1, 4, 6), bool),
+        np.zeros((4, 6), np.uint8),
+        np.zeros((4, 6)),
+    ],
+)
+def test_a_mask_that_does_not_fit_is_refused(mask):
+    with pytest.raises(ValueError, match=r"mask: expected bool of shape \(4, 6\), got"):
+        jl.Bits.from_array(random_bits(3, 4, 6)).counts(mask=mask)
+
+
+@pytest.mark.parametrize(
+    ("shape", "text"),
+    [
+        ((1, 4, 9), "<Bits: 1 frame of 4 x 9 jots>"),
+        ((2, 4, 9), "<Bits: 2 frames of 4 x 9 jots>"),
+        ((2, 4, 9, 3), "<Bits: 2 frames of 4 x 9 jots x 3 colours>"),
+    ],
+)
+def test_repr_tells_the_true_shape(shape, text):
+    assert repr(jl.Bits.from_array(random_bits(*shape))) == text

@@ -1,0 +1,307 @@
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import jotlight as jl
+from jotlight import cli
+from jotlight.cli import console
+from jotlight.pictures import read_picture
+
+
+@pytest.fixture
+def run(monkeypatch, tmp_path, capsys):
+    """Run a command in an empty folder; give its exit status and all that it printed."""
+    monkeypatch.chdir(tmp_path)
+    # Rich breaks lines at the terminal's width.
+    monkeypatch.setattr(console.out, "width", 200)
+    monkeypatch.setattr(console.err, "width", 200)
+
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["jotlight", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        printed = capsys.readouterr()
+        return ended.value.code or 0, printed.out + printed.err
+
+    return run
+
+
+@pytest.fixture
+def photo(tmp_path):
+    path = tmp_path / "photo.png"
+    levels = (jl.datasets.photograph("camera")[100:140, 180:229] * 255).astype(np.uint8)
+    Image.fromarray(levels).save(path)
+    return path
+
+
+@pytest.fixture
+def colour(tmp_path):
+    path = tmp_path / "colour.png"
+    levels = (jl.datasets.photograph("coffee")[100:140, 180:229] * 255).astype(np.uint8)
+    Image.fromarray(levels).save(path)
+    return path
+
+
+def files(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_simulate_then_reconstruct_gives_what_the_python_interface_gives(run, photo, tmp_path):
+    status, said = run("simulate", photo, "-o", "bits.npy", "-k", 3, "-t", 2, "--seed", 5)
+    assert status == 0
+    assert "2 frames of 120 x 147 jots" in said
+    image = read_picture(photo)
+    sensor = jl.Sensor(oversampling=3, frames=2)
+    bits = jl.open(tmp_path / "bits.npy")
+    assert bits.sensor == sensor
+    assert (bits.packed == sensor.expose(image, 5).packed).all()
+    status, _ = run("reconstruct", "bits.npy", "-o", "out.npy", "--method", "mle")
+    assert status == 0
+    assert (np.load(tmp_path / "out.npy") == jl.mle(bits, sensor)).all()
+
+
+@pytest.mark.parametrize("method", ["mle", "noniterative-tv", "noniterative-gaussian", "network"])
+def test_every_method_reconstructs_colour(run, colour, tmp_path, method):
+    assert run("simulate", colour, "-o", "bits.npy", "-k", 2)[0] == 0
+    assert run("reconstruct", "bits.npy", "-o", "out.tif", "-m", method)[0] == 0
+    assert read_picture(tmp_path / "out.tif").shape == (40, 49, 3)
+
+
+def test_gray_turns_colour_into_luma(run, colour, tmp_path):
+    assert run("simulate", colour, "-o", "bits.npy", "--gray")[0] == 0
+    assert jl.open(tmp_path / "bits.npy").shape == (1, 160, 196)
+
+
+def test_all_sensor_options_reach_the_sensor(run, photo, tmp_path):
+    rng = np.random.default_rng(0)
+    dark = rng.random((80, 98)).astype(np.float32)
+    dead = rng.random((80, 98)) < 0.1
+    np.save(tmp_path / "dark.npy", dark)
+    np.save(tmp_path / "dead.npy", dead)
+    options = ["-k", 2, "-t", 3, "--gain", 6, "-q", 2, "--kernel", "cubic"]
+    options += ["--efficiency", 0.5, "--max-intensity", 2]
+    maps = ["--dark-counts", "dark.npy", "--mask", "dead.npy"]
+    assert run("simulate", photo, "-o", "bits.npy", *options, *maps)[0] == 0
+    assert jl.open(tmp_path / "bits.npy").sensor == jl.Sensor(
+        oversampling=2, frames=3, gain=6, threshold=2, kernel="cubic", dark_counts=dark,
+        efficiency=0.5, mask=dead, max_intensity=2,
+    )  # fmt: skip
+
+
+def test_counts_are_reconstructed_when_told_out_of_how_many(run, tmp_path):
+    counts = np.arange(48, dtype=np.uint16).reshape(6, 8) % 17
+    np.save(tmp_path / "counts.npy", counts)
+    np.savez(tmp_path / "counts.npz", k16=counts, other=counts)
+    status, said = run("reconstruct", "counts.npy", "-o", "out.npy", "-m", "mle")
+    assert status == 1
+    assert "--frames" in said
+    for words in (["counts.npy"], ["counts.npz", "--key", "k16"]):
+        status, said = run("reconstruct", *words, "-o", "out.npy", "-m", "mle", "--frames", 16)
+        assert status == 0
+        assert "assumed" in said
+        assert (np.load(tmp_path / "out.npy") == jl.mle(counts, jl.Sensor(frames=16))).all()
+    status, said = run("reconstruct", "counts.npz", "-o", "out.npy", "--frames", 16)
+    assert status == 1
+    assert "k16, other" in said
+
+
+def test_a_foreign_cube_says_what_was_assumed(run, tmp_path):
+    np.save(tmp_path / "cube.npy", np.full((4, 6, 2), 0b01010101, np.uint8))
+    status, said = run("reconstruct", "cube.npy", "-o", "out.png", "-m", "mle")
+    assert status == 0
+    assert "assumed: Sensor(frames=4)" in said
+
+
+def test_a_network_file_is_used(run, photo, tmp_path):
+    network = jl.Network.initial(jl.Sensor(oversampling=2), sigma=1.0)
+    network.save(tmp_path / "model.safetensors")
+    assert run("simulate", photo, "-o", "bits.npy", "-k", 2)[0] == 0
+    words = ["reconstruct", "bits.npy", "-o", "out.npy", "-m", "network"]
+    assert run(*words, "--model", "model.safetensors")[0] == 0
+    bits = jl.open(tmp_path / "bits.npy")
+    assert (np.load(tmp_path / "out.npy") == network.reconstruct(bits)).all()
+
+
+def test_compare_prints_a_table_and_writes_one_figure(run, photo, tmp_path):
+    status, said = run("compare", photo, "-m", "mle,noniterative-gaussian,network")
+    assert status == 0
+    for word in (
+        "maximum likelihood",
+        "non-iterative, Gaussian",
+        "network",
+        "PSNR",
+        "SSIM",
+        "time",
+    ):
+        assert word in said
+    assert files(tmp_path) == ["photo-compare.png", "photo.png"]
+    with Image.open(tmp_path / "photo-compare.png") as figure:
+        assert min(figure.size) > 300
+
+
+@pytest.mark.parametrize("ending", ["png", "jpg", "pdf", "svg"])
+def test_compare_writes_every_kind_of_figure(run, colour, tmp_path, ending):
+    assert run("compare", colour, "-m", "mle", "-o", f"figure.{ending}")[0] == 0
+    assert (tmp_path / f"figure.{ending}").stat().st_size > 5000
+
+
+def test_demo_shows_at_least_three_methods(run, tmp_path):
+    status, said = run("demo", "-o", "demo.png")
+    assert status == 0
+    assert said.count(" dB") >= 3
+    assert files(tmp_path) == ["demo.png"]
+
+
+def test_info_on_every_kind_of_file(run, photo, tmp_path):
+    assert run("simulate", photo, "-o", "bits.npy")[0] == 0
+    np.save(tmp_path / "counts.npy", np.arange(6).reshape(2, 3))
+    jl.Network.initial(jl.Sensor()).save(tmp_path / "model.safetensors")
+    for name, words in {
+        "bits.npy": ["160 x 196", "oversampling=4", "ones", "40 x 49"],
+        "counts.npy": ["counts", "2 x 3", "0 to 5"],
+        "model.safetensors": ["layer 1", "15 x 15", "150"],
+        "photo.png": ["picture", "40 x 49"],
+    }.items():
+        status, said = run("info", name)
+        assert status == 0
+        for word in words:
+            assert word in said, (name, word)
+
+
+def test_version_and_help(run):
+    assert jl.__version__ in run("--version")[1]
+    for command in ("demo", "compare", "simulate", "reconstruct", "info"):
+        assert command in run("--help")[1]
+        assert run(command, "--help")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["simulate", "none.png", "-o", "a.npy"], "there is no picture file none.png"),
+        (["simulate", "photo.png", "-o", "a.npy", "-k", "0"], "oversampling: expected"),
+        (["simulate", "photo.png", "-o", "a.npy", "-q", "0"], "threshold: expected"),
+        (["simulate", "photo.png", "-o", "a.npy", "--gain", "-1"], "gain: expected"),
+        (["simulate", "photo.png", "-o", "a.npy", "--kernel", "round"], "kernel: expected one of"),
+        (["simulate", "photo.png", "-o", "a.tif"], "ends in .npy"),
+        (["simulate", "photo.png", "-o", "nowhere/a.npy"], "there is no folder nowhere"),
+        (["simulate", "photo.png", "-o", "photo.png/a.npy"], "cannot write"),
+        (["simulate", "counts.npy", "-o", "a.npy"], "--white"),
+        (["simulate", "text.png", "-o", "a.npy"], "no known format"),
+        (["simulate", "cut.png", "-o", "a.npy"], "damaged or truncated"),
+        (["reconstruct", "bits.npy", "-o", "a.gif"], "ends in .png"),
+        (["reconstruct", "bits.npy", "-o", "a.jpg", "--depth", "16"], "16 for a .png"),
+        (["reconstruct", "bits.npy", "-o", "bits.npy"], "another name"),
+        (["reconstruct", "bits.npy", "-o", "nowhere/a.png"], "there is no folder"),
+        (["reconstruct", "bits.npy", "-o", "a.png", "-m", "magic"], "expected one of mle"),
+        (["reconstruct", "bits.npy", "-o", "a.png", "-k", "7"], "multiples of the oversampling"),
+        (["reconstruct", "bits.npy", "-o", "a.png", "-m", "mle", "--inverse", "exact"], "inverse"),
+        (["reconstruct", "pickle.npy", "-o", "a.png"], "Python objects"),
+        (["reconstruct", "counts.npy", "-o", "a.png", "--frames", "3"], "0 to K = 3"),
+        (["compare", "photo.png", "-m", "mle,magic"], "expected some of"),
+        (["compare", "photo.png", "-o", "a.gif"], "ends in .png"),
+        (["compare", "photo.png", "-o", "photo.png"], "another name"),
+        (["compare", "nan.npy", "-o", "a.png"], "finite"),
+        (["demo", "--photo", "nobody"], "expected one of camera"),
+        (["info", "none.npy"], "there is no file"),
+    ],
+)
+def test_bad_input_gets_one_clear_line_and_leaves_nothing(run, photo, tmp_path, words, expected):
+    jl.Bits.from_array(np.ones((1, 8, 8), bool), jl.Sensor(oversampling=4)).save("bits.npy")
+    np.save("counts.npy", np.arange(64).reshape(8, 8))
+    np.save("nan.npy", np.full((20, 20), np.nan))
+    np.save("pickle.npy", np.array([{}, None], dtype=object))
+    (tmp_path / "text.png").write_text("no picture")
+    (tmp_path / "cut.png").write_bytes(photo.read_bytes()[:200])
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    status, said = run(*words)
+    assert status == 1
+    assert expected in said
+    assert said.startswith("error: ")
+    assert "Traceback" not in said
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_a_wrong_place_is_found_before_the_work_starts(run, photo, monkeypatch):
+    def work(*args, **kwargs):
+        raise AssertionError("the work has begun")
+
+    monkeypatch.setattr(jl.Sensor, "expose", work)
+    assert "there is no folder" in run("simulate", photo, "-o", "nowhere/bits.npy")[1]
+    assert "there is no folder" in run("compare", photo, "-o", "nowhere/figure.png")[1]
+
+
+def test_a_missing_bm3d_says_how_to_get_it_and_its_licence(run, photo, monkeypatch):
+    monkeypatch.setitem(sys.modules, "bm3d", None)
+    assert run("simulate", photo, "-o", "bits.npy")[0] == 0
+    status, said = run("reconstruct", "bits.npy", "-o", "a.png", "-m", "noniterative-bm3d")
+    assert status == 1
+    assert "jotlight[bm3d]" in said
+    assert "non-commercial" in said
+
+
+@pytest.mark.filterwarnings("always")
+def test_filled_pixels_are_reported(run, photo, tmp_path):
+    dead = np.zeros((40, 49), bool)
+    dead[3, 4] = True
+    np.save(tmp_path / "dead.npy", dead)
+    assert run("simulate", photo, "-o", "bits.npy", "-k", 1, "-t", 4, "--mask", "dead.npy")[0] == 0
+    status, said = run("reconstruct", "bits.npy", "-o", "a.png", "-m", "mle")
+    assert status == 0
+    assert "warning: 1 of 1960 pixels" in said
+
+
+def test_a_long_command_shows_how_far_it_is(monkeypatch, tmp_path, photo):
+    """On a terminal; here a pseudo-terminal."""
+    leader, follower = os.openpty()
+    command = [
+        sys.executable,
+        "-m",
+        "jotlight",
+        "compare",
+        str(photo),
+        "-m",
+        "mle,noniterative-nlm",
+    ]
+    child = subprocess.Popen(command, stderr=follower, stdout=subprocess.DEVNULL, cwd=tmp_path)
+    os.close(follower)
+    shown = b""
+    while True:
+        try:
+            part = os.read(leader, 4096)
+        except OSError:  # how a pseudo-terminal says that the other end is closed
+            break
+        if not part:
+            break
+        shown += part
+    os.close(leader)
+    assert child.wait() == 0
+    assert b"drawing the figure" in shown
+    assert b"%" in shown
+
+
+def test_ctrl_c_stops_promptly_and_leaves_nothing(tmp_path):
+    np.save(tmp_path / "large.npy", np.full((2000, 2000), 0.5, np.float32))
+    words = ["simulate", "large.npy", "-o", "bits.npy", "-k", "16", "-t", "40"]
+    child = subprocess.Popen(
+        [sys.executable, "-m", "jotlight", *words],
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.monotonic() + 30
+    while len(files(tmp_path)) < 3 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert len(files(tmp_path)) >= 3, "the temporary files were never seen"
+    time.sleep(0.5)
+    child.send_signal(signal.SIGINT)
+    _, said = child.communicate(timeout=20)
+    assert child.returncode == 130
+    assert "stopped" in said
+    assert files(tmp_path) == ["large.npy"]

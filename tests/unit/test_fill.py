@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.fill import fill_blind
+
+
+def twin(image, blind):
+    filled = np.where(blind, np.nan, image).astype(float)
+    while np.isnan(filled).any():
+        around = np.pad(filled, 1, constant_values=np.nan)
+        windows = np.lib.stride_tricks.sliding_window_view(around, (3, 3))
+        for place in np.argwhere(np.isnan(filled)):
+            window = windows[tuple(place)]
+            if not np.isnan(window).all():
+                filled[tuple(place)] = np.nanmean(window)
+    return filled
+
+
+@pytest.mark.parametrize("share", [0.02, 0.3, 0.9, 0.995])
+def test_holes_are_filled_from_their_rim_inwards(share):
+    rng = np.random.default_rng(0)
+    image = rng.random((19, 23), np.float32)
+    blind = rng.random(image.shape) < share
+    assert blind.any()
+    with pytest.warns(jl.JotlightWarning, match=f"{blind.sum()} of 437 pixels"):
+        filled = fill_blind(np.where(blind, np.float32("nan"), image), blind)
+    assert filled.dtype == np.float32
+    np.testing.assert_allclose(filled, twin(image, blind), rtol=1e-6)
+
+
+def test_known_pixels_stay_to_the_bit():
+    image = np.random.default_rng(1).random((9, 9), np.float32)
+    blind = np.eye(9, dtype=bool)
+    with pytest.warns(jl.JotlightWarning):
+        filled = fill_blind(image, blind)
+    np.testing.assert_array_equal(filled[~blind], image[~blind])
+
+
+def test_filled_pixels_are_never_below_or_above_the_known_ones():
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        image = np.zeros((20, 20), np.float32)
+        image[:, :8] = rng.random((20, 8))
+        blind = np.zeros(image.shape, bool)
+        blind[8:12, 12:15] = True
+        with pytest.warns(jl.JotlightWarning):
+            assert (fill_blind(image, blind)[blind] == 0).all()
+        with pytest.warns(jl.JotlightWarning):
+            assert (fill_blind(1 - image, blind)[blind] == 1).all()
+
+
+def test_nothing_is_done_and_said_without_blind_pixels():
+    image = np.ones((2, 2), np.float32)
+    assert fill_blind(image, None) is image
+
+
+def test_a_picture_of_blind_pixels_alone_is_refused():
+    with pytest.raises(ValueError, match="at least one jot that is alive, got none"):
+        fill_blind(np.ones((2, 2), np.float32), np.ones((2, 2), bool))
+
+
+@pytest.mark.parametrize(
+    "method", [jl.mle, jl.noniterative, lambda *given: jl.Network.initial(given[1]).reconstruct(*given)]
+)
+@pytest.mark.parametrize("colours", [(), (3,)])
+def test_the_warning_points_at_the_line_that_called_jotlight(method, colours):
+    sensor = jl.Sensor(frames=2, mask=np.eye(3, dtype=bool))
+    with pytest.warns(jl.JotlightWarning) as caught:
+        method(np.ones((3, 3, *colours), int), sensor)
+    assert {warning.filename for warning in caught} == {__file__}

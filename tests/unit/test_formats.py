@@ -1,0 +1,323 @@
+import io
+import json
+import pickle
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.formats.npy import created_bits, read_npy
+
+
+def random_bits(shape, sensor=None, seed=0):
+    return jl.Bits.from_array(np.random.default_rng(seed).random(shape) < 0.5, sensor)
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def edit(path, **changes):
+    description = json.loads(path.read_text())
+    path.write_text(json.dumps(description | changes))
+
+
+@pytest.mark.parametrize("shape", [(3, 5, 16), (1, 1, 1), (2, 4, 13), (4, 3, 9, 3)])
+def test_plain_numpy_reads_our_files(tmp_path, shape):
+    bits = random_bits(shape)
+    bits.save(tmp_path / "cube.npy")
+    packed = np.load(tmp_path / "cube.npy", allow_pickle=False)
+    unpacked = np.unpackbits(packed, axis=2, count=shape[2])
+    np.testing.assert_array_equal(unpacked, bits.to_array())
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+@pytest.mark.parametrize("shape", [(3, 5, 16), (2, 6, 24, 3)])
+def test_photon_cubes_of_others_are_read(tmp_path, shape, order):
+    values = np.random.default_rng(1).random(shape) < 0.5
+    np.save(tmp_path / "cube.npy", np.asarray(np.packbits(values, axis=2), order=order))
+    bits = jl.open(tmp_path / "cube.npy")
+    assert (bits.shape, bits.sensor) == (shape, None)
+    np.testing.assert_array_equal(bits.to_array(), values)
+    np.testing.assert_array_equal(bits.counts(1), values.sum(0))
+
+
+@pytest.mark.parametrize("version", [(1, 0), (2, 0), (3, 0)])
+def test_every_version_of_npy_is_read(tmp_path, version):
+    packed = np.arange(12, dtype=np.uint8).reshape(2, 3, 2)
+    with (tmp_path / "cube.npy").open("wb") as file:
+        np.lib.format.write_array(file, packed, version=version)
+    np.testing.assert_array_equal(jl.open(tmp_path / "cube.npy").packed, packed)
+
+
+def test_a_file_is_mapped_into_memory_and_not_read(tmp_path):
+    random_bits((2, 3, 16)).save(tmp_path / "cube.npy")
+    bits = jl.open(tmp_path / "cube.npy")
+    assert isinstance(bits.packed, np.memmap)
+    assert not bits.packed.flags.writeable
+
+
+@pytest.mark.parametrize("width", range(9, 17))
+def test_the_true_width_is_kept(tmp_path, width):
+    bits = random_bits((2, 3, width))
+    bits.save(tmp_path / "cube.npy")
+    loaded = jl.Bits.load(tmp_path / "cube.npy")
+    assert loaded.shape == (2, 3, width)
+    np.testing.assert_array_equal(loaded.to_array(), bits.to_array())
+
+
+def test_the_true_width_of_others_files_can_be_told(tmp_path):
+    np.save(tmp_path / "cube.npy", np.zeros((2, 3, 2), np.uint8))
+    assert jl.open(tmp_path / "cube.npy", width=11).shape == (2, 3, 11)
+    with pytest.raises(ValueError, match=r"cube\.npy: width: expected 9 to 16"):
+        jl.open(tmp_path / "cube.npy", width=17)
+
+
+def test_a_width_against_the_description_is_refused(tmp_path):
+    random_bits((2, 3, 13)).save(tmp_path / "cube.npy")
+    assert jl.open(tmp_path / "cube.npy", width=13).width == 13
+    with pytest.raises(ValueError, match="says a width of 13, not 12"):
+        jl.open(tmp_path / "cube.npy", width=12)
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        jl.Sensor(oversampling=2, frames=3, gain=7.5, threshold=2, kernel="cubic", efficiency=0.3),
+        jl.Sensor(frames=3, dark_counts=0.25, max_intensity=4.0),
+        jl.Sensor(frames=3, mask=np.eye(4, 10, dtype=bool)),
+        jl.Sensor(oversampling=2, frames=3, dark_counts=np.linspace(0, 1, 40).reshape(4, 10)),
+        jl.Sensor(
+            frames=3, dark_counts=np.linspace(0, 1, 40).reshape(4, 10), mask=np.eye(4, 10) > 0
+        ),
+    ],
+    ids=repr,
+)
+def test_the_sensor_and_its_maps_are_kept(tmp_path, sensor):
+    random_bits((3, 4, 10), sensor).save(tmp_path / "cube.npy")
+    assert jl.open(tmp_path / "cube.npy").sensor == sensor
+    assert set(names(tmp_path)) == {
+        "cube.npy",
+        "cube.json",
+        *(f"cube.{name}.npy" for name in sensor.maps()),
+    }
+
+
+def test_files_may_be_moved_together(tmp_path):
+    sensor = jl.Sensor(mask=np.eye(4, dtype=bool))
+    (tmp_path / "a").mkdir()
+    random_bits((1, 4, 4), sensor).save(tmp_path / "a" / "cube.npy")
+    (tmp_path / "a").rename(tmp_path / "b")
+    assert jl.open(tmp_path / "b" / "cube.npy").sensor == sensor
+
+
+def test_bits_can_be_saved_over_the_file_they_are_mapped_from(tmp_path):
+    bits = random_bits((3, 4, 10))
+    bits.save(tmp_path / "cube.npy")
+    jl.open(tmp_path / "cube.npy")[:2].save(tmp_path / "cube.npy")
+    np.testing.assert_array_equal(jl.open(tmp_path / "cube.npy").to_array(), bits.to_array()[:2])
+
+
+def test_names_with_dots_do_not_meet(tmp_path):
+    first, second = random_bits((1, 2, 9), seed=1), random_bits((1, 2, 10), seed=2)
+    first.save(tmp_path / "run.1.npy")
+    second.save(tmp_path / "run.2.npy")
+    assert jl.open(tmp_path / "run.1.npy").width == 9
+    assert jl.open(tmp_path / "run.2.npy").width == 10
+
+
+def npy(array, **options):
+    file = io.BytesIO()
+    np.save(file, array, **options)
+    return file.getvalue()
+
+
+CUBE = npy(np.zeros((4, 8, 2), np.uint8))
+OBJECTS = npy(np.array([[[{}]]], object), allow_pickle=True)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (CUBE[:-1], "size does not fit its header"),
+        (CUBE[:100], "damaged"),
+        (CUBE[:8], "damaged"),
+        (CUBE[:6], "damaged"),
+        (b"", "does not begin like one"),
+        (b"PK" + CUBE, "does not begin like one"),
+        (pickle.dumps(np.zeros(3)), "does not begin like one"),
+        (OBJECTS, "Python objects, which can run code and are never read"),
+        (b"\x93NUMPY\x09\x00" + CUBE[8:], "damaged"),
+        (CUBE.replace(b"'|u1'", b"'|zz'"), "damaged"),
+        (CUBE.replace(b"(4, 8, 2)", b"(4, 8,-2)"), "damaged"),
+        (CUBE.replace(b"(4, 8, 2), ", b"(9**9**9), "), "damaged"),
+        (CUBE.replace(b"(4, 8, 2), }", b"(1" + b"0" * 20 + b",),}")[:128], "damaged"),
+        (npy(np.zeros((4, 8, 2))), "got float64"),
+        (npy(np.zeros((4, 8, 2), bool)), "got bool"),
+        (npy(np.zeros((8, 2), np.uint8)), r"shape \(8, 2\)"),
+        (npy(np.zeros((4, 0, 2), np.uint8)), r"cube\.npy: "),
+    ],
+)
+def test_damaged_and_foreign_files_are_refused_by_name(tmp_path, content, message):
+    path = tmp_path / "cube.npy"
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=message) as caught:
+        jl.open(path)
+    assert str(path) in str(caught.value)
+
+
+def test_nothing_in_a_pickle_is_run(tmp_path):
+    class Mine:
+        def __reduce__(self):
+            return (tmp_path.joinpath("ran").write_text, ("x",))
+
+    objects = np.empty((1, 1, 1), object)
+    objects[0, 0, 0] = Mine()
+    (tmp_path / "cube.npy").write_bytes(npy(objects, allow_pickle=True))
+    with pytest.raises(ValueError, match="Python objects"):
+        jl.open(tmp_path / "cube.npy")
+    assert names(tmp_path) == ["cube.npy"]
+
+
+@pytest.mark.parametrize(
+    ("name", "error", "message"),
+    [
+        ("missing.npy", FileNotFoundError, "there is no file"),
+        ("folder.npy", IsADirectoryError, "got a folder"),
+        ("cube.bin", ValueError, r"expected a photon cube \(\.npy\), got a \.bin file"),
+        ("cube", ValueError, "got a nameless file"),
+    ],
+)
+def test_paths_that_are_no_cube_are_refused(tmp_path, name, error, message):
+    (tmp_path / "folder.npy").mkdir()
+    with pytest.raises(error, match=message):
+        jl.open(tmp_path / name)
+
+
+def test_read_npy_takes_any_numbers(tmp_path):
+    values = np.linspace(0, 1, 5)
+    np.save(tmp_path / "map.npy", values)
+    np.testing.assert_array_equal(read_npy(tmp_path / "map.npy"), values)
+
+
+FOREIGN = ["{}", "[]", "nonsense", '{"format": "visionsim", "w": 8}', "[" * 100_000, "9" * 2**21]
+
+
+@pytest.mark.parametrize("text", FOREIGN, ids=lambda text: text[:12])
+def test_a_foreign_description_is_not_used_and_that_is_said(tmp_path, text):
+    np.save(tmp_path / "cube.npy", np.zeros((2, 3, 2), np.uint8))
+    (tmp_path / "cube.json").write_text(text)
+    with pytest.warns(jl.JotlightWarning, match=r"cube\.json does not describe bits") as caught:
+        bits = jl.open(tmp_path / "cube.npy")
+    assert (bits.shape, bits.sensor) == ((2, 3, 16), None)
+    assert caught[0].filename == __file__
+
+
+@pytest.mark.parametrize("text", FOREIGN, ids=lambda text: text[:12])
+def test_a_foreign_description_is_never_overwritten(tmp_path, text):
+    (tmp_path / "cube.json").write_text(text)
+    with pytest.raises(FileExistsError, match="jotlight did not write it"):
+        random_bits((1, 2, 8)).save(tmp_path / "cube.npy")
+    assert names(tmp_path) == ["cube.json"]
+    assert (tmp_path / "cube.json").read_text() == text
+
+
+def test_our_own_files_are_overwritten(tmp_path):
+    random_bits((1, 2, 9)).save(tmp_path / "cube.npy")
+    bits = random_bits((2, 3, 17), jl.Sensor(frames=2))
+    bits.save(tmp_path / "cube.npy")
+    loaded = jl.open(tmp_path / "cube.npy")
+    np.testing.assert_array_equal(loaded.to_array(), bits.to_array())
+    assert loaded.sensor == bits.sensor
+
+
+@pytest.fixture
+def saved(tmp_path):
+    """Bits whose sensor has a map, in a folder beside a map that they must not reach."""
+    np.save(tmp_path / "mask.npy", np.zeros((4, 4), bool))
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    sensor = jl.Sensor(mask=np.eye(4, dtype=bool))
+    random_bits((1, 4, 4), sensor).save(folder / "cube.npy")
+    return folder / "cube.npy"
+
+
+@pytest.mark.parametrize(
+    "name", ["../mask.npy", "{parent}/mask.npy", "", ".", "..", "./cube.mask.npy", 3, None, ["a"]]
+)
+def test_a_description_cannot_point_out_of_its_folder(saved, name):
+    if isinstance(name, str):
+        name = name.format(parent=saved.parent.parent)
+    edit(saved.with_suffix(".json"), maps={"mask": name})
+    with pytest.raises(ValueError, match="the name of a file in the same folder"):
+        jl.open(saved)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"version": 2}, "expected version 1 and a width, got version 2"),
+        ({"version": None}, "expected version 1"),
+        ({"width": "4"}, "width '4'"),
+        ({"width": 0}, "width 0"),
+        ({"width": 9}, "width: expected 1 to 8"),
+        ({"width": None}, "width None"),
+        ({"sensor": []}, "sensor: expected an object"),
+        ({"sensor": {"colour": 1}}, "unknown parameters colour"),
+        ({"sensor": {"frames": 2}}, "expected the sensor's 2 frames"),
+        ({"sensor": {"gain": -1}}, "gain: expected"),
+        ({"sensor": {"oversampling": 3}, "maps": {}}, "multiples of the oversampling"),
+        ({"maps": {"gain": "cube.mask.npy"}}, "sensor|gain"),
+        ({"maps": {"mask": "cube.npy"}}, "mask: expected"),
+        ({"maps": [1]}, r"cube\.json: "),
+        ({"maps": 5}, r"cube\.json: "),
+    ],
+)
+def test_a_damaged_description_is_refused_by_name(saved, changes, message):
+    edit(saved.with_suffix(".json"), **changes)
+    with pytest.raises(ValueError, match=message) as caught:
+        jl.open(saved)
+    assert str(saved.with_suffix("")) in str(caught.value)
+
+
+def test_a_missing_map_is_missed_by_name(saved):
+    saved.with_suffix(".mask.npy").unlink()
+    with pytest.raises(FileNotFoundError, match=r"cube\.mask\.npy"):
+        jl.open(saved)
+
+
+def test_a_map_of_objects_is_refused(saved):
+    saved.with_suffix(".mask.npy").write_bytes(OBJECTS)
+    with pytest.raises(ValueError, match="Python objects"):
+        jl.open(saved)
+
+
+@pytest.mark.parametrize("before", [False, True])
+def test_an_interrupted_save_leaves_what_was_there(tmp_path, before):
+    old = random_bits((1, 2, 9))
+    if before:
+        old.save(tmp_path / "cube.npy")
+    there = names(tmp_path)
+
+    def interrupted():
+        sensor = jl.Sensor(mask=np.eye(4, 8, dtype=bool))
+        with created_bits(tmp_path / "cube.npy", (1, 4, 1), 8, sensor) as packed:
+            packed[...] = 255
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert names(tmp_path) == there
+    if before:
+        np.testing.assert_array_equal(jl.open(tmp_path / "cube.npy").to_array(), old.to_array())
+
+
+def test_a_place_that_cannot_be_written_to_leaves_nothing(tmp_path):
+    with pytest.raises(FileNotFoundError, match="there is no folder"):
+        random_bits((1, 2, 8)).save(tmp_path / "missing" / "cube.npy")
+    with pytest.raises(ValueError, match=r"ends in \.npy"):
+        random_bits((1, 2, 8)).save(tmp_path / "cube.bin")
+    (tmp_path / "cube.mask.npy").mkdir()
+    with pytest.raises(IsADirectoryError):
+        random_bits((1, 2, 8), jl.Sensor(mask=np.zeros((2, 8), bool))).save(tmp_path / "cube.npy")
+    assert names(tmp_path) == ["cube.mask.npy"]

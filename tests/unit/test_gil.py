@@ -1,0 +1,64 @@
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight import _engine
+
+SENSOR = jl.Sensor(oversampling=4, kernel="cubic")
+IMAGE = np.full((256, 256), 0.5)
+CALLS = {
+    "expose": lambda: jl.Sensor(frames=100).expose(IMAGE, rng=0, threads=1),
+    "rate": lambda: SENSOR.rate(IMAGE, threads=1),
+    "probability": lambda: SENSOR.probability(IMAGE, threads=1),
+    "add_block_counts": lambda: jl.Bits(np.ones((100, 256, 256), np.uint8)).counts(4, threads=1),
+}
+
+
+@pytest.fixture
+def ticks():
+    """A number that another thread raises whenever it gets the GIL, which nobody must give it."""
+    interval = sys.getswitchinterval()
+    count, stop = [0], threading.Event()
+
+    def tick():
+        while not stop.is_set():
+            count[0] += 1
+            time.sleep(1e-4)
+
+    thread = threading.Thread(target=tick)
+    sys.setswitchinterval(1000)
+    thread.start()
+    try:
+        yield count
+    finally:
+        stop.set()
+        sys.setswitchinterval(interval)
+        thread.join()
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_other_threads_run_while_the_engine_works(name, ticks, monkeypatch):
+    """Without the GIL released in the engine no tick can fall between the two looks at them."""
+    engine, during = getattr(_engine, name), []
+
+    def watched(*arguments):
+        before = ticks[0]
+        engine(*arguments)
+        during.append(ticks[0] - before)
+
+    monkeypatch.setattr(_engine, name, watched)
+    for _ in range(100):
+        CALLS[name]()
+        if any(during):
+            return
+    pytest.fail(f"no tick in {len(during)} calls")
+
+
+def test_no_tick_falls_where_the_gil_is_held(ticks):
+    before = ticks[0]
+    sum(range(3_000_000))
+    assert ticks[0] == before

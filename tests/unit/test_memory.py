@@ -1,0 +1,78 @@
+import subprocess
+import sys
+
+import pytest
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+
+# From /proc, since getrusage counts the peak of the process that started this one. The peak may stand
+# from before the call, but never below it: what is measured is too much at worst.
+MEASURE = """
+from pathlib import Path
+
+import numpy as np
+
+import jotlight as jl
+
+
+def memory(kind):
+    status = Path("/proc/self/status").read_text()
+    return int(status.split(kind + ":")[1].split()[0]) * 1024
+
+
+def growth(call):
+    before = memory("VmRSS")
+    result = call()
+    return memory("VmHWM") - before, result
+"""
+
+EXPOSE = """
+sensor = jl.Sensor(oversampling={oversampling}, frames={frames}, kernel={kernel!r})
+image = np.full({shape}, 0.5, np.{dtype})
+sensor.expose(image[:64, :64], rng=0)
+grown, bits = growth(lambda: sensor.expose(image, rng=0))
+print((grown - bits.packed.nbytes) * 8 / np.prod(bits.shape))
+"""
+
+COUNT = """
+packed = np.full((64, 4096, 512), 0xAA, np.uint8)
+bits = jl.Bits(packed)
+bits[:1].counts(4)
+grown, counts = growth(lambda: bits.counts(4))
+assert (counts == 64 * 8).all()
+print((grown - counts.nbytes) * 8 / np.prod(bits.shape))
+"""
+
+
+def bits_per_jot(code):
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", MEASURE + code],
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    return float(done.stdout)
+
+
+@pytest.mark.parametrize(
+    ("oversampling", "frames", "kernel", "shape", "dtype"),
+    [
+        (8, 1, "box", (4096, 4096), "float32"),
+        (4, 1, "box", (4096, 4096), "float64"),
+        (4, 1, "cubic", (2048, 1024), "float32"),
+        (1, 16, "box", (4096, 4096), "float32"),
+        (2, 4, "box", (2048, 2048, 3), "float32"),
+        (1, 2048, "box", (4096, 8), "float32"),
+    ],
+)
+def test_exposing_takes_less_than_two_bits_per_jot_besides_image_and_bits(
+    oversampling, frames, kernel, shape, dtype
+):
+    code = EXPOSE.format(
+        oversampling=oversampling, frames=frames, kernel=kernel, shape=shape, dtype=dtype
+    )
+    assert bits_per_jot(code) < 2
+
+
+def test_counting_takes_less_than_a_twentieth_of_a_bit_per_jot_besides_bits_and_counts():
+    assert bits_per_jot(COUNT) < 0.05

@@ -1,0 +1,93 @@
+import numpy as np
+import pytest
+import skimage.metrics
+from scipy.signal import convolve2d
+
+import jotlight as jl
+from jotlight import metrics
+
+
+@pytest.fixture(params=[(24, 31), (12, 15, 3)], ids=["grey", "colour"])
+def pair(request):
+    rng = np.random.default_rng(0)
+    truth = rng.random(request.param)
+    return np.clip(truth + rng.normal(0, 0.1, truth.shape), 0, 1), truth
+
+
+def ssim_of_plane(a, b, peak):
+    distance = np.arange(-5, 6)
+    line = np.exp(-0.5 * (distance / 1.5) ** 2)
+    window = np.outer(line, line) / line.sum() ** 2
+
+    def mean(image):
+        return convolve2d(image, window, mode="valid")
+
+    covariance = mean(a * b) - mean(a) * mean(b)
+    variances = mean(a**2) - mean(a) ** 2 + mean(b**2) - mean(b) ** 2
+    c1, c2 = (0.01 * peak) ** 2, (0.03 * peak) ** 2
+    luminance = (2 * mean(a) * mean(b) + c1) / (mean(a) ** 2 + mean(b) ** 2 + c1)
+    return np.mean(luminance * (2 * covariance + c2) / (variances + c2))
+
+
+@pytest.mark.parametrize("peak", [1.0, 2.5])
+def test_psnr_is_that_of_scikit_image(pair, peak):
+    expected = skimage.metrics.peak_signal_noise_ratio(*pair[::-1], data_range=peak)
+    assert metrics.psnr(*pair, peak=peak) == pytest.approx(expected, rel=1e-12)
+
+
+def test_snr_is_power_over_power(pair):
+    estimate, truth = pair
+    ratio = np.linalg.norm(truth) / np.linalg.norm(estimate - truth)
+    assert metrics.snr(estimate, truth) == pytest.approx(20 * np.log10(ratio), rel=1e-12)
+
+
+@pytest.mark.parametrize("peak", [1.0, 2.5])
+def test_ssim_is_the_formula_of_wang_et_al(pair, peak):
+    planes = [np.atleast_3d(image).transpose(2, 0, 1) for image in pair]
+    expected = np.mean([ssim_of_plane(a, b, peak) for a, b in zip(*planes, strict=True)])
+    assert metrics.ssim(*pair, peak=peak) == pytest.approx(expected, rel=1e-9)
+
+
+def test_float32_is_measured_in_float64():
+    estimate, truth = np.full((8, 8), 1e4, np.float32), np.full((8, 8), 1e4 + 2**-10, np.float32)
+    assert metrics.psnr(estimate, truth) == pytest.approx(20 * np.log10(2**10), rel=1e-12)
+
+
+@pytest.mark.parametrize("function", [metrics.psnr, metrics.snr])
+def test_equal_images_are_infinitely_close(function, pair):
+    assert function(pair[1], pair[1]) == float("inf")
+
+
+def test_equal_images_have_a_similarity_of_one(pair):
+    assert metrics.ssim(pair[1], pair[1]) == pytest.approx(1, abs=1e-12)
+
+
+def test_black_truth_has_no_signal():
+    assert metrics.snr(np.ones((2, 2)), np.zeros((2, 2))) == float("-inf")
+
+
+@pytest.mark.parametrize("function", [metrics.psnr, metrics.snr, metrics.ssim])
+@pytest.mark.parametrize(
+    ("estimate", "truth", "error", "message"),
+    [
+        (np.ones((16, 16), int), np.ones((16, 16)), TypeError, "estimate: expected floats"),
+        (np.ones((16, 16)), np.ones((16, 16), np.uint8), TypeError, "truth: expected floats"),
+        (np.ones((16, 16)), np.ones((16, 17)), ValueError, "expected one shape"),
+        (np.ones((16, 16)), np.ones((16, 16, 1)), ValueError, "expected one shape"),
+        (np.ones(16), np.ones(16), ValueError, "estimate: expected shape"),
+        (np.ones((0, 16)), np.ones((0, 16)), ValueError, "estimate: expected shape"),
+    ],
+)
+def test_images_that_do_not_fit_are_refused(function, estimate, truth, error, message):
+    with pytest.raises(error, match=message):
+        function(estimate, truth)
+
+
+def test_ssim_refuses_images_smaller_than_its_window():
+    with pytest.raises(ValueError, match="at least 11 x 11 pixels"):
+        metrics.ssim(np.ones((10, 40)), np.ones((10, 40)))
+    assert metrics.ssim(np.ones((11, 11)), np.ones((11, 11))) == pytest.approx(1)
+
+
+def test_metrics_are_at_the_front_door():
+    assert jl.metrics is metrics

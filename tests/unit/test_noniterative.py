@@ -1,0 +1,198 @@
+import numpy as np
+import pytest
+from reference import methods
+from scipy.ndimage import convolve
+
+import jotlight as jl
+
+
+def as_it_is(z):
+    return z
+
+
+def blur(z):
+    return convolve(z, np.full((3, 3), 1 / 9), mode="reflect")
+
+
+@pytest.fixture
+def counts():
+    return np.random.default_rng(0).integers(0, 17, (9, 11))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"threshold": 3, "max_intensity": 9.0},
+        {"dark_counts": 0.2, "efficiency": 0.5, "gain": 20.0, "max_intensity": 3.0},
+    ],
+    ids=str,
+)
+def test_without_denoising_the_algebraic_inverse_leaves_maximum_likelihood(counts, options):
+    sensor = jl.Sensor(frames=16, **options)
+    picture = jl.noniterative(counts, sensor, denoiser=as_it_is, inverse="algebraic")
+    np.testing.assert_allclose(picture, jl.mle(counts, sensor), rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("inverse", jl.vst.INVERSES)
+@pytest.mark.parametrize("threshold", [1, 2])
+def test_the_steps_are_those_of_the_paper(counts, inverse, threshold):
+    sensor = jl.Sensor(
+        frames=16, threshold=threshold, dark_counts=0.1, efficiency=0.8, max_intensity=2.0
+    )
+    z = blur(methods.stabilise(counts, 16))
+    if inverse == "exact":
+        denoised = np.vectorize(lambda value: methods.exact_inverse(value, 16))(z)
+    else:
+        denoised = methods.algebraic_inverse(z, 16)
+    expected = methods.mle(
+        denoised, 16, threshold=threshold, sensitivity=0.8, dark=0.1, most=2.0
+    )
+    picture = jl.noniterative(counts, sensor, denoiser=blur, inverse=inverse)
+    np.testing.assert_allclose(picture, expected, atol=2e-5)
+
+
+def test_the_denoiser_sees_noise_of_the_standard_deviation_it_is_told():
+    seen = []
+    counts = np.random.default_rng(1).binomial(64, 0.4, (200, 200))
+    jl.noniterative(counts, jl.Sensor(frames=64), denoiser=lambda z: seen.append(z) or z)
+    (z,) = seen
+    assert (z.dtype, z.shape) == (np.float32, (200, 200))
+    assert z.std() == pytest.approx(jl.vst.NOISE, rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["gaussian", "tv", "nlm"])
+def test_a_name_means_the_function_of_that_name(counts, name):
+    sensor = jl.Sensor(frames=16)
+    function = getattr(jl.denoise, name)
+    np.testing.assert_array_equal(
+        jl.noniterative(counts, sensor, denoiser=name),
+        jl.noniterative(counts, sensor, denoiser=function),
+    )
+
+
+def test_defaults_are_total_variation_and_the_exact_inverse(counts):
+    sensor = jl.Sensor(frames=16)
+    np.testing.assert_array_equal(
+        jl.noniterative(counts, sensor),
+        jl.noniterative(counts, sensor, denoiser="tv", inverse="exact"),
+    )
+
+
+@pytest.mark.parametrize(
+    ("oversampling", "frames"), [(1, 16), (2, 4), (4, 1)], ids=["frames", "both", "jots"]
+)
+def test_jots_in_space_and_frames_in_time_count_alike(counts, oversampling, frames):
+    sensor = jl.Sensor(oversampling=oversampling, frames=frames)
+    expected = jl.noniterative(counts, jl.Sensor(frames=16), denoiser="gaussian")
+    given = jl.noniterative(counts, sensor, denoiser="gaussian")
+    np.testing.assert_array_equal(given, expected)
+
+
+@pytest.mark.parametrize("denoiser", ["gaussian", "tv", "nlm"])
+def test_the_exact_inverse_is_better_on_a_real_capture(data, denoiser):
+    capture = np.load(data / "real/swissspad2_bird/counts.npz")
+    seen, later = capture["k16"], capture["k64"].astype(int) - capture["k16"]
+    sensor = jl.Sensor(frames=16, max_intensity=4.0)
+
+    def error(inverse):
+        picture = jl.noniterative(seen, sensor, denoiser=denoiser, inverse=inverse)
+        off = 1 - np.exp(-picture.astype(float)) - later / 48
+        return np.mean(off[later >= 0] ** 2)
+
+    assert error("exact") < error("algebraic")
+
+
+def test_maximum_likelihood_of_a_real_capture_is_that_of_its_counts(data):
+    seen = np.load(data / "real/swissspad2_bird/counts.npz")["k16"]
+    picture = jl.mle(seen, jl.Sensor(frames=16, max_intensity=4.0))
+    np.testing.assert_allclose(picture, methods.mle(seen, 16, most=4.0), rtol=1e-6)
+
+
+def test_pixels_with_fewer_live_jots_stand_for_whole_ones():
+    mask = np.zeros((8, 8), bool)
+    mask[::2, ::2] = True
+    bits = np.zeros((3, 8, 8), bool)
+    bits[:2] = True
+    sensor = jl.Sensor(oversampling=2, frames=3, mask=mask, max_intensity=9.0)
+    picture = jl.noniterative(
+        jl.Bits.from_array(bits), sensor, denoiser=as_it_is, inverse="algebraic"
+    )
+    np.testing.assert_allclose(picture, np.log(3), rtol=1e-5)
+
+
+@pytest.mark.parametrize("threshold", [1, 2])
+def test_hot_pixels_are_brought_to_the_median_dark_counts(threshold):
+    rng = np.random.default_rng(2)
+    frames, light = 400, 0.7
+    dark = np.full((40, 40), 0.1)
+    dark[::5, ::5] = 0.9
+    rate = light + dark
+    chance = methods.gammainc(threshold, rate)
+    counts = rng.binomial(frames, chance)
+    sensor = jl.Sensor(frames=frames, threshold=threshold, dark_counts=dark)
+    picture = jl.noniterative(counts, sensor, denoiser=as_it_is)
+    np.testing.assert_allclose(
+        picture, jl.mle(counts, sensor), atol=4 / frames, err_msg="each pixel by its own dark count"
+    )
+    hot = picture[::5, ::5]
+    slope = np.diff(methods.gammainc(threshold, light + 0.9 + np.array([-0.5, 0.5]) * 1e-6))[0] / 1e-6
+    deviation = np.sqrt(chance[0, 0] * (1 - chance[0, 0]) / frames) / slope
+    assert hot.mean() == pytest.approx(light, abs=5 * deviation / np.sqrt(hot.size) + 2 / frames)
+
+
+def test_blind_pixels_among_dark_ones_are_filled():
+    mask = np.zeros((20, 20), bool)
+    mask[8:12, 12:15] = True
+    counts = np.random.default_rng(3).integers(0, 10, (20, 20))
+    counts[:, 9:] = 0
+    bright = np.where(mask, 9, counts)
+    sensor = jl.Sensor(frames=9, mask=mask)
+    with pytest.warns(jl.JotlightWarning, match="12 of 400 pixels"):
+        picture = jl.noniterative(bright, sensor, denoiser=as_it_is)
+    assert (picture[8:12, 12:15] < 1e-6).all()
+
+
+@pytest.mark.parametrize("denoiser", ["gaussian", "tv", "nlm"])
+@pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1), (2, 3)])
+def test_the_smallest_pictures_work(denoiser, shape):
+    counts = np.random.default_rng(4).integers(0, 17, shape)
+    picture = jl.noniterative(counts, jl.Sensor(frames=16), denoiser=denoiser)
+    assert picture.shape == shape
+    assert np.isfinite(picture).all()
+
+
+@pytest.mark.parametrize(
+    ("denoiser", "error", "message"),
+    [
+        ("median", ValueError, "one of gaussian, tv, nlm, bm3d or a callable, got 'median'"),
+        (None, TypeError, "a name or a callable, got None"),
+        (3, TypeError, "a name or a callable, got 3"),
+        (lambda z: z[1:], ValueError, r"image of shape \(9, 11\), got shape \(8, 11\)$"),
+        (lambda z: z.T, ValueError, r"got shape \(11, 9\)$"),
+        (lambda z: None, ValueError, r"got shape \(\)$"),
+        (lambda z: z * np.nan, ValueError, r"got shape \(9, 11\) with NaN or infinity"),
+        (lambda z: z + np.inf, ValueError, "with NaN or infinity"),
+    ],
+)
+def test_a_denoiser_that_does_not_fit_is_refused(counts, denoiser, error, message):
+    with pytest.raises(error, match=message):
+        jl.noniterative(counts, jl.Sensor(frames=16), denoiser=denoiser)
+
+
+def test_a_denoiser_may_give_any_values_and_the_picture_stays_in_range(counts):
+    def wild(z):
+        return np.linspace(-1e6, 1e6, z.size).reshape(z.shape)
+
+    for inverse in jl.vst.INVERSES:
+        sensor = jl.Sensor(frames=16, max_intensity=2.0)
+        picture = jl.noniterative(counts, sensor, denoiser=wild, inverse=inverse)
+        assert (picture.min(), picture.max()) == (0, 2)
+
+
+def test_an_unknown_inverse_is_refused_before_any_work(counts):
+    def never(z):
+        raise AssertionError
+
+    with pytest.raises(ValueError, match="inverse: expected one of exact, algebraic"):
+        jl.noniterative(counts, jl.Sensor(frames=16), denoiser=never, inverse="best")

@@ -1,0 +1,127 @@
+import io
+
+import numpy as np
+import png
+import pytest
+import tifffile
+from PIL import Image
+
+from jotlight.pictures import picture_writer, read_picture
+
+GREY = np.linspace(0, 1, 35, dtype=np.float32).reshape(5, 7)
+COLOUR = np.stack([GREY, GREY[::-1], 1 - GREY], axis=-1)
+
+
+@pytest.mark.parametrize("picture", [GREY, COLOUR], ids=["grey", "colour"])
+@pytest.mark.parametrize(
+    ("name", "depth", "error"),
+    [
+        ("a.png", 8, 0.5 / 255),
+        ("a.png", 16, 0.5 / 255),  # Pillow reads 16-bit colour with 8 bits
+        ("a.tif", 8, 0),
+        ("a.npy", 8, 0),
+        ("a.jpg", 8, 0.2),
+    ],
+)
+def test_what_is_written_is_read_again(tmp_path, picture, name, depth, error):
+    path = tmp_path / name
+    picture_writer(path, depth=depth)(path, picture)
+    again = read_picture(path)
+    assert again.shape == picture.shape
+    assert np.abs(again - picture).max() <= error + 1e-6
+
+
+@pytest.mark.parametrize("picture", [GREY, COLOUR], ids=["grey", "colour"])
+def test_a_16_bit_png_holds_all_its_levels(tmp_path, picture):
+    path = tmp_path / "a.png"
+    picture_writer(path, depth=16)(path, picture)
+    _, _, rows, information = png.Reader(bytes=path.read_bytes()).read()
+    assert information["bitdepth"] == 16
+    levels = np.vstack([np.asarray(row) for row in rows]).reshape(picture.shape)
+    assert (levels == np.rint(picture.astype(np.float64) * 65535)).all()
+
+
+@pytest.mark.parametrize("name", ["a.tif", "a.npy"])
+def test_floats_are_never_clipped(tmp_path, name):
+    bright = (GREY * 1000).astype(np.float32)
+    picture_writer(tmp_path / name, white=1.0)(tmp_path / name, bright)
+    assert (read_picture(tmp_path / name) == bright).all()
+
+
+def test_white_is_the_brightest_level_of_a_picture_to_look_at(tmp_path):
+    path = tmp_path / "a.png"
+    picture_writer(path, white=2.0)(path, np.array([[0.0, 1.0, 2.0, 3.0]]))
+    assert np.asarray(Image.open(path)).tolist() == [[0, 128, 255, 255]]
+
+
+@pytest.mark.parametrize(
+    ("dtype", "known"),
+    [(np.uint8, {"png": 255, "tif": 255, "npy": None}), (np.uint16, {"tif": None, "npy": None})],
+)
+def test_integers_of_unknown_scale_need_the_white_level(tmp_path, dtype, known):
+    levels = np.arange(12, dtype=dtype).reshape(3, 4)
+    for ending, scale in known.items():
+        path = tmp_path / f"a.{ending}"
+        if ending == "npy":
+            np.save(path, levels)
+        elif ending == "tif":
+            tifffile.imwrite(path, levels)
+        else:
+            Image.fromarray(levels).save(path)
+        if scale is None:
+            with pytest.raises(ValueError, match="--white"):
+                read_picture(path)
+        else:
+            assert np.allclose(read_picture(path), levels / scale)
+        assert np.allclose(read_picture(path, white=100), levels / 100)
+
+
+def test_16_bit_grey_png_has_its_full_scale(tmp_path):
+    path = tmp_path / "a.png"
+    Image.fromarray(np.array([[0, 65535, 1000]], np.uint16)).save(path)
+    assert np.allclose(read_picture(path), [[0, 1, 1000 / 65535]])
+
+
+def test_gray_is_the_luma_of_bt_601_rounded_to_a_level(tmp_path):
+    path = tmp_path / "a.png"
+    levels = np.array([[[255, 0, 0], [0, 255, 0], [0, 0, 255], [10, 20, 30]]], np.uint8)
+    Image.fromarray(levels).save(path)
+    expected = np.rint(levels @ [0.299, 0.587, 0.114]) / 255
+    assert np.allclose(read_picture(path, gray=True), expected)
+
+
+@pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGB", "RGBA", "CMYK"])
+def test_every_mode_of_pillow_becomes_grey_or_colour(tmp_path, mode):
+    path = tmp_path / ("a.tiff" if mode == "CMYK" else "a.png")
+    path = path.with_suffix(".jpg") if mode == "CMYK" else path
+    Image.new("RGB", (6, 4), (200, 100, 50)).convert(mode).save(path)
+    assert read_picture(path).shape in ((4, 6), (4, 6, 3))
+
+
+def test_the_orientation_that_the_camera_noted_is_applied(tmp_path):
+    path = tmp_path / "a.jpg"
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    Image.new("L", (8, 4)).save(path, exif=exif)
+    assert read_picture(path).shape == (8, 4)
+
+
+def test_a_picture_that_would_fill_the_memory_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 100)
+    path = tmp_path / "bomb.png"
+    Image.new("L", (40, 40)).save(path)
+    with pytest.raises(ValueError, match=r"bomb\.png.*pixels"):
+        read_picture(path)
+
+
+def test_damaged_files_are_named(tmp_path):
+    buffer = io.BytesIO()
+    tifffile.imwrite(buffer, GREY)
+    for name, content in {
+        "a.tif": buffer.getvalue()[:60],
+        "b.tif": b"no tiff",
+        "c.png": b"",
+    }.items():
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(ValueError, match=name):
+            read_picture(tmp_path / name)

@@ -1,0 +1,305 @@
+import json
+
+import numpy as np
+import pytest
+from reference import sensing
+
+import jotlight as jl
+from jotlight import _engine
+from jotlight.sensor import KERNELS
+
+RANDOM = np.random.default_rng(0)
+
+
+def random_map(height, width, most=0.4):
+    return RANDOM.uniform(0, most, (height, width)).astype(np.float32)
+
+
+@pytest.mark.parametrize("oversampling", [1, 2, 3, 4, 5, 10])
+@pytest.mark.parametrize("degree", range(4))
+def test_taps_are_the_integrals_of_the_spline(degree, oversampling):
+    np.testing.assert_allclose(
+        _engine.kernel_taps(degree, oversampling),
+        sensing.kernel_taps(degree, oversampling),
+        rtol=0,
+        atol=1e-15,
+    )
+
+
+@pytest.mark.parametrize("oversampling", range(1, 6))
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("shape", [(5, 7), (1, 1), (2, 1), (1, 9)])
+def test_rate_is_that_of_the_definition(kernel, oversampling, shape):
+    sensor = jl.Sensor(oversampling=oversampling, frames=3, gain=40, kernel=kernel)
+    image = RANDOM.random(shape)
+    rate = sensor.rate(image)
+    assert rate.dtype == np.float32
+    np.testing.assert_allclose(rate, sensing.rate(sensor, image), rtol=1e-6)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("threshold", [1, 2, 7])
+def test_probability_is_that_of_the_definition(kernel, threshold):
+    height, width = 5, 7
+    jots = (3 * height, 3 * width)
+    sensor = jl.Sensor(
+        oversampling=3,
+        frames=2,
+        gain=60,
+        threshold=threshold,
+        kernel=kernel,
+        dark_counts=random_map(*jots),
+        efficiency=0.3,
+        mask=RANDOM.random(jots) < 0.3,
+    )
+    image = RANDOM.random((height, width, 3))
+    probability = sensor.probability(image)
+    rate = sensor.rate(image)
+    assert probability.shape == rate.shape == (*jots, 3)
+    for channel in range(3):
+        plane = image[..., channel]
+        expected = sensing.probability(sensor, plane)
+        np.testing.assert_allclose(probability[..., channel], expected, rtol=1e-6, atol=1e-30)
+        np.testing.assert_allclose(rate[..., channel], sensing.rate(sensor, plane), rtol=1e-6)
+
+
+@pytest.mark.parametrize("oversampling", [1, 2, 3, 4])
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_the_light_of_a_pixel_stays_centred_and_whole(kernel, oversampling):
+    image = np.zeros((9, 11))
+    image[4, 5] = 1
+    sensor = jl.Sensor(oversampling=oversampling, kernel=kernel, gain=7)
+    rate = sensor.rate(image).astype(float)
+    rows, columns = np.indices(rate.shape) + 0.5
+    half_a_jot = 0.5 * (KERNELS.index(kernel) * oversampling % 2)
+    assert rate.sum() == pytest.approx(7)
+    assert (rate * rows).sum() / 7 == pytest.approx(4.5 * oversampling + half_a_jot)
+    assert (rate * columns).sum() / 7 == pytest.approx(5.5 * oversampling + half_a_jot)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_a_constant_image_lights_every_jot_alike_up_to_the_rim(kernel):
+    rate = jl.Sensor(oversampling=3, kernel=kernel, dark_counts=0.25).rate(np.full((4, 5), 0.5))
+    np.testing.assert_allclose(rate, 0.75, rtol=1e-6)
+
+
+@pytest.mark.parametrize("kernel", ["box", "cubic"])
+@pytest.mark.parametrize(
+    "view",
+    [
+        lambda image: image.astype(np.float32),
+        np.asfortranarray,
+        lambda image: np.repeat(image, 2, axis=1)[:, ::2],
+        lambda image: image[::-1, ::-1].copy()[::-1, ::-1],
+        lambda image: np.stack([image, image], axis=2)[..., 1],
+        lambda image: image.astype(">f8"),
+        lambda image: np.rec.fromarrays([np.zeros(image.shape, "i1"), image], names="a,b")["b"],
+        lambda image: image.astype(np.longdouble),
+        lambda image: image.tolist(),
+    ],
+    ids=["float32", "fortran", "strided", "reversed", "plane", "swapped", "odd", "long", "list"],
+)
+def test_the_layout_of_an_image_does_not_matter(kernel, view):
+    image = RANDOM.integers(0, 256, (6, 5)) / 256
+    sensor = jl.Sensor(oversampling=2, kernel=kernel)
+    np.testing.assert_array_equal(sensor.rate(view(image)), sensor.rate(image))
+    np.testing.assert_array_equal(
+        sensor.expose(view(image), rng=0).packed, sensor.expose(image, rng=0).packed
+    )
+
+
+def test_half_floats_are_taken():
+    assert jl.Sensor().rate(np.full((2, 2), 0.5, np.float16)).tolist() == [[0.5, 0.5], [0.5, 0.5]]
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_rate_and_probability_are_the_same_for_any_number_of_threads(threads):
+    image = RANDOM.random((20, 30))
+    sensor = jl.Sensor(oversampling=3, kernel="quadratic", threshold=2)
+    np.testing.assert_array_equal(sensor.rate(image, threads=threads), sensor.rate(image))
+    np.testing.assert_array_equal(
+        sensor.probability(image, threads=threads), sensor.probability(image)
+    )
+
+
+def test_zero_threads_are_refused():
+    with pytest.raises(ValueError, match="threads: expected at least 1, got 0"):
+        jl.Sensor().rate(np.ones((2, 2)), threads=0)
+
+
+BAD_PARAMETERS = [
+    *[
+        (name, value)
+        for name in ("oversampling", "frames", "threshold")
+        for value in (0, -1, 1.5, np.nan, np.inf, 2**40, 10**30, True, np.True_, None, "2", [2], 2j)
+    ],
+    *[
+        (name, value)
+        for name in ("gain", "efficiency", "max_intensity")
+        for value in (0, -1.0, np.nan, np.inf, True, "2", [2.0], 1j)
+    ],
+    ("max_intensity", None),
+    ("efficiency", None),
+    ("efficiency", 1.0001),
+    *[("kernel", value) for value in ("Box", "", "b-spline", 0, None, ["box"])],
+    *[
+        ("dark_counts", value)
+        for value in (-0.1, np.nan, np.inf, True, None, "0", 1j, [0.1], [[[0.1]]], [[]], [[-1.0]])
+    ],
+    ("dark_counts", [[0.0, np.nan]]),
+    ("dark_counts", [[0.0, np.inf]]),
+    ("dark_counts", [[True, False]]),
+    *[("mask", value) for value in (True, [True], [[0, 1]], [[0.0]], [[[True]]], "mask")],
+]
+
+
+@pytest.mark.parametrize(("name", "value"), BAD_PARAMETERS)
+def test_a_bad_parameter_is_refused_by_its_name(name, value):
+    with pytest.raises(ValueError, match=f"^{name}: expected"):
+        jl.Sensor(**{name: value})
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [{"oversampling": 4096, "frames": 128}, {"frames": 2**31 - 1, "oversampling": 2}],
+)
+def test_more_bits_per_pixel_than_a_count_can_hold_are_refused(parameters):
+    with pytest.raises(ValueError, match="expected less than 2\\*\\*31 bits per pixel"):
+        jl.Sensor(**parameters)
+
+
+def test_numpy_numbers_become_plain_ones():
+    sensor = jl.Sensor(np.uint8(3), np.int64(2), np.float32(4), np.float64(2), "box", np.array(0.5))
+    assert sensor == jl.Sensor(3, 2, 4.0, 2, "box", 0.5)
+    assert [type(value) for value in sensor.numbers().values()] == [
+        int, int, float, int, str, float, float, float,
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["mask", "dark_counts"])
+def test_a_map_that_does_not_fit_the_image_is_refused(name):
+    sensor = jl.Sensor(
+        oversampling=2, **{name: np.zeros((6, 8), bool if name == "mask" else float)}
+    )
+    for image in (np.ones((4, 3)), np.ones((6, 8)), np.ones((3, 5, 3))):
+        for use in (sensor.rate, sensor.probability, sensor.expose):
+            with pytest.raises(ValueError, match=rf"{name}: .* got shape \(6, 8\)"):
+                use(image)
+
+
+def test_maps_of_different_shapes_are_refused():
+    with pytest.raises(ValueError, match=r"mask: .*dark-count map \(2, 2\), got \(2, 3\)"):
+        jl.Sensor(dark_counts=np.zeros((2, 2)), mask=np.zeros((2, 3), bool))
+
+
+def test_maps_are_copies_that_nobody_can_change():
+    mask = np.zeros((2, 2), bool)
+    dark = np.zeros((2, 2))
+    sensor = jl.Sensor(mask=mask, dark_counts=dark)
+    mask[:] = True
+    dark[:] = 1
+    assert not sensor.mask.any()
+    assert not sensor.dark_counts.any()
+    for map_ in sensor.maps().values():
+        with pytest.raises(ValueError, match="read-only"):
+            map_[0, 0] = 1
+
+
+BAD_IMAGES = [
+    (np.array([[0.0, np.nan]]), ValueError, "finite intensities"),
+    (np.array([[0.0, np.inf]]), ValueError, "finite intensities"),
+    (np.array([[0.0, -np.inf]]), ValueError, "finite intensities"),
+    (np.array([[0.0, -1e-9]]), ValueError, "0 or more, got -1e-09"),
+    (np.zeros((0, 4)), ValueError, "at least one pixel"),
+    (np.zeros((4, 4, 0)), ValueError, "at least one pixel"),
+    (np.zeros(4), ValueError, r"\(H, W\) or \(H, W, C\), got 1 dimensions"),
+    (np.array(0.5), ValueError, "got 0 dimensions"),
+    (np.zeros((2, 4, 4, 3)), ValueError, "got 4 dimensions"),
+    (np.zeros((4, 4, 5)), ValueError, "at most 4 colour channels"),
+    (np.zeros((4, 4), np.uint8), TypeError, r"scale is unknown; divide by .*image / 255\.0"),
+    (np.zeros((4, 4), int), TypeError, "scale is unknown"),
+    (np.zeros((4, 4), bool), TypeError, "scale is unknown"),
+    (np.zeros((4, 4), complex), TypeError, "expected floats, got complex128"),
+    (np.zeros((4, 4), object), TypeError, "expected floats, got object"),
+    ("image.png", TypeError, "expected floats"),
+    (None, TypeError, "expected floats, got object"),
+]
+
+
+@pytest.mark.parametrize(("image", "error", "message"), BAD_IMAGES)
+def test_a_bad_image_is_refused_with_what_to_do(image, error, message):
+    sensor = jl.Sensor(oversampling=2)
+    for use in (sensor.rate, sensor.probability, sensor.expose):
+        with pytest.raises(error, match=f"image: .*{message}"):
+            use(image)
+
+
+def test_replace_keeps_the_light_on_each_jot_unless_told():
+    sensor = jl.Sensor(oversampling=2, gain=2, threshold=3)
+    more = sensor.replace(frames=5, oversampling=3)
+    image = np.full((2, 2), 0.5)
+    assert more.rate(image).max() == sensor.rate(image).max() == 0.25
+    assert more.threshold == 3
+    assert sensor.replace(frames=5, gain=2).gain == 2
+    assert sensor.replace(oversampling=3, gain=None).gain == 9
+    with pytest.raises(TypeError, match="expected a parameter of Sensor, got colour, q"):
+        sensor.replace(q=2, colour=1)
+    with pytest.raises(ValueError, match="frames"):
+        sensor.replace(frames=0)
+
+
+MAPS = {"dark_counts": np.full((4, 6), 0.1), "mask": np.eye(4, 6, dtype=bool)}
+SENSORS = [
+    jl.Sensor(),
+    jl.Sensor(2, 3, 4.5, 6, "cubic", 0.25, 0.5, None, 7.0),
+    jl.Sensor(frames=9, **MAPS),
+    jl.Sensor(frames=9, dark_counts=MAPS["dark_counts"]),
+    jl.Sensor(frames=9, mask=MAPS["mask"]),
+    jl.Sensor(frames=9, mask=~MAPS["mask"]),
+    jl.Sensor(frames=9, mask=MAPS["mask"], dark_counts=np.full((4, 6), 0.2)),
+]
+
+
+@pytest.mark.parametrize("one", range(len(SENSORS)))
+@pytest.mark.parametrize("other", range(len(SENSORS)))
+def test_sensors_are_equal_when_all_their_parts_are(one, other):
+    assert (SENSORS[one] == SENSORS[other].replace()) is (one == other)
+
+
+def test_a_sensor_equals_nothing_else():
+    assert jl.Sensor() != 1
+    assert jl.Sensor() != "Sensor()"
+
+
+@pytest.mark.parametrize("sensor", SENSORS, ids=repr)
+def test_numbers_and_maps_make_the_sensor_again(sensor):
+    numbers = json.loads(json.dumps(sensor.numbers()))
+    assert jl.Sensor.from_parts(numbers, sensor.maps()) == sensor
+
+
+@pytest.mark.parametrize(
+    ("numbers", "maps", "message"),
+    [
+        ([1], None, "got list"),
+        ({"oversampling": 2, "colour": 3}, None, "unknown parameters colour"),
+        ({"oversampling": 0}, None, "oversampling"),
+        ({}, {"q": np.zeros((2, 2))}, "q"),
+    ],
+)
+def test_parts_that_make_no_sensor_are_refused(numbers, maps, message):
+    with pytest.raises(ValueError, match=message):
+        jl.Sensor.from_parts(numbers, maps)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "text"),
+    [
+        (jl.Sensor(), "Sensor()"),
+        (jl.Sensor(oversampling=4), "Sensor(oversampling=4)"),
+        (jl.Sensor(4, 2, 16.0, 2, "cubic"),
+         "Sensor(oversampling=4, frames=2, gain=16.0, threshold=2, kernel='cubic')"),
+        (jl.Sensor(**MAPS), "Sensor(dark_counts=<4 x 6 map>, mask=<4 x 6 map>)"),
+    ],
+)  # fmt: skip
+def test_repr_names_what_is_not_by_default(sensor, text):
+    assert repr(sensor) == text
