@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight import _engine
-from jotlight.sensor import Sensor, slabs_of
+from jotlight.sensor import Sensor
+from jotlight.slabs import slabs_of
 
 
 class Bits:

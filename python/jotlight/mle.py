@@ -11,6 +11,9 @@ from jotlight.channels import by_channel
 from jotlight.fill import fill_blind
 from jotlight.sensor import Sensor
 
+_ROWS = 64
+"""Rows of pixels whose likelihood equations are solved between two looks at Ctrl-C."""
+
 
 def mle(
     data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = None
@@ -89,17 +92,21 @@ def _jot_by_jot(
         )
     dark, mask = sensor.dark_counts, sensor.mask
     assert isinstance(dark, np.ndarray)
-    _engine.mle_from_jots(
-        sensor._response(),
-        data.counts(1, threads=threads).ravel(),
-        dark.ravel(),
-        None if mask is None else mask.ravel(),
-        sensor.frames,
-        sensor.oversampling,
-        out.shape[1],
-        out.reshape(-1),
-        threads,
-    )
+    ones = data.counts(1, threads=threads)
+    # Some rows at a time, so that Ctrl-C need not wait for all of them.
+    for start in range(0, len(out), _ROWS):
+        jots = slice(start * sensor.oversampling, (start + _ROWS) * sensor.oversampling)
+        _engine.mle_from_jots(
+            sensor._response(),
+            ones[jots].ravel(),
+            dark[jots].ravel(),
+            None if mask is None else mask[jots].ravel(),
+            sensor.frames,
+            sensor.oversampling,
+            out.shape[1],
+            out[start : start + _ROWS].reshape(-1),
+            threads,
+        )
 
 
 def _flat(value: float | npt.NDArray[Any]) -> Any:

@@ -2,26 +2,22 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight import _engine
+from jotlight.image import as_image
 from jotlight.seeds import SeedLike, seed_bytes
+from jotlight.slabs import slabs_of
 
 if TYPE_CHECKING:
     from jotlight.bits import Bits
 
 KERNELS = ("box", "linear", "quadratic", "cubic")
 """Interpolation kernels of the light field, by degree of the B-spline."""
-
-_SLAB = 1 << 26
-"""Jots that the engine handles between two looks at Ctrl-C: some tens of milliseconds."""
-
-_SHORT_ROW = 1 << 9
-"""A row of pixels with fewer jots takes as much time and memory as one with so many."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -432,59 +428,6 @@ class Sensor:
                 f"got {mask.dtype} of {mask.ndim} dimensions"
             )
         return _frozen(mask, np.bool_)
-
-
-def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
-    """Check an image of intensities; float32 or float64, and never copied when it is that already.
-
-    Raises
-    ------
-    TypeError
-        For integers and whatever else is not a real number with a known scale.
-    ValueError
-        For an image that is empty, negative, not finite, or not of 2 or 3 dimensions.
-    """
-    array = np.asarray(image)
-    if array.dtype.kind in "iub":
-        raise TypeError(
-            f"image: expected floats in units of intensity, got {array.dtype}, whose scale is "
-            "unknown; divide by its white level, such as image / 255.0 for an 8-bit photograph"
-        )
-    if array.dtype.kind != "f":
-        raise TypeError(f"image: expected floats, got {array.dtype}")
-    if array.ndim not in (2, 3):
-        raise ValueError(
-            f"image: expected shape (H, W) or (H, W, C), got {array.ndim} dimensions {array.shape}"
-        )
-    if array.ndim == 3 and array.shape[2] > 4:
-        raise ValueError(
-            f"image: expected at most 4 colour channels in (H, W, C), got shape {array.shape}; "
-            "expose the images of a stack one by one"
-        )
-    if array.size == 0:
-        raise ValueError(f"image: expected at least one pixel, got shape {array.shape}")
-    # NaN and infinity show in the extremes, and no array of the image's size is made to find them.
-    low, high = array.min(), array.max()
-    if not (np.isfinite(low) and np.isfinite(high)):
-        raise ValueError("image: expected finite intensities, got NaN or infinity")
-    if low < 0:
-        raise ValueError(f"image: expected intensities of 0 or more, got {low}")
-    if array.dtype not in (np.float32, np.float64):
-        array = array.astype(np.float64 if array.dtype.itemsize > 4 else np.float32)
-    return array if array.flags.aligned else array.copy()
-
-
-def slabs_of(frames: int, rows: int, jots_per_row: int) -> Iterator[tuple[range, range]]:
-    """Cut frames and rows into parts of which each takes well under a second."""
-    cost = max(_SHORT_ROW, jots_per_row)
-    rows_at_once = max(1, min(rows, _SLAB // cost))
-    frames_at_once = max(1, _SLAB // (rows_at_once * cost))
-    for frame in range(0, frames, frames_at_once):
-        for row in range(0, rows, rows_at_once):
-            yield (
-                range(frame, min(frame + frames_at_once, frames)),
-                range(row, min(row + rows_at_once, rows)),
-            )
 
 
 def _frozen(array: npt.NDArray[Any], dtype: type[np.generic]) -> npt.NDArray[Any]:

@@ -4,11 +4,11 @@ import hashlib
 
 import numpy as np
 import pytest
-from reference import sensing
-from reference.chacha import chacha8, uniforms
 
 import jotlight as jl
 from jotlight.seeds import seed_bytes
+from reference import sensing
+from reference.chacha import chacha8, uniforms
 
 IMAGE = np.linspace(0, 1, 77).reshape(7, 11)
 

@@ -134,5 +134,5 @@ def test_inverses_lead_any_value_into_the_range_of_counts(z, bits):
     for inverse in jl.vst.INVERSES:
         counts = jl.vst.invert(np.sort(z), bits, inverse=inverse)
         assert (np.diff(counts) >= 0).all()
-        assert 0 <= counts.min()
+        assert counts.min() >= 0
         assert counts.max() <= bits

@@ -20,7 +20,7 @@ def test_the_first_photographs_are_grey_and_the_rest_in_colour():
 
 
 def test_an_unknown_photograph_is_refused_by_the_names_there_are():
-    with pytest.raises(ValueError, match="one of camera, .*, rocket, got 'lena'"):
+    with pytest.raises(ValueError, match=r"one of camera, .*, rocket, got 'lena'"):
         datasets.photograph("lena")
 
 
@@ -29,8 +29,9 @@ def test_the_uniform_scene_is_uniform_and_independent():
     assert (scene.dtype, scene.shape) == (np.float32, (200, 300))
     # False alarm: 1 in 1000, once, since the seed is fixed.
     assert scipy.stats.kstest(scene.ravel(), "uniform").pvalue > 1e-3
-    for neighbours in (scene[1:] - 0.5) * (scene[:-1] - 0.5), (scene[:, 1:] - 0.5) * (
-        scene[:, :-1] - 0.5
+    for neighbours in (
+        (scene[1:] - 0.5) * (scene[:-1] - 0.5),
+        (scene[:, 1:] - 0.5) * (scene[:, :-1] - 0.5),
     ):
         assert abs(neighbours.mean()) < 4 * neighbours.std() / np.sqrt(neighbours.size)
 

@@ -102,9 +102,7 @@ def enter(path):
         ("file/note.txt", OSError, "cannot write .*note.txt: there is no folder"),
     ],
 )
-def test_a_place_that_cannot_be_written_to_is_found_before_any_work(
-    tmp_path, name, error, message
-):
+def test_a_place_that_cannot_be_written_to_is_found_before_any_work(tmp_path, name, error, message):
     (tmp_path / "folder").mkdir()
     (tmp_path / "file").write_text("x")
     with pytest.raises(error, match=message):
@@ -121,7 +119,7 @@ def test_a_name_as_long_as_the_system_allows_is_written(tmp_path):
 
 @pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="needs a folder that refuses files")
 def test_a_folder_that_refuses_files_is_found_before_any_work():
-    with pytest.raises(OSError, match="cannot write /proc/self/note.txt: .* in folder /proc/self"):
+    with pytest.raises(OSError, match=r"cannot write .*note\.txt: .* in folder"):
         enter("/proc/self/note.txt")
 
 
@@ -133,6 +131,6 @@ def test_a_read_only_file_or_folder_is_refused(tmp_path):
     with pytest.raises(PermissionError, match="the file is read-only"):
         enter(path)
     tmp_path.chmod(0o500)
-    with pytest.raises(PermissionError, match="cannot write .* in folder"):
+    with pytest.raises(PermissionError, match=r"cannot write .* in folder"):
         enter(tmp_path / "new.txt")
     tmp_path.chmod(0o700)

@@ -61,7 +61,8 @@ def test_a_picture_of_blind_pixels_alone_is_refused():
 
 
 @pytest.mark.parametrize(
-    "method", [jl.mle, jl.noniterative, lambda *given: jl.Network.initial(given[1]).reconstruct(*given)]
+    "method",
+    [jl.mle, jl.noniterative, lambda *given: jl.Network.initial(given[1]).reconstruct(*given)],
 )
 @pytest.mark.parametrize("colours", [(), (3,)])
 def test_the_warning_points_at_the_line_that_called_jotlight(method, colours):

@@ -200,7 +200,8 @@ def test_read_npy_takes_any_numbers(tmp_path):
     np.testing.assert_array_equal(read_npy(tmp_path / "map.npy"), values)
 
 
-FOREIGN = ["{}", "[]", "nonsense", '{"format": "visionsim", "w": 8}', "[" * 100_000, "9" * 2**21]
+OVERLONG = '{"format": "jotlight bits", "version": 1, "width": 16}' + " " * 2**20
+FOREIGN = ["{}", "[]", "nonsense", '{"format": "visionsim", "w": 8}', "[" * 100_000, OVERLONG]
 
 
 @pytest.mark.parametrize("text", FOREIGN, ids=lambda text: text[:12])

@@ -5,8 +5,8 @@ import pytest
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 
-# From /proc, since getrusage counts the peak of the process that started this one. The peak may stand
-# from before the call, but never below it: what is measured is too much at worst.
+# From /proc, since getrusage counts the peak of the process that started this one. The peak may
+# stand from before the call, but never below it: what is measured is too much at worst.
 MEASURE = """
 from pathlib import Path
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from reference import methods
 
 import jotlight as jl
+from reference import methods
 
 SENSORS = [
     {},

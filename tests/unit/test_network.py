@@ -3,11 +3,11 @@ import pickle
 
 import numpy as np
 import pytest
-from reference import methods
 from safetensors.numpy import save
 from scipy.ndimage import convolve
 
 import jotlight as jl
+from reference import methods
 
 
 def random_layer(rng, filters, *, low=-2.0, high=3.0, number=11):
@@ -36,9 +36,7 @@ def random_bits(rng, sensor, height, width):
 
 
 def twin(network, bits, dead=None):
-    sums = methods.block_sums(
-        network.layers[0].filters, bits, network.sensor.oversampling, dead
-    )
+    sums = methods.block_sums(network.layers[0].filters, bits, network.sensor.oversampling, dead)
     return methods.network(network.layers, sums)
 
 
@@ -197,6 +195,16 @@ def test_initial_is_the_noniterative_method_with_a_gaussian(sensor, sigma):
     np.testing.assert_allclose(network.reconstruct(seen), expected, atol=bound)
 
 
+def test_a_map_of_dark_counts_enters_initial_by_the_median_of_its_live_jots():
+    dark = np.array([[0.1, 0.2, 0.3], [4.0, 9.0, 9.0]])
+    mapped = jl.Sensor(frames=16, dark_counts=dark, mask=dark == 9)
+    plain = jl.Sensor(frames=16, dark_counts=0.25)
+    for mine, theirs in zip(
+        jl.Network.initial(mapped).layers, jl.Network.initial(plain).layers, strict=True
+    ):
+        np.testing.assert_allclose(mine.coefficients, theirs.coefficients, atol=1e-5)
+
+
 def test_initial_weighs_jots_alike_whether_tied_or_not():
     sensor = jl.Sensor(oversampling=3, frames=2)
     bits = jl.Bits.from_array(random_bits(np.random.default_rng(7), sensor, 8, 9))
@@ -322,7 +330,7 @@ BITS = jl.Bits.from_array(np.zeros((1, 8, 8), bool))
     ids=str,
 )
 def test_a_sensor_that_answers_to_light_otherwise_is_refused(network, change):
-    with pytest.raises(ValueError, match="sensor: the network (needs data with its own|is for)"):
+    with pytest.raises(ValueError, match=r"sensor: the network (needs data with its own|is for)"):
         network.reconstruct(BITS, SPACE.replace(**change))
 
 
@@ -458,7 +466,8 @@ def test_truncated_files_are_refused(tmp_path, parts, length):
 
 
 @pytest.mark.parametrize(
-    "content", [b"\xff" * 64, pickle.dumps([1, 2]), b"\x93NUMPY\x01\x00", b"PK\x03\x04" + b"\0" * 99]
+    "content",
+    [b"\xff" * 64, pickle.dumps([1, 2]), b"\x93NUMPY\x01\x00", b"PK\x03\x04" + b"\0" * 99],
 )
 def test_files_of_another_kind_are_refused(tmp_path, content):
     refused(tmp_path / "net", content, "expected a safetensors file")
@@ -599,6 +608,8 @@ def test_a_missing_file_is_missed_by_name(tmp_path):
 
 
 def test_a_network_tells_what_it_is():
-    text = repr(random_network(np.random.default_rng(14), SPACE, [2, 3, 1], [(3, 3)] * 2, tied=True))
+    text = repr(
+        random_network(np.random.default_rng(14), SPACE, [2, 3, 1], [(3, 3)] * 2, tied=True)
+    )
     assert text.startswith("<Network: channels 2 -> 3 -> 1, ")
     assert f"{2 + 22 + 54 + 33 + 27 + 11} parameters" in text

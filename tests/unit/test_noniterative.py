@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
-from reference import methods
 from scipy.ndimage import convolve
 
 import jotlight as jl
+from reference import methods
 
 
 def as_it_is(z):
@@ -45,9 +45,7 @@ def test_the_steps_are_those_of_the_paper(counts, inverse, threshold):
         denoised = np.vectorize(lambda value: methods.exact_inverse(value, 16))(z)
     else:
         denoised = methods.algebraic_inverse(z, 16)
-    expected = methods.mle(
-        denoised, 16, threshold=threshold, sensitivity=0.8, dark=0.1, most=2.0
-    )
+    expected = methods.mle(denoised, 16, threshold=threshold, sensitivity=0.8, dark=0.1, most=2.0)
     picture = jl.noniterative(counts, sensor, denoiser=blur, inverse=inverse)
     np.testing.assert_allclose(picture, expected, atol=2e-5)
 
@@ -121,6 +119,16 @@ def test_pixels_with_fewer_live_jots_stand_for_whole_ones():
     np.testing.assert_allclose(picture, np.log(3), rtol=1e-5)
 
 
+@pytest.mark.parametrize("dead", [0.0, 7.0])
+@pytest.mark.parametrize("method", [jl.mle, jl.noniterative])
+def test_dark_counts_of_dead_jots_are_not_looked_at(method, dead):
+    mask = np.tile(np.eye(2, dtype=bool), (3, 4))
+    bits = jl.Bits.from_array(np.random.default_rng(7).random((9, 6, 8)) < 0.6)
+    sensor = jl.Sensor(oversampling=2, frames=9, mask=mask, dark_counts=0.25)
+    given = method(bits, sensor.replace(dark_counts=np.where(mask, dead, 0.25)))
+    np.testing.assert_allclose(given, method(bits, sensor), rtol=1e-5)
+
+
 @pytest.mark.parametrize("threshold", [1, 2])
 def test_hot_pixels_are_brought_to_the_median_dark_counts(threshold):
     rng = np.random.default_rng(2)
@@ -136,7 +144,9 @@ def test_hot_pixels_are_brought_to_the_median_dark_counts(threshold):
         picture, jl.mle(counts, sensor), atol=4 / frames, err_msg="each pixel by its own dark count"
     )
     hot = picture[::5, ::5]
-    slope = np.diff(methods.gammainc(threshold, light + 0.9 + np.array([-0.5, 0.5]) * 1e-6))[0] / 1e-6
+    slope = (
+        np.diff(methods.gammainc(threshold, light + 0.9 + np.array([-0.5, 0.5]) * 1e-6))[0] / 1e-6
+    )
     deviation = np.sqrt(chance[0, 0] * (1 - chance[0, 0]) / frames) / slope
     assert hot.mean() == pytest.approx(light, abs=5 * deviation / np.sqrt(hot.size) + 2 / frames)
 

@@ -2,11 +2,11 @@ import json
 
 import numpy as np
 import pytest
-from reference import sensing
 
 import jotlight as jl
 from jotlight import _engine
 from jotlight.sensor import KERNELS
+from reference import sensing
 
 RANDOM = np.random.default_rng(0)
 

@@ -13,7 +13,7 @@ pub fn add_block_counts(
     side: usize,
     valid: Option<PyReadonlyArray2<'_, u8>>,
     mut counts: PyReadwriteArray2<'_, i32>,
-    threads: Option<usize>,
+    threads: Option<isize>,
 ) -> PyResult<()> {
     let (packed, counts) = (packed.as_array(), counts.as_array_mut());
     let valid = valid.as_ref().map(|valid| valid.as_array());

@@ -44,9 +44,15 @@ fn to_python(error: Error) -> PyErr {
 /// Runs `work` without the GIL on `threads` threads.
 fn run<R: Send>(
     py: Python<'_>,
-    threads: Option<usize>,
+    threads: Option<isize>,
     work: impl FnOnce() -> jotlight::error::Result<R> + Send,
 ) -> PyResult<R> {
+    if let Some(threads @ ..0) = threads {
+        return Err(PyValueError::new_err(format!(
+            "threads: expected at least 1, got {threads}"
+        )));
+    }
+    let threads = threads.map(isize::cast_unsigned);
     py.detach(|| jotlight::threads::install(threads, work).and_then(|result| result))
         .map_err(to_python)
 }

@@ -55,7 +55,7 @@ pub fn mle_from_counts(
     trials: PyTrials<'_>,
     dark: PyDark<'_>,
     mut out: PyReadwriteArray1<'_, f32>,
-    threads: Option<usize>,
+    threads: Option<isize>,
 ) -> PyResult<()> {
     let response = response(sensor)?;
     let (trials, dark) = (trials.view()?, dark.view()?);
@@ -77,7 +77,7 @@ pub fn equivalent_counts(
     bits: i32,
     reference: f64,
     mut out: PyReadwriteArray1<'_, f32>,
-    threads: Option<usize>,
+    threads: Option<isize>,
 ) -> PyResult<()> {
     let response = response(sensor)?;
     let (trials, dark) = (trials.view()?, dark.view()?);
@@ -95,7 +95,7 @@ pub fn mle_from_probability(
     probability: PyReadonlyArray1<'_, f32>,
     dark: f64,
     mut out: PyReadwriteArray1<'_, f32>,
-    threads: Option<usize>,
+    threads: Option<isize>,
 ) -> PyResult<()> {
     let response = response(sensor)?;
     let (probability, out) = (probability.as_slice()?, out.as_slice_mut()?);
@@ -117,7 +117,7 @@ pub fn mle_from_jots(
     side: usize,
     width: usize,
     mut out: PyReadwriteArray1<'_, f32>,
-    threads: Option<usize>,
+    threads: Option<isize>,
 ) -> PyResult<()> {
     let response = response(sensor)?;
     let jots = JotCounts {

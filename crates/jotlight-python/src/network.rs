@@ -33,7 +33,7 @@ pub fn block_sums<'py>(
     packed: PyReadonlyArray3<'_, u8>,
     width: usize,
     valid: Option<PyReadonlyArray2<'_, u8>>,
-    threads: Option<usize>,
+    threads: Option<isize>,
 ) -> PyResult<Bound<'py, PyArray3<f32>>> {
     let (layer, packed) = (to_engine(&layer)?, packed.as_array());
     let valid = valid.as_ref().map(|valid| valid.as_array());
@@ -49,7 +49,7 @@ pub fn forward<'py>(
     py: Python<'py>,
     layers: Vec<PyLayer<'py>>,
     sums: PyReadonlyArray3<'_, f32>,
-    threads: Option<usize>,
+    threads: Option<isize>,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
     let layers: Vec<Layer> = layers.iter().map(to_engine).collect::<PyResult<_>>()?;
     let sums = sums.as_array();

@@ -68,7 +68,7 @@ pub fn expose(
     rows: (usize, usize),
     columns: (usize, usize),
     mut out: PyReadwriteArray3<'_, u8>,
-    threads: Option<usize>,
+    threads: Option<isize>,
 ) -> PyResult<()> {
     let (sensor, image, out) = (sensor.view()?, image.view(), out.as_array_mut());
     let window = Window {
@@ -88,7 +88,7 @@ pub fn rate(
     sensor: PySensor<'_>,
     image: PyImage<'_>,
     mut out: PyReadwriteArray2<'_, f32>,
-    threads: Option<usize>,
+    threads: Option<isize>,
 ) -> PyResult<()> {
     let (sensor, image, out) = (sensor.view()?, image.view(), out.as_array_mut());
     run(py, threads, || sensing::rate(&sensor, image, out))
@@ -101,7 +101,7 @@ pub fn probability(
     sensor: PySensor<'_>,
     image: PyImage<'_>,
     mut out: PyReadwriteArray2<'_, f32>,
-    threads: Option<usize>,
+    threads: Option<isize>,
 ) -> PyResult<()> {
     let (sensor, image, out) = (sensor.view()?, image.view(), out.as_array_mut());
     run(py, threads, || sensing::probability(&sensor, image, out))

@@ -11,7 +11,7 @@ pub fn stabilise(
     counts: PyReadonlyArray1<'_, f32>,
     bits: u32,
     mut out: PyReadwriteArray1<'_, f32>,
-    threads: Option<usize>,
+    threads: Option<isize>,
 ) -> PyResult<()> {
     let (counts, out) = (counts.as_array(), out.as_array_mut());
     run(py, threads, || {
@@ -27,7 +27,7 @@ pub fn algebraic_inverse(
     z: PyReadonlyArray1<'_, f32>,
     bits: u32,
     mut out: PyReadwriteArray1<'_, f32>,
-    threads: Option<usize>,
+    threads: Option<isize>,
 ) -> PyResult<()> {
     let (z, out) = (z.as_array(), out.as_array_mut());
     run(py, threads, || {
@@ -43,7 +43,7 @@ pub fn exact_inverse(
     z: PyReadonlyArray1<'_, f32>,
     bits: u32,
     mut out: PyReadwriteArray1<'_, f32>,
-    threads: Option<usize>,
+    threads: Option<isize>,
 ) -> PyResult<()> {
     let (z, out) = (z.as_array(), out.as_array_mut());
     run(py, threads, || {

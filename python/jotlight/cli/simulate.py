@@ -9,8 +9,9 @@ import typer
 from jotlight.cli import options
 from jotlight.cli.console import out, progress
 from jotlight.formats.npy import created_bits
+from jotlight.image import as_image
 from jotlight.pictures import read_picture
-from jotlight.sensor import Sensor, as_image
+from jotlight.sensor import Sensor
 
 
 def simulate(

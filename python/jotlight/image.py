@@ -1,0 +1,46 @@
+"""Images of intensities, checked before anything is done with them."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+
+def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
+    """Check an image of intensities; float32 or float64, and never copied when it is that already.
+
+    Raises
+    ------
+    TypeError
+        For integers and whatever else is not a real number with a known scale.
+    ValueError
+        For an image that is empty, negative, not finite, or not of 2 or 3 dimensions.
+    """
+    array = np.asarray(image)
+    if array.dtype.kind in "iub":
+        raise TypeError(
+            f"image: expected floats in units of intensity, got {array.dtype}, whose scale is "
+            "unknown; divide by its white level, such as image / 255.0 for an 8-bit photograph"
+        )
+    if array.dtype.kind != "f":
+        raise TypeError(f"image: expected floats, got {array.dtype}")
+    if array.ndim not in (2, 3):
+        raise ValueError(
+            f"image: expected shape (H, W) or (H, W, C), got {array.ndim} dimensions {array.shape}"
+        )
+    if array.ndim == 3 and array.shape[2] > 4:
+        raise ValueError(
+            f"image: expected at most 4 colour channels in (H, W, C), got shape {array.shape}; "
+            "expose the images of a stack one by one"
+        )
+    if array.size == 0:
+        raise ValueError(f"image: expected at least one pixel, got shape {array.shape}")
+    # NaN and infinity show in the extremes, and no array of the image's size is made to find them.
+    low, high = array.min(), array.max()
+    if not (np.isfinite(low) and np.isfinite(high)):
+        raise ValueError("image: expected finite intensities, got NaN or infinity")
+    if low < 0:
+        raise ValueError(f"image: expected intensities of 0 or more, got {low}")
+    if array.dtype not in (np.float32, np.float64):
+        array = array.astype(np.float64 if array.dtype.itemsize > 4 else np.float32)
+    return array if array.flags.aligned else array.copy()

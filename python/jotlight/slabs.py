@@ -1,0 +1,22 @@
+"""Work cut into parts, so that Ctrl-C and a progress bar need not wait for the whole."""
+
+from collections.abc import Iterator
+
+_SLAB = 1 << 26
+"""Jots that the engine handles between two looks at Ctrl-C: some tens of milliseconds."""
+
+_SHORT_ROW = 1 << 9
+"""A row of pixels with fewer jots takes as much time and memory as one with so many."""
+
+
+def slabs_of(frames: int, rows: int, jots_per_row: int) -> Iterator[tuple[range, range]]:
+    """Cut frames and rows into parts of which each takes well under a second."""
+    cost = max(_SHORT_ROW, jots_per_row)
+    rows_at_once = max(1, min(rows, _SLAB // cost))
+    frames_at_once = max(1, _SLAB // (rows_at_once * cost))
+    for frame in range(0, frames, frames_at_once):
+        for row in range(0, rows, rows_at_once):
+            yield (
+                range(frame, min(frame + frames_at_once, frames)),
+                range(row, min(row + rows_at_once, rows)),
+            )
