@@ -234,15 +234,12 @@ class Sensor:
         pixels = as_image(image)
         height, width = pixels.shape[:2]
         self.check_jots(height * self.oversampling, width * self.oversampling)
-        rows, columns = (
-            _span(name, part, size)
-            for name, part, size in zip(
-                ("tile rows", "tile columns"),
-                (slice(None),) * 2 if tile is None else tile,
-                (height, width),
-                strict=True,
-            )
-        )
+        if tile is None:
+            tile = (slice(None), slice(None))
+        elif len(tile) != 2:
+            raise ValueError(f"tile: expected slices of rows and columns, got {tile!r}")
+        rows = _span("tile rows", tile[0], height)
+        columns = _span("tile columns", tile[1], width)
         span = _span("frames", slice(None) if frames is None else frames, self.frames)
         jots = (
             len(span),

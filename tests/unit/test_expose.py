@@ -218,7 +218,7 @@ def test_the_same_bits_in_slabs_of_any_size(monkeypatch, size):
     ],
 )
 def test_a_tile_that_is_no_part_of_the_image_is_refused(tile):
-    with pytest.raises(ValueError, match=r"tile|zip"):
+    with pytest.raises(ValueError, match="tile"):
         SENSOR.expose(IMAGE, rng=0, tile=tile)
 
 
