@@ -59,7 +59,7 @@ class Layer:
                     f"of shape {array.shape}"
                 )
             with np.errstate(over="ignore"):
-                array = np.ascontiguousarray(array, np.float32)
+                array = np.require(array, np.float32, ["C", "A"])
             if not np.isfinite(array).all():
                 raise ValueError(f"{name}: expected finite numbers in the range of float32")
             object.__setattr__(self, name, array)

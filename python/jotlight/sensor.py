@@ -82,7 +82,7 @@ class Sensor:
     max_intensity: float = 1.0
 
     def __post_init__(self) -> None:
-        for name, most in (("oversampling", 4096), ("frames", 2**31 - 1), ("threshold", 10**6)):
+        for name, most in (("oversampling", 4096), ("frames", 2**31 - 1), ("threshold", 65535)):
             object.__setattr__(self, name, _whole(name, getattr(self, name), most))
         if self.bits_per_pixel >= 2**31:
             raise ValueError(

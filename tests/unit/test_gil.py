@@ -9,7 +9,7 @@ import jotlight as jl
 from jotlight import _engine
 
 SENSOR = jl.Sensor(oversampling=4, kernel="cubic")
-IMAGE = np.full((256, 256), 0.5)
+IMAGE = np.full((256, 256), 0.5, np.float32)
 CALLS = {
     "expose": lambda: jl.Sensor(frames=100).expose(IMAGE, rng=0, threads=1),
     "rate": lambda: SENSOR.rate(IMAGE, threads=1),
@@ -42,7 +42,7 @@ def ticks():
 
 @pytest.mark.parametrize("name", CALLS)
 def test_other_threads_run_while_the_engine_works(name, ticks, monkeypatch):
-    """Without the GIL released in the engine no tick can fall between the two looks at them."""
+    """While the engine holds the GIL, only its look at the arguments may let a tick or two in."""
     engine, during = getattr(_engine, name), []
 
     def watched(*arguments):
@@ -53,9 +53,9 @@ def test_other_threads_run_while_the_engine_works(name, ticks, monkeypatch):
     monkeypatch.setattr(_engine, name, watched)
     for _ in range(100):
         CALLS[name]()
-        if any(during):
+        if max(during) > 10:
             return
-    pytest.fail(f"no tick in {len(during)} calls")
+    pytest.fail(f"at most {max(during)} ticks in each of {len(during)} calls")
 
 
 def test_no_tick_falls_where_the_gil_is_held(ticks):

@@ -24,20 +24,19 @@ CALLS = {
 
 @pytest.mark.parametrize("name", CALLS)
 def test_ctrl_c_ends_a_long_call(name):
-    process = subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-c", f"{PRELUDE}\n{CALLS[name]}\nprint('done')"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-    )
-    try:
-        assert process.stdout.readline() == "at work\n"
-        time.sleep(0.4)
-        assert process.poll() is None
-        process.send_signal(signal.SIGINT)
-        out, error = process.communicate(timeout=10)
-    finally:
-        process.kill()
-        process.wait()
+    ) as process:
+        try:
+            assert process.stdout.readline() == "at work\n"
+            time.sleep(0.4)
+            assert process.poll() is None
+            process.send_signal(signal.SIGINT)
+            out, error = process.communicate(timeout=10)
+        finally:
+            process.kill()
     assert "done" not in out
     assert "KeyboardInterrupt" in error

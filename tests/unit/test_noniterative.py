@@ -151,6 +151,14 @@ def test_hot_pixels_are_brought_to_the_median_dark_counts(threshold):
     assert hot.mean() == pytest.approx(light, abs=5 * deviation / np.sqrt(hot.size) + 2 / frames)
 
 
+@pytest.mark.parametrize("threshold", [1, 3])
+def test_hot_pixels_without_light_and_with_all_of_it_stay_so(threshold):
+    sensor = jl.Sensor(frames=16, threshold=threshold, dark_counts=[[0.0, 0.1, 5.0]])
+    for count, light in (0, 0), (16, 1):
+        picture = jl.noniterative([[count] * 3], sensor, denoiser=as_it_is, inverse="algebraic")
+        np.testing.assert_allclose(picture, light, atol=1e-6)
+
+
 def test_blind_pixels_among_dark_ones_are_filled():
     mask = np.zeros((20, 20), bool)
     mask[8:12, 12:15] = True

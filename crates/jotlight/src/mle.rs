@@ -142,7 +142,7 @@ pub fn equivalent_counts(
         let fraction = f64::from(counts[index]) / f64::from(trials);
         *out = if trials == 0 {
             f32::NAN
-        } else if dark.to_bits() == reference.to_bits() || counts[index] == trials {
+        } else if dark.to_bits() == reference.to_bits() {
             (all * fraction) as f32
         } else {
             let light = (response.threshold.rate(fraction) - dark).max(0.0);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ndarray::{ArrayViewMut1, ArrayViewMut2, ArrayViewMut3, Axis};
 use rayon::prelude::*;
 
-use super::chance::{Chance, ChanceTable};
+use super::bound::{Bounds, exactly};
 use super::rate::Light;
 use super::{Image, Sensor, Window};
 use crate::bits::packed_width;
@@ -84,11 +84,14 @@ fn split_rows(
 /// What a thread needs for a stretch of a row.
 struct Scratch {
     random: JotRandom,
-    table: Arc<ChanceTable>,
+    table: Arc<Bounds>,
+    /// η s + d, one for so many jots in a row, the first of them with column `base`.
     rates: Vec<f64>,
-    chances: Vec<Chance>,
-    jots_per_chance: usize,
-    high: Vec<u16>,
+    jots_per_rate: usize,
+    base: usize,
+    /// The bound of each rate, and of each jot, in whole words.
+    of_rates: Vec<u16>,
+    bounds: Vec<u16>,
     bytes: Vec<u8>,
     words: Vec<u64>,
 }
@@ -97,11 +100,12 @@ impl Scratch {
     fn new(seed: [u8; 32], threshold: Threshold) -> Self {
         Self {
             random: JotRandom::new(seed),
-            table: ChanceTable::of(threshold),
+            table: Bounds::of(threshold),
             rates: Vec::new(),
-            chances: Vec::new(),
-            jots_per_chance: 1,
-            high: Vec::new(),
+            jots_per_rate: 1,
+            base: 0,
+            of_rates: Vec::new(),
+            bounds: Vec::new(),
             bytes: Vec::new(),
             words: Vec::new(),
         }
@@ -123,16 +127,16 @@ impl Scratch {
         while start < end {
             let stop = (start + STRETCH).min(end);
             // Draws begin at an aligned column; the few before `start` belong to the neighbouring tile and are shifted out.
-            let base = start / ALIGNMENT * ALIGNMENT;
+            self.base = start / ALIGNMENT * ALIGNMENT;
             for line in 0..side {
                 let row = pixel_row * side + line;
                 if line == 0 || light.sensor.blockwise().is_none() {
-                    self.prepare(light, row, base, stop);
+                    self.prepare(light, row, stop);
                 }
                 for (frame, out) in window.frames.clone().zip(out.iter_mut()) {
-                    self.draw_words(RowPlace::new(channel, frame, row), base);
+                    self.draw_words(RowPlace::new(channel, frame, row), &light.sensor.threshold);
                     let mut out = out.row_mut(line);
-                    write_bits(&self.words, start - base, stop - start, byte, &mut out);
+                    write_bits(&self.words, start - self.base, stop - start, byte, &mut out);
                 }
             }
             byte += STRETCH / 8;
@@ -140,67 +144,70 @@ impl Scratch {
         }
     }
 
-    /// The chances of the jots from `base` up to `stop`; the last word is filled with jots that never fire.
-    fn prepare(&mut self, light: &Light<'_, '_, '_>, row: usize, base: usize, stop: usize) {
+    /// Rates and bounds of the jots up to `stop`.
+    fn prepare(&mut self, light: &Light<'_, '_, '_>, row: usize, stop: usize) {
         let sensor = light.sensor;
-        let table = &self.table;
-        self.chances.clear();
-        self.high.clear();
         if let Some(dark) = sensor.blockwise() {
             let side = sensor.kernel.oversampling();
-            self.jots_per_chance = side;
-            let pixels = base / side..stop.div_ceil(side);
-            light.block_detections(row / side, pixels.clone(), dark, &mut self.rates);
-            table.chances(&self.rates, &mut self.chances);
-            self.high.resize(pixels.len() * side, 0);
-            for (jots, chance) in self.high.chunks_exact_mut(side).zip(&self.chances) {
-                jots.fill(chance.high());
-            }
-            self.high.drain(..base % side);
-            self.high.truncate(stop - base);
+            self.jots_per_rate = side;
+            let pixels = self.base / side..stop.div_ceil(side);
+            light.block_detections(row / side, pixels, dark, &mut self.rates);
         } else {
-            self.jots_per_chance = 1;
-            light.detections(row, base..stop, &mut self.rates);
-            table.chances(&self.rates, &mut self.chances);
+            self.jots_per_rate = 1;
+            light.detections(row, self.base..stop, &mut self.rates);
             if sensor.dead.is_some() {
-                for (column, chance) in (base..stop).zip(&mut self.chances) {
+                for (column, rate) in (self.base..stop).zip(&mut self.rates) {
                     if sensor.is_dead(row, column) {
-                        *chance = Chance::NEVER;
+                        *rate = 0.0;
                     }
                 }
             }
-            self.high
-                .extend(self.chances.iter().map(|chance| chance.high()));
         }
-        let words = (stop - base).div_ceil(64);
-        self.high.resize(words * 64, Chance::NEVER.high());
+        let length = stop - self.base;
+        if self.jots_per_rate == 1 {
+            self.table.look_up(&self.rates, &mut self.bounds);
+        } else {
+            self.table.look_up(&self.rates, &mut self.of_rates);
+            self.bounds.resize(self.rates.len() * self.jots_per_rate, 0);
+            let runs = self.bounds.chunks_exact_mut(self.jots_per_rate);
+            for (run, bound) in runs.zip(&self.of_rates) {
+                run.fill(*bound);
+            }
+            self.bounds.drain(..self.base % self.jots_per_rate);
+            self.bounds.truncate(length);
+        }
+        let words = length.div_ceil(64);
+        self.bounds.resize(words * 64, 0);
         self.bytes.resize(words * 128, 0);
         self.words.resize(words, 0);
     }
 
     /// b = [U < P(b = 1)] with U uniform of 48 bits, of which the first 16 nearly always decide.
-    fn draw_words(&mut self, place: RowPlace, base: usize) {
-        self.random.draws(place, base, &mut self.bytes);
-        let jots = self
-            .bytes
-            .as_chunks::<128>()
-            .0
-            .iter()
-            .zip(self.high.as_chunks::<64>().0);
-        for (index, (bytes, high)) in jots.enumerate() {
-            let (mut word, tie) = compare(bytes, high);
-            if tie {
-                for jot in 0..64 {
-                    let draw = u16::from_le_bytes([bytes[2 * jot], bytes[2 * jot + 1]]);
-                    if draw == high[jot] {
-                        let column = base + index * 64 + jot;
-                        let place_of = |column: usize| column / self.jots_per_chance;
-                        let chance = self.chances.get(place_of(column) - place_of(base));
-                        if chance.is_some_and(|chance| {
-                            self.random.refinement(place, column) < chance.low()
-                        }) {
-                            word |= 1 << (63 - jot);
-                        }
+    fn draw_words(&mut self, place: RowPlace, threshold: &Threshold) {
+        self.random.draws(place, self.base, &mut self.bytes);
+        let draws = self.bytes.as_chunks::<128>().0;
+        let bounds = self.bounds.as_chunks::<64>().0;
+        for (index, (draws, bounds)) in draws.iter().zip(bounds).enumerate() {
+            let (mut word, close) = compare(draws, bounds);
+            if close {
+                for (jot, (draw, &bound)) in draws.as_chunks().0.iter().zip(bounds).enumerate() {
+                    let draw = u16::from_le_bytes(*draw);
+                    if draw.abs_diff(bound) > Bounds::MARGIN {
+                        continue;
+                    }
+                    let column = self.base + index * 64 + jot;
+                    let rate = column / self.jots_per_rate - self.base / self.jots_per_rate;
+                    // Past the end of the row there is no rate, and no bit is kept.
+                    let Some(&rate) = self.rates.get(rate) else {
+                        continue;
+                    };
+                    let low = self.random.refinement(place, column);
+                    let draw = u64::from(draw) << 32 | u64::from(low);
+                    let bit = 1 << (63 - jot);
+                    if draw < exactly(threshold, rate) {
+                        word |= bit;
+                    } else {
+                        word &= !bit;
                     }
                 }
             }
@@ -209,17 +216,17 @@ impl Scratch {
     }
 }
 
-/// Which of 64 draws are below their bounds, the first in the most significant bit, and whether any is equal to its bound.
+/// Which of 64 draws are below their bounds, the first in the most significant bit, and whether any is close to its bound.
 #[inline(never)]
-fn compare(bytes: &[u8; 128], high: &[u16; 64]) -> (u64, bool) {
+fn compare(draws: &[u8; 128], bounds: &[u16; 64]) -> (u64, bool) {
     let mut below = [0u8; 64];
-    let mut tie = 0;
-    for ((below, bytes), &high) in below.iter_mut().zip(bytes.as_chunks::<2>().0).zip(high) {
-        let draw = u16::from_le_bytes(*bytes);
-        *below = u8::from(draw < high);
-        tie |= u16::from(draw == high);
+    let mut close = 0;
+    for ((below, draw), &bound) in below.iter_mut().zip(draws.as_chunks::<2>().0).zip(bounds) {
+        let draw = u16::from_le_bytes(*draw);
+        *below = u8::from(draw < bound);
+        close |= u16::from(draw.abs_diff(bound) <= Bounds::MARGIN);
     }
-    (pack(&below), tie != 0)
+    (pack(&below), close != 0)
 }
 
 /// 64 bytes of 0 or 1 into a word, the first byte into the most significant bit.

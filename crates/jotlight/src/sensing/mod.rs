@@ -3,7 +3,7 @@
 //! An image c gives every jot s = (α/T)·(G c) expected photons a frame; quantum efficiency η and dark counts d make
 //! that η s + d; a jot reports 1 when at least q photons arrive.
 
-mod chance;
+mod bound;
 mod expose;
 mod kernel;
 mod rate;

@@ -1,0 +1,93 @@
+//! What a draw is compared with: P(b = 1), roughly from a table, and exactly only for the few draws that come close to it.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::likelihood::Threshold;
+
+/// P(b = 1) = P(q, s) in units of 2⁻¹⁶, tabulated over s: off by less than [`Bounds::MARGIN`].
+#[derive(Debug)]
+pub(super) struct Bounds {
+    /// Entries per expected photon.
+    density: f64,
+    table: Vec<u16>,
+}
+
+impl Bounds {
+    /// Entries over which P would rise from 0 to 1 if it were as steep all over as where it is steepest.
+    const STEEPEST: f64 = 1024.0;
+
+    /// A draw of 16 bits that is further than this from its bound is on the same side of the exact probability: over half an
+    /// entry P rises by up to 32 units, and the bound and the draw are rounded to a unit each.
+    pub const MARGIN: u16 = 34;
+
+    /// The table of a threshold, made once.
+    pub fn of(threshold: Threshold) -> Arc<Self> {
+        static TABLES: Mutex<Option<HashMap<u32, Arc<Bounds>>>> = Mutex::new(None);
+        // A table is complete before it enters the map, so a panic elsewhere leaves nothing half made.
+        TABLES
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .get_or_insert_default()
+            .entry(threshold.photons())
+            .or_insert_with(|| Arc::new(Self::new(threshold)))
+            .clone()
+    }
+
+    fn new(threshold: Threshold) -> Self {
+        // dP/ds is largest at s = q − 1.
+        let density = Self::STEEPEST * threshold.slope(f64::from(threshold.photons() - 1));
+        let mut table = Vec::new();
+        loop {
+            let rate = (table.len() as f64 + 0.5) / density;
+            let probability = threshold.fires(rate);
+            table.push((probability * 65536.0).round() as u16);
+            // The last entry stands for all brighter light.
+            if 1.0 - probability < 1e-6 {
+                return Self { density, table };
+            }
+        }
+    }
+
+    /// The bounds for detection rates of at least 0.
+    pub fn look_up(&self, rates: &[f64], bounds: &mut Vec<u16>) {
+        bounds.resize(rates.len(), 0);
+        for (bound, rate) in bounds.iter_mut().zip(rates) {
+            let entry = (rate * self.density) as u32 as usize;
+            *bound = self.table[entry.min(self.table.len() - 1)];
+        }
+    }
+}
+
+/// P(b = 1) in units of 2⁻⁴⁸.
+pub(super) fn exactly(threshold: &Threshold, rate: f64) -> u64 {
+    (threshold.fires(rate) * 48f64.exp2()).round() as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::Result;
+
+    #[test]
+    fn no_bound_is_further_from_the_probability_than_the_margin_allows() -> Result<()> {
+        for q in [1, 2, 5, 40, 3000] {
+            let threshold = Threshold::new(q)?;
+            let step = 0.000_017_3 * f64::from(q + 100);
+            let mut rates: Vec<f64> = (0..200_000).map(|k| f64::from(k) * step).collect();
+            rates.extend([0.0, 1e-300, 1e4, 1e300, f64::INFINITY]);
+            let mut bounds = Vec::new();
+            Bounds::of(threshold).look_up(&rates, &mut bounds);
+            for (rate, bound) in rates.iter().zip(bounds) {
+                let exact = 65536.0 * threshold.fires(*rate);
+                // One unit of the margin is for the draw, which stands for all that begin with its 16 bits.
+                let off = (f64::from(bound) - exact).abs();
+                assert!(
+                    off <= f64::from(Bounds::MARGIN - 1),
+                    "q = {q}, s = {rate}: {off}"
+                );
+            }
+        }
+        Ok(())
+    }
+}
