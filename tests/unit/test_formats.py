@@ -322,3 +322,18 @@ def test_a_place_that_cannot_be_written_to_leaves_nothing(tmp_path):
     with pytest.raises(IsADirectoryError):
         random_bits((1, 2, 8), jl.Sensor(mask=np.zeros((2, 8), bool))).save(tmp_path / "cube.npy")
     assert names(tmp_path) == ["cube.mask.npy"]
+
+
+def test_a_map_that_is_a_strangers_is_never_overwritten(tmp_path):
+    stranger = tmp_path / "capture.mask.npy"
+    np.save(stranger, np.arange(3))
+    sensor = jl.Sensor(mask=np.zeros((4, 8), bool))
+    bits = jl.Bits.from_array(np.ones((1, 4, 8), bool), sensor)
+    with pytest.raises(FileExistsError, match=r"capture\.mask\.npy stands where"):
+        bits.save(tmp_path / "capture.npy")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["capture.mask.npy"]
+    assert np.load(stranger).tolist() == [0, 1, 2]
+    stranger.unlink()
+    bits.save(tmp_path / "capture.npy")
+    bits.save(tmp_path / "capture.npy")
+    assert jl.open(tmp_path / "capture.npy").sensor == sensor

@@ -100,11 +100,9 @@ def created_bits(
     if path.suffix != ".npy":
         raise ValueError(f"{path}: expected a name that ends in .npy for packed bits")
     beside = path.with_suffix(".json")
-    if beside.exists() and _parse(beside) is None:
-        raise FileExistsError(
-            f"{beside} stands where the description of {path.name} would go, and jotlight "
-            "did not write it; move it, or choose another name"
-        )
+    maps = {} if sensor is None else sensor.maps()
+    map_paths = {name: path.with_suffix(f".{name}.npy") for name in maps}
+    _spare_strangers(path, beside, list(map_paths.values()))
     description: dict[str, Any] = {"format": _FORMAT, "version": _VERSION, "width": width}
     with contextlib.ExitStack() as stack:
         # What is entered first is put in place last: the bits once all that describes them stands.
@@ -113,16 +111,28 @@ def created_bits(
         if sensor is not None:
             description["sensor"] = sensor.numbers()
             description["maps"] = {}
-            for name, map_ in sensor.maps().items():
-                map_path = path.with_suffix(f".{name}.npy")
-                with stack.enter_context(written_whole(map_path)).open("wb") as file:
+            for name, map_ in maps.items():
+                with stack.enter_context(written_whole(map_paths[name])).open("wb") as file:
                     np.save(file, map_)
-                description["maps"][name] = map_path.name
+                description["maps"][name] = map_paths[name].name
         text.write_text(json.dumps(description, indent=2) + "\n")
         packed = np.lib.format.open_memmap(cube, mode="w+", dtype=np.uint8, shape=shape)
         yield packed
         packed.flush()
         del packed
+
+
+def _spare_strangers(path: Path, beside: Path, map_paths: list[Path]) -> None:
+    """Refuse to put files that go with the bits where somebody else's stand."""
+    ours = (_parse(beside) or {}) if beside.exists() else {}
+    named = ours.get("maps") or {}
+    for file in [beside, *map_paths]:
+        known = ours if file == beside else isinstance(named, dict) and file.name in named.values()
+        if file.is_file() and not known:
+            raise FileExistsError(
+                f"{file} stands where a file that goes with {path.name} would be written, and "
+                "jotlight did not write it; move it, or choose another name"
+            )
 
 
 def _read_description(path: Path) -> tuple[int | None, Sensor | None]:
