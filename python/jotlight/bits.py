@@ -1,16 +1,17 @@
-"""The data: bits in packed form, and what a pixel's bits amount to."""
+"""The data: bits in packed form."""
 
-import dataclasses
 import os
 from collections.abc import Callable
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight import _engine
-from jotlight.sensor import Sensor
 from jotlight.slabs import slabs_of
+
+if TYPE_CHECKING:
+    from jotlight.sensor import Sensor
 
 
 class Bits:
@@ -42,7 +43,7 @@ class Bits:
         self,
         packed: npt.NDArray[np.uint8],
         width: int | None = None,
-        sensor: Sensor | None = None,
+        sensor: "Sensor | None" = None,
     ) -> None:
         if not isinstance(packed, np.ndarray) or packed.dtype != np.uint8:
             given = getattr(packed, "dtype", type(packed).__name__)
@@ -65,10 +66,10 @@ class Bits:
                 f"got {width}"
             )
         if sensor is not None:
-            _check_fits(self, sensor)
+            check_fits(self, sensor)
 
     @classmethod
-    def from_array(cls, array: npt.ArrayLike, sensor: Sensor | None = None) -> Self:
+    def from_array(cls, array: npt.ArrayLike, sensor: "Sensor | None" = None) -> Self:
         """Pack an array of bool, or of 0 and 1, of shape (T, H, W), (H, W) or (T, H, W, C).
 
         Examples
@@ -191,21 +192,6 @@ class Bits:
 
         save_bits(self, path)
 
-    @classmethod
-    def load(cls, path: str | os.PathLike[str], *, width: int | None = None) -> "Bits":
-        """Open a `.npy` photon cube, ours or anyone's, as a memory map.
-
-        Parameters
-        ----------
-        path : path
-            The `.npy` file. A `.json` of the same name beside it is read too, where there is one.
-        width : int, optional
-            The true width in jots, where no `.json` tells.
-        """
-        from jotlight.formats.npy import load_bits
-
-        return load_bits(path, width=width)
-
     def __repr__(self) -> str:
         frames, height, width, *channels = self.shape
         colour = f" x {channels[0]} colours" if channels else ""
@@ -214,95 +200,8 @@ class Bits:
         return f"<Bits: {frames} frame{plural} of {height} x {width} jots{colour}{sensor}>"
 
 
-@dataclasses.dataclass(frozen=True)
-class Observation:
-    """What a sensor saw of every pixel, where the pixel's bits are exchangeable (box kernel)."""
-
-    sensor: Sensor
-    counts: npt.NDArray[np.int32]
-    """L, (H, W)."""
-    trials: int | npt.NDArray[np.int32]
-    """Valid bits of each pixel: K, or a map where jots are dead."""
-    dark_counts: float | npt.NDArray[np.float64]
-    """d of each pixel's jots: a number or a map (H, W), the mean where a pixel's jots differ."""
-    dark_varies: bool
-    """Whether the jots inside of some pixel differ in their dark counts."""
-
-    @property
-    def blind(self) -> npt.NDArray[np.bool_] | None:
-        """Pixels without a valid bit, if there are any."""
-        if isinstance(self.trials, int) or self.trials.all():
-            return None
-        return np.asarray(self.trials == 0)
-
-
-def observe(data: "Bits | npt.ArrayLike", sensor: Sensor, threads: int | None) -> Observation:
-    """Count the valid ones of each pixel, from bits or from an image of counts of one channel."""
-    if isinstance(data, Bits):
-        _check_fits(data, sensor)
-        _, height, width = data.shape
-        counts = data.counts(sensor.oversampling, mask=sensor.mask, threads=threads)
-    else:
-        counts = as_counts(data)
-        height, width = (size * sensor.oversampling for size in counts.shape)
-        sensor.check_jots(height, width)
-        if sensor.oversampling > 1 and sensor.mask is not None:
-            raise ValueError(
-                "counts: with a mask of single jots the bits are needed, since a count does not "
-                "tell which jots fired; give the bits, or a sensor without mask"
-            )
-    trials: int | npt.NDArray[np.int32] = sensor.bits_per_pixel
-    if sensor.mask is not None:
-        valid = Bits.from_array(~sensor.mask).counts(sensor.oversampling)
-        trials = valid * np.int32(sensor.frames)
-        if not isinstance(data, Bits):
-            counts = np.where(sensor.mask, np.int32(0), counts)
-    most = counts.max()
-    if most > sensor.bits_per_pixel or counts.min() < 0:
-        raise ValueError(
-            f"counts: expected 0 to K = {sensor.bits_per_pixel} ones per pixel "
-            f"({sensor.frames} frames of {sensor.oversampling} x {sensor.oversampling} jots), "
-            f"got {counts.min()} to {most}"
-        )
-    dark, varies = _pixel_dark_counts(sensor)
-    return Observation(sensor, counts, trials, dark, varies)
-
-
-def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
-    """Check an image of counts, (H, W) or (H, W, C)."""
-    counts = np.asarray(data)
-    if counts.dtype.kind not in "iu":
-        raise TypeError(
-            f"data: expected jotlight.Bits or an image of counts in whole numbers, got "
-            f"{counts.dtype}; Bits.from_array takes bool, and rounded floats can be cast by "
-            "astype(int)"
-        )
-    if counts.ndim not in (2, 3) or counts.size == 0 or (counts.ndim == 3 and counts.shape[2] > 4):
-        raise ValueError(
-            f"counts: expected shape (H, W) or (H, W, C) with at most 4 channels, got "
-            f"{counts.shape}; Bits.from_array takes the single frames (T, H, W) of 0 and 1"
-        )
-    if counts.min() < 0 or counts.max() >= 2**31:
-        raise ValueError(f"counts: expected 0 to 2**31 - 1, got {counts.min()} to {counts.max()}")
-    return np.require(counts, np.int32, ["C", "ALIGNED"])
-
-
-def _pixel_dark_counts(sensor: Sensor) -> tuple[float | npt.NDArray[np.float64], bool]:
-    if not isinstance(sensor.dark_counts, np.ndarray):
-        return sensor.dark_counts, False
-    side = sensor.oversampling
-    height, width = (size // side for size in sensor.dark_counts.shape)
-    blocks = sensor.dark_counts.astype(np.float64).reshape(height, side, width, side)
-    valid = np.ones(blocks.shape, bool)
-    if sensor.mask is not None:
-        valid = ~sensor.mask.reshape(blocks.shape)
-    number = np.maximum(valid.sum(axis=(1, 3)), 1)
-    mean = np.where(valid, blocks, 0).sum(axis=(1, 3)) / number
-    differs = valid & (blocks != mean[:, None, :, None].astype(np.float32))
-    return np.ascontiguousarray(mean), bool(differs.any())
-
-
-def _check_fits(bits: Bits, sensor: Sensor) -> None:
+def check_fits(bits: Bits, sensor: "Sensor") -> None:
+    """Raise ValueError unless a sensor can have reported these bits."""
     frames, height, width = bits.shape[:3]
     if frames != sensor.frames:
         raise ValueError(

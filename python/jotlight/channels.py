@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits, as_counts
+from jotlight.bits import Bits
+from jotlight.observation import as_counts
 
 Picture = npt.NDArray[np.float32]
 

@@ -6,9 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight import _engine
-from jotlight.bits import Bits, Observation, observe
+from jotlight.bits import Bits
 from jotlight.channels import by_channel
 from jotlight.fill import fill_blind
+from jotlight.observation import Observation, observe
 from jotlight.sensor import Sensor
 
 _ROWS = 64

@@ -12,11 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight import _engine, vst
-from jotlight.bits import Bits, observe
+from jotlight.bits import Bits
 from jotlight.channels import by_channel
 from jotlight.files import written_whole
 from jotlight.fill import fill_blind
 from jotlight.mle import equivalent_counts, reference_dark_counts
+from jotlight.observation import observe
 from jotlight.sensor import Sensor
 
 _FORMAT = "jotlight network"

@@ -3,18 +3,16 @@
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight import _engine
+from jotlight.bits import Bits
 from jotlight.image import as_image
 from jotlight.seeds import SeedLike, seed_bytes
 from jotlight.slabs import slabs_of
-
-if TYPE_CHECKING:
-    from jotlight.bits import Bits
 
 KERNELS = ("box", "linear", "quadratic", "cubic")
 """Interpolation kernels of the light field, by degree of the B-spline."""
@@ -179,7 +177,7 @@ class Sensor:
         out: npt.NDArray[np.uint8] | None = None,
         threads: int | None = None,
         progress: Callable[[float], object] | None = None,
-    ) -> "Bits":
+    ) -> Bits:
         """Draw the bits of an image.
 
         Each bit depends on the seed and on its own place alone, so that any `tile` and any range of
@@ -229,8 +227,6 @@ class Sensor:
         >>> bool((part.to_array() == whole.to_array()[1:2, 8:24, 16:32]).all())
         True
         """
-        from jotlight.bits import Bits
-
         pixels = as_image(image)
         height, width = pixels.shape[:2]
         self.check_jots(height * self.oversampling, width * self.oversampling)

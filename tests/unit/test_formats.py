@@ -61,7 +61,7 @@ def test_a_file_is_mapped_into_memory_and_not_read(tmp_path):
 def test_the_true_width_is_kept(tmp_path, width):
     bits = random_bits((2, 3, width))
     bits.save(tmp_path / "cube.npy")
-    loaded = jl.Bits.load(tmp_path / "cube.npy")
+    loaded = jl.open(tmp_path / "cube.npy")
     assert loaded.shape == (2, 3, width)
     np.testing.assert_array_equal(loaded.to_array(), bits.to_array())
 

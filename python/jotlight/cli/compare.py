@@ -1,7 +1,7 @@
 """`jotlight compare`: every method on one photograph, as a figure and a table."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,8 +19,10 @@ from jotlight.sensor import Sensor
 _FIGURES = (".png", ".jpg", ".jpeg", ".pdf", ".svg")
 
 
+@options.takes_sensor(oversampling=4)
 def compare(
     photo: Annotated[Path, typer.Argument(help="PNG, JPEG, TIFF or .npy.")],
+    *,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -37,34 +39,14 @@ def compare(
             help=f"Some of {', '.join(METHODS)}, with commas. Default: all that are installed.",
         ),
     ] = None,
-    oversampling: options.Oversampling = 4,
-    frames: options.Frames = 1,
-    gain: options.Gain = None,
-    threshold: options.Threshold = None,
-    kernel: options.Kernel = None,
-    dark_counts: options.DarkCounts = None,
-    efficiency: options.Efficiency = None,
-    mask: options.Mask = None,
-    max_intensity: options.MaxIntensity = None,
+    given: dict[str, Any],
     seed: options.Seed = 0,
     gray: options.Gray = False,
     white: options.White = None,
     threads: options.Threads = None,
 ) -> None:
     """Turn a photograph into bits, reconstruct it by every method, and show all side by side."""
-    sensor = Sensor(
-        **options.sensor_parameters(
-            oversampling=oversampling,
-            frames=frames,
-            gain=gain,
-            threshold=threshold,
-            kernel=kernel,
-            dark_counts=dark_counts,
-            efficiency=efficiency,
-            mask=mask,
-            max_intensity=max_intensity,
-        )
-    )
+    sensor = Sensor(**given)
     names = None if methods is None else [name.strip() for name in methods.split(",")]
     image = read_picture(photo, white=white, gray=gray)
     output = output or Path(f"{photo.stem}-compare.png")

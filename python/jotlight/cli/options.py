@@ -1,5 +1,8 @@
 """Options that several commands share."""
 
+import functools
+import inspect
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,61 +13,103 @@ import typer
 from jotlight.formats.npy import read_npy
 from jotlight.sensor import KERNELS
 
-_SENSOR = "Sensor"
 
-Oversampling = Annotated[
-    int | None,
-    typer.Option(
-        "--oversampling", "-k", help="K̂: each pixel covers K̂ x K̂ jots.", rich_help_panel=_SENSOR
-    ),
-]
-Frames = Annotated[
-    int | None,
-    typer.Option("--frames", "-t", help="T: binary frames.", rich_help_panel=_SENSOR),
-]
-Gain = Annotated[
-    float | None,
-    typer.Option(
-        help="α: photons on a pixel of intensity 1, over all jots and frames. Default: K, the "
-        "number of bits per pixel.",
-        rich_help_panel=_SENSOR,
-    ),
-]
-Threshold = Annotated[
-    int | None,
-    typer.Option(
-        "--threshold", "-q", help="q: photons that make a jot report 1.", rich_help_panel=_SENSOR
-    ),
-]
-Kernel = Annotated[
-    str | None,
-    typer.Option(
-        help=f"How a pixel's light is spread: {', '.join(KERNELS)}.", rich_help_panel=_SENSOR
-    ),
-]
-DarkCounts = Annotated[
-    str | None,
-    typer.Option(
-        help="d: detections per jot and frame without light; a number, or a .npy map of the jots.",
-        rich_help_panel=_SENSOR,
-    ),
-]
-Efficiency = Annotated[
-    float | None,
-    typer.Option(help="η: the share of photons that are detected.", rich_help_panel=_SENSOR),
-]
-Mask = Annotated[
-    Path | None,
-    typer.Option(
-        help="A .npy of bool over the jots, True for a dead one.", rich_help_panel=_SENSOR
-    ),
-]
-MaxIntensity = Annotated[
-    float | None,
-    typer.Option(
-        help="S: the largest intensity that an estimate may have.", rich_help_panel=_SENSOR
-    ),
-]
+def _sensor_option(help_: str, *names: str) -> Any:
+    return typer.Option(*names, help=help_, rich_help_panel="Sensor")
+
+
+SENSOR_OPTIONS: dict[str, Any] = {
+    "oversampling": Annotated[
+        int | None,
+        _sensor_option("K̂: each pixel covers K̂ x K̂ jots.", "--oversampling", "-k"),
+    ],
+    "frames": Annotated[int | None, _sensor_option("T: binary frames.", "--frames", "-t")],
+    "gain": Annotated[
+        float | None,
+        _sensor_option(
+            "α: photons on a pixel of intensity 1, over all jots and frames. Default: K, the "
+            "number of bits per pixel."
+        ),
+    ],
+    "threshold": Annotated[
+        int | None,
+        _sensor_option("q: photons that make a jot report 1.", "--threshold", "-q"),
+    ],
+    "kernel": Annotated[
+        str | None, _sensor_option(f"How a pixel's light is spread: {', '.join(KERNELS)}.")
+    ],
+    "dark_counts": Annotated[
+        str | None,
+        _sensor_option(
+            "d: detections per jot and frame without light; a number, or a .npy map of the jots."
+        ),
+    ],
+    "efficiency": Annotated[
+        float | None, _sensor_option("η: the share of photons that are detected.")
+    ],
+    "mask": Annotated[
+        Path | None, _sensor_option("A .npy of bool over the jots, True for a dead one.")
+    ],
+    "max_intensity": Annotated[
+        float | None, _sensor_option("S: the largest intensity that an estimate may have.")
+    ],
+}
+"""An option for each parameter of a sensor."""
+
+
+def takes_sensor(**defaults: object) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command all the options of a sensor; its parameter `given` gets those that were set.
+
+    `given` becomes a dict of parameters, with maps read from their files, `defaults` included.
+    """
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        own = inspect.signature(command, eval_str=True).parameters
+        added = {
+            name: inspect.Parameter(
+                name,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=defaults.get(name),
+                annotation=annotation,
+            )
+            for name, annotation in SENSOR_OPTIONS.items()
+        }
+
+        @functools.wraps(command)
+        def run(**options: Any) -> None:
+            given = {name: options.pop(name) for name in added}
+            command(**options, given=_read_maps(given))
+
+        parameters = [
+            parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+            for parameter in own.values()
+            if parameter.name != "given"
+        ]
+        parameters += added.values()
+        # What typer reads.
+        vars(run)["__signature__"] = inspect.Signature(parameters)
+        run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+        return run
+
+    return decorate
+
+
+def _read_maps(options: dict[str, Any]) -> dict[str, Any]:
+    given = {name: value for name, value in options.items() if value is not None}
+    if "dark_counts" in given:
+        given["dark_counts"] = _number_or_map(given["dark_counts"])
+    if "mask" in given:
+        given["mask"] = np.array(read_npy(given["mask"]))
+    return given
+
+
+def _number_or_map(text: str) -> float | npt.NDArray[Any]:
+    try:
+        return float(text)
+    except ValueError:
+        return np.array(read_npy(text))
+
+
 Seed = Annotated[int, typer.Option(help="Seed of the random bits.")]
 Gray = Annotated[bool, typer.Option("--gray", help="Turn a colour photograph into grey.")]
 White = Annotated[
@@ -75,25 +120,3 @@ White = Annotated[
     ),
 ]
 Threads = Annotated[int | None, typer.Option(help="Threads to use. Default: all.")]
-
-
-def sensor_parameters(
-    *,
-    dark_counts: str | None,
-    mask: Path | None,
-    **numbers: float | str | None,
-) -> dict[str, Any]:
-    """Those parameters of a sensor that were given, the maps read from their files."""
-    given: dict[str, Any] = {name: value for name, value in numbers.items() if value is not None}
-    if dark_counts is not None:
-        given["dark_counts"] = _number_or_map(dark_counts)
-    if mask is not None:
-        given["mask"] = np.array(read_npy(mask))
-    return given
-
-
-def _number_or_map(text: str) -> float | npt.NDArray[Any]:
-    try:
-        return float(text)
-    except ValueError:
-        return np.array(read_npy(text))

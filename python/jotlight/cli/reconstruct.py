@@ -8,18 +8,20 @@ import numpy as np
 import numpy.typing as npt
 import typer
 
-from jotlight.bits import Bits, as_counts
+from jotlight.bits import Bits
 from jotlight.cli import options
 from jotlight.cli.console import out, progress
 from jotlight.files import written_whole
 from jotlight.formats.npy import is_cube, load_bits, read_npy
 from jotlight.methods import METHODS
 from jotlight.network import Network
+from jotlight.observation import as_counts
 from jotlight.pictures import picture_writer
 from jotlight.sensor import Sensor
 from jotlight.vst import INVERSES
 
 
+@options.takes_sensor()
 def reconstruct(
     data: Annotated[
         Path,
@@ -27,6 +29,7 @@ def reconstruct(
             help="Packed bits (.npy), or an image of counts (.npy, or .npz with --key)."
         ),
     ],
+    *,
     output: Annotated[
         Path,
         typer.Option(
@@ -49,15 +52,7 @@ def reconstruct(
     width: Annotated[
         int | None, typer.Option(help="True width in jots, where no .json tells.")
     ] = None,
-    oversampling: options.Oversampling = None,
-    frames: options.Frames = None,
-    gain: options.Gain = None,
-    threshold: options.Threshold = None,
-    kernel: options.Kernel = None,
-    dark_counts: options.DarkCounts = None,
-    efficiency: options.Efficiency = None,
-    mask: options.Mask = None,
-    max_intensity: options.MaxIntensity = None,
+    given: dict[str, Any],
     depth: Annotated[int, typer.Option(help="Bits of a .png: 8 or 16.")] = 8,
     threads: options.Threads = None,
 ) -> None:
@@ -65,17 +60,6 @@ def reconstruct(
 
     The sensor is the one that the bits carry, changed by the options given here.
     """
-    given = options.sensor_parameters(
-        oversampling=oversampling,
-        frames=frames,
-        gain=gain,
-        threshold=threshold,
-        kernel=kernel,
-        dark_counts=dark_counts,
-        efficiency=efficiency,
-        mask=mask,
-        max_intensity=max_intensity,
-    )
     if output.resolve() == data.resolve():
         raise ValueError(f"{output}: expected another name than that of the data")
     settings = _method_settings(method, inverse=inverse, model=model)

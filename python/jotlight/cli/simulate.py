@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -14,39 +14,21 @@ from jotlight.pictures import read_picture
 from jotlight.sensor import Sensor
 
 
+@options.takes_sensor(oversampling=4)
 def simulate(
     photo: Annotated[Path, typer.Argument(help="PNG, JPEG, TIFF or .npy.")],
+    *,
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Packed bits, .npy; a .json goes beside it.")
     ],
-    oversampling: options.Oversampling = 4,
-    frames: options.Frames = 1,
-    gain: options.Gain = None,
-    threshold: options.Threshold = None,
-    kernel: options.Kernel = None,
-    dark_counts: options.DarkCounts = None,
-    efficiency: options.Efficiency = None,
-    mask: options.Mask = None,
-    max_intensity: options.MaxIntensity = None,
+    given: dict[str, Any],
     seed: options.Seed = 0,
     gray: options.Gray = False,
     white: options.White = None,
     threads: options.Threads = None,
 ) -> None:
     """Draw the bits that a quanta image sensor would report of a photograph."""
-    sensor = Sensor(
-        **options.sensor_parameters(
-            oversampling=oversampling,
-            frames=frames,
-            gain=gain,
-            threshold=threshold,
-            kernel=kernel,
-            dark_counts=dark_counts,
-            efficiency=efficiency,
-            mask=mask,
-            max_intensity=max_intensity,
-        )
-    )
+    sensor = Sensor(**given)
     image = as_image(read_picture(photo, white=white, gray=gray))
     height, width = (size * sensor.oversampling for size in image.shape[:2])
     shape = (sensor.frames, height, math.ceil(width / 8), *image.shape[2:])

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 from jotlight.bits import Bits
+from jotlight.formats.npy import load_bits
 
 
 def open(path: str | os.PathLike[str], *, width: int | None = None) -> Bits:
@@ -37,4 +38,4 @@ def open(path: str | os.PathLike[str], *, width: int | None = None) -> Bits:
         raise ValueError(
             f"{path}: expected a photon cube (.npy), got a {path.suffix or 'nameless'} file"
         )
-    return Bits.load(path, width=width)
+    return load_bits(path, width=width)
