@@ -71,8 +71,8 @@ impl<'a> PackedBits<'a> {
     }
 }
 
-/// A row of bytes in one piece; only a row that is strided, as one colour of a colour cube is, gets copied.
-pub(crate) fn contiguous(row: ArrayView1<'_, u8>) -> Cow<'_, [u8]> {
+/// A row in one piece, which loops run over fastest; only a row that is strided, as one colour of many is, gets copied.
+pub(crate) fn contiguous<T: Copy>(row: ArrayView1<'_, T>) -> Cow<'_, [T]> {
     match row.to_slice() {
         Some(slice) => Cow::Borrowed(slice),
         None => Cow::Owned(row.to_vec()),

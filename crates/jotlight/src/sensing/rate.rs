@@ -6,6 +6,7 @@ use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2, Axis, s};
 use rayon::prelude::*;
 
 use super::{DarkCounts, Image, Sensor};
+use crate::bits::contiguous;
 use crate::error::{Error, Result};
 use crate::sensing::kernel::{Kernel, mirrored};
 
@@ -116,7 +117,7 @@ impl Light<'_, '_, '_> {
 
 fn widen<F: Copy + Into<f64>>(values: ArrayView1<'_, F>, out: &mut Vec<f64>) {
     out.resize(values.len(), 0.0);
-    for (out, &value) in out.iter_mut().zip(values) {
+    for (out, &value) in out.iter_mut().zip(contiguous(values).iter()) {
         *out = value.into();
     }
 }
@@ -151,8 +152,8 @@ fn filter<F: Copy + Into<f64>>(
                 *sum += tap * light;
             }
         }
-        for (out, &sum) in out[place..].iter_mut().step_by(side).zip(&sums) {
-            *out = sum;
+        for (block, &sum) in out.chunks_exact_mut(side).zip(&sums) {
+            block[place] = sum;
         }
     }
     out.drain(..phase);
@@ -173,15 +174,14 @@ fn down_the_columns<F: Copy + Into<f64>>(
     let left = (inside.start as isize - pixels.start) as usize;
     let taps = kernel.taps()[line..].iter().step_by(kernel.oversampling());
     for (back, &tap) in taps.enumerate() {
-        let image = image.row(mirrored(bottom - back as isize, height));
-        for (light, &pixel) in light[left..]
-            .iter_mut()
-            .zip(image.slice(s![inside.clone()]))
-        {
+        let row = mirrored(bottom - back as isize, height);
+        let seen = contiguous(image.slice_move(s![row, inside.clone()]));
+        for (light, &pixel) in light[left..].iter_mut().zip(seen.iter()) {
             *light += tap * pixel.into();
         }
         for pixel in (pixels.start..0).chain(width as isize..pixels.end) {
-            light[(pixel - pixels.start) as usize] += tap * image[mirrored(pixel, width)].into();
+            light[(pixel - pixels.start) as usize] +=
+                tap * image[[row, mirrored(pixel, width)]].into();
         }
     }
     light
