@@ -52,10 +52,18 @@ def expose(
     threads: int | None,
 ) -> None: ...
 def rate(
-    sensor: dict[str, Any], image: _Image, out: npt.NDArray[np.float32], threads: int | None
+    sensor: dict[str, Any],
+    image: _Image,
+    first: int,
+    out: npt.NDArray[np.float32],
+    threads: int | None,
 ) -> None: ...
 def probability(
-    sensor: dict[str, Any], image: _Image, out: npt.NDArray[np.float32], threads: int | None
+    sensor: dict[str, Any],
+    image: _Image,
+    first: int,
+    out: npt.NDArray[np.float32],
+    threads: int | None,
 ) -> None: ...
 def kernel_taps(degree: int, oversampling: int) -> list[float]: ...
 def threshold_probability(threshold: int, rate: float) -> float: ...

@@ -1,5 +1,6 @@
 """The data: bits in packed form."""
 
+import operator
 import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Self
@@ -58,7 +59,7 @@ class Bits:
             )
         full = 8 * packed.shape[2]
         self.packed = packed
-        self.width = full if width is None else int(width)
+        self.width = full if width is None else operator.index(width)
         self.sensor = sensor
         if not full - 8 < self.width <= full:
             raise ValueError(
@@ -194,7 +195,7 @@ class Bits:
 
     def __repr__(self) -> str:
         frames, height, width, *channels = self.shape
-        colour = f" x {channels[0]} colours" if channels else ""
+        colour = f" x {channels[0]} channels" if channels else ""
         plural = "" if frames == 1 else "s"
         sensor = f", {self.sensor!r}" if self.sensor else ""
         return f"<Bits: {frames} frame{plural} of {height} x {width} jots{colour}{sensor}>"

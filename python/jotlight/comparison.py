@@ -21,7 +21,8 @@ class Result:
     picture: npt.NDArray[np.float32]
     psnr: float
     """In dB, for a peak of 1."""
-    ssim: float
+    ssim: float | None
+    """None for pictures smaller than its window."""
     seconds: float
 
 
@@ -72,7 +73,7 @@ def compare_methods(
                 name,
                 picture,
                 metrics.psnr(picture, image),
-                metrics.ssim(picture, image),
+                metrics.ssim(picture, image) if min(image.shape[:2]) >= 11 else None,
                 seconds,
             )
         )

@@ -4,7 +4,11 @@ Each takes and gives an image (H, W) of float32 and is a thin cover over a libra
 chosen on the BSDS training images at K = 16 (``python benchmarks/denoisers.py``).
 """
 
+import functools
+import queue
+import threading
 from collections.abc import Callable
+from typing import ParamSpec
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +18,34 @@ from jotlight.vst import NOISE
 
 Image = npt.NDArray[np.float32]
 Denoiser = Callable[[Image], npt.ArrayLike]
+P = ParamSpec("P")
+
+
+def _stoppable(denoise: Callable[P, Image]) -> Callable[P, Image]:
+    """Let Ctrl-C end the wait for a library that does not look for it."""
+
+    @functools.wraps(denoise)
+    def run(*arguments: P.args, **options: P.kwargs) -> Image:
+        outcome: queue.SimpleQueue[Image | BaseException] = queue.SimpleQueue()
+
+        def work() -> None:
+            try:
+                outcome.put(denoise(*arguments, **options))
+            except BaseException as error:
+                outcome.put(error)
+
+        # As a daemon it does not hold up the end of the program.
+        threading.Thread(target=work, daemon=True).start()
+        while True:
+            try:
+                result = outcome.get(timeout=0.1)
+            except queue.Empty:
+                continue
+            if isinstance(result, BaseException):
+                raise result
+            return result
+
+    return run
 
 
 def gaussian(image: Image, sigma: float = 1.5) -> Image:
@@ -30,6 +62,7 @@ def tv(image: Image, weight: float = 0.5) -> Image:
     return np.asarray(denoise_tv_chambolle(image, weight=weight, max_num_iter=200), np.float32)
 
 
+@_stoppable
 def nlm(image: Image, strength: float = 0.7) -> Image:
     """Average over similar patches: non-local means (scikit-image).
 
@@ -49,6 +82,7 @@ def nlm(image: Image, strength: float = 0.7) -> Image:
     return np.asarray(denoised, np.float32).reshape(image.shape)
 
 
+@_stoppable
 def bm3d(image: Image) -> Image:
     """Block matching and collaborative filtering, by its authors' package.
 

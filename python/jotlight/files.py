@@ -1,10 +1,24 @@
 """Files that appear whole or not at all."""
 
 import contextlib
+import errno
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What the system says when there is no room for a file."""
+
+
+def spare_inputs(output: str | os.PathLike[str], inputs: Iterable[Path | None]) -> None:
+    """Raise ValueError when a file to be written is one of those that are read."""
+    output = Path(output)
+    for path in inputs:
+        if path is not None and path.exists() and output.exists() and output.samefile(path):
+            raise ValueError(
+                f"{output}: this file is read, so it is not overwritten; give another name"
+            )
 
 
 @contextlib.contextmanager
@@ -52,6 +66,11 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         yield temporary
         temporary.chmod(_permissions(path))
         temporary.replace(path)
+    except OSError as error:
+        if error.errno in _FULL:
+            reason = os.strerror(error.errno)
+            raise OSError(error.errno, f"cannot write {path}: {reason}") from error
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 

@@ -16,6 +16,7 @@ def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
     ValueError
         For an image that is empty, negative, not finite, or not of 2 or 3 dimensions.
     """
+    refuse_masked("image", image)
     array = np.asarray(image)
     if array.dtype.kind in "iub":
         raise TypeError(
@@ -44,3 +45,11 @@ def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
     if array.dtype not in (np.float32, np.float64):
         array = array.astype(np.float64 if array.dtype.itemsize > 4 else np.float32)
     return array if array.flags.aligned else array.copy()
+
+
+def refuse_masked(name: str, data: object) -> None:
+    """Raise TypeError for a masked array, whose mask would be lost."""
+    if isinstance(data, np.ma.MaskedArray):
+        raise TypeError(
+            f"{name}: expected a plain array, got a masked one; fill it, and give the sensor a mask"
+        )

@@ -11,6 +11,7 @@ from jotlight.channels import by_channel
 from jotlight.fill import fill_blind
 from jotlight.observation import Observation, observe
 from jotlight.sensor import Sensor
+from jotlight.slabs import parts_of
 
 _ROWS = 64
 """Rows of pixels whose likelihood equations are solved between two looks at Ctrl-C."""
@@ -66,14 +67,15 @@ def mle(
         if seen.dark_varies:
             _jot_by_jot(data, seen, out, threads)
         else:
-            _engine.mle_from_counts(
-                sensor._response(),
-                seen.counts.ravel(),
-                _flat(seen.trials),
-                _flat(seen.dark_counts),
-                out.reshape(-1),
-                threads,
-            )
+            for part in parts_of(out.size):
+                _engine.mle_from_counts(
+                    sensor._response(),
+                    _part(seen.counts, part),
+                    _part(seen.trials, part),
+                    _part(seen.dark_counts, part),
+                    _part(out, part),
+                    threads,
+                )
         return fill_blind(out, seen.blind)
 
     return by_channel(one_channel, data)
@@ -110,8 +112,9 @@ def _jot_by_jot(
         )
 
 
-def _flat(value: float | npt.NDArray[Any]) -> Any:
-    return value.ravel() if isinstance(value, np.ndarray) else value
+def _part(value: float | npt.NDArray[Any], part: slice) -> Any:
+    """Some of the pixels of a map, as a view, or the number that stands for all of them."""
+    return value.reshape(-1)[part] if isinstance(value, np.ndarray) else value
 
 
 def equivalent_counts(
@@ -124,16 +127,17 @@ def equivalent_counts(
     valid jot are filled from their neighbours.
     """
     out = np.empty(seen.counts.shape, np.float32)
-    _engine.equivalent_counts(
-        seen.sensor._response(),
-        seen.counts.ravel(),
-        _flat(seen.trials),
-        _flat(seen.dark_counts),
-        seen.sensor.bits_per_pixel,
-        reference,
-        out.reshape(-1),
-        threads,
-    )
+    for part in parts_of(out.size):
+        _engine.equivalent_counts(
+            seen.sensor._response(),
+            _part(seen.counts, part),
+            _part(seen.trials, part),
+            _part(seen.dark_counts, part),
+            seen.sensor.bits_per_pixel,
+            reference,
+            _part(out, part),
+            threads,
+        )
     return fill_blind(out, seen.blind)
 
 
@@ -143,3 +147,22 @@ def reference_dark_counts(sensor: Sensor) -> float:
     if not isinstance(dark, np.ndarray):
         return dark
     return float(np.median(dark if sensor.mask is None else dark[~sensor.mask]))
+
+
+def from_probability(
+    probability: npt.NDArray[np.float32], sensor: Sensor, threads: int | None
+) -> npt.NDArray[np.float32]:
+    """The intensity that makes a pixel's bits fire with a probability: equation (5) with p for L/K.
+
+    The dark counts are those of :func:`reference_dark_counts`.
+    """
+    out = np.empty(probability.shape, np.float32)
+    for part in parts_of(out.size):
+        _engine.mle_from_probability(
+            sensor._response(),
+            _part(probability, part),
+            reference_dark_counts(sensor),
+            _part(out, part),
+            threads,
+        )
+    return out

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import operator
 import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -16,12 +17,15 @@ from jotlight.bits import Bits
 from jotlight.channels import by_channel
 from jotlight.files import written_whole
 from jotlight.fill import fill_blind
-from jotlight.mle import equivalent_counts, reference_dark_counts
+from jotlight.mle import equivalent_counts, from_probability, reference_dark_counts
 from jotlight.observation import observe
 from jotlight.sensor import Sensor
+from jotlight.slabs import slabs_of
 
 _FORMAT = "jotlight network"
 _VERSION = 1
+_TAPS = 1 << 29
+"""Products of a tap and a pixel that the engine forms between two looks at Ctrl-C."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -170,21 +174,16 @@ class Network:
         """
         if not (math.isfinite(sigma) and sigma > 0):
             raise ValueError(f"sigma: expected a number above 0, got {sigma}")
+        taps, coefficients = operator.index(taps), operator.index(coefficients)
         if taps < 1 or taps % 2 == 0:
             raise ValueError(f"taps: expected an odd number, got {taps}")
         if coefficients < 5:
             raise ValueError(f"coefficients: expected at least 5, got {coefficients}")
         bits = sensor.bits_per_pixel
-        threshold, sensitivity, most = sensor._response()
-        dark = reference_dark_counts(sensor)
 
         def intensity(z: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-            probability = vst.invert(z, bits, inverse="algebraic") / np.float32(bits)
-            out = np.empty(z.shape, np.float32)
-            _engine.mle_from_probability(
-                (threshold, sensitivity, most), probability, dark, out, None
-            )
-            return out.astype(np.float64)
+            counts = vst.invert(z, bits, inverse="algebraic")
+            return from_probability(counts / np.float32(bits), sensor, None).astype(np.float64)
 
         block = (1, 1, 1) if tied else (sensor.frames, sensor.oversampling, sensor.oversampling)
         low, high = vst.stabilise([0, bits], bits).astype(float)
@@ -192,7 +191,7 @@ class Network:
             lambda counts: vst.stabilise(counts, bits).astype(np.float64), 0.0, bits, coefficients
         )
         second = _fitted(intensity, low, high, coefficients)
-        second = (second[0].clip(0, most), *second[1:])
+        second = (second[0].clip(0, sensor.max_intensity), *second[1:])
         line = np.exp(-0.5 * (np.arange(taps) - taps // 2) ** 2 / sigma**2)
         gaussian = np.outer(line, line) / line.sum() ** 2
         return cls(
@@ -255,8 +254,7 @@ class Network:
         self._check_sensor(sensor)
 
         def one_channel(data: Bits | npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
-            sums = self._first_sums(data, sensor, threads)
-            return _engine.forward([dataclasses.astuple(x) for x in self.layers], sums, threads)
+            return self._forward(self._first_sums(data, sensor, threads), threads)
 
         return by_channel(one_channel, data)
 
@@ -281,10 +279,34 @@ class Network:
             )
         mask = sensor.mask
         valid = None if mask is None else np.packbits(~mask, axis=1)
-        sums = _engine.block_sums(
-            dataclasses.astuple(self.layers[0]), data.packed, data.width, valid, threads
-        )
+        side = sensor.oversampling
+        height, width = seen.counts.shape
+        sums = np.empty((len(filters), height, width), np.float32)
+        for _, rows in slabs_of(1, height, width * side**2 * sensor.frames * len(filters)):
+            jots = slice(rows.start * side, rows.stop * side)
+            sums[:, rows.start : rows.stop] = _engine.block_sums(
+                dataclasses.astuple(self.layers[0]),
+                data.packed[:, jots],
+                data.width,
+                None if valid is None else valid[jots],
+                threads,
+            )
         return np.stack([fill_blind(plane, seen.blind) for plane in sums])
+
+    def _forward(
+        self, sums: npt.NDArray[np.float32], threads: int | None
+    ) -> npt.NDArray[np.float32]:
+        """The picture from p, some rows at a time: each part has a border of the halo's width."""
+        layers = [dataclasses.astuple(layer) for layer in self.layers]
+        height, width = sums.shape[1:]
+        taps = max(1, sum(layer.filters.size for layer in self.layers[1:]))
+        rows = max(4 * self.halo, _TAPS // (taps * width), 1)
+        picture = np.empty((height, width), np.float32)
+        for start in range(0, height, rows):
+            top, stop = max(0, start - self.halo), start + rows
+            part = _engine.forward(layers, sums[:, top : stop + self.halo], threads)
+            picture[start:stop] = part[start - top : stop - top]
+        return picture
 
     def _check_sensor(self, sensor: Sensor) -> None:
         """A tied network serves jots in space and frames in time alike."""

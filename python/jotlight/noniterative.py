@@ -3,11 +3,11 @@
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import _engine, vst
+from jotlight import vst
 from jotlight.bits import Bits
 from jotlight.channels import by_channel
 from jotlight.denoise import Denoiser, pick
-from jotlight.mle import equivalent_counts, reference_dark_counts
+from jotlight.mle import equivalent_counts, from_probability, reference_dark_counts
 from jotlight.observation import observe
 from jotlight.sensor import Sensor
 
@@ -66,13 +66,13 @@ def noniterative(
     np.float32(0.693)
     """
     run = pick(denoiser)
-    dark_counts = reference_dark_counts(sensor)
     if inverse not in vst.INVERSES:
         raise ValueError(f"inverse: expected one of {', '.join(vst.INVERSES)}, got {inverse!r}")
 
     def one_channel(data: Bits | npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
         bits = sensor.bits_per_pixel
-        counts = equivalent_counts(observe(data, sensor, threads), dark_counts, threads)
+        seen = observe(data, sensor, threads)
+        counts = equivalent_counts(seen, reference_dark_counts(sensor), threads)
         z = vst.stabilise(counts, bits, threads=threads)
         denoised = np.asarray(run(z), np.float32)
         if denoised.shape != z.shape or not np.isfinite(denoised).all():
@@ -80,17 +80,7 @@ def noniterative(
                 f"denoiser: expected a finite image of shape {z.shape}, got shape "
                 f"{denoised.shape}" + ("" if denoised.shape != z.shape else " with NaN or infinity")
             )
-        probability = vst.invert(denoised, bits, inverse=inverse, threads=threads) / np.float32(
-            bits
-        )
-        out = np.empty(z.shape, np.float32)
-        _engine.mle_from_probability(
-            sensor._response(),
-            probability.ravel(),
-            dark_counts,
-            out.reshape(-1),
-            threads,
-        )
-        return out
+        counts = vst.invert(denoised, bits, inverse=inverse, threads=threads)
+        return from_probability(counts / np.float32(bits), sensor, threads)
 
     return by_channel(one_channel, data)

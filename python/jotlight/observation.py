@@ -6,6 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.bits import Bits, check_fits
+from jotlight.errors import warn
+from jotlight.image import refuse_masked
 from jotlight.sensor import Sensor
 
 
@@ -33,6 +35,11 @@ class Observation:
 
 def observe(data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None) -> Observation:
     """Count the valid ones of each pixel, from bits or from an image of counts of one channel."""
+    if sensor.kernel != "box":
+        warn(
+            f"the light of a {sensor.kernel} kernel reaches neighbouring pixels, which this method "
+            "does not know: it takes the kernel for a box"
+        )
     if isinstance(data, Bits):
         check_fits(data, sensor)
         _, height, width = data.shape
@@ -65,6 +72,7 @@ def observe(data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None) -> 
 
 def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
     """Check an image of counts, (H, W) or (H, W, C)."""
+    refuse_masked("counts", data)
     counts = np.asarray(data)
     if counts.dtype.kind not in "iu":
         raise TypeError(

@@ -1,6 +1,8 @@
 """Pictures in and out of files."""
 
+import math
 import os
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -52,16 +54,16 @@ def read_picture(
     if array.dtype.kind == "f":
         scale = 1.0
     if white is not None:
-        if not white > 0:
-            raise ValueError(f"white: expected a level above 0, got {white}")
+        if not 0 < white < math.inf:
+            raise ValueError(f"white: expected a finite level above 0, got {white}")
         scale = white
     if scale is None:
         raise ValueError(
             f"{path}: the scale of its {array.dtype} values is unknown; give the level that "
             "stands for intensity 1 (--white, white=), such as 1023 for a 10-bit camera"
         )
-    if array.ndim == 3 and array.shape[2] == 4:
-        array = array[..., :3]
+    if gray and array.ndim == 3 and array.shape[2] != 3:
+        raise ValueError(f"{path}: expected red, green and blue for grey, got {array.shape}")
     if gray and array.ndim == 3:
         luma = array @ np.array([0.299, 0.587, 0.114])
         array = np.rint(luma) if array.dtype.kind in "iu" else luma
@@ -74,6 +76,8 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
     from PIL import Image, ImageOps, UnidentifiedImageError
 
     try:
+        if (deep := _read_png16(path)) is not None:
+            return deep, 65535.0
         with Image.open(path) as file:
             picture = ImageOps.exif_transpose(file)
             if picture.mode in ("I;16", "I;16B", "I"):
@@ -92,13 +96,32 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
         raise ValueError(f"{path}: the picture is damaged or truncated ({error})") from error
 
 
+def _read_png16(path: Path) -> npt.NDArray[np.uint16] | None:
+    """A 16-bit colour PNG, of which Pillow would keep 8 bits; None for any other file."""
+    import png
+
+    with path.open("rb") as file:
+        start = file.read(26)
+    # The header comes first: bit depth and colour type stand at fixed places.
+    if start[:8] != b"\x89PNG\r\n\x1a\n" or start[24:25] != b"\x10" or start[25] not in (2, 6):
+        return None
+    try:
+        width, height, rows, facts = png.Reader(bytes=path.read_bytes()).asDirect()
+        values = np.array([np.asarray(row, np.uint16) for row in rows])
+    except (png.Error, zlib.error, EOFError) as error:
+        raise ValueError(f"{path}: the picture is damaged or truncated ({error})") from error
+    return values.reshape(height, width, facts["planes"])[..., :3]
+
+
 def _read_tiff(path: Path) -> tuple[npt.NDArray[Any], float | None]:
     import tifffile
 
     try:
         array = tifffile.imread(path)
     except (tifffile.TiffFileError, ValueError, OSError) as error:
-        raise ValueError(f"{path}: the TIFF file is damaged or truncated ({error})") from error
+        raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error
+    if array.ndim == 3 and array.shape[2] == 4:  # transparency
+        array = array[..., :3]
     return array, 255.0 if array.dtype == np.uint8 else None
 
 

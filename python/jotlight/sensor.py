@@ -129,7 +129,7 @@ class Sensor:
         new = dataclasses.replace(self, **{"gain": None, **changes})
         if "gain" not in changes:
             scale = self._gain / self.bits_per_pixel
-            object.__setattr__(new, "gain", scale * new.bits_per_pixel)
+            object.__setattr__(new, "gain", _positive("gain", scale * new.bits_per_pixel))
         return new
 
     def rate(self, image: npt.ArrayLike, *, threads: int | None = None) -> npt.NDArray[np.float32]:
@@ -285,11 +285,13 @@ class Sensor:
         self.check_jots(height, width)
         out = np.empty((height, width, *pixels.shape[2:]), np.float32)
         description = self._engine_arguments()
-        if pixels.ndim == 2:
-            function(description, pixels, out, threads)
-        else:
-            for channel in range(pixels.shape[2]):
-                function(description, pixels[..., channel], out[..., channel], threads)
+        planes = [(pixels, out)]
+        if pixels.ndim == 3:
+            planes = [(pixels[..., c], out[..., c]) for c in range(pixels.shape[2])]
+        for plane, jots in planes:
+            for _, rows in slabs_of(1, height, width):
+                part = jots[rows.start : rows.stop]
+                function(description, plane, rows.start, part, threads)
         return out
 
     def _cut(self, frames: int, rows: range, columns: range, whole: tuple[int, int]) -> "Sensor":
@@ -407,8 +409,12 @@ class Sensor:
                 "dark_counts: expected a number, or a map of numbers with one per jot, "
                 f"got {dark.dtype} of {dark.ndim} dimensions"
             )
+        if dark.ndim == 2:
+            # Checked as they will be kept: float32 has a smaller range.
+            with np.errstate(over="ignore"):
+                dark = dark.astype(np.float32)
         if dark.size == 0 or not (np.isfinite(dark).all() and dark.min() >= 0):
-            raise ValueError("dark_counts: expected finite numbers, 0 or more")
+            raise ValueError("dark_counts: expected finite numbers, 0 or more, in range of float32")
         return float(dark) if dark.ndim == 0 else _frozen(dark, np.float32)
 
     def _checked_mask(self) -> npt.NDArray[np.bool_] | None:

@@ -5,6 +5,9 @@ from collections.abc import Iterator
 _SLAB = 1 << 26
 """Jots that the engine handles between two looks at Ctrl-C: some tens of milliseconds."""
 
+_PIXELS = 1 << 18
+"""Pixels that the engine handles one by one between two looks at Ctrl-C."""
+
 _SHORT_ROW = 1 << 9
 """A row of pixels with fewer jots takes as much time and memory as one with so many."""
 
@@ -20,3 +23,9 @@ def slabs_of(frames: int, rows: int, jots_per_row: int) -> Iterator[tuple[range,
                 range(frame, min(frame + frames_at_once, frames)),
                 range(row, min(row + rows_at_once, rows)),
             )
+
+
+def parts_of(pixels: int) -> Iterator[slice]:
+    """Cut pixels, of which each takes a few microseconds at most, into parts."""
+    for start in range(0, pixels, _PIXELS):
+        yield slice(start, min(start + _PIXELS, pixels))

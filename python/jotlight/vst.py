@@ -88,8 +88,11 @@ def invert(
     """
     if inverse not in INVERSES:
         raise ValueError(f"inverse: expected one of {', '.join(INVERSES)}, got {inverse!r}")
+    values = np.asarray(z, np.float32)
+    if np.isnan(values).any():
+        raise ValueError("z: expected numbers, got NaN")
     function = _engine.exact_inverse if inverse == "exact" else _engine.algebraic_inverse
-    return _apply(function, np.asarray(z, np.float32), bits_per_pixel, threads)
+    return _apply(function, values, bits_per_pixel, threads)
 
 
 def _apply(

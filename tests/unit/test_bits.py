@@ -236,7 +236,7 @@ def test_a_mask_that_does_not_fit_is_refused(mask):
     [
         ((1, 4, 9), "<Bits: 1 frame of 4 x 9 jots>"),
         ((2, 4, 9), "<Bits: 2 frames of 4 x 9 jots>"),
-        ((2, 4, 9, 3), "<Bits: 2 frames of 4 x 9 jots x 3 colours>"),
+        ((2, 4, 9, 3), "<Bits: 2 frames of 4 x 9 jots x 3 channels>"),
     ],
 )
 def test_repr_tells_the_true_shape(shape, text):

@@ -47,9 +47,9 @@ fn run<R: Send>(
     threads: Option<isize>,
     work: impl FnOnce() -> jotlight::error::Result<R> + Send,
 ) -> PyResult<R> {
-    if let Some(threads @ ..0) = threads {
+    if let Some(threads @ (..1 | 1025..)) = threads {
         return Err(PyValueError::new_err(format!(
-            "threads: expected at least 1, got {threads}"
+            "threads: expected at least 1 and at most 1024, got {threads}"
         )));
     }
     let threads = threads.map(isize::cast_unsigned);

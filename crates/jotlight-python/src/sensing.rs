@@ -82,29 +82,33 @@ pub fn expose(
 }
 
 #[pyfunction]
-#[pyo3(signature = (sensor, image, out, threads))]
+#[pyo3(signature = (sensor, image, first, out, threads))]
 pub fn rate(
     py: Python<'_>,
     sensor: PySensor<'_>,
     image: PyImage<'_>,
+    first: usize,
     mut out: PyReadwriteArray2<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
     let (sensor, image, out) = (sensor.view()?, image.view(), out.as_array_mut());
-    run(py, threads, || sensing::rate(&sensor, image, out))
+    run(py, threads, || sensing::rate(&sensor, image, first, out))
 }
 
 #[pyfunction]
-#[pyo3(signature = (sensor, image, out, threads))]
+#[pyo3(signature = (sensor, image, first, out, threads))]
 pub fn probability(
     py: Python<'_>,
     sensor: PySensor<'_>,
     image: PyImage<'_>,
+    first: usize,
     mut out: PyReadwriteArray2<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
     let (sensor, image, out) = (sensor.view()?, image.view(), out.as_array_mut());
-    run(py, threads, || sensing::probability(&sensor, image, out))
+    run(py, threads, || {
+        sensing::probability(&sensor, image, first, out)
+    })
 }
 
 #[pyfunction]

@@ -50,12 +50,6 @@ impl PixelResponse {
         ((self.threshold.rate(probability) - dark) / self.sensitivity)
             .clamp(0.0, self.max_intensity)
     }
-
-    /// P(b = 1) of a pixel's jots.
-    #[must_use]
-    pub fn probability(&self, intensity: f64, dark: f64) -> f64 {
-        self.threshold.fires(self.sensitivity * intensity + dark)
-    }
 }
 
 /// The maximum-likelihood picture from counts of ones out of `trials` valid bits a pixel. A pixel without a valid bit becomes NaN, for the

@@ -142,7 +142,7 @@ fn the_rate_of_a_jot_is_the_light_of_the_pixels_around() -> Result<()> {
         for side in 1..=4 {
             let sensor = sensor(degree, side, 1)?;
             let mut rates = Array2::zeros((5 * side, 6 * side));
-            rate(&sensor, Image::F64(image.view()), rates.view_mut())?;
+            rate(&sensor, Image::F64(image.view()), 0, rates.view_mut())?;
             let taps = sensor.kernel.taps();
             let reach = (degree * side / 2) as isize;
             // How much of pixel `pixel` falls on jot `jot`, and where the scene goes on past the rim.
@@ -189,7 +189,7 @@ fn jots_fire_as_often_as_their_probability_and_dead_ones_never() -> Result<()> {
             ..sensor(degree, 3, q)?
         };
         let mut chance = Array2::zeros((18, 27));
-        probability(&sensor, Image::F64(image.view()), chance.view_mut())?;
+        probability(&sensor, Image::F64(image.view()), 0, chance.view_mut())?;
         let frames = 4000;
         let bits = draw(&sensor, &image, &whole(&image, frames))?;
         for ((row, column), &chance) in chance.indexed_iter() {
@@ -268,16 +268,16 @@ fn what_does_not_fit_is_an_error() -> Result<()> {
     };
     assert_eq!(try_out(&masked, (1, 8, 2), 0, &all), "mask");
     assert_eq!(try_out(&dim, (1, 8, 2), 0, &all), "dark counts");
-    assert_eq!(what(rate(&masked, light, out.view_mut())), "mask");
+    assert_eq!(what(rate(&masked, light, 0, out.view_mut())), "mask");
     assert_eq!(
-        what(probability(&dim, light, out.view_mut())),
+        what(probability(&dim, light, 0, out.view_mut())),
         "dark counts"
     );
     let mut small = Array2::zeros((4, 5));
-    assert_eq!(what(rate(&plain, light, small.view_mut())), "out");
+    assert_eq!(what(rate(&plain, light, 0, small.view_mut())), "out");
     let empty = Array2::<f32>::zeros((0, 5));
     assert_eq!(
-        what(rate(&plain, Image::F32(empty.view()), out.view_mut())),
+        what(rate(&plain, Image::F32(empty.view()), 0, out.view_mut())),
         "image"
     );
     assert_eq!(what(Kernel::new(4, 2).map(|_| ())), "kernel degree");

@@ -1,6 +1,8 @@
 """The command line: one file per command, with the words of the Python interface."""
 
 import functools
+import signal
+import sys
 import warnings
 from collections.abc import Callable
 from typing import Annotated
@@ -31,7 +33,7 @@ def _plain_errors(command: Callable[..., None]) -> Callable[..., None]:
         try:
             command(*arguments, **options)
         except KeyboardInterrupt:
-            error("stopped; nothing was written")
+            error("stopped")
             raise typer.Exit(130) from None
         except (ValueError, TypeError, OSError, ImportError, MemoryError) as reason:
             error(str(reason) or type(reason).__name__)
@@ -65,4 +67,6 @@ def _global_options(
 def main() -> None:
     """Run the command line."""
     warnings.showwarning = show_warning
+    # As an exception, so that temporary files are removed; 143 is what a shell makes of it too.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     app()

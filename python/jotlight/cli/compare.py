@@ -11,7 +11,7 @@ from rich.table import Table
 from jotlight.cli import options
 from jotlight.cli.console import out, progress
 from jotlight.comparison import Result, chosen, compare_methods
-from jotlight.files import written_whole
+from jotlight.files import spare_inputs, written_whole
 from jotlight.methods import METHODS
 from jotlight.pictures import read_picture
 from jotlight.sensor import Sensor
@@ -40,6 +40,7 @@ def compare(
         ),
     ] = None,
     given: dict[str, Any],
+    inputs: list[Path],
     seed: options.Seed = 0,
     gray: options.Gray = False,
     white: options.White = None,
@@ -50,8 +51,7 @@ def compare(
     names = None if methods is None else [name.strip() for name in methods.split(",")]
     image = read_picture(photo, white=white, gray=gray)
     output = output or Path(f"{photo.stem}-compare.png")
-    if output.resolve() == photo.resolve():
-        raise ValueError(f"{output}: expected another name than that of the photograph")
+    spare_inputs(output, [photo, *inputs])
     run_comparison(image, sensor, output, chosen(names), seed, threads)
 
 
@@ -80,7 +80,7 @@ def run_comparison(
         panels += [
             plots.Panel(
                 METHODS[result.method].title,
-                f"{result.psnr:.2f} dB   SSIM {result.ssim:.3f}   {_time(result.seconds)}",
+                f"{result.psnr:.2f} dB   SSIM {_ssim(result)}   {_time(result.seconds)}",
                 result.picture,
             )
             for result in results
@@ -109,11 +109,15 @@ def _table(results: list[Result]) -> Table:
         table.add_row(
             METHODS[result.method].title,
             f"{result.psnr:.2f} dB",
-            f"{result.ssim:.3f}",
+            _ssim(result),
             _time(result.seconds),
             style="bold green" if result.psnr == best else "",
         )
     return table
+
+
+def _ssim(result: Result) -> str:
+    return "none" if result.ssim is None else f"{result.ssim:.3f}"
 
 
 def _time(seconds: float) -> str:

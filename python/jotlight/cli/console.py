@@ -7,7 +7,14 @@ from typing import TextIO
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    SpinnerColumn,
+    TaskProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+)
 
 from jotlight.errors import JotlightWarning
 
@@ -36,8 +43,10 @@ def show_warning(
 
 
 @contextlib.contextmanager
-def progress(steps: int) -> Iterator[Callable[[str], Callable[[float], None]]]:
+def progress(steps: int | None) -> Iterator[Callable[[str], Callable[[float], None]]]:
     """Show a bar over a number of steps while the block runs, on a terminal only.
+
+    Without a number of steps the bar moves to and fro, for work that does not tell how far it is.
 
     Gives a function that begins the next step, by name, and returns a function that takes
     the share of it that is done.
@@ -46,7 +55,7 @@ def progress(steps: int) -> Iterator[Callable[[str], Callable[[float], None]]]:
         SpinnerColumn(),
         TextColumn("{task.description}"),
         BarColumn(),
-        TextColumn("{task.percentage:>3.0f} %"),
+        TaskProgressColumn(),
         TimeElapsedColumn(),
         console=err,
         transient=True,

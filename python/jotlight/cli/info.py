@@ -9,7 +9,7 @@ from rich.table import Table
 
 from jotlight.bits import Bits
 from jotlight.cli.console import out, progress
-from jotlight.formats.npy import is_cube, load_bits, read_npy
+from jotlight.formats.npy import is_cube, load_bits, npz_names, read_npy, read_npz
 from jotlight.network import Network
 from jotlight.pictures import read_picture
 
@@ -40,6 +40,12 @@ def _facts(file: Path, width: int | None) -> list[tuple[str, str]]:
             return _bits_facts(load_bits(file, width=width))
         kind = "counts" if array.dtype.kind in "iu" else "array"
         return [("kind", kind), ("shape", _by(array.shape)), *_range(np.asarray(array))]
+    if file.suffix.lower() == ".npz":
+        arrays = [(name, read_npz(file, name)) for name in npz_names(file)]
+        return [
+            ("kind", "archive of arrays"),
+            *((n, f"{_by(a.shape)} {a.dtype}") for n, a in arrays),
+        ]
     picture = read_picture(file)
     return [("kind", "picture"), ("shape", _by(picture.shape)), *_range(picture)]
 
@@ -49,7 +55,7 @@ def _bits_facts(bits: Bits) -> list[tuple[str, str]]:
         ones = int(bits.counts(1, progress=begin("counting")).sum(dtype=np.int64))
     frames, height, width, *channels = bits.shape
     facts = [
-        ("kind", "bits" if not channels else f"bits of {channels[0]} colours"),
+        ("kind", "bits" if not channels else f"bits of {channels[0]} channels"),
         ("frames", str(frames)),
         ("jots", f"{height} x {width}"),
         ("size", f"{bits.packed.nbytes / 1e6:.3g} MB packed"),

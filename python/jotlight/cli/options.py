@@ -60,7 +60,8 @@ SENSOR_OPTIONS: dict[str, Any] = {
 def takes_sensor(**defaults: object) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Give a command all the options of a sensor; its parameter `given` gets those that were set.
 
-    `given` becomes a dict of parameters, with maps read from their files, `defaults` included.
+    `given` becomes a dict of parameters, with maps read from their files, `defaults` included, and
+    `inputs` the list of these files.
     """
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
@@ -78,12 +79,13 @@ def takes_sensor(**defaults: object) -> Callable[[Callable[..., None]], Callable
         @functools.wraps(command)
         def run(**options: Any) -> None:
             given = {name: options.pop(name) for name in added}
-            command(**options, given=_read_maps(given))
+            files = [Path(given[name]) for name in ("dark_counts", "mask") if given[name]]
+            command(**options, given=_read_maps(given), inputs=files)
 
         parameters = [
             parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
             for parameter in own.values()
-            if parameter.name != "given"
+            if parameter.name not in ("given", "inputs")
         ]
         parameters += added.values()
         # What typer reads.

@@ -11,8 +11,8 @@ import typer
 from jotlight.bits import Bits
 from jotlight.cli import options
 from jotlight.cli.console import out, progress
-from jotlight.files import written_whole
-from jotlight.formats.npy import is_cube, load_bits, read_npy
+from jotlight.files import spare_inputs, written_whole
+from jotlight.formats.npy import is_cube, load_bits, maps_beside, read_npy, read_npz
 from jotlight.methods import METHODS
 from jotlight.network import Network
 from jotlight.observation import as_counts
@@ -53,6 +53,7 @@ def reconstruct(
         int | None, typer.Option(help="True width in jots, where no .json tells.")
     ] = None,
     given: dict[str, Any],
+    inputs: list[Path],
     depth: Annotated[int, typer.Option(help="Bits of a .png: 8 or 16.")] = 8,
     threads: options.Threads = None,
 ) -> None:
@@ -60,13 +61,12 @@ def reconstruct(
 
     The sensor is the one that the bits carry, changed by the options given here.
     """
-    if output.resolve() == data.resolve():
-        raise ValueError(f"{output}: expected another name than that of the data")
+    spare_inputs(output, [data, model, *maps_beside(data), *inputs])
     settings = _method_settings(method, inverse=inverse, model=model)
     seen, sensor, told = _read(data, key, counts, width, given)
     write = picture_writer(output, depth=depth, white=sensor.max_intensity)
     with written_whole(output) as temporary:
-        with progress(1) as begin:
+        with progress(None) as begin:
             begin(METHODS[method].title)
             start = time.perf_counter()
             if "model" in settings:
@@ -103,7 +103,10 @@ def _read(
     path: Path, key: str | None, counts: bool, width: int | None, given: dict[str, Any]
 ) -> tuple[Bits | npt.NDArray[np.int32], Sensor, str]:
     """The data, their sensor, and in a word where it is from."""
-    array = _read_npz(path, key) if path.suffix.lower() == ".npz" else read_npy(path)
+    archive = path.suffix.lower() == ".npz"
+    if key is not None and not archive:
+        raise ValueError(f"key: names an array in a .npz, and {path} is none")
+    array = read_npz(path, key) if archive else read_npy(path)
     # A photon cube is what uint8 of so many dimensions nearly always is; --counts says otherwise.
     if not counts and path.suffix.lower() == ".npy" and is_cube(array):
         bits = load_bits(path, width=width)
@@ -117,16 +120,3 @@ def _read(
             "--oversampling where a pixel covers many jots"
         )
     return as_counts(array), Sensor(**given), "assumed"
-
-
-def _read_npz(path: Path, key: str | None) -> npt.NDArray[Any]:
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no file {path}")
-    with np.load(path, allow_pickle=False) as archive:
-        names = ", ".join(archive.files)
-        if key is None and len(archive.files) != 1:
-            raise ValueError(f"{path}: expected --key with one of {names}")
-        if key is not None and key not in archive.files:
-            raise ValueError(f"{path}: expected --key with one of {names}, got {key!r}")
-        array: npt.NDArray[Any] = archive[key or archive.files[0]]
-    return array

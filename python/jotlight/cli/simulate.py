@@ -8,6 +8,7 @@ import typer
 
 from jotlight.cli import options
 from jotlight.cli.console import out, progress
+from jotlight.files import spare_inputs
 from jotlight.formats.npy import created_bits
 from jotlight.image import as_image
 from jotlight.pictures import read_picture
@@ -22,12 +23,15 @@ def simulate(
         Path, typer.Option("--output", "-o", help="Packed bits, .npy; a .json goes beside it.")
     ],
     given: dict[str, Any],
+    inputs: list[Path],
     seed: options.Seed = 0,
     gray: options.Gray = False,
     white: options.White = None,
     threads: options.Threads = None,
 ) -> None:
     """Draw the bits that a quanta image sensor would report of a photograph."""
+    for file in (output, output.with_suffix(".json")):
+        spare_inputs(file, [photo, *inputs])
     sensor = Sensor(**given)
     image = as_image(read_picture(photo, white=white, gray=gray))
     height, width = (size * sensor.oversampling for size in image.shape[:2])

@@ -3,8 +3,11 @@
 import contextlib
 import json
 import os
+import zipfile
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -17,6 +20,7 @@ from jotlight.sensor import Sensor
 
 _FORMAT = "jotlight bits"
 _VERSION = 1
+_MAPS = ("dark_counts", "mask")
 _MOST_JSON = 1 << 20
 """Bytes of a description that are read at most."""
 
@@ -52,8 +56,53 @@ def read_npy(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
             f"{path}: expected a whole .npy file, but its size does not fit its header "
             f"or the header is damaged ({error})"
         ) from error
-    except (EOFError, OverflowError, TypeError, SyntaxError) as error:
+    except (EOFError, OverflowError, TypeError, SyntaxError, RecursionError, TokenError) as error:
         raise ValueError(f"{path}: the header of the .npy file is damaged ({error})") from error
+
+
+def read_npz(path: str | os.PathLike[str], key: str | None = None) -> npt.NDArray[Any]:
+    """Read one array of a `.npz` archive, by name where it holds several.
+
+    Raises
+    ------
+    OSError
+        When the file cannot be read.
+    ValueError
+        When it is no such archive, is damaged, holds Python objects, or has no array `key`.
+    """
+    path = Path(path)
+    names = npz_names(path)
+    if key is None and len(names) == 1:
+        key = names[0]
+    if key not in names:
+        told = "" if key is None else f", got {key!r}"
+        raise ValueError(f"{path}: expected the name of an array (--key): {', '.join(names)}{told}")
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            array: npt.NDArray[Any] = archive[key]
+    except (ValueError, EOFError, OSError, zlib.error, zipfile.BadZipFile, MemoryError) as error:
+        if "Object arrays" in str(error):
+            raise ValueError(
+                f"{path}: {key} holds Python objects, which can run code and are never read; "
+                "save an array of numbers instead"
+            ) from error
+        raise ValueError(f"{path}: the array {key} is damaged ({error})") from error
+    return array
+
+
+def npz_names(path: Path) -> list[str]:
+    """The names of the arrays in a `.npz` archive."""
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {path}")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = archive.namelist()
+    except zipfile.BadZipFile as error:
+        raise ValueError(f"{path}: expected a .npz archive ({error})") from error
+    names = [name.removesuffix(".npy") for name in members if name.endswith(".npy")]
+    if not names:
+        raise ValueError(f"{path}: expected a .npz archive of arrays, got none in it")
+    return names
 
 
 def is_cube(array: npt.NDArray[Any]) -> bool:
@@ -102,7 +151,14 @@ def created_bits(
     beside = path.with_suffix(".json")
     maps = {} if sensor is None else sensor.maps()
     map_paths = {name: path.with_suffix(f".{name}.npy") for name in maps}
-    _spare_strangers(path, beside, list(map_paths.values()))
+    former = _maps_named_by(beside)
+    foreign = [beside] if beside.is_file() and _parse(beside) is None else []
+    foreign += [path for path in map_paths.values() if path.is_file() and path not in former]
+    if foreign:
+        raise FileExistsError(
+            f"{foreign[0]} stands where a file that goes with {path.name} would be written, and "
+            "jotlight did not write it for these bits; move it, or choose another name"
+        )
     description: dict[str, Any] = {"format": _FORMAT, "version": _VERSION, "width": width}
     with contextlib.ExitStack() as stack:
         # What is entered first is put in place last: the bits once all that describes them stands.
@@ -117,27 +173,36 @@ def created_bits(
                 description["maps"][name] = map_paths[name].name
         text.write_text(json.dumps(description, indent=2) + "\n")
         packed = np.lib.format.open_memmap(cube, mode="w+", dtype=np.uint8, shape=shape)
+        # Filling a memory map whose blocks the disk does not have would end the program.
+        if hasattr(os, "posix_fallocate"):
+            with cube.open("r+b") as opened:
+                os.posix_fallocate(opened.fileno(), 0, cube.stat().st_size)
         yield packed
         packed.flush()
         del packed
+    for stale in former - set(map_paths.values()):
+        stale.unlink(missing_ok=True)
 
 
-def _spare_strangers(path: Path, beside: Path, map_paths: list[Path]) -> None:
-    """Refuse to put files that go with the bits where somebody else's stand."""
-    ours = (_parse(beside) or {}) if beside.exists() else {}
-    named = ours.get("maps") or {}
-    for file in [beside, *map_paths]:
-        known = ours if file == beside else isinstance(named, dict) and file.name in named.values()
-        if file.is_file() and not known:
-            raise FileExistsError(
-                f"{file} stands where a file that goes with {path.name} would be written, and "
-                "jotlight did not write it; move it, or choose another name"
-            )
+def maps_beside(path: Path) -> set[Path]:
+    """The files of a sensor's maps that belong to the bits in `path`, and their description."""
+    beside = path.with_suffix(".json")
+    return {beside, *_maps_named_by(beside)} if path.suffix == ".npy" else set()
+
+
+def _maps_named_by(beside: Path) -> set[Path]:
+    """The maps in the same folder that a description of ours names."""
+    description = (_parse(beside) or {}) if beside.is_file() else {}
+    maps = description.get("maps")
+    names = maps.values() if isinstance(maps, dict) else ()
+    stem = beside.name.removesuffix(".json")
+    ours = {f"{stem}.{name}.npy" for name in _MAPS}
+    return {beside.parent / name for name in names if name in ours}
 
 
 def _read_description(path: Path) -> tuple[int | None, Sensor | None]:
     beside = path.with_suffix(".json")
-    if not beside.exists():
+    if not beside.is_file():
         return None, None
     description = _parse(beside)
     if description is None:
@@ -152,11 +217,13 @@ def _read_description(path: Path) -> tuple[int | None, Sensor | None]:
     if description.get("sensor") is None:
         return width, None
     try:
-        maps = {
-            str(name): np.array(read_npy(_sibling(path, file)))
-            for name, file in dict(description.get("maps") or {}).items()
-        }
+        files = description.get("maps") or {}
+        if not isinstance(files, dict) or not files.keys() <= set(_MAPS):
+            raise ValueError(f"maps: expected files for {' and '.join(_MAPS)}, got {files!r}")
+        maps = {name: np.array(read_npy(_sibling(path, file))) for name, file in files.items()}
         return width, Sensor.from_parts(description["sensor"], maps)
+    except FileNotFoundError as error:
+        raise FileNotFoundError(f"{beside}: {error}") from error
     except (TypeError, ValueError) as error:
         raise ValueError(f"{beside}: {error}") from error
 

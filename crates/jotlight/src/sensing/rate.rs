@@ -10,24 +10,30 @@ use crate::bits::contiguous;
 use crate::error::{Error, Result};
 use crate::sensing::kernel::{Kernel, mirrored};
 
-/// Expected detections η s + d of every jot and frame, with s = (α/T)·(G c), into `out` `(H·K̂, W·K̂)`.
+/// Expected detections η s + d per frame, with s = (α/T)·(G c), of the rows of jots from `first` on, into `out` `(rows, W·K̂)`.
 ///
 /// # Errors
 /// [`Error::Shape`] when the arrays do not fit.
-pub fn rate(sensor: &Sensor<'_>, image: Image<'_>, out: ArrayViewMut2<'_, f32>) -> Result<()> {
-    for_each_jot(sensor, image, out, |rate, _| rate)
+pub fn rate(
+    sensor: &Sensor<'_>,
+    image: Image<'_>,
+    first: usize,
+    out: ArrayViewMut2<'_, f32>,
+) -> Result<()> {
+    for_each_jot(sensor, image, first, out, |rate, _| rate)
 }
 
-/// P(b = 1) of every jot, into `out` `(H·K̂, W·K̂)`; 0 where the jot is dead.
+/// P(b = 1) of the rows of jots from `first` on, into `out` `(rows, W·K̂)`; 0 where the jot is dead.
 ///
 /// # Errors
 /// [`Error::Shape`] when the arrays do not fit.
 pub fn probability(
     sensor: &Sensor<'_>,
     image: Image<'_>,
+    first: usize,
     out: ArrayViewMut2<'_, f32>,
 ) -> Result<()> {
-    for_each_jot(sensor, image, out, |rate, dead| {
+    for_each_jot(sensor, image, first, out, |rate, dead| {
         if dead {
             0.0
         } else {
@@ -39,17 +45,19 @@ pub fn probability(
 fn for_each_jot(
     sensor: &Sensor<'_>,
     image: Image<'_>,
+    first: usize,
     mut out: ArrayViewMut2<'_, f32>,
     value: impl Fn(f64, bool) -> f64 + Sync,
 ) -> Result<()> {
     sensor.check(&image)?;
     let (height, width) = image.shape();
     let side = sensor.kernel.oversampling();
-    if out.dim() != (height * side, width * side) {
+    let (rows, columns) = out.dim();
+    if columns != width * side || first + rows > height * side {
         return Err(Error::shape(
             "out",
-            (height * side, width * side),
-            out.dim(),
+            format!("rows within {} x {}", height * side, width * side),
+            format!("{rows} x {columns} from row {first} on"),
         ));
     }
     let light = Light { sensor, image };
@@ -57,6 +65,7 @@ fn for_each_jot(
         .into_par_iter()
         .enumerate()
         .for_each_init(Vec::new, |rates, (row, mut out)| {
+            let row = first + row;
             light.detections(row, 0..width * side, rates);
             for (column, (out, rate)) in out.iter_mut().zip(rates.iter()).enumerate() {
                 *out = value(*rate, sensor.is_dead(row, column)) as f32;
