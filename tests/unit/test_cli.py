@@ -1,3 +1,4 @@
+import errno
 import os
 import signal
 import subprocess
@@ -304,4 +305,125 @@ def test_ctrl_c_stops_promptly_and_leaves_nothing(tmp_path):
     _, said = child.communicate(timeout=20)
     assert child.returncode == 130
     assert "stopped" in said
+    assert files(tmp_path) == ["large.npy"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["simulate", "same.npy", "-o", "same.npy"],
+        ["simulate", "photo.png", "-o", "dead.npy", "--mask", "dead.npy", "-k", "1"],
+        ["simulate", "photo.png", "-o", "dark.npy", "--dark-counts", "dark.npy", "-k", "1"],
+        ["simulate", "photo.png", "-o", "./sub/../dead.npy", "--mask", "dead.npy", "-k", "1"],
+        ["reconstruct", "bits.npy", "-o", "bits.npy", "-m", "mle"],
+        ["reconstruct", "bits.npy", "-o", "bits.mask.npy", "-m", "mle"],
+        ["reconstruct", "bits.npy", "-o", "link.npy", "-m", "mle"],
+        ["compare", "photo.png", "-o", "photo.png", "-m", "mle"],
+    ],
+)
+def test_a_file_that_is_read_is_never_overwritten(run, photo, tmp_path, words):
+    dead = np.zeros((40, 49), bool)
+    dead[0, 0] = True
+    np.save("dead.npy", dead)
+    np.save("dark.npy", np.full((40, 49), 0.1, np.float32))
+    np.save("same.npy", np.full((20, 20), 0.5, np.float32))
+    jl.Sensor(mask=dead).expose(np.full((40, 49), 0.5), rng=0).save("bits.npy")
+    (tmp_path / "link.npy").symlink_to("bits.npy")
+    (tmp_path / "sub").mkdir()
+    before = {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
+    status, said = run(*words)
+    assert status == 1
+    assert "this file is read" in said
+    assert {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
+
+
+def test_simulating_again_without_a_mask_leaves_no_stale_map(run, photo, tmp_path):
+    np.save("dead.npy", np.zeros((40, 49), bool))
+    masked = ["simulate", photo, "-o", "bits.npy", "-k", 1, "--mask", "dead.npy"]
+    for words in (masked, masked[:-2], masked):
+        assert run(*words)[0] == 0
+        assert (tmp_path / "bits.mask.npy").exists() == ("--mask" in words)
+        assert jl.open("bits.npy").sensor == jl.Sensor(
+            mask=np.zeros((40, 49), bool) if "--mask" in words else None
+        )
+
+
+def test_archives_of_strangers_are_refused_by_name(run, tmp_path):
+    np.savez("objects.npz", a=np.array([{}], dtype=object))
+    np.save("array.npy", np.arange(4))
+    (tmp_path / "array.npy").rename(tmp_path / "array.npz")
+    (tmp_path / "text.npz").write_text("no archive")
+    np.savez("cut.npz", a=np.arange(10_000))
+    whole = (tmp_path / "cut.npz").read_bytes()
+    (tmp_path / "cut.npz").write_bytes(whole[:100] + b"x" * 900 + whole[1000:])
+    for name, expected in {
+        "objects.npz": "Python objects",
+        "array.npz": "expected a .npz archive",
+        "text.npz": "expected a .npz archive",
+        "cut.npz": "damaged",
+    }.items():
+        status, said = run("reconstruct", name, "-o", "a.png", "--frames", 9, "-m", "mle")
+        assert status == 1
+        assert said.startswith(f"error: {name}")
+        assert expected in said
+        assert "allow_pickle" not in said
+
+
+def test_info_lists_the_arrays_of_an_archive(run):
+    np.savez("counts.npz", k1=np.zeros((3, 4), np.uint16), k4=np.zeros((5, 6), np.uint8))
+    said = run("info", "counts.npz")[1]
+    assert "uint16, 3 x 4" in said
+    assert "uint8, 5 x 6" in said
+
+
+def test_tiny_pictures_are_compared_without_ssim(run, tmp_path):
+    np.save("tiny.npy", np.full((8, 8), 0.5, np.float32))
+    status, said = run("compare", "tiny.npy", "-m", "mle,noniterative-tv")
+    assert status == 0
+    assert "none" in said
+
+
+@pytest.mark.parametrize("channels", [2, 4])
+def test_channels_that_cannot_be_shown_are_refused_before_the_work(run, tmp_path, channels):
+    np.save("odd.npy", np.full((20, 20, channels), 0.5, np.float32))
+    status, said = run("compare", "odd.npy", "-m", "mle")
+    assert status == 1
+    assert f"{channels} channels" in said
+    assert run("simulate", "odd.npy", "-o", "bits.npy")[0] == 0
+    assert jl.open("bits.npy").shape[3] == channels
+    status, said = run("simulate", "odd.npy", "-o", "grey.npy", "--gray")
+    assert status == 1
+    assert "red, green and blue" in said
+
+
+def test_a_full_disk_is_named_and_leaves_nothing(run, photo, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    status, said = run("simulate", photo, "-o", "bits.npy")
+    assert status == 1
+    assert "cannot write bits.npy: No space left" in said
+    assert files(tmp_path) == ["photo.png"]
+
+
+def test_a_smooth_kernel_that_a_method_does_not_know_is_said(photo, tmp_path):
+    words = ["compare", str(photo), "-m", "mle", "--kernel", "cubic"]
+    done = subprocess.run(
+        [sys.executable, "-m", "jotlight", *words], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 0
+    assert "warning: the light of a cubic kernel" in done.stderr
+
+
+def test_terminating_leaves_nothing(tmp_path):
+    np.save(tmp_path / "large.npy", np.full((2000, 2000), 0.5, np.float32))
+    words = ["simulate", "large.npy", "-o", "bits.npy", "-k", "16", "-t", "40"]
+    child = subprocess.Popen([sys.executable, "-m", "jotlight", *words], cwd=tmp_path)
+    deadline = time.monotonic() + 30
+    while len(files(tmp_path)) < 3 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert len(files(tmp_path)) >= 3, "the temporary files were never seen"
+    child.terminate()
+    assert child.wait(timeout=20) == 143
     assert files(tmp_path) == ["large.npy"]

@@ -337,3 +337,20 @@ def test_a_map_that_is_a_strangers_is_never_overwritten(tmp_path):
     bits.save(tmp_path / "capture.npy")
     bits.save(tmp_path / "capture.npy")
     assert jl.open(tmp_path / "capture.npy").sensor == sensor
+
+
+@pytest.mark.parametrize("maps", ['{"kernel": "x.npy"}', "[1]", '"mask"', "7"])
+def test_maps_of_another_kind_are_refused(tmp_path, maps):
+    jl.Bits.from_array(np.ones((1, 2, 8), bool), jl.Sensor()).save(tmp_path / "cube.npy")
+    beside = tmp_path / "cube.json"
+    beside.write_text(beside.read_text().replace('"maps": {}', f'"maps": {maps}'))
+    with pytest.raises(ValueError, match=r"cube\.json: maps: expected files for dark"):
+        jl.open(tmp_path / "cube.npy")
+
+
+def test_a_header_of_nothing_but_brackets_is_damaged(tmp_path):
+    path = tmp_path / "deep.npy"
+    header = b"(" * 5000 + b"\n"
+    path.write_bytes(b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header)
+    with pytest.raises(ValueError, match=r"deep\.npy"):
+        jl.open(path)

@@ -17,7 +17,7 @@ COLOUR = np.stack([GREY, GREY[::-1], 1 - GREY], axis=-1)
     ("name", "depth", "error"),
     [
         ("a.png", 8, 0.5 / 255),
-        ("a.png", 16, 0.5 / 255),  # Pillow reads 16-bit colour with 8 bits
+        ("a.png", 16, 0.5 / 65535),
         ("a.tif", 8, 0),
         ("a.npy", 8, 0),
         ("a.jpg", 8, 0.2),
@@ -125,3 +125,22 @@ def test_damaged_files_are_named(tmp_path):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(ValueError, match=name):
             read_picture(tmp_path / name)
+
+
+def test_transparency_is_left_out_of_a_16_bit_png(tmp_path):
+    path = tmp_path / "a.png"
+    values = np.random.default_rng(0).integers(0, 65536, (4, 5, 4), dtype=np.uint16)
+    with path.open("wb") as file:
+        writer = png.Writer(5, 4, greyscale=False, alpha=True, bitdepth=16)
+        writer.write(file, values.reshape(4, -1))
+    assert np.allclose(read_picture(path), values[..., :3] / 65535, atol=1e-6)
+    path.write_bytes(path.read_bytes()[:60])
+    with pytest.raises(ValueError, match=r"a\.png: the picture is damaged"):
+        read_picture(path)
+
+
+@pytest.mark.parametrize("white", [0, -1, np.inf, np.nan])
+def test_a_white_level_that_is_none_is_refused(tmp_path, white):
+    np.save(tmp_path / "a.npy", GREY)
+    with pytest.raises(ValueError, match="white"):
+        read_picture(tmp_path / "a.npy", white=white)

@@ -303,3 +303,24 @@ def test_parts_that_make_no_sensor_are_refused(numbers, maps, message):
 )  # fmt: skip
 def test_repr_names_what_is_not_by_default(sensor, text):
     assert repr(sensor) == text
+
+
+def test_numbers_that_leave_the_range_on_the_way_are_refused():
+    with pytest.raises(ValueError, match="dark_counts"):
+        jl.Sensor(dark_counts=np.full((2, 2), 1e39))
+    with pytest.raises(ValueError, match="gain"):
+        jl.Sensor(gain=1e308).replace(frames=100)
+
+
+@pytest.mark.parametrize("threads", [0, -1, 1025, 10**6])
+def test_a_number_of_threads_that_no_machine_has_is_refused(threads):
+    with pytest.raises(ValueError, match="threads: expected at least 1 and at most 1024"):
+        jl.Sensor().rate(np.ones((2, 2)), threads=threads)
+
+
+def test_masked_arrays_are_refused_and_not_stripped():
+    masked = np.ma.masked_array(np.ones((2, 2)), [[True, False], [False, False]])
+    with pytest.raises(TypeError, match="masked"):
+        jl.Sensor().expose(masked, rng=0)
+    with pytest.raises(TypeError, match="masked"):
+        jl.mle(masked.astype(int), jl.Sensor())

@@ -130,3 +130,8 @@ def test_invert_refuses_no_bits(inverse):
 def test_unknown_inverse_is_refused():
     with pytest.raises(ValueError, match="one of exact, algebraic, got 'asymptotic'"):
         jl.vst.invert([1.0], 4, inverse="asymptotic")
+
+
+def test_nan_is_refused_and_does_not_become_a_count():
+    with pytest.raises(ValueError, match="z: expected numbers"):
+        jl.vst.invert([1.0, np.nan], 4)

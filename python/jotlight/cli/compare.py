@@ -68,6 +68,10 @@ def run_comparison(
 
     if output.suffix.lower() not in _FIGURES:
         raise ValueError(f"{output}: expected a name that ends in {', '.join(_FIGURES)}")
+    if image.ndim == 3 and image.shape[2] not in (1, 3):
+        raise ValueError(
+            f"image: expected a grey or RGB picture to compare, got {image.shape[2]} channels"
+        )
     with written_whole(output) as temporary, progress(len(names) + 2) as begin:
         bits = sensor.expose(image, seed, threads=threads, progress=begin("drawing bits"))
         results = compare_methods(image, bits, sensor, names, threads=threads, begin=begin)

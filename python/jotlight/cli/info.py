@@ -41,11 +41,11 @@ def _facts(file: Path, width: int | None) -> list[tuple[str, str]]:
         kind = "counts" if array.dtype.kind in "iu" else "array"
         return [("kind", kind), ("shape", _by(array.shape)), *_range(np.asarray(array))]
     if file.suffix.lower() == ".npz":
-        arrays = [(name, read_npz(file, name)) for name in npz_names(file)]
-        return [
-            ("kind", "archive of arrays"),
-            *((n, f"{_by(a.shape)} {a.dtype}") for n, a in arrays),
-        ]
+        facts = [("kind", "archive of arrays")]
+        for name in npz_names(file):
+            array = read_npz(file, name)
+            facts.append((name, f"{array.dtype}, {_by(array.shape)}"))
+        return facts
     picture = read_picture(file)
     return [("kind", "picture"), ("shape", _by(picture.shape)), *_range(picture)]
 

@@ -21,6 +21,17 @@ from jotlight.sensor import Sensor
 _FORMAT = "jotlight bits"
 _VERSION = 1
 _MAPS = ("dark_counts", "mask")
+_DAMAGED = (
+    ValueError,
+    EOFError,
+    OverflowError,
+    TypeError,
+    SyntaxError,
+    RecursionError,
+    TokenError,
+)
+"""What reading a damaged header may raise."""
+
 _MOST_JSON = 1 << 20
 """Bytes of a description that are read at most."""
 
@@ -56,7 +67,7 @@ def read_npy(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
             f"{path}: expected a whole .npy file, but its size does not fit its header "
             f"or the header is damaged ({error})"
         ) from error
-    except (EOFError, OverflowError, TypeError, SyntaxError, RecursionError, TokenError) as error:
+    except _DAMAGED as error:
         raise ValueError(f"{path}: the header of the .npy file is damaged ({error})") from error
 
 
@@ -80,7 +91,7 @@ def read_npz(path: str | os.PathLike[str], key: str | None = None) -> npt.NDArra
     try:
         with np.load(path, allow_pickle=False) as archive:
             array: npt.NDArray[Any] = archive[key]
-    except (ValueError, EOFError, OSError, zlib.error, zipfile.BadZipFile, MemoryError) as error:
+    except (*_DAMAGED, OSError, zlib.error, zipfile.BadZipFile, MemoryError) as error:
         if "Object arrays" in str(error):
             raise ValueError(
                 f"{path}: {key} holds Python objects, which can run code and are never read; "
