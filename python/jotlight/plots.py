@@ -40,8 +40,8 @@ def comparison(panels: list[Panel], heading: str, *, white: float = 1.0) -> "Fig
 
     height, width = panels[0].picture.shape[:2]
     top, left, tall, wide = most_detailed(panels[0].picture)
-    columns = min(_COLUMNS, len(panels))
-    rows = math.ceil(len(panels) / columns)
+    rows = math.ceil(len(panels) / _COLUMNS)
+    columns = math.ceil(len(panels) / rows)
     picture_height, crop_height = _SIDE * height / width, _SIDE * tall / wide
     cell_height = _TEXT + picture_height + _GAP + crop_height + 2 * _GAP
     total_width = columns * (_SIDE + _GAP) + _GAP
