@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight import _engine
+from jotlight.image import refuse_masked
 from jotlight.slabs import slabs_of
 
 if TYPE_CHECKING:
@@ -78,6 +79,7 @@ class Bits:
         >>> Bits.from_array(np.eye(10, dtype=bool)).packed.shape
         (1, 10, 2)
         """
+        refuse_masked("bits", array)
         values = np.asarray(array)
         if values.dtype.kind not in "biu":
             raise TypeError(f"bits: expected bool or whole numbers 0 and 1, got {values.dtype}")

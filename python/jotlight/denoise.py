@@ -4,6 +4,7 @@ Each takes and gives an image (H, W) of float32 and is a thin cover over a libra
 chosen on the BSDS training images at K = 16 (``python benchmarks/denoisers.py``).
 """
 
+import contextvars
 import functools
 import queue
 import threading
@@ -22,15 +23,16 @@ P = ParamSpec("P")
 
 
 def _stoppable(denoise: Callable[P, Image]) -> Callable[P, Image]:
-    """Let Ctrl-C end the wait for a library that does not look for it."""
+    """Let Ctrl-C end the wait for a library that does not look for it; the library works on."""
 
     @functools.wraps(denoise)
     def run(*arguments: P.args, **options: P.kwargs) -> Image:
+        context = contextvars.copy_context()
         outcome: queue.SimpleQueue[Image | BaseException] = queue.SimpleQueue()
 
         def work() -> None:
             try:
-                outcome.put(denoise(*arguments, **options))
+                outcome.put(context.run(denoise, *arguments, **options))
             except BaseException as error:
                 outcome.put(error)
 
@@ -48,6 +50,7 @@ def _stoppable(denoise: Callable[P, Image]) -> Callable[P, Image]:
     return run
 
 
+@_stoppable
 def gaussian(image: Image, sigma: float = 1.5) -> Image:
     """Smooth by a Gaussian of standard deviation `sigma` in pixels (SciPy)."""
     from scipy.ndimage import gaussian_filter

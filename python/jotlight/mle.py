@@ -9,7 +9,7 @@ from jotlight import _engine
 from jotlight.bits import Bits
 from jotlight.channels import by_channel
 from jotlight.fill import fill_blind
-from jotlight.observation import Observation, observe
+from jotlight.observation import Observation, observe, warn_of_smooth_kernel
 from jotlight.sensor import Sensor
 from jotlight.slabs import parts_of
 
@@ -46,7 +46,8 @@ def mle(
     Warns
     -----
     JotlightWarning
-        When pixels without a valid jot were filled from their neighbours.
+        When pixels without a valid jot were filled from their neighbours, and when the kernel is
+        smooth.
 
     Notes
     -----
@@ -60,6 +61,7 @@ def mle(
     >>> mle(counts, Sensor(frames=8)).round(4).tolist()
     [[0.0, 0.6930999755859375, 1.0]]
     """
+    warn_of_smooth_kernel(sensor)
 
     def one_channel(data: Bits | npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
         seen = observe(data, sensor, threads)

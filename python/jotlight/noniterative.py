@@ -8,7 +8,7 @@ from jotlight.bits import Bits
 from jotlight.channels import by_channel
 from jotlight.denoise import Denoiser, pick
 from jotlight.mle import equivalent_counts, from_probability, reference_dark_counts
-from jotlight.observation import observe
+from jotlight.observation import observe, warn_of_smooth_kernel
 from jotlight.sensor import Sensor
 
 
@@ -51,7 +51,8 @@ def noniterative(
     Warns
     -----
     JotlightWarning
-        When pixels without a valid jot were filled from their neighbours.
+        When pixels without a valid jot were filled from their neighbours, and when the kernel is
+        smooth.
 
     Notes
     -----
@@ -68,6 +69,8 @@ def noniterative(
     run = pick(denoiser)
     if inverse not in vst.INVERSES:
         raise ValueError(f"inverse: expected one of {', '.join(vst.INVERSES)}, got {inverse!r}")
+
+    warn_of_smooth_kernel(sensor)
 
     def one_channel(data: Bits | npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
         bits = sensor.bits_per_pixel

@@ -35,11 +35,6 @@ class Observation:
 
 def observe(data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None) -> Observation:
     """Count the valid ones of each pixel, from bits or from an image of counts of one channel."""
-    if sensor.kernel != "box":
-        warn(
-            f"the light of a {sensor.kernel} kernel reaches neighbouring pixels, which this method "
-            "does not know: it takes the kernel for a box"
-        )
     if isinstance(data, Bits):
         check_fits(data, sensor)
         _, height, width = data.shape
@@ -68,6 +63,15 @@ def observe(data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None) -> 
         )
     dark, varies = _pixel_dark_counts(sensor)
     return Observation(sensor, counts, trials, dark, varies)
+
+
+def warn_of_smooth_kernel(sensor: Sensor) -> None:
+    """Say that a method takes each pixel's bits by themselves although they are not."""
+    if sensor.kernel != "box":
+        warn(
+            f"the light of a {sensor.kernel} kernel reaches neighbouring pixels, which this method "
+            "does not know: it takes the kernel for a box"
+        )
 
 
 def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:

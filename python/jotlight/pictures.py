@@ -14,6 +14,9 @@ from jotlight.formats.npy import read_npy
 
 Picture = npt.NDArray[np.floating[Any]]
 
+_ORIENTATION = 0x0112
+"""The tag of EXIF."""
+
 
 def read_picture(
     path: str | os.PathLike[str], *, white: float | None = None, gray: bool = False
@@ -76,9 +79,9 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
     from PIL import Image, ImageOps, UnidentifiedImageError
 
     try:
-        if (deep := _read_png16(path)) is not None:
-            return deep, 65535.0
         with Image.open(path) as file:
+            if (deep := _read_png16(path)) is not None:
+                return _turned(deep, file.getexif().get(_ORIENTATION, 1)), 65535.0
             picture = ImageOps.exif_transpose(file)
             if picture.mode in ("I;16", "I;16B", "I"):
                 return np.asarray(picture).astype(np.int32), 65535.0
@@ -97,20 +100,33 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
 
 
 def _read_png16(path: Path) -> npt.NDArray[np.uint16] | None:
-    """A 16-bit colour PNG, of which Pillow would keep 8 bits; None for any other file."""
+    """A 16-bit PNG of which Pillow would keep 8 bits, without its transparency; else None."""
     import png
 
     with path.open("rb") as file:
         start = file.read(26)
     # The header comes first: bit depth and colour type stand at fixed places.
-    if start[:8] != b"\x89PNG\r\n\x1a\n" or start[24:25] != b"\x10" or start[25] not in (2, 6):
+    depth, colour_type = start[24:25], start[25:26]
+    if start[:4] != b"\x89PNG" or depth != b"\x10" or colour_type not in (b"\2", b"\4", b"\6"):
         return None
     try:
-        width, height, rows, facts = png.Reader(bytes=path.read_bytes()).asDirect()
+        width, height, rows, facts = png.Reader(bytes=path.read_bytes()).read()
         values = np.array([np.asarray(row, np.uint16) for row in rows])
     except (png.Error, zlib.error, EOFError) as error:
         raise ValueError(f"{path}: the picture is damaged or truncated ({error})") from error
-    return values.reshape(height, width, facts["planes"])[..., :3]
+    values = values.reshape(height, width, facts["planes"])
+    return values[..., 0] if colour_type == b"\4" else values[..., :3]
+
+
+def _turned(array: npt.NDArray[Any], orientation: int) -> npt.NDArray[Any]:
+    """An image turned upright from one of the eight orientations of EXIF."""
+    if orientation in (5, 6, 7, 8):
+        array = array.swapaxes(0, 1)
+    if orientation in (3, 4, 7, 8):
+        array = array[::-1]
+    if orientation in (2, 3, 6, 7):
+        array = array[:, ::-1]
+    return array
 
 
 def _read_tiff(path: Path) -> tuple[npt.NDArray[Any], float | None]:

@@ -25,7 +25,8 @@ def slabs_of(frames: int, rows: int, jots_per_row: int) -> Iterator[tuple[range,
             )
 
 
-def parts_of(pixels: int) -> Iterator[slice]:
-    """Cut pixels, of which each takes a few microseconds at most, into parts."""
-    for start in range(0, pixels, _PIXELS):
-        yield slice(start, min(start + _PIXELS, pixels))
+def parts_of(pixels: int, at_once: int | None = None) -> Iterator[slice]:
+    """Cut pixels into parts; unless told otherwise each may take a few microseconds."""
+    at_once = at_once or _PIXELS
+    for start in range(0, pixels, at_once):
+        yield slice(start, min(start + at_once, pixels))

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight import _engine
+from jotlight.slabs import parts_of
 
 NOISE = 0.5
 """Standard deviation of the noise after :func:`stabilise`."""
@@ -102,5 +103,8 @@ def _apply(
     threads: int | None,
 ) -> npt.NDArray[np.float32]:
     out = np.empty(values.shape, np.float32)
-    function(values.ravel(), bits_per_pixel, out.reshape(-1), threads)
+    flat, result = values.reshape(-1), out.reshape(-1)
+    # Larger parts than elsewhere: the exact inverse makes its table anew for each.
+    for part in parts_of(flat.size, 1 << 22):
+        function(flat[part], bits_per_pixel, result[part], threads)
     return out

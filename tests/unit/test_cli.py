@@ -4,6 +4,8 @@ import signal
 import subprocess
 import sys
 import time
+import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -427,3 +429,52 @@ def test_terminating_leaves_nothing(tmp_path):
     child.terminate()
     assert child.wait(timeout=20) == 143
     assert files(tmp_path) == ["large.npy"]
+
+
+def test_simulating_does_not_take_away_the_map_that_it_reads(run, tmp_path):
+    np.save("scene.npy", np.full((20, 24), 0.5, np.float32))
+    np.save("dark.npy", np.full((20, 24), 0.25, np.float32))
+    words = ["simulate", "scene.npy", "-o", "a.npy", "-k", 1, "--dark-counts", "dark.npy"]
+    assert run(*words)[0] == 0
+    before = (tmp_path / "a.dark_counts.npy").read_bytes()
+    status, said = run("simulate", "a.dark_counts.npy", "-o", "a.npy", "-k", 1)
+    assert status == 1
+    assert "this file is read" in said
+    assert (tmp_path / "a.dark_counts.npy").read_bytes() == before
+
+
+def test_members_of_an_archive_that_are_no_arrays_are_refused(run):
+    with zipfile.ZipFile("odd.npz", "w") as archive:
+        archive.writestr("a.npy", "no array")
+        archive.writestr("b.npy", "")
+        archive.writestr("c.txt", "text")
+    for name in "ab":
+        for words in (["reconstruct", "odd.npz", "--key", name, "-o", "a.png", "-t", 9], ["info"]):
+            status, said = run(*words, *(["odd.npz"] if words == ["info"] else []))
+            assert status == 1
+            assert said.startswith("error: odd.npz: the array")
+    odd = Path("odd.npz")
+    content = bytearray(odd.read_bytes())
+    for at in [i for i in range(len(content)) if content[i : i + 4] == b"PK\x01\x02"]:
+        content[at + 10] = 97  # a way of packing that nobody knows
+    odd.write_bytes(content)
+    status, said = run("info", "odd.npz")
+    assert status == 1
+    assert said.startswith("error: odd.npz: the array a is damaged")
+
+
+def test_a_warning_is_said_once_however_many_methods_give_it(photo, tmp_path):
+    words = ["compare", str(photo), "-m", "mle,noniterative-gaussian,noniterative-tv"]
+    done = subprocess.run(
+        [sys.executable, "-m", "jotlight", *words, "--kernel", "linear"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
+    assert done.stderr.count("warning: the light of a linear kernel") == 1
+
+
+def test_help_tells_the_defaults(run):
+    said = run("simulate", "--help")[1]
+    assert "[default: 4]" in said
+    assert "[default: 1]" in said

@@ -1,5 +1,6 @@
 import importlib.util
 import sys
+import warnings
 
 import numpy as np
 import pytest
@@ -81,3 +82,32 @@ def test_without_its_package_the_method_is_not_available(monkeypatch):
     assert method.available == (importlib.util.find_spec("bm3d") is not None)
     monkeypatch.setitem(sys.modules, "bm3d", None)
     assert not method.available
+
+
+def test_a_denoiser_that_works_beside_hands_on_errors_and_the_callers_settings():
+    with pytest.raises(RuntimeError, match="sequence argument"):
+        jl.denoise.gaussian(np.ones((8, 8), np.float32), sigma=[1, 2, 3])
+    with np.errstate(all="raise"):
+        jl.denoise.gaussian(np.ones((8, 8), np.float32))
+
+
+def test_methods_are_the_same_in_parts_of_any_size(monkeypatch):
+    rng = np.random.default_rng(0)
+    sensor = jl.Sensor(frames=9, dark_counts=rng.random((30, 40)), mask=rng.random((30, 40)) < 0.1)
+    counts = rng.integers(0, 10, (30, 40))
+    network = jl.Network.initial(jl.Sensor(frames=9), taps=7)
+
+    def pictures():
+        return [
+            jl.mle(counts, sensor),
+            jl.noniterative(counts, sensor, denoiser="gaussian"),
+            network.reconstruct(counts),
+        ]
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", jl.JotlightWarning)
+        whole = pictures()
+        monkeypatch.setattr("jotlight.slabs._PIXELS", 7)
+        monkeypatch.setattr("jotlight.network._TAPS", 1)
+        for one, other in zip(whole, pictures(), strict=True):
+            np.testing.assert_array_equal(one, other)

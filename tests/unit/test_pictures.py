@@ -1,4 +1,6 @@
 import io
+import struct
+import zlib
 
 import numpy as np
 import png
@@ -144,3 +146,61 @@ def test_a_white_level_that_is_none_is_refused(tmp_path, white):
     np.save(tmp_path / "a.npy", GREY)
     with pytest.raises(ValueError, match="white"):
         read_picture(tmp_path / "a.npy", white=white)
+
+
+def png16(path, values, *, before_data=b"", **options):
+    """Write a 16-bit PNG, with further chunks before its data."""
+    height, width = values.shape[:2]
+    buffer = io.BytesIO()
+    png.Writer(width, height, bitdepth=16, **options).write(buffer, values.reshape(height, -1))
+    content = buffer.getvalue()
+    at = content.index(b"IDAT") - 4
+    path.write_bytes(content[:at] + before_data + content[at:])
+
+
+def chunk(kind, content):
+    return (
+        struct.pack(">I", len(content))
+        + kind
+        + content
+        + struct.pack(">I", zlib.crc32(kind + content))
+    )
+
+
+VALUES = np.random.default_rng(0).integers(0, 65536, (4, 6, 3), dtype=np.uint16)
+
+
+def test_significant_bits_do_not_change_the_scale(tmp_path):
+    path = tmp_path / "a.png"
+    png16(path, VALUES, greyscale=False, before_data=chunk(b"sBIT", bytes([10, 10, 10])))
+    assert np.allclose(read_picture(path), VALUES / 65535, atol=1e-6)
+
+
+def test_grey_with_transparency_keeps_its_16_bits(tmp_path):
+    path = tmp_path / "a.png"
+    png16(path, VALUES[..., :2], greyscale=True, alpha=True)
+    assert np.allclose(read_picture(path), VALUES[..., 0] / 65535, atol=1e-6)
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_a_16_bit_png_is_turned_as_pillow_turns_8_bits(tmp_path, orientation):
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    eight = Image.fromarray((VALUES >> 8).astype(np.uint8))
+    eight.save(tmp_path / "eight.png", exif=exif)
+    # What Pillow writes for a PNG begins without the marker that a JPEG has before it.
+    content = exif.tobytes().removeprefix(b"Exif\x00\x00")
+    png16(tmp_path / "a.png", VALUES, greyscale=False, before_data=chunk(b"eXIf", content))
+    turned = read_picture(tmp_path / "a.png")
+    expected = read_picture(tmp_path / "eight.png")
+    assert turned.shape == expected.shape
+    assert np.abs(turned - expected).max() < 1 / 200
+
+
+@pytest.mark.parametrize("length", [0, 8, 20, 25, 26, 60])
+def test_a_16_bit_png_that_is_cut_is_named(tmp_path, length):
+    path = tmp_path / "a.png"
+    png16(path, VALUES, greyscale=False)
+    path.write_bytes(path.read_bytes()[:length])
+    with pytest.raises(ValueError, match=r"a\.png"):
+        read_picture(path)

@@ -324,3 +324,5 @@ def test_masked_arrays_are_refused_and_not_stripped():
         jl.Sensor().expose(masked, rng=0)
     with pytest.raises(TypeError, match="masked"):
         jl.mle(masked.astype(int), jl.Sensor())
+    with pytest.raises(TypeError, match="masked"):
+        jl.Bits.from_array(masked.astype(bool))

@@ -36,7 +36,9 @@ def _plain_errors(command: Callable[..., None]) -> Callable[..., None]:
             error("stopped")
             raise typer.Exit(130) from None
         except (ValueError, TypeError, OSError, ImportError, MemoryError) as reason:
-            error(str(reason) or type(reason).__name__)
+            # Without the number that Python puts before the words of an OSError.
+            ours = isinstance(reason, OSError) and reason.filename is None and reason.strerror
+            error(ours or str(reason) or type(reason).__name__)
             raise typer.Exit(1) from None
 
     return run

@@ -19,7 +19,7 @@ from jotlight.sensor import Sensor
 _FIGURES = (".png", ".jpg", ".jpeg", ".pdf", ".svg")
 
 
-@options.takes_sensor(oversampling=4)
+@options.takes_sensor(oversampling=4, frames=1)
 def compare(
     photo: Annotated[Path, typer.Argument(help="PNG, JPEG, TIFF or .npy.")],
     *,

@@ -21,6 +21,8 @@ from jotlight.errors import JotlightWarning
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)
 
+_said: set[str] = set()
+
 
 def error(message: str) -> None:
     """Say in one line what went wrong."""
@@ -35,8 +37,11 @@ def show_warning(
     file: TextIO | None = None,
     line: str | None = None,
 ) -> None:
-    """Print our own warnings in one line, and others as Python does."""
+    """Print our own warnings in one line, each once, and others as Python does."""
     if issubclass(category, JotlightWarning):
+        if str(message) in _said:
+            return
+        _said.add(str(message))
         err.print(f"[yellow]warning:[/] {escape(str(message))}", soft_wrap=True)
     else:
         err.print(escape(warnings.formatwarning(message, category, filename, lineno, line)), end="")

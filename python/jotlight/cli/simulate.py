@@ -9,13 +9,13 @@ import typer
 from jotlight.cli import options
 from jotlight.cli.console import out, progress
 from jotlight.files import spare_inputs
-from jotlight.formats.npy import created_bits
+from jotlight.formats.npy import created_bits, maps_beside
 from jotlight.image import as_image
 from jotlight.pictures import read_picture
 from jotlight.sensor import Sensor
 
 
-@options.takes_sensor(oversampling=4)
+@options.takes_sensor(oversampling=4, frames=1)
 def simulate(
     photo: Annotated[Path, typer.Argument(help="PNG, JPEG, TIFF or .npy.")],
     *,
@@ -30,9 +30,10 @@ def simulate(
     threads: options.Threads = None,
 ) -> None:
     """Draw the bits that a quanta image sensor would report of a photograph."""
-    for file in (output, output.with_suffix(".json")):
-        spare_inputs(file, [photo, *inputs])
     sensor = Sensor(**given)
+    maps = [output.with_suffix(f".{name}.npy") for name in sensor.maps()]
+    for file in {output, output.with_suffix(".json"), *maps, *maps_beside(output)}:
+        spare_inputs(file, [photo, *inputs])
     image = as_image(read_picture(photo, white=white, gray=gray))
     height, width = (size * sensor.oversampling for size in image.shape[:2])
     shape = (sensor.frames, height, math.ceil(width / 8), *image.shape[2:])

@@ -1,7 +1,9 @@
 """Photon cubes: packed bits in a plain `.npy`, and what it cannot say in a `.json` beside it."""
 
 import contextlib
+import errno
 import json
+import lzma
 import os
 import zipfile
 import zlib
@@ -31,6 +33,17 @@ _DAMAGED = (
     TokenError,
 )
 """What reading a damaged header may raise."""
+
+# RuntimeError for what is encrypted or packed in a way that Python lacks.
+_BAD_ARCHIVE = (
+    OSError,
+    RuntimeError,
+    MemoryError,
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+)
+"""What reading a damaged archive may raise."""
 
 _MOST_JSON = 1 << 20
 """Bytes of a description that are read at most."""
@@ -89,16 +102,16 @@ def read_npz(path: str | os.PathLike[str], key: str | None = None) -> npt.NDArra
         told = "" if key is None else f", got {key!r}"
         raise ValueError(f"{path}: expected the name of an array (--key): {', '.join(names)}{told}")
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            array: npt.NDArray[Any] = archive[key]
-    except (*_DAMAGED, OSError, zlib.error, zipfile.BadZipFile, MemoryError) as error:
+        with zipfile.ZipFile(path) as archive, archive.open(f"{key}.npy") as member:
+            # NumPy's own reader of archives hands out the bytes of what is no array.
+            return np.asarray(np.lib.format.read_array(member, allow_pickle=False))
+    except (*_DAMAGED, *_BAD_ARCHIVE) as error:
         if "Object arrays" in str(error):
             raise ValueError(
                 f"{path}: {key} holds Python objects, which can run code and are never read; "
                 "save an array of numbers instead"
             ) from error
         raise ValueError(f"{path}: the array {key} is damaged ({error})") from error
-    return array
 
 
 def npz_names(path: Path) -> list[str]:
@@ -108,7 +121,7 @@ def npz_names(path: Path) -> list[str]:
     try:
         with zipfile.ZipFile(path) as archive:
             members = archive.namelist()
-    except zipfile.BadZipFile as error:
+    except _BAD_ARCHIVE as error:
         raise ValueError(f"{path}: expected a .npz archive ({error})") from error
     names = [name.removesuffix(".npy") for name in members if name.endswith(".npy")]
     if not names:
@@ -185,9 +198,7 @@ def created_bits(
         text.write_text(json.dumps(description, indent=2) + "\n")
         packed = np.lib.format.open_memmap(cube, mode="w+", dtype=np.uint8, shape=shape)
         # Filling a memory map whose blocks the disk does not have would end the program.
-        if hasattr(os, "posix_fallocate"):
-            with cube.open("r+b") as opened:
-                os.posix_fallocate(opened.fileno(), 0, cube.stat().st_size)
+        _allocate(cube)
         yield packed
         packed.flush()
         del packed
@@ -195,8 +206,20 @@ def created_bits(
         stale.unlink(missing_ok=True)
 
 
+def _allocate(path: Path) -> None:
+    """Take all blocks of a file now, where the system and the disk know how."""
+    if not hasattr(os, "posix_fallocate"):
+        return
+    try:
+        with path.open("r+b") as file:
+            os.posix_fallocate(file.fileno(), 0, path.stat().st_size)
+    except OSError as error:
+        if error.errno not in (errno.EOPNOTSUPP, errno.EINVAL):
+            raise
+
+
 def maps_beside(path: Path) -> set[Path]:
-    """The files of a sensor's maps that belong to the bits in `path`, and their description."""
+    """The files that bits in `path` have beside them: their description and the sensor's maps."""
     beside = path.with_suffix(".json")
     return {beside, *_maps_named_by(beside)} if path.suffix == ".npy" else set()
 
