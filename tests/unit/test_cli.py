@@ -1,3 +1,4 @@
+import contextlib
 import errno
 import os
 import signal
@@ -289,22 +290,34 @@ def test_a_long_command_shows_how_far_it_is(monkeypatch, tmp_path, photo):
     assert b"%" in shown
 
 
+LONG = ["simulate", "large.npy", "-o", "bits.npy", "-k", "16", "-t", "40"]
+
+
+@contextlib.contextmanager
+def long_command(folder):
+    """Start a command of many seconds and wait until it has files to take away."""
+    np.save(folder / "large.npy", np.full((2000, 2000), 0.5, np.float32))
+    # A shell lets its background jobs ignore SIGINT, and these tests may be one.
+    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
+    code += f"import sys; sys.argv = ['jotlight', *{LONG!r}]; from jotlight.cli import main; main()"
+    with subprocess.Popen(
+        [sys.executable, "-c", code], cwd=folder, stderr=subprocess.PIPE, text=True
+    ) as child:
+        try:
+            deadline = time.monotonic() + 30
+            while len(files(folder)) < 3 and time.monotonic() < deadline:
+                time.sleep(0.05)
+            assert len(files(folder)) >= 3, "the temporary files were never seen"
+            time.sleep(0.3)
+            yield child
+        finally:
+            child.kill()
+
+
 def test_ctrl_c_stops_promptly_and_leaves_nothing(tmp_path):
-    np.save(tmp_path / "large.npy", np.full((2000, 2000), 0.5, np.float32))
-    words = ["simulate", "large.npy", "-o", "bits.npy", "-k", "16", "-t", "40"]
-    child = subprocess.Popen(
-        [sys.executable, "-m", "jotlight", *words],
-        cwd=tmp_path,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    deadline = time.monotonic() + 30
-    while len(files(tmp_path)) < 3 and time.monotonic() < deadline:
-        time.sleep(0.05)
-    assert len(files(tmp_path)) >= 3, "the temporary files were never seen"
-    time.sleep(0.5)
-    child.send_signal(signal.SIGINT)
-    _, said = child.communicate(timeout=20)
+    with long_command(tmp_path) as child:
+        child.send_signal(signal.SIGINT)
+        _, said = child.communicate(timeout=20)
     assert child.returncode == 130
     assert "stopped" in said
     assert files(tmp_path) == ["large.npy"]
@@ -419,15 +432,9 @@ def test_a_smooth_kernel_that_a_method_does_not_know_is_said(photo, tmp_path):
 
 
 def test_terminating_leaves_nothing(tmp_path):
-    np.save(tmp_path / "large.npy", np.full((2000, 2000), 0.5, np.float32))
-    words = ["simulate", "large.npy", "-o", "bits.npy", "-k", "16", "-t", "40"]
-    child = subprocess.Popen([sys.executable, "-m", "jotlight", *words], cwd=tmp_path)
-    deadline = time.monotonic() + 30
-    while len(files(tmp_path)) < 3 and time.monotonic() < deadline:
-        time.sleep(0.05)
-    assert len(files(tmp_path)) >= 3, "the temporary files were never seen"
-    child.terminate()
-    assert child.wait(timeout=20) == 143
+    with long_command(tmp_path) as child:
+        child.terminate()
+        assert child.wait(timeout=20) == 143
     assert files(tmp_path) == ["large.npy"]
 
 
