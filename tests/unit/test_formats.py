@@ -1,12 +1,13 @@
 import io
 import json
 import pickle
+import zipfile
 
 import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.formats.npy import created_bits, read_npy
+from jotlight.formats.npy import created_bits, read_npy, read_npz
 
 
 def random_bits(shape, sensor=None, seed=0):
@@ -354,3 +355,14 @@ def test_a_header_of_nothing_but_brackets_is_damaged(tmp_path):
     path.write_bytes(b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header)
     with pytest.raises(ValueError, match=r"deep\.npy"):
         jl.open(path)
+
+
+def test_a_member_that_claims_more_than_it_holds_takes_no_memory(tmp_path):
+    header = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000, 100000)}\n"
+    member = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + bytes(80)
+    with zipfile.ZipFile(tmp_path / "lie.npz", "w") as archive:
+        archive.writestr("a.npy", member)
+    with pytest.raises(ValueError, match="its header tells of 800000000000 bytes, but there are"):
+        read_npz(tmp_path / "lie.npz")
+    np.savez(tmp_path / "good.npz", a=np.arange(6).reshape(2, 3))
+    assert read_npz(tmp_path / "good.npz").tolist() == [[0, 1, 2], [3, 4, 5]]

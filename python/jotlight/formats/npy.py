@@ -4,6 +4,7 @@ import contextlib
 import errno
 import json
 import lzma
+import math
 import os
 import zipfile
 import zlib
@@ -102,9 +103,11 @@ def read_npz(path: str | os.PathLike[str], key: str | None = None) -> npt.NDArra
         told = "" if key is None else f", got {key!r}"
         raise ValueError(f"{path}: expected the name of an array (--key): {', '.join(names)}{told}")
     try:
-        with zipfile.ZipFile(path) as archive, archive.open(f"{key}.npy") as member:
+        with zipfile.ZipFile(path) as archive:
+            _check_size(archive, f"{key}.npy")
             # NumPy's own reader of archives hands out the bytes of what is no array.
-            return np.asarray(np.lib.format.read_array(member, allow_pickle=False))
+            with archive.open(f"{key}.npy") as member:
+                return np.asarray(np.lib.format.read_array(member, allow_pickle=False))
     except (*_DAMAGED, *_BAD_ARCHIVE) as error:
         if "Object arrays" in str(error):
             raise ValueError(
@@ -112,6 +115,22 @@ def read_npz(path: str | os.PathLike[str], key: str | None = None) -> npt.NDArra
                 "save an array of numbers instead"
             ) from error
         raise ValueError(f"{path}: the array {key} is damaged ({error})") from error
+
+
+def _check_size(archive: zipfile.ZipFile, name: str) -> None:
+    """Raise ValueError when a member's header asks for more memory than the member has bytes."""
+    readers = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }
+    with archive.open(name) as member:
+        version = np.lib.format.read_magic(member)
+        if version not in readers:
+            raise ValueError(f"expected version 1 or 2 of the .npy format, got {version}")
+        shape, _, dtype = readers[version](member)
+    size, there = math.prod(shape) * dtype.itemsize, archive.getinfo(name).file_size
+    if not dtype.hasobject and not 0 <= size <= there:
+        raise ValueError(f"its header tells of {size} bytes, but there are {there}")
 
 
 def npz_names(path: Path) -> list[str]:
