@@ -11,7 +11,7 @@ arrive? jotlight simulates such sensors and estimates the picture behind the bit
 (8, 8)
 """
 
-from jotlight import datasets, denoise, metrics, vst
+from jotlight import datasets, denoise, metrics, training, vst
 from jotlight._engine import __version__
 from jotlight.bits import Bits
 from jotlight.errors import JotlightWarning, MissingExtraError
@@ -20,6 +20,7 @@ from jotlight.mle import mle
 from jotlight.network import Layer, Network
 from jotlight.noniterative import noniterative
 from jotlight.sensor import Sensor
+from jotlight.training import train
 
 __all__ = [
     "Bits",
@@ -35,5 +36,7 @@ __all__ = [
     "mle",
     "noniterative",
     "open",
+    "train",
+    "training",
     "vst",
 ]

@@ -10,13 +10,16 @@ __all__ = [
     "algebraic_inverse",
     "block_sums",
     "equivalent_counts",
+    "errors",
     "exact_inverse",
     "expose",
     "forward",
+    "gradient",
     "kernel_taps",
     "mle_from_counts",
     "mle_from_jots",
     "mle_from_probability",
+    "normal_equations",
     "probability",
     "rate",
     "stabilise",
@@ -27,8 +30,10 @@ __all__ = [
 __version__: str
 DEBUG_BUILD: bool
 
+_Floats: TypeAlias = npt.NDArray[np.floating]
 _Image: TypeAlias = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 _Layer: TypeAlias = tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], float, float]
+_AnyLayer: TypeAlias = tuple[_Floats, _Floats, float, float]
 _Response: TypeAlias = tuple[int, float, float]
 _Span: TypeAlias = tuple[int, int]
 
@@ -120,6 +125,19 @@ def block_sums(
     valid: npt.NDArray[np.uint8] | None,
     threads: int | None,
 ) -> npt.NDArray[np.float32]: ...
+def errors(
+    layers: list[_AnyLayer], batch: dict[str, Any], threads: int | None
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]: ...
+def gradient(
+    layers: list[_AnyLayer], batch: dict[str, Any], threads: int | None
+) -> tuple[tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]], npt.NDArray[np.float64]]: ...
+def normal_equations(
+    layers: list[_AnyLayer], batch: dict[str, Any], threads: int | None
+) -> tuple[
+    tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]],
+    npt.NDArray[np.float64],
+    npt.NDArray[np.float64],
+]: ...
 def forward(
     layers: list[_Layer], sums: npt.NDArray[np.float32], threads: int | None
 ) -> npt.NDArray[np.float32]: ...

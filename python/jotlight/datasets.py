@@ -44,3 +44,14 @@ def uniform_scene(
     (2, 3)
     """
     return np.random.default_rng(rng).random(shape, np.float32)
+
+
+def uniform_scenes(rng: np.random.Generator, number: int) -> npt.NDArray[np.float32]:
+    """So many synthetic scenes of 32 x 32, as :func:`jotlight.train` takes them.
+
+    Examples
+    --------
+    >>> uniform_scenes(np.random.default_rng(0), 5).shape
+    (5, 32, 32)
+    """
+    return uniform_scene((number, 32, 32), rng)

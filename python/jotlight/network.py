@@ -146,6 +146,7 @@ class Network:
         tied: bool = True,
         taps: int = 15,
         coefficients: int = 150,
+        nu: float = 0.5,
     ) -> Self:
         """The paper's two-layer network at its initial parameters (section 3.2).
 
@@ -166,6 +167,10 @@ class Network:
             Height and width of h2, odd.
         coefficients : int
             N_w, the coefficients of each spline.
+        nu : float
+            ν: room for learning. φ2 is laid out for every r that filters with taps of both signs
+            can give, as long as their negative taps sum to -ν at most; outside of what a Gaussian
+            gives it starts constant.
 
         Notes
         -----
@@ -179,18 +184,24 @@ class Network:
             raise ValueError(f"taps: expected an odd number, got {taps}")
         if coefficients < 5:
             raise ValueError(f"coefficients: expected at least 5, got {coefficients}")
+        if not (math.isfinite(nu) and nu >= 0):
+            raise ValueError(f"nu: expected a number of 0 or more, got {nu}")
         bits = sensor.bits_per_pixel
 
+        low, high = vst.stabilise([0, bits], bits).astype(float)
+
         def intensity(z: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-            counts = vst.invert(z, bits, inverse="algebraic")
+            counts = vst.invert(z.clip(low, high), bits, inverse="algebraic")
             return from_probability(counts / np.float32(bits), sensor, None).astype(np.float64)
 
         block = (1, 1, 1) if tied else (sensor.frames, sensor.oversampling, sensor.oversampling)
-        low, high = vst.stabilise([0, bits], bits).astype(float)
         first = _fitted(
             lambda counts: vst.stabilise(counts, bits).astype(np.float64), 0.0, bits, coefficients
         )
-        second = _fitted(intensity, low, high, coefficients)
+        # A spline stays in the hull of its coefficients, so u lies there, and r not far from there.
+        least, most = float(first[0].min()), float(first[0].max())
+        room = nu * (most - least)
+        second = _fitted(intensity, least - room, most + room, coefficients)
         second = (second[0].clip(0, sensor.max_intensity), *second[1:])
         line = np.exp(-0.5 * (np.arange(taps) - taps // 2) ** 2 / sigma**2)
         gaussian = np.outer(line, line) / line.sum() ** 2

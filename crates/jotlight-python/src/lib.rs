@@ -22,7 +22,7 @@ mod _engine {
     #[pymodule_export]
     use super::mle::{equivalent_counts, mle_from_counts, mle_from_jots, mle_from_probability};
     #[pymodule_export]
-    use super::network::{block_sums, forward};
+    use super::network::{block_sums, errors, forward, gradient, normal_equations};
     #[pymodule_export]
     use super::sensing::{
         expose, kernel_taps, probability, rate, threshold_probability, threshold_rate,

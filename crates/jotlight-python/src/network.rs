@@ -1,44 +1,46 @@
 use jotlight::bits::PackedBits;
-use jotlight::network::{self, Layer};
+use jotlight::network::{self, Batch, Layer, Patch, Real};
 use numpy::{
-    IntoPyArray, PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4,
+    Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyArray3,
+    PyReadonlyArray4,
 };
 use pyo3::prelude::*;
 
+use crate::sensing::PySensor;
 use crate::{run, to_python};
 
 /// (filters, coefficients, first knot, knot spacing).
-type PyLayer<'py> = (
-    PyReadonlyArray4<'py, f32>,
-    PyReadonlyArray2<'py, f32>,
-    f32,
-    f32,
-);
+type PyLayer<'py, F> = (PyReadonlyArray4<'py, F>, PyReadonlyArray2<'py, F>, f64, f64);
 
-fn to_engine((filters, coefficients, start, spacing): &PyLayer<'_>) -> PyResult<Layer> {
-    Layer::new(
-        filters.as_array().to_owned(),
-        coefficients.as_array().to_owned(),
-        *start,
-        *spacing,
-    )
-    .map_err(to_python)
+fn to_engine<F: Real + Element>(layers: &[PyLayer<'_, F>]) -> PyResult<Vec<Layer<F>>> {
+    layers
+        .iter()
+        .map(|(filters, coefficients, start, spacing)| {
+            Layer::new(
+                filters.as_array().to_owned(),
+                coefficients.as_array().to_owned(),
+                F::from_f64(*start),
+                F::from_f64(*spacing),
+            )
+            .map_err(to_python)
+        })
+        .collect()
 }
 
 #[pyfunction]
 #[pyo3(signature = (layer, packed, width, valid, threads))]
 pub fn block_sums<'py>(
     py: Python<'py>,
-    layer: PyLayer<'py>,
+    layer: PyLayer<'py, f32>,
     packed: PyReadonlyArray3<'_, u8>,
     width: usize,
     valid: Option<PyReadonlyArray2<'_, u8>>,
     threads: Option<isize>,
 ) -> PyResult<Bound<'py, PyArray3<f32>>> {
-    let (layer, packed) = (to_engine(&layer)?, packed.as_array());
+    let (layers, packed) = (to_engine(&[layer])?, packed.as_array());
     let valid = valid.as_ref().map(|valid| valid.as_array());
     let sums = run(py, threads, || {
-        network::block_sums(&layer, &PackedBits::new(packed, width)?, valid)
+        network::block_sums(&layers[0], &PackedBits::new(packed, width)?, valid)
     })?;
     Ok(sums.into_pyarray(py))
 }
@@ -47,12 +49,163 @@ pub fn block_sums<'py>(
 #[pyo3(signature = (layers, sums, threads))]
 pub fn forward<'py>(
     py: Python<'py>,
-    layers: Vec<PyLayer<'py>>,
+    layers: Vec<PyLayer<'py, f32>>,
     sums: PyReadonlyArray3<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-    let layers: Vec<Layer> = layers.iter().map(to_engine).collect::<PyResult<_>>()?;
+    let layers = to_engine(&layers)?;
     let sums = sums.as_array();
     let picture = run(py, threads, || network::forward(&layers, sums))?;
     Ok(picture.into_pyarray(py))
+}
+
+/// Layers in either width.
+#[derive(FromPyObject)]
+pub enum PyLayers<'py> {
+    F32(Vec<PyLayer<'py, f32>>),
+    F64(Vec<PyLayer<'py, f64>>),
+}
+
+/// Scenes of one size in one array, or of any size each in its own.
+#[derive(FromPyObject)]
+pub enum PyImages<'py> {
+    Stack(PyReadonlyArray3<'py, f32>),
+    Each(Vec<PyReadonlyArray2<'py, f32>>),
+}
+
+/// The keyword arguments that describe a batch; each row of `patches` is an image, first and last row, first and last column.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct PyBatch<'py> {
+    sensor: PySensor<'py>,
+    frames: usize,
+    images: PyImages<'py>,
+    patches: PyReadonlyArray2<'py, i64>,
+    border: usize,
+    seed: [u8; 32],
+}
+
+impl PyBatch<'_> {
+    fn view(&self) -> PyResult<Batch<'_>> {
+        let images = match &self.images {
+            PyImages::Stack(stack) => {
+                let stack = stack.as_array();
+                (0..stack.dim().0)
+                    .map(|index| stack.index_axis_move(numpy::ndarray::Axis(0), index))
+                    .collect()
+            }
+            PyImages::Each(images) => images.iter().map(|image| image.as_array()).collect(),
+        };
+        let patches = self
+            .patches
+            .as_array()
+            .rows()
+            .into_iter()
+            .map(|row| {
+                let mut place = row
+                    .iter()
+                    .map(|&place| place.max(0).cast_unsigned() as usize);
+                let mut next = || place.next().unwrap_or_default();
+                Patch {
+                    image: next(),
+                    rows: next()..next(),
+                    columns: next()..next(),
+                }
+            })
+            .collect();
+        Ok(Batch {
+            sensor: self.sensor.view()?,
+            frames: self.frames,
+            images,
+            patches,
+            border: self.border,
+            seed: self.seed,
+        })
+    }
+}
+
+type Errors<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<i64>>);
+
+fn to_errors<'py>(py: Python<'py>, errors: Vec<f64>, pixels: Vec<usize>) -> Errors<'py> {
+    let pixels: Vec<i64> = pixels.into_iter().map(|n| n as i64).collect();
+    (errors.into_pyarray(py), pixels.into_pyarray(py))
+}
+
+#[pyfunction]
+#[pyo3(signature = (layers, batch, threads))]
+pub fn errors<'py>(
+    py: Python<'py>,
+    layers: PyLayers<'py>,
+    batch: PyBatch<'py>,
+    threads: Option<isize>,
+) -> PyResult<Errors<'py>> {
+    let batch = batch.view()?;
+    let (errors, pixels) = match layers {
+        PyLayers::F32(layers) => {
+            let layers = to_engine(&layers)?;
+            run(py, threads, || batch.errors(&layers))
+        }
+        PyLayers::F64(layers) => {
+            let layers = to_engine(&layers)?;
+            run(py, threads, || batch.errors(&layers))
+        }
+    }?;
+    Ok(to_errors(py, errors, pixels))
+}
+
+#[pyfunction]
+#[pyo3(signature = (layers, batch, threads))]
+pub fn gradient<'py>(
+    py: Python<'py>,
+    layers: PyLayers<'py>,
+    batch: PyBatch<'py>,
+    threads: Option<isize>,
+) -> PyResult<(Errors<'py>, Bound<'py, PyArray1<f64>>)> {
+    let batch = batch.view()?;
+    let all = match layers {
+        PyLayers::F32(layers) => {
+            let layers = to_engine(&layers)?;
+            run(py, threads, || batch.gradient(&layers))
+        }
+        PyLayers::F64(layers) => {
+            let layers = to_engine(&layers)?;
+            run(py, threads, || batch.gradient(&layers))
+        }
+    }?;
+    Ok((
+        to_errors(py, all.errors, all.pixels),
+        all.gradient.into_pyarray(py),
+    ))
+}
+
+#[pyfunction]
+#[pyo3(signature = (layers, batch, threads))]
+#[allow(clippy::type_complexity)]
+pub fn normal_equations<'py>(
+    py: Python<'py>,
+    layers: PyLayers<'py>,
+    batch: PyBatch<'py>,
+    threads: Option<isize>,
+) -> PyResult<(
+    Errors<'py>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray2<f64>>,
+)> {
+    let batch = batch.view()?;
+    let all = match layers {
+        PyLayers::F32(layers) => {
+            let layers = to_engine(&layers)?;
+            run(py, threads, || batch.normal_equations(&layers))
+        }
+        PyLayers::F64(layers) => {
+            let layers = to_engine(&layers)?;
+            run(py, threads, || batch.normal_equations(&layers))
+        }
+    }?;
+    let gradient = all.gradient;
+    Ok((
+        to_errors(py, gradient.errors, gradient.pixels),
+        gradient.gradient.into_pyarray(py),
+        all.matrix.into_pyarray(py),
+    ))
 }

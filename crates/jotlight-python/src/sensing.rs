@@ -40,7 +40,7 @@ pub struct PySensor<'py> {
 }
 
 impl PySensor<'_> {
-    fn view(&self) -> PyResult<Sensor<'_>> {
+    pub fn view(&self) -> PyResult<Sensor<'_>> {
         Ok(Sensor {
             kernel: Kernel::new(self.kernel_degree, self.oversampling).map_err(to_python)?,
             gain_per_frame: self.gain_per_frame,

@@ -1,6 +1,7 @@
 //! Ones per pixel, counted in the packed domain.
 
-use ndarray::{ArrayView2, ArrayViewMut2, Axis};
+use multiversion::multiversion;
+use ndarray::{ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
 use super::{FIELD, PackedBits, field, mask_row, packed_width};
@@ -67,34 +68,35 @@ fn add_blocks(
     valid: Option<ArrayView2<'_, u8>>,
     mut counts: ArrayViewMut2<'_, i32>,
 ) {
-    let mut masked = Vec::new();
+    let mut row_bytes = Vec::new();
     for frame in 0..frames {
         for (pixel_row, mut counts) in counts.axis_iter_mut(Axis(0)).enumerate() {
             for row in (first + pixel_row) * side..(first + pixel_row + 1) * side {
-                let bytes = bits.row(frame, row);
-                let bytes: &[u8] = if let Some(valid) = valid {
-                    let valid = mask_row(valid, row);
-                    masked.clear();
-                    masked.extend(
-                        bytes
-                            .iter()
-                            .zip(valid.iter())
-                            .map(|(bit, valid)| bit & valid),
-                    );
-                    &masked
-                } else {
-                    &bytes
-                };
-                for (pixel, count) in counts.iter_mut().enumerate() {
-                    let mut start = pixel * side;
-                    let end = start + side;
-                    while start < end {
-                        let length = (end - start).min(FIELD);
-                        *count += field(bytes, start, length).count_ones() as i32;
-                        start += length;
+                row_bytes.clear();
+                row_bytes.extend_from_slice(&bits.row(frame, row));
+                if let Some(valid) = valid {
+                    for (bits, valid) in row_bytes.iter_mut().zip(mask_row(valid, row).iter()) {
+                        *bits &= valid;
                     }
                 }
+                // Room for eight bytes to be read at once up to the last pixel.
+                row_bytes.extend_from_slice(&[0; 8]);
+                add_row(&row_bytes, side, &mut counts);
             }
+        }
+    }
+}
+
+/// Adds the ones of each pixel in one row of jots.
+#[multiversion(targets("x86_64+popcnt+bmi1+bmi2"))]
+fn add_row(bytes: &[u8], side: usize, counts: &mut ArrayViewMut1<'_, i32>) {
+    for (pixel, count) in counts.iter_mut().enumerate() {
+        let mut start = pixel * side;
+        let end = start + side;
+        while start < end {
+            let length = (end - start).min(FIELD);
+            *count += field(bytes, start, length).count_ones() as i32;
+            start += length;
         }
     }
 }

@@ -85,13 +85,20 @@ pub(crate) fn mask_row(mask: ArrayView2<'_, u8>, row: usize) -> Cow<'_, [u8]> {
 }
 
 /// Up to 57 bits from bit `start` on, the first as the most significant of the result's lowest `length` bits.
+#[inline(always)]
 pub(crate) fn field(bytes: &[u8], start: usize, length: usize) -> u64 {
     debug_assert!(length <= 57);
     let first = start / 8;
-    let mut eight = [0u8; 8];
-    let available = (bytes.len() - first).min(8);
-    eight[..available].copy_from_slice(&bytes[first..first + available]);
-    let word = u64::from_be_bytes(eight) << (start % 8);
+    let word = if let Some(eight) = bytes[first..].first_chunk() {
+        u64::from_be_bytes(*eight)
+    } else if let Some(last) = bytes.last_chunk() {
+        // The row ends within these eight bytes, and what follows it is never read.
+        u64::from_be_bytes(*last) << (8 * (first + 8 - bytes.len()))
+    } else {
+        let mut eight = [0u8; 8];
+        eight[..bytes.len() - first].copy_from_slice(&bytes[first..]);
+        u64::from_be_bytes(eight)
+    } << (start % 8);
     if length == 0 {
         0
     } else {

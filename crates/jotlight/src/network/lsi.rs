@@ -1,166 +1,380 @@
-//! The linear shift-invariant filters.
+//! The linear shift-invariant filters: equation (9), its adjoint, and its gradient with respect to the taps.
 
-use ndarray::{Array3, ArrayView2, ArrayView3, ArrayView4, Axis};
+use multiversion::multiversion;
+use ndarray::{Array3, ArrayView3, ArrayView4, ArrayViewMut4};
 use rayon::prelude::*;
 
-use crate::bits::{FIELD, PackedBits, field, mask_row};
+use super::Real;
 use crate::sensing::mirrored;
 
-/// Columns that are summed side by side, in registers.
-const TILE: usize = 64;
+/// Rows that one task works on.
+const ROWS: usize = 8;
+/// Numbers that are summed side by side.
+const LANES: usize = 16;
+/// Taps of a line whose gradients are summed side by side.
+const TAPS: usize = 5;
 
-/// A stack of planes, continued past its rim by mirroring.
-pub(super) struct Padded {
-    planes: Array3<f32>,
+/// A stack of planes with a border, in rows with room to read past their end.
+pub(super) struct Padded<F> {
+    data: Vec<F>,
+    /// Numbers from one plane to the next, and from one row to the next.
+    plane: usize,
+    stride: usize,
+    /// Of the planes without border.
     height: usize,
     width: usize,
+    taps: (usize, usize),
 }
 
-impl Padded {
-    /// Room for filters of `(height, width)` = `taps` on planes of `(channels, height, width)`.
-    pub fn new(planes: ArrayView3<'_, f32>, taps: (usize, usize)) -> Self {
+impl<F: Real> Padded<F> {
+    fn room(
+        channels: usize,
+        (rows, columns): (usize, usize),
+        taps: (usize, usize),
+    ) -> (Vec<F>, usize, usize) {
+        let stride = columns.next_multiple_of(LANES) + taps.1.next_multiple_of(TAPS) + LANES;
+        let plane = rows * stride;
+        (vec![F::zero(); channels * plane + LANES], plane, stride)
+    }
+
+    /// Planes `(channels, height, width)` with room for filters of `(height, width)` = `taps`, continued past the rim by mirroring.
+    pub fn mirrored(planes: ArrayView3<'_, F>, taps: (usize, usize)) -> Self {
         let (channels, height, width) = planes.dim();
-        // Convolution at m reads from m − (taps − 1 − centre) to m + centre.
-        let (top, left) = (taps.0 - 1 - taps.0 / 2, taps.1 - 1 - taps.1 / 2);
-        let columns: Vec<usize> = (0..width + taps.1 - 1)
-            .map(|column| mirrored(column as isize - left as isize, width))
-            .collect();
-        let mut padded = Array3::zeros((channels, height + taps.0 - 1, columns.len()));
-        for (plane, mut padded) in planes.outer_iter().zip(padded.outer_iter_mut()) {
-            padded
-                .axis_iter_mut(Axis(0))
-                .into_par_iter()
-                .enumerate()
-                .for_each(|(row, mut padded)| {
-                    let source = plane.row(mirrored(row as isize - top as isize, height));
-                    for (out, &column) in padded.iter_mut().zip(&columns) {
-                        *out = source[column];
-                    }
-                });
-        }
+        let (rows, columns) = (height + taps.0 - 1, width + taps.1 - 1);
+        let (mut data, plane, stride) = Self::room(channels, (rows, columns), taps);
+        let inner = before(taps.1);
+        data.par_chunks_exact_mut(stride)
+            .take(channels * rows)
+            .enumerate()
+            .with_min_len(ROWS)
+            .for_each(|(index, out)| {
+                let row = mirrored((index % rows) as isize - before(taps.0) as isize, height);
+                let source = planes.slice(ndarray::s![index / rows, row, ..]);
+                for (out, &value) in out[inner..].iter_mut().zip(source) {
+                    *out = value;
+                }
+                for column in (0..inner).chain(inner + width..columns) {
+                    out[column] = source[mirrored(column as isize - inner as isize, width)];
+                }
+            });
         Self {
-            planes: padded,
+            data,
+            plane,
+            stride,
             height,
             width,
+            taps,
         }
     }
 
-    /// (h * u): equation (9), summed over the input channels, for one output channel, then `pointwise`, into a plane.
-    pub fn convolve(
+    /// (h * u), summed over the input channels: `(channels out, height, width)`.
+    pub fn convolve(&self, filters: ArrayView4<'_, F>) -> Array3<F> {
+        let (outputs, inputs, ..) = filters.dim();
+        let size = (outputs, self.height, self.width);
+        let mut out = vec![F::zero(); size.0 * size.1 * size.2];
+        for (filter, out) in filters
+            .outer_iter()
+            .zip(out.chunks_exact_mut(self.height * self.width))
+        {
+            // Turned around once, so that the loops run forward in both.
+            let taps: Vec<F> = filter
+                .slice(ndarray::s![.., ..;-1, ..;-1])
+                .iter()
+                .copied()
+                .collect();
+            self.correlate(inputs, &taps, 0..self.height + self.taps.0, self.width, out);
+        }
+        Array3::from_shape_vec(size, out).unwrap_or_default()
+    }
+
+    /// Adds Σ taps · planes at every place to rows of `width`; source rows outside of `live` are 0.
+    fn correlate(
         &self,
-        filter: ArrayView3<'_, f32>,
-        pointwise: impl Fn(f32) -> f32 + Sync,
-        mut out: ndarray::ArrayViewMut2<'_, f32>,
+        channels: usize,
+        taps: &[F],
+        live: std::ops::Range<usize>,
+        width: usize,
+        out: &mut [F],
     ) {
-        debug_assert_eq!(out.dim(), (self.height, self.width));
-        // Turned around once, so that the loops below run forward in both.
-        let turned = filter.slice(ndarray::s![.., ..;-1, ..;-1]).to_owned();
-        out.axis_iter_mut(Axis(0))
-            .into_par_iter()
+        out.par_chunks_mut(ROWS * width)
             .enumerate()
-            .for_each(|(row, mut out)| {
-                for start in (0..self.width).step_by(TILE) {
-                    let length = TILE.min(self.width - start);
-                    let sums = self.tile(&turned, row, start, length);
-                    for (out, &sum) in out.iter_mut().skip(start).zip(&sums[..length]) {
-                        *out = pointwise(sum);
-                    }
+            .for_each(|(chunk, out)| {
+                for channel in 0..channels {
+                    let size = self.taps.0 * self.taps.1;
+                    correlate_rows(
+                        &self.data[channel * self.plane..],
+                        self.stride,
+                        &taps[channel * size..][..size],
+                        self.taps.1,
+                        chunk * ROWS,
+                        (live.start, live.end),
+                        width,
+                        out,
+                    );
                 }
             });
     }
 
-    fn tile(&self, turned: &Array3<f32>, row: usize, start: usize, length: usize) -> [f32; TILE] {
-        let mut sums = [0.0f32; TILE];
-        for (plane, filter) in self.planes.outer_iter().zip(turned.outer_iter()) {
-            for (line, taps) in filter.outer_iter().enumerate() {
-                let source = plane.index_axis_move(Axis(0), row + line);
-                let Some(source) = source.to_slice() else {
-                    continue;
-                };
-                for (offset, &tap) in taps.iter().enumerate() {
-                    let source = &source[start + offset..];
-                    if length == TILE
-                        && let Some((source, _)) = source.split_first_chunk::<TILE>()
-                    {
-                        for (sum, value) in sums.iter_mut().zip(source) {
-                            *sum += tap * value;
-                        }
-                    } else {
-                        for (sum, value) in sums[..length].iter_mut().zip(source) {
-                            *sum += tap * value;
-                        }
+    /// Calls `visit` with the number of each tap of a filter and the plane that it weighs, row by row.
+    pub fn each_tap(
+        &self,
+        (channels, lines, columns): (usize, usize, usize),
+        mut visit: impl FnMut(usize, &[F]),
+    ) {
+        let mut plane = Vec::with_capacity(self.height * self.width);
+        for number in 0..channels * lines * columns {
+            let (channel, line, column) = (
+                number / (lines * columns),
+                lines - 1 - number / columns % lines,
+                columns - 1 - number % columns,
+            );
+            plane.clear();
+            for row in 0..self.height {
+                let start = channel * self.plane + (line + row) * self.stride + column;
+                plane.extend_from_slice(&self.data[start..start + self.width]);
+            }
+            visit(number, &plane);
+        }
+    }
+
+    /// Adds the gradient with respect to the taps, given that of the outputs: equation (18).
+    pub fn push_to_taps(&self, gradient: ArrayView3<'_, F>, mut of_taps: ArrayViewMut4<'_, f64>) {
+        let (outputs, height, width) = gradient.dim();
+        let stride = width.next_multiple_of(LANES);
+        let mut rows = vec![F::zero(); height * stride];
+        let mut sums = vec![0.0; self.taps.0 * self.taps.1.next_multiple_of(TAPS)];
+        for output in 0..outputs {
+            for (row, source) in rows
+                .chunks_exact_mut(stride)
+                .zip(gradient.index_axis(ndarray::Axis(0), output).rows())
+            {
+                for (out, &value) in row.iter_mut().zip(source) {
+                    *out = value;
+                }
+            }
+            let mut of_output = of_taps.index_axis_mut(ndarray::Axis(0), output);
+            for (channel, mut of_taps) in of_output.outer_iter_mut().enumerate() {
+                sums.fill(0.0);
+                let source = &self.data[channel * self.plane..];
+                // In bands, so that no long sum is kept in few bits.
+                for (band, rows) in rows.chunks(64 * stride).enumerate() {
+                    let source = &source[64 * band * self.stride..];
+                    correlate_gradient(source, self.stride, rows, stride, self.taps, &mut sums);
+                }
+                let lines = sums.chunks_exact(self.taps.1.next_multiple_of(TAPS)).rev();
+                for (mut of_taps, sums) in of_taps.outer_iter_mut().zip(lines) {
+                    for (of_tap, sum) in of_taps.iter_mut().zip(sums[..self.taps.1].iter().rev()) {
+                        *of_tap += sum;
                     }
                 }
             }
         }
-        sums
     }
 }
 
-/// p = Σ h1·b over each pixel's block of all frames: equation (11), one plane per filter. Where jots are dead, the valid ones
-/// stand for them: each counts as their mean, for taps of any sign; a pixel without a valid jot becomes NaN.
-pub(super) fn block_filter(
-    bits: &PackedBits<'_>,
-    valid: Option<ArrayView2<'_, u8>>,
-    filters: ArrayView4<'_, f32>,
-    (height, width): (usize, usize),
-) -> Array3<f32> {
-    let mut planes = Array3::zeros((filters.dim().0, height, width));
-    for (filter, mut plane) in filters.outer_iter().zip(planes.outer_iter_mut()) {
-        plane
-            .axis_iter_mut(Axis(0))
-            .into_par_iter()
-            .enumerate()
-            .for_each(|(row, mut out)| {
-                let mut blocks = vec![Dead::default(); width];
-                for (frame, taps) in filter.outer_iter().enumerate() {
-                    for (line, taps) in taps.outer_iter().enumerate() {
-                        let jots = bits.row(frame, row * filter.dim().1 + line);
-                        let valid = valid.map(|valid| mask_row(valid, row * filter.dim().1 + line));
-                        for (pixel, (out, dead)) in out.iter_mut().zip(&mut blocks).enumerate() {
-                            let start = pixel * taps.len();
-                            if let Some(valid) = &valid {
-                                let valid = |jot| field(valid, start + jot, 1) == 1;
-                                for (jot, &tap) in taps.iter().enumerate() {
-                                    if valid(jot) {
-                                        let bit = field(&jots, start + jot, 1) as f32;
-                                        *out += tap * bit;
-                                        dead.ones += bit;
-                                        dead.valid += 1.0;
-                                    } else {
-                                        dead.taps += tap;
-                                    }
-                                }
-                            } else {
-                                add_taps(&jots, start, taps, out);
-                            }
-                        }
-                    }
-                }
-                if valid.is_some() {
-                    for (out, dead) in out.iter_mut().zip(blocks) {
-                        *out += dead.taps * (dead.ones / dead.valid);
-                    }
-                }
-            });
+/// The adjoint of [`Padded::mirrored`] and [`Padded::convolve`]: from the gradient of the outputs to that of the planes.
+pub(super) fn push_to_planes<F: Real>(
+    filters: ArrayView4<'_, F>,
+    gradient: ArrayView3<'_, F>,
+) -> Array3<F> {
+    let (outputs, inputs, lines, columns) = filters.dim();
+    let (_, height, width) = gradient.dim();
+    // Every place of the padded planes gathers from the outputs that read it; past the rim there are none.
+    let size = (height + lines - 1, width + columns - 1);
+    let (mut data, plane, stride) = Padded::<F>::room(
+        outputs,
+        (size.0 + lines - 1, size.1 + columns - 1),
+        (lines, columns),
+    );
+    for (gradient, plane) in gradient.outer_iter().zip(data.chunks_exact_mut(plane)) {
+        for (gradient, row) in gradient
+            .rows()
+            .into_iter()
+            .zip(plane.chunks_exact_mut(stride).skip(lines - 1))
+        {
+            for (out, &value) in row[columns - 1..].iter_mut().zip(gradient) {
+                *out = value;
+            }
+        }
+    }
+    let padded = Padded {
+        data,
+        plane,
+        stride,
+        height,
+        width,
+        taps: (lines, columns),
+    };
+    let columns_back: Vec<usize> = (0..size.1)
+        .map(|column| mirrored(column as isize - before(columns) as isize, width))
+        .collect();
+    let mut planes = Array3::zeros((inputs, height, width));
+    let mut sums = vec![F::zero(); size.0 * size.1];
+    for (input, mut out) in planes.outer_iter_mut().enumerate() {
+        sums.fill(F::zero());
+        let taps: Vec<F> = filters
+            .index_axis(ndarray::Axis(1), input)
+            .iter()
+            .copied()
+            .collect();
+        padded.correlate(
+            outputs,
+            &taps,
+            lines - 1..lines - 1 + height,
+            size.1,
+            &mut sums,
+        );
+        for (row, sums) in sums.chunks_exact(size.1).enumerate() {
+            let mut out = out.row_mut(mirrored(row as isize - before(lines) as isize, height));
+            for (&column, &sum) in columns_back.iter().zip(sums) {
+                out[column] += sum;
+            }
+        }
     }
     planes
 }
 
-/// What stands for the dead jots of a block.
-#[derive(Clone, Default)]
-struct Dead {
-    taps: f32,
-    ones: f32,
-    valid: f32,
+/// Places before a pixel that a convolution with so many taps reads: it reads from m − before to m + taps/2.
+pub(super) fn before(taps: usize) -> usize {
+    taps - 1 - taps / 2
 }
 
-fn add_taps(jots: &[u8], start: usize, taps: ndarray::ArrayView1<'_, f32>, sum: &mut f32) {
-    for first in (0..taps.len()).step_by(FIELD) {
-        let length = FIELD.min(taps.len() - first);
-        let bits = field(jots, start + first, length);
-        for jot in 0..length {
-            *sum += taps[first + jot] * (bits >> (length - 1 - jot) & 1) as f32;
+/// Adds Σ taps · source to rows of `out`, the first of them at row `first` of the source.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))]
+#[allow(clippy::too_many_arguments)]
+fn correlate_rows<F: Real>(
+    source: &[F],
+    stride: usize,
+    taps: &[F],
+    columns: usize,
+    first: usize,
+    live: (usize, usize),
+    width: usize,
+    out: &mut [F],
+) {
+    let rows = out.len() / width;
+    let mut row = 0;
+    while row < rows {
+        let pair = row + 1 < rows;
+        // Lines of taps that meet a live row from either row of the pair.
+        let top = first + row;
+        let lines = taps.len() / columns;
+        let from = live.0.saturating_sub(top + usize::from(pair)).min(lines);
+        let to = live.1.saturating_sub(top).min(lines);
+        if from < to {
+            let source = &source[(top + from) * stride..];
+            let taps = &taps[from * columns..to * columns];
+            let out = &mut out[row * width..];
+            let mut column = 0;
+            while column < width {
+                let rest = width - column;
+                let source = &source[column..];
+                let out = &mut out[column..];
+                column += match (pair, rest) {
+                    (true, 33..) => {
+                        tile::<F, 2, 3>(source, stride, taps, columns, width, rest, out)
+                    }
+                    (true, 17..) => {
+                        tile::<F, 2, 2>(source, stride, taps, columns, width, rest, out)
+                    }
+                    (true, _) => tile::<F, 2, 1>(source, stride, taps, columns, width, rest, out),
+                    (false, 17..) => {
+                        tile::<F, 1, 2>(source, stride, taps, columns, width, rest, out)
+                    }
+                    (false, _) => tile::<F, 1, 1>(source, stride, taps, columns, width, rest, out),
+                };
+            }
+        }
+        row += 1 + usize::from(pair);
+    }
+}
+
+/// Sums side by side. Handed on by value, so that the compiler keeps them in vector registers.
+#[derive(Clone, Copy)]
+struct Lanes<F>([F; LANES]);
+
+impl<F: Real> Lanes<F> {
+    #[inline(always)]
+    fn zero() -> Self {
+        Self([F::zero(); LANES])
+    }
+
+    #[inline(always)]
+    fn add(self, factor: Self, window: &[F]) -> Self {
+        let mut sums = self;
+        for lane in 0..LANES {
+            sums.0[lane] += factor.0[lane] * window[lane];
+        }
+        sums
+    }
+
+    #[inline(always)]
+    fn add_scaled(self, factor: F, window: &[F]) -> Self {
+        self.add(Self([factor; LANES]), window)
+    }
+}
+
+/// Adds `R` rows of `C` · [`LANES`] sums, and tells how many columns they were.
+#[inline(always)]
+fn tile<F: Real, const R: usize, const C: usize>(
+    source: &[F],
+    stride: usize,
+    taps: &[F],
+    columns: usize,
+    width: usize,
+    rest: usize,
+    out: &mut [F],
+) -> usize {
+    let mut sums = [[Lanes::zero(); C]; R];
+    for (line, taps) in taps.chunks_exact(columns).enumerate() {
+        let rows: [&[F]; R] =
+            std::array::from_fn(|row| &source[(line + row) * stride..][..C * LANES + columns - 1]);
+        for (offset, &tap) in taps.iter().enumerate() {
+            for row in 0..R {
+                for column in 0..C {
+                    let window = &rows[row][offset + column * LANES..][..LANES];
+                    sums[row][column] = sums[row][column].add_scaled(tap, window);
+                }
+            }
+        }
+    }
+    let length = rest.min(C * LANES);
+    for (row, sums) in sums.iter().enumerate() {
+        let sums = sums.iter().flat_map(|lanes| lanes.0);
+        for (out, sum) in out[row * width..][..length].iter_mut().zip(sums) {
+            *out += sum;
+        }
+    }
+    length
+}
+
+/// Adds Σ gradient · source for every shift of the source, `sums[line][column]`.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))]
+fn correlate_gradient<F: Real>(
+    source: &[F],
+    stride: usize,
+    gradient: &[F],
+    gradient_stride: usize,
+    taps: (usize, usize),
+    sums: &mut [f64],
+) {
+    let columns = taps.1.next_multiple_of(TAPS);
+    for (line, sums) in sums.chunks_exact_mut(columns).enumerate() {
+        for (group, sums) in sums.as_chunks_mut::<TAPS>().0.iter_mut().enumerate() {
+            let mut lanes = [Lanes::zero(); TAPS];
+            for (row, gradient) in gradient.chunks_exact(gradient_stride).enumerate() {
+                let source = &source[(row + line) * stride + group * TAPS..];
+                let source = &source[..gradient_stride + TAPS - 1];
+                for (step, gradient) in gradient.as_chunks::<LANES>().0.iter().enumerate() {
+                    for tap in 0..TAPS {
+                        let window = &source[step * LANES + tap..][..LANES];
+                        lanes[tap] = lanes[tap].add(Lanes(*gradient), window);
+                    }
+                }
+            }
+            for (sum, lanes) in sums.iter_mut().zip(lanes) {
+                *sum += lanes.0.iter().map(|x| x.as_f64()).sum::<f64>();
+            }
         }
     }
 }

@@ -1,38 +1,41 @@
 //! The learned network (paper, section 3.1): layers of linear filters and pointwise cubic B-splines.
+//!
+//! Everything is written for numbers of either width: `f32` does the work, and `f64` of the same code tells what it should give.
 
+mod backward;
+mod batch;
+mod block;
 mod forward;
 mod lsi;
+mod real;
 mod spline;
+mod tangent;
 
-use ndarray::{Array2, Array4};
+use ndarray::{Array2, Array3, Array4, ArrayView4, Axis};
+use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 
+pub use batch::{Batch, Gradient, NormalEquations, Patch};
 pub use forward::{block_sums, forward};
+pub use real::Real;
 pub use spline::Spline;
 
 /// A filter bank followed by one spline per output channel.
 #[derive(Clone, Debug)]
-pub struct Layer {
-    filters: Array4<f32>,
-    coefficients: Array2<f32>,
-    start: f32,
-    spacing: f32,
+pub struct Layer<F> {
+    filters: Array4<F>,
+    splines: Vec<Spline<F>>,
 }
 
-impl Layer {
+impl<F: Real> Layer<F> {
     /// `filters` are `(C_out, C_in, height, width)`, for the first layer `(C_out, T, K̂, K̂)` or, tied, `(C_out, 1, 1, 1)`;
     /// `coefficients` `(C_out, N_w)` belong to knots at `start` + k·`spacing`.
     ///
     /// # Errors
     /// [`Error::Shape`] when the arrays do not fit, [`Error::Range`] for fewer than 4 coefficients, a spacing that is not positive,
     /// and infinity or NaN.
-    pub fn new(
-        filters: Array4<f32>,
-        coefficients: Array2<f32>,
-        start: f32,
-        spacing: f32,
-    ) -> Result<Self> {
+    pub fn new(filters: Array4<F>, coefficients: Array2<F>, start: F, spacing: F) -> Result<Self> {
         if filters.is_empty() {
             return Err(Error::range(
                 "filters",
@@ -61,26 +64,67 @@ impl Layer {
                 "infinity or NaN",
             ));
         }
-        if !(spacing > 0.0 && spacing.is_finite() && start.is_finite()) {
+        if !(spacing > F::zero() && spacing.is_finite() && start.is_finite()) {
             return Err(Error::range("knot spacing", "positive", spacing));
         }
-        Ok(Self {
-            filters,
-            coefficients,
-            start,
-            spacing,
-        })
+        let splines = coefficients
+            .rows()
+            .into_iter()
+            .map(|row| Spline::new(row.to_vec(), start, spacing))
+            .collect();
+        Ok(Self { filters, splines })
     }
 
-    /// The number of output channels.
+    /// The filters `(C_out, C_in, height, width)`.
     #[must_use]
-    pub fn channels(&self) -> usize {
-        self.filters.dim().0
+    pub fn filters(&self) -> ArrayView4<'_, F> {
+        self.filters.view()
     }
 
-    /// The pointwise function of an output channel.
+    /// The pointwise functions, one per output channel.
     #[must_use]
-    pub fn spline(&self, channel: usize) -> Spline<'_> {
-        Spline::new(self.coefficients.row(channel), self.start, self.spacing)
+    pub fn splines(&self) -> &[Spline<F>] {
+        &self.splines
     }
+
+    /// The number of taps and coefficients.
+    #[must_use]
+    pub fn parameters(&self) -> usize {
+        self.filters.len() + self.splines.iter().map(Spline::len).sum::<usize>()
+    }
+
+    /// φ of planes, in place: equations (8) and (10).
+    fn bend(&self, planes: &mut Array3<F>) {
+        for (spline, mut plane) in self.splines.iter().zip(planes.outer_iter_mut()) {
+            plane
+                .axis_chunks_iter_mut(Axis(0), 8)
+                .into_par_iter()
+                .for_each(|mut rows| {
+                    if let Some(rows) = rows.as_slice_mut() {
+                        spline::apply(spline, rows);
+                    }
+                });
+        }
+    }
+}
+
+/// Checks that each layer reads what the one before it gives, and that the last gives one plane.
+fn check_chain<F: Real>(layers: &[Layer<F>]) -> Result<()> {
+    let Some(last) = layers.last() else {
+        return Err(Error::range("layers", "at least one", 0));
+    };
+    for (before, layer) in layers.iter().zip(&layers[1..]) {
+        let (outputs, inputs) = (before.filters.dim().0, layer.filters.dim().1);
+        if inputs != outputs {
+            return Err(Error::shape("input channels of a layer", outputs, inputs));
+        }
+    }
+    if last.filters.dim().0 != 1 {
+        return Err(Error::shape(
+            "output channels of the last layer",
+            1,
+            last.filters.dim().0,
+        ));
+    }
+    Ok(())
 }

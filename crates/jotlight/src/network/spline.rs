@@ -1,79 +1,187 @@
 //! The pointwise nonlinearity: a cubic B-spline on even knots.
 
-use ndarray::ArrayView1;
+use multiversion::multiversion;
+
+use super::Real;
 
 /// φ(z) = Σ_k w_k β3((z − start)/Δ − (k − 1)): equations (8) and (10), on \[start, start + (N_w − 3) Δ\]; constant outside of it.
 ///
 /// `Differs from the paper:` the knots begin at `start` and not at 0, so that all N_w functions lie over the range of the input.
-#[derive(Clone, Copy, Debug)]
-pub struct Spline<'a> {
-    coefficients: ArrayView1<'a, f32>,
-    start: f32,
-    inverse_spacing: f32,
-    hull: (f32, f32),
+#[derive(Clone, Debug)]
+pub struct Spline<F> {
+    coefficients: Vec<F>,
+    /// The cubic of each knot interval, in powers of the distance past its first knot.
+    cubics: Vec<[F; 4]>,
+    start: F,
+    inverse_spacing: F,
+    hull: (F, F),
 }
 
-impl<'a> Spline<'a> {
-    pub(super) fn new(coefficients: ArrayView1<'a, f32>, start: f32, spacing: f32) -> Self {
+impl<F: Real> Spline<F> {
+    pub(super) fn new(coefficients: Vec<F>, start: F, spacing: F) -> Self {
         let hull = coefficients
             .iter()
-            .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &w| {
+            .fold((F::infinity(), F::neg_infinity()), |(low, high), &w| {
                 (low.min(w), high.max(w))
             });
+        let cubics = coefficients.windows(4).map(cubic).collect();
         Self {
             coefficients,
+            cubics,
             start,
-            inverse_spacing: 1.0 / spacing,
+            inverse_spacing: F::one() / spacing,
             hull,
         }
     }
 
+    /// N_w.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.coefficients.len()
+    }
+
+    /// Never: a spline has at least four coefficients.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.coefficients.is_empty()
+    }
+
     /// φ(z), never outside of the coefficients' hull, not even by rounding.
     #[must_use]
-    pub fn value(&self, z: f32) -> f32 {
-        let intervals = self.coefficients.len() - 3;
-        let place = ((z - self.start) * self.inverse_spacing).clamp(0.0, intervals as f32);
-        let first = (place as usize).min(intervals - 1);
-        basis(place - first as f32)
-            .iter()
-            .enumerate()
-            .map(|(k, weight)| weight * self.coefficients[first + k])
-            .sum::<f32>()
-            .clamp(self.hull.0, self.hull.1)
+    #[inline(always)]
+    pub fn value(&self, z: F) -> F {
+        let (first, f) = self.place(z);
+        let [a, b, c, d] = self.cubics[first];
+        clamp(((d * f + c) * f + b) * f + a, self.hull.0, self.hull.1)
+    }
+
+    /// φ'(z), 0 where φ is constant.
+    #[must_use]
+    #[inline(always)]
+    pub fn slope(&self, z: F) -> F {
+        let (first, f) = self.place(z);
+        self.slope_at(z, first, f)
+    }
+
+    #[inline(always)]
+    fn slope_at(&self, z: F, first: usize, f: F) -> F {
+        let [_, b, c, d] = self.cubics[first];
+        let (two, three) = (F::from_f64(2.0), F::from_f64(3.0));
+        let slope = ((three * d * f + two * c) * f + b) * self.inverse_spacing;
+        let place = (z - self.start) * self.inverse_spacing;
+        let inside = place >= F::zero() && place <= F::from_index(self.cubics.len());
+        if inside { slope } else { F::zero() }
+    }
+
+    /// The first of the four coefficients that φ(z) depends on, and how much on each: dφ(z)/dw_k, equations (17) and (19).
+    #[must_use]
+    #[inline(always)]
+    pub fn weights(&self, z: F) -> (usize, [F; 4]) {
+        let (first, f) = self.place(z);
+        (first, basis(f))
+    }
+
+    /// The knot interval of z, and how far z is through it.
+    #[inline(always)]
+    fn place(&self, z: F) -> (usize, F) {
+        let intervals = self.cubics.len();
+        let place = (z - self.start) * self.inverse_spacing;
+        let place = clamp(place, F::zero(), F::from_index(intervals));
+        let first = place.as_index().min(intervals - 1);
+        (first, place - F::from_index(first))
     }
 }
 
-/// The four cubic B-splines that are not zero at distance `f` in \[0, 1\] past a knot.
-fn basis(f: f32) -> [f32; 4] {
-    let g = 1.0 - f;
+/// Sums that take turns.
+const TURNS: usize = 2;
+/// Inputs of one sum.
+const STRETCH: usize = 4096;
+
+/// φ of many.
+#[multiversion(targets("x86_64+avx2"))]
+pub(super) fn apply<F: Real>(spline: &Spline<F>, plane: &mut [F]) {
+    for z in plane {
+        *z = spline.value(*z);
+    }
+}
+
+/// Pushes a gradient through φ: from that of φ(z) to that of z, in place, and to that of the coefficients, which is added.
+#[multiversion(targets("x86_64+avx2"))]
+pub(super) fn push<F: Real>(
+    spline: &Spline<F>,
+    inputs: &[F],
+    gradient: &mut [F],
+    of_coefficients: &mut [f64],
+) {
+    // Neighbours mostly meet the same coefficients; their sums take turns, so that none waits for the one before.
+    let mut turns = vec![[F::zero(); 4]; TURNS * spline.cubics.len()];
+    // In stretches, so that no long sum is kept in few bits.
+    for (inputs, gradient) in inputs.chunks(STRETCH).zip(gradient.chunks_mut(STRETCH)) {
+        for (index, (&z, gradient)) in inputs.iter().zip(gradient).enumerate() {
+            let (first, f) = spline.place(z);
+            let sums = &mut turns[first * TURNS + index % TURNS];
+            let weights = basis(f);
+            for k in 0..4 {
+                sums[k] += weights[k] * *gradient;
+            }
+            *gradient *= spline.slope_at(z, first, f);
+        }
+        for (first, turns) in turns.chunks_exact_mut(TURNS).enumerate() {
+            for sums in turns {
+                for (out, sum) in of_coefficients[first..].iter_mut().zip(sums) {
+                    *out += std::mem::take(sum).as_f64();
+                }
+            }
+        }
+    }
+}
+
+/// `low` for NaN.
+#[inline(always)]
+fn clamp<F: Real>(x: F, low: F, high: F) -> F {
+    let x = if x > low { x } else { low };
+    if x < high { x } else { high }
+}
+
+/// What four coefficients in a row amount to between the knots that they share.
+fn cubic<F: Real>(w: &[F]) -> [F; 4] {
+    let [two, three, four, six] = [2.0, 3.0, 4.0, 6.0].map(F::from_f64);
     [
-        g * g * g / 6.0,
-        (f * f * (3.0 * f - 6.0) + 4.0) / 6.0,
-        (g * g * (3.0 * g - 6.0) + 4.0) / 6.0,
-        f * f * f / 6.0,
+        (w[0] + four * w[1] + w[2]) / six,
+        (w[2] - w[0]) / two,
+        (w[0] - two * w[1] + w[2]) / two,
+        (w[3] - w[0] + three * (w[1] - w[2])) / six,
     ]
+}
+
+/// The four cubic B-splines that are not zero at distance `f` in \[0, 1\] past a knot.
+#[inline(always)]
+fn basis<F: Real>(f: F) -> [F; 4] {
+    let [third, half, sixth, two] = [2.0 / 3.0, 0.5, 1.0 / 6.0, 2.0].map(F::from_f64);
+    let g = F::one() - f;
+    let middle = |f: F| third + half * f * f * (f - two);
+    [g * g * g * sixth, middle(f), middle(g), f * f * f * sixth]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ndarray::array;
 
     #[test]
     fn equal_coefficients_make_a_constant() {
-        let coefficients = array![2.0, 2.0, 2.0, 2.0, 2.0, 2.0];
-        let spline = Spline::new(coefficients.view(), -1.0, 0.5);
+        let spline = Spline::new(vec![2.0f32; 6], -1.0, 0.5);
         for z in [-9.0, -1.0, -0.3, 0.0, 0.5, 9.0] {
             assert!((spline.value(z) - 2.0).abs() < 1e-6);
+            assert!(spline.slope(z).abs() < 1e-6);
         }
     }
 
     #[test]
     fn even_coefficients_make_a_line() {
-        let coefficients = array![-1.0, 0.0, 1.0, 2.0, 3.0];
-        let spline = Spline::new(coefficients.view(), 10.0, 2.0);
-        for z in [10.0f32, 10.5, 12.0, 13.7, 14.0] {
-            assert!((spline.value(z) - (z - 10.0) / 2.0).abs() < 1e-6);
+        let spline = Spline::new(vec![-1.0, 0.0, 1.0, 2.0, 3.0], 10.0, 2.0);
+        for z in [10.0f64, 10.5, 12.0, 13.7, 14.0] {
+            assert!((spline.value(z) - (z - 10.0) / 2.0).abs() < 1e-12);
+            assert!((spline.slope(z) - 0.5).abs() < 1e-12);
         }
     }
 }

@@ -1,0 +1,134 @@
+"""The set 𝒜 that the parameters must stay in, and the projection on it: equations (12) and (13)."""
+
+import dataclasses
+import math
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.network import Network
+from jotlight.training.parameters import Vector, parts_of
+
+
+class AdmissibleSet(Protocol):
+    """What :func:`jotlight.train` needs to know of a set."""
+
+    def project(self, network: Network, vector: Vector) -> Vector:
+        """Give the point of the set that is nearest to the parameters of such a network."""
+
+
+@dataclasses.dataclass(frozen=True)
+class SafeSet:
+    """Parameters with which nothing that a network computes can leave its range.
+
+    For every possible input, the sums p and r stay in the domains of their splines and each output
+    lies in [0, S]. The set is closed, convex and not empty:
+
+    - the taps of each filter of the first layer are at least 0, and the sum over a pixel's K bits
+      is at most the end of the domain of φ1 (K, for the paper's network);
+    - the taps of each further filter sum to 1, and the sum of their absolute values is at most
+      1 + 2ν, so that negative taps sum to -ν at most;
+    - the coefficients of each spline but the last lie in the interval [l, m] for which
+      [l - ν(m - l), m + ν(m - l)] is the domain of the next splines;
+    - those of the last lie in [0, S].
+
+    Parameters
+    ----------
+    nu : float
+        ν of 0 or more; 0 allows no negative taps.
+
+    Notes
+    -----
+    The paper does not say what its 𝒜 is. `docs/theory.md` has the proof.
+
+    Examples
+    --------
+    >>> from jotlight import Sensor
+    >>> from jotlight.training import vector_of
+    >>> network = Network.initial(Sensor(oversampling=4))
+    >>> vector = vector_of(network)
+    >>> np.abs(SafeSet().project(network, vector) - vector).max() < 1e-6  # starts inside
+    np.True_
+    """
+
+    nu: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.nu) and self.nu >= 0):
+            raise ValueError(f"nu: expected a number of 0 or more, got {self.nu}")
+
+    def project(self, network: Network, vector: Vector) -> Vector:
+        """Give the nearest parameters in the set; exact, so doing it twice changes nothing.
+
+        Raises
+        ------
+        ValueError
+            When 0 is not in the domain of the first splines, which then cannot be safe.
+        """
+        projected = np.array(vector, np.float64)
+        domains = [
+            (x.start, x.start + x.spacing * (x.coefficients.shape[1] - 3)) for x in network.layers
+        ]
+        if not domains[0][0] <= 0 < domains[0][1]:
+            raise ValueError(
+                f"network: expected a first spline that starts at 0, got the domain {domains[0]}"
+            )
+        for index, (filters, coefficients) in enumerate(parts_of(network, projected)):
+            if index > 0:
+                for taps in filters:
+                    taps[...] = nearest_filter(taps.ravel(), self.nu).reshape(taps.shape)
+            elif network.tied:
+                # The one weight counts K times.
+                filters[...] = filters.clip(0, domains[0][1] / network.sensor.bits_per_pixel)
+            else:
+                for taps in filters:
+                    taps[...] = nearest_weights(taps.ravel(), domains[0][1]).reshape(taps.shape)
+            if index + 1 < len(domains):
+                low, high = domains[index + 1]
+                room = self.nu * (high - low) / (1 + 2 * self.nu)
+                coefficients[...] = coefficients.clip(low + room, high - room)
+            else:
+                coefficients[...] = coefficients.clip(0, network.sensor.max_intensity)
+        return projected
+
+
+def nearest_filter(taps: Vector, nu: float) -> Vector:
+    """Nearest taps with sum 1 and sum of absolute values of at most 1 + 2ν.
+
+    Where the second bound is met, the positive taps sum to 1 + ν and the negative ones to -ν, and
+    each kind is the nearest on its own.
+
+    Examples
+    --------
+    >>> nearest_filter(np.array([3.0, 1.0, -1.0]), nu=0.5)
+    array([ 1.5,  0. , -0.5])
+    """
+    shifted = taps + (1 - taps.sum()) / taps.size
+    if np.abs(shifted).sum() <= 1 + 2 * nu:
+        return np.asarray(shifted)
+    return np.maximum(taps - _threshold(taps, 1 + nu), 0) - np.maximum(
+        -taps - _threshold(-taps, nu), 0
+    )
+
+
+def nearest_weights(taps: Vector, most: float) -> Vector:
+    """Nearest taps that are at least 0 and sum to `most` or less.
+
+    Examples
+    --------
+    >>> nearest_weights(np.array([3.0, 1.0, -1.0]), most=2.0)
+    array([2., 0., 0.])
+    """
+    positive = np.maximum(taps, 0)
+    if positive.sum() <= most:
+        return positive
+    return np.maximum(taps - _threshold(taps, most), 0)
+
+
+def _threshold(values: npt.NDArray[np.float64], total: float) -> float:
+    """The t for which Σ max(values - t, 0) is the total, by sorting."""
+    descending = np.sort(values)[::-1]
+    thresholds = (np.cumsum(descending) - total) / np.arange(1, values.size + 1)
+    # The largest of these belongs to just those values that are above it.
+    return float(thresholds.max())

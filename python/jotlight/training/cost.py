@@ -1,0 +1,70 @@
+"""The cost of the examples of one step, for the optimisers to look at."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight import _engine
+from jotlight.network import Network
+from jotlight.training.admissible import AdmissibleSet
+from jotlight.training.examples import Examples
+from jotlight.training.parameters import Vector, engine_layers
+
+
+class Cost:
+    """ε of equation (12) on the patches and bits of one step: the mean of ½‖ĉ - c‖² of a patch.
+
+    The bits are drawn where the cost is found, always the same in one step.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        examples: Examples,
+        step: int,
+        steps: int,
+        admissible: AdmissibleSet,
+        threads: int | None,
+    ) -> None:
+        self.network = network
+        """Gives the shapes of the parameters."""
+        self.step = step
+        """The number of the step, from 0."""
+        self.steps = steps
+        """How many steps the run has."""
+        self._batch = examples.batch(step)
+        self._admissible = admissible
+        self._threads = threads
+
+    def value(self, vector: Vector) -> float:
+        """Give ε."""
+        errors, _ = _engine.errors(self._layers(vector), self._batch, self._threads)
+        return 0.5 * float(errors.mean())
+
+    def gradient(self, vector: Vector) -> tuple[float, Vector]:
+        """Give ε and ∇ε: equations (14) to (19)."""
+        (errors, _), gradient = _engine.gradient(self._layers(vector), self._batch, self._threads)
+        return 0.5 * float(errors.mean()), gradient
+
+    def normal_equations(self, vector: Vector) -> tuple[float, Vector, npt.NDArray[np.float64]]:
+        """Give ε, ∇ε and the mean of JᵀJ, with J the Jacobian (15) of a patch."""
+        (errors, _), gradient, matrix = _engine.normal_equations(
+            self._layers(vector), self._batch, self._threads
+        )
+        return 0.5 * float(errors.mean()), gradient, matrix
+
+    def project(self, vector: Vector) -> Vector:
+        """Give the nearest point of 𝒜."""
+        return self._admissible.project(self.network, vector)
+
+    def _layers(self, vector: Vector) -> Any:
+        return engine_layers(self.network, vector)
+
+
+def mean_psnr(
+    network: Network, vector: Vector, images: dict[str, Any], threads: int | None
+) -> float:
+    """Mean PSNR in dB, for a peak of 1, of the images of :meth:`Examples.every`."""
+    errors, pixels = _engine.errors(engine_layers(network, vector), images, threads)
+    return float(np.mean(10 * np.log10(pixels / np.maximum(errors, 1e-300))))

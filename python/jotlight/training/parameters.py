@@ -1,0 +1,68 @@
+"""All parameters of a network as one vector: a = vec({h1, w1, h2, w2}), equation (12)."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.network import Layer, Network
+
+Vector = npt.NDArray[np.float64]
+
+
+def vector_of(network: Network) -> Vector:
+    """Give the parameters in the order of the layers, of each first the filters.
+
+    Examples
+    --------
+    >>> from jotlight import Sensor
+    >>> vector_of(Network.initial(Sensor(oversampling=4))).shape  # 1 + 150 + 15 * 15 + 150
+    (526,)
+    """
+    arrays = [
+        array.ravel() for layer in network.layers for array in (layer.filters, layer.coefficients)
+    ]
+    return np.concatenate(arrays).astype(np.float64)
+
+
+def parts_of(network: Network, vector: Vector) -> Iterator[tuple[Vector, Vector]]:
+    """Give each layer's filters and coefficients as views of the vector, in their shapes."""
+    start = 0
+    for layer in network.layers:
+        parts = []
+        for array in (layer.filters, layer.coefficients):
+            parts.append(vector[start : start + array.size].reshape(array.shape))
+            start += array.size
+        yield parts[0], parts[1]
+    if start != vector.size:
+        raise ValueError(f"vector: expected {start} parameters, got {vector.size}")
+
+
+def network_of(network: Network, vector: Vector) -> Network:
+    """Give a network like this one with other parameters."""
+    layers = [
+        Layer(
+            filters.astype(np.float32), coefficients.astype(np.float32), layer.start, layer.spacing
+        )
+        for layer, (filters, coefficients) in zip(
+            network.layers, parts_of(network, vector), strict=True
+        )
+    ]
+    return Network(layers, network.sensor, network.history)
+
+
+def engine_layers(
+    network: Network, vector: Vector, dtype: npt.DTypeLike = np.float32
+) -> list[tuple[npt.NDArray[np.floating], npt.NDArray[np.floating], float, float]]:
+    """Give the layers as the engine takes them, in 32 bits to work or in 64 to check."""
+    return [
+        (
+            np.ascontiguousarray(filters, dtype),
+            np.ascontiguousarray(coefficients, dtype),
+            layer.start,
+            layer.spacing,
+        )
+        for layer, (filters, coefficients) in zip(
+            network.layers, parts_of(network, vector), strict=True
+        )
+    ]
