@@ -15,8 +15,10 @@ from jotlight import datasets, denoise, metrics, training, vst
 from jotlight._engine import __version__
 from jotlight.bits import Bits
 from jotlight.errors import JotlightWarning, MissingExtraError
+from jotlight.evaluation import evaluate
 from jotlight.formats import open
 from jotlight.mle import mle
+from jotlight.models import pretrained
 from jotlight.network import Layer, Network
 from jotlight.noniterative import noniterative
 from jotlight.sensor import Sensor
@@ -32,10 +34,12 @@ __all__ = [
     "__version__",
     "datasets",
     "denoise",
+    "evaluate",
     "metrics",
     "mle",
     "noniterative",
     "open",
+    "pretrained",
     "train",
     "training",
     "vst",

@@ -26,19 +26,25 @@ class Result:
     seconds: float
 
 
-def chosen(names: Sequence[str] | None = None) -> list[str]:
-    """Check the names of methods; without names, all whose packages are installed.
+def chosen(sensor: Sensor, names: Sequence[str] | None = None) -> list[str]:
+    """Check the names of methods; without names, all that are installed and serve the sensor.
 
     Raises
     ------
     ValueError
-        For an unknown name.
+        For an unknown name, or a method that does not serve the sensor.
     """
     if names is None:
-        return [name for name, method in METHODS.items() if method.available]
+        return [
+            name
+            for name, method in METHODS.items()
+            if method.available and method.lacks(sensor) is None
+        ]
     for name in names:
         if name not in METHODS:
             raise ValueError(f"methods: expected some of {', '.join(METHODS)}, got {name!r}")
+        if (reason := METHODS[name].lacks(sensor)) is not None:
+            raise ValueError(f"{name}: {reason}")
     return list(names)
 
 

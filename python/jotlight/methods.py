@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from jotlight.bits import Bits
 from jotlight.mle import mle
+from jotlight.models import lacking, pretrained
 from jotlight.network import Network
 from jotlight.noniterative import noniterative
 from jotlight.sensor import Sensor
@@ -25,6 +26,13 @@ def initial_network(
     return Network.initial(sensor, **options).reconstruct(data, sensor, threads=threads)
 
 
+def learned_network(
+    data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = None
+) -> npt.NDArray[np.float32]:
+    """Run the trained network that comes with jotlight for this sensor."""
+    return pretrained(sensor).reconstruct(data, sensor, threads=threads)
+
+
 @dataclasses.dataclass(frozen=True)
 class Method:
     """A reconstruction method: ``run(data, sensor, *, threads)`` gives a picture."""
@@ -33,6 +41,8 @@ class Method:
     run: Run
     needs: str | None = None
     """A package beyond those that jotlight brings."""
+    lacks: Callable[[Sensor], str | None] = lambda _: None
+    """Says why the method cannot serve a sensor, or None if it can."""
 
     @property
     def available(self) -> bool:
@@ -54,6 +64,10 @@ METHODS: dict[str, Method] = {
     "noniterative-bm3d": Method(
         "non-iterative, BM3D", partial(noniterative, denoiser="bm3d"), needs="bm3d"
     ),
-    "network": Method("network, initial", initial_network),
+    "network-initial": Method("network, initial", initial_network),
+    "network": Method("network, learned", learned_network, lacks=lacking),
 }
 """The methods that can be compared, in the order in which they are shown."""
+
+DEFAULT = "network"
+"""The method to take where none is asked for."""

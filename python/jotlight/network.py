@@ -174,8 +174,8 @@ class Network:
 
         Notes
         -----
-        The spline coefficients are least-squares fits; those of φ2 are clipped to [0, S], so that
-        every output lies there.
+        The spline coefficients are least-squares fits; those of φ2 are kept from falling and
+        clipped to [0, S], so that every output lies there.
         """
         if not (math.isfinite(sigma) and sigma > 0):
             raise ValueError(f"sigma: expected a number above 0, got {sigma}")
@@ -187,6 +187,8 @@ class Network:
         if not (math.isfinite(nu) and nu >= 0):
             raise ValueError(f"nu: expected a number of 0 or more, got {nu}")
         bits = sensor.bits_per_pixel
+
+        from scipy.optimize import isotonic_regression
 
         low, high = vst.stabilise([0, bits], bits).astype(float)
 
@@ -202,7 +204,9 @@ class Network:
         least, most = float(first[0].min()), float(first[0].max())
         room = nu * (most - least)
         second = _fitted(intensity, least - room, most + room, coefficients)
-        second = (second[0].clip(0, sensor.max_intensity), *second[1:])
+        # At the ends of [0, S] the fit swings a little; more light never gives less.
+        rising = isotonic_regression(second[0][0]).x[None].astype(np.float32)
+        second = (rising.clip(0, sensor.max_intensity), *second[1:])
         line = np.exp(-0.5 * (np.arange(taps) - taps // 2) ** 2 / sigma**2)
         gaussian = np.outer(line, line) / line.sum() ** 2
         return cls(

@@ -8,6 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.bits import Bits
+from jotlight.network import Layer, Network
+from jotlight.training.history import History
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -99,6 +101,53 @@ def bits_panel(bits: Bits, oversampling: int) -> Panel:
         first[::oversampling, ::oversampling],
         first,
     )
+
+
+def training(network: Network, history: History) -> "Figure":
+    """Draw how a run went above, and what was learned below: the splines and the second filter."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11, 6.2), facecolor="white", layout="constrained")
+    axes = figure.subplots(2, 3)
+    steps = np.arange(len(history))
+    measured = np.isfinite(history.test_psnr)
+    curves = [
+        ("cost ε", steps, history.loss, "log"),
+        ("gradient norm ‖∇ε‖", steps, history.gradient_norm, "log"),
+        ("test PSNR, dB", steps[measured], history.test_psnr[measured], "linear"),
+    ]
+    for place, (title, x, y, scale) in zip(axes[0], curves, strict=True):
+        place.set_title(title, fontsize=11, color=_INK, loc="left")
+        place.set_xlabel("step", color=_QUIET)
+        if len(x):
+            place.set_yscale(scale)
+            place.plot(x, y, color=_MARK, linewidth=1)
+        else:
+            place.text(0.5, 0.5, "no test images", ha="center", transform=place.transAxes)
+    for place, layer, name in (
+        (axes[1, 0], network.layers[0], "φ of the first layer"),
+        (axes[1, 2], network.layers[-1], "φ of the last layer"),
+    ):
+        _draw_splines(place, layer)
+        place.set_title(name, fontsize=11, color=_INK, loc="left")
+    later = network.layers[min(1, len(network.layers) - 1)].filters[0, 0]
+    largest = float(np.abs(later).max()) or 1.0
+    image = axes[1, 1].imshow(later, cmap="RdBu_r", vmin=-largest, vmax=largest)
+    axes[1, 1].set_title("filter h2", fontsize=11, color=_INK, loc="left")
+    axes[1, 1].set_axis_off()
+    figure.colorbar(image, ax=axes[1, 1], shrink=0.9)
+    return figure
+
+
+def _draw_splines(axes: "Axes", layer: Layer) -> None:
+    from scipy.interpolate import BSpline
+
+    number = layer.coefficients.shape[1]
+    knots = layer.start + layer.spacing * (np.arange(number + 4) - 3)
+    z = np.linspace(knots[3], knots[-4], 500)
+    for coefficients in layer.coefficients:
+        axes.plot(z, BSpline(knots, coefficients.astype(np.float64), 3)(z), linewidth=1.5)
+    axes.grid(alpha=0.3)
 
 
 def most_detailed(picture: npt.NDArray[np.floating]) -> tuple[int, int, int, int]:

@@ -4,6 +4,7 @@ use numpy::{
     Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyArray3,
     PyReadonlyArray4,
 };
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::sensing::PySensor;
@@ -96,20 +97,21 @@ impl PyBatch<'_> {
             }
             PyImages::Each(images) => images.iter().map(|image| image.as_array()).collect(),
         };
-        let patches = self
-            .patches
-            .as_array()
+        let patches = self.patches.as_array();
+        if patches.ncols() != 5 || patches.iter().any(|&place| place < 0) {
+            return Err(PyValueError::new_err(
+                "patches: expected rows of image, first and last row, first and last column, all 0 or more",
+            ));
+        }
+        let patches = patches
             .rows()
             .into_iter()
             .map(|row| {
-                let mut place = row
-                    .iter()
-                    .map(|&place| place.max(0).cast_unsigned() as usize);
-                let mut next = || place.next().unwrap_or_default();
+                let place = |index: usize| row[index].cast_unsigned() as usize;
                 Patch {
-                    image: next(),
-                    rows: next()..next(),
-                    columns: next()..next(),
+                    image: place(0),
+                    rows: place(1)..place(2),
+                    columns: place(3)..place(4),
                 }
             })
             .collect();
@@ -126,7 +128,7 @@ impl PyBatch<'_> {
 
 type Errors<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<i64>>);
 
-fn to_errors<'py>(py: Python<'py>, errors: Vec<f64>, pixels: Vec<usize>) -> Errors<'py> {
+fn to_errors(py: Python<'_>, errors: Vec<f64>, pixels: Vec<usize>) -> Errors<'_> {
     let pixels: Vec<i64> = pixels.into_iter().map(|n| n as i64).collect();
     (errors.into_pyarray(py), pixels.into_pyarray(py))
 }

@@ -13,9 +13,11 @@ from jotlight import __version__
 from jotlight.cli.compare import compare
 from jotlight.cli.console import error, show_warning
 from jotlight.cli.demo import demo
+from jotlight.cli.evaluate import evaluate
 from jotlight.cli.info import info
 from jotlight.cli.reconstruct import reconstruct
 from jotlight.cli.simulate import simulate
+from jotlight.cli.train import train
 
 app = typer.Typer(
     help="Pictures from the bits of single-photon cameras.",
@@ -35,7 +37,14 @@ def _plain_errors(command: Callable[..., None]) -> Callable[..., None]:
         except KeyboardInterrupt:
             error("stopped")
             raise typer.Exit(130) from None
-        except (ValueError, TypeError, OSError, ImportError, MemoryError) as reason:
+        except (
+            ValueError,
+            TypeError,
+            OSError,
+            ImportError,
+            MemoryError,
+            ArithmeticError,
+        ) as reason:
             # Without the number that Python puts before the words of an OSError.
             ours = isinstance(reason, OSError) and reason.filename is None and reason.strerror
             error(ours or str(reason) or type(reason).__name__)
@@ -44,7 +53,7 @@ def _plain_errors(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-for command in (demo, compare, simulate, reconstruct, info):
+for command in (demo, compare, simulate, reconstruct, train, evaluate, info):
     app.command()(_plain_errors(command))
 
 

@@ -6,13 +6,14 @@ from typing import Annotated, Any
 import numpy as np
 import numpy.typing as npt
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from jotlight.cli import options
 from jotlight.cli.console import out, progress
 from jotlight.comparison import Result, chosen, compare_methods
 from jotlight.files import spare_inputs, written_whole
-from jotlight.methods import METHODS
+from jotlight.methods import DEFAULT, METHODS
 from jotlight.pictures import read_picture
 from jotlight.sensor import Sensor
 
@@ -36,7 +37,8 @@ def compare(
         typer.Option(
             "--methods",
             "-m",
-            help=f"Some of {', '.join(METHODS)}, with commas. Default: all that are installed.",
+            help=f"Some of {', '.join(METHODS)}, with commas. Default: all that are installed "
+            "and serve the sensor.",
         ),
     ] = None,
     given: dict[str, Any],
@@ -52,7 +54,9 @@ def compare(
     image = read_picture(photo, white=white, gray=gray)
     output = output or Path(f"{photo.stem}-compare.png")
     spare_inputs(output, [photo, *inputs])
-    run_comparison(image, sensor, output, chosen(names), seed, threads)
+    run_comparison(image, sensor, output, chosen(sensor, names), seed, threads)
+    if names is None and (reason := METHODS[DEFAULT].lacks(sensor)) is not None:
+        out.print(f"[yellow]Without the learned network:[/] {escape(reason)}", soft_wrap=True)
 
 
 def run_comparison(

@@ -14,9 +14,11 @@ from rich.progress import (
     TaskProgressColumn,
     TextColumn,
     TimeElapsedColumn,
+    TimeRemainingColumn,
 )
 
 from jotlight.errors import JotlightWarning
+from jotlight.training import Record
 
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)
@@ -77,3 +79,37 @@ def progress(steps: int | None) -> Iterator[Callable[[str], Callable[[float], No
             return lambda share: bar.update(task, completed=first + share)
 
         yield begin
+
+
+@contextlib.contextmanager
+def live_training(steps: int) -> Iterator[Callable[[Record], None]]:
+    """Show a run: a live line on a terminal, and elsewhere a line at each tenth of the way.
+
+    Gives a function that takes the record of each step.
+    """
+    bar = Progress(
+        SpinnerColumn(),
+        TextColumn("step {task.completed:.0f}/{task.total:.0f}"),
+        BarColumn(bar_width=24),
+        TextColumn("{task.description}"),
+        TimeRemainingColumn(),
+        TextColumn("left"),
+        console=err,
+        transient=True,
+        disable=not err.is_terminal,
+    )
+    with bar:
+        task = bar.add_task("starting", total=steps)
+        test = ""
+
+        def show(record: Record) -> None:
+            nonlocal test
+            if record.test_psnr is not None:
+                test = f"  test {record.test_psnr:.2f} dB"
+            words = f"cost {record.loss:.4g}  gradient {record.gradient_norm:.3g}{test}"
+            bar.update(task, completed=record.step, description=words)
+            every = max(1, steps // 10)
+            if not err.is_terminal and (record.step % every == 0 or record.step == steps):
+                err.print(f"step {record.step}/{steps}  {words}", soft_wrap=True)
+
+        yield show

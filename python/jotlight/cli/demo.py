@@ -32,5 +32,5 @@ def demo(
         "the picture.\n"
     )
     # Those with a package of their own take longer than a demonstration should; `compare` has them.
-    names = [name for name in chosen() if METHODS[name].needs is None]
+    names = [name for name in chosen(sensor) if METHODS[name].needs is None]
     run_comparison(image, sensor, output, names, seed=0)

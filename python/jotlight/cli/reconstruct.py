@@ -7,18 +7,22 @@ from typing import Annotated, Any
 import numpy as np
 import numpy.typing as npt
 import typer
+from rich.markup import escape
 
 from jotlight.bits import Bits
 from jotlight.cli import options
-from jotlight.cli.console import out, progress
+from jotlight.cli.console import err, out, progress
 from jotlight.files import spare_inputs, written_whole
 from jotlight.formats.npy import is_cube, load_bits, maps_beside, read_npy, read_npz
-from jotlight.methods import METHODS
+from jotlight.methods import DEFAULT, METHODS
 from jotlight.network import Network
 from jotlight.observation import as_counts
 from jotlight.pictures import picture_writer
 from jotlight.sensor import Sensor
 from jotlight.vst import INVERSES
+
+_OTHERWISE = "noniterative-tv"
+"""What serves every sensor."""
 
 
 @options.takes_sensor()
@@ -37,13 +41,21 @@ def reconstruct(
         ),
     ],
     method: Annotated[
-        str, typer.Option("--method", "-m", help=f"One of {', '.join(METHODS)}.")
-    ] = "noniterative-tv",
+        str | None,
+        typer.Option(
+            "--method",
+            "-m",
+            help=f"One of {', '.join(METHODS)}. Default: {DEFAULT}, where there is one for the "
+            f"sensor, and else {_OTHERWISE}.",
+        ),
+    ] = None,
     inverse: Annotated[
         str | None,
         typer.Option(help=f"Of the non-iterative methods: {' or '.join(INVERSES)}."),
     ] = None,
-    model: Annotated[Path | None, typer.Option(help="Of the network: a .safetensors file.")] = None,
+    model: Annotated[
+        Path | None, typer.Option(help="A network of your own: a .safetensors file.")
+    ] = None,
     key: Annotated[str | None, typer.Option(help="Name of the array in a .npz.")] = None,
     counts: Annotated[
         bool,
@@ -62,8 +74,16 @@ def reconstruct(
     The sensor is the one that the bits carry, changed by the options given here.
     """
     spare_inputs(output, [data, model, *maps_beside(data), *inputs])
-    settings = _method_settings(method, inverse=inverse, model=model)
+    if method is None and inverse is not None:
+        method = _OTHERWISE
+    settings = _method_settings(method or DEFAULT, inverse=inverse, model=model)
     seen, sensor, told = _read(data, key, counts, width, given)
+    reason = None if "model" in settings else METHODS[method or DEFAULT].lacks(sensor)
+    if reason is not None and method is not None:
+        raise ValueError(reason)
+    if reason is not None:
+        err.print(f"[yellow]by {_OTHERWISE}:[/] {escape(reason)}", soft_wrap=True)
+    method = method or (DEFAULT if reason is None else _OTHERWISE)
     write = picture_writer(output, depth=depth, white=sensor.max_intensity)
     with written_whole(output) as temporary:
         with progress(None) as begin:

@@ -12,7 +12,11 @@ from jotlight.training.parameters import Vector, parts_of
 
 
 class AdmissibleSet(Protocol):
-    """What :func:`jotlight.train` needs to know of a set."""
+    """What :func:`jotlight.train` needs to know of a set, which has to be closed and convex.
+
+    Gauss-Newton finds its steps in sets that bound each filter bank and each spline for themselves;
+    for others take Adam. A checkpoint tells sets apart by their `repr`.
+    """
 
     def project(self, network: Network, vector: Vector) -> Vector:
         """Give the point of the set that is nearest to the parameters of such a network."""
@@ -25,22 +29,27 @@ class SafeSet:
     For every possible input, the sums p and r stay in the domains of their splines and each output
     lies in [0, S]. The set is closed, convex and not empty:
 
-    - the taps of each filter of the first layer are at least 0, and the sum over a pixel's K bits
-      is at most the end of the domain of φ1 (K, for the paper's network);
+    - the taps of each filter of the first layer are at least 0, and over a pixel's K bits they sum
+      to the end of the domain of φ1 (K, for the paper's network);
     - the taps of each further filter sum to 1, and the sum of their absolute values is at most
       1 + 2ν, so that negative taps sum to -ν at most;
     - the coefficients of each spline but the last lie in the interval [l, m] for which
       [l - ν(m - l), m + ν(m - l)] is the domain of the next splines;
-    - those of the last lie in [0, S].
+    - those of the last lie in [0, S];
+    - where the network has one channel throughout, the coefficients of a spline do not fall, so
+      that neither do the splines: more ones never mean less light.
 
     Parameters
     ----------
     nu : float
         ν of 0 or more; 0 allows no negative taps.
+    rising : bool
+        Whether the last of these conditions is made.
 
     Notes
     -----
-    The paper does not say what its 𝒜 is. `docs/theory.md` has the proof.
+    The paper does not say what its 𝒜 is. `docs/theory.md` has the proof. That the sums of taps are
+    fixed takes nothing away, since the spline that follows can stretch its range instead.
 
     Examples
     --------
@@ -48,11 +57,13 @@ class SafeSet:
     >>> from jotlight.training import vector_of
     >>> network = Network.initial(Sensor(oversampling=4))
     >>> vector = vector_of(network)
-    >>> np.abs(SafeSet().project(network, vector) - vector).max() < 1e-6  # starts inside
+    >>> safe = SafeSet().project(network, vector)
+    >>> np.abs(safe - vector).max() < 1e-6  # starts inside
     np.True_
     """
 
     nu: float = 0.5
+    rising: bool = True
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.nu) and self.nu >= 0):
@@ -80,10 +91,12 @@ class SafeSet:
                     taps[...] = nearest_filter(taps.ravel(), self.nu).reshape(taps.shape)
             elif network.tied:
                 # The one weight counts K times.
-                filters[...] = filters.clip(0, domains[0][1] / network.sensor.bits_per_pixel)
+                filters[...] = domains[0][1] / network.sensor.bits_per_pixel
             else:
                 for taps in filters:
                     taps[...] = nearest_weights(taps.ravel(), domains[0][1]).reshape(taps.shape)
+            if self.rising and all(len(layer.filters) == 1 for layer in network.layers):
+                coefficients[0] = nearest_rising(coefficients[0])
             if index + 1 < len(domains):
                 low, high = domains[index + 1]
                 room = self.nu * (high - low) / (1 + 2 * self.nu)
@@ -112,18 +125,30 @@ def nearest_filter(taps: Vector, nu: float) -> Vector:
     )
 
 
-def nearest_weights(taps: Vector, most: float) -> Vector:
-    """Nearest taps that are at least 0 and sum to `most` or less.
+def nearest_weights(taps: Vector, total: float) -> Vector:
+    """Nearest taps that are at least 0 and have this sum.
 
     Examples
     --------
-    >>> nearest_weights(np.array([3.0, 1.0, -1.0]), most=2.0)
+    >>> nearest_weights(np.array([3.0, 1.0, -1.0]), total=2.0)
     array([2., 0., 0.])
     """
-    positive = np.maximum(taps, 0)
-    if positive.sum() <= most:
-        return positive
-    return np.maximum(taps - _threshold(taps, most), 0)
+    return np.maximum(taps - _threshold(taps, total), 0)
+
+
+def nearest_rising(coefficients: Vector) -> Vector:
+    """Nearest coefficients of which none is less than the one before.
+
+    Cut off at two bounds, they are the nearest with these bounds too.
+
+    Examples
+    --------
+    >>> nearest_rising(np.array([1.0, 3.0, 2.0]))
+    array([1. , 2.5, 2.5])
+    """
+    from scipy.optimize import isotonic_regression
+
+    return np.asarray(isotonic_regression(coefficients).x)
 
 
 def _threshold(values: npt.NDArray[np.float64], total: float) -> float:

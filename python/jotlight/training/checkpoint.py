@@ -6,6 +6,8 @@ import os
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from jotlight.files import written_whole
 from jotlight.training.history import History
 from jotlight.training.optimisers import State
@@ -71,7 +73,7 @@ class Checkpoint:
                 f"{metadata.get('format', 'a file of another kind')}"
             )
         try:
-            its = json.loads(metadata["run"])
+            its = dict(json.loads(metadata["run"]).items())
             differences = [
                 f"{name} is {its.get(name)!r} there and {run.get(name)!r} here"
                 for name in {**run, **its}
@@ -79,7 +81,9 @@ class Checkpoint:
             ]
             history = History.from_json(json.loads(metadata["history"]))
             vector = tensors["vector"]
-        except (KeyError, ValueError, AttributeError, RecursionError) as error:
+            if not all(x.dtype == np.float64 and np.isfinite(x).all() for x in tensors.values()):
+                raise ValueError("expected finite numbers of 64 bits")
+        except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
             raise ValueError(f"{path}: damaged checkpoint: {error}") from error
         if differences:
             raise ValueError(

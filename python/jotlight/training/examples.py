@@ -44,7 +44,7 @@ class Examples:
         choice = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(step, 0)))
         images = self.images
         if callable(images):
-            images = checked_scenes(images(choice, self.patches))
+            images = made_scenes(images, choice, self.patches)
             chosen = np.arange(len(images))
         else:
             chosen = choice.integers(len(images), size=self.patches)
@@ -93,6 +93,23 @@ class Examples:
 def sensor_of_patches(sensor: Sensor) -> Sensor:
     """Give the sensor without its maps: no jot dead, and the median for dark counts."""
     return sensor.replace(mask=None, dark_counts=reference_dark_counts(sensor))
+
+
+def made_scenes(source: Source, rng: np.random.Generator, number: int) -> Scenes:
+    """Have a source make images, and check them.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When it makes something else, or another number.
+    """
+    made = source(rng, number)
+    if not isinstance(made, np.ndarray) or made.ndim != 3 or len(made) != number:
+        given = f"shape {made.shape}" if isinstance(made, np.ndarray) else type(made).__name__
+        raise ValueError(
+            f"images: expected the callable to give an array ({number}, H, W), got {given}"
+        )
+    return checked_scenes(made)
 
 
 def checked_scenes(images: npt.ArrayLike | Sequence[npt.ArrayLike]) -> Scenes:

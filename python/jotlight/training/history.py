@@ -52,12 +52,9 @@ class History:
     def to_json(self) -> dict[str, list[Any]]:
         """Give columns that JSON can hold."""
         return {
-            "loss": [_short(record.loss) for record in self.records],
-            "gradient_norm": [_short(record.gradient_norm) for record in self.records],
-            "test_psnr": [
-                None if record.test_psnr is None else _short(record.test_psnr)
-                for record in self.records
-            ],
+            "loss": [record.loss for record in self.records],
+            "gradient_norm": [record.gradient_norm for record in self.records],
+            "test_psnr": [record.test_psnr for record in self.records],
         }
 
     @classmethod
@@ -82,7 +79,3 @@ class History:
 
     def __len__(self) -> int:
         return len(self.records)
-
-
-def _short(value: float) -> float:
-    return float(f"{value:.7g}")

@@ -11,10 +11,19 @@ from jotlight.network import Network
 from jotlight.training.cost import Cost
 from jotlight.training.parameters import Vector, parts_of
 
-_ROUNDS = 200
+_TRIES = 7
+"""How often a step is halved at most, less one."""
+
+_LEAST_DAMPING = 1e-2
+"""Less would drown in the rounding of the matrix, which is summed in 32 bits."""
+
+_KEPT = 0.7
+"""How much of the mean matrix is kept from step to step."""
+
+_ROUNDS = 1000
 """Of the search inside of one step of :class:`GaussNewton`, at most."""
 
-_EXACT = 1e-3
+_EXACT = 1e-4
 """How near that search comes to the minimum, as a share of the step."""
 
 State = dict[str, npt.NDArray[Any]]
@@ -39,8 +48,12 @@ class Optimiser(Protocol):
         """How many steps are enough as a rule."""
 
     @property
-    def lower(self) -> str:
-        """What to lower when the cost grows."""
+    def pixels(self) -> int:
+        """How many pixels a step should see as a rule."""
+
+    @property
+    def remedy(self) -> str:
+        """What to do when the cost grows."""
 
     def take_step(self, cost: Cost, vector: Vector, state: State) -> Step:
         """Walk on; `state` is empty at first."""
@@ -58,7 +71,8 @@ class ProjectedGradient:
 
     step_size: float = 5e-6
     steps: ClassVar[int] = 10_000
-    lower: ClassVar[str] = "the step size"
+    pixels: ClassVar[int] = 2**17
+    remedy: ClassVar[str] = "lower its step_size"
 
     def __post_init__(self) -> None:
         _check_positive("step_size", self.step_size)
@@ -89,7 +103,8 @@ class Adam:
     step_size: float = 0.01
     memory: tuple[float, float] = (0.9, 0.999)
     steps: ClassVar[int] = 2000
-    lower: ClassVar[str] = "the step size"
+    pixels: ClassVar[int] = 2**17
+    remedy: ClassVar[str] = "lower its step_size"
 
     def __post_init__(self) -> None:
         _check_positive("step_size", self.step_size)
@@ -131,8 +146,9 @@ class GaussNewton:
     """Levenberg and Marquardt's: each step minimises a quadratic model of the cost inside of 𝒜.
 
     The model has the cost's gradient and the normal equations' matrix JᵀJ, averaged over the steps,
-    and a damping that grows when a step fails and shrinks when it succeeds. In the last two thirds
-    of a run the steps shrink as 1/n, which averages the noise of all the batches.
+    and a damping that shrinks as long as whole steps lower the cost on the step's own examples;
+    else the step is halved until it does. In the last two thirds of a run the steps shrink as 1/n,
+    which averages the noise of all the batches.
 
     The matrix has as many rows as there are parameters: some hundred for two layers. For networks
     with many thousands take :class:`Adam`.
@@ -149,11 +165,10 @@ class GaussNewton:
     between two counts, follows its neighbours.
     """
 
-    damping: float = 1e-2
-    steps: ClassVar[int] = 40
-    lower: ClassVar[str] = "nothing; raise the damping, or give more examples"
-
-    _TRIES: ClassVar[int] = 6
+    damping: float = 0.1
+    steps: ClassVar[int] = 30
+    pixels: ClassVar[int] = 2**20
+    remedy: ClassVar[str] = "raise its damping, or give it more patches a step"
 
     def __post_init__(self) -> None:
         _check_positive("damping", self.damping)
@@ -163,21 +178,20 @@ class GaussNewton:
         loss, gradient, matrix = cost.normal_equations(vector)
         full = max(1, cost.steps // 3)
         weight = 1 / (1 + max(0, cost.step - full))
-        # Matrices of the first steps belong to places left long ago.
-        kept = 1 - max(weight, 0.25)
-        if state and kept > 0:
-            matrix = kept * state["matrix"] + (1 - kept) * matrix
+        if state:
+            matrix = _KEPT * state["matrix"] + (1 - _KEPT) * matrix
         damping = float(state["damping"]) if state else self.damping
-        metric = _damping_of(cost.network, matrix)
-        place = vector
-        for _ in range(self._TRIES):
-            model = matrix / weight + damping * metric
-            trial = _constrained_minimum(model, gradient, vector, cost)
-            if cost.value(trial) < loss:
-                place, damping = trial, max(damping / 3, 1e-6)
-                break
+        model = matrix / weight + damping * _damping_of(cost.network, matrix)
+        walk = _constrained_minimum(model, gradient, vector, cost) - vector
+        # 𝒜 is convex, so what lies between two of its points is in it.
+        shares = 0.5 ** np.arange(_TRIES)
+        share = next((x for x in shares if cost.value(vector + x * walk) < loss), 0.0)
+        if share == 1:
+            damping = max(damping / 3, _LEAST_DAMPING)
+        elif share < 0.2:
             damping *= 4
-        return Step(place, {"matrix": matrix, "damping": np.array(damping)}, loss, gradient)
+        state = {"matrix": matrix, "damping": np.array(damping)}
+        return Step(vector + share * walk, state, loss, gradient)
 
 
 OPTIMISERS: dict[str, type[ProjectedGradient | Adam | GaussNewton]] = {
@@ -208,7 +222,7 @@ def _damping_of(network: Network, matrix: npt.NDArray[np.float64]) -> npt.NDArra
         block = np.eye(size)
         if spline:
             bends = np.diff(np.eye(size), 2, axis=0)
-            block = 1e-3 * block + bends.T @ bends
+            block = 1e-6 * block + bends.T @ bends
         metric[inside, inside] = _curvature(matrix, inside) * block
     return metric
 
@@ -230,7 +244,7 @@ def _constrained_minimum(
 
     pull = np.empty_like(start)
     for inside, _ in _groups(cost.network):
-        pull[inside] = 0.1 * _curvature(matrix, inside)
+        pull[inside] = 0.03 * _curvature(matrix, inside)
     factor = cho_factor(matrix + np.diag(pull))
     target = matrix @ start - gradient
     kept, apart = start, np.zeros_like(start)
@@ -239,7 +253,7 @@ def _constrained_minimum(
         before, kept = kept, cost.project(free + apart)
         apart += free - kept
         gap = np.sum(pull * (np.abs(free - kept) + np.abs(kept - before)) ** 2)
-        if gap <= _EXACT**2 * np.sum(pull * (kept - start) ** 2):
+        if gap <= np.sum(pull * ((_EXACT * (kept - start)) ** 2 + (1e-9 * start) ** 2)):
             break
     return kept
 

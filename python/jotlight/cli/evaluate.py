@@ -1,0 +1,100 @@
+"""`jotlight evaluate`: a model or method on many images."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from jotlight.cli import options
+from jotlight.cli.console import out, progress
+from jotlight.evaluation import MEASURES, Evaluation
+from jotlight.evaluation import evaluate as measure
+from jotlight.files import spare_inputs, written_whole
+from jotlight.image_sets import read_image_set
+from jotlight.methods import METHODS
+from jotlight.network import Network
+from jotlight.sensor import Sensor
+
+
+@options.takes_sensor()
+def evaluate(
+    images: Annotated[
+        Path,
+        typer.Argument(help="A folder of photographs, or an array (N, H, W) in .npy or .npz."),
+    ],
+    *,
+    method: Annotated[
+        str | None,
+        typer.Option("--method", "-m", help=f"One of {', '.join(METHODS)}. Default: network."),
+    ] = None,
+    model: Annotated[Path | None, typer.Option(help="A network of your own, .safetensors.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="A .csv with a row for each image.")
+    ] = None,
+    first: Annotated[int | None, typer.Option(help="Only so many images, by name.")] = None,
+    key: Annotated[str | None, typer.Option(help="Name of the array in a .npz.")] = None,
+    given: dict[str, Any],
+    inputs: list[Path],
+    seed: options.Seed = 0,
+    white: options.White = None,
+    threads: options.Threads = None,
+) -> None:
+    """Expose every image, reconstruct it, and tell how close the estimates come.
+
+    The sensor is the model's, changed by the options given here; without a model it has 4 x 4 jots
+    per pixel and one frame. Colour photographs are turned into grey.
+    """
+    if model is not None and method not in (None, "network"):
+        raise ValueError(f"model: is for the method network, not for {method}")
+    method = method or "network"
+    if method not in METHODS:
+        raise ValueError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
+    if output is not None:
+        if output.suffix.lower() != ".csv":
+            raise ValueError(f"{output}: expected a name that ends in .csv")
+        spare_inputs(output, [images, model, *inputs])
+    if model is not None:
+        network = Network.load(model)
+        title, run, sensor = str(model), network.reconstruct, network.sensor.replace(**given)
+    else:
+        sensor = Sensor(**{"oversampling": 4, **given})
+        if (reason := METHODS[method].lacks(sensor)) is not None:
+            raise ValueError(reason)
+        title, run = METHODS[method].title, METHODS[method].run
+    with progress(2) as begin:
+        names, scenes = read_image_set(
+            images, key=key, white=white, first=first, progress=begin("reading the images")
+        )
+        result = measure(
+            run,
+            scenes,
+            sensor,
+            names=names,
+            rng=seed,
+            threads=threads,
+            progress=begin("reconstructing"),
+        )
+    if output is not None:
+        with written_whole(output) as temporary:
+            result.write_csv(temporary)
+    out.print(f"{title}, {len(names)} images, {sensor!r}", soft_wrap=True, markup=False)
+    out.print(_table(result))
+    if output is not None:
+        out.print(f"Each image: [bold]{output}[/]", soft_wrap=True)
+
+
+def _table(result: Evaluation) -> Table:
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    table.add_column("")
+    for column in ("PSNR", "SNR", "SSIM"):
+        table.add_column(column, justify="right")
+    rows = {
+        "mean": result.mean,
+        "worst 5 %": lambda name: result.worst(name, 0.05),
+        "worst 1 %": lambda name: result.worst(name, 0.01),
+    }
+    for title, value in rows.items():
+        psnr, snr, ssim = (value(name) for name in MEASURES)
+        table.add_row(title, f"{psnr:.2f} dB", f"{snr:.2f} dB", f"{ssim:.3f}")
+    return table

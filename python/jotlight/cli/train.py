@@ -1,0 +1,203 @@
+"""`jotlight train`: a network for a sensor, learned from images."""
+
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from jotlight.cli import options
+from jotlight.cli.console import err, live_training, out, progress
+from jotlight.datasets import uniform_scenes
+from jotlight.files import spare_inputs, written_whole
+from jotlight.image_sets import read_image_set
+from jotlight.network import Network
+from jotlight.sensor import Sensor
+from jotlight.training import OPTIMISERS, History, Optimiser, Record
+from jotlight.training import train as learn
+
+_SYNTHETIC = "synthetic"
+_TEST_SCENES = 512
+
+
+@options.takes_sensor(oversampling=4, frames=1)
+def train(
+    images: Annotated[
+        str,
+        typer.Argument(
+            help="A folder of photographs, an array (N, H, W) in .npy or .npz, or the word "
+            f"{_SYNTHETIC} for the paper's random scenes."
+        ),
+    ],
+    *,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="The learned network, .safetensors.")
+    ],
+    test: Annotated[
+        Path | None,
+        typer.Option(help="A folder or array of other images, to see the progress on."),
+    ] = None,
+    steps: Annotated[
+        int | None,
+        typer.Option(
+            help="Default: "
+            + ", ".join(f"{kind.steps} for {name}" for name, kind in OPTIMISERS.items())
+            + "."
+        ),
+    ] = None,
+    optimiser: Annotated[
+        str, typer.Option(help=f"One of {', '.join(OPTIMISERS)}.")
+    ] = "gauss-newton",
+    step_size: Annotated[float | None, typer.Option(help="Of adam or projected-gradient.")] = None,
+    batch: Annotated[
+        int | None, typer.Option(help="Patches a step. Default: 2^20 or 2^17 pixels' worth.")
+    ] = None,
+    patch: Annotated[
+        int | None, typer.Option(help="Side of a patch. Default: 64, or the smallest image's.")
+    ] = None,
+    sigma: Annotated[
+        float | None,
+        typer.Option(help="Standard deviation of the initial h2, in pixels. Default: 0.7."),
+    ] = None,
+    untied: Annotated[
+        bool,
+        typer.Option("--untied", help="Learn a weight for each jot; it gains for smooth kernels."),
+    ] = False,
+    start: Annotated[
+        Path | None, typer.Option(help="A network to start from, instead of the initial one.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with a run that was stopped.")
+    ] = False,
+    restart: Annotated[
+        bool, typer.Option("--restart", help="Forget a run that was stopped, and begin anew.")
+    ] = False,
+    plot: Annotated[
+        Path | None, typer.Option(help="A figure of the run and the network: .png, .pdf or .svg.")
+    ] = None,
+    key: Annotated[str | None, typer.Option(help="Name of the array in a .npz.")] = None,
+    given: dict[str, Any],
+    inputs: list[Path],
+    seed: options.Seed = 0,
+    white: options.White = None,
+    threads: options.Threads = None,
+) -> None:
+    """Learn the best network for a sensor from images.
+
+    Stop it with Ctrl-C whenever you like; with --resume it goes on as if it had not been stopped.
+    """
+    if output.suffix.lower() != ".safetensors":
+        raise ValueError(f"{output}: expected a name that ends in .safetensors")
+    if plot is not None and plot.suffix.lower() not in (".png", ".pdf", ".svg"):
+        raise ValueError(f"{plot}: expected a name that ends in .png, .pdf or .svg")
+    if start is not None and (untied or sigma is not None):
+        raise ValueError("start: a given network comes with its own sigma and weights")
+    spare_inputs(output, [start, *inputs])
+    checkpoint = output.with_suffix(".checkpoint.safetensors")
+    _check_checkpoint(checkpoint, resume, restart)
+    sensor = Sensor(**given)
+    network = (
+        Network.load(start)
+        if start is not None
+        else Network.initial(sensor, sigma=0.7 if sigma is None else sigma, tied=not untied)
+    )
+    chosen = _optimiser(optimiser, step_size)
+    steps = chosen.steps if steps is None else steps
+    scenes, tests = _images(images, test, key, white, seed)
+    begun = time.perf_counter()
+    # Made now, so that a place that cannot be written to is found before any work is done.
+    with written_whole(output) as temporary:
+        try:
+            with live_training(steps) as show:
+                learned, history = learn(
+                    network,
+                    scenes,
+                    sensor,
+                    optimiser=chosen,
+                    steps=steps,
+                    batch=batch,
+                    patch=patch,
+                    rng=seed,
+                    test=tests,
+                    checkpoint=checkpoint,
+                    resume=resume,
+                    callback=show,
+                    threads=threads,
+                )
+        except KeyboardInterrupt:
+            err.print(
+                f"\nThe run so far is kept in [bold]{checkpoint}[/]: the same command with "
+                "--resume goes on",
+                soft_wrap=True,
+            )
+            raise
+        learned.history["trained on"] = images
+        learned.save(temporary)
+    checkpoint.unlink()
+    if plot is not None:
+        from jotlight import plots
+
+        with written_whole(plot) as temporary:
+            plots.training(learned, history).savefig(temporary, dpi=110)
+    _tell(output, history, time.perf_counter() - begun, plot)
+
+
+def _check_checkpoint(checkpoint: Path, resume: bool, restart: bool) -> None:
+    if resume and restart:
+        raise ValueError("--resume and --restart: expected one of them, got both")
+    if checkpoint.exists() and restart:
+        checkpoint.unlink()
+    if checkpoint.exists() and not resume:
+        raise ValueError(
+            f"{checkpoint}: a run to this output was stopped; add --resume to go on with it, or "
+            "--restart to forget it"
+        )
+    if resume and not checkpoint.exists():
+        raise FileNotFoundError(f"there is no stopped run to resume: no file {checkpoint}")
+
+
+def _optimiser(name: str, step_size: float | None) -> Optimiser:
+    if name not in OPTIMISERS:
+        raise ValueError(f"optimiser: expected one of {', '.join(OPTIMISERS)}, got {name!r}")
+    kind: Any = OPTIMISERS[name]
+    if step_size is None:
+        return kind()  # type: ignore[no-any-return]
+    if name == "gauss-newton":
+        raise ValueError("step-size: is for adam and projected-gradient, not for gauss-newton")
+    return kind(step_size=step_size)  # type: ignore[no-any-return]
+
+
+def _images(
+    images: str, test: Path | None, key: str | None, white: float | None, seed: int
+) -> tuple[Any, Any]:
+    if images == _SYNTHETIC and not Path(images).exists():
+        if test is None:
+            return uniform_scenes, uniform_scenes(np.random.default_rng([seed, 1]), _TEST_SCENES)
+        return uniform_scenes, read_image_set(test, white=white)[1]
+    with progress(2) as begin:
+        _, scenes = read_image_set(
+            images, key=key, white=white, progress=begin("reading the images")
+        )
+        if test is None:
+            return scenes, None
+        _, tests = read_image_set(test, white=white, progress=begin("reading the test images"))
+    return scenes, tests
+
+
+def _tell(output: Path, history: History, seconds: float, plot: Path | None) -> None:
+    first, last = history.records[0], history.records[-1]
+    out.print(
+        f"{output}: learned in {len(history) - 1} steps and {seconds:.1f} s, cost "
+        f"{first.loss:.4g} to {last.loss:.4g}" + _gain(first, last),
+        soft_wrap=True,
+        markup=False,
+    )
+    if plot is not None:
+        out.print(f"Look at [bold]{plot}[/]", soft_wrap=True)
+
+
+def _gain(first: Record, last: Record) -> str:
+    if first.test_psnr is None or last.test_psnr is None:
+        return "; with --test it would say how good it is on other images"
+    return f", test PSNR {first.test_psnr:.2f} to {last.test_psnr:.2f} dB"

@@ -1,0 +1,96 @@
+"""Many images at once: a folder of pictures, or an array of them."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.formats.npy import read_npy, read_npz
+from jotlight.pictures import read_picture
+
+ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".npy")
+"""Of the files in a folder that are taken for pictures."""
+
+
+def read_image_set(
+    source: str | os.PathLike[str],
+    *,
+    key: str | None = None,
+    white: float | None = None,
+    first: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> tuple[list[str], list[npt.NDArray[np.float32]]]:
+    """Read grey images and their names, in the order of the names.
+
+    Parameters
+    ----------
+    source : path
+        A folder of pictures, of which colour ones are turned into grey; or a `.npy`, or `.npz` with
+        `key`, that holds an array (N, H, W).
+    key : str, optional
+        The name of the array in a `.npz`.
+    white : float, optional
+        The level that becomes intensity 1. Default: the full scale of 8 bits and of 16-bit PNG, and
+        1 for floats.
+    first : int, optional
+        Only so many of them.
+    progress : callable, optional
+        Called with the share that is done.
+
+    Raises
+    ------
+    OSError, ValueError
+        When there are no pictures, or one cannot be read; the message names it.
+    """
+    source = Path(source)
+    if first is not None and first < 1:
+        raise ValueError(f"first: expected at least 1 image, got {first}")
+    if not source.exists():
+        raise FileNotFoundError(f"there is no folder or file {source}")
+    if not source.is_dir():
+        return _read_stack(source, key, white, first)
+    if key is not None:
+        raise ValueError(f"key: names an array in a .npz, and {source} is a folder")
+    paths = sorted(path for path in source.iterdir() if path.suffix.lower() in ENDINGS)
+    paths = [path for path in paths if not path.name.startswith(".")][:first]
+    if not paths:
+        raise ValueError(f"{source}: expected pictures ({', '.join(ENDINGS)}), found none")
+    images = []
+    for number, path in enumerate(paths):
+        image = read_picture(path, white=white, gray=True)
+        if image.ndim != 2:
+            raise ValueError(f"{path}: expected a grey or RGB picture, got shape {image.shape}")
+        images.append(np.ascontiguousarray(image, np.float32))
+        if progress:
+            progress((number + 1) / len(paths))
+    return [path.name for path in paths], images
+
+
+def _read_stack(
+    source: Path, key: str | None, white: float | None, first: int | None
+) -> tuple[list[str], list[npt.NDArray[np.float32]]]:
+    suffix = source.suffix.lower()
+    if suffix not in (".npy", ".npz"):
+        raise ValueError(f"{source}: expected a folder of pictures, a .npy or a .npz")
+    if suffix == ".npy" and key is not None:
+        raise ValueError(f"key: names an array in a .npz, and {source} is none")
+    array = read_npz(source, key) if suffix == ".npz" else read_npy(source)
+    if array.ndim != 3 or array.size == 0 or array.dtype.kind not in "uif":
+        raise ValueError(
+            f"{source}: expected an array of images (N, H, W) in numbers, got {array.dtype} of "
+            f"shape {array.shape}"
+        )
+    array = array[:first]
+    if white is None:
+        if array.dtype.kind != "f" and array.dtype != np.uint8:
+            raise ValueError(
+                f"{source}: nothing tells the scale of {array.dtype}; give the white level"
+            )
+        white = 255.0 if array.dtype == np.uint8 else 1.0
+    elif not (np.isfinite(white) and white > 0):
+        raise ValueError(f"white: expected a number above 0, got {white}")
+    digits = len(str(len(array) - 1))
+    names = [f"{number:0{digits}d}" for number in range(len(array))]
+    return names, [(image / np.float64(white)).astype(np.float32) for image in array]

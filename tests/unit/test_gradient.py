@@ -1,0 +1,291 @@
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight import _engine
+from jotlight.seeds import seed_bytes
+from jotlight.training.parameters import engine_layers, vector_of
+from reference import training as twins
+from reference.networks import random_network
+
+SEED = np.random.SeedSequence(5)
+CASES = {
+    "one layer": ([1], []),
+    "two layers": ([1, 1], [(3, 3)]),
+    "even filters": ([3, 1], [(2, 4)]),
+    "three layers": ([2, 3, 1], [(1, 3), (3, 2)]),
+    "four layers": ([3, 2, 2, 1], [(3, 3), (2, 2), (3, 1)]),
+}
+SENSORS = {
+    "box": jl.Sensor(oversampling=2, frames=2),
+    "box, q = 2": jl.Sensor(oversampling=3, threshold=2, gain=20.0),
+    "cubic": jl.Sensor(oversampling=2, frames=3, kernel="cubic", dark_counts=0.1),
+    "cubic, q = 2": jl.Sensor(oversampling=3, kernel="cubic", threshold=2, efficiency=0.8),
+}
+# Of different sizes, within the images, at their rims, and one whole.
+PATCHES = [(0, 2, 8, 3, 10), (1, 0, 7, 0, 8), (0, 4, 12, 0, 9), (1, 0, 7, 2, 6)]
+IMAGES = [
+    np.random.default_rng(index).random(shape, np.float32)
+    for index, shape in enumerate([(12, 13), (7, 8)])
+]
+
+
+def batch_of(sensor, *, images=IMAGES, patches=PATCHES, border=1, **changes):
+    described = {
+        "sensor": sensor._engine_arguments(),
+        "frames": sensor.frames,
+        "images": images,
+        "patches": np.array(patches, np.int64).reshape(-1, 5),
+        "border": border,
+        "seed": seed_bytes(SEED),
+    }
+    return {**described, **changes}
+
+
+def crops(patches=PATCHES, images=IMAGES):
+    return [images[i][top:bottom, left:right] for i, top, bottom, left, right in patches]
+
+
+def bits_of(sensor, patches=PATCHES):
+    """Patch number i is seen in frames of its own, from i·T on."""
+    all_frames = sensor.replace(frames=len(patches) * sensor.frames)
+    for index, crop in enumerate(crops(patches)):
+        mine = slice(index * sensor.frames, (index + 1) * sensor.frames)
+        yield all_frames.expose(crop, SEED, frames=mine).to_array()
+
+
+def kept(patches=PATCHES, border=1):
+    return [twins.counted(patch, IMAGES[patch[0]].shape, border) for patch in patches]
+
+
+def network_off_the_rims(case, sensor, *, tied):
+    """A network whose sums keep away from the ends of a spline, where its slope jumps to 0."""
+    for seed in range(100):
+        network = random_network(np.random.default_rng(seed), sensor, *CASES[case], tied=tied)
+        vector = vector_of(network)
+        gaps = [
+            np.abs(plane - end).min()
+            for bits in bits_of(sensor)
+            for layer, plane in zip(
+                network.layers, twins.inputs(network, vector, bits), strict=True
+            )
+            for end in (layer.start, layer.start + layer.spacing * 8)
+        ]
+        if min(gaps) > 3e-4:
+            return network, vector
+    raise AssertionError("no such network")
+
+
+def double(network, vector):
+    return engine_layers(network, vector, np.float64)
+
+
+@pytest.mark.parametrize("tied", [True, False])
+@pytest.mark.parametrize("sensor", SENSORS.values(), ids=SENSORS)
+@pytest.mark.parametrize("case", CASES)
+def test_every_derivative_is_that_of_central_differences(case, sensor, tied):
+    network, vector = network_off_the_rims(case, sensor, tied=tied)
+    batch = batch_of(sensor)
+
+    def cost(vector):
+        errors, _ = _engine.errors(double(network, vector), batch, None)
+        return np.array([0.5 * errors.mean()])
+
+    (errors, pixels), gradient = _engine.gradient(double(network, vector), batch, None)
+    expected = twins.jacobian(cost, vector)[0]
+    np.testing.assert_allclose(gradient, expected, rtol=1e-6, atol=1e-8 * np.abs(expected).max())
+    again, same = _engine.errors(double(network, vector), batch, None)
+    np.testing.assert_array_equal(errors, again)
+    np.testing.assert_array_equal(pixels, same)
+    (_, _), single = _engine.gradient(engine_layers(network, vector), batch, None)
+    # How far 32 bits may be off depends on the parameter; together they are as near as this.
+    assert np.linalg.norm(single - gradient) < 2e-5 * np.linalg.norm(gradient)
+
+
+@pytest.mark.parametrize("tied", [True, False])
+@pytest.mark.parametrize("sensor", SENSORS.values(), ids=SENSORS)
+@pytest.mark.parametrize("border", [0, 1, 2])
+def test_errors_are_the_twins_over_the_pixels_that_count(sensor, border, tied):
+    network = random_network(np.random.default_rng(3), sensor, *CASES["three layers"], tied=tied)
+    vector = vector_of(network)
+    errors, pixels = _engine.errors(double(network, vector), batch_of(sensor, border=border), None)
+    parts = zip(bits_of(sensor), crops(), kept(border=border), strict=True)
+    expected = [
+        np.sum((twins.output(network, vector, bits) - crop)[inside] ** 2)
+        for bits, crop, inside in parts
+    ]
+    np.testing.assert_allclose(errors, expected, rtol=1e-11)
+    assert list(pixels) == [inside.sum() for inside in kept(border=border)]
+    assert pixels[1] == 7 * 8  # the image ends where the patch does
+
+
+@pytest.mark.parametrize("tied", [True, False])
+@pytest.mark.parametrize("sensor", [SENSORS["box"], SENSORS["cubic, q = 2"]], ids=repr)
+@pytest.mark.parametrize("case", ["one layer", "even filters", "three layers"])
+def test_the_matrix_is_the_mean_of_jacobians_squared(case, sensor, tied):
+    network, vector = network_off_the_rims(case, sensor, tied=tied)
+    batch = batch_of(sensor)
+    expected, slope = 0, 0
+    for bits, crop, inside in zip(bits_of(sensor), crops(), kept(), strict=True):
+
+        def estimate(vector, bits=bits, inside=inside):
+            return twins.output(network, vector, bits)[inside]
+
+        jacobian = twins.jacobian(estimate, vector)
+        expected = expected + jacobian.T @ jacobian / len(PATCHES)
+        slope = slope + jacobian.T @ (estimate(vector) - crop[inside]) / len(PATCHES)
+    both = _engine.normal_equations(double(network, vector), batch, None)
+    (errors, pixels), gradient, matrix = both
+    np.testing.assert_allclose(matrix, expected, rtol=1e-6, atol=1e-7 * np.abs(expected).max())
+    np.testing.assert_allclose(gradient, slope, rtol=1e-6, atol=1e-7 * np.abs(slope).max())
+    np.testing.assert_array_equal(matrix, matrix.T)
+    single = _engine.normal_equations(engine_layers(network, vector), batch, None)[2]
+    assert np.linalg.norm(single - matrix) < 2e-5 * np.linalg.norm(matrix)
+    alone = _engine.gradient(double(network, vector), batch, None)
+    np.testing.assert_array_equal(gradient, alone[1])
+    np.testing.assert_array_equal(errors, alone[0][0])
+    np.testing.assert_array_equal(pixels, alone[0][1])
+
+
+def test_a_whole_image_is_a_patch_whose_rim_counts():
+    sensor = SENSORS["box"]
+    network = random_network(np.random.default_rng(4), sensor, *CASES["two layers"], tied=True)
+    whole = [(0, 0, 12, 0, 13)]
+    batch = batch_of(sensor, patches=whole, border=5)
+    (error,), (pixels,) = _engine.errors(engine_layers(network, vector_of(network)), batch, None)
+    picture = network.reconstruct(sensor.expose(IMAGES[0], SEED)).astype(float)
+    assert pixels == 12 * 13
+    assert error == pytest.approx(np.sum((picture - IMAGES[0]) ** 2), rel=1e-5)
+
+
+def test_a_patch_that_is_all_border_counts_for_nothing():
+    sensor = SENSORS["box"]
+    network = random_network(np.random.default_rng(4), sensor, *CASES["two layers"], tied=True)
+    layers = engine_layers(network, vector_of(network))
+    batch = batch_of(sensor, patches=[(0, 2, 6, 3, 7)], border=2)
+    (errors, pixels), gradient, matrix = _engine.normal_equations(layers, batch, None)
+    assert (errors[0], pixels[0]) == (0, 0)
+    assert not gradient.any()
+    assert not matrix.any()
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("tied", [True, False])
+def test_threads_change_nothing(dtype, tied):
+    sensor = SENSORS["box"]
+    network = random_network(np.random.default_rng(6), sensor, *CASES["three layers"], tied=tied)
+    layers = engine_layers(network, vector_of(network), dtype)
+    scenes = np.random.default_rng(7).random((37, 9, 11), np.float32)
+    patches = [(i, 0, 9, 0, 11) if i % 2 else (i, 1, 8, 2, 9) for i in range(37)]
+    results = []
+    for threads in (1, 2, 3, None):
+        batch = batch_of(sensor, images=scenes, patches=patches)
+        (errors, _), gradient, matrix = _engine.normal_equations(layers, batch, threads)
+        alone = _engine.gradient(layers, batch, threads)[1]
+        value = _engine.errors(layers, batch, threads)[0]
+        results.append(np.concatenate([errors, gradient, matrix.ravel(), alone, value]))
+    for other in results[1:]:
+        np.testing.assert_array_equal(results[0], other)
+
+
+def test_a_stack_of_images_is_as_good_as_a_list():
+    sensor = SENSORS["cubic"]
+    network = random_network(np.random.default_rng(6), sensor, *CASES["two layers"], tied=False)
+    layers = engine_layers(network, vector_of(network))
+    scenes = np.random.default_rng(7).random((3, 9, 11), np.float32)
+    patches = [(2, 0, 9, 0, 11), (0, 1, 8, 2, 9), (1, 0, 5, 6, 11)]
+    stack, each = (
+        _engine.gradient(layers, batch_of(sensor, images=images, patches=patches), None)
+        for images in (scenes, list(scenes))
+    )
+    np.testing.assert_array_equal(stack[0], each[0])
+    np.testing.assert_array_equal(stack[1], each[1])
+
+
+PLAIN = SENSORS["box"]
+ONE = random_network(np.random.default_rng(8), PLAIN, *CASES["two layers"], tied=False)
+CALLS = [_engine.errors, _engine.gradient, _engine.normal_equations]
+
+
+@pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__name__)
+@pytest.mark.parametrize(
+    "patches",
+    [
+        np.empty((0, 5)),
+        [(0, 0, 13, 0, 8)],
+        [(0, 0, 8, 6, 14)],
+        [(1, 0, 8, 0, 8)],
+        [(0, -1, 7, 0, 8)],
+        [(0, 0, 8, -4, 8)],
+        [(2, 0, 5, 0, 5)],
+        [(-1, 0, 5, 0, 5)],
+        [(0, 5, 5, 0, 5)],
+        [(0, 5, 3, 0, 5)],
+        [(0, 0, 5, 0, 5), (0, 0, 5, 4, 4)],
+        [(0, 0, 5, 0)],
+        [(0, 0, 5, 0, 5, 9)],
+    ],
+    ids=lambda patches: str(list(patches)),
+)
+def test_patches_that_are_no_part_of_an_image_are_refused(call, patches):
+    batch = {**batch_of(PLAIN), "patches": np.array(patches, np.int64)}
+    with pytest.raises(ValueError, match="expected"):
+        call(engine_layers(ONE, vector_of(ONE)), batch, None)
+
+
+@pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__name__)
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"images": []},
+        {"frames": 3},
+        {"frames": 0},
+        {"sensor": PLAIN.replace(oversampling=3)._engine_arguments()},
+        {"sensor": PLAIN.replace(mask=np.zeros((24, 26), bool))._engine_arguments()},
+        {"sensor": PLAIN.replace(dark_counts=np.zeros((24, 26)))._engine_arguments()},
+    ],
+    ids=["no images", "frames", "no frames", "block", "mask", "dark counts"],
+)
+def test_a_batch_that_does_not_fit_is_refused(call, changes):
+    with pytest.raises(ValueError, match="expected"):
+        call(engine_layers(ONE, vector_of(ONE)), {**batch_of(PLAIN), **changes}, None)
+
+
+@pytest.fixture
+def ticks():
+    """As in test_gil: a number that another thread raises whenever it is let in."""
+    interval, count, stop = sys.getswitchinterval(), [0], threading.Event()
+
+    def tick():
+        while not stop.is_set():
+            count[0] += 1
+            time.sleep(1e-4)
+
+    thread = threading.Thread(target=tick)
+    sys.setswitchinterval(1000)
+    thread.start()
+    try:
+        yield count
+    finally:
+        stop.set()
+        sys.setswitchinterval(interval)
+        thread.join()
+
+
+@pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__name__)
+def test_other_threads_run_meanwhile(call, ticks):
+    layers = engine_layers(ONE, vector_of(ONE))
+    scenes = np.full((64, 32, 32), 0.5, np.float32)
+    batch = batch_of(PLAIN, images=scenes, patches=[(i, 0, 32, 0, 32) for i in range(64)])
+    seen = 0
+    for _ in range(100):
+        before = ticks[0]
+        call(layers, batch, 1)
+        seen = max(seen, ticks[0] - before)
+        if seen > 10:
+            return
+    pytest.fail(f"at most {seen} ticks in a call")
