@@ -17,13 +17,13 @@ def main() -> None:
     image = jl.datasets.photograph("coffee")
     if options.quick:
         image = image[100:200, 200:300]
-    sensor = jl.Sensor(oversampling=2, frames=4)
+    sensor = jl.Sensor(oversampling=2, frames=4)  # 16 bits per pixel
     bits = sensor.expose(image, rng=0)
     print(bits)
     for name, estimate in {
         "mle": jl.mle(bits, sensor),
         "tv": jl.noniterative(bits, sensor),
-        "network": jl.Network.initial(sensor, sigma=1.0).reconstruct(bits),
+        "network": jl.pretrained(sensor).reconstruct(bits),
     }.items():
         path = Path(f"coffee-{name}.png")
         picture_writer(path)(path, estimate)

@@ -1,7 +1,7 @@
 """`jotlight info`: what is in a file."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -12,6 +12,7 @@ from jotlight.cli.console import out, progress
 from jotlight.formats.npy import is_cube, load_bits, npz_names, read_npy, read_npz
 from jotlight.network import Network
 from jotlight.pictures import read_picture
+from jotlight.training import History
 
 
 def info(
@@ -82,7 +83,22 @@ def _network_facts(network: Network) -> list[tuple[str, str]]:
                 f"{layer.start + layer.spacing * (layer.coefficients.shape[1] - 3):.3g}]",
             )
         )
-    return [*facts, *((name, str(value)) for name, value in network.history.items())]
+    history = network.history
+    facts += [(name, str(history[name])) for name in ("start", "trained on") if name in history]
+    if "run" in history and "records" in history:
+        facts.append(("learned", _course(history["run"], History.from_json(history["records"]))))
+    return facts
+
+
+def _course(run: dict[str, Any], history: History) -> str:
+    course = (
+        f"{len(history) - 1} steps of {run.get('optimiser')}, seed {run.get('seed')}; cost "
+        f"{history.loss[0]:.4g} to {history.loss[-1]:.4g}"
+    )
+    measured = history.test_psnr[np.isfinite(history.test_psnr)]
+    if len(measured):
+        course += f", test PSNR {measured[0]:.2f} to {measured[-1]:.2f} dB"
+    return course
 
 
 def _by(shape: tuple[int, ...]) -> str:

@@ -7,8 +7,8 @@ use rayon::prelude::*;
 use super::Real;
 use crate::sensing::mirrored;
 
-/// Rows that one task works on.
-const ROWS: usize = 8;
+/// Products of a tap and a pixel that make it worth while to start a task.
+const TASK: usize = 1 << 19;
 /// Numbers that are summed side by side.
 const LANES: usize = 16;
 /// Taps of a line whose gradients are summed side by side.
@@ -46,7 +46,7 @@ impl<F: Real> Padded<F> {
         data.par_chunks_exact_mut(stride)
             .take(channels * rows)
             .enumerate()
-            .with_min_len(ROWS)
+            .with_min_len((TASK / (64 * columns)).max(1))
             .for_each(|(index, out)| {
                 let row = mirrored((index % rows) as isize - before(taps.0) as isize, height);
                 let source = planes.slice(ndarray::s![index / rows, row, ..]);
@@ -96,7 +96,9 @@ impl<F: Real> Padded<F> {
         width: usize,
         out: &mut [F],
     ) {
-        out.par_chunks_mut(ROWS * width)
+        // An even number, since rows are worked on in pairs.
+        let rows = (TASK / (taps.len() * width)).max(4).next_multiple_of(2);
+        out.par_chunks_mut(rows * width)
             .enumerate()
             .for_each(|(chunk, out)| {
                 for channel in 0..channels {
@@ -106,7 +108,7 @@ impl<F: Real> Padded<F> {
                         self.stride,
                         &taps[channel * size..][..size],
                         self.taps.1,
-                        chunk * ROWS,
+                        chunk * rows,
                         (live.start, live.end),
                         width,
                         out,
@@ -300,17 +302,17 @@ impl<F: Real> Lanes<F> {
     }
 
     #[inline(always)]
-    fn add(self, factor: Self, window: &[F]) -> Self {
+    fn add(self, factors: &[F], window: &[F]) -> Self {
         let mut sums = self;
         for lane in 0..LANES {
-            sums.0[lane] += factor.0[lane] * window[lane];
+            sums.0[lane] += factors[lane] * window[lane];
         }
         sums
     }
 
     #[inline(always)]
     fn add_scaled(self, factor: F, window: &[F]) -> Self {
-        self.add(Self([factor; LANES]), window)
+        self.add(&[factor; LANES], window)
     }
 }
 
@@ -349,7 +351,8 @@ fn tile<F: Real, const R: usize, const C: usize>(
 }
 
 /// Adds Σ gradient · source for every shift of the source, `sums[line][column]`.
-#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))]
+// Not for AVX-512, which the compiler makes a slow mixture of here.
+#[multiversion(targets("x86_64+avx2"))]
 fn correlate_gradient<F: Real>(
     source: &[F],
     stride: usize,
@@ -365,10 +368,10 @@ fn correlate_gradient<F: Real>(
             for (row, gradient) in gradient.chunks_exact(gradient_stride).enumerate() {
                 let source = &source[(row + line) * stride + group * TAPS..];
                 let source = &source[..gradient_stride + TAPS - 1];
-                for (step, gradient) in gradient.as_chunks::<LANES>().0.iter().enumerate() {
+                for (step, gradient) in gradient.chunks_exact(LANES).enumerate() {
+                    let source = &source[step * LANES..][..LANES + TAPS - 1];
                     for tap in 0..TAPS {
-                        let window = &source[step * LANES + tap..][..LANES];
-                        lanes[tap] = lanes[tap].add(Lanes(*gradient), window);
+                        lanes[tap] = lanes[tap].add(gradient, &source[tap..tap + LANES]);
                     }
                 }
             }

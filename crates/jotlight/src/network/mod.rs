@@ -96,8 +96,10 @@ impl<F: Real> Layer<F> {
     /// φ of planes, in place: equations (8) and (10).
     fn bend(&self, planes: &mut Array3<F>) {
         for (spline, mut plane) in self.splines.iter().zip(planes.outer_iter_mut()) {
+            // Tasks of some ten microseconds.
+            let rows = (4096 / plane.ncols().max(1)).max(1);
             plane
-                .axis_chunks_iter_mut(Axis(0), 8)
+                .axis_chunks_iter_mut(Axis(0), rows)
                 .into_par_iter()
                 .for_each(|mut rows| {
                     if let Some(rows) = rows.as_slice_mut() {

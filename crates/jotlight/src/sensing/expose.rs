@@ -16,6 +16,9 @@ use crate::rng::{ALIGNMENT, JotRandom, RowPlace, check_size};
 /// Jots of a row that are drawn at a time; bounds the memory of a thread.
 const STRETCH: usize = 2048;
 
+/// Jots that make it worth while to start a task.
+const TASK: usize = 1 << 13;
+
 /// Draws the bits of a window of frames and pixels into `out` `(frames, rows·K̂, ⌈columns·K̂ / 8⌉)`, most significant bit first.
 ///
 /// Each jot has a place of its own in the stream of random numbers, so that a window holds exactly the bits that
@@ -56,9 +59,11 @@ pub fn expose(
         }
     }
     let light = Light { sensor, image };
+    let jots_per_row = window.frames.len() * side * side * window.columns.len();
     tasks
         .into_par_iter()
         .zip(window.rows.clone())
+        .with_min_len((TASK / jots_per_row.max(1)).max(1))
         .for_each_init(
             || Scratch::new(seed, sensor.threshold),
             |scratch, (mut frames, pixel_row)| {
