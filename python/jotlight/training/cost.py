@@ -11,6 +11,9 @@ from jotlight.training.admissible import AdmissibleSet
 from jotlight.training.examples import Examples
 from jotlight.training.parameters import Vector, engine_layers
 
+_LARGE = 96
+"""Pixels: the side of a patch past which JᵀJ looks at a part of it."""
+
 
 class Cost:
     """ε of equation (12) on the patches and bits of one step: the mean of ½‖ĉ - c‖² of a patch.
@@ -50,14 +53,27 @@ class Cost:
     def normal_equations(self, vector: Vector) -> tuple[float, Vector, npt.NDArray[np.float64]]:
         """Give ε, ∇ε and the mean of JᵀJ, with J the Jacobian (15) of a patch.
 
-        The matrix takes some hundred times as long as the gradient and need not be as exact, so it
-        is that of one patch in 8, but of 32 at least.
+        The matrix takes some hundred times as long as the gradient and need not be as exact. So it
+        is that of one patch in 8, but of 32 at least, and of no more than 96 x 96 pixels of each,
+        brought to the size of all.
         """
-        loss, gradient = self.gradient(vector)
-        patches = self._batch["patches"]
-        few = {**self._batch, "patches": patches[: max(32, len(patches) // 8)]}
-        _, _, matrix = _engine.normal_equations(self._layers(vector), few, self._threads)
-        return loss, gradient, matrix
+        layers = self._layers(vector)
+        (errors, pixels), gradient = _engine.gradient(layers, self._batch, self._threads)
+        part = {**self._batch, "patches": self._cut_patches()}
+        (_, few), _, matrix = _engine.normal_equations(layers, part, self._threads)
+        scale = pixels.mean() / max(few.mean(), 1)
+        return 0.5 * float(errors.mean()), gradient, scale * matrix
+
+    def _cut_patches(self) -> npt.NDArray[np.int64]:
+        """Patches for the matrix: image, rows, columns; those that are large are cut at random."""
+        patches: npt.NDArray[np.int64] = self._batch["patches"]
+        patches = patches[: max(32, len(patches) // 8)].copy()
+        choice = np.random.default_rng([self.step, len(patches)])
+        for first, last in ((1, 2), (3, 4)):
+            spare = np.maximum(patches[:, last] - patches[:, first] - _LARGE, 0)
+            patches[:, first] += choice.integers(spare + 1)
+            patches[:, last] = np.minimum(patches[:, last], patches[:, first] + _LARGE)
+        return patches
 
     def project(self, vector: Vector) -> Vector:
         """Give the nearest point of 𝒜."""

@@ -83,8 +83,8 @@ def train(
     patch : int, optional
         Height and width of a patch. Default: 64, or the side of the smallest image.
     rng : int, optional
-        The seed of patches and bits: the same seed gives the same network, bit for bit, for any
-        number of threads on one kind of processor. Default: a new one.
+        The seed of patches and bits: the same seed gives the same network on one machine, bit for
+        bit, whatever `threads` is. Default: a new one.
     test : array or sequence of arrays, optional
         Images, whole, on which the PSNR is measured now and then, always with the same bits.
     admissible : AdmissibleSet, optional
