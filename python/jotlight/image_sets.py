@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.errors import warn
 from jotlight.formats.npy import read_npy, read_npz
 from jotlight.pictures import read_picture
 
@@ -60,12 +61,21 @@ def read_image_set(
     images = []
     for number, path in enumerate(paths):
         image = read_picture(path, white=white, gray=True)
-        if image.ndim != 2:
+        if image.ndim != 2 or image.size == 0:
             raise ValueError(f"{path}: expected a grey or RGB picture, got shape {image.shape}")
         images.append(np.ascontiguousarray(image, np.float32))
+        _warn_of_scale(path, images[-1])
         if progress:
             progress((number + 1) / len(paths))
     return [path.name for path in paths], images
+
+
+def _warn_of_scale(source: Path, image: npt.NDArray[np.float32]) -> None:
+    if image.size and image.max() > 30:
+        warn(
+            f"{source}: intensities up to {image.max():.4g}; where these are grey levels, give the "
+            "one that stands for intensity 1 (--white, white=)"
+        )
 
 
 def _read_stack(
@@ -91,6 +101,8 @@ def _read_stack(
         white = 255.0 if array.dtype == np.uint8 else 1.0
     elif not (np.isfinite(white) and white > 0):
         raise ValueError(f"white: expected a number above 0, got {white}")
+    stack = (array / np.float64(white)).astype(np.float32)
+    _warn_of_scale(source, stack)
     digits = len(str(len(array) - 1))
     names = [f"{number:0{digits}d}" for number in range(len(array))]
-    return names, [(image / np.float64(white)).astype(np.float32) for image in array]
+    return names, list(stack)

@@ -209,6 +209,8 @@ class Network:
         second = (rising.clip(0, sensor.max_intensity), *second[1:])
         line = np.exp(-0.5 * (np.arange(taps) - taps // 2) ** 2 / sigma**2)
         gaussian = np.outer(line, line) / line.sum() ** 2
+        # Far below the rounding of the sum; smaller still, processors would take ages over them.
+        gaussian[gaussian < 1e-12] = 0
         return cls(
             [
                 Layer(np.ones((1, *block), np.float32), *first),
@@ -383,11 +385,12 @@ class Network:
                 tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
         except (SafetensorError, TypeError, AttributeError) as error:
             # The latter two for tensors of a type that NumPy lacks.
-            raise ValueError(f"{path}: expected a safetensors file: {error}") from error
-        if metadata.get("format") != _FORMAT:
             raise ValueError(
-                f"{path}: expected a network of jotlight, got a safetensors file of another kind"
-            )
+                f"{path}: expected a safetensors file, which this is not or no more ({error})"
+            ) from error
+        if metadata.get("format") != _FORMAT:
+            kind = metadata.get("format", "a safetensors file of another kind")
+            raise ValueError(f"{path}: expected a network of jotlight, got {kind}")
         if metadata.get("version") != str(_VERSION):
             raise ValueError(
                 f"{path}: expected format version {_VERSION}, got {metadata.get('version')}; "

@@ -10,7 +10,7 @@ from scipy.stats import poisson
 import jotlight as jl
 from jotlight.methods import METHODS
 
-SENSOR = jl.Sensor(oversampling=4, frames=2)
+SENSOR = jl.Sensor(oversampling=2, frames=4)
 SIZE = 12
 BITS = SENSOR.expose(np.linspace(0, 1, SIZE * SIZE).reshape(SIZE, SIZE), rng=0)
 
@@ -25,6 +25,19 @@ def name(request):
 @pytest.fixture
 def run(name):
     return METHODS[name].run
+
+
+def skip_unless_served(name, sensor):
+    if (reason := METHODS[name].lacks(sensor)) is not None:
+        pytest.skip(f"{name} does not serve this sensor: {reason}")
+
+
+def first_served(name, *sensors):
+    return next(sensor for sensor in sensors if METHODS[name].lacks(sensor) is None)
+
+
+def test_the_sensor_of_these_tests_is_served_by_every_method(name):
+    assert METHODS[name].lacks(SENSOR) is None
 
 
 @functools.cache
@@ -47,8 +60,9 @@ def test_a_picture_of_float32_comes_out_and_the_bits_stay(name):
 
 
 @pytest.mark.parametrize("pattern", ["none", "all", "checkerboard", "halves", "noise"])
-def test_no_bits_lead_out_of_the_range(run, pattern):
-    sensor = jl.Sensor(frames=6, max_intensity=0.7)
+def test_no_bits_lead_out_of_the_range(name, run, pattern):
+    sensor = first_served(name, jl.Sensor(frames=6, max_intensity=0.7), jl.Sensor(frames=9))
+    bits, most = sensor.bits_per_pixel, sensor.max_intensity
     rows, columns = np.mgrid[:SIZE, :SIZE]
     share = {
         "none": 0,
@@ -57,15 +71,16 @@ def test_no_bits_lead_out_of_the_range(run, pattern):
         "halves": columns < SIZE // 2,
         "noise": np.random.default_rng(1).random((SIZE, SIZE)),
     }[pattern]
-    counts = np.rint(6 * share * np.ones((SIZE, SIZE))).astype(int)
+    counts = np.rint(bits * share * np.ones((SIZE, SIZE))).astype(int)
     picture = run(counts, sensor)
     assert np.isfinite(picture).all()
     assert picture.min() >= 0
-    assert picture.max() <= np.float32(0.7)
+    assert picture.max() <= np.float32(most)
     if pattern == "none":
-        assert picture.max() < 0.01
+        # What is learned knows that photographs are seldom quite black.
+        assert picture.max() < (0.03 if name == "network" else 0.01)
     if pattern == "all":
-        assert picture.min() > 0.69
+        assert picture.min() > most - 0.01
 
 
 def fisher_deviation(sensor, intensity):
@@ -85,7 +100,8 @@ def fisher_deviation(sensor, intensity):
     ],
     ids=repr,
 )
-def test_many_bits_lead_to_the_truth(run, sensor):
+def test_many_bits_lead_to_the_truth(name, run, sensor):
+    skip_unless_served(name, sensor)
     chance = gammainc(sensor.threshold, sensor.efficiency * 0.5 + sensor.dark_counts)
     counts = np.random.default_rng(2).binomial(sensor.frames, chance, (20, 20))
     error = run(counts, sensor) - 0.5
@@ -98,12 +114,12 @@ def test_many_bits_lead_to_the_truth(run, sensor):
 def test_more_light_gives_a_brighter_picture(run):
     scenes = [np.full((SIZE, SIZE), light) for light in (0.1, 0.4, 0.8)]
     means = [run(SENSOR.expose(scene, rng=3), SENSOR).mean() for scene in scenes]
-    # A mean over 144 pixels of 32 bits is known to 0.02; clipping to [0, 1] moves the brightest.
+    # A mean over 144 pixels of 16 bits is known to 0.03; clipping to [0, 1] moves the brightest.
     np.testing.assert_allclose(means, [0.1, 0.4, 0.8], atol=0.08)
 
 
 def test_bits_and_their_counts_give_one_picture(name, run):
-    assert_same(name, run(BITS.counts(4), SENSOR), picture_of_bits(name))
+    assert_same(name, run(BITS.counts(SENSOR.oversampling), SENSOR), picture_of_bits(name))
 
 
 def test_one_thread_gives_the_picture_of_all(name, run):
@@ -121,8 +137,8 @@ def test_channels_do_not_mix(name, run):
     assert (np.abs(picture[..., 1] - picture[..., 0]) > 0.1).any()
 
 
-def test_dead_jots_do_not_show(run):
-    sensor = jl.Sensor(oversampling=4, frames=16)
+def test_dead_jots_do_not_show(name, run):
+    sensor = first_served(name, jl.Sensor(oversampling=4, frames=16), jl.Sensor(oversampling=4))
     mask = np.tile(np.eye(4, dtype=bool), (SIZE, SIZE))
     mask[:, : 2 * SIZE] = False
     scene = np.full((SIZE, SIZE), 0.5)
@@ -137,7 +153,7 @@ def test_dead_jots_do_not_show(run):
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (8, 8)])
 def test_the_smallest_pictures_work(run, shape):
-    counts = np.random.default_rng(7).integers(0, 33, shape)
+    counts = np.random.default_rng(7).integers(0, SENSOR.bits_per_pixel + 1, shape)
     picture = run(counts, SENSOR)
     assert picture.shape == shape
     assert np.isfinite(picture).all()
@@ -146,16 +162,16 @@ def test_the_smallest_pictures_work(run, shape):
 @pytest.mark.parametrize(
     ("data", "sensor", "error", "message"),
     [
-        (BITS, SENSOR.replace(frames=3), ValueError, "expected the sensor's 3 frames, got 2"),
+        (BITS, SENSOR.replace(frames=9), ValueError, "expected the sensor's 9 frames, got 4"),
         (BITS, SENSOR.replace(oversampling=5), ValueError, "multiples of the oversampling 5"),
         (BITS, SENSOR.replace(mask=np.zeros((4, 4), bool)), ValueError, "mask: expected one"),
         (
             jl.Bits(BITS.packed),
-            SENSOR.replace(dark_counts=np.ones((4, 4))),
+            SENSOR.replace(dark_counts=np.full((4, 4), 0.01)),
             ValueError,
             "dark_counts: expected one",
         ),
-        (np.full((SIZE, SIZE), 33), SENSOR, ValueError, "0 to K = 32 .* got 33 to 33"),
+        (np.full((SIZE, SIZE), 17), SENSOR, ValueError, "0 to K = 16 .* got 17 to 17"),
         (np.full((SIZE, SIZE), -1), SENSOR, ValueError, "got -1"),
         (np.ones((SIZE, SIZE)), SENSOR, TypeError, "image of counts in whole numbers, got float64"),
         (np.ones((SIZE, SIZE), bool), SENSOR, TypeError, "got bool"),
@@ -163,11 +179,12 @@ def test_the_smallest_pictures_work(run, shape):
         (np.ones((0, SIZE), int), SENSOR, ValueError, r"expected shape \(H, W\)"),
     ],
 )
-def test_data_that_do_not_fit_are_refused(run, data, sensor, error, message):
+def test_data_that_do_not_fit_are_refused(name, run, data, sensor, error, message):
+    skip_unless_served(name, sensor)
     with pytest.raises(error, match=message):
         run(data, sensor)
 
 
 def test_a_picture_without_a_live_jot_is_refused(run):
     with pytest.raises(ValueError, match="at least one jot that is alive"):
-        run(BITS, SENSOR.replace(mask=np.ones((48, 48), bool)))
+        run(BITS, SENSOR.replace(mask=np.ones((24, 24), bool)))

@@ -13,27 +13,7 @@ import pytest
 from PIL import Image
 
 import jotlight as jl
-from jotlight import cli
-from jotlight.cli import console
 from jotlight.pictures import read_picture
-
-
-@pytest.fixture
-def run(monkeypatch, tmp_path, capsys):
-    """Run a command in an empty folder; give its exit status and all that it printed."""
-    monkeypatch.chdir(tmp_path)
-    # Rich breaks lines at the terminal's width.
-    monkeypatch.setattr(console.out, "width", 200)
-    monkeypatch.setattr(console.err, "width", 200)
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["jotlight", *map(str, words)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        printed = capsys.readouterr()
-        return ended.value.code or 0, printed.out + printed.err
-
-    return run
 
 
 @pytest.fixture
@@ -70,9 +50,11 @@ def test_simulate_then_reconstruct_gives_what_the_python_interface_gives(run, ph
     assert (np.load(tmp_path / "out.npy") == jl.mle(bits, sensor)).all()
 
 
-@pytest.mark.parametrize("method", ["mle", "noniterative-tv", "noniterative-gaussian", "network"])
+@pytest.mark.parametrize(
+    "method", ["mle", "noniterative-tv", "noniterative-gaussian", "network-initial", "network"]
+)
 def test_every_method_reconstructs_colour(run, colour, tmp_path, method):
-    assert run("simulate", colour, "-o", "bits.npy", "-k", 2)[0] == 0
+    assert run("simulate", colour, "-o", "bits.npy", "-k", 4)[0] == 0
     assert run("reconstruct", "bits.npy", "-o", "out.tif", "-m", method)[0] == 0
     assert read_picture(tmp_path / "out.tif").shape == (40, 49, 3)
 
@@ -180,7 +162,7 @@ def test_info_on_every_kind_of_file(run, photo, tmp_path):
 
 def test_version_and_help(run):
     assert jl.__version__ in run("--version")[1]
-    for command in ("demo", "compare", "simulate", "reconstruct", "info"):
+    for command in ("demo", "compare", "simulate", "reconstruct", "train", "evaluate", "info"):
         assert command in run("--help")[1]
         assert run(command, "--help")[0] == 0
 
@@ -204,10 +186,13 @@ def test_version_and_help(run):
         (["reconstruct", "bits.npy", "-o", "bits.npy"], "another name"),
         (["reconstruct", "bits.npy", "-o", "nowhere/a.png"], "there is no folder"),
         (["reconstruct", "bits.npy", "-o", "a.png", "-m", "magic"], "expected one of mle"),
-        (["reconstruct", "bits.npy", "-o", "a.png", "-k", "7"], "multiples of the oversampling"),
+        (
+            ["reconstruct", "bits.npy", "-o", "a.png", "-m", "mle", "-k", "7"],
+            "multiples of the oversampling",
+        ),
         (["reconstruct", "bits.npy", "-o", "a.png", "-m", "mle", "--inverse", "exact"], "inverse"),
         (["reconstruct", "pickle.npy", "-o", "a.png"], "Python objects"),
-        (["reconstruct", "counts.npy", "-o", "a.png", "--frames", "3"], "0 to K = 3"),
+        (["reconstruct", "counts.npy", "-o", "a.png", "-m", "mle", "-t", "3"], "0 to K = 3"),
         (["compare", "photo.png", "-m", "mle,magic"], "expected some of"),
         (["compare", "photo.png", "-o", "a.gif"], "ends in .png"),
         (["compare", "photo.png", "-o", "photo.png"], "another name"),

@@ -1,5 +1,7 @@
 """`jotlight evaluate`: a model or method on many images."""
 
+import contextlib
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -53,7 +55,8 @@ def evaluate(
     if output is not None:
         if output.suffix.lower() != ".csv":
             raise ValueError(f"{output}: expected a name that ends in .csv")
-        spare_inputs(output, [images, model, *inputs])
+        pictures = list(images.iterdir()) if images.is_dir() else [images]
+        spare_inputs(output, [model, *inputs, *pictures])
     if model is not None:
         network = Network.load(model)
         title, run, sensor = str(model), network.reconstruct, network.sensor.replace(**given)
@@ -62,7 +65,10 @@ def evaluate(
         if (reason := METHODS[method].lacks(sensor)) is not None:
             raise ValueError(reason)
         title, run = METHODS[method].title, METHODS[method].run
-    with progress(2) as begin:
+    with contextlib.ExitStack() as files:
+        # Made now, so that a place that cannot be written to is found before any work is done.
+        temporary = files.enter_context(written_whole(output)) if output is not None else None
+        begin = files.enter_context(progress(2))
         names, scenes = read_image_set(
             images, key=key, white=white, first=first, progress=begin("reading the images")
         )
@@ -75,10 +81,13 @@ def evaluate(
             threads=threads,
             progress=begin("reconstructing"),
         )
-    if output is not None:
-        with written_whole(output) as temporary:
+        if temporary is not None:
             result.write_csv(temporary)
-    out.print(f"{title}, {len(names)} images, {sensor!r}", soft_wrap=True, markup=False)
+    out.print(
+        f"{title}, {len(names)} image{'s' * (len(names) > 1)}, {sensor!r}",
+        soft_wrap=True,
+        markup=False,
+    )
     out.print(_table(result))
     if output is not None:
         out.print(f"Each image: [bold]{output}[/]", soft_wrap=True)
@@ -96,5 +105,6 @@ def _table(result: Evaluation) -> Table:
     }
     for title, value in rows.items():
         psnr, snr, ssim = (value(name) for name in MEASURES)
-        table.add_row(title, f"{psnr:.2f} dB", f"{snr:.2f} dB", f"{ssim:.3f}")
+        shown = "none" if math.isnan(ssim) else f"{ssim:.3f}"
+        table.add_row(title, f"{psnr:.2f} dB", f"{snr:.2f} dB", shown)
     return table

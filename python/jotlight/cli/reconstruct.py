@@ -81,8 +81,6 @@ def reconstruct(
     reason = None if "model" in settings else METHODS[method or DEFAULT].lacks(sensor)
     if reason is not None and method is not None:
         raise ValueError(reason)
-    if reason is not None:
-        err.print(f"[yellow]by {_OTHERWISE}:[/] {escape(reason)}", soft_wrap=True)
     method = method or (DEFAULT if reason is None else _OTHERWISE)
     write = picture_writer(output, depth=depth, white=sensor.max_intensity)
     with written_whole(output) as temporary:
@@ -95,6 +93,8 @@ def reconstruct(
                 picture = METHODS[method].run(seen, sensor, threads=threads, **settings)
             seconds = time.perf_counter() - start
         write(temporary, picture)
+    if reason is not None:
+        err.print(f"[yellow]by {_OTHERWISE}:[/] {escape(reason)}", soft_wrap=True)
     size = " x ".join(map(str, picture.shape))
     out.print(
         f"{output}: {size}, intensities {picture.min():.3g} to {picture.max():.3g}, by "

@@ -1,5 +1,6 @@
 """`jotlight train`: a network for a sensor, learned from images."""
 
+import contextlib
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -49,9 +50,15 @@ def train(
     optimiser: Annotated[
         str, typer.Option(help=f"One of {', '.join(OPTIMISERS)}.")
     ] = "gauss-newton",
-    step_size: Annotated[float | None, typer.Option(help="Of adam or projected-gradient.")] = None,
+    step_size: Annotated[
+        float | None,
+        typer.Option(help="Of adam (default 0.01) or projected-gradient (default 5e-6)."),
+    ] = None,
     batch: Annotated[
-        int | None, typer.Option(help="Patches a step. Default: 2^20 or 2^17 pixels' worth.")
+        int | None,
+        typer.Option(
+            help="Patches a step. Default: 2^20 pixels' worth for gauss-newton, else 2^17."
+        ),
     ] = None,
     patch: Annotated[
         int | None, typer.Option(help="Side of a patch. Default: 64, or the smallest image's.")
@@ -85,7 +92,8 @@ def train(
 ) -> None:
     """Learn the best network for a sensor from images.
 
-    Stop it with Ctrl-C whenever you like; with --resume it goes on as if it had not been stopped.
+    The cost that it shows is half the square error of a patch. Stop it with Ctrl-C whenever you
+    like; with --resume it goes on as if it had not been stopped.
     """
     if output.suffix.lower() != ".safetensors":
         raise ValueError(f"{output}: expected a name that ends in .safetensors")
@@ -93,7 +101,8 @@ def train(
         raise ValueError(f"{plot}: expected a name that ends in .png, .pdf or .svg")
     if start is not None and (untied or sigma is not None):
         raise ValueError("start: a given network comes with its own sigma and weights")
-    spare_inputs(output, [start, *inputs])
+    for file in filter(None, (output, plot)):
+        spare_inputs(file, [start, *inputs, *_files(images), *_files(test)])
     checkpoint = output.with_suffix(".checkpoint.safetensors")
     _check_checkpoint(checkpoint, resume, restart)
     sensor = Sensor(**given)
@@ -107,7 +116,9 @@ def train(
     scenes, tests = _images(images, test, key, white, seed)
     begun = time.perf_counter()
     # Made now, so that a place that cannot be written to is found before any work is done.
-    with written_whole(output) as temporary:
+    with contextlib.ExitStack() as files:
+        temporary = files.enter_context(written_whole(output))
+        figure = files.enter_context(written_whole(plot)) if plot is not None else None
         try:
             with live_training(steps) as show:
                 learned, history = learn(
@@ -126,29 +137,39 @@ def train(
                     threads=threads,
                 )
         except KeyboardInterrupt:
-            err.print(
-                f"\nThe run so far is kept in [bold]{checkpoint}[/]: the same command with "
-                "--resume goes on",
-                soft_wrap=True,
-            )
+            if checkpoint.exists():
+                err.print(
+                    f"\nThe run so far is kept in [bold]{checkpoint}[/]: the same command with "
+                    "--resume goes on",
+                    soft_wrap=True,
+                )
             raise
+        except FloatingPointError as error:
+            raise FloatingPointError(
+                f"{error}. The run up to there is in {checkpoint}; begin anew with --restart and "
+                "--step-size"
+            ) from error
         learned.history["trained on"] = images
         learned.save(temporary)
-    checkpoint.unlink()
-    if plot is not None:
-        from jotlight import plots
+        if figure is not None:
+            from jotlight import plots
 
-        with written_whole(plot) as temporary:
-            plots.training(learned, history).savefig(temporary, dpi=110)
+            plots.training(learned, history).savefig(figure, dpi=110)
+    checkpoint.unlink()
     _tell(output, history, time.perf_counter() - begun, plot)
+
+
+def _files(images: str | Path | None) -> list[Path]:
+    """What must not be overwritten: the file, or those in the folder."""
+    if images is None or not Path(images).exists():
+        return []
+    return list(Path(images).iterdir()) if Path(images).is_dir() else [Path(images)]
 
 
 def _check_checkpoint(checkpoint: Path, resume: bool, restart: bool) -> None:
     if resume and restart:
         raise ValueError("--resume and --restart: expected one of them, got both")
-    if checkpoint.exists() and restart:
-        checkpoint.unlink()
-    if checkpoint.exists() and not resume:
+    if checkpoint.exists() and not (resume or restart):
         raise ValueError(
             f"{checkpoint}: a run to this output was stopped; add --resume to go on with it, or "
             "--restart to forget it"
@@ -172,16 +193,27 @@ def _images(
     images: str, test: Path | None, key: str | None, white: float | None, seed: int
 ) -> tuple[Any, Any]:
     if images == _SYNTHETIC and not Path(images).exists():
+        if key is not None:
+            raise ValueError("key: names an array in a .npz, and the synthetic scenes are none")
         if test is None:
             return uniform_scenes, uniform_scenes(np.random.default_rng([seed, 1]), _TEST_SCENES)
         return uniform_scenes, read_image_set(test, white=white)[1]
+    if not Path(images).exists():
+        raise FileNotFoundError(
+            f"there is no folder or file {images}; the word {_SYNTHETIC} stands for random scenes"
+        )
     with progress(2) as begin:
         _, scenes = read_image_set(
             images, key=key, white=white, progress=begin("reading the images")
         )
         if test is None:
             return scenes, None
-        _, tests = read_image_set(test, white=white, progress=begin("reading the test images"))
+        _, tests = read_image_set(
+            test,
+            key=key if test.suffix.lower() == ".npz" else None,
+            white=white,
+            progress=begin("reading the test images"),
+        )
     return scenes, tests
 
 

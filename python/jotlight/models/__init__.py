@@ -90,15 +90,15 @@ def training_command(sensor: Sensor) -> str:
     """Give the command that trains a network for a sensor."""
     options = [f"--oversampling {sensor.oversampling}", f"--frames {sensor.frames}"]
     if sensor._gain != sensor.bits_per_pixel:
-        options.append(f"--gain {sensor._gain:g}")
+        options.append(f"--gain {float(sensor._gain)!r}")
     if sensor.threshold != 1:
         options.append(f"--threshold {sensor.threshold}")
     if sensor.kernel != "box":
         options.append(f"--kernel {shlex.quote(sensor.kernel)} --untied")
     if dark := reference_dark_counts(sensor):
-        options.append(f"--dark-counts {dark:g}")
+        options.append(f"--dark-counts {float(dark)!r}")
     if sensor.efficiency != 1:
-        options.append(f"--efficiency {sensor.efficiency:g}")
+        options.append(f"--efficiency {float(sensor.efficiency)!r}")
     if sensor.max_intensity != 1:
-        options.append(f"--max-intensity {sensor.max_intensity:g}")
-    return f"jotlight train PHOTOGRAPHS -o model.safetensors {' '.join(options)}"
+        options.append(f"--max-intensity {float(sensor.max_intensity)!r}")
+    return f"jotlight train FOLDER_OF_PHOTOGRAPHS -o model.safetensors {' '.join(options)}"

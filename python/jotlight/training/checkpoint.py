@@ -88,7 +88,7 @@ class Checkpoint:
         if differences:
             raise ValueError(
                 f"{path}: this checkpoint is of another run: {'; '.join(differences)}. Start anew "
-                "without resuming, or give what the run began with"
+                "without resuming (--restart), or give what the run began with"
             )
         state = {
             name.removeprefix("state."): tensor

@@ -17,6 +17,9 @@ _TRIES = 7
 _LEAST_DAMPING = 1e-2
 """Less would drown in the rounding of the matrix, which is summed in 32 bits."""
 
+_MOST_PARAMETERS = 4096
+"""Their matrix has as many rows and columns, and the engine sums sixteen of them."""
+
 _KEPT = 0.7
 """How much of the mean matrix is kept from step to step."""
 
@@ -175,6 +178,11 @@ class GaussNewton:
 
     def take_step(self, cost: Cost, vector: Vector, state: State) -> Step:
         """Minimise the model, and stay where that does not lower the cost on these examples."""
+        if vector.size > _MOST_PARAMETERS:
+            raise ValueError(
+                f"optimiser: Gauss-Newton takes at most {_MOST_PARAMETERS} parameters, and this "
+                f"network has {vector.size}; take adam"
+            )
         loss, gradient, matrix = cost.normal_equations(vector)
         full = max(1, cost.steps // 3)
         weight = 1 / (1 + max(0, cost.step - full))

@@ -90,6 +90,13 @@ fn add_blocks(
 /// Adds the ones of each pixel in one row of jots, which has eight bytes more than it needs.
 #[multiversion(targets("x86_64+popcnt+bmi1+bmi2"))]
 fn add_row(bytes: &[u8], side: usize, counts: &mut ArrayViewMut1<'_, i32>) {
+    if let (2 | 4 | 8, Some(counts)) = (side, counts.as_slice_mut()) {
+        return match side {
+            2 => add_shares_of_bytes::<4>(bytes, counts),
+            4 => add_shares_of_bytes::<2>(bytes, counts),
+            _ => add_shares_of_bytes::<1>(bytes, counts),
+        };
+    }
     if side <= FIELD {
         for (pixel, count) in counts.iter_mut().enumerate() {
             *count += field(bytes, pixel * side, side).count_ones() as i32;
@@ -104,6 +111,32 @@ fn add_row(bytes: &[u8], side: usize, counts: &mut ArrayViewMut1<'_, i32>) {
             *count += field(bytes, start, length).count_ones() as i32;
             start += length;
         }
+    }
+}
+
+/// Adds the ones of pixels of 2, 4 or 8 jots, of which so many share a byte.
+#[inline(always)]
+fn add_shares_of_bytes<const PIXELS: usize>(bytes: &[u8], counts: &mut [i32]) {
+    let width = 8 / PIXELS;
+    let share = |byte: u8, pixel: usize| {
+        // Sums of two, four and eight neighbouring bits, all of a byte at once.
+        let mut sums = byte - (byte >> 1 & 0x55);
+        if PIXELS < 4 {
+            sums = (sums & 0x33) + (sums >> 2 & 0x33);
+        }
+        if PIXELS < 2 {
+            sums = (sums & 0x0f) + (sums >> 4);
+        }
+        i32::from(sums >> (8 - width * (pixel + 1)) & (0xff >> (8 - width)) as u8)
+    };
+    let whole = counts.as_chunks_mut::<PIXELS>();
+    for (counts, &byte) in whole.0.iter_mut().zip(bytes) {
+        for pixel in 0..PIXELS {
+            counts[pixel] += share(byte, pixel);
+        }
+    }
+    for (pixel, count) in whole.1.iter_mut().enumerate() {
+        *count += share(bytes[whole.0.len()], pixel);
     }
 }
 

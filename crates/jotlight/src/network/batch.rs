@@ -68,12 +68,11 @@ impl Batch<'_> {
         check_chain(layers)?;
         let side = self.sensor.kernel.oversampling();
         let (_, frames, lines, columns) = layers[0].filters.dim();
-        if (frames, lines, columns) != (1, 1, 1)
-            && (frames, lines, columns) != (self.frames, side, side)
-        {
+        let block = (self.frames, side, side);
+        if !is_tied(&layers[0]) && (frames, lines, columns) != block {
             return Err(Error::shape(
                 "filters of the first layer",
-                (self.frames, side, side),
+                block,
                 (frames, lines, columns),
             ));
         }
@@ -225,9 +224,8 @@ impl Batch<'_> {
             &window,
             packed.view_mut(),
         )?;
-        let tied = layers[0].filters.dim().1 * layers[0].filters.dim().2 == 1;
         let bits = PackedBits::new(packed.view(), width * side)?;
-        let blocks = Blocks::of(bits, side, tied && layers[0].filters.dim().3 == 1)?;
+        let blocks = Blocks::of(bits, side, is_tied(&layers[0]))?;
         let trace = Trace::new(layers, &blocks);
 
         let (rows, columns) = self.counted(patch);
@@ -261,6 +259,12 @@ impl Batch<'_> {
             inside(&patch.columns, image.ncols()),
         )
     }
+}
+
+/// Whether one weight serves a whole block.
+fn is_tied<F: Real>(layer: &Layer<F>) -> bool {
+    let (_, frames, lines, columns) = layer.filters.dim();
+    (frames, lines, columns) == (1, 1, 1)
 }
 
 fn squares<F: Real>(residual: ArrayView2<'_, F>) -> f64 {

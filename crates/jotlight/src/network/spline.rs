@@ -78,7 +78,9 @@ impl<F: Real> Spline<F> {
     #[inline(always)]
     pub fn weights(&self, z: F) -> (usize, [F; 4]) {
         let (first, f) = self.place(z);
-        (first, basis(f))
+        let f = f.as_f64();
+        let powers = [1.0, f, f * f, f * f * f];
+        (first, BASIS.map(|basis| F::from_f64(dot(basis, powers))))
     }
 
     /// The knot interval of z, and how far z is through it.
@@ -113,24 +115,30 @@ pub(super) fn push<F: Real>(
     gradient: &mut [F],
     of_coefficients: &mut [f64],
 ) {
-    // Neighbours mostly meet the same coefficients; their sums take turns, so that none waits for the one before.
+    // Of each knot interval Σ gradient · (1, f, f², f³), from which the basis functions' sums follow. Neighbours mostly meet in
+    // one interval; its sums take turns, so that none waits for the one before.
     let mut turns = vec![[F::zero(); 4]; TURNS * spline.cubics.len()];
     // In stretches, so that no long sum is kept in few bits.
     for (inputs, gradient) in inputs.chunks(STRETCH).zip(gradient.chunks_mut(STRETCH)) {
         for (index, (&z, gradient)) in inputs.iter().zip(gradient).enumerate() {
             let (first, f) = spline.place(z);
             let sums = &mut turns[first * TURNS + index % TURNS];
-            let weights = basis(f);
+            let squared = *gradient * f * f;
+            let powers = [*gradient, *gradient * f, squared, squared * f];
             for k in 0..4 {
-                sums[k] += weights[k] * *gradient;
+                sums[k] += powers[k];
             }
             *gradient *= spline.slope_at(z, first, f);
         }
         for (first, turns) in turns.chunks_exact_mut(TURNS).enumerate() {
-            for sums in turns {
-                for (out, sum) in of_coefficients[first..].iter_mut().zip(sums) {
-                    *out += std::mem::take(sum).as_f64();
+            let mut sums = [0.0; 4];
+            for turn in turns {
+                for (sum, part) in sums.iter_mut().zip(turn) {
+                    *sum += std::mem::take(part).as_f64();
                 }
+            }
+            for (out, powers) in of_coefficients[first..].iter_mut().zip(BASIS) {
+                *out += dot(powers, sums);
             }
         }
     }
@@ -143,24 +151,27 @@ fn clamp<F: Real>(x: F, low: F, high: F) -> F {
     if x < high { x } else { high }
 }
 
-/// What four coefficients in a row amount to between the knots that they share.
+/// What four coefficients in a row amount to between the knots that they share, in powers of the distance.
 fn cubic<F: Real>(w: &[F]) -> [F; 4] {
-    let [two, three, four, six] = [2.0, 3.0, 4.0, 6.0].map(F::from_f64);
-    [
-        (w[0] + four * w[1] + w[2]) / six,
-        (w[2] - w[0]) / two,
-        (w[0] - two * w[1] + w[2]) / two,
-        (w[3] - w[0] + three * (w[1] - w[2])) / six,
-    ]
+    std::array::from_fn(|power| {
+        let terms = w
+            .iter()
+            .zip(BASIS)
+            .map(|(w, basis)| w.as_f64() * basis[power]);
+        F::from_f64(terms.sum())
+    })
 }
 
-/// The four cubic B-splines that are not zero at distance `f` in \[0, 1\] past a knot.
-#[inline(always)]
-fn basis<F: Real>(f: F) -> [F; 4] {
-    let [third, half, sixth, two] = [2.0 / 3.0, 0.5, 1.0 / 6.0, 2.0].map(F::from_f64);
-    let g = F::one() - f;
-    let middle = |f: F| third + half * f * f * (f - two);
-    [g * g * g * sixth, middle(f), middle(g), f * f * f * sixth]
+/// The four cubic B-splines that are not zero past a knot, in powers of the distance f in \[0, 1\] past it.
+const BASIS: [[f64; 4]; 4] = [
+    [1.0 / 6.0, -0.5, 0.5, -1.0 / 6.0],
+    [4.0 / 6.0, 0.0, -1.0, 0.5],
+    [1.0 / 6.0, 0.5, 0.5, -0.5],
+    [0.0, 0.0, 0.0, 1.0 / 6.0],
+];
+
+fn dot(a: [f64; 4], b: [f64; 4]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 #[cfg(test)]

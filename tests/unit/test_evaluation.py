@@ -1,0 +1,191 @@
+import csv
+import math
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.evaluation import MEASURES, Evaluation, Score
+
+SENSOR = jl.Sensor(oversampling=2, frames=2)
+IMAGES = [np.random.default_rng(i).random((12 + i, 14), np.float32) for i in range(4)]
+
+
+def scored(*values):
+    return Evaluation([Score(str(i), value, value / 2, value / 100) for i, value in values])
+
+
+def test_each_score_is_that_of_the_image_by_hand_with_the_next_seed():
+    result = jl.evaluate(jl.mle, IMAGES, SENSOR, rng=5)
+    for number, (score, image) in enumerate(zip(result.scores, IMAGES, strict=True)):
+        estimate = jl.mle(SENSOR.expose(image, rng=5 + number), SENSOR)
+        assert score == Score(
+            str(number),
+            jl.metrics.psnr(estimate, image),
+            jl.metrics.snr(estimate, image),
+            jl.metrics.ssim(estimate, image),
+        )
+
+
+def test_the_default_seed_is_0_and_another_gives_other_scores():
+    one, other = (jl.evaluate(jl.mle, IMAGES, SENSOR, rng=seed) for seed in (0, 1))
+    assert jl.evaluate(jl.mle, IMAGES, SENSOR) == one
+    assert (one.values("psnr") != other.values("psnr")).all()
+
+
+def test_an_array_and_a_list_of_images_are_scored_alike():
+    stack = np.stack([image[:12] for image in IMAGES])
+    assert jl.evaluate(jl.mle, stack, SENSOR) == jl.evaluate(jl.mle, list(stack), SENSOR)
+
+
+def test_a_network_is_scored_like_its_reconstruction():
+    network = jl.Network.initial(SENSOR, sigma=1.0)
+    assert jl.evaluate(network, IMAGES, SENSOR) == jl.evaluate(network.reconstruct, IMAGES, SENSOR)
+
+
+def test_the_sensor_that_is_given_sees_the_images_and_not_the_network_s_own():
+    network = jl.Network.initial(SENSOR)
+    noisy = SENSOR.replace(dark_counts=0.5)
+    result = jl.evaluate(network, IMAGES[:1], noisy)
+    estimate = network.reconstruct(noisy.expose(IMAGES[0], rng=0), noisy)
+    assert result.scores[0].psnr == jl.metrics.psnr(estimate, IMAGES[0])
+
+
+def test_colour_images_are_scored():
+    image = np.random.default_rng(9).random((12, 13, 3), np.float32)
+    [score] = jl.evaluate(jl.mle, [image], SENSOR).scores
+    estimate = jl.mle(SENSOR.expose(image, rng=0), SENSOR)
+    assert (score.psnr, score.ssim) == (
+        jl.metrics.psnr(estimate, image),
+        jl.metrics.ssim(estimate, image),
+    )
+
+
+def test_method_gets_sensor_and_threads():
+    seen = []
+
+    def method(bits, sensor, *, threads):
+        seen.append((bits.shape, sensor, threads))
+        return np.zeros(IMAGES[0].shape, np.float32)
+
+    jl.evaluate(method, IMAGES[:1], SENSOR, threads=1)
+    assert seen == [((2, 24, 28), SENSOR, 1)]
+
+
+def test_threads_do_not_change_the_scores():
+    results = [jl.evaluate(jl.mle, IMAGES, SENSOR, threads=threads) for threads in (1, 2, None)]
+    assert results[0] == results[1] == results[2]
+
+
+def test_progress_is_told_after_each_image():
+    shares = []
+    jl.evaluate(jl.mle, IMAGES, SENSOR, progress=shares.append)
+    assert shares == [0.25, 0.5, 0.75, 1.0]
+
+
+def test_mean_is_over_the_images():
+    result = jl.evaluate(jl.mle, IMAGES, SENSOR)
+    for measure in MEASURES:
+        by_hand = [getattr(score, measure) for score in result.scores]
+        assert result.values(measure).tolist() == by_hand
+        assert result.mean(measure) == pytest.approx(sum(by_hand) / 4)
+
+
+@pytest.mark.parametrize(
+    ("number", "share", "worst"),
+    [
+        (1, 0.01, 1), (20, 0.05, 1), (21, 0.05, 2), (100, 0.05, 5), (100, 0.01, 1),
+        (101, 0.01, 2), (100, 0.051, 6), (7, 0.5, 4), (7, 1, 7),
+    ],
+)  # fmt: skip
+def test_worst_is_the_mean_over_the_share_rounded_up(number, share, worst):
+    order = np.random.default_rng(number).permutation(number)
+    result = scored(*((i, float(20 + i)) for i in order))
+    expected = np.mean(20 + np.arange(worst))
+    assert result.worst("psnr", share) == pytest.approx(expected, rel=1e-12)
+    assert result.worst("snr", share) == pytest.approx(expected / 2, rel=1e-12)
+    assert result.worst("ssim", share) == pytest.approx(expected / 100, rel=1e-12)
+
+
+def test_a_share_that_binary_fractions_miss_takes_no_image_more():
+    # 0.07 x 100 is 7.000000000000001 in binary.
+    result = scored(*((i, float(i)) for i in range(100)))
+    assert result.worst("psnr", 0.07) == np.mean(range(7))
+
+
+def test_each_measure_has_its_own_worst_images():
+    result = Evaluation([Score("a", 10.0, 30.0, 0.9), Score("b", 20.0, 5.0, 0.2)])
+    worst = [result.worst(measure, 0.5) for measure in MEASURES]
+    assert worst == [10.0, 5.0, 0.2]
+
+
+@pytest.mark.parametrize("share", [0, -0.1, 1.01, math.nan])
+def test_a_share_outside_of_its_range_is_refused(share):
+    with pytest.raises(ValueError, match=r"share: expected a number in \(0, 1\]"):
+        scored((0, 1.0)).worst("psnr", share)
+
+
+def test_an_unknown_measure_is_refused():
+    with pytest.raises(ValueError, match="measure: expected one of psnr, snr, ssim, got 'mse'"):
+        scored((0, 1.0)).mean("mse")
+
+
+def read(path):
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_csv_has_a_row_for_each_image_in_their_order(tmp_path):
+    names = ["b.png", "a.png", 'with, comma and "quotes".png', "σ.png"]
+    result = jl.evaluate(jl.mle, IMAGES, SENSOR, names=names)
+    path = tmp_path / "scores.csv"
+    result.write_csv(path)
+    assert path.read_text(encoding="utf-8").splitlines()[0] == "image,psnr_db,snr_db,ssim"
+    rows = read(path)
+    assert [row["image"] for row in rows] == names
+    for row, score in zip(rows, result.scores, strict=True):
+        back = [float(row[name]) for name in ("psnr_db", "snr_db", "ssim")]
+        assert back == pytest.approx([score.psnr, score.snr, score.ssim], abs=5.1e-7)
+
+
+def test_images_too_small_for_ssim_have_none_and_a_blank_in_the_csv(tmp_path):
+    result = jl.evaluate(jl.mle, [np.full((10, 30), 0.5), np.full((11, 11), 0.5)], SENSOR)
+    assert result.scores[0].ssim is None
+    assert result.scores[1].ssim is not None
+    assert np.isnan(result.values("ssim")).tolist() == [True, False]
+    assert math.isfinite(result.mean("psnr"))
+    assert math.isnan(jl.evaluate(jl.mle, np.full((2, 4, 4), 0.5), SENSOR).mean("ssim"))
+    result.write_csv(tmp_path / "scores.csv")
+    blank, full = read(tmp_path / "scores.csv")
+    assert blank["ssim"] == ""
+    assert float(full["ssim"]) == pytest.approx(result.scores[1].ssim, abs=1e-6)
+
+
+def test_a_perfect_estimate_is_infinitely_good_and_comes_back_so(tmp_path):
+    result = jl.evaluate(lambda bits, sensor, threads: IMAGES[0], IMAGES[:1], SENSOR)
+    assert result.mean("psnr") == math.inf
+    result.write_csv(tmp_path / "scores.csv")
+    assert float(read(tmp_path / "scores.csv")[0]["psnr_db"]) == math.inf
+
+
+@pytest.mark.parametrize(
+    ("images", "options", "error", "message"),
+    [
+        ([], {}, ValueError, "images: expected at least one, got none"),
+        (np.empty((0, 4, 4)), {}, ValueError, "images: expected at least one, got none"),
+        (IMAGES, {"names": ["a"]}, ValueError, "names: expected one for each of 4 images, got 1"),
+        ([np.zeros((4, 4), int)], {}, TypeError, "image: expected floats"),
+        ([np.full((4, 4), np.nan)], {}, ValueError, "finite"),
+        ([np.zeros((0, 4))], {}, ValueError, "image: expected"),
+        ([np.zeros(4)], {}, ValueError, "image: expected"),
+        (IMAGES, {"rng": -1}, ValueError, "rng"),
+    ],
+)
+def test_what_cannot_be_scored_is_refused(images, options, error, message):
+    with pytest.raises(error, match=message):
+        jl.evaluate(jl.mle, images, SENSOR, **options)
+
+
+def test_a_network_for_another_sensor_is_refused():
+    with pytest.raises(ValueError, match="sensor: the network needs data with its own bits"):
+        jl.evaluate(jl.Network.initial(SENSOR), IMAGES, jl.Sensor(oversampling=3))

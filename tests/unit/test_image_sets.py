@@ -1,0 +1,239 @@
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image
+
+from jotlight.image_sets import ENDINGS, read_image_set
+
+LEVELS = np.random.default_rng(0).integers(0, 256, (12, 15), np.uint8)
+COLOUR = np.random.default_rng(1).integers(0, 256, (12, 15, 3), np.uint8)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with a picture in each format, whose names are not in the order of their making."""
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    np.save(folder / "f.npy", LEVELS / np.float32(255))
+    Image.fromarray(LEVELS).save(folder / "c.png")
+    Image.fromarray(LEVELS).save(folder / "a.bmp")
+    Image.fromarray(LEVELS).save(folder / "e.pgm")
+    tifffile.imwrite(folder / "d.tif", LEVELS)
+    Image.fromarray(LEVELS).save(folder / "b.PNG")
+    Image.fromarray(LEVELS).save(folder / "g.webp", lossless=True)
+    return folder
+
+
+def test_pictures_of_every_format_come_in_the_order_of_their_names(folder):
+    names, images = read_image_set(folder)
+    assert names == ["a.bmp", "b.PNG", "c.png", "d.tif", "e.pgm", "f.npy", "g.webp"]
+    for image in images:
+        assert image.dtype == np.float32
+        assert image.flags.c_contiguous
+        np.testing.assert_allclose(image, LEVELS / 255, atol=1e-7)
+
+
+def test_a_path_may_be_a_string(folder):
+    assert read_image_set(str(folder))[0] == read_image_set(folder)[0]
+
+
+def test_hidden_files_and_other_endings_are_left_out(folder):
+    before = read_image_set(folder)[0]
+    (folder / ".hidden.png").write_bytes(b"no picture")
+    (folder / "notes.txt").write_text("no picture")
+    (folder / "noending").write_text("no picture")
+    (folder / "film.mp4").write_text("no picture")
+    (folder / "below").mkdir()
+    Image.fromarray(LEVELS).save(folder / "below" / "deeper.png")
+    assert read_image_set(folder)[0] == before
+
+
+def test_pictures_of_several_sizes_keep_theirs(folder):
+    Image.fromarray(LEVELS[:5, :3]).save(folder / "c.png")
+    assert {image.shape for image in read_image_set(folder)[1]} == {(12, 15), (5, 3)}
+
+
+@pytest.mark.parametrize("name", ["colour.png", "colour.tif"])
+def test_colour_becomes_the_luma_of_bt_601_in_whole_levels(tmp_path, name):
+    if name.endswith("png"):
+        Image.fromarray(COLOUR).save(tmp_path / name)
+    else:
+        tifffile.imwrite(tmp_path / name, COLOUR, photometric="rgb")
+    red, green, blue = np.moveaxis(COLOUR.astype(float), 2, 0)
+    luma = np.rint(0.299 * red + 0.587 * green + 0.114 * blue) / 255
+    [image] = read_image_set(tmp_path)[1]
+    np.testing.assert_allclose(image, luma, atol=1e-7)
+    swapped = np.rint(0.299 * blue + 0.587 * green + 0.114 * red) / 255
+    assert np.abs(image - swapped).max() > 0.05
+
+
+@pytest.mark.parametrize("first", [1, 3, 7, 100])
+def test_first_takes_the_first_by_name_and_reads_no_others(folder, first):
+    names, images = read_image_set(folder)
+    some, theirs = read_image_set(folder, first=first)
+    assert some == names[:first]
+    assert len(theirs) == len(some) == min(first, 7)
+    (folder / "g.webp").write_text("no picture")
+    if first < 7:
+        assert read_image_set(folder, first=first)[0] == some
+    np.testing.assert_array_equal(theirs[0], images[0])
+
+
+@pytest.mark.parametrize("first", [0, -1])
+def test_first_of_none_is_refused(folder, first):
+    with pytest.raises(ValueError, match=f"first: expected at least 1 image, got {first}"):
+        read_image_set(folder, first=first)
+
+
+def test_progress_is_told_to_the_end(folder):
+    shares = []
+    read_image_set(folder, progress=shares.append)
+    np.testing.assert_allclose(shares, np.arange(1, 8) / 7)
+
+
+def save_as(path, stack):
+    if path.suffix == ".npz":
+        np.savez(path, stack)
+    else:
+        np.save(path, stack)
+    return path
+
+
+@pytest.mark.parametrize("ending", [".npy", ".npz"])
+@pytest.mark.parametrize("kind", [np.uint8, np.float16, np.float32, np.float64])
+def test_an_array_of_images_is_read_with_the_scale_of_its_kind(tmp_path, ending, kind):
+    stack = np.stack([LEVELS, LEVELS[::-1]])
+    stored = stack if kind == np.uint8 else (stack / 255).astype(kind)
+    names, images = read_image_set(save_as(tmp_path / f"a{ending}", stored))
+    assert names == ["0", "1"]
+    for image, levels in zip(images, stack, strict=True):
+        assert image.dtype == np.float32
+        np.testing.assert_allclose(image, levels / 255, atol=5e-4 if kind == np.float16 else 1e-7)
+
+
+def test_names_of_an_array_sort_like_its_images(tmp_path):
+    path = save_as(tmp_path / "a.npy", np.zeros((101, 2, 3), np.float32))
+    names, _ = read_image_set(path)
+    assert names == sorted(names)
+    assert (names[0], names[-1]) == ("000", "100")
+    names, images = read_image_set(path, first=3)
+    assert names == ["0", "1", "2"]
+    assert len(images) == 3
+
+
+@pytest.mark.parametrize("kind", [np.uint16, np.int32, np.int64])
+def test_other_whole_numbers_need_the_white_level(tmp_path, kind):
+    stack = np.arange(24, dtype=kind).reshape(2, 3, 4)
+    path = save_as(tmp_path / "a.npy", stack)
+    with pytest.raises(ValueError, match=rf"a\.npy: nothing tells the scale of {stack.dtype}"):
+        read_image_set(path)
+    images = read_image_set(path, white=23)[1]
+    np.testing.assert_allclose(images, stack / 23, rtol=1e-6)
+
+
+def test_white_scales_pictures_and_floats_too(tmp_path):
+    path = save_as(tmp_path / "a.npy", np.full((2, 3, 4), 5.0))
+    np.testing.assert_array_equal(read_image_set(path, white=10)[1], np.full((2, 3, 4), 0.5))
+    Image.fromarray(LEVELS).save(tmp_path / "b.png")
+    path.unlink()
+    np.testing.assert_allclose(read_image_set(tmp_path, white=100)[1][0], LEVELS / 100, rtol=1e-6)
+
+
+@pytest.mark.parametrize("white", [0, -1.0, np.nan, np.inf])
+def test_a_senseless_white_level_is_refused(tmp_path, white):
+    path = save_as(tmp_path / "a.npy", np.zeros((2, 3, 4)))
+    with pytest.raises(ValueError, match="white: expected"):
+        read_image_set(path, white=white)
+
+
+def test_a_key_chooses_an_array_of_several(tmp_path):
+    path = tmp_path / "a.npz"
+    np.savez(path, one=np.zeros((2, 3, 4)), two=np.ones((5, 3, 4)))
+    assert len(read_image_set(path, key="two")[1]) == 5
+    with pytest.raises(ValueError, match=r"a\.npz: expected the name of an array .*one, two$"):
+        read_image_set(path)
+    with pytest.raises(ValueError, match="one, two, got 'three'"):
+        read_image_set(path, key="three")
+
+
+def test_a_key_for_what_has_none_is_refused(folder, tmp_path):
+    path = save_as(tmp_path / "a.npy", np.zeros((2, 3, 4)))
+    for source in (folder, path):
+        with pytest.raises(ValueError, match=r"key: names an array in a \.npz"):
+            read_image_set(source, key="a")
+
+
+def test_a_place_that_is_not_there_is_named(tmp_path):
+    for name in ("none", "none.npy", "none.npz"):
+        with pytest.raises(FileNotFoundError, match=rf"there is no folder or file .*{name}$"):
+            read_image_set(tmp_path / name)
+
+
+def test_a_folder_without_pictures_says_what_was_expected(tmp_path):
+    (tmp_path / "notes.txt").write_text("no picture")
+    with pytest.raises(ValueError, match="expected pictures") as caught:
+        read_image_set(tmp_path)
+    assert str(tmp_path) in str(caught.value)
+    assert all(ending in str(caught.value) for ending in ENDINGS)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("ca.png", b"no picture", "no known format"),
+        ("ca.tif", b"no picture", "cannot be read"),
+        ("ca.npy", b"no array", "does not begin like one"),
+        ("ca.jpg", b"", "no known format"),
+    ],
+)
+def test_a_picture_that_cannot_be_read_is_named(folder, name, content, message):
+    (folder / name).write_bytes(content)
+    with pytest.raises(ValueError, match=rf"pictures/{name}: .*{message}"):
+        read_image_set(folder)
+
+
+def test_a_truncated_picture_is_named(folder):
+    whole = (folder / "c.png").read_bytes()
+    (folder / "c.png").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(ValueError, match=r"c\.png: the picture is damaged or truncated"):
+        read_image_set(folder)
+
+
+@pytest.mark.parametrize("shape", [(7,), (2, 3, 4, 3), (3, 4, 2), (0, 4), (4, 0, 3)])
+def test_an_array_in_a_folder_that_is_no_picture_is_named(folder, shape):
+    np.save(folder / "f.npy", np.zeros(shape, np.float32))
+    with pytest.raises(ValueError, match=r"f\.npy: expected"):
+        read_image_set(folder)
+
+
+@pytest.mark.parametrize("ending", [".npy", ".npz"])
+def test_python_objects_are_refused(tmp_path, ending):
+    path = save_as(tmp_path / f"a{ending}", np.array([[[{}]]], dtype=object))
+    with pytest.raises(ValueError, match="Python objects, which can run code and are never read"):
+        read_image_set(path)
+
+
+@pytest.mark.parametrize(
+    "stack",
+    [
+        np.zeros((0, 3, 4)),
+        np.zeros((2, 0, 4)),
+        np.zeros((3, 4)),
+        np.zeros((2, 3, 4, 3)),
+        np.zeros((2, 3, 4), bool),
+        np.zeros((2, 3, 4), complex),
+        np.full((2, 3, 4), "a"),
+    ],
+    ids=lambda stack: f"{stack.dtype} {stack.shape}",
+)
+@pytest.mark.parametrize("ending", [".npy", ".npz"])
+def test_what_is_no_stack_of_images_is_refused(tmp_path, stack, ending):
+    path = save_as(tmp_path / f"a{ending}", stack)
+    with pytest.raises(ValueError, match=rf"a\{ending}: expected an array of images \(N, H, W\)"):
+        read_image_set(path)
+
+
+def test_a_single_picture_is_refused_as_a_set(tmp_path):
+    Image.fromarray(LEVELS).save(tmp_path / "a.png")
+    with pytest.raises(ValueError, match=r"a\.png: expected a folder of pictures, a \.npy"):
+        read_image_set(tmp_path / "a.png")
