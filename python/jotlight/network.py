@@ -389,7 +389,9 @@ class Network:
                 f"{path}: expected a safetensors file, which this is not or no more ({error})"
             ) from error
         if metadata.get("format") != _FORMAT:
-            kind = metadata.get("format", "a safetensors file of another kind")
+            kind = metadata.get("format", "")
+            if not kind.startswith("jotlight"):
+                kind = "a safetensors file of another kind"
             raise ValueError(f"{path}: expected a network of jotlight, got {kind}")
         if metadata.get("version") != str(_VERSION):
             raise ValueError(
