@@ -48,8 +48,12 @@ def main() -> None:
     print(f"gradients differ by {error:.1e} of their norm\n")
     assert error < 1e-4
 
+    # A network without filters has next to nothing to do but the drawing.
+    table = jl.Network([jl.Layer(np.ones((1, 1, 1, 1)), np.zeros((1, 4)), 0.0, 16.0)], SENSOR)
+    drawing = Cost(table, examples, 0, 1, jl.training.SafeSet(), threads)
     runs = {
         "jotlight, bits drawn too": lambda: cost.gradient(vector),
+        "of which drawing and counting": lambda: drawing.value(vector_of(table)),
         "PyTorch, gradient alone": rival.gradient,
         "PyTorch, bits drawn too": lambda: (rival.draw(), rival.gradient()),
     }

@@ -69,7 +69,7 @@ def train(
     ] = None,
     untied: Annotated[
         bool,
-        typer.Option("--untied", help="Learn a weight for each jot; it gains for smooth kernels."),
+        typer.Option("--untied", help="Learn a weight for each jot of a pixel, not one for all."),
     ] = False,
     start: Annotated[
         Path | None, typer.Option(help="A network to start from, instead of the initial one.")
@@ -92,8 +92,9 @@ def train(
 ) -> None:
     """Learn the best network for a sensor from images.
 
-    The cost that it shows is half the square error of a patch. Stop it with Ctrl-C whenever you
-    like; with --resume it goes on as if it had not been stopped.
+    Ctrl-C stops it; with --resume it goes on as if it had not been stopped.
+
+    The cost that it shows is half the square error of a patch.
     """
     if output.suffix.lower() != ".safetensors":
         raise ValueError(f"{output}: expected a name that ends in .safetensors")

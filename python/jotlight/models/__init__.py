@@ -1,6 +1,5 @@
 """Networks that come with jotlight, trained on photographs; each has a model card beside it."""
 
-import shlex
 from pathlib import Path
 
 from jotlight.mle import reference_dark_counts
@@ -94,7 +93,7 @@ def training_command(sensor: Sensor) -> str:
     if sensor.threshold != 1:
         options.append(f"--threshold {sensor.threshold}")
     if sensor.kernel != "box":
-        options.append(f"--kernel {shlex.quote(sensor.kernel)} --untied")
+        options.append(f"--kernel {sensor.kernel}")
     if dark := reference_dark_counts(sensor):
         options.append(f"--dark-counts {float(dark)!r}")
     if sensor.efficiency != 1:

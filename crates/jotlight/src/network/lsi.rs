@@ -381,3 +381,45 @@ fn correlate_gradient<F: Real>(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use ndarray::{Array4, Zip};
+
+    use super::*;
+
+    /// Numbers without a pattern, from a linear congruence.
+    fn some<D: ndarray::Dimension>(
+        shape: impl ndarray::ShapeBuilder<Dim = D>,
+    ) -> ndarray::Array<f64, D> {
+        let mut state = 1u32;
+        ndarray::Array::from_shape_simple_fn(shape, || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(state) / 4e9 - 0.5
+        })
+    }
+
+    fn product(a: &Array3<f64>, b: &Array3<f64>) -> f64 {
+        Zip::from(a).and(b).fold(0.0, |sum, a, b| sum + a * b)
+    }
+
+    #[test]
+    fn gradients_are_the_adjoints() {
+        for (height, width) in [(1, 1), (3, 70), (9, 20), (40, 33)] {
+            for (lines, columns) in [(1, 1), (4, 2), (3, 5), (15, 15)] {
+                let planes = some((2, height, width));
+                let filters = some((3, 2, lines, columns));
+                let gradient = some((3, height, width)) * 2.0;
+                let padded = Padded::mirrored(planes.view(), (lines, columns));
+                let direct = product(&padded.convolve(filters.view()), &gradient);
+
+                let back = push_to_planes(filters.view(), gradient.view());
+                assert!((product(&planes, &back) - direct).abs() < 1e-10);
+
+                let mut of_taps = Array4::zeros(filters.dim());
+                padded.push_to_taps(gradient.view(), of_taps.view_mut());
+                assert!(((&of_taps * &filters).sum() - direct).abs() < 1e-10);
+            }
+        }
+    }
+}
