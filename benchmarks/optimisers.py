@@ -35,7 +35,7 @@ def main() -> None:
 
 
 class Clock:
-    """Seconds and test PSNR of a run, the time of the tests taken out as far as it is known."""
+    """Seconds and test PSNR of a run; the tests take a few of these seconds."""
 
     def __init__(self) -> None:
         self.begun = time.perf_counter()

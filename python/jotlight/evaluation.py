@@ -115,6 +115,9 @@ def evaluate(
     >>> evaluate(mle, np.full((2, 16, 16), 0.5), sensor).mean("psnr") > 10
     True
     """
+    if not isinstance(rng, int | np.integer):
+        raise TypeError(f"rng: expected the whole number that is the first seed, got {rng!r}")
+    images = [np.asarray(image) for image in images]
     if len(images) == 0:
         raise ValueError("images: expected at least one, got none")
     names = [str(number) for number in range(len(images))] if names is None else names

@@ -67,7 +67,8 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         temporary.chmod(_permissions(path))
         temporary.replace(path)
     except OSError as error:
-        if error.errno in _FULL:
+        # Another file's may have come through here.
+        if error.errno in _FULL and "cannot write" not in str(error.strerror):
             reason = os.strerror(error.errno)
             raise OSError(error.errno, f"cannot write {path}: {reason}") from error
         raise

@@ -334,6 +334,10 @@ class Network:
                 f"{mine.oversampling} jots per pixel, got {its.frames} frames of "
                 f"{its.oversampling} x {its.oversampling}"
             )
+        if mine.kernel != its.kernel:
+            raise ValueError(
+                f"sensor: the network is for the {mine.kernel} kernel, got {its.kernel}"
+            )
         if mine.bits_per_pixel != its.bits_per_pixel or not np.allclose(
             mine._response(), its._response(), rtol=1e-9, atol=0
         ):

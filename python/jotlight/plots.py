@@ -124,6 +124,7 @@ def training(network: Network, history: History) -> "Figure":
             place.plot(x, y, color=_MARK, linewidth=1)
         else:
             place.text(0.5, 0.5, "no test images", ha="center", transform=place.transAxes)
+            place.set_axis_off()
     for place, layer, name in (
         (axes[1, 0], network.layers[0], "φ of the first layer"),
         (axes[1, 2], network.layers[-1], "φ of the last layer"),
@@ -133,7 +134,9 @@ def training(network: Network, history: History) -> "Figure":
     later = network.layers[min(1, len(network.layers) - 1)].filters[0, 0]
     largest = float(np.abs(later).max()) or 1.0
     image = axes[1, 1].imshow(later, cmap="RdBu_r", vmin=-largest, vmax=largest)
-    axes[1, 1].set_title("filter h2", fontsize=11, color=_INK, loc="left")
+    axes[1, 1].set_title(
+        "filter h2" if len(network.layers) > 1 else "filter h1", fontsize=11, color=_INK, loc="left"
+    )
     axes[1, 1].set_axis_off()
     figure.colorbar(image, ax=axes[1, 1], shrink=0.9)
     return figure

@@ -228,7 +228,10 @@ def test_on_a_terminal_a_live_line_shows_the_run(pictures, tmp_path):
         (["pictures", "-o", NETWORK, "--plot", "pictures/0.png"], "this file is read"),
         (["pictures", "-o", NETWORK, "--test", "nothing"], "there is no folder or file nothing"),
         (["pictures", "-o", NETWORK, "--key", "a"], "key: names an array in a .npz"),
-        (["pictures", "-o", NETWORK, "--start", "other.safetensors"], "got Sensor(oversampling=4)"),
+        (
+            ["pictures", "-o", NETWORK, "--start", "other.safetensors", "-k", 4],
+            "got Sensor(oversampling=4)",
+        ),
         (["pictures", "-o", NETWORK, "--start", "cut.safetensors"], "cut.safetensors: expected"),
         (["pictures", "-o", NETWORK, "--start", "none.safetensors"], "none.safetensors"),
         (["pictures", "-o", "other.safetensors", "--start", "other.safetensors"], "this file is"),
@@ -256,3 +259,34 @@ def test_bad_input_gets_one_line_before_any_work_and_leaves_nothing(
     [line] = said.splitlines()
     assert line.startswith("error: ")
     assert contents(tmp_path) == before
+
+
+def test_tests_have_an_array_of_their_own_and_a_run_can_be_drawn_later(run, tmp_path):
+    rng = np.random.default_rng(0)
+    scenes, tests = rng.random((4, 24, 24)), np.full((2, 24, 24), 0.5)
+    np.savez("two.npz", scenes=scenes, tests=tests)
+    words = ["--key", "scenes", "--test", "two.npz", "--test-key", "tests", "--batch", 4]
+    assert run("train", "two.npz", "-o", NETWORK, "--steps", 1, *words)[0] == 0
+    records = jl.Network.load(NETWORK).history["records"]
+    learned = jl.evaluate(jl.Network.load(NETWORK), tests, jl.Sensor(oversampling=4))
+    assert abs(records["test_psnr"][-1] - learned.mean("psnr")) < 3
+    status, _ = run("info", NETWORK, "--plot", "run.png")
+    assert status == 0
+    assert (tmp_path / "run.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["-o", "m.checkpoint.safetensors"], "which is for stopped runs"),
+        (["-o", "m.safetensors", "--start", "m.checkpoint.safetensors"], "is read, so it is not"),
+        (["-o", "m.safetensors", "--damping", 1, "--optimiser", "adam"], "damping: is for gauss"),
+        (["-o", "m.safetensors", "--test-key", "a"], "test-key: names an array of --test"),
+    ],
+)
+def test_what_would_be_lost_or_go_unheard_is_refused(run, pictures, words, message):
+    jl.Network.initial(jl.Sensor(oversampling=4)).save("m.checkpoint.safetensors")
+    status, said = run("train", pictures, *words, "--restart")
+    assert status == 1
+    assert message in said
+    assert jl.Network.load("m.checkpoint.safetensors")

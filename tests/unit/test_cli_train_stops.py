@@ -182,9 +182,9 @@ def test_restart_with_a_mistake_keeps_the_stopped_run(
         (["--steps", 5], "steps is 3 there and 5 here"),
         (["--step-size", 0.5], "step_size=0.01"),
         (["--optimiser", "gauss-newton"], "optimiser is 'Adam("),
-        (["--sigma", 0.5], "network is"),
+        (["--sigma", 0.5], "the network is another one"),
         (["-k", 3], "sensor is"),
-        (["--test", "pictures"], "test is None there"),
+        (["--test", "pictures"], "the test is another one"),
     ],
     ids=str,
 )

@@ -379,3 +379,8 @@ def test_a_network_tells_what_it_is():
     )
     assert text.startswith("<Network: channels 2 -> 3 -> 1, ")
     assert f"{2 + 22 + 54 + 33 + 27 + 11} parameters" in text
+
+
+def test_a_network_for_another_kernel_is_refused():
+    with pytest.raises(ValueError, match="for the box kernel, got cubic"):
+        TIED.reconstruct(BITS, SPACE.replace(kernel="cubic"))

@@ -110,13 +110,49 @@ def test_a_finished_run_is_resumed_at_its_end(tmp_path):
 def test_checkpoints_are_kept_now_and_then(tmp_path, monkeypatch):
     path, found = tmp_path / "run", []
     monkeypatch.setattr(loop, "_SAVE_EVERY", -1.0)
-    train(checkpoint=path, callback=lambda _: found.append(load_file(path)["vector"]))
-    # Before any step, after each but the last, and at the end.
-    assert len(np.unique(found, axis=0)) == STEPS + 1
+
+    def look(_):
+        if path.exists():
+            found.append(load_file(path)["vector"])
+
+    train(checkpoint=path, callback=look)
+    # After each step, seen from the next one on.
+    assert len(np.unique(found, axis=0)) == STEPS
     monkeypatch.setattr(loop, "_SAVE_EVERY", 1e9)
     found.clear()
-    train(checkpoint=path, callback=lambda _: found.append(load_file(path)["vector"]))
+    path.unlink()
+    train(checkpoint=path, callback=look)
+    # After the first, and at the end.
     assert len(np.unique(found, axis=0)) == 2
+
+
+def test_a_file_that_is_no_checkpoint_is_not_overwritten(tmp_path):
+    path = tmp_path / "model.safetensors"
+    START.save(path)
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match="no checkpoint, so it is not overwritten"):
+        train(checkpoint=path)
+    assert path.read_bytes() == before
+
+
+def test_what_is_learned_is_for_the_sensor_that_was_given():
+    dim = SENSOR.replace(dark_counts=0.3)
+    learned, history = train(sensor=dim, test=IMAGES[:4], steps=2)
+    assert learned.sensor == dim
+    scores = jl.evaluate(learned, IMAGES[:4].repeat(30, 0), dim)
+    assert scores.mean("psnr") == pytest.approx(history.test_psnr[-1], abs=0.5)
+
+
+def test_parameters_outside_of_the_set_are_a_damaged_checkpoint(tmp_path):
+    path = tmp_path / "run"
+    train(checkpoint=path)
+    with safe_open(path, "numpy") as file:
+        metadata = file.metadata()
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    tensors["vector"] += 100
+    save_file(tensors, path, metadata)
+    with pytest.raises(ValueError, match="damaged checkpoint: its parameters are not in the set"):
+        train(checkpoint=path, resume=True)
 
 
 def test_history_has_a_record_more_than_steps():
@@ -211,13 +247,13 @@ WIDER = jl.Network.initial(SENSOR, taps=5, coefficients=12)
         ({"rng": 4}, "seed is 3 there and 4 here"),
         ({"patch": 13}, "patch is 12 there and 13 here"),
         ({"batch": 8}, "batch is 7 there and 8 here"),
-        ({"images": IMAGES[::-1]}, "images is"),
-        ({"test": IMAGES[:1]}, "test is None there"),
+        ({"images": IMAGES[::-1]}, "the images is another one"),
+        ({"test": IMAGES[:1]}, "the test is another one"),
         ({"optimiser": "adam"}, r"optimiser is 'GaussNewton\(.*' there and 'Adam\("),
         ({"admissible": SafeSet(0.1)}, r"admissible is 'SafeSet\(nu=0.5, rising=True\)' there"),
-        ({"sensor": SENSOR.replace(kernel="cubic")}, "sensor is"),
-        ({"network": OTHER}, "network is"),
-        ({"network": WIDER}, "network is"),
+        ({"sensor": SENSOR.replace(dark_counts=0.1)}, "sensor is"),
+        ({"network": OTHER}, "the network is another one"),
+        ({"network": WIDER}, "the network is another one"),
     ],
 )
 def test_a_checkpoint_of_another_run_is_refused_and_kept(tmp_path, changes, name):

@@ -9,6 +9,7 @@ from rich.table import Table
 
 from jotlight.bits import Bits
 from jotlight.cli.console import out, progress
+from jotlight.files import spare_inputs, written_whole
 from jotlight.formats.npy import is_cube, load_bits, npz_names, read_npy, read_npz
 from jotlight.network import Network
 from jotlight.pictures import read_picture
@@ -22,14 +23,34 @@ def info(
     width: Annotated[
         int | None, typer.Option(help="True width in jots, where no .json tells.")
     ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(help="A figure of a learned network and its run: .png, .pdf or .svg."),
+    ] = None,
 ) -> None:
     """Say what a file holds: shape, sensor, share of ones, range."""
+    if plot is not None:
+        _draw(file, plot)
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")
     for name, value in _facts(file, width):
         table.add_row(name, value)
     out.print(table)
+
+
+def _draw(file: Path, plot: Path) -> None:
+    from jotlight import plots
+
+    if plot.suffix.lower() not in (".png", ".pdf", ".svg"):
+        raise ValueError(f"{plot}: expected a name that ends in .png, .pdf or .svg")
+    network = Network.load(file)
+    if "records" not in network.history:
+        raise ValueError(f"{file}: this network has no history of a run to draw")
+    spare_inputs(plot, [file])
+    with written_whole(plot) as temporary:
+        history = History.from_json(network.history["records"])
+        plots.training(network, history).savefig(temporary, dpi=110)
 
 
 def _facts(file: Path, width: int | None) -> list[tuple[str, str]]:

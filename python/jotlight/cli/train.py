@@ -22,7 +22,7 @@ _SYNTHETIC = "synthetic"
 _TEST_SCENES = 512
 
 
-@options.takes_sensor(oversampling=4, frames=1)
+@options.takes_sensor()
 def train(
     images: Annotated[
         str,
@@ -54,6 +54,9 @@ def train(
         float | None,
         typer.Option(help="Of adam (default 0.01) or projected-gradient (default 5e-6)."),
     ] = None,
+    damping: Annotated[
+        float | None, typer.Option(help="The first damping of gauss-newton. Default: 0.1.")
+    ] = None,
     batch: Annotated[
         int | None,
         typer.Option(
@@ -84,6 +87,9 @@ def train(
         Path | None, typer.Option(help="A figure of the run and the network: .png, .pdf or .svg.")
     ] = None,
     key: Annotated[str | None, typer.Option(help="Name of the array in a .npz.")] = None,
+    test_key: Annotated[
+        str | None, typer.Option(help="Name of the array in the .npz of --test.")
+    ] = None,
     given: dict[str, Any],
     inputs: list[Path],
     seed: options.Seed = 0,
@@ -96,25 +102,28 @@ def train(
 
     The cost that it shows is half the square error of a patch.
     """
-    if output.suffix.lower() != ".safetensors":
-        raise ValueError(f"{output}: expected a name that ends in .safetensors")
+    if output.suffix.lower() != ".safetensors" or output.stem.endswith(".checkpoint"):
+        raise ValueError(
+            f"{output}: expected a name that ends in .safetensors, and not in "
+            ".checkpoint.safetensors, which is for stopped runs"
+        )
     if plot is not None and plot.suffix.lower() not in (".png", ".pdf", ".svg"):
         raise ValueError(f"{plot}: expected a name that ends in .png, .pdf or .svg")
     if start is not None and (untied or sigma is not None):
         raise ValueError("start: a given network comes with its own sigma and weights")
-    for file in filter(None, (output, plot)):
-        spare_inputs(file, [start, *inputs, *_files(images), *_files(test)])
     checkpoint = output.with_suffix(".checkpoint.safetensors")
+    for file in filter(None, (output, plot, checkpoint)):
+        spare_inputs(file, [start, *inputs, *_files(images), *_files(test)])
     _check_checkpoint(checkpoint, resume, restart)
-    sensor = Sensor(**given)
-    network = (
-        Network.load(start)
-        if start is not None
-        else Network.initial(sensor, sigma=0.7 if sigma is None else sigma, tied=not untied)
-    )
-    chosen = _optimiser(optimiser, step_size)
+    if start is not None:
+        network = Network.load(start)
+        sensor = network.sensor.replace(**given)
+    else:
+        sensor = Sensor(**{"oversampling": 4, **given})
+        network = Network.initial(sensor, sigma=0.7 if sigma is None else sigma, tied=not untied)
+    chosen = _optimiser(optimiser, step_size=step_size, damping=damping)
     steps = chosen.steps if steps is None else steps
-    scenes, tests = _images(images, test, key, white, seed)
+    scenes, tests = _images(images, test, key, test_key, white, seed)
     begun = time.perf_counter()
     # Made now, so that a place that cannot be written to is found before any work is done.
     with contextlib.ExitStack() as files:
@@ -137,7 +146,7 @@ def train(
                     callback=show,
                     threads=threads,
                 )
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, OSError):
             if checkpoint.exists():
                 err.print(
                     f"\nThe run so far is kept in [bold]{checkpoint}[/]: the same command with "
@@ -146,17 +155,15 @@ def train(
                 )
             raise
         except FloatingPointError as error:
-            raise FloatingPointError(
-                f"{error}. The run up to there is in {checkpoint}; begin anew with --restart and "
-                "--step-size"
-            ) from error
+            option = "--damping" if optimiser == "gauss-newton" else "--step-size"
+            raise FloatingPointError(f"{error}. Begin anew with --restart and {option}") from error
         learned.history["trained on"] = images
         learned.save(temporary)
         if figure is not None:
             from jotlight import plots
 
             plots.training(learned, history).savefig(figure, dpi=110)
-    checkpoint.unlink()
+    checkpoint.unlink(missing_ok=True)
     _tell(output, history, time.perf_counter() - begun, plot)
 
 
@@ -179,26 +186,34 @@ def _check_checkpoint(checkpoint: Path, resume: bool, restart: bool) -> None:
         raise FileNotFoundError(f"there is no stopped run to resume: no file {checkpoint}")
 
 
-def _optimiser(name: str, step_size: float | None) -> Optimiser:
+def _optimiser(name: str, *, step_size: float | None, damping: float | None) -> Optimiser:
     if name not in OPTIMISERS:
         raise ValueError(f"optimiser: expected one of {', '.join(OPTIMISERS)}, got {name!r}")
-    kind: Any = OPTIMISERS[name]
-    if step_size is None:
-        return kind()  # type: ignore[no-any-return]
-    if name == "gauss-newton":
+    if name == "gauss-newton" and step_size is not None:
         raise ValueError("step-size: is for adam and projected-gradient, not for gauss-newton")
-    return kind(step_size=step_size)  # type: ignore[no-any-return]
+    if name != "gauss-newton" and damping is not None:
+        raise ValueError(f"damping: is for gauss-newton, not for {name}")
+    settings = {"step_size": step_size, "damping": damping}
+    kind: Any = OPTIMISERS[name]
+    return kind(**{key: value for key, value in settings.items() if value is not None})  # type: ignore[no-any-return]
 
 
 def _images(
-    images: str, test: Path | None, key: str | None, white: float | None, seed: int
+    images: str,
+    test: Path | None,
+    key: str | None,
+    test_key: str | None,
+    white: float | None,
+    seed: int,
 ) -> tuple[Any, Any]:
+    if test_key is not None and test is None:
+        raise ValueError("test-key: names an array of --test, and there is none")
     if images == _SYNTHETIC and not Path(images).exists():
         if key is not None:
             raise ValueError("key: names an array in a .npz, and the synthetic scenes are none")
         if test is None:
             return uniform_scenes, uniform_scenes(np.random.default_rng([seed, 1]), _TEST_SCENES)
-        return uniform_scenes, read_image_set(test, white=white)[1]
+        return uniform_scenes, read_image_set(test, key=test_key, white=white)[1]
     if not Path(images).exists():
         raise FileNotFoundError(
             f"there is no folder or file {images}; the word {_SYNTHETIC} stands for random scenes"
@@ -211,7 +226,7 @@ def _images(
             return scenes, None
         _, tests = read_image_set(
             test,
-            key=key if test.suffix.lower() == ".npz" else None,
+            key=test_key,
             white=white,
             progress=begin("reading the test images"),
         )

@@ -37,6 +37,11 @@ def pretrained(sensor: Sensor) -> Network:
     ValueError
         When there is none for this sensor; the message says why, and how to train one.
 
+    Notes
+    -----
+    Data with dark counts or dead jots go to ``reconstruct(data, sensor)`` with their sensor, where
+    they do not carry it.
+
     Examples
     --------
     >>> import numpy as np
@@ -79,10 +84,7 @@ def lacking(sensor: Sensor) -> str | None:
         reason = f"dark counts of {reference_dark_counts(sensor):.3g}, only up to {_DARK}"
     else:
         return None
-    return (
-        f"there is no trained network for {reason}; train one, which takes about a minute: "
-        f"{training_command(sensor)}"
-    )
+    return f"there is no trained network for {reason}; train one: {training_command(sensor)}"
 
 
 def training_command(sensor: Sensor) -> str:

@@ -5,7 +5,6 @@ import math
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from jotlight.network import Network
 from jotlight.training.parameters import Vector, parts_of
@@ -37,7 +36,7 @@ class SafeSet:
       [l - ν(m - l), m + ν(m - l)] is the domain of the next splines;
     - those of the last lie in [0, S];
     - where the network has one channel throughout, the coefficients of a spline do not fall, so
-      that neither do the splines: more ones never mean less light.
+      that neither do the splines.
 
     Parameters
     ----------
@@ -49,7 +48,8 @@ class SafeSet:
     Notes
     -----
     The paper does not say what its 𝒜 is. `docs/theory.md` has the proof. That the sums of taps are
-    fixed takes nothing away, since the spline that follows can stretch its range instead.
+    fixed takes nothing away from filters whose sum is above 0, since the spline that follows can
+    stretch its range instead.
 
     Examples
     --------
@@ -70,7 +70,7 @@ class SafeSet:
             raise ValueError(f"nu: expected a number of 0 or more, got {self.nu}")
 
     def project(self, network: Network, vector: Vector) -> Vector:
-        """Give the nearest parameters in the set; exact, so doing it twice changes nothing.
+        """Give the nearest parameters in the set; doing it twice changes nothing but roundings.
 
         Raises
         ------
@@ -120,9 +120,7 @@ def nearest_filter(taps: Vector, nu: float) -> Vector:
     shifted = taps + (1 - taps.sum()) / taps.size
     if np.abs(shifted).sum() <= 1 + 2 * nu:
         return np.asarray(shifted)
-    return np.maximum(taps - _threshold(taps, 1 + nu), 0) - np.maximum(
-        -taps - _threshold(-taps, nu), 0
-    )
+    return nearest_weights(taps, 1 + nu) - nearest_weights(-taps, nu)
 
 
 def nearest_weights(taps: Vector, total: float) -> Vector:
@@ -133,7 +131,12 @@ def nearest_weights(taps: Vector, total: float) -> Vector:
     >>> nearest_weights(np.array([3.0, 1.0, -1.0]), total=2.0)
     array([2., 0., 0.])
     """
-    return np.maximum(taps - _threshold(taps, total), 0)
+    # From the largest, so that large numbers do not swallow the total.
+    below = taps - taps.max()
+    descending = np.sort(below)[::-1]
+    thresholds = (np.cumsum(descending) - total) / np.arange(1, taps.size + 1)
+    # Σ max(x - t, 0) is the total for one t; the largest of these belongs to the values above it.
+    return np.asarray(np.maximum(below - thresholds.max(), 0))
 
 
 def nearest_rising(coefficients: Vector) -> Vector:
@@ -149,11 +152,3 @@ def nearest_rising(coefficients: Vector) -> Vector:
     from scipy.optimize import isotonic_regression
 
     return np.asarray(isotonic_regression(coefficients).x)
-
-
-def _threshold(values: npt.NDArray[np.float64], total: float) -> float:
-    """The t for which Σ max(values - t, 0) is the total, by sorting."""
-    descending = np.sort(values)[::-1]
-    thresholds = (np.cumsum(descending) - total) / np.arange(1, values.size + 1)
-    # The largest of these belongs to just those values that are above it.
-    return float(thresholds.max())

@@ -1,5 +1,6 @@
 """A run's state between two steps, in a file that appears whole or not at all."""
 
+import contextlib
 import dataclasses
 import json
 import os
@@ -45,6 +46,22 @@ class Checkpoint:
         with written_whole(path) as temporary:
             temporary.write_bytes(save(tensors, metadata))
 
+    @staticmethod
+    def spare_others(path: str | os.PathLike[str]) -> None:
+        """Raise ValueError when a file stands at the path that is not a checkpoint."""
+        from safetensors import SafetensorError, safe_open
+
+        path = Path(path)
+        if not path.exists():
+            return
+        metadata: dict[str, str] = {}
+        with contextlib.suppress(SafetensorError, OSError), safe_open(path, "numpy") as file:
+            metadata = file.metadata() or {}
+        if metadata.get("format") != _FORMAT:
+            raise ValueError(
+                f"{path}: this file is no checkpoint, so it is not overwritten; give another name"
+            )
+
     @classmethod
     def load(cls, path: str | os.PathLike[str], run: dict[str, Any]) -> "Checkpoint":
         """Read the checkpoint of a run.
@@ -75,7 +92,9 @@ class Checkpoint:
         try:
             its = dict(json.loads(metadata["run"]).items())
             differences = [
-                f"{name} is {its.get(name)!r} there and {run.get(name)!r} here"
+                f"the {name} is another one"
+                if name in ("images", "test", "network")
+                else f"{name} is {its.get(name)!r} there and {run.get(name)!r} here"
                 for name in {**run, **its}
                 if its.get(name) != run.get(name)
             ]

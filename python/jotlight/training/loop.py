@@ -2,6 +2,7 @@
 
 import dataclasses
 import hashlib
+import math
 import operator
 import os
 import secrets
@@ -18,6 +19,7 @@ from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.cost import Cost, mean_psnr
 from jotlight.training.examples import (
     Examples,
+    Scenes,
     Source,
     checked_scenes,
     made_scenes,
@@ -71,8 +73,8 @@ def train(
         gives so many new images in an array (N, H, W); each step then sees new ones, whole. A
         checkpoint tells callables apart by their names only.
     sensor : Sensor, optional
-        Default: the network's. Maps of its dark counts enter by their median, and dead jots not at
-        all: where they lie is not a matter of the patch.
+        Default: the network's. The learned network is for this sensor. Maps of its dark counts
+        enter by their median, and dead jots not at all: where they lie does not matter to a patch.
     optimiser : {"gauss-newton", "adam", "projected-gradient"} or Optimiser
         One of `jotlight.training`, by name or with settings of your own.
     steps : int, optional
@@ -90,8 +92,8 @@ def train(
     admissible : AdmissibleSet, optional
         𝒜. Default: `jotlight.training.SafeSet()`.
     checkpoint : path, optional
-        Where the state is kept: every 20 seconds, at the end, and when the run is stopped by
-        Ctrl-C or by an error.
+        Where the state is kept: after the first step, every 20 seconds, at the end, and when the
+        run is stopped by Ctrl-C or by an error. An older checkpoint there is overwritten.
     resume : bool
         Go on from the checkpoint. The result is that of a run that was not stopped.
     callback : callable, optional
@@ -134,6 +136,8 @@ def train(
     steps = _at_least("steps", chosen.steps if steps is None else steps, 0)
     seed = secrets.randbits(32) if rng is None else _at_least("rng", rng, 0)
     admissible = SafeSet() if admissible is None else admissible
+    if threads is not None:
+        _at_least("threads", threads, 1)
     examples = _examples(network, sensor, images, patch, batch, chosen.pixels, seed)
     tests = None
     if test is not None:
@@ -161,13 +165,16 @@ def train(
         at = Checkpoint.load(checkpoint, run)
         if at.vector.shape != start.shape or len(at.history) > steps:
             raise ValueError(f"{checkpoint}: damaged checkpoint: it does not fit the network")
+        if not np.allclose(admissible.project(network, at.vector), at.vector, rtol=0, atol=1e-6):
+            raise ValueError(f"{checkpoint}: damaged checkpoint: its parameters are not in the set")
+    elif checkpoint is not None:
+        Checkpoint.spare_others(checkpoint)
     try:
-        if checkpoint is not None:
-            at.save(checkpoint)
-        saved = time.monotonic()
+        saved, saved_at = len(at.history), -math.inf
         while len(at.history) < steps:
             cost = Cost(network, examples, len(at.history), steps, admissible, threads)
-            step = _take_step(at, cost, chosen, resumed_from=checkpoint if resume else None)
+            loaded = resume and len(at.history) == saved
+            step = _take_step(at, cost, chosen, resumed_from=checkpoint if loaded else None)
             psnr = None
             if tests is not None and cost.step % max(1, steps // _TESTS) == 0:
                 psnr = mean_psnr(network, at.vector, tests, threads)
@@ -177,12 +184,12 @@ def train(
             at = Checkpoint(run, step.vector, step.state, History([*at.history.records, record]))
             if callback is not None:
                 callback(at.history.records[-1])
-            if checkpoint is not None and time.monotonic() - saved > _SAVE_EVERY:
+            if checkpoint is not None and time.monotonic() - saved_at > _SAVE_EVERY:
                 at.save(checkpoint)
-                saved = time.monotonic()
+                saved, saved_at = len(at.history), time.monotonic()
     finally:
         # Also when Ctrl-C or an error ended the loop: `at` is always the state between two steps.
-        if checkpoint is not None:
+        if checkpoint is not None and len(at.history) > saved:
             at.save(checkpoint)
     last = Cost(network, examples, steps, steps, admissible, threads)
     loss, gradient = last.gradient(at.vector)
@@ -191,9 +198,8 @@ def train(
     if callback is not None:
         callback(record)
     history = History([*at.history.records, record])
-    learned = network_of(network, at.vector)
-    learned.history.update({"run": run, "records": history.to_json()})
-    return learned, history
+    told = {**network.history, "run": run, "records": history.to_json()}
+    return Network(network_of(network, at.vector).layers, sensor, told), history
 
 
 def _optimiser(optimiser: str | Optimiser) -> Optimiser:
@@ -280,9 +286,15 @@ def _examples(
     if side <= 2 * border and any(max(image.shape) > side for image in scenes):
         raise ValueError(
             f"patch: expected more than {2 * border} pixels, got {side}: the network sees {border} "
-            "pixels past its rim, so that none would count"
+            f"pixels past its rim, so that none would count. {_smallest(scenes)}"
         )
     return Examples(scenes, seen, seed, batch or max(1, pixels // side**2), side, border)
+
+
+def _smallest(scenes: Scenes) -> str:
+    index = min(range(len(scenes)), key=lambda index: min(scenes[index].shape))
+    height, width = scenes[index].shape
+    return f"The smallest image, number {index}, is {height} x {width}; leave out what is too small"
 
 
 def _fingerprint(network: Network) -> str:
@@ -293,7 +305,10 @@ def _fingerprint(network: Network) -> str:
 
 
 def _at_least(name: str, value: int, least: int) -> int:
-    value = operator.index(value)
+    try:
+        value = operator.index(value)
+    except TypeError:
+        raise TypeError(f"{name}: expected a whole number, got {value!r}") from None
     if value < least:
         raise ValueError(f"{name}: expected {least} or more, got {value}")
     return value

@@ -184,6 +184,8 @@ class GaussNewton:
                 f"network has {vector.size}; take adam"
             )
         loss, gradient, matrix = cost.normal_equations(vector)
+        if not (np.isfinite(loss) and np.isfinite(gradient).all() and np.isfinite(matrix).all()):
+            return Step(vector, state, loss, np.full_like(gradient, np.nan))
         full = max(1, cost.steps // 3)
         weight = 1 / (1 + max(0, cost.step - full))
         if state:
