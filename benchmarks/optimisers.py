@@ -1,10 +1,11 @@
 """The optimisers beside each other, and the paper's own descent.
 
-    python benchmarks/optimisers.py path/to/data [curves] [descent] [recipe] [sets] [--figures docs]
+    python benchmarks/optimisers.py path/to/data [curves] [descent] [recipe] [sets] [limits]
 
 ``curves``: photographs, K = 16, PSNR of 20 test images against time, some ten minutes on two cores.
 ``descent``: the paper's figure 5: 10,000 projected-gradient steps on synthetic scenes, K = 36.
 ``recipe``: how far the default recipe is from a run of five times as many steps.
+``limits``: how near the two fast ones come to the posterior mean on synthetic scenes.
 ``sets``: what it costs that splines may not fall, and how negative learned filters are.
 """
 
@@ -29,7 +30,7 @@ def main() -> None:
     parser.add_argument("parts", nargs="*", metavar="part", help="Default: all.")
     parser.add_argument("--figures", type=Path, default=Path())
     options = parser.parse_args()
-    parts = {"curves": curves, "descent": descent, "recipe": recipe, "sets": sets}
+    parts = {"curves": curves, "descent": descent, "recipe": recipe, "sets": sets, "limits": limits}
     for name in options.parts or parts:
         parts[name](options.data, options.figures)
 
@@ -141,6 +142,24 @@ def sets(data: Path, _: Path) -> None:
         negative = np.minimum(learned.layers[1].filters, 0).sum()
         shown = " and ".join(f"{fall:.2f}" for fall in falls)
         print(f"| {rising} | {psnr:.3f} | {shown} | {negative:.4f} |", flush=True)
+
+
+def limits(_: Path, __: Path) -> None:
+    """Synthetic scenes: PSNR of the mean square error below that of the posterior mean."""
+    scenes = jl.datasets.uniform_scenes(np.random.default_rng(99), 2048)
+    print("\n| K | optimiser | seconds | from the limit, dB |\n| ---: | --- | ---: | ---: |")
+    for side, limit in ((3, 14.816), (10, 22.636)):
+        start = jl.Network.initial(jl.Sensor(oversampling=side))
+        for name in ("adam", "gauss-newton"):
+            begun = time.perf_counter()
+            learned, _ = jl.train(start, jl.datasets.uniform_scenes, optimiser=name, rng=0)
+            seconds = time.perf_counter() - begun
+            errors = [
+                np.mean((learned.reconstruct(start.sensor.expose(scene, rng=index)) - scene) ** 2)
+                for index, scene in enumerate(scenes)
+            ]
+            psnr = -10 * np.log10(np.mean(errors))
+            print(f"| {side**2} | {name} | {seconds:.0f} | {psnr - limit:+.3f} |", flush=True)
 
 
 def fall_of(coefficients: np.ndarray) -> float:
