@@ -15,15 +15,15 @@ import numpy.typing as npt
 from jotlight import _engine, vst
 from jotlight.bits import Bits
 from jotlight.channels import by_channel
-from jotlight.files import written_whole
 from jotlight.fill import fill_blind
 from jotlight.mle import equivalent_counts, from_probability, reference_dark_counts
 from jotlight.observation import observe
 from jotlight.sensor import Sensor
 from jotlight.slabs import slabs_of
+from jotlight.tensors import read_tensors, write_tensors
 
 _FORMAT = "jotlight network"
-_VERSION = 1
+_VERSION = "1"
 _TAPS = 1 << 29
 """Products of a tap and a pixel that the engine forms between two looks at Ctrl-C."""
 
@@ -348,8 +348,6 @@ class Network:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the network to a `.safetensors` file, with its sensor and history as metadata."""
-        from safetensors.numpy import save
-
         tensors: dict[str, npt.NDArray[Any]] = {}
         for index, layer in enumerate(self.layers):
             tensors[f"layers.{index}.filters"] = layer.filters
@@ -359,13 +357,12 @@ class Network:
         splines = [{"start": x.start, "spacing": x.spacing} for x in self.layers]
         metadata = {
             "format": _FORMAT,
-            "version": str(_VERSION),
+            "version": _VERSION,
             "splines": json.dumps(splines),
             "sensor": json.dumps(self.sensor.numbers()),
             "history": json.dumps(self.history),
         }
-        with written_whole(path) as temporary:
-            temporary.write_bytes(save(tensors, metadata))
+        write_tensors(path, tensors, metadata)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
@@ -378,30 +375,10 @@ class Network:
         ValueError
             When it is not such a file. Nothing in it is run.
         """
-        from safetensors import SafetensorError, safe_open
-
         path = Path(path)
         if not path.is_file():
             raise FileNotFoundError(f"there is no network file {path}")
-        try:
-            with safe_open(path, framework="numpy") as file:
-                metadata = file.metadata() or {}
-                tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        except (SafetensorError, TypeError, AttributeError) as error:
-            # The latter two for tensors of a type that NumPy lacks.
-            raise ValueError(
-                f"{path}: expected a safetensors file, which this is not or no more ({error})"
-            ) from error
-        if metadata.get("format") != _FORMAT:
-            kind = metadata.get("format", "")
-            if not kind.startswith("jotlight"):
-                kind = "a safetensors file of another kind"
-            raise ValueError(f"{path}: expected a network of jotlight, got {kind}")
-        if metadata.get("version") != str(_VERSION):
-            raise ValueError(
-                f"{path}: expected format version {_VERSION}, got {metadata.get('version')}; "
-                "a newer jotlight may read it"
-            )
+        tensors, metadata = read_tensors(path, _FORMAT, _VERSION)
         try:
             splines = json.loads(metadata["splines"])
             layers = [

@@ -216,3 +216,14 @@ def test_a_missing_file_is_missed_by_name(tmp_path):
     for path in tmp_path, tmp_path / "missing.safetensors":
         with pytest.raises(FileNotFoundError, match="there is no network file"):
             jl.Network.load(path)
+
+
+def test_the_same_network_is_always_the_same_bytes(tmp_path):
+    network = jl.Network.initial(jl.Sensor(oversampling=3, mask=np.eye(6, dtype=bool)))
+    written = set()
+    for number in range(8):
+        path = tmp_path / f"{number}.safetensors"
+        network.save(path)
+        written.add(path.read_bytes())
+        network = jl.Network.load(path)
+    assert len(written) == 1

@@ -1,6 +1,5 @@
 """A run's state between two steps, in a file that appears whole or not at all."""
 
-import contextlib
 import dataclasses
 import json
 import os
@@ -9,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from jotlight.files import written_whole
+from jotlight.tensors import read_tensors, write_tensors
 from jotlight.training.history import History
 from jotlight.training.optimisers import State
 from jotlight.training.parameters import Vector
@@ -33,8 +32,6 @@ class Checkpoint:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the checkpoint."""
-        from safetensors.numpy import save
-
         tensors = {"vector": self.vector}
         tensors |= {f"state.{name}": array for name, array in self.state.items()}
         metadata = {
@@ -43,24 +40,20 @@ class Checkpoint:
             "run": json.dumps(self.run),
             "history": json.dumps(self.history.to_json()),
         }
-        with written_whole(path) as temporary:
-            temporary.write_bytes(save(tensors, metadata))
+        write_tensors(path, tensors, metadata)
 
     @staticmethod
     def spare_others(path: str | os.PathLike[str]) -> None:
         """Raise ValueError when a file stands at the path that is not a checkpoint."""
-        from safetensors import SafetensorError, safe_open
-
         path = Path(path)
         if not path.exists():
             return
-        metadata: dict[str, str] = {}
-        with contextlib.suppress(SafetensorError, OSError), safe_open(path, "numpy") as file:
-            metadata = file.metadata() or {}
-        if metadata.get("format") != _FORMAT:
+        try:
+            read_tensors(path, _FORMAT, _VERSION)
+        except (ValueError, OSError) as error:
             raise ValueError(
                 f"{path}: this file is no checkpoint, so it is not overwritten; give another name"
-            )
+            ) from error
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], run: dict[str, Any]) -> "Checkpoint":
@@ -73,22 +66,10 @@ class Checkpoint:
         ValueError
             When it is damaged, or of another run.
         """
-        from safetensors import SafetensorError, safe_open
-
         path = Path(path)
         if not path.is_file():
             raise FileNotFoundError(f"there is no checkpoint {path} to resume from")
-        try:
-            with safe_open(path, framework="numpy") as file:
-                metadata = file.metadata() or {}
-                tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        except (SafetensorError, TypeError, AttributeError) as error:
-            raise ValueError(f"{path}: damaged checkpoint: {error}") from error
-        if metadata.get("format") != _FORMAT or metadata.get("version") != _VERSION:
-            raise ValueError(
-                f"{path}: expected a checkpoint of version {_VERSION}, got "
-                f"{metadata.get('format', 'a file of another kind')}"
-            )
+        tensors, metadata = read_tensors(path, _FORMAT, _VERSION)
         try:
             its = dict(json.loads(metadata["run"]).items())
             differences = [
