@@ -14,6 +14,7 @@ mod tangent;
 use ndarray::{Array2, Array3, Array4, ArrayView4, Axis};
 use rayon::prelude::*;
 
+use crate::bits::contiguous;
 use crate::error::{Error, Result};
 
 pub use batch::{Batch, Gradient, NormalEquations, Patch};
@@ -70,7 +71,7 @@ impl<F: Real> Layer<F> {
         let splines = coefficients
             .rows()
             .into_iter()
-            .map(|row| Spline::new(row.to_vec(), start, spacing))
+            .map(|row| Spline::new(&contiguous(row), start, spacing))
             .collect();
         Ok(Self { filters, splines })
     }
