@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,16 @@ _COLUMNS = 4
 _SIDE, _TEXT, _GAP = 3.2, 0.5, 0.08
 """Inches: the width of a picture, the height of the words above it, the space between things."""
 _INK, _QUIET, _MARK = "#1d2733", "#5b6876", "#e4572e"
+
+
+FIGURES = (".png", ".jpg", ".jpeg", ".pdf", ".svg")
+"""The endings that a figure's name may have."""
+
+
+def check_figure(path: Path) -> None:
+    """Raise ValueError for a name that no figure can have, before it is drawn."""
+    if path.suffix.lower() not in FIGURES:
+        raise ValueError(f"{path}: expected a name that ends in {', '.join(FIGURES)}")
 
 
 @dataclasses.dataclass(frozen=True)

@@ -223,7 +223,7 @@ def test_on_a_terminal_a_live_line_shows_the_run(pictures, tmp_path):
         (["pictures", "-o", NETWORK, "--steps", -1], "steps: expected 0 or more"),
         (["pictures", "-o", NETWORK, "--batch", 0], "batch: expected 1 or more"),
         (["pictures", "-o", NETWORK, "--sigma", 0], "sigma: expected a number above 0"),
-        (["pictures", "-o", NETWORK, "--plot", "run.gif"], "ends in .png, .pdf or .svg"),
+        (["pictures", "-o", NETWORK, "--plot", "run.gif"], "ends in .png"),
         (["pictures", "-o", NETWORK, "--plot", "nowhere/run.png"], "there is no folder nowhere"),
         (["pictures", "-o", NETWORK, "--plot", "pictures/0.png"], "this file is read"),
         (["pictures", "-o", NETWORK, "--test", "nothing"], "there is no folder or file nothing"),

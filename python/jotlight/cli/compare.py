@@ -17,8 +17,6 @@ from jotlight.methods import DEFAULT, METHODS
 from jotlight.pictures import read_picture
 from jotlight.sensor import Sensor
 
-_FIGURES = (".png", ".jpg", ".jpeg", ".pdf", ".svg")
-
 
 @options.takes_sensor(oversampling=4, frames=1)
 def compare(
@@ -70,8 +68,7 @@ def run_comparison(
     """Expose, reconstruct, draw and print; the figure appears whole or not at all."""
     from jotlight import plots
 
-    if output.suffix.lower() not in _FIGURES:
-        raise ValueError(f"{output}: expected a name that ends in {', '.join(_FIGURES)}")
+    plots.check_figure(output)
     if image.ndim == 3 and image.shape[2] not in (1, 3):
         raise ValueError(
             f"image: expected a grey or RGB picture to compare, got {image.shape[2]} channels"

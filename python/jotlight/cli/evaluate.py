@@ -35,7 +35,7 @@ def evaluate(
         Path | None, typer.Option("--output", "-o", help="A .csv with a row for each image.")
     ] = None,
     first: Annotated[int | None, typer.Option(help="Only so many images, by name.")] = None,
-    key: Annotated[str | None, typer.Option(help="Name of the array in a .npz.")] = None,
+    key: options.Key = None,
     given: dict[str, Any],
     inputs: list[Path],
     seed: options.Seed = 0,

@@ -42,8 +42,7 @@ def info(
 def _draw(file: Path, plot: Path) -> None:
     from jotlight import plots
 
-    if plot.suffix.lower() not in (".png", ".pdf", ".svg"):
-        raise ValueError(f"{plot}: expected a name that ends in .png, .pdf or .svg")
+    plots.check_figure(plot)
     network = Network.load(file)
     if "records" not in network.history:
         raise ValueError(f"{file}: this network has no history of a run to draw")

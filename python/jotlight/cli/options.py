@@ -121,4 +121,5 @@ White = Annotated[
         "scale is unknown."
     ),
 ]
+Key = Annotated[str | None, typer.Option(help="Name of the array in a .npz.")]
 Threads = Annotated[int | None, typer.Option(help="Threads to use. Default: all.")]

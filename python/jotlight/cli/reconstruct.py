@@ -56,7 +56,7 @@ def reconstruct(
     model: Annotated[
         Path | None, typer.Option(help="A network of your own: a .safetensors file.")
     ] = None,
-    key: Annotated[str | None, typer.Option(help="Name of the array in a .npz.")] = None,
+    key: options.Key = None,
     counts: Annotated[
         bool,
         typer.Option("--counts", help="The file holds counts, even if it looks like packed bits."),

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from jotlight import plots
 from jotlight.cli import options
 from jotlight.cli.console import err, live_training, out, progress
 from jotlight.datasets import uniform_scenes
@@ -86,7 +87,7 @@ def train(
     plot: Annotated[
         Path | None, typer.Option(help="A figure of the run and the network: .png, .pdf or .svg.")
     ] = None,
-    key: Annotated[str | None, typer.Option(help="Name of the array in a .npz.")] = None,
+    key: options.Key = None,
     test_key: Annotated[
         str | None, typer.Option(help="Name of the array in the .npz of --test.")
     ] = None,
@@ -107,8 +108,8 @@ def train(
             f"{output}: expected a name that ends in .safetensors, and not in "
             ".checkpoint.safetensors, which is for stopped runs"
         )
-    if plot is not None and plot.suffix.lower() not in (".png", ".pdf", ".svg"):
-        raise ValueError(f"{plot}: expected a name that ends in .png, .pdf or .svg")
+    if plot is not None:
+        plots.check_figure(plot)
     if start is not None and (untied or sigma is not None):
         raise ValueError("start: a given network comes with its own sigma and weights")
     checkpoint = output.with_suffix(".checkpoint.safetensors")
@@ -160,8 +161,6 @@ def train(
         learned.history["trained on"] = images
         learned.save(temporary)
         if figure is not None:
-            from jotlight import plots
-
             plots.training(learned, history).savefig(figure, dpi=110)
     checkpoint.unlink(missing_ok=True)
     _tell(output, history, time.perf_counter() - begun, plot)
