@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use ndarray::{Array2, ArrayView1, ArrayView2, Axis, Zip, s};
+use ndarray::{Array2, ArrayView2, Axis, Zip, s};
 use rayon::prelude::*;
 
 use super::backward::Trace;
@@ -278,13 +278,8 @@ fn add_products<F: Real>(rows: &[usize], values: &[F], pixels: usize, matrix: &m
     };
     let products = values.dot(&values.t());
     for (&row, products) in rows.iter().zip(products.outer_iter()) {
-        let mut into = matrix.row_mut(row);
-        add_scattered(rows, products, into.as_slice_mut().unwrap_or_default());
-    }
-}
-
-fn add_scattered<F: Real>(indices: &[usize], values: ArrayView1<'_, F>, into: &mut [f64]) {
-    for (&index, value) in indices.iter().zip(values) {
-        into[index] += value.as_f64();
+        for (&column, value) in rows.iter().zip(products) {
+            matrix[[row, column]] += value.as_f64();
+        }
     }
 }
