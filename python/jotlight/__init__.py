@@ -11,13 +11,16 @@ arrive? jotlight simulates such sensors and estimates the picture behind the bit
 (8, 8)
 """
 
-from jotlight import datasets, denoise, metrics, training, vst
+from jotlight import datasets, denoise, metrics, operators, training, tv, vst
 from jotlight._engine import __version__
+from jotlight.admm import admm_tv
 from jotlight.bits import Bits
 from jotlight.errors import JotlightWarning, MissingExtraError
 from jotlight.evaluation import evaluate
 from jotlight.formats import open
+from jotlight.likelihood import Likelihood, Problem
 from jotlight.mle import mle
+from jotlight.mle_iterative import mle_iterative
 from jotlight.models import pretrained
 from jotlight.network import Layer, Network
 from jotlight.noniterative import noniterative
@@ -28,19 +31,25 @@ __all__ = [
     "Bits",
     "JotlightWarning",
     "Layer",
+    "Likelihood",
     "MissingExtraError",
     "Network",
+    "Problem",
     "Sensor",
     "__version__",
+    "admm_tv",
     "datasets",
     "denoise",
     "evaluate",
     "metrics",
     "mle",
+    "mle_iterative",
     "noniterative",
     "open",
+    "operators",
     "pretrained",
     "train",
     "training",
+    "tv",
     "vst",
 ]

@@ -9,6 +9,8 @@ __all__ = [
     "add_block_counts",
     "algebraic_inverse",
     "block_sums",
+    "differences",
+    "differences_adjoint",
     "equivalent_counts",
     "errors",
     "exact_inverse",
@@ -16,15 +18,26 @@ __all__ = [
     "forward",
     "gradient",
     "kernel_taps",
+    "likelihood_information",
+    "likelihood_proximal",
+    "likelihood_slopes",
+    "likelihood_split",
+    "log_likelihood",
     "mle_from_counts",
     "mle_from_jots",
     "mle_from_probability",
     "normal_equations",
     "probability",
     "rate",
+    "shrink",
+    "spread_adjoint",
+    "spread_forward",
+    "spread_normal",
     "stabilise",
     "threshold_probability",
     "threshold_rate",
+    "total_variation",
+    "variation_split",
 ]
 
 __version__: str
@@ -35,7 +48,13 @@ _Image: TypeAlias = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 _Layer: TypeAlias = tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], float, float]
 _AnyLayer: TypeAlias = tuple[_Floats, _Floats, float, float]
 _Response: TypeAlias = tuple[int, float, float]
+_Seen: TypeAlias = tuple[
+    int, npt.NDArray[np.int32], int | npt.NDArray[np.int32], float | npt.NDArray[np.float64]
+]
 _Span: TypeAlias = tuple[int, int]
+_Floats64: TypeAlias = float | npt.NDArray[np.float64]
+_Step: TypeAlias = tuple[float, float]
+_Spread: TypeAlias = tuple[tuple[int, int], tuple[int, int], float]
 
 def add_block_counts(
     packed: npt.NDArray[np.uint8],
@@ -141,3 +160,74 @@ def normal_equations(
 def forward(
     layers: list[_Layer], sums: npt.NDArray[np.float32], threads: int | None
 ) -> npt.NDArray[np.float32]: ...
+def log_likelihood(seen: _Seen, light: npt.NDArray[np.float64], threads: int | None) -> float: ...
+def likelihood_slopes(
+    seen: _Seen,
+    light: npt.NDArray[np.float64],
+    gradient: npt.NDArray[np.float64],
+    curvature: npt.NDArray[np.float64],
+    threads: int | None,
+) -> None: ...
+def likelihood_proximal(
+    seen: _Seen,
+    penalty: float,
+    most: float,
+    guess: npt.NDArray[np.float64],
+    point: npt.NDArray[np.float64],
+    threads: int | None,
+) -> None: ...
+def spread_forward(
+    spread: _Spread,
+    image: npt.NDArray[np.float64],
+    out: npt.NDArray[np.float64],
+    threads: int | None,
+) -> None: ...
+def spread_adjoint(
+    spread: _Spread,
+    jots: npt.NDArray[np.float64],
+    out: npt.NDArray[np.float64],
+    threads: int | None,
+) -> None: ...
+def spread_normal(
+    spread: _Spread,
+    weights: npt.NDArray[np.float64],
+    image: npt.NDArray[np.float64],
+    out: npt.NDArray[np.float64],
+    threads: int | None,
+) -> None: ...
+def differences(
+    image: npt.NDArray[np.float64], out: npt.NDArray[np.float64], threads: int | None
+) -> None: ...
+def differences_adjoint(
+    planes: npt.NDArray[np.float64], out: npt.NDArray[np.float64], threads: int | None
+) -> None: ...
+def shrink(
+    planes: npt.NDArray[np.float64], threshold: _Floats64, isotropic: bool, threads: int | None
+) -> None: ...
+def total_variation(
+    planes: npt.NDArray[np.float64], weight: _Floats64, isotropic: bool, threads: int | None
+) -> float: ...
+def likelihood_split(
+    seen: _Seen,
+    step: _Step,
+    most: float,
+    light: npt.NDArray[np.float64],
+    x: npt.NDArray[np.float64],
+    dual: npt.NDArray[np.float64],
+    threads: int | None,
+) -> float: ...
+def variation_split(
+    step: _Step,
+    weight: _Floats64,
+    isotropic: bool,
+    image: npt.NDArray[np.float64],
+    x: npt.NDArray[np.float64],
+    dual: npt.NDArray[np.float64],
+    threads: int | None,
+) -> float: ...
+def likelihood_information(
+    seen: _Seen,
+    light: npt.NDArray[np.float64],
+    information: npt.NDArray[np.float64],
+    threads: int | None,
+) -> None: ...

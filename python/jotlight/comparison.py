@@ -27,7 +27,7 @@ class Result:
 
 
 def chosen(sensor: Sensor, names: Sequence[str] | None = None) -> list[str]:
-    """Check the names of methods; without names, all that are installed and serve the sensor.
+    """Check the names of methods; without names, take all that are installed and serve the sensor.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def chosen(sensor: Sensor, names: Sequence[str] | None = None) -> list[str]:
         return [
             name
             for name, method in METHODS.items()
-            if method.available and method.lacks(sensor) is None
+            if method.available and method.lacks(sensor) is None and method.adds(sensor)
         ]
     for name in names:
         if name not in METHODS:

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.admm import admm_tv
 from jotlight.bits import Bits
 from jotlight.mle import mle
+from jotlight.mle_iterative import mle_iterative
 from jotlight.models import lacking, pretrained
 from jotlight.network import Network
 from jotlight.noniterative import noniterative
@@ -43,6 +45,10 @@ class Method:
     """A package beyond those that jotlight brings."""
     lacks: Callable[[Sensor], str | None] = lambda _: None
     """Says why the method cannot serve a sensor, or None if it can."""
+    adds: Callable[[Sensor], bool] = lambda _: True
+    """Whether its picture for a sensor is another than that of a faster method."""
+    iterative: bool = False
+    """Whether it takes `tol`, `max_iter`, `callback` and `return_history`."""
 
     @property
     def available(self) -> bool:
@@ -52,6 +58,12 @@ class Method:
 
 METHODS: dict[str, Method] = {
     "mle": Method("maximum likelihood", mle),
+    "mle-iterative": Method(
+        "maximum likelihood, iterative",
+        mle_iterative,
+        adds=lambda sensor: sensor.kernel != "box",
+        iterative=True,
+    ),
     "noniterative-gaussian": Method(
         "non-iterative, Gaussian", partial(noniterative, denoiser="gaussian")
     ),
@@ -64,6 +76,7 @@ METHODS: dict[str, Method] = {
     "noniterative-bm3d": Method(
         "non-iterative, BM3D", partial(noniterative, denoiser="bm3d"), needs="bm3d"
     ),
+    "admm-tv": Method("ADMM, total variation", admm_tv, iterative=True),
     "network-initial": Method("network, initial", initial_network),
     "network": Method("network, learned", learned_network, lacks=lacking),
 }

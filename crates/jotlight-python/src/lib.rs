@@ -2,9 +2,11 @@
 #![allow(missing_docs)]
 
 mod bits;
+mod likelihood;
 mod mle;
 mod network;
 mod sensing;
+mod tv;
 mod vst;
 
 use jotlight::error::Error;
@@ -20,13 +22,21 @@ mod _engine {
     #[pymodule_export]
     use super::bits::add_block_counts;
     #[pymodule_export]
+    use super::likelihood::{
+        likelihood_information, likelihood_proximal, likelihood_slopes, likelihood_split,
+        log_likelihood,
+    };
+    #[pymodule_export]
     use super::mle::{equivalent_counts, mle_from_counts, mle_from_jots, mle_from_probability};
     #[pymodule_export]
     use super::network::{block_sums, errors, forward, gradient, normal_equations};
     #[pymodule_export]
     use super::sensing::{
-        expose, kernel_taps, probability, rate, threshold_probability, threshold_rate,
+        expose, kernel_taps, probability, rate, spread_adjoint, spread_forward, spread_normal,
+        threshold_probability, threshold_rate,
     };
+    #[pymodule_export]
+    use super::tv::{differences, differences_adjoint, shrink, total_variation, variation_split};
     #[pymodule_export]
     use super::vst::{algebraic_inverse, exact_inverse, stabilise};
 

@@ -1,8 +1,9 @@
 use jotlight::likelihood::Threshold;
-use jotlight::mle::{self, JotCounts, PerPixel, PixelResponse};
+use jotlight::mle::{self, JotCounts, PixelResponse};
 use numpy::{PyReadonlyArray1, PyReadwriteArray1};
 use pyo3::prelude::*;
 
+use crate::likelihood::{PyCounts, PyFloats};
 use crate::{run, to_python};
 
 /// (threshold, sensitivity, largest intensity), as `Sensor._response` gives them.
@@ -16,44 +17,14 @@ fn response((threshold, sensitivity, max_intensity): Response) -> PyResult<Pixel
     })
 }
 
-#[derive(FromPyObject)]
-pub enum PyTrials<'py> {
-    Same(i32),
-    Each(PyReadonlyArray1<'py, i32>),
-}
-
-impl PyTrials<'_> {
-    fn view(&self) -> PyResult<PerPixel<'_, i32>> {
-        Ok(match self {
-            Self::Same(trials) => PerPixel::Same(*trials),
-            Self::Each(trials) => PerPixel::Each(trials.as_slice()?),
-        })
-    }
-}
-
-#[derive(FromPyObject)]
-pub enum PyDark<'py> {
-    Same(f64),
-    Each(PyReadonlyArray1<'py, f64>),
-}
-
-impl PyDark<'_> {
-    fn view(&self) -> PyResult<PerPixel<'_, f64>> {
-        Ok(match self {
-            Self::Same(dark) => PerPixel::Same(*dark),
-            Self::Each(dark) => PerPixel::Each(dark.as_slice()?),
-        })
-    }
-}
-
 #[pyfunction]
 #[pyo3(signature = (sensor, counts, trials, dark, out, threads))]
 pub fn mle_from_counts(
     py: Python<'_>,
     sensor: Response,
     counts: PyReadonlyArray1<'_, i32>,
-    trials: PyTrials<'_>,
-    dark: PyDark<'_>,
+    trials: PyCounts<'_>,
+    dark: PyFloats<'_>,
     mut out: PyReadwriteArray1<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
@@ -72,8 +43,8 @@ pub fn equivalent_counts(
     py: Python<'_>,
     sensor: Response,
     counts: PyReadonlyArray1<'_, i32>,
-    trials: PyTrials<'_>,
-    dark: PyDark<'_>,
+    trials: PyCounts<'_>,
+    dark: PyFloats<'_>,
     bits: i32,
     reference: f64,
     mut out: PyReadwriteArray1<'_, f32>,

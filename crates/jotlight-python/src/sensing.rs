@@ -1,5 +1,5 @@
 use jotlight::likelihood::Threshold;
-use jotlight::sensing::{self, DarkCounts, Image, Kernel, Sensor, Window};
+use jotlight::sensing::{self, DarkCounts, Image, Kernel, Sensor, Spread, Window};
 use numpy::{PyReadonlyArray2, PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::prelude::*;
 
@@ -109,6 +109,58 @@ pub fn probability(
     run(py, threads, || {
         sensing::probability(&sensor, image, first, out)
     })
+}
+
+/// (degree, K̂) of the kernels down the columns and along the rows, and the gain.
+type PySpread = ((usize, usize), (usize, usize), f64);
+
+fn spread_of((down, along, gain): PySpread) -> PyResult<(Spread, f64)> {
+    let down = Kernel::new(down.0, down.1).map_err(to_python)?;
+    let along = Kernel::new(along.0, along.1).map_err(to_python)?;
+    Ok((Spread::new(down, along), gain))
+}
+
+#[pyfunction]
+#[pyo3(signature = (spread, image, out, threads))]
+pub fn spread_forward(
+    py: Python<'_>,
+    spread: PySpread,
+    image: PyReadonlyArray2<'_, f64>,
+    mut out: PyReadwriteArray2<'_, f64>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let (spread, gain) = spread_of(spread)?;
+    let (image, out) = (image.as_array(), out.as_array_mut());
+    run(py, threads, || spread.forward(gain, image, out))
+}
+
+#[pyfunction]
+#[pyo3(signature = (spread, jots, out, threads))]
+pub fn spread_adjoint(
+    py: Python<'_>,
+    spread: PySpread,
+    jots: PyReadonlyArray2<'_, f64>,
+    mut out: PyReadwriteArray2<'_, f64>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let (spread, gain) = spread_of(spread)?;
+    let (jots, out) = (jots.as_array(), out.as_array_mut());
+    run(py, threads, || spread.adjoint(gain, jots, out))
+}
+
+#[pyfunction]
+#[pyo3(signature = (spread, weights, image, out, threads))]
+pub fn spread_normal(
+    py: Python<'_>,
+    spread: PySpread,
+    weights: PyReadonlyArray2<'_, f64>,
+    image: PyReadonlyArray2<'_, f64>,
+    mut out: PyReadwriteArray2<'_, f64>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let (spread, gain) = spread_of(spread)?;
+    let (weights, image, out) = (weights.as_array(), image.as_array(), out.as_array_mut());
+    run(py, threads, || spread.normal(gain, weights, image, out))
 }
 
 #[pyfunction]

@@ -20,4 +20,5 @@ pub mod network;
 pub mod rng;
 pub mod sensing;
 pub mod threads;
+pub mod tv;
 pub mod vst;

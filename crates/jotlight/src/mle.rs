@@ -3,34 +3,7 @@
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::likelihood::Threshold;
-
-/// One value for all pixels, or one for each.
-#[derive(Clone, Copy, Debug)]
-pub enum PerPixel<'a, T> {
-    /// The same for all.
-    Same(T),
-    /// One for each pixel, in order.
-    Each(&'a [T]),
-}
-
-impl<T: Copy> PerPixel<'_, T> {
-    fn at(&self, index: usize) -> T {
-        match self {
-            Self::Same(value) => *value,
-            Self::Each(values) => values[index],
-        }
-    }
-
-    fn check(&self, what: &'static str, length: usize) -> Result<()> {
-        match self {
-            Self::Each(values) if values.len() != length => {
-                Err(Error::shape(what, length, values.len()))
-            }
-            _ => Ok(()),
-        }
-    }
-}
+use crate::likelihood::{Threshold, Values, check_counts};
 
 /// How the intensity c of a pixel becomes the rate of its jots, η s + d with s = α c / K, and back.
 #[derive(Clone, Copy, Debug)]
@@ -60,13 +33,13 @@ impl PixelResponse {
 pub fn from_counts(
     response: &PixelResponse,
     counts: &[i32],
-    trials: PerPixel<'_, i32>,
-    dark: PerPixel<'_, f64>,
+    trials: Values<'_, i32>,
+    dark: Values<'_, f64>,
     out: &mut [f32],
 ) -> Result<()> {
     check(counts, trials, dark, out)?;
     let one_curve = match (trials, dark) {
-        (PerPixel::Same(trials), PerPixel::Same(dark)) if (trials as usize) < counts.len() => {
+        (Values::Same(trials), Values::Same(dark)) if (trials as usize) < counts.len() => {
             // Fewer counts are possible than there are pixels: one look-up table.
             Some(
                 (0..=trials)
@@ -123,8 +96,8 @@ pub fn from_probability(
 pub fn equivalent_counts(
     response: &PixelResponse,
     counts: &[i32],
-    trials: PerPixel<'_, i32>,
-    dark: PerPixel<'_, f64>,
+    trials: Values<'_, i32>,
+    dark: Values<'_, f64>,
     bits: i32,
     reference: f64,
     out: &mut [f32],
@@ -148,8 +121,8 @@ pub fn equivalent_counts(
 
 fn check(
     counts: &[i32],
-    trials: PerPixel<'_, i32>,
-    dark: PerPixel<'_, f64>,
+    trials: Values<'_, i32>,
+    dark: Values<'_, f64>,
     out: &[f32],
 ) -> Result<()> {
     trials.check("trials", counts.len())?;
@@ -157,16 +130,7 @@ fn check(
     if out.len() != counts.len() {
         return Err(Error::shape("out", counts.len(), out.len()));
     }
-    for (index, &ones) in counts.iter().enumerate() {
-        if ones < 0 || ones > trials.at(index) {
-            return Err(Error::shape(
-                "counts",
-                format!("0 to {}", trials.at(index)),
-                ones,
-            ));
-        }
-    }
-    Ok(())
+    check_counts(counts, trials)
 }
 
 /// Maximum likelihood for pixels whose jots differ in their dark counts, which has no closed form: the scalar concave

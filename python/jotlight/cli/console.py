@@ -1,6 +1,7 @@
 """What the user sees while and after a command works."""
 
 import contextlib
+import math
 import warnings
 from collections.abc import Callable, Iterator
 from typing import TextIO
@@ -17,6 +18,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from jotlight.convergence import Iteration
 from jotlight.errors import JotlightWarning
 from jotlight.training import Record
 
@@ -79,6 +81,42 @@ def progress(steps: int | None) -> Iterator[Callable[[str], Callable[[float], No
             return lambda share: bar.update(task, completed=first + share)
 
         yield begin
+
+
+@contextlib.contextmanager
+def live_iterations(title: str) -> Iterator[Callable[[Iteration], None]]:
+    """Show how an iterative method comes nearer, on a terminal only.
+
+    Gives a function that takes each iteration. Residuals fall by about the same factor each time,
+    so the bar goes by their logarithm.
+    """
+    bar = Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        console=err,
+        transient=True,
+        disable=not err.is_terminal,
+    )
+    with bar:
+        task = bar.add_task(title, total=1.0)
+        first = 1.0
+
+        def show(step: Iteration) -> None:
+            nonlocal first
+            if step.number == 1:
+                first = step.residual
+            if first > step.tol:
+                left = max(math.log(max(step.residual, step.tol) / step.tol), 0)
+                bar.update(task, completed=max(0.0, 1 - left / math.log(first / step.tol)))
+            bar.update(
+                task,
+                description=f"{title}: iteration {step.number}, residual {step.residual:.2g} "
+                f"(to {step.tol:g})",
+            )
+
+        yield show
 
 
 @contextlib.contextmanager

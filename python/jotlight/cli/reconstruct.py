@@ -1,6 +1,7 @@
 """`jotlight reconstruct`: bits or counts into a picture."""
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,14 +12,16 @@ from rich.markup import escape
 
 from jotlight.bits import Bits
 from jotlight.cli import options
-from jotlight.cli.console import err, out, progress
+from jotlight.cli.console import err, live_iterations, out, progress
 from jotlight.files import spare_inputs, written_whole
 from jotlight.formats.npy import is_cube, load_bits, maps_beside, read_npy, read_npz
 from jotlight.methods import DEFAULT, METHODS
 from jotlight.network import Network
 from jotlight.observation import as_counts
 from jotlight.pictures import picture_writer
+from jotlight.problems import Histories
 from jotlight.sensor import Sensor
+from jotlight.tv import NORMS
 from jotlight.vst import INVERSES
 
 _OTHERWISE = "noniterative-tv"
@@ -56,6 +59,31 @@ def reconstruct(
     model: Annotated[
         Path | None, typer.Option(help="A network of your own: a .safetensors file.")
     ] = None,
+    weight: Annotated[
+        float | None,
+        typer.Option(
+            help="Of total variation, for admm-tv, in nats per unit of intensity. Default: chosen "
+            "from the data.",
+            rich_help_panel="Iterative methods",
+        ),
+    ] = None,
+    norm: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Of total variation, for admm-tv: {' or '.join(NORMS)}.",
+            rich_help_panel="Iterative methods",
+        ),
+    ] = None,
+    tol: Annotated[
+        float | None,
+        typer.Option(
+            help="Residual at which the method is done.", rich_help_panel="Iterative methods"
+        ),
+    ] = None,
+    max_iter: Annotated[
+        int | None,
+        typer.Option(help="Iterations at most.", rich_help_panel="Iterative methods"),
+    ] = None,
     key: options.Key = None,
     counts: Annotated[
         bool,
@@ -76,47 +104,87 @@ def reconstruct(
     spare_inputs(output, [data, model, *maps_beside(data), *inputs])
     if method is None and inverse is not None:
         method = _OTHERWISE
-    settings = _method_settings(method or DEFAULT, inverse=inverse, model=model)
+    settings = _method_settings(
+        method or DEFAULT,
+        inverse=inverse,
+        model=model,
+        weight=weight,
+        norm=norm,
+        tol=tol,
+        max_iter=max_iter,
+    )
     seen, sensor, told = _read(data, key, counts, width, given)
     reason = None if "model" in settings else METHODS[method or DEFAULT].lacks(sensor)
     if reason is not None and method is not None:
         raise ValueError(reason)
     method = method or (DEFAULT if reason is None else _OTHERWISE)
     write = picture_writer(output, depth=depth, white=sensor.max_intensity)
+    done = ""
     with written_whole(output) as temporary:
-        with progress(None) as begin:
-            begin(METHODS[method].title)
-            start = time.perf_counter()
-            if "model" in settings:
-                picture = settings["model"].reconstruct(seen, sensor, threads=threads)
-            else:
-                picture = METHODS[method].run(seen, sensor, threads=threads, **settings)
-            seconds = time.perf_counter() - start
+        start = time.perf_counter()
+        if METHODS[method].iterative:
+            with live_iterations(METHODS[method].title) as callback:
+                picture, histories = METHODS[method].run(
+                    seen,
+                    sensor,
+                    threads=threads,
+                    callback=callback,
+                    return_history=True,
+                    **settings,
+                )
+            done = _told(histories)
+        else:
+            with progress(None) as begin:
+                begin(METHODS[method].title)
+                network = settings.pop("model", None)
+                run = METHODS[method].run if network is None else network.reconstruct
+                picture = run(seen, sensor, threads=threads, **settings)
+        seconds = time.perf_counter() - start
         write(temporary, picture)
     if reason is not None:
         err.print(f"[yellow]by {_OTHERWISE}:[/] {escape(reason)}", soft_wrap=True)
     size = " x ".join(map(str, picture.shape))
     out.print(
         f"{output}: {size}, intensities {picture.min():.3g} to {picture.max():.3g}, by "
-        f"{METHODS[method].title} in {seconds:.3g} s\n{told}: {sensor!r}",
+        f"{METHODS[method].title}{done} in {seconds:.3g} s\n{told}: {sensor!r}",
         soft_wrap=True,
         markup=False,
     )
 
 
-def _method_settings(method: str, *, inverse: str | None, model: Path | None) -> dict[str, Any]:
+def _method_settings(
+    method: str, *, model: Path | None, inverse: str | None, **iterative: Any
+) -> dict[str, Any]:
     if method not in METHODS:
         raise ValueError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
-    settings: dict[str, Any] = {}
-    if inverse is not None:
-        if not method.startswith("noniterative"):
-            raise ValueError(f"inverse: is for the non-iterative methods, not for {method}")
-        settings["inverse"] = inverse
+    given = {"inverse": inverse, "model": model, **iterative}
+    settings = {name: value for name, value in given.items() if value is not None}
+    for name in settings:
+        whose, serves = _WHOSE[name]
+        if not serves(method):
+            raise ValueError(f"{name.replace('_', '-')}: is for {whose}, not for {method}")
     if model is not None:
-        if method != "network":
-            raise ValueError(f"model: is for the method network, not for {method}")
         settings["model"] = Network.load(model)
     return settings
+
+
+_WHOSE: dict[str, tuple[str, Callable[[str], bool]]] = {
+    "inverse": ("the non-iterative methods", lambda method: method.startswith("noniterative")),
+    "model": ("the method network", lambda method: method == "network"),
+    "weight": ("the method admm-tv", lambda method: method == "admm-tv"),
+    "norm": ("the method admm-tv", lambda method: method == "admm-tv"),
+    "tol": ("the iterative methods", lambda method: METHODS[method].iterative),
+    "max_iter": ("the iterative methods", lambda method: METHODS[method].iterative),
+}
+"""To which methods each setting belongs."""
+
+
+def _told(histories: Histories) -> str:
+    """How the iterations ended, the longest of those of all channels."""
+    each = histories if isinstance(histories, list) else [histories]
+    longest = max(history.iterations for history in each)
+    ended = "" if all(history.converged for history in each) else ", NOT converged"
+    return f", {longest} iteration{'' if longest == 1 else 's'}{ended},"
 
 
 def _read(

@@ -7,6 +7,7 @@ mod bound;
 mod expose;
 mod kernel;
 mod rate;
+mod spread;
 
 pub(crate) use kernel::mirrored;
 
@@ -20,6 +21,7 @@ use crate::likelihood::Threshold;
 pub use expose::expose;
 pub use kernel::Kernel;
 pub use rate::{probability, rate};
+pub use spread::Spread;
 
 /// A two-dimensional image of either floating-point width, so that none is copied to be read.
 #[derive(Clone, Copy, Debug)]

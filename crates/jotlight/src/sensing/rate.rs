@@ -85,8 +85,8 @@ impl Light<'_, '_, '_> {
     pub fn detections(&self, row: usize, columns: Range<usize>, rates: &mut Vec<f64>) {
         let kernel = &self.sensor.kernel;
         match self.image {
-            Image::F32(image) => filter(kernel, image, row, columns.clone(), rates),
-            Image::F64(image) => filter(kernel, image, row, columns.clone(), rates),
+            Image::F32(image) => filter(kernel, kernel, image, row, columns.clone(), rates),
+            Image::F64(image) => filter(kernel, kernel, image, row, columns.clone(), rates),
         }
         let sensitivity = self.sensor.efficiency * self.sensor.gain_per_frame;
         match self.sensor.dark_counts {
@@ -132,22 +132,18 @@ fn widen<F: Copy + Into<f64>>(values: ArrayView1<'_, F>, out: &mut Vec<f64>) {
 }
 
 /// G c: up by K̂, then g along both axes, for the jots of a row and range of columns.
-fn filter<F: Copy + Into<f64>>(
-    kernel: &Kernel,
+pub(super) fn filter<F: Copy + Into<f64>>(
+    down: &Kernel,
+    along: &Kernel,
     image: ArrayView2<'_, F>,
     row: usize,
     columns: Range<usize>,
     out: &mut Vec<f64>,
 ) {
-    let side = kernel.oversampling();
-    let (first, phase) = kernel.last_pixel(columns.start);
-    let (last, _) = kernel.last_pixel(columns.end - 1);
-    let light = down_the_columns(
-        kernel,
-        image,
-        row,
-        first - kernel.degree() as isize..last + 1,
-    );
+    let side = along.oversampling();
+    let (first, phase) = along.last_pixel(columns.start);
+    let (last, _) = along.last_pixel(columns.end - 1);
+    let light = down_the_columns(down, image, row, first - along.degree() as isize..last + 1);
 
     // Along the row, the jots at the same place in their pixels at a time, so that the loop over pixels is a plain one.
     let pixels = (last - first + 1) as usize;
@@ -156,8 +152,8 @@ fn filter<F: Copy + Into<f64>>(
     let mut sums = vec![0.0; pixels];
     for place in 0..side {
         sums.fill(0.0);
-        for (back, &tap) in kernel.taps()[place..].iter().step_by(side).enumerate() {
-            for (sum, light) in sums.iter_mut().zip(&light[kernel.degree() - back..]) {
+        for (back, &tap) in along.taps()[place..].iter().step_by(side).enumerate() {
+            for (sum, light) in sums.iter_mut().zip(&light[along.degree() - back..]) {
                 *sum += tap * light;
             }
         }

@@ -1,4 +1,4 @@
-//! What one bit says of the light: P(b = 1), its slope and its inverse, for any threshold q.
+//! What one bit says of the light: P(b = 1), its logarithm and their slopes, and its inverse, for any threshold q.
 //!
 //! A jot sees Y ~ Poisson(s) photons and reports b = [Y ≥ q] (paper, equation (3)), so that
 //! P(b = 1) = P(q, s), the regularised lower incomplete gamma function.
@@ -71,25 +71,93 @@ impl Threshold {
     /// d log P(b = 1)/ds for s > 0: what a jot that fired says of the light. Finite where P itself underflows.
     #[must_use]
     pub fn fired_score(&self, s: f64) -> f64 {
-        if self.one_photon() {
-            s.exp_m1().recip()
-        } else if s < self.q {
-            self.q / s / self.upper_sum(s)
-        } else {
-            self.slope(s) / self.fires(s)
-        }
+        self.fired_slopes(s).0
     }
 
     /// −d log P(b = 0)/ds for s > 0: what a jot that stayed dark says of the light. Finite where P(b = 0) underflows.
     #[must_use]
     pub fn dark_score(&self, s: f64) -> f64 {
-        if self.one_photon() {
-            1.0
+        self.dark_slopes(s).0
+    }
+
+    /// log P(b = 1). Finite where P itself underflows; −∞ for s = 0.
+    #[must_use]
+    pub fn log_fires(&self, s: f64) -> f64 {
+        if s <= 0.0 {
+            f64::NEG_INFINITY
+        } else if self.one_photon() {
+            if s < 1.0 {
+                (-(-s).exp_m1()).ln()
+            } else {
+                (-(-s).exp()).ln_1p()
+            }
         } else if s < self.q {
-            self.slope(s) / self.stays_dark(s)
+            self.ln_poisson(s) + self.upper_sum(s).ln()
         } else {
-            self.q / s / self.lower_sum(s)
+            (-self.poisson(s) * self.lower_sum(s)).ln_1p()
         }
+    }
+
+    /// log P(b = 0). Finite where P(b = 0) underflows.
+    #[must_use]
+    pub fn log_stays_dark(&self, s: f64) -> f64 {
+        if self.one_photon() {
+            -s
+        } else if s < self.q {
+            (-self.poisson(s) * self.upper_sum(s)).ln_1p()
+        } else {
+            self.ln_poisson(s) + self.lower_sum(s).ln()
+        }
+    }
+
+    /// d log P(b = 1)/ds and −d² log P(b = 1)/ds², both above 0 as log P is concave, for s > 0.
+    ///
+    /// With the score F the curvature is F² − F·((q − 1)/s − 1). Below s = q that difference is written as a sum of positive
+    /// terms, so that nothing cancels.
+    #[must_use]
+    #[inline]
+    pub fn fired_slopes(&self, s: f64) -> (f64, f64) {
+        if self.one_photon() {
+            let score = s.exp_m1().recip();
+            return (score, score * (score + 1.0));
+        }
+        if s >= self.q {
+            let score = self.slope(s) / self.fires(s);
+            return (score, score * (score + 1.0 - (self.q - 1.0) / s));
+        }
+        let (mut term, mut sum, mut weighted, mut k) = (1.0, 1.0, 1.0, 0.0);
+        while term * (k + 1.0) > f64::EPSILON * 0.1 * sum {
+            k += 1.0;
+            term *= s / (self.q + k);
+            sum += term;
+            weighted += (k + 1.0) * term;
+        }
+        let score = self.q / s / sum;
+        (score, score / s * (weighted / sum))
+    }
+
+    /// −d log P(b = 0)/ds and −d² log P(b = 0)/ds², neither below 0, for s > 0.
+    ///
+    /// With the score G the curvature is G² + G·((q − 1)/s − 1), above s = q again as a sum of positive terms.
+    #[must_use]
+    #[inline]
+    pub fn dark_slopes(&self, s: f64) -> (f64, f64) {
+        if self.one_photon() {
+            return (1.0, 0.0);
+        }
+        if s < self.q {
+            let score = self.slope(s) / self.stays_dark(s);
+            return (score, score * (score + (self.q - 1.0) / s - 1.0));
+        }
+        let (mut term, mut sum, mut weighted, mut k) = (1.0, 1.0, 0.0, 0.0);
+        while k < self.q && term * (k + 1.0) > f64::EPSILON * 0.1 * sum {
+            k += 1.0;
+            term *= (self.q - k) / s;
+            sum += term;
+            weighted += k * term;
+        }
+        let score = 1.0 / sum;
+        (score, score * score * weighted / s)
     }
 
     /// The s at which P(b = 1) is `probability`: P⁻¹(q, ·). 0 gives 0, 1 gives infinity.

@@ -1,0 +1,417 @@
+"""Maximum likelihood with total variation, by ADMM: the paper's reference [7]."""
+
+import os
+from typing import Literal, overload
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight import _engine
+from jotlight.bits import Bits
+from jotlight.convergence import Callback, History, Watch
+from jotlight.likelihood import Array, Problem
+from jotlight.mle_iterative import level
+from jotlight.operators import Operator, Scaling, Spread, differences, spread
+from jotlight.problems import Histories, solve_each
+from jotlight.sensor import Sensor
+from jotlight.tv import automatic_weight, checked, per_pixel, total_variation
+
+Picture = npt.NDArray[np.float32]
+
+_RELAXATION = 1.7
+"""Over-relaxation, as Eckstein and Bertsekas (1992) advise: 1.5 to 1.8."""
+
+_STIFF = 12.0
+"""The penalty on the differences to begin with, in units of the weight over the mean intensity."""
+
+_BALANCE = 0.1
+"""The primal residual counts as much as this share of the dual one."""
+
+_PATIENCE = 10
+"""Iterations between two looks at the balance of the residuals."""
+
+_CG_STEPS = 50
+_CG_ENOUGH = 1e-6
+
+
+@overload
+def admm_tv(
+    data: Bits | Problem | npt.ArrayLike,
+    sensor: Sensor | None = None,
+    *,
+    weight: float | npt.ArrayLike | None = ...,
+    norm: str = ...,
+    start: npt.ArrayLike | None = ...,
+    max_iter: int = ...,
+    tol: float = ...,
+    callback: Callback | None = ...,
+    return_history: Literal[False] = ...,
+    threads: int | None = ...,
+) -> Picture: ...
+
+
+@overload
+def admm_tv(
+    data: Bits | Problem | npt.ArrayLike,
+    sensor: Sensor | None = None,
+    *,
+    weight: float | npt.ArrayLike | None = ...,
+    norm: str = ...,
+    start: npt.ArrayLike | None = ...,
+    max_iter: int = ...,
+    tol: float = ...,
+    callback: Callback | None = ...,
+    return_history: Literal[True],
+    threads: int | None = ...,
+) -> tuple[Picture, Histories]: ...
+
+
+def admm_tv(
+    data: Bits | Problem | npt.ArrayLike,
+    sensor: Sensor | None = None,
+    *,
+    weight: float | npt.ArrayLike | None = None,
+    norm: str = "isotropic",
+    start: npt.ArrayLike | None = None,
+    max_iter: int = 500,
+    tol: float = 3e-3,
+    callback: Callback | None = None,
+    return_history: bool = False,
+    threads: int | None = None,
+) -> Picture | tuple[Picture, Histories]:
+    """Find the image in [0, S] with the least -ℓ(c) + λ TV(c), likely and without needless change.
+
+    Parameters
+    ----------
+    data : Bits, array_like of int, or Problem
+        Bits, or an image of counts L of shape (H, W) or (H, W, C), which serves for the box
+        kernel, whose single jots are never looked at; or a problem of your own, for signals (N,)
+        and other operators, without a sensor.
+    sensor : Sensor
+        What made the data.
+    weight : float or array_like of float, optional
+        λ ≥ 0 in nats per unit of intensity, a number or one for each pixel. Default: chosen from
+        the data by :func:`jotlight.tv.automatic_weight`, which says how.
+    norm : {"isotropic", "anisotropic"}
+        TV is the sum over pixels of √(down² + right²), or of abs(down) + abs(right).
+    start : array_like of float, optional
+        Where to begin, of the picture's shape; a picture near the result saves iterations. Default:
+        the same intensity everywhere.
+    max_iter : int
+        Iterations at most; a JotlightWarning says when they were not enough.
+    tol : float
+        The run ends when the primal residual is at most `tol` and the dual one at most 10 `tol`,
+        each as a share of what it is the difference of.
+    callback : callable, optional
+        Called with a :class:`jotlight.convergence.Iteration` after each; raises StopIteration to
+        end the run.
+    return_history : bool
+        Give a :class:`jotlight.convergence.History` too, or a list of them, one for each channel.
+    threads : int, optional
+        Threads to use. Default: all.
+
+    Returns
+    -------
+    ndarray of float32, shape (H, W) or (H, W, C)
+        Intensities in [0, S]. With `return_history` a tuple of it and the history.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When data, sensor and start do not fit, or a parameter is out of its range.
+
+    Warns
+    -----
+    JotlightWarning
+        When the run did not converge.
+
+    Notes
+    -----
+    The alternating direction method of multipliers on A c = s, D c = v and, where the cells are
+    jots, c = w in [0, S] (Chan and Lu 2014; residuals and their stopping rule as in Boyd et al.
+    2011, section 3.3; penalties balanced as by Wohlberg 2017). The step in s is a scalar problem
+    for each cell, that in v a shrinkage; that in c is diagonal in the cosine basis, but for a few
+    steps of conjugate gradients where K̂ and the kernel's degree are both odd.
+
+    Pixels without a valid jot take part: total variation alone says what they are.
+
+    Examples
+    --------
+    >>> sensor = Sensor(oversampling=4)
+    >>> scene = np.where(np.arange(32)[:, None] < 16, 0.2, 0.7) * np.ones((32, 32))
+    >>> picture, history = admm_tv(sensor.expose(scene, rng=0), sensor, return_history=True)
+    >>> history.converged, bool(abs(picture - scene).mean() < 0.05)
+    (True, True)
+    """
+    checked(norm)
+    if weight is not None:
+        per_pixel("weight", weight, np.shape(weight))
+    Watch("admm_tv", max_iter, tol, None)  # what is wrong with them is said at once
+
+    def solve(problem: Problem, begin: Array | None) -> tuple[Array, History]:
+        watch = Watch("admm_tv", max_iter, tol, callback)
+        chosen = automatic_weight(problem, norm=norm) if weight is None else weight
+        return _minimise(problem, np.asarray(chosen), norm, begin, watch, threads)
+
+    picture, history = solve_each(solve, data, sensor, start, threads)
+    return (picture, history) if return_history else picture
+
+
+class _Term:
+    """A term f(A c) of the objective: f(x) with x = A c, and the penalty ½ ρ ‖A c - x + dual‖²."""
+
+    def __init__(self, penalty: float, x: Array, dual: Array) -> None:
+        self.penalty, self.x, self.dual = penalty, x, dual
+        self._back = self.adjoint(x)
+        self._back_dual = self.adjoint(dual)
+
+    def adjoint(self, array: Array) -> Array:
+        """Give Aᵀ of an array like x."""
+        raise NotImplementedError
+
+    def split(self, image: Array) -> float:
+        """Move x and the dual on; give the primal residual, squared, in units of intensity."""
+        raise NotImplementedError
+
+    def update(self, image: Array) -> tuple[float, Array]:
+        """Move x and the dual on; give the primal residual, squared, and the dual residual."""
+        primal = self.split(image)
+        before, self._back = self._back, self.adjoint(self.x)
+        self._back_dual = self.adjoint(self.dual)
+        return primal, self.penalty * (self._back - before)
+
+    def pull(self) -> Array:
+        """Give ρ Aᵀ(x - dual), where the term wants c to be."""
+        return self.penalty * (self._back - self._back_dual)
+
+    def force(self) -> Array:
+        """Give Aᵀ y of the multiplier y = ρ dual."""
+        return self.penalty * self._back_dual
+
+    def rescale(self, factor: float) -> None:
+        """Change ρ and leave the multiplier as it is."""
+        self.penalty *= factor
+        self.dual /= factor
+        self._back_dual /= factor
+
+
+class _Data(_Term):
+    """-ℓ of the light, which lies between 0 and what S casts."""
+
+    def __init__(
+        self, problem: Problem, penalty: float, gain: float, image: Array, threads: int | None
+    ) -> None:
+        self._operator, self._likelihood = problem.operator, problem.likelihood
+        self._gain, self._threads = gain, threads
+        brightest = self._operator.forward(np.full(image.shape, problem.max_intensity))
+        self._most = float(np.max(brightest))
+        light = self._operator.forward(image)
+        # Where x is best, ρ dual is the slope of ℓ: a start near the end has its multipliers too.
+        slope, _ = self._likelihood.slopes(light)
+        lit = (light > 0) & (light < self._most)
+        super().__init__(penalty, light, np.where(lit, -slope / penalty, 0.0))
+
+    def adjoint(self, array: Array) -> Array:
+        return self._operator.adjoint(array)
+
+    def split(self, image: Array) -> float:
+        light = self._operator.forward(image).reshape(-1)
+        return (
+            self._likelihood.split(
+                (self.penalty, _RELAXATION), self._most, light, self.x, self.dual
+            )
+            / self._gain**2
+        )
+
+
+class _Variation(_Term):
+    """λ TV, of an image (H, W) or, as one row of it, a signal."""
+
+    def __init__(
+        self,
+        weight: npt.NDArray[np.floating],
+        norm: str,
+        penalty: float,
+        image: Array,
+        threads: int | None,
+    ) -> None:
+        self._weight = per_pixel("weight", weight, image.shape)
+        self._isotropic, self._threads = norm == "isotropic", threads
+        self._shape = image.shape
+        self._rows = image.shape if image.ndim == 2 else (1, *image.shape)
+        self._differences = differences(self._rows, threads=threads)
+        planes = self._differences.forward(image.reshape(self._rows))
+        # The part of each difference that shrinking takes away.
+        dual = planes.copy()
+        _engine.shrink(dual, self._weight / penalty, self._isotropic, threads)
+        super().__init__(penalty, planes, planes - dual)
+
+    def adjoint(self, array: Array) -> Array:
+        return self._differences.adjoint(array).reshape(self._shape)
+
+    def split(self, image: Array) -> float:
+        return _engine.variation_split(
+            (self.penalty, _RELAXATION),
+            self._weight,
+            self._isotropic,
+            image.reshape(self._rows),
+            self.x,
+            self.dual,
+            self._threads,
+        )
+
+
+class _Box(_Term):
+    """0 ≤ c ≤ S, where the light's own range does not say so."""
+
+    def __init__(self, most: float, penalty: float, image: Array) -> None:
+        self._most = most
+        super().__init__(penalty, image.copy(), np.zeros_like(image))
+
+    def adjoint(self, array: Array) -> Array:
+        return array
+
+    def split(self, image: Array) -> float:
+        point = _RELAXATION * image + (1 - _RELAXATION) * self.x + self.dual
+        self.x = np.clip(point, 0, self._most)
+        self.dual = point - self.x
+        return _squares(image - self.x)
+
+
+def _minimise(
+    problem: Problem,
+    weight: npt.NDArray[np.floating],
+    norm: str,
+    begin: Array | None,
+    watch: Watch,
+    threads: int | None,
+) -> tuple[Array, History]:
+    operator, most = problem.operator, problem.max_intensity
+    mean = level(problem)
+    image = np.full(operator.input_shape, mean) if begin is None else begin
+    normal = _Normal(operator, threads)
+    # The likelihood is about as stiff as its information, and so are the penalties.
+    light = operator.forward(np.full(operator.input_shape, mean))
+    stiffness = float(np.mean(problem.likelihood.information(light)))
+    stiff = stiffness * normal.gain**2
+    data = _Data(problem, stiffness, normal.gain, image, threads)
+    differing = max(_STIFF * float(np.mean(weight)) / mean, 1e-2 * stiff)
+    terms: list[_Term] = [data, _Variation(weight, norm, differing, image, threads)]
+    if not isinstance(operator, Scaling):
+        terms.append(_Box(most, 0.1 * stiff, image))
+
+    while True:
+        image = normal.solve(
+            np.sum([term.pull() for term in terms], axis=0),
+            [term.penalty for term in terms],
+            image,
+        )
+        splits = [term.update(image) for term in terms]
+        apart = sum(square for square, _ in splits)
+        moved = _squares(np.sum([change for _, change in splits], axis=0))
+        forces = sum(_squares(term.force()) for term in terms)
+        primal = _ratio(apart, _squares(image))
+        dual = _ratio(moved, forces)
+        if isinstance(operator, Scaling):
+            estimate = np.clip(data.x / operator.factor, 0, most)
+        else:
+            estimate = terms[-1].x
+        residuals = {"primal": primal, "dual": dual}
+        if not watch.goes_on(estimate, residuals, {"dual": 1 / _BALANCE}):
+            break
+        if watch.number % _PATIENCE == 0 and primal > 0 and dual > 0:
+            factor = float(np.sqrt(primal / (_BALANCE * dual)))
+            if not 0.5 < factor < 2:
+                for term in terms:
+                    term.rescale(min(max(factor, 0.25), 4.0))
+    objective = total_variation(estimate, norm, weight=weight) - problem.log_likelihood(estimate)
+    return estimate, watch.finish(objective, weight if weight.ndim else float(weight))
+
+
+class _Normal:
+    """Solves (ρ₁ AᵀA + ρ₂ DᵀD + ρ₃) c = r in the cosine basis."""
+
+    def __init__(self, operator: Operator, threads: int | None) -> None:
+        shape = operator.input_shape
+        self._operator = operator
+        self._workers = threads or os.cpu_count() or 1
+        self._ones = np.ones(operator.output_shape)
+        self._differences = differences(shape, threads=threads)
+        self._laplacian = np.zeros((1,) * len(shape))
+        for axis, size in enumerate(shape):
+            symbol = 2 - 2 * np.cos(np.pi * np.arange(size) / size)
+            self._laplacian = self._laplacian + _along(axis, len(shape), symbol)
+        self._gram = _gram_symbol(operator)
+        self.gain = float(np.sqrt(np.max(self._gram)))
+        """The light of a cell, or cells, for an even intensity of 1: √‖AᵀA‖."""
+
+    def solve(self, right: Array, penalties: list[float], guess: Array) -> Array:
+        """Give c; `penalties` are those of the data, the differences and, if any, the box."""
+        data, differing, *rest = penalties
+        symbol = data * self._gram + differing * self._laplacian + sum(rest)
+        if isinstance(self._operator, Scaling):
+            return self._divide(right, symbol)
+
+        def multiply(image: Array) -> Array:
+            light = self._operator.normal(self._ones, image)
+            planes = self._differences.adjoint(self._differences.forward(image))
+            return data * light + differing * planes + sum(rest) * image
+
+        # Conjugate gradients; where the symbol is exact the first step is the last.
+        solution, residual = guess, right - multiply(guess)
+        enough = _CG_ENOUGH**2 * _squares(right)
+        search, size = np.zeros_like(right), 1.0
+        for _ in range(_CG_STEPS):
+            if _squares(residual) <= enough:
+                break
+            divided = self._divide(residual, symbol)
+            size, before = float((residual * divided).sum()), size
+            search = divided + size / before * search
+            product = multiply(search)
+            step = size / float((search * product).sum())
+            solution = solution + step * search
+            residual = residual - step * product
+        return solution
+
+    def _divide(self, right: Array, symbol: Array) -> Array:
+        from scipy.fft import dctn, idctn
+
+        spectrum = dctn(right, norm="ortho", workers=self._workers)
+        spectrum /= symbol
+        return np.asarray(idctn(spectrum, norm="ortho", workers=self._workers, overwrite_x=True))
+
+
+def _gram_symbol(operator: Operator) -> Array:
+    """AᵀA in the cosine basis: exact for a kernel that is even about its pixel, else nearly."""
+    from scipy.fft import dct
+
+    shape = operator.input_shape
+    if isinstance(operator, Scaling):
+        return np.full((1,) * len(shape), operator.factor**2)
+    if not isinstance(operator, Spread):
+        ones = np.ones(shape)
+        level = float(np.mean(operator.adjoint(operator.forward(ones))))
+        return np.full((1,) * len(shape), level)
+    symbol = np.full((1,) * len(shape), operator.gain**2)
+    for axis, size in enumerate(shape):
+        line = spread((size,), operator.oversampling, operator.kernel)
+        impulse = np.zeros(size)
+        impulse[0] = 1
+        response = line.normal(np.ones(line.output_shape), impulse)
+        symbol = symbol * _along(axis, len(shape), np.maximum(dct(response) / dct(impulse), 0))
+    return symbol
+
+
+def _along(axis: int, dimensions: int, values: Array) -> Array:
+    shape = [1] * dimensions
+    shape[axis] = len(values)
+    return values.reshape(shape)
+
+
+def _ratio(part: float, whole: float) -> float:
+    return float(np.sqrt(part / whole)) if whole > 0 else float(part > 0)
+
+
+def _squares(array: Array) -> float:
+    # Not by BLAS, whose threads would stand in the way of the engine's.
+    return float((array * array).sum())

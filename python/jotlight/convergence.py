@@ -1,0 +1,115 @@
+"""How an iterative method tells where it stands, and when it is done."""
+
+import dataclasses
+import operator
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.errors import warn
+
+
+@dataclasses.dataclass(frozen=True)
+class Iteration:
+    """Where an iterative method stands."""
+
+    number: int
+    """From 1 on."""
+    residuals: Mapping[str, float]
+    """By name."""
+    residual: float
+    """The largest of them, in the measure in which the method is done when it is at most `tol`."""
+    image: npt.NDArray[np.float64]
+    """The estimate so far, read-only."""
+    tol: float
+    max_iter: int
+
+
+Callback = Callable[[Iteration], object]
+"""Called after every iteration; it ends the run by raising StopIteration."""
+
+
+@dataclasses.dataclass(frozen=True)
+class History:
+    """How an iterative method came to its picture."""
+
+    converged: bool
+    """Whether the residuals came below `tol`."""
+    residuals: dict[str, npt.NDArray[np.float64]]
+    """By name, one number for each iteration."""
+    objective: float
+    """What was minimised, -ℓ and the method's prior, at the picture in float64."""
+    weight: float | npt.NDArray[np.floating] = 0.0
+    """Of the prior, a number or one for each pixel."""
+
+    @property
+    def iterations(self) -> int:
+        """How many there were."""
+        return len(next(iter(self.residuals.values())))
+
+
+class Watch:
+    """Collects the residuals, calls the user back, and says when to stop."""
+
+    def __init__(self, name: str, max_iter: int, tol: float, callback: Callback | None) -> None:
+        if not 0 < tol < np.inf:
+            raise ValueError(f"tol: expected a finite number above 0, got {tol!r}")
+        try:
+            self.max_iter = operator.index(max_iter)
+        except TypeError:
+            raise TypeError(f"max_iter: expected a whole number, got {max_iter!r}") from None
+        if self.max_iter < 1:
+            raise ValueError(f"max_iter: expected 1 or more, got {max_iter}")
+        self.tol = float(tol)
+        self._name = name
+        self._callback = callback
+        self._residuals: list[Mapping[str, float]] = []
+        self._ended = False
+        self.converged = False
+
+    @property
+    def number(self) -> int:
+        """Iterations so far."""
+        return len(self._residuals)
+
+    def goes_on(
+        self,
+        image: npt.NDArray[np.float64],
+        residuals: Mapping[str, float],
+        leeway: Mapping[str, float] | None = None,
+    ) -> bool:
+        """Take note of an iteration and tell whether there is to be another.
+
+        `leeway` says how many `tol` some of the residuals may have.
+        """
+        self._residuals.append(residuals)
+        worst = max(value / (leeway or {}).get(name, 1.0) for name, value in residuals.items())
+        step = Iteration(self.number, residuals, worst, _readonly(image), self.tol, self.max_iter)
+        self.converged = worst <= self.tol
+        if self._callback is not None:
+            try:
+                self._callback(step)
+            except StopIteration:
+                self._ended = True
+        return not (self.converged or self._ended or step.number >= self.max_iter)
+
+    def finish(self, objective: float, weight: float | npt.NDArray[np.floating] = 0.0) -> History:
+        """Sum up, and warn when the method is not done; who ended it himself knows."""
+        names = self._residuals[0]
+        residuals = {
+            name: np.array([step[name] for step in self._residuals], np.float64) for name in names
+        }
+        if not (self.converged or self._ended):
+            last = ", ".join(f"{name} {values[-1]:.2g}" for name, values in residuals.items())
+            warn(
+                f"{self._name}: not converged after {len(self._residuals)} iterations (residuals: "
+                f"{last}; tol = {self.tol:g}); raise max_iter, or tol"
+            )
+        return History(self.converged, residuals, objective, weight)
+
+
+def _readonly(image: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    view = image.view()
+    view.flags.writeable = False
+    return view

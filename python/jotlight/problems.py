@@ -1,0 +1,148 @@
+"""From data and a sensor to what is to be maximised."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.bits import Bits
+from jotlight.channels import Picture, by_channel
+from jotlight.convergence import History
+from jotlight.likelihood import Array, Likelihood, Problem
+from jotlight.observation import Observation, observe
+from jotlight.operators import scaling, spread
+from jotlight.sensor import Sensor
+
+Histories = History | list[History]
+"""Of one channel, or of each channel of a colour image."""
+
+
+def solve_each(
+    solve: Callable[[Problem, Array | None], tuple[Array, History]],
+    data: Bits | Problem | npt.ArrayLike,
+    sensor: Sensor | None,
+    start: npt.ArrayLike | None,
+    threads: int | None,
+) -> tuple[Picture, Histories]:
+    """Solve a problem, or that of each channel of data, from the start that belongs to it.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When data, sensor and start do not fit.
+    """
+    begin = None if start is None else _checked_start(start)
+    if isinstance(data, Problem):
+        if sensor is not None:
+            raise TypeError("sensor: expected none, since a Problem has its own operator")
+        estimate, history = solve(data, _fitting_start(begin, data))
+        return estimate.astype(np.float32), history
+    if not isinstance(sensor, Sensor):
+        raise TypeError(f"sensor: expected a jotlight.Sensor, got {type(sensor).__name__}")
+    channels = data.shape[3:] if isinstance(data, Bits) else np.shape(data)[2:]
+    if begin is not None and begin.shape[2:] != channels:
+        raise ValueError(
+            f"start: expected (H, W) and as many channels as the data {tuple(channels)}, "
+            f"got shape {begin.shape}"
+        )
+    histories: list[History] = []
+
+    def one_channel(channel: Bits | npt.NDArray[np.int32]) -> Picture:
+        problem = problem_of(channel, sensor, threads)
+        own = begin if begin is None or begin.ndim == 2 else begin[..., len(histories)]
+        estimate, history = solve(problem, _fitting_start(own, problem))
+        histories.append(history)
+        return estimate.astype(np.float32)
+
+    picture = by_channel(one_channel, data)
+    return picture, histories if channels else histories[0]
+
+
+def _checked_start(start: npt.ArrayLike) -> Array:
+    array = np.asarray(start)
+    if array.dtype.kind != "f":
+        raise TypeError(f"start: expected floats in units of intensity, got {array.dtype}")
+    if not np.isfinite(array).all():
+        raise ValueError("start: expected finite intensities, got NaN or infinity")
+    return array.astype(np.float64)
+
+
+def _fitting_start(start: Array | None, problem: Problem) -> Array | None:
+    if start is None:
+        return None
+    if start.shape != problem.operator.input_shape:
+        raise ValueError(
+            f"start: expected the picture's shape {problem.operator.input_shape}, got {start.shape}"
+        )
+    return np.clip(start, 0, problem.max_intensity)
+
+
+def problem_of(data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int | None) -> Problem:
+    """Give the problem of one channel's bits or counts.
+
+    With the box kernel a pixel's bits are exchangeable and their count says all: the cells are the
+    pixels. Where they are not, for a smooth kernel or dark counts that differ inside of a pixel,
+    the cells are the jots.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When data and sensor do not fit.
+    """
+    carried = data.sensor if isinstance(data, Bits) else None
+    if carried is not None and carried.kernel != sensor.kernel:
+        raise ValueError(
+            f"kernel: expected {carried.kernel!r}, with which the bits were made, got "
+            f"{sensor.kernel!r}; Bits(bits.packed, bits.width) takes away what they know of it"
+        )
+    seen = observe(data, sensor, threads)
+    if np.max(seen.trials) == 0:
+        raise ValueError("mask: expected at least one jot that is alive, got none")
+    if sensor.kernel == "box" and not seen.dark_varies:
+        return _of_pixels(seen, threads)
+    return _of_jots(data, sensor, seen.counts.shape, threads)
+
+
+def _of_pixels(seen: Observation, threads: int | None) -> Problem:
+    _, sensitivity, most = seen.sensor._response()
+    likelihood = Likelihood(
+        seen.counts,
+        seen.trials,
+        threshold=seen.sensor.threshold,
+        dark_counts=seen.dark_counts,
+        threads=threads,
+    )
+    return Problem(scaling(seen.counts.shape, sensitivity), likelihood, most)
+
+
+def _of_jots(
+    data: Bits | npt.NDArray[np.int32],
+    sensor: Sensor,
+    shape: tuple[int, ...],
+    threads: int | None,
+) -> Problem:
+    if not isinstance(data, Bits):
+        why = (
+            "jots of one pixel differ in their dark counts"
+            if sensor.kernel == "box"
+            else f"the light of a {sensor.kernel} kernel differs from jot to jot"
+        )
+        raise ValueError(
+            f"counts: where {why} the bits are needed, since a count does not tell which jots fired"
+        )
+    ones = data.counts(1, mask=sensor.mask, threads=threads)
+    trials: Any = sensor.frames
+    if sensor.mask is not None:
+        trials = np.where(sensor.mask, np.int32(0), np.int32(sensor.frames))
+    light = spread(
+        shape,
+        sensor.oversampling,
+        sensor.kernel,
+        gain=sensor.efficiency * sensor._gain / sensor.frames,
+        threads=threads,
+    )
+    likelihood = Likelihood(
+        ones, trials, threshold=sensor.threshold, dark_counts=sensor.dark_counts, threads=threads
+    )
+    return Problem(light, likelihood, sensor.max_intensity)
