@@ -12,6 +12,7 @@ from jotlight.convergence import Callback, History, Watch
 from jotlight.errors import warn
 from jotlight.fill import fill_blind
 from jotlight.likelihood import Array, Problem
+from jotlight.operators import dot
 from jotlight.problems import Histories, solve_each
 from jotlight.sensor import Sensor
 
@@ -182,19 +183,19 @@ def _newton_direction(slopes: _Slopes, free: npt.NDArray[np.bool_]) -> Array:
     inverse = np.where(free & (slopes.bound > 0), 1 / np.maximum(slopes.bound, 1e-300), 0.0)
     preconditioned = inverse * residual
     search = preconditioned
-    size = first = _dot(residual, preconditioned)
+    size = first = dot(residual, preconditioned)
     for _ in range(_CG_STEPS):
         if size <= _CG_ENOUGH**2 * first:
             break
         product = np.where(free, slopes.hessian(search), 0.0)
-        bend = _dot(search, product)
+        bend = dot(search, product)
         if bend <= 0:
             break
         step = size / bend
         solution += step * search
         residual = residual - step * product
         preconditioned = inverse * residual
-        size, before = _dot(residual, preconditioned), size
+        size, before = dot(residual, preconditioned), size
         search = preconditioned + size / before * search
     # Before its first step, where there is no curvature at all, the gradient is all there is.
     return direction + np.where(free, solution if solution.any() else -slopes.scaled(), 0.0)
@@ -242,7 +243,7 @@ def _maximise(
             tried = np.clip(image + step * direction, least, most)
             light = operator.forward(tried)
             tried_cost = -likelihood.value(light)
-            promised = _dot(slopes.gradient, image - tried)
+            promised = dot(slopes.gradient, image - tried)
             if tried_cost <= cost - _ENOUGH * promised + _ROUNDING * abs(cost):
                 break
             step *= 0.5
@@ -264,11 +265,6 @@ def level(problem: Problem) -> float:
     light = float(np.average(spread_of_ones, weights=trials))
     most = problem.max_intensity
     return float(np.clip((rate - dark) / light, 1e-3 * most, 0.9 * most))
-
-
-def _dot(a: Array, b: Array) -> float:
-    # Not by BLAS, whose threads would stand in the way of the engine's.
-    return float((a * b).sum())
 
 
 def _trials(problem: Problem) -> npt.NDArray[np.int32]:

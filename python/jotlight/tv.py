@@ -23,6 +23,10 @@ _BLUR = 2.0
 """Standard deviation in pixels of the Gaussian that gives a first idea of the local light."""
 
 
+_POINTS = 1025
+"""Of the curve from the share of ones to the information of a bit."""
+
+
 def total_variation(
     image: npt.ArrayLike, norm: str = "isotropic", *, weight: float | npt.ArrayLike = 1.0
 ) -> float:
@@ -163,14 +167,12 @@ def _local_information(problem: Problem, of_ones: Array) -> Array:
     overall = likelihood.ones.sum() / trials.sum()
     share = np.where(valid > 0, ones / np.where(valid > 0, valid, 1), overall)
     bits = trials.sum() / share.size
-    share = np.clip(share, 0, 1) * bits + 3 / 8
-    share /= bits + 3 / 4
-    rate = gammaincinv(likelihood.threshold, share)
-    one_bit = Likelihood(
-        np.zeros(share.shape, np.int32), 1, threshold=likelihood.threshold
-    ).information(rate)
-    light = of_ones.mean()
-    return np.asarray(bits * light**2 * one_bit)
+    # A smooth function of the share alone, as in equation (6) kept from both ends.
+    shares = np.linspace(0, 1, _POINTS)
+    rates = gammaincinv(likelihood.threshold, (bits * shares + 3 / 8) / (bits + 3 / 4))
+    one_bit = Likelihood(np.zeros(_POINTS, np.int32), 1, threshold=likelihood.threshold)
+    information = np.interp(share, shares, one_bit.information(rates))
+    return np.asarray(bits * of_ones.mean() ** 2 * information)
 
 
 def per_pixel(name: str, value: float | npt.ArrayLike, shape: tuple[int, ...]) -> float | Array:

@@ -1,6 +1,7 @@
 //! The likelihood of what was seen, ℓ(s) = Σ L log P(q, s + d) + (n − L) log(1 − P(q, s + d)): its value, gradient and
 //! curvature, and the proximal map of −ℓ. L of n bits are 1; a cell is a jot, or a pixel whose jots all see the same light.
 
+mod one_photon;
 mod threshold;
 
 use rayon::prelude::*;
@@ -88,6 +89,32 @@ struct Cell {
     dark: f64,
 }
 
+/// What the cells of a stretch saw.
+#[derive(Default)]
+struct Cells {
+    ones: Vec<f64>,
+    zeros: Vec<f64>,
+    dark: Vec<f64>,
+}
+
+impl Cells {
+    fn at(&self, index: usize) -> Cell {
+        Cell {
+            ones: self.ones[index],
+            zeros: self.zeros[index],
+            dark: self.dark[index],
+        }
+    }
+}
+
+/// How a proximal map is found: the penalty ρ, the upper bound of x, and the last step as a share of the root.
+#[derive(Clone, Copy)]
+struct Search {
+    penalty: f64,
+    most: f64,
+    tolerance: f64,
+}
+
 impl<'a> Seen<'a> {
     /// # Errors
     /// [`Error::Shape`] when the arrays do not fit, or a count is above the valid bits.
@@ -129,6 +156,31 @@ impl<'a> Seen<'a> {
         }
     }
 
+    /// The cells of a stretch, into `cells`.
+    fn gather(&self, stretch: usize, cells: &mut Cells) {
+        let first = stretch * STRETCH;
+        let last = (first + STRETCH).min(self.len());
+        cells.ones.clear();
+        cells.zeros.clear();
+        cells.dark.clear();
+        let ones = &self.ones[first..last];
+        cells.ones.extend(ones.iter().map(|&ones| f64::from(ones)));
+        match self.trials {
+            Values::Same(trials) => cells
+                .zeros
+                .extend(ones.iter().map(|ones| f64::from(trials - ones))),
+            Values::Each(trials) => cells.zeros.extend(
+                ones.iter()
+                    .zip(&trials[first..last])
+                    .map(|(ones, trials)| f64::from(trials - ones)),
+            ),
+        }
+        match self.dark {
+            Values::Same(dark) => cells.dark.resize(ones.len(), dark),
+            Values::Each(dark) => cells.dark.extend_from_slice(&dark[first..last]),
+        }
+    }
+
     /// ℓ at the light `light`, that is η s of each cell: −∞ where a bit is 1 that cannot be.
     ///
     /// # Errors
@@ -162,14 +214,19 @@ impl<'a> Seen<'a> {
             .zip(curvature.par_chunks_mut(STRETCH))
             .zip(light.par_chunks(STRETCH))
             .enumerate()
-            .for_each(|(stretch, ((gradient, curvature), light))| {
-                let out = gradient.iter_mut().zip(curvature);
-                for (((gradient, curvature), &light), index) in
-                    out.zip(light).zip(stretch * STRETCH..)
-                {
-                    (*gradient, *curvature) = self.slopes_at(self.cell(index), light);
-                }
-            });
+            .for_each_init(
+                Cells::default,
+                |cells, (stretch, ((gradient, curvature), light))| {
+                    self.gather(stretch, cells);
+                    if self.threshold.photons() == 1 {
+                        return one_photon::slopes(cells, light, gradient, curvature);
+                    }
+                    for (index, &light) in light.iter().enumerate() {
+                        (gradient[index], curvature[index]) =
+                            self.slopes_at(cells.at(index), light);
+                    }
+                },
+            );
         Ok(())
     }
 
@@ -206,15 +263,18 @@ impl<'a> Seen<'a> {
         self.check(point.len())?;
         self.check(guess.len())?;
         check_penalty(penalty)?;
+        let search = Search {
+            penalty,
+            most,
+            tolerance: TOLERANCE,
+        };
         point
             .par_chunks_mut(STRETCH)
             .zip(guess.par_chunks(STRETCH))
             .enumerate()
-            .for_each(|(stretch, (point, guess))| {
-                for ((point, &guess), index) in point.iter_mut().zip(guess).zip(stretch * STRETCH..)
-                {
-                    *point = self.nearest(self.cell(index), penalty, most, *point, guess);
-                }
+            .for_each_init(Cells::default, |cells, (stretch, (point, guess))| {
+                self.gather(stretch, cells);
+                self.search(cells, search, guess, point);
             });
         Ok(())
     }
@@ -236,24 +296,53 @@ impl<'a> Seen<'a> {
         self.check(x.len())?;
         self.check(dual.len())?;
         check_penalty(step.penalty)?;
+        let search = Search {
+            penalty: step.penalty,
+            most,
+            tolerance: SPLIT_TOLERANCE,
+        };
         let sums: Vec<f64> = x
             .par_chunks_mut(STRETCH)
             .zip(dual.par_chunks_mut(STRETCH))
             .zip(light.par_chunks(STRETCH))
             .enumerate()
-            .map(|(stretch, ((x, dual), light))| {
-                let mut sum = 0.0;
-                let cells = x.iter_mut().zip(dual).zip(light);
-                for (((x, dual), &light), index) in cells.zip(stretch * STRETCH..) {
-                    let point = step.relaxed(light, *x) + *dual;
-                    *x = self.nearest(self.cell(index), step.penalty, most, point, *x);
-                    *dual = point - *x;
-                    sum += (light - *x) * (light - *x);
-                }
-                sum
-            })
+            .map_init(
+                || (Cells::default(), Vec::new()),
+                |(cells, point), (stretch, ((x, dual), light))| {
+                    self.gather(stretch, cells);
+                    for ((x, dual), &light) in x.iter().zip(dual.iter_mut()).zip(light) {
+                        *dual += step.relaxed(light, *x);
+                    }
+                    point.clear();
+                    point.extend_from_slice(dual);
+                    self.search(cells, search, x, point);
+                    let mut sum = 0.0;
+                    for (((x, dual), &light), &new) in
+                        x.iter_mut().zip(dual).zip(light).zip(point.iter())
+                    {
+                        *x = new;
+                        *dual -= new;
+                        sum += (light - new) * (light - new);
+                    }
+                    sum
+                },
+            )
             .collect();
         Ok(sums.iter().sum())
+    }
+
+    fn search(&self, cells: &Cells, search: Search, guess: &[f64], point: &mut [f64]) {
+        if self.threshold.photons() == 1 {
+            return one_photon::nearest(
+                cells,
+                (search.penalty, search.most, search.tolerance),
+                guess,
+                point,
+            );
+        }
+        for (index, (point, &guess)) in point.iter_mut().zip(guess).enumerate() {
+            *point = self.nearest(cells.at(index), search, *point, guess);
+        }
     }
 
     fn check(&self, length: usize) -> Result<()> {
@@ -295,10 +384,14 @@ impl<'a> Seen<'a> {
     }
 
     /// Newton's method on the slope of −ℓ(x) + ½ penalty (x − point)², which rises, between bounds that close in on the root.
-    fn nearest(&self, cell: Cell, penalty: f64, most: f64, point: f64, guess: f64) -> f64 {
-        let linear = cell.ones <= 0.0 && (self.threshold.photons() == 1 || cell.zeros <= 0.0);
-        if linear {
-            return (point - cell.zeros / penalty).clamp(0.0, most);
+    fn nearest(&self, cell: Cell, search: Search, point: f64, guess: f64) -> f64 {
+        let Search {
+            penalty,
+            most,
+            tolerance,
+        } = search;
+        if cell.ones + cell.zeros <= 0.0 {
+            return point.clamp(0.0, most);
         }
         let slopes = |x: f64| {
             let (gradient, curvature) = self.slopes_at(cell, x);
@@ -335,7 +428,7 @@ impl<'a> Seen<'a> {
             if !newton {
                 next = 0.5 * (low + high);
             }
-            let near = (next - x).abs() <= TOLERANCE * next;
+            let near = (next - x).abs() <= tolerance * next;
             if near && newton || high - low <= f64::EPSILON * most {
                 return next;
             }
@@ -345,8 +438,11 @@ impl<'a> Seen<'a> {
     }
 }
 
-/// The last step of a proximal map as a share of the root. A step of Newton squares the error, so that some 1e-10 is left.
+/// For the proximal map by itself: some 1e-10 is left.
 const TOLERANCE: f64 = 1e-5;
+
+/// Inside of ADMM, where x moves less and less and with it the square of its last step: what is left is far below that move.
+const SPLIT_TOLERANCE: f64 = 1e-3;
 
 /// Newton's steps and halvings at most; from any start halvings alone would do.
 const ROUNDS: usize = 200;
