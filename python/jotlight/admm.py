@@ -32,6 +32,9 @@ _BALANCE = 0.1
 _PATIENCE = 10
 """Iterations between two looks at the balance of the residuals."""
 
+_DARK = 1e-3
+"""A picture darker than this share of S is measured by it, since no share of nothing is small."""
+
 _CG_STEPS = 50
 _CG_ENOUGH = 1e-6
 
@@ -306,7 +309,7 @@ def _minimise(
         right = _sum(term.pull() for term in terms)
         image = normal.solve(right, [term.penalty for term in terms], image)
         apart, moves = zip(*(term.update(image) for term in terms), strict=True)
-        primal = _ratio(sum(apart), _squares(image))
+        primal = _ratio(sum(apart), _squares(image) + image.size * (_DARK * most) ** 2)
         dual = _ratio(_squares(_sum(moves)), sum(_squares(term.force()) for term in terms))
         if isinstance(operator, Scaling):
             estimate = np.clip(data.x / operator.factor, 0, most)

@@ -49,7 +49,7 @@ class Likelihood:
     --------
     >>> seen = Likelihood([3, 0], trials=4)
     >>> round(seen.value([1.0, 0.5]), 6)  # 3 log(1 - 1/e) - 1 - 4/2
-    -4.376026
+    -4.376025
     >>> gradient, curvature = seen.slopes([1.0, 0.5])
     >>> gradient.round(6).tolist(), curvature.round(6).tolist()
     ([0.74593, -4.0], [2.762021, 0.0])
