@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import jotlight as jl
+from jotlight.comparison import chosen
 from jotlight.methods import METHODS
 from jotlight.pictures import read_picture
 
@@ -45,7 +46,7 @@ def photographs(data: Path, number: int) -> None:
     if not paths:
         raise FileNotFoundError(data / "bsds300/test/*.jpg")
     sensor = jl.Sensor(oversampling=4)
-    runs = {name: method.run for name, method in METHODS.items() if method.available}
+    runs = {name: METHODS[name].run for name in chosen(sensor)}
     runs |= {
         f"network, initial, sigma = {sigma}": lambda bits, sensor, sigma=sigma: jl.Network.initial(
             sensor, sigma=sigma
@@ -88,6 +89,7 @@ def real_counts(data: Path, _: int) -> None:
     print("\n| method on 16 real frames | exact inverse, dB | algebraic, dB |")
     print("| --- | ---: | ---: |")
     print(f"| mle | {decibel(jl.mle(few, sensor)):.2f} | |")
+    print(f"| admm-tv | {decibel(jl.admm_tv(few, sensor)):.2f} | |")
     for name in ("gaussian", "tv", "nlm", "bm3d"):
         if METHODS[f"noniterative-{name}"].available:
             exact, algebraic = (

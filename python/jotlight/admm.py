@@ -12,7 +12,6 @@ from jotlight import _engine
 from jotlight.bits import Bits
 from jotlight.convergence import Callback, History, Watch
 from jotlight.likelihood import Array, Problem
-from jotlight.mle_iterative import level
 from jotlight.operators import Operator, Scaling, Spread, differences, dot, spread
 from jotlight.problems import Histories, solve_each
 from jotlight.sensor import Sensor
@@ -292,7 +291,7 @@ def _minimise(
     threads: int | None,
 ) -> tuple[Array, History]:
     operator, most = problem.operator, problem.max_intensity
-    mean = level(problem)
+    mean = problem.level()
     image = np.full(operator.input_shape, mean) if begin is None else begin
     normal = _Normal(operator, threads)
     # The likelihood is about as stiff as its information, and so are the penalties.
@@ -389,8 +388,7 @@ def _gram_symbol(operator: Operator) -> Array:
         return np.full((1,) * len(shape), operator.factor**2)
     if not isinstance(operator, Spread):
         ones = np.ones(shape)
-        level = float(np.mean(operator.adjoint(operator.forward(ones))))
-        return np.full((1,) * len(shape), level)
+        return np.full((1,) * len(shape), operator.adjoint(operator.forward(ones)).mean())
     symbol = np.full((1,) * len(shape), operator.gain**2)
     for axis, size in enumerate(shape):
         line = spread((size,), operator.oversampling, operator.kernel)

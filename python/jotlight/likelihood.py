@@ -237,6 +237,24 @@ class Problem:
                 f"max_intensity: expected a finite number above 0, got {self.max_intensity!r}"
             )
 
+    def level(self) -> float:
+        """Give the intensity that would make as many bits fire as did, were it the same everywhere.
+
+        It is kept from 0 and from S, so that an iterative method can begin there.
+        """
+        seen = self.likelihood
+        trials = np.broadcast_to(np.asarray(seen.trials, np.float64), seen.shape)
+        share = float(seen.ones.sum() / max(trials.sum(), 1.0))
+        rate = _engine.threshold_rate(int(seen.threshold), share)
+        if not trials.any():
+            trials = np.ones(seen.shape)
+        dark = np.average(np.broadcast_to(seen.dark_counts, seen.shape), weights=trials)
+        light = np.average(
+            self.operator.forward(np.ones(self.operator.input_shape)), weights=trials
+        )
+        most = self.max_intensity
+        return float(np.clip((rate - dark) / light, 1e-3 * most, 0.9 * most))
+
     def log_likelihood(self, image: npt.ArrayLike) -> float:
         """ℓ(A c) in nats."""
         return self.likelihood.value(self.operator.forward(np.asarray(image, np.float64)))

@@ -6,7 +6,6 @@ from typing import Literal, overload
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import _engine
 from jotlight.bits import Bits
 from jotlight.convergence import Callback, History, Watch
 from jotlight.errors import warn
@@ -214,7 +213,7 @@ def _maximise(
 ) -> tuple[Array, History]:
     operator, likelihood, most = problem.operator, problem.likelihood, problem.max_intensity
     spread_of_ones = operator.forward(np.ones(operator.input_shape))
-    image = np.full(operator.input_shape, level(problem)) if begin is None else begin
+    image = np.full(operator.input_shape, problem.level()) if begin is None else begin
     # A pixel all of whose bits are 0, or 1, is as dark, or bright, as can be.
     ones, zeros = likelihood.ones, _trials(problem) - likelihood.ones
     fired = operator.adjoint((ones > 0).astype(np.float64)) > 0
@@ -252,19 +251,6 @@ def _maximise(
                 return image, watch.finish(cost)
         image, cost = tried, tried_cost
     return image, watch.finish(cost)
-
-
-def level(problem: Problem) -> float:
-    """The intensity that would make as many bits fire as did, were it the same everywhere."""
-    likelihood = problem.likelihood
-    trials = np.broadcast_to(np.asarray(likelihood.trials, np.float64), likelihood.shape)
-    share = float(likelihood.ones.sum() / max(trials.sum(), 1.0))
-    rate = _engine.threshold_rate(int(likelihood.threshold), share)
-    dark = float(np.average(np.broadcast_to(likelihood.dark_counts, trials.shape), weights=trials))
-    spread_of_ones = problem.operator.forward(np.ones(problem.operator.input_shape))
-    light = float(np.average(spread_of_ones, weights=trials))
-    most = problem.max_intensity
-    return float(np.clip((rate - dark) / light, 1e-3 * most, 0.9 * most))
 
 
 def _trials(problem: Problem) -> npt.NDArray[np.int32]:

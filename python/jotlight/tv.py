@@ -7,7 +7,6 @@ import numpy.typing as npt
 
 from jotlight import _engine
 from jotlight.likelihood import Array, Likelihood, Problem
-from jotlight.mle_iterative import level
 from jotlight.operators import differences
 
 NORMS = ("isotropic", "anisotropic")
@@ -112,7 +111,7 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
     ((64, 64), True)
     """
     operator, likelihood = problem.operator, problem.likelihood
-    mean = level(problem)
+    mean = problem.level()
     even = operator.forward(np.full(operator.input_shape, mean))
     of_ones = operator.forward(np.ones(operator.input_shape))
     score = operator.adjoint(likelihood.slopes(even)[0])

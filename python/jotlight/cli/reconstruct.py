@@ -25,7 +25,10 @@ from jotlight.tv import NORMS
 from jotlight.vst import INVERSES
 
 _OTHERWISE = "noniterative-tv"
-"""What serves every sensor."""
+"""What serves every sensor, and is the best where the kernel is a box."""
+
+_SMOOTH = "admm-tv"
+"""What knows how a smooth kernel spreads the light."""
 
 
 @options.takes_sensor()
@@ -49,7 +52,7 @@ def reconstruct(
             "--method",
             "-m",
             help=f"One of {', '.join(METHODS)}. Default: {DEFAULT}, where there is one for the "
-            f"sensor, and else {_OTHERWISE}.",
+            f"sensor, and else {_OTHERWISE}, or {_SMOOTH} where the kernel is smooth.",
         ),
     ] = None,
     inverse: Annotated[
@@ -104,6 +107,8 @@ def reconstruct(
     spare_inputs(output, [data, model, *maps_beside(data), *inputs])
     if method is None and inverse is not None:
         method = _OTHERWISE
+    if method is None and (weight is not None or norm is not None):
+        method = _SMOOTH
     settings = _method_settings(
         method or DEFAULT,
         inverse=inverse,
@@ -117,7 +122,9 @@ def reconstruct(
     reason = None if "model" in settings else METHODS[method or DEFAULT].lacks(sensor)
     if reason is not None and method is not None:
         raise ValueError(reason)
-    method = method or (DEFAULT if reason is None else _OTHERWISE)
+    if method is None:
+        smooth = sensor.kernel != "box" and isinstance(seen, Bits)
+        method = DEFAULT if reason is None else _SMOOTH if smooth else _OTHERWISE
     write = picture_writer(output, depth=depth, white=sensor.max_intensity)
     done = ""
     with written_whole(output) as temporary:
@@ -142,7 +149,7 @@ def reconstruct(
         seconds = time.perf_counter() - start
         write(temporary, picture)
     if reason is not None:
-        err.print(f"[yellow]by {_OTHERWISE}:[/] {escape(reason)}", soft_wrap=True)
+        err.print(f"[yellow]by {method}:[/] {escape(reason)}", soft_wrap=True)
     size = " x ".join(map(str, picture.shape))
     out.print(
         f"{output}: {size}, intensities {picture.min():.3g} to {picture.max():.3g}, by "

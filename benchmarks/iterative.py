@@ -1,0 +1,163 @@
+"""The iterative estimators: how good, how near to the optimum, and how fast.
+
+    python benchmarks/iterative.py path/to/data [cubic] [lbfgs] [small] [speed]
+
+The folder holds ``bsds300/test/*.jpg``. Without names all parts run.
+"""
+
+import argparse
+import time
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import minimize
+
+import jotlight as jl
+from jotlight import _engine
+from jotlight.pictures import read_picture
+from jotlight.problems import problem_of
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("data", type=Path)
+    parser.add_argument("parts", nargs="*", choices=[*PARTS, []])
+    options = parser.parse_args()
+    if _engine.DEBUG_BUILD:
+        parser.error("this is a debug build of the engine: measure a release build")
+    paths = sorted((options.data / "bsds300/test").glob("*.jpg"))[:20]
+    if not paths:
+        parser.error(f"{options.data}: expected bsds300/test/*.jpg")
+    images = [read_picture(path, gray=True) for path in paths]
+    for name in options.parts or PARTS:
+        PARTS[name](images)
+
+
+def cubic(images: list[np.ndarray]) -> None:
+    """A cubic kernel, K̂ = 4: in the intensities c, and in the light that they cast on the jots."""
+    print("\n| frames | box MLE, dB | MLE, dB | ADMM, dB | light: box MLE | MLE | ADMM |")
+    print("| ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
+    for frames in (4, 64, 1024):
+        sensor = jl.Sensor(oversampling=4, frames=frames, kernel="cubic")
+        box = sensor.replace(kernel="box")
+        rows = []
+        for seed, image in enumerate(images[:10]):
+            image = image[96:224, 96:224]
+            bits = sensor.expose(image, rng=seed)
+            apart = jl.mle(bits, box)
+            estimates = [jl.mle_iterative(bits, sensor), jl.admm_tv(bits, sensor)]
+            # In units of intensity: an even picture of intensity 1 casts 1.
+            scale = sensor.bits_per_pixel / sensor.gain
+            light = [scale * sensor.rate(estimate) for estimate in estimates]
+            light.insert(0, np.kron(apart, np.ones((4, 4), np.float32)))
+            truth = scale * sensor.rate(image)
+            rows.append(
+                [jl.metrics.psnr(estimate, image) for estimate in (apart, *estimates)]
+                + [jl.metrics.psnr(one, truth) for one in light]
+            )
+        print(f"| {frames} | " + " | ".join(f"{x:.2f}" for x in np.mean(rows, axis=0)) + " |")
+
+
+def lbfgs(images: list[np.ndarray]) -> None:
+    """The same objective by SciPy's L-BFGS-B with our own slopes, 64 x 64 pixels, cubic, K̂ = 4."""
+    print("\n| frames | Newton, s | L-BFGS-B, s | ratio | relative difference of the objective |")
+    print("| ---: | ---: | ---: | ---: | ---: |")
+    for frames in (1, 4, 16):
+        sensor = jl.Sensor(oversampling=4, frames=frames, kernel="cubic")
+        rows = []
+        for seed, image in enumerate(images[:5]):
+            bits = sensor.expose(image[100:164, 100:164], rng=seed)
+            start = time.perf_counter()
+            _, history = jl.mle_iterative(bits, sensor, return_history=True)
+            ours = time.perf_counter() - start
+            start = time.perf_counter()
+            theirs_objective = by_lbfgs(bits, sensor)
+            theirs = time.perf_counter() - start
+            difference = (history.objective - theirs_objective) / abs(theirs_objective)
+            rows.append((ours, theirs, theirs / ours, abs(difference)))
+        ours, theirs, ratio, _ = np.median(rows, axis=0)
+        worst = max(row[3] for row in rows)
+        print(f"| {frames} | {ours:.2f} | {theirs:.2f} | {ratio:.1f} | {worst:.1e} |", flush=True)
+
+
+def by_lbfgs(bits: jl.Bits, sensor: jl.Sensor) -> float:
+    problem = problem_of(bits, sensor, None)
+    shape = problem.operator.input_shape
+
+    def cost(flat: np.ndarray) -> tuple[float, np.ndarray]:
+        # Without the bound below a trial step to no light at all would cost infinity.
+        light = np.maximum(problem.operator.forward(flat.reshape(shape)), 1e-12)
+        gradient, _ = problem.likelihood.slopes(light)
+        return -problem.likelihood.value(light), -problem.operator.adjoint(gradient).ravel()
+
+    found = minimize(
+        cost,
+        np.full(np.prod(shape), problem.level()),
+        jac=True,
+        method="L-BFGS-B",
+        bounds=[(0, sensor.max_intensity)] * int(np.prod(shape)),
+        options={"maxiter": 10_000, "maxfun": 50_000, "ftol": 1e-13, "gtol": 1e-6},
+    )
+    return float(found.fun)
+
+
+def small(images: list[np.ndarray]) -> None:
+    """How far above the least objective `admm_tv` ends on 16 x 16 pixels."""
+    sensors = (
+        jl.Sensor(oversampling=4),
+        jl.Sensor(oversampling=2),
+        jl.Sensor(frames=64),
+        jl.Sensor(frames=30, threshold=2, gain=60.0),
+        jl.Sensor(frames=20, dark_counts=0.1, gain=5.0),
+    )
+    print("\n| tol | iterations | relative excess: median | worst |")
+    print("| ---: | ---: | ---: | ---: |")
+    for tol in (1e-3, 3e-4, 1e-4):
+        iterations, excess = [], []
+        for seed, image in enumerate(images):
+            for sensor in sensors:
+                bits = sensor.expose(image[150:166, 150:166], rng=seed)
+                _, history = jl.admm_tv(bits, sensor, tol=tol, return_history=True)
+                _, exact = jl.admm_tv(
+                    bits,
+                    sensor,
+                    tol=1e-7,
+                    max_iter=5000,
+                    weight=history.weight,
+                    return_history=True,
+                )
+                iterations.append(history.iterations)
+                excess.append((history.objective - exact.objective) / abs(exact.objective))
+        print(
+            f"| {tol:g} | {np.mean(iterations):.0f} | {np.median(excess):.1e} | "
+            f"{np.max(excess):.1e} |",
+            flush=True,
+        )
+
+
+def speed(images: list[np.ndarray]) -> None:
+    """481 x 321 pixels, K = 16, two threads."""
+    sensor = jl.Sensor(oversampling=4)
+    bits = [sensor.expose(image, rng=seed) for seed, image in enumerate(images)]
+    jl.admm_tv(bits[0], sensor, threads=2)
+    print("\n| method | median, s | slowest image, s | iterations |")
+    print("| --- | ---: | ---: | ---: |")
+    seconds: dict[str, list[float]] = {"admm-tv": [], "noniterative-tv": []}
+    iterations = []
+    for one in bits:
+        start = time.perf_counter()
+        _, history = jl.admm_tv(one, sensor, threads=2, return_history=True)
+        middle = time.perf_counter()
+        jl.noniterative(one, sensor, denoiser="tv", threads=2)
+        seconds["admm-tv"].append(middle - start)
+        seconds["noniterative-tv"].append(time.perf_counter() - middle)
+        iterations.append(history.iterations)
+    for name, times in seconds.items():
+        span = f"{min(iterations)} to {max(iterations)}" if name == "admm-tv" else ""
+        print(f"| {name} | {np.median(times):.2f} | {np.max(times):.2f} | {span} |")
+
+
+PARTS = {"cubic": cubic, "lbfgs": lbfgs, "small": small, "speed": speed}
+
+if __name__ == "__main__":
+    main()

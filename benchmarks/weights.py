@@ -1,0 +1,86 @@
+"""Choose the numbers in the automatic weight of total variation, on training images.
+
+    python benchmarks/weights.py path/to/bsds300/train [--images 12]
+
+The rule is λ = strength · √I · (√Ī γ)^-power (``jotlight.tv.automatic_weight``). For each image and
+exposure the pictures of a range of weights are made once; what each strength and power loses
+against the best weight for that very picture is read off between them.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+import jotlight as jl
+from jotlight import tv
+from jotlight.pictures import read_picture
+from jotlight.problems import problem_of
+
+EXPOSURES = ((2, 1.0), (4, 0.1), (4, 0.3), (4, 1.0), (4, 3.0), (8, 1.0))
+"""K̂, and photons per jot at intensity 1."""
+
+FACTORS = np.array([0.35, 0.45, 0.55, 0.65, 0.75, 0.85, 1.0, 1.2, 1.5])
+"""Weights, in units of the √I of each pixel."""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--images", type=int, default=12)
+    options = parser.parse_args()
+    paths = sorted(options.folder.glob("*.jpg"))
+    if not paths:
+        parser.error(f"{options.folder}: expected .jpg files")
+    paths = paths[:: max(1, len(paths) // options.images)][: options.images]
+    roughness, curves = [], []
+    for side, photons in EXPOSURES:
+        sensor = jl.Sensor(oversampling=side, gain=photons * side**2)
+        rows = [measured(sensor, path, seed) for seed, path in enumerate(paths)]
+        roughness.append([row[0] for row in rows])
+        curves.append([row[1] for row in rows])
+        best = np.mean([row[1].max() for row in rows])
+        print(f"K = {side**2}, {photons} photons: best {best:.2f} dB", flush=True)
+    shown(np.array(roughness), np.array(curves))
+
+
+def measured(sensor: jl.Sensor, path: Path, seed: int) -> tuple[float, np.ndarray]:
+    """The scene's roughness in units of the noise, and the PSNR for each factor."""
+    image = read_picture(path, gray=True)[40:280, 40:280]
+    counts = sensor.expose(image, rng=seed).counts()
+    problem = problem_of(counts, sensor, None)
+    automatic = tv.automatic_weight(problem)
+    # √I of each pixel, and from what the rule makes of it how rough it takes the scene to be.
+    light = problem.operator.forward(np.ones(image.shape))
+    noise_scale = np.sqrt(tv._local_information(problem, light))
+    factor = float((automatic / noise_scale).mean())
+    rough = (factor / tv._STRENGTH) ** (-1 / tv._POWER)
+    psnr = [
+        jl.metrics.psnr(jl.admm_tv(counts, sensor, weight=f * noise_scale), image) for f in FACTORS
+    ]
+    return rough, np.array(psnr)
+
+
+def shown(roughness: np.ndarray, curves: np.ndarray) -> None:
+    best = curves.max(axis=-1)
+    print("\n| power | strength | loss in each exposure, dB | in the mean, dB |")
+    print("| ---: | ---: | --- | ---: |")
+    for power in (0, 0.25, 0.3, 1 / 3, 0.4, 0.5):
+        tried = []
+        for strength in np.arange(0.4, 0.9, 0.02):
+            factor = strength * roughness**-power
+            reached = np.array(
+                [
+                    [np.interp(np.log(f), np.log(FACTORS), c) for f, c in zip(*row, strict=True)]
+                    for row in zip(factor, curves, strict=True)
+                ]
+            )
+            loss = (best - reached).mean(axis=1)
+            tried.append((loss.mean(), strength, loss))
+        mean, strength, loss = min(tried, key=lambda row: row[0])
+        each = " / ".join(f"{value:.2f}" for value in loss)
+        print(f"| {power:.2f} | {strength:.2f} | {each} | {mean:.3f} |")
+
+
+if __name__ == "__main__":
+    main()

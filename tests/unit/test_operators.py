@@ -1,0 +1,352 @@
+from functools import cache
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import jotlight as jl
+from jotlight.operators import Operator, check_adjoint, differences, scaling, spread
+from jotlight.sensor import KERNELS
+from reference import sensing
+
+RANDOM = np.random.default_rng(0)
+SMALL = [(1,), (2,), (7,), (1, 1), (1, 3), (2, 1), (4, 3)]
+LARGE = [(331,), (37, 50)]
+
+
+@cache
+def matrix_of(size, kernel, oversampling):
+    """G in one dimension, by the twin."""
+    pixels = np.eye(size)
+    return np.apply_along_axis(sensing.spread, 0, pixels, sensing.DEGREES[kernel], oversampling)
+
+
+def twin(array, shape, kernel, oversampling, *, transposed=False):
+    for axis, size in enumerate(shape):
+        matrix = matrix_of(size, kernel, oversampling)
+        matrix = matrix.T if transposed else matrix
+        array = np.moveaxis(np.tensordot(matrix, array, (1, axis)), 0, axis)
+    return array
+
+
+def columns(operator):
+    """The matrix of an operator, column by column."""
+    units = np.eye(int(np.prod(operator.input_shape)))
+    return np.transpose([operator.forward(x.reshape(operator.input_shape)).ravel() for x in units])
+
+
+def rows(operator):
+    """The same matrix by its adjoint, row by row."""
+    units = np.eye(int(np.prod(operator.output_shape)))
+    return np.array([operator.adjoint(y.reshape(operator.output_shape)).ravel() for y in units])
+
+
+@pytest.mark.parametrize("oversampling", range(1, 6))
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("shape", SMALL + LARGE)
+def test_light_and_what_comes_back_are_those_of_the_definition(kernel, oversampling, shape):
+    operator = spread(shape, oversampling, kernel, gain=2.5)
+    assert operator.input_shape == shape
+    assert operator.output_shape == tuple(oversampling * size for size in shape)
+    image = RANDOM.standard_normal(shape)
+    light = RANDOM.standard_normal(operator.output_shape)
+    np.testing.assert_allclose(
+        operator.forward(image), 2.5 * twin(image, shape, kernel, oversampling), atol=1e-14
+    )
+    np.testing.assert_allclose(
+        operator.adjoint(light),
+        2.5 * twin(light, shape, kernel, oversampling, transposed=True),
+        rtol=1e-13,
+        atol=1e-13,
+    )
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_a_pixel_of_very_many_jots_is_spread_like_any_other(kernel):
+    operator = spread((2,), 4096, kernel)
+    expected = matrix_of(2, kernel, 4096) @ [0.3, 0.9]
+    np.testing.assert_allclose(operator.forward([0.3, 0.9]), expected, rtol=1e-9, atol=1e-15)
+    assert check_adjoint(operator) < 1e-12
+
+
+@pytest.mark.parametrize("oversampling", range(1, 6))
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("shape", SMALL)
+def test_the_adjoint_is_the_transposed_matrix(kernel, oversampling, shape):
+    operator = spread(shape, oversampling, kernel, gain=0.7)
+    matrix = columns(operator)
+    np.testing.assert_allclose(rows(operator), matrix, atol=1e-15)
+    assert matrix.min() >= 0
+
+
+@pytest.mark.parametrize("oversampling", range(1, 6))
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("shape", SMALL + LARGE)
+def test_both_inner_products_are_equal(kernel, oversampling, shape):
+    assert check_adjoint(spread(shape, oversampling, kernel, gain=0.3)) < 1e-14
+
+
+@given(
+    st.lists(st.integers(1, 12), min_size=1, max_size=2),
+    st.integers(1, 9),
+    st.sampled_from(KERNELS),
+    st.floats(1e-6, 1e6),
+    st.integers(0, 1000),
+)
+def test_both_inner_products_are_equal_whatever_the_operator(
+    shape, oversampling, kernel, gain, rng
+):
+    assert check_adjoint(spread(shape, oversampling, kernel, gain=gain), rng=rng) < 1e-13
+    assert check_adjoint(differences(shape), rng=rng) < 1e-13
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("shape", SMALL + LARGE)
+def test_an_even_picture_stays_even_and_the_light_of_every_pixel_comes_back(kernel, shape):
+    operator = spread(shape, 3, kernel)
+    share = 3.0 ** -len(shape)
+    np.testing.assert_allclose(operator.forward(np.ones(shape)), share, rtol=1e-13)
+    np.testing.assert_allclose(rows(operator).sum(axis=0) if shape in SMALL else 1, 1, rtol=1e-13)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("oversampling", [1, 2, 5])
+@pytest.mark.parametrize("shape", SMALL + LARGE)
+def test_the_normal_map_is_forward_then_weights_then_adjoint(kernel, oversampling, shape):
+    operator = spread(shape, oversampling, kernel, gain=1.7)
+    image = RANDOM.standard_normal(shape)
+    weights = RANDOM.standard_normal(operator.output_shape)
+    expected = operator.adjoint(weights * operator.forward(image))
+    np.testing.assert_allclose(operator.normal(weights, image), expected, rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("shape", [(1, 1), (6, 9)])
+def test_light_is_the_rate_of_a_sensor(kernel, shape):
+    sensor = jl.Sensor(oversampling=4, frames=3, gain=70.0, efficiency=0.6, kernel=kernel)
+    gain = sensor.efficiency * sensor.gain / sensor.frames
+    operator = spread(shape, 4, kernel, gain=gain)
+    image = RANDOM.random(shape)
+    np.testing.assert_allclose(operator.forward(image), sensor.rate(image), rtol=3e-7)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("shape", [(5,), (1000,), (1, 1), (83, 61)])
+def test_the_number_of_threads_changes_no_bit(kernel, shape):
+    image = RANDOM.standard_normal(shape)
+    light = RANDOM.standard_normal([3 * size for size in shape])
+    planes = RANDOM.standard_normal((len(shape), *shape))
+    results = []
+    for threads in (1, 2, 7):
+        operator = spread(shape, 3, kernel, gain=0.9, threads=threads)
+        change = differences(shape, threads=threads)
+        results.append(
+            operator.forward(image).tobytes()
+            + operator.adjoint(light).tobytes()
+            + operator.normal(light, image).tobytes()
+            + change.forward(image).tobytes()
+            + change.adjoint(planes).tobytes()
+        )
+    assert results[0] == results[1] == results[2]
+
+
+@pytest.mark.parametrize("make", [spread, differences])
+@pytest.mark.parametrize("change", [np.asfortranarray, lambda x: x[::-1, ::-1], np.ndarray.tolist])
+def test_any_layout_of_numbers_is_taken_and_left_as_it_is(make, change):
+    operator = make((3, 4))
+    image = RANDOM.integers(0, 9, (3, 4))
+    given_image = change(image)
+    before = np.array(given_image)
+    light = operator.forward(given_image)
+    np.testing.assert_array_equal(light, operator.forward(before.astype(float)))
+    np.testing.assert_array_equal(given_image, before)
+
+
+@pytest.mark.parametrize("shape", [(1,), (2,), (300,)])
+def test_differences_of_a_signal_are_those_of_numpy(shape):
+    signal = RANDOM.standard_normal(shape)
+    expected = np.append(np.diff(signal), 0)[None]
+    np.testing.assert_array_equal(differences(shape).forward(signal), expected)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 5), (6, 1), (40, 31)])
+def test_differences_of_an_image_are_those_of_numpy(shape):
+    image = RANDOM.standard_normal(shape)
+    down = np.diff(image, axis=0, append=image[-1:])
+    right = np.diff(image, axis=1, append=image[:, -1:])
+    np.testing.assert_array_equal(differences(shape).forward(image), [down, right])
+
+
+@pytest.mark.parametrize("shape", [*SMALL, (3, 5)])
+def test_differences_and_their_adjoint_are_one_matrix(shape):
+    np.testing.assert_array_equal(rows(differences(shape)), columns(differences(shape)))
+    assert check_adjoint(differences(shape)) < 1e-14
+
+
+def test_what_stands_past_the_rim_gives_nothing_back():
+    planes = np.full((2, 3, 4), 7.0)
+    planes[0, :-1] = planes[1, :, :-1] = 0
+    np.testing.assert_array_equal(differences((3, 4)).adjoint(planes), 0)
+
+
+@pytest.mark.parametrize("shape", [(), (3,), (2, 3), (2, 3, 4)])
+def test_scaling_multiplies_there_and_back(shape):
+    operator = scaling(shape, -1.5)
+    image, weights = RANDOM.standard_normal((2, *shape))
+    np.testing.assert_array_equal(operator.forward(image), -1.5 * image)
+    np.testing.assert_array_equal(operator.adjoint(image), -1.5 * image)
+    np.testing.assert_allclose(operator.normal(weights, image), 2.25 * weights * image, rtol=1e-15)
+    assert operator.factor == -1.5
+    assert check_adjoint(operator) < 1e-15
+
+
+MATRIX = RANDOM.standard_normal((6, 4))
+
+
+def own(back, forward=lambda x: MATRIX @ x):
+    return Operator(forward, back, (4,), (6,))
+
+
+def test_a_matrix_of_the_users_is_an_operator():
+    operator = own(lambda y: MATRIX.T @ y)
+    assert check_adjoint(operator) < 1e-14
+    weights = RANDOM.random(6)
+    expected = MATRIX.T @ np.diag(weights) @ MATRIX
+    normal = np.transpose([operator.normal(weights, x) for x in np.eye(4)])
+    np.testing.assert_allclose(normal, expected, rtol=1e-13, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    "back",
+    [
+        lambda y: 2 * MATRIX.T @ y,
+        lambda y: -(MATRIX.T @ y),
+        lambda y: np.roll(MATRIX.T @ y, 1),
+        lambda y: MATRIX.T @ y + 1e-6,
+        lambda y: np.linalg.pinv(MATRIX) @ y,
+        lambda _: np.zeros(4),
+    ],
+    ids=["factor", "sign", "shifted", "constant", "inverse", "nothing"],
+)
+def test_a_wrong_adjoint_is_found(back):
+    with pytest.raises(ValueError, match=r"adjoint: expected .* above tol = 1e-10"):
+        check_adjoint(own(back))
+
+
+def test_a_wrong_pixel_at_the_rim_is_found():
+    right = spread((40, 40), 2, "cubic")
+
+    def back(light):
+        image = right.adjoint(light)
+        image[0, 0] *= 1.001
+        return image
+
+    wrong = Operator(right.forward, back, right.input_shape, right.output_shape)
+    with pytest.raises(ValueError, match="adjoint: expected"):
+        check_adjoint(wrong)
+
+
+def test_a_small_mistake_is_within_a_large_tolerance():
+    nearly = own(lambda y: (1 + 1e-6) * MATRIX.T @ y)
+    assert 0 < check_adjoint(nearly, tol=1e-5) < 1e-6
+    with pytest.raises(ValueError, match="above tol"):
+        check_adjoint(nearly)
+
+
+def test_one_seed_gives_one_answer_and_more_draws_find_no_less():
+    nearly = own(lambda y: (1 + 1e-6) * MATRIX.T @ y)
+    once, again, more = (check_adjoint(nearly, rng=3, draws=draws, tol=1) for draws in (2, 2, 20))
+    assert once == again <= more
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_what_is_not_finite_is_found(bad):
+    with pytest.raises(ValueError, match=r"adjoint: .* \(4,\) with NaN or infinity"):
+        check_adjoint(own(lambda y: np.where(np.arange(4) == 2, bad, MATRIX.T @ y)))
+    with pytest.raises(ValueError, match=r"forward: .* \(6,\) with NaN or infinity"):
+        check_adjoint(own(lambda y: MATRIX.T @ y, lambda x: bad * (MATRIX @ x)))
+
+
+def test_an_operator_that_gives_another_shape_says_so():
+    with pytest.raises(ValueError, match=r"what forward gives: expected shape \(6,\), got \(5,\)"):
+        own(lambda y: MATRIX.T @ y, lambda x: (MATRIX @ x)[1:]).forward(np.ones(4))
+    with pytest.raises(
+        ValueError, match=r"what adjoint gives: expected shape \(4,\), got \(4, 1\)"
+    ):
+        check_adjoint(own(lambda y: (MATRIX.T @ y)[:, None]))
+
+
+@pytest.mark.parametrize(("there", "back"), [((6, 1), (4,)), ((6,), (3,)), ((), (4,))])
+def test_the_shapes_of_any_object_are_checked(there, back):
+    foreign = SimpleNamespace(
+        forward=lambda _: np.ones(there),
+        adjoint=lambda _: np.ones(back),
+        input_shape=(4,),
+        output_shape=(6,),
+    )
+    with pytest.raises(ValueError, match="expected a finite array of shape"):
+        check_adjoint(foreign)
+
+
+def test_an_operator_of_zeros_has_an_adjoint_of_zeros():
+    assert check_adjoint(Operator(lambda _: np.zeros(3), lambda _: np.zeros(2), (2,), (3,))) == 0
+
+
+def test_a_check_without_draws_is_refused():
+    with pytest.raises(ValueError, match="draws: expected 1 or more, got 0"):
+        check_adjoint(scaling((2,), 1.0), draws=0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"shape": ()}, r"shape: expected \(H, W\) or \(N,\), none of it 0, got \(\)"),
+        ({"shape": (0,)}, r"shape: .*got \(0,\)"),
+        ({"shape": (3, 0)}, r"shape: .*got \(3, 0\)"),
+        ({"shape": (-1, 2)}, r"shape: .*got \(-1, 2\)"),
+        ({"shape": (2, 2, 3)}, r"shape: .*got \(2, 2, 3\)"),
+        ({"oversampling": 0}, "oversampling: expected a whole number from 1 to 4096, got 0"),
+        ({"oversampling": -3}, "oversampling: .*got -3"),
+        ({"oversampling": 1.5}, "oversampling: .*got 1.5"),
+        ({"oversampling": 4097}, "oversampling: .*got 4097"),
+        ({"oversampling": np.nan}, "oversampling: .*got nan"),
+        ({"kernel": "gauss"}, "kernel: expected one of box, linear, quadratic, cubic, got 'gauss'"),
+        ({"kernel": 3}, "kernel: .*got 3"),
+        ({"gain": 0.0}, "gain: expected a finite number above 0, got 0.0"),
+        ({"gain": -1.0}, "gain: .*got -1.0"),
+        ({"gain": np.inf}, "gain: .*got inf"),
+        ({"gain": np.nan}, "gain: .*got nan"),
+    ],
+    ids=str,
+)
+def test_an_operator_that_cannot_be_is_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        spread(**{"shape": (3, 4)} | arguments)
+
+
+@pytest.mark.parametrize("shape", [(), (0,), (3, 0), (1, 2, 3)])
+def test_differences_of_what_is_no_image_are_refused(shape):
+    with pytest.raises(ValueError, match=r"shape: expected \(H, W\) or \(N,\)"):
+        differences(shape)
+
+
+def test_arrays_that_do_not_fit_are_refused():
+    operator = spread((3, 4), 2)
+    with pytest.raises(ValueError, match=r"image: expected shape \(3, 4\), got \(4, 3\)"):
+        operator.forward(np.ones((4, 3)))
+    with pytest.raises(ValueError, match=r"jots: expected shape \(6, 8\), got \(48,\)"):
+        operator.adjoint(np.ones(48))
+    with pytest.raises(ValueError, match=r"weights: expected shape \(6, 8\), got \(3, 4\)"):
+        operator.normal(np.ones((3, 4)), np.ones((3, 4)))
+    with pytest.raises(ValueError, match=r"image: expected shape \(3, 4\), got \(\)"):
+        operator.normal(np.ones((6, 8)), 1.0)
+    with pytest.raises(ValueError, match=r"image: expected shape \(5,\), got \(1, 5\)"):
+        spread((5,)).forward(np.ones((1, 5)))
+    with pytest.raises(ValueError, match=r"image: expected shape \(5,\), got \(6,\)"):
+        differences((5,)).forward(np.ones(6))
+    with pytest.raises(ValueError, match=r"differences: expected shape \(1, 5\), got \(5,\)"):
+        differences((5,)).adjoint(np.ones(5))
+    with pytest.raises(ValueError, match=r"array: expected shape \(2,\), got \(3,\)"):
+        scaling((2,), 1.0).forward(np.ones(3))
