@@ -25,6 +25,9 @@ _RELAXATION = 1.7
 _STIFF = 6.0
 """The penalty on the differences to begin with, in units of the weight over the mean intensity."""
 
+_STIFF_JOTS = 3.0
+"""The penalty on the light to begin with, in units of the information, where the cells are jots."""
+
 _BALANCE = 0.1
 """The primal residual counts as much as this share of the dual one."""
 
@@ -33,6 +36,9 @@ _PATIENCE = 10
 
 _DARK = 1e-3
 """A picture darker than this share of S is measured by it, since no share of nothing is small."""
+
+_UNLIT = 1e-6
+"""A cell with less than this share of the brightest light counts as having it."""
 
 _CG_STEPS = 50
 _CG_ENOUGH = 1e-6
@@ -208,11 +214,11 @@ class _Data(_Term):
         self._operator, self._likelihood = problem.operator, problem.likelihood
         self._gain, self._threads = gain, threads
         brightest = self._operator.forward(np.full(image.shape, problem.max_intensity))
-        self._most = float(np.max(brightest))
+        self.most = float(np.max(brightest))
         light = self._operator.forward(image)
         # Where x is best, ρ dual is the slope of ℓ: a start near the end has its multipliers too.
         slope, _ = self._likelihood.slopes(light)
-        lit = (light > 0) & (light < self._most)
+        lit = (light > 0) & (light < self.most)
         super().__init__(penalty, light, np.where(lit, -slope / penalty, 0.0))
 
     def adjoint(self, array: Array) -> Array:
@@ -221,9 +227,7 @@ class _Data(_Term):
     def split(self, image: Array) -> float:
         light = self._operator.forward(image).reshape(-1)
         return (
-            self._likelihood.split(
-                (self.penalty, _RELAXATION), self._most, light, self.x, self.dual
-            )
+            self._likelihood.split((self.penalty, _RELAXATION), self.most, light, self.x, self.dual)
             / self._gain**2
         )
 
@@ -298,11 +302,14 @@ def _minimise(
     light = operator.forward(np.full(operator.input_shape, mean))
     stiffness = float(np.mean(problem.likelihood.information(light)))
     stiff = stiffness * normal.gain**2
-    data = _Data(problem, stiffness, normal.gain, image, threads)
     differing = max(_STIFF * float(np.mean(weight)) / mean, 1e-2 * stiff)
-    terms: list[_Term] = [data, _Variation(weight, norm, differing, image, threads)]
-    if not isinstance(operator, Scaling):
-        terms.append(_Box(most, 0.1 * stiff, image))
+    variation = _Variation(weight, norm, differing, image, threads)
+    if isinstance(operator, Scaling):
+        data = _Data(problem, stiffness, normal.gain, image, threads)
+        terms: list[_Term] = [data, variation]
+    else:
+        data = _Data(problem, _STIFF_JOTS * stiffness, normal.gain, image, threads)
+        terms = [data, variation, _Box(most, 0.1 * stiff, image)]
 
     while True:
         right = _sum(term.pull() for term in terms)
@@ -322,7 +329,9 @@ def _minimise(
             if not 0.5 < factor < 2:
                 for term in terms:
                     term.rescale(min(max(factor, 0.25), 4.0))
-    objective = total_variation(estimate, norm, weight=weight) - problem.log_likelihood(estimate)
+    # Rounding to no light at all where a bit is 1 would make it infinite.
+    light = np.maximum(operator.forward(estimate), _UNLIT * data.most)
+    objective = total_variation(estimate, norm, weight=weight) - problem.likelihood.value(light)
     return estimate, watch.finish(objective, weight if weight.ndim else float(weight))
 
 
@@ -332,6 +341,9 @@ class _Normal:
     def __init__(self, operator: Operator, threads: int | None) -> None:
         shape = operator.input_shape
         self._operator = operator
+        self._exact = isinstance(operator, Scaling) or (
+            isinstance(operator, Spread) and operator.even
+        )
         self._workers = threads or os.cpu_count() or 1
         self._ones = np.ones(operator.output_shape)
         self._differences = differences(shape, threads=threads)
@@ -347,7 +359,7 @@ class _Normal:
         """Give c; `penalties` are those of the data, the differences and, if any, the box."""
         data, differing, *rest = penalties
         symbol = data * self._gram + differing * self._laplacian + sum(rest)
-        if isinstance(self._operator, Scaling):
+        if self._exact:
             return self._divide(right, symbol)
 
         def multiply(image: Array) -> Array:
@@ -355,7 +367,7 @@ class _Normal:
             planes = self._differences.adjoint(self._differences.forward(image))
             return data * light + differing * planes + sum(rest) * image
 
-        # Conjugate gradients; where the symbol is exact the first step is the last.
+        # Conjugate gradients, with the symbol as what they are preconditioned by.
         solution, residual = guess, right - multiply(guess)
         enough = _CG_ENOUGH**2 * _squares(right)
         search, size = np.zeros_like(right), 1.0

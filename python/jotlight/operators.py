@@ -75,6 +75,11 @@ class Spread(Operator):
     gain: float
     weighted: Callable[[Array, Array], Array]
 
+    @property
+    def even(self) -> bool:
+        """Whether the kernel is even about its pixel, and not half a jot to the right."""
+        return KERNELS.index(self.kernel) * self.oversampling % 2 == 0
+
     def normal(self, weights: Array, image: Array) -> Array:
         """Give Gᵀ diag(`weights`) G `image`, without a map over the jots on the way."""
         return self.weighted(weights, image)
