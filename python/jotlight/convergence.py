@@ -66,6 +66,7 @@ class Watch:
         self._callback = callback
         self._residuals: list[Mapping[str, float]] = []
         self._ended = False
+        self._remedy = "raise max_iter, or tol"
         self.converged = False
 
     @property
@@ -94,6 +95,10 @@ class Watch:
                 self._ended = True
         return not (self.converged or self._ended or step.number >= self.max_iter)
 
+    def give_up(self, reason: str) -> None:
+        """Say why there cannot be another iteration."""
+        self._remedy = reason
+
     def finish(self, objective: float, weight: float | npt.NDArray[np.floating] = 0.0) -> History:
         """Sum up, and warn when the method is not done; who ended it himself knows."""
         names = self._residuals[0]
@@ -104,7 +109,7 @@ class Watch:
             last = ", ".join(f"{name} {values[-1]:.2g}" for name, values in residuals.items())
             warn(
                 f"{self._name}: not converged after {len(self._residuals)} iterations (residuals: "
-                f"{last}; tol = {self.tol:g}); raise max_iter, or tol"
+                f"{last}; tol = {self.tol:g}); {self._remedy}"
             )
         return History(self.converged, residuals, objective, weight)
 

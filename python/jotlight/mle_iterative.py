@@ -8,7 +8,6 @@ import numpy.typing as npt
 
 from jotlight.bits import Bits
 from jotlight.convergence import Callback, History, Watch
-from jotlight.errors import warn
 from jotlight.fill import fill_blind
 from jotlight.likelihood import Array, Problem
 from jotlight.operators import dot
@@ -22,6 +21,9 @@ _ENOUGH = 1e-4
 
 _ROUNDING = 1e-13
 """Differences of ℓ below this share of it are rounding."""
+
+_HALVINGS = 40
+"""Of a step at most."""
 
 _KEPT = 0.1
 """A pixel that must not become 0 keeps this share of itself in a step."""
@@ -237,18 +239,16 @@ def _maximise(
         )
         direction = direction_of(slopes, ~held)
         least = np.where(needs_light, _KEPT * image, 0.0)
-        step = 1.0
-        while True:
-            tried = np.clip(image + step * direction, least, most)
+        for halvings in range(_HALVINGS):
+            tried = np.clip(image + 0.5**halvings * direction, least, most)
             light = operator.forward(tried)
             tried_cost = -likelihood.value(light)
             promised = dot(slopes.gradient, image - tried)
             if tried_cost <= cost - _ENOUGH * promised + _ROUNDING * abs(cost):
                 break
-            step *= 0.5
-            if step < 1e-12:
-                warn("mle_iterative: no step makes the bits more likely, down to rounding")
-                return image, watch.finish(cost)
+        else:
+            watch.give_up("rounding hides what a step would gain; raise tol")
+            break
         image, cost = tried, tried_cost
     return image, watch.finish(cost)
 

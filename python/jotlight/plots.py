@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
-_COLUMNS = 4
+_COLUMNS = 5
 _SIDE, _TEXT, _GAP = 3.2, 0.5, 0.08
 """Inches: the width of a picture, the height of the words above it, the space between things."""
 _INK, _QUIET, _MARK = "#1d2733", "#5b6876", "#e4572e"
