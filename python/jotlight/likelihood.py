@@ -69,8 +69,9 @@ class Likelihood:
         if self.ones.size == 0:
             raise ValueError(f"ones: expected at least one cell, got shape {self.shape}")
         self.trials = _map_or_number("trials", _whole("trials", trials), self.shape)
+        refuse_masked("dark_counts", dark_counts)
         dark = np.asarray(dark_counts)
-        if dark.dtype.kind not in "iuf" or not np.isfinite(dark).all() or dark.min() < 0:
+        if dark.dtype.kind not in "iuf" or not (np.isfinite(dark) & (dark >= 0)).all():
             raise ValueError(
                 f"dark_counts: expected finite numbers, 0 or more, got {dark_counts!r}"
             )
@@ -79,7 +80,7 @@ class Likelihood:
         )
         self.threshold = threshold
         self._threads = threads
-        if threshold != int(threshold) or not 1 <= threshold <= 65535:
+        if not 1 <= threshold <= 65535 or threshold != int(threshold):
             raise ValueError(
                 f"threshold: expected a whole number from 1 to 65535, got {threshold!r}"
             )
@@ -149,10 +150,10 @@ class Likelihood:
                 f"penalty and most: expected finite numbers above 0, got {penalty} and {most}"
             )
         # A copy, which the engine turns into the result.
-        flat = np.array(np.broadcast_to(point, self.shape), np.float64).reshape(-1)
-        start = flat.copy() if guess is None else self._light(guess).reshape(-1)
+        flat = np.array(self._fitting("point", point)).reshape(-1)
         if np.isnan(flat).any():
             raise ValueError("point: expected numbers, got NaN")
+        start = flat.copy() if guess is None else self._light(guess, "guess").reshape(-1)
         for part in parts_of(flat.size, _AT_ONCE):
             _engine.likelihood_proximal(
                 self._seen(part), penalty, most, start[part], flat[part], self._threads
@@ -171,13 +172,19 @@ class Likelihood:
             for part in parts_of(x.size, _AT_ONCE)
         )
 
-    def _light(self, light: npt.ArrayLike) -> Array:
-        try:
-            array = np.broadcast_to(np.asarray(light, np.float64), self.shape)
-        except ValueError:
-            raise ValueError(f"light: expected shape {self.shape}, got {np.shape(light)}") from None
+    def _light(self, light: npt.ArrayLike, name: str = "light") -> Array:
+        array = self._fitting(name, light)
         if not array.min() >= 0:
-            raise ValueError(f"light: expected 0 or more, got {array.min()}")
+            raise ValueError(f"{name}: expected 0 or more, got {array.min()}")
+        return array
+
+    def _fitting(self, name: str, values: npt.ArrayLike) -> Array:
+        try:
+            array = np.broadcast_to(np.asarray(values, np.float64), self.shape)
+        except ValueError:
+            raise ValueError(
+                f"{name}: expected shape {self.shape}, got {np.shape(values)}"
+            ) from None
         return np.require(array, np.float64, ["C", "ALIGNED"])
 
     def _seen(self, part: slice) -> tuple[int, Any, Any, Any]:

@@ -7,6 +7,7 @@ operators of your own too.
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
+from operator import index
 
 import numpy as np
 import numpy.typing as npt
@@ -147,9 +148,7 @@ def spread(
     >>> check_adjoint(line) < 1e-12
     True
     """
-    shape = tuple(int(size) for size in shape)
-    if len(shape) not in (1, 2) or min(shape) < 1:
-        raise ValueError(f"shape: expected (H, W) or (N,), none of it 0, got {shape}")
+    shape = _pixels(shape)
     if not 1 <= oversampling <= 4096 or oversampling != int(oversampling):
         raise ValueError(
             f"oversampling: expected a whole number from 1 to 4096, got {oversampling!r}"
@@ -210,9 +209,7 @@ def differences(shape: Sequence[int], *, threads: int | None = None) -> Operator
     >>> differences((3,)).forward(np.array([1.0, 4.0, 2.0])).tolist()
     [[3.0, -2.0, 0.0]]
     """
-    shape = tuple(int(size) for size in shape)
-    if len(shape) not in (1, 2) or min(shape) < 1:
-        raise ValueError(f"shape: expected (H, W) or (N,), none of it 0, got {shape}")
+    shape = _pixels(shape)
     pixels = shape if len(shape) == 2 else (1, *shape)
     output_shape = (len(shape), *shape)
 
@@ -292,6 +289,13 @@ def check_adjoint(
 def dot(a: Array, b: Array) -> float:
     """Give ⟨a, b⟩, without BLAS, whose threads would stand in the way of the engine's."""
     return float(np.einsum("i,i->", a.ravel(), b.ravel()))
+
+
+def _pixels(shape: Sequence[int]) -> tuple[int, ...]:
+    sizes = tuple(index(size) for size in shape)
+    if len(sizes) not in (1, 2) or min(sizes) < 1:
+        raise ValueError(f"shape: expected (H, W) or (N,), none of it 0, got {sizes}")
+    return sizes
 
 
 def _giving(shape: tuple[int, ...], name: str, function: Function) -> Function:

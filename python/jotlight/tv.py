@@ -65,6 +65,8 @@ def shrink(
     values = np.array(planes, np.float64, order="C")
     if values.ndim not in (2, 3) or values.shape[0] != values.ndim - 1 or values.size == 0:
         raise ValueError(f"planes: expected shape (2, H, W) or (1, N), got {values.shape}")
+    if np.isnan(values).any():
+        raise ValueError("planes: expected numbers, got NaN")
     whole = values if values.ndim == 3 else np.stack([np.zeros_like(values), values])
     thresholds = per_pixel("threshold", threshold, values.shape[1:])
     _engine.shrink(whole, thresholds, checked(norm) == "isotropic", None)

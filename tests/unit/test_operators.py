@@ -16,19 +16,19 @@ SMALL = [(1,), (2,), (7,), (1, 1), (1, 3), (2, 1), (4, 3)]
 LARGE = [(331,), (37, 50)]
 
 
-@cache
-def matrix_of(size, kernel, oversampling):
-    """G in one dimension, by the twin."""
-    pixels = np.eye(size)
-    return np.apply_along_axis(sensing.spread, 0, pixels, sensing.DEGREES[kernel], oversampling)
+@pytest.fixture(autouse=True, scope="module")
+def taps():
+    """The twin computes its taps anew for every line."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sensing, "kernel_taps", cache(sensing.kernel_taps))
+        yield
 
 
-def twin(array, shape, kernel, oversampling, *, transposed=False):
-    for axis, size in enumerate(shape):
-        matrix = matrix_of(size, kernel, oversampling)
-        matrix = matrix.T if transposed else matrix
-        array = np.moveaxis(np.tensordot(matrix, array, (1, axis)), 0, axis)
-    return array
+def twin(image, kernel, oversampling):
+    degree = sensing.DEGREES[kernel]
+    for axis in range(image.ndim):
+        image = np.apply_along_axis(sensing.spread, axis, image, degree, oversampling)
+    return image
 
 
 def columns(operator):
@@ -46,29 +46,21 @@ def rows(operator):
 @pytest.mark.parametrize("oversampling", range(1, 6))
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("shape", SMALL + LARGE)
-def test_light_and_what_comes_back_are_those_of_the_definition(kernel, oversampling, shape):
+def test_light_is_that_of_the_definition(kernel, oversampling, shape):
     operator = spread(shape, oversampling, kernel, gain=2.5)
     assert operator.input_shape == shape
     assert operator.output_shape == tuple(oversampling * size for size in shape)
     image = RANDOM.standard_normal(shape)
-    light = RANDOM.standard_normal(operator.output_shape)
-    np.testing.assert_allclose(
-        operator.forward(image), 2.5 * twin(image, shape, kernel, oversampling), atol=1e-14
-    )
-    np.testing.assert_allclose(
-        operator.adjoint(light),
-        2.5 * twin(light, shape, kernel, oversampling, transposed=True),
-        rtol=1e-13,
-        atol=1e-13,
-    )
+    expected = 2.5 * twin(image, kernel, oversampling)
+    np.testing.assert_allclose(operator.forward(image), expected, rtol=1e-13, atol=1e-14)
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_a_pixel_of_very_many_jots_is_spread_like_any_other(kernel):
-    operator = spread((2,), 4096, kernel)
-    expected = matrix_of(2, kernel, 4096) @ [0.3, 0.9]
-    np.testing.assert_allclose(operator.forward([0.3, 0.9]), expected, rtol=1e-9, atol=1e-15)
-    assert check_adjoint(operator) < 1e-12
+    operator = spread((2,), 500, kernel)
+    expected = twin(np.array([0.3, 0.9]), kernel, 500)
+    np.testing.assert_allclose(operator.forward([0.3, 0.9]), expected, rtol=1e-12, atol=1e-16)
+    assert check_adjoint(spread((2,), 4096, kernel)) < 1e-14
 
 
 @pytest.mark.parametrize("oversampling", range(1, 6))
@@ -77,7 +69,7 @@ def test_a_pixel_of_very_many_jots_is_spread_like_any_other(kernel):
 def test_the_adjoint_is_the_transposed_matrix(kernel, oversampling, shape):
     operator = spread(shape, oversampling, kernel, gain=0.7)
     matrix = columns(operator)
-    np.testing.assert_allclose(rows(operator), matrix, atol=1e-15)
+    np.testing.assert_allclose(rows(operator), matrix, rtol=1e-14, atol=1e-16)
     assert matrix.min() >= 0
 
 
@@ -104,11 +96,9 @@ def test_both_inner_products_are_equal_whatever_the_operator(
 
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("shape", SMALL + LARGE)
-def test_an_even_picture_stays_even_and_the_light_of_every_pixel_comes_back(kernel, shape):
-    operator = spread(shape, 3, kernel)
-    share = 3.0 ** -len(shape)
-    np.testing.assert_allclose(operator.forward(np.ones(shape)), share, rtol=1e-13)
-    np.testing.assert_allclose(rows(operator).sum(axis=0) if shape in SMALL else 1, 1, rtol=1e-13)
+def test_an_even_picture_gives_every_jot_its_share(kernel, shape):
+    light = spread(shape, 3, kernel).forward(np.ones(shape))
+    np.testing.assert_allclose(light, 3.0 ** -len(shape), rtol=1e-14)
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
@@ -272,9 +262,7 @@ def test_what_is_not_finite_is_found(bad):
 def test_an_operator_that_gives_another_shape_says_so():
     with pytest.raises(ValueError, match=r"what forward gives: expected shape \(6,\), got \(5,\)"):
         own(lambda y: MATRIX.T @ y, lambda x: (MATRIX @ x)[1:]).forward(np.ones(4))
-    with pytest.raises(
-        ValueError, match=r"what adjoint gives: expected shape \(4,\), got \(4, 1\)"
-    ):
+    with pytest.raises(ValueError, match=r"what adjoint gives: .* \(4,\), got \(4, 1\)"):
         check_adjoint(own(lambda y: (MATRIX.T @ y)[:, None]))
 
 

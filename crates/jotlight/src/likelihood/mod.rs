@@ -400,11 +400,7 @@ impl<'a> Seen<'a> {
         let (mut low, mut high) = (0.0, most);
         // Whether the root is known to lie on this side of the end.
         let (mut above_0, mut below_most) = (false, false);
-        let mut x = if guess > 0.0 && guess < most {
-            guess
-        } else {
-            0.5 * most
-        };
+        let mut x = first_try(guess, most);
         for _ in 0..ROUNDS {
             let (slope, bend) = slopes(x);
             if slope > 0.0 {
@@ -424,17 +420,27 @@ impl<'a> Seen<'a> {
                 }
                 above_0 = true;
             }
-            let newton = next > low && next < high;
+            let newton = next >= low && next <= high;
             if !newton {
                 next = 0.5 * (low + high);
             }
             let near = (next - x).abs() <= tolerance * next;
-            if near && newton || high - low <= f64::EPSILON * most {
+            if near && newton || high - low <= f64::EPSILON * high {
                 return next;
             }
             x = next;
         }
         x
+    }
+}
+
+/// Where a search begins: at the guess, but not where the slope is so steep that Newton's steps would double x for ever.
+#[inline(always)]
+fn first_try(guess: f64, most: f64) -> f64 {
+    if guess < most {
+        guess.max(1e-9 * most)
+    } else {
+        0.5 * most
     }
 }
 

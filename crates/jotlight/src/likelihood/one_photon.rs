@@ -2,7 +2,7 @@
 
 use multiversion::multiversion;
 
-use super::{Cells, DARKEST, ROUNDS};
+use super::{Cells, DARKEST, ROUNDS, first_try};
 
 /// Cells side by side.
 const LANES: usize = 16;
@@ -37,15 +37,12 @@ pub(super) fn nearest(
         for lane in 0..LANES {
             // The slope rises: where it is above 0 from the start, or below 0 to the end, the root lies outside.
             done[lane] = at_0[lane] >= 0.0 || at_most[lane] <= 0.0;
-            let inside = x[lane] > 0.0 && x[lane] < most;
             x[lane] = if at_0[lane] >= 0.0 {
                 0.0
             } else if at_most[lane] <= 0.0 {
                 most
-            } else if inside {
-                x[lane]
             } else {
-                0.5 * most
+                first_try(x[lane], most)
             };
         }
         let (mut low, mut high) = ([0.0; LANES], [most; LANES]);
@@ -57,14 +54,14 @@ pub(super) fn nearest(
                 high[lane] = if above { x[lane] } else { high[lane] };
                 low[lane] = if above { low[lane] } else { x[lane] };
                 let step = x[lane] - slope[lane] / bend[lane];
-                let newton = step > low[lane] && step < high[lane];
+                let newton = step >= low[lane] && step <= high[lane];
                 let next = if newton {
                     step
                 } else {
                     0.5 * (low[lane] + high[lane])
                 };
                 let near = newton && (next - x[lane]).abs() <= tolerance * next
-                    || high[lane] - low[lane] <= f64::EPSILON * most;
+                    || high[lane] - low[lane] <= f64::EPSILON * high[lane];
                 x[lane] = if done[lane] { x[lane] } else { next };
                 done[lane] |= near;
                 left |= !done[lane];
