@@ -420,7 +420,7 @@ impl<'a> Seen<'a> {
                 }
                 above_0 = true;
             }
-            let newton = next >= low && next <= high;
+            let newton = next > low && next < high || next.to_bits() == x.to_bits();
             if !newton {
                 next = 0.5 * (low + high);
             }

@@ -54,7 +54,8 @@ pub(super) fn nearest(
                 high[lane] = if above { x[lane] } else { high[lane] };
                 low[lane] = if above { low[lane] } else { x[lane] };
                 let step = x[lane] - slope[lane] / bend[lane];
-                let newton = step >= low[lane] && step <= high[lane];
+                let newton =
+                    step > low[lane] && step < high[lane] || step.to_bits() == x[lane].to_bits();
                 let next = if newton {
                     step
                 } else {
