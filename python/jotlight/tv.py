@@ -12,8 +12,8 @@ from jotlight.operators import differences
 NORMS = ("isotropic", "anisotropic")
 """How the two differences of a pixel make its share of the total variation."""
 
-_STRENGTH, _POWER = 0.6, 1 / 3
-"""Chosen on BSDS training images over six exposures: ``python benchmarks/weights.py``."""
+_STRENGTH, _POWER = 0.62, 0.4
+"""Chosen on BSDS training images over six exposures: ``benchmarks/weights.py``."""
 
 _BLOCK = 4
 """Pixels along the side of the blocks by which roughness is measured."""
@@ -76,7 +76,7 @@ def shrink(
 def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
     """Choose the weight of total variation from the data alone, for each pixel.
 
-    ``λ = 0.6 √I (√Ī γ)^(-1/3)`` with I the Fisher information that the pixel's bits have about its
+    ``λ = 0.62 √I (√Ī γ)^-0.4`` with I the Fisher information that the pixel's bits have about its
     intensity, Ī that of a pixel as bright as the mean, and γ the roughness of the scene, the root
     mean square difference between neighbouring blocks of 4 x 4 pixels less what noise makes of it.
 
