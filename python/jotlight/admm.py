@@ -37,8 +37,14 @@ _PATIENCE = 10
 _DARK = 1e-3
 """A picture darker than this share of S is measured by it, since no share of nothing is small."""
 
+_WEAK = 0.1
+"""The share of the likelihood's stiffness that counts as a force in any case."""
+
 _UNLIT = 1e-6
-"""A cell with less than this share of the brightest light counts as having it."""
+"""The share of the brightest light that stands for none where there must be some."""
+
+_CALMING = 0.8
+"""Each change of the penalties is to this power of the one before."""
 
 _CG_STEPS = 50
 _CG_ENOUGH = 1e-6
@@ -158,8 +164,8 @@ def admm_tv(
         per_pixel("weight", weight, np.shape(weight))
     Watch("admm_tv", max_iter, tol, None)  # what is wrong with them is said at once
 
-    def solve(problem: Problem, begin: Array | None) -> tuple[Array, History]:
-        watch = Watch("admm_tv", max_iter, tol, callback)
+    def solve(problem: Problem, begin: Array | None, channel: str) -> tuple[Array, History]:
+        watch = Watch("admm_tv" + channel, max_iter, tol, callback)
         chosen = automatic_weight(problem, norm=norm) if weight is None else weight
         return _minimise(problem, np.asarray(chosen), norm, begin, watch, threads)
 
@@ -311,12 +317,16 @@ def _minimise(
         data = _Data(problem, _STIFF_JOTS * stiffness, normal.gain, image, threads)
         terms = [data, variation, _Box(most, 0.1 * stiff, image)]
 
+    calm = 1.0
     while True:
         right = _sum(term.pull() for term in terms)
         image = normal.solve(right, [term.penalty for term in terms], image)
         apart, moves = zip(*(term.update(image) for term in terms), strict=True)
         primal = _ratio(sum(apart), _squares(image) + image.size * (_DARK * most) ** 2)
-        dual = _ratio(_squares(_sum(moves)), sum(_squares(term.force()) for term in terms))
+        # Without a prior the multipliers vanish; then the likelihood's resistance is the measure.
+        forces = sum(_squares(term.force()) for term in terms)
+        forces += (_WEAK * stiff) ** 2 * _squares(image)
+        dual = _ratio(_squares(_sum(moves)), forces)
         if isinstance(operator, Scaling):
             estimate = np.clip(data.x / operator.factor, 0, most)
         else:
@@ -327,11 +337,16 @@ def _minimise(
         if watch.number % _PATIENCE == 0 and primal > 0 and dual > 0:
             factor = float(np.sqrt(primal / (_BALANCE * dual)))
             if not 0.5 < factor < 2:
+                # Less and less, so that the penalties come to rest.
                 for term in terms:
-                    term.rescale(min(max(factor, 0.25), 4.0))
-    # Rounding to no light at all where a bit is 1 would make it infinite.
-    light = np.maximum(operator.forward(estimate), _UNLIT * data.most)
-    objective = total_variation(estimate, norm, weight=weight) - problem.likelihood.value(light)
+                    term.rescale(min(max(factor, 0.25), 4.0) ** calm)
+                calm *= _CALMING
+    value = problem.log_likelihood(estimate)
+    if not np.isfinite(value):
+        # A bit is 1 where the light has been rounded to 0.
+        light = np.maximum(operator.forward(estimate), _UNLIT * data.most)
+        value = problem.likelihood.value(light)
+    objective = total_variation(estimate, norm, weight=weight) - value
     return estimate, watch.finish(objective, weight if weight.ndim else float(weight))
 
 

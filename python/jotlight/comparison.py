@@ -2,13 +2,16 @@
 
 import dataclasses
 import time
+import warnings
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight import metrics
 from jotlight.bits import Bits
+from jotlight.errors import JotlightWarning
 from jotlight.methods import METHODS
 from jotlight.sensor import Sensor
 
@@ -59,8 +62,9 @@ def compare_methods(
 ) -> list[Result]:
     """Run methods on the same bits and measure each against the image.
 
-    `begin` is called with each method's title before it runs. Each is run on a small corner first,
-    so that loading its library is not counted in its time.
+    `begin` is called with each method's title before it runs; what it gives, if that can be called,
+    is told the share that a method which iterates has done. Each is run on a small corner first, so
+    that loading its library is not counted in its time.
     """
     results = []
     corner = Bits(
@@ -68,11 +72,16 @@ def compare_methods(
     )
     for name in names:
         method = METHODS[name]
-        begin(method.title)
+        update = begin(method.title)
         if min(image.shape[:2]) >= 16:
-            method.run(corner, sensor.without_maps(), threads=threads)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", JotlightWarning)
+                method.run(corner, sensor.without_maps(), threads=threads)
+        options: dict[str, Any] = {}
+        if method.iterative and callable(update):
+            options["callback"] = lambda step, update=update: update(step.share)
         start = time.perf_counter()
-        picture = method.run(bits, sensor, threads=threads)
+        picture = method.run(bits, sensor, threads=threads, **options)
         seconds = time.perf_counter() - start
         results.append(
             Result(

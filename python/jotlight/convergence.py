@@ -1,6 +1,7 @@
 """How an iterative method tells where it stands, and when it is done."""
 
 import dataclasses
+import math
 import operator
 from collections.abc import Callable, Mapping
 
@@ -24,6 +25,13 @@ class Iteration:
     """The estimate so far, read-only."""
     tol: float
     max_iter: int
+
+    @property
+    def share(self) -> float:
+        """How much is done, from 0 to 1: residuals fall by about the same factor each time."""
+        if self.residual <= self.tol or self.tol >= 1:
+            return 1.0
+        return min(max(math.log(self.residual) / math.log(self.tol), 0.0), 1.0)
 
 
 Callback = Callable[[Iteration], object]
@@ -66,6 +74,7 @@ class Watch:
         self._callback = callback
         self._residuals: list[Mapping[str, float]] = []
         self._ended = False
+        self._worst = math.inf
         self._remedy = "raise max_iter, or tol"
         self.converged = False
 
@@ -87,6 +96,7 @@ class Watch:
         self._residuals.append(residuals)
         worst = max(value / (leeway or {}).get(name, 1.0) for name, value in residuals.items())
         step = Iteration(self.number, residuals, worst, _readonly(image), self.tol, self.max_iter)
+        self._worst = worst
         self.converged = worst <= self.tol
         if self._callback is not None:
             try:
@@ -107,9 +117,10 @@ class Watch:
         }
         if not (self.converged or self._ended):
             last = ", ".join(f"{name} {values[-1]:.2g}" for name, values in residuals.items())
+            plural = "" if self.number == 1 else "s"
             warn(
-                f"{self._name}: not converged after {len(self._residuals)} iterations (residuals: "
-                f"{last}; tol = {self.tol:g}); {self._remedy}"
+                f"{self._name}: not converged after {self.number} iteration{plural}: residual "
+                f"{self._worst:.2g} ({last}), expected at most tol = {self.tol:g}; {self._remedy}"
             )
         return History(self.converged, residuals, objective, weight)
 

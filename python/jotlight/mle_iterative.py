@@ -136,8 +136,8 @@ def mle_iterative(
         raise ValueError(f"solver: expected one of {', '.join(SOLVERS)}, got {solver!r}")
     Watch("mle_iterative", max_iter, tol, None)  # what is wrong with them is said at once
 
-    def solve(problem: Problem, begin: Array | None) -> tuple[Array, History]:
-        watch = Watch("mle_iterative", max_iter, tol, callback)
+    def solve(problem: Problem, begin: Array | None, channel: str) -> tuple[Array, History]:
+        watch = Watch("mle_iterative" + channel, max_iter, tol, callback)
         image, history = _maximise(problem, begin, SOLVERS[solver], watch)
         blind = problem.operator.adjoint((_trials(problem) > 0).astype(np.float64)) == 0
         if blind.any():
@@ -153,16 +153,18 @@ class _Slopes:
 
     def __init__(self, problem: Problem, light: Array, spread_of_ones: Array) -> None:
         gradient, self.curvature = problem.likelihood.slopes(light)
+        self.most = problem.max_intensity
         self.operator = problem.operator
         self.gradient = -self.operator.adjoint(gradient)
         # Aᵀ W A ≤ diag(Aᵀ W A 1), since A has no negative entries.
         self.bound = self.operator.adjoint(self.curvature * spread_of_ones)
 
     def scaled(self) -> Array:
-        """Give the gradient over the bound of the curvature."""
-        # Where there is no curvature, the slope alone says which way to go, and how far the box.
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.nan_to_num(self.gradient / self.bound, nan=0.0, posinf=1e300, neginf=-1e300)
+        """Give the gradient over the bound of the curvature, no longer than the box is wide."""
+        # Where there is no curvature, the slope alone says which way to go, and the box how far.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            step = self.gradient / self.bound
+        return np.clip(np.nan_to_num(step, nan=0.0), -self.most, self.most)
 
     def hessian(self, direction: Array) -> Array:
         """Give Aᵀ W A `direction`."""
@@ -190,7 +192,7 @@ def _newton_direction(slopes: _Slopes, free: npt.NDArray[np.bool_]) -> Array:
             break
         product = np.where(free, slopes.hessian(search), 0.0)
         bend = dot(search, product)
-        if bend <= 0:
+        if bend <= _FLAT * dot(search, slopes.bound * search):
             break
         step = size / bend
         solution += step * search
@@ -198,13 +200,16 @@ def _newton_direction(slopes: _Slopes, free: npt.NDArray[np.bool_]) -> Array:
         preconditioned = inverse * residual
         size, before = dot(residual, preconditioned), size
         search = preconditioned + size / before * search
-    # Before its first step, where there is no curvature at all, the gradient is all there is.
+    # Where the likelihood is flat from the start, the gradient is all there is.
     return direction + np.where(free, solution if solution.any() else -slopes.scaled(), 0.0)
 
 
 _CG_STEPS = 30
 _CG_ENOUGH = 0.3
 """Newton's equations are solved until the residual has fallen to this share; more does not pay."""
+
+_FLAT = 1e-4
+"""A direction with less than this share of the bound of the curvature is one that rounding made."""
 
 SOLVERS: dict[str, Direction] = {"newton": _newton_direction, "gradient": _gradient_direction}
 """Ways to walk up the likelihood."""
@@ -237,20 +242,31 @@ def _maximise(
         held = ((image <= near) & (slopes.gradient > 0)) | (
             (image >= most - near) & (slopes.gradient < 0)
         )
-        direction = direction_of(slopes, ~held)
         least = np.where(needs_light, _KEPT * image, 0.0)
-        for halvings in range(_HALVINGS):
-            tried = np.clip(image + 0.5**halvings * direction, least, most)
-            light = operator.forward(tried)
-            tried_cost = -likelihood.value(light)
-            promised = dot(slopes.gradient, image - tried)
-            if tried_cost <= cost - _ENOUGH * promised + _ROUNDING * abs(cost):
+        # Where Newton's direction leads nowhere the gradient's does, down to rounding.
+        for direct in (direction_of, _gradient_direction):
+            found = _search(problem, image, cost, slopes.gradient, direct(slopes, ~held), least)
+            if found is not None:
                 break
         else:
             watch.give_up("rounding hides what a step would gain; raise tol")
             break
-        image, cost = tried, tried_cost
+        image, light, cost = found
     return image, watch.finish(cost)
+
+
+def _search(
+    problem: Problem, image: Array, cost: float, gradient: Array, direction: Array, least: Array
+) -> tuple[Array, Array, float] | None:
+    """Halve a step until it lowers the cost enough; give the image, its light and its cost."""
+    for halvings in range(_HALVINGS):
+        tried = np.clip(image + 0.5**halvings * direction, least, problem.max_intensity)
+        light = problem.operator.forward(tried)
+        tried_cost = -problem.likelihood.value(light)
+        promised = dot(gradient, image - tried)
+        if tried_cost <= cost - _ENOUGH * promised + _ROUNDING * abs(cost):
+            return tried, light, tried_cost
+    return None
 
 
 def _trials(problem: Problem) -> npt.NDArray[np.int32]:

@@ -19,13 +19,16 @@ Histories = History | list[History]
 
 
 def solve_each(
-    solve: Callable[[Problem, Array | None], tuple[Array, History]],
+    solve: Callable[[Problem, Array | None, str], tuple[Array, History]],
     data: Bits | Problem | npt.ArrayLike,
     sensor: Sensor | None,
     start: npt.ArrayLike | None,
     threads: int | None,
 ) -> tuple[Picture, Histories]:
     """Solve a problem, or that of each channel of data, from the start that belongs to it.
+
+    `solve` takes the problem, the start, and words that tell which channel it is, where there are
+    several.
 
     Raises
     ------
@@ -36,7 +39,7 @@ def solve_each(
     if isinstance(data, Problem):
         if sensor is not None:
             raise TypeError("sensor: expected none, since a Problem has its own operator")
-        estimate, history = solve(data, _fitting_start(begin, data))
+        estimate, history = solve(data, _fitting_start(begin, data), "")
         return estimate.astype(np.float32), history
     if not isinstance(sensor, Sensor):
         raise TypeError(f"sensor: expected a jotlight.Sensor, got {type(sensor).__name__}")
@@ -51,7 +54,8 @@ def solve_each(
     def one_channel(channel: Bits | npt.NDArray[np.int32]) -> Picture:
         problem = problem_of(channel, sensor, threads)
         own = begin if begin is None or begin.ndim == 2 else begin[..., len(histories)]
-        estimate, history = solve(problem, _fitting_start(own, problem))
+        words = f", channel {len(histories)}" if channels else ""
+        estimate, history = solve(problem, _fitting_start(own, problem), words)
         histories.append(history)
         return estimate.astype(np.float32)
 

@@ -185,7 +185,7 @@ def per_pixel(name: str, value: float | npt.ArrayLike, shape: tuple[int, ...]) -
         For another shape, and for what is below 0, infinite or NaN.
     """
     array = np.asarray(value)
-    if array.dtype.kind not in "iuf" or array.shape not in ((), shape):
+    if array.dtype.kind not in "iuf" or array.shape not in ((), shape) or array.size == 0:
         raise ValueError(
             f"{name}: expected a number, or an array of shape {shape}, got {array.dtype} of shape "
             f"{array.shape}"

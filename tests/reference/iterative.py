@@ -40,31 +40,36 @@ class Cost:
         fired, stayed_dark = gammainc(self.threshold, rate), gammaincc(self.threshold, rate)
         return -np.sum(xlogy(self.ones, fired) + xlogy(zeros, stayed_dark))
 
-    def slopes(self, image):
-        """The gradient, and a bound of the curvature, pixel by pixel."""
+    def cells(self, image):
+        """The slope and the curvature of each cell."""
         rate, q, zeros = self.rate(image), self.threshold, self.trials - self.ones
         density = np.exp((q - 1) * np.log(rate) - rate - gammaln(q))
         up, down = density / gammainc(q, rate), density / gammaincc(q, rate)
         relative = (q - 1) / rate - 1
         curvature = self.ones * up * (up - relative) + zeros * down * (down + relative)
-        bound = self.matrix.T @ (curvature * self.matrix.sum(axis=1))
-        return self.matrix.T @ (zeros * down - self.ones * up), bound
+        return zeros * down - self.ones * up, curvature
+
+    def slopes(self, image):
+        """The gradient, and a bound of the curvature, pixel by pixel."""
+        slope, curvature = self.cells(image)
+        return self.matrix.T @ slope, self.matrix.T @ (curvature * self.matrix.sum(axis=1))
 
     def projected_gradient(self, image):
         """How far a step by the gradient over the curvature would go, as a share of S."""
         gradient, bound = self.slopes(image)
         image = np.ravel(image)
-        return np.abs(image - np.clip(image - gradient / bound, 0, self.most)).max() / self.most
+        step = gradient / np.maximum(bound, 1e-300)
+        return np.abs(image - np.clip(image - step, 0, self.most)).max() / self.most
 
     def least(self):
         """The image that SciPy finds."""
         return minimize(
-            self,
+            lambda image: (self(image), self.slopes(image)[0]),
             np.full(self.matrix.shape[1], self.most / 2),
-            jac=lambda image: self.slopes(image)[0],
+            jac=True,
             bounds=[(0, self.most)] * self.matrix.shape[1],
             method="L-BFGS-B",
-            options={"maxiter": 20000, "maxfun": 40000, "ftol": 1e-14, "gtol": 1e-9},
+            options={"maxiter": 20000, "maxfun": 40000, "ftol": 1e-13, "gtol": 1e-9},
         ).x
 
 
@@ -144,3 +149,25 @@ def excess(cost, image, weight, norm):
         [other >= 0, other <= cost.most],
     )
     return variation(image, norm, weight) - problem.solve(solver=cp.CLARABEL)
+
+
+def polished(cost, image, weight, norm):
+    """-ℓ + λ TV after some steps of the proximal Newton method from an image, for any q."""
+
+    def objective(candidate):
+        return cost(candidate) + variation(candidate, norm, weight)
+
+    weights = np.broadcast_to(weight, np.shape(image)).ravel()
+    for _ in range(4):
+        slope, curvature = cost.cells(image)
+        other = cp.Variable(np.shape(image))
+        change = cost.matrix @ (cp.vec(other, order="C") - np.ravel(image))
+        model = slope @ change + 0.5 * cp.sum_squares(
+            cp.multiply(np.sqrt(np.maximum(curvature, 0)), change)
+        )
+        cp.Problem(
+            cp.Minimize(weights @ _lengths(other, norm) + model), [other >= 0, other <= cost.most]
+        ).solve(solver=cp.CLARABEL)
+        target = np.clip(other.value, 0, cost.most)
+        image = min((image + 0.5**k * (target - image) for k in range(8)), key=objective)
+    return objective(image)

@@ -36,7 +36,7 @@ def compare(
             "--methods",
             "-m",
             help=f"Some of {', '.join(METHODS)}, with commas. Default: all that are installed "
-            "and serve the sensor.",
+            "and serve the sensor; mle-iterative for smooth kernels only, being mle for the box.",
         ),
     ] = None,
     given: dict[str, Any],

@@ -1,7 +1,6 @@
 """What the user sees while and after a command works."""
 
 import contextlib
-import math
 import warnings
 from collections.abc import Callable, Iterator
 from typing import TextIO
@@ -87,13 +86,12 @@ def progress(steps: int | None) -> Iterator[Callable[[str], Callable[[float], No
 def live_iterations(title: str) -> Iterator[Callable[[Iteration], None]]:
     """Show how an iterative method comes nearer, on a terminal only.
 
-    Gives a function that takes each iteration. Residuals fall by about the same factor each time,
-    so the bar goes by their logarithm.
+    Gives a function that takes each iteration.
     """
     bar = Progress(
         SpinnerColumn(),
         TextColumn("{task.description}"),
-        BarColumn(),
+        BarColumn(bar_width=16),
         TimeElapsedColumn(),
         console=err,
         transient=True,
@@ -101,20 +99,10 @@ def live_iterations(title: str) -> Iterator[Callable[[Iteration], None]]:
     )
     with bar:
         task = bar.add_task(title, total=1.0)
-        first = 1.0
 
         def show(step: Iteration) -> None:
-            nonlocal first
-            if step.number == 1:
-                first = step.residual
-            if first > step.tol:
-                left = max(math.log(max(step.residual, step.tol) / step.tol), 0)
-                bar.update(task, completed=max(0.0, 1 - left / math.log(first / step.tol)))
-            bar.update(
-                task,
-                description=f"{title}: iteration {step.number}, residual {step.residual:.2g} "
-                f"(to {step.tol:g})",
-            )
+            words = f"iteration {step.number}, residual {step.residual:.1e} (to {step.tol:g})"
+            bar.update(task, description=words, completed=step.share)
 
         yield show
 

@@ -73,19 +73,21 @@ def reconstruct(
     norm: Annotated[
         str | None,
         typer.Option(
-            help=f"Of total variation, for admm-tv: {' or '.join(NORMS)}.",
+            help=f"Of total variation, for admm-tv: {' or '.join(NORMS)}. Default: {NORMS[0]}.",
             rich_help_panel="Iterative methods",
         ),
     ] = None,
     tol: Annotated[
         float | None,
         typer.Option(
-            help="Residual at which the method is done.", rich_help_panel="Iterative methods"
+            help="Residual at which the method is done. Default: 1e-3 for admm-tv, 1e-6 for "
+            "mle-iterative.",
+            rich_help_panel="Iterative methods",
         ),
     ] = None,
     max_iter: Annotated[
         int | None,
-        typer.Option(help="Iterations at most.", rich_help_panel="Iterative methods"),
+        typer.Option(help="Iterations at most. Default: 500.", rich_help_panel="Iterative methods"),
     ] = None,
     key: options.Key = None,
     counts: Annotated[
@@ -107,7 +109,7 @@ def reconstruct(
     spare_inputs(output, [data, model, *maps_beside(data), *inputs])
     if method is None and inverse is not None:
         method = _OTHERWISE
-    if method is None and (weight is not None or norm is not None):
+    if method is None and any(value is not None for value in (weight, norm, tol, max_iter)):
         method = _SMOOTH
     settings = _method_settings(
         method or DEFAULT,
@@ -190,8 +192,12 @@ def _told(histories: Histories) -> str:
     """How the iterations ended, the longest of those of all channels."""
     each = histories if isinstance(histories, list) else [histories]
     longest = max(history.iterations for history in each)
-    ended = "" if all(history.converged for history in each) else ", NOT converged"
-    return f", {longest} iteration{'' if longest == 1 else 's'}{ended},"
+    words = f"{longest} iteration{'' if longest == 1 else 's'}"
+    if not all(history.converged for history in each):
+        words += ", NOT converged"
+    if (weight := float(np.mean([np.mean(history.weight) for history in each]))) > 0:
+        words += f", weight {weight:.3g}"
+    return f" ({words})"
 
 
 def _read(
