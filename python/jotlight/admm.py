@@ -303,10 +303,12 @@ def _minimise(
     operator, most = problem.operator, problem.max_intensity
     mean = problem.level()
     image = np.full(operator.input_shape, mean) if begin is None else begin
-    normal = _Normal(operator, threads)
+    normal = _Normal(operator, min(_CG_ENOUGH, 0.01 * watch.tol), threads)
     # The likelihood is about as stiff as its information, and so are the penalties.
     light = operator.forward(np.full(operator.input_shape, mean))
     stiffness = float(np.mean(problem.likelihood.information(light)))
+    # In a glaring light nearly nothing of it is left; then what the light's own size allows.
+    stiffness = max(stiffness, 1e-9 * float(np.mean(problem.likelihood.trials) / light.mean() ** 2))
     stiff = stiffness * normal.gain**2
     differing = max(_STIFF * float(np.mean(weight)) / mean, 1e-2 * stiff)
     variation = _Variation(weight, norm, differing, image, threads)
@@ -353,9 +355,9 @@ def _minimise(
 class _Normal:
     """Solves (ρ₁ AᵀA + ρ₂ DᵀD + ρ₃) c = r in the cosine basis."""
 
-    def __init__(self, operator: Operator, threads: int | None) -> None:
+    def __init__(self, operator: Operator, enough: float, threads: int | None) -> None:
         shape = operator.input_shape
-        self._operator = operator
+        self._operator, self._enough = operator, enough
         self._exact = isinstance(operator, Scaling) or (
             isinstance(operator, Spread) and operator.even
         )
@@ -384,7 +386,7 @@ class _Normal:
 
         # Conjugate gradients, with the symbol as what they are preconditioned by.
         solution, residual = guess, right - multiply(guess)
-        enough = _CG_ENOUGH**2 * _squares(right)
+        enough = self._enough**2 * _squares(right)
         search, size = np.zeros_like(right), 1.0
         for _ in range(_CG_STEPS):
             if _squares(residual) <= enough:

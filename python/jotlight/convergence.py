@@ -61,7 +61,7 @@ class Watch:
     """Collects the residuals, calls the user back, and says when to stop."""
 
     def __init__(self, name: str, max_iter: int, tol: float, callback: Callback | None) -> None:
-        if not 0 < tol < np.inf:
+        if not isinstance(tol, float | int | np.number) or not 0 < tol < np.inf:
             raise ValueError(f"tol: expected a finite number above 0, got {tol!r}")
         try:
             self.max_iter = operator.index(max_iter)

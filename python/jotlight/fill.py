@@ -11,8 +11,8 @@ def fill_blind(
 ) -> npt.NDArray[np.float32]:
     """Fill blind pixels from their neighbours, from the rim of each hole inwards, and say so.
 
-    A pixel becomes the mean of those of its 8 neighbours that are known; pixels filled in one
-    round are known in the next.
+    A pixel becomes the mean of those of its 8 neighbours (2 in a signal) that are known; pixels
+    filled in one round are known in the next.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def fill_blind(
     known = ~blind
     filled = np.where(known, image, 0).astype(np.float64)
     # No running sums as in uniform_filter: what they leave of the sums gone by may be below 0.
-    window = np.ones((3, 3))
+    window = np.ones((3,) * image.ndim)
     while not known.all():
         weight = correlate(known.astype(np.float64), window, mode="constant")
         total = correlate(np.where(known, filled, 0), window, mode="constant")

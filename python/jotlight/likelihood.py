@@ -42,8 +42,8 @@ class Likelihood:
     Notes
     -----
     The light s is what is detected of it: with a quantum efficiency η, the operator's gain is
-    η α/T. ℓ is concave. Its logarithms and slopes are accurate to some eleven digits for s from
-    1e-12 to 1e4; at s + d = 0 the value is -inf where a bit is 1.
+    η α/T. ℓ is concave. Its logarithms and slopes are accurate to eleven digits (for q in the
+    ten thousands nine) for s from 1e-12 to 1e4; at s + d = 0 the value is -inf where a bit is 1.
 
     Examples
     --------
@@ -213,7 +213,7 @@ class Problem:
     Raises
     ------
     ValueError
-        When the operator's light is not that of the likelihood's cells.
+        When the operator's light is not that of the likelihood's cells, or no cell has a bit.
 
     Examples
     --------
@@ -239,6 +239,8 @@ class Problem:
                 f"operator: expected light of the bits' shape {self.likelihood.shape}, "
                 f"got {self.operator.output_shape}"
             )
+        if np.max(self.likelihood.trials) == 0:
+            raise ValueError("trials: expected at least one cell with a bit, got none")
         if not 0 < self.max_intensity < np.inf:
             raise ValueError(
                 f"max_intensity: expected a finite number above 0, got {self.max_intensity!r}"

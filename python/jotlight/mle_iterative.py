@@ -25,8 +25,11 @@ _ROUNDING = 1e-13
 _HALVINGS = 40
 """Of a step at most."""
 
+_FAINT = 1e-3
+"""The share of S below which light, or dark counts for it, are next to none."""
+
 _KEPT = 0.1
-"""A pixel that must not become 0 keeps this share of itself in a step."""
+"""A pixel that must not become 0 at once keeps this share of itself in a step."""
 
 
 @overload
@@ -226,9 +229,10 @@ def _maximise(
     fired = operator.adjoint((ones > 0).astype(np.float64)) > 0
     stayed_dark = operator.adjoint((zeros > 0).astype(np.float64)) > 0
     image = np.where(fired, np.where(stayed_dark, image, most), 0.0)
-    # Where a bit fired without dark counts, no light at all is impossible.
-    needs_light = operator.adjoint(((ones > 0) & (likelihood.dark_counts == 0)) * 1.0) > 0
-    image = np.where(needs_light, np.maximum(image, 1e-3 * most), image)
+    # Where a bit fired and hardly any dark count explains it, there is some light.
+    faint = likelihood.dark_counts <= _FAINT * most * spread_of_ones
+    needs_light = operator.adjoint(((ones > 0) & faint) * 1.0) > 0
+    image = np.where(needs_light, np.maximum(image, _FAINT * most), image)
 
     light = operator.forward(image)
     cost = -likelihood.value(light)

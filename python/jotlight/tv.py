@@ -118,9 +118,12 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
     of_ones = operator.forward(np.ones(operator.input_shape))
     score = operator.adjoint(likelihood.slopes(even)[0])
     information = operator.adjoint(likelihood.information(even) * of_ones)
-    noise = 1 / math.sqrt(information.mean())
-    roughness = _roughness(score, information, problem.max_intensity) / noise
     local = np.sqrt(_local_information(problem, of_ones))
+    roughness = 1.0
+    # So much light that an even picture would say nothing: nothing tells how rough it is.
+    if information.mean() > 1e-6 * np.square(local).mean():
+        noise = 1 / math.sqrt(information.mean())
+        roughness = _roughness(score, information, problem.max_intensity) / noise
     per_direction = math.pi / 4 if checked(norm) == "anisotropic" and local.ndim == 2 else 1.0
     return np.asarray(per_direction * _STRENGTH * roughness**-_POWER * local)
 

@@ -478,3 +478,13 @@ PROBLEM = jl.Problem(jl.operators.spread((4,)), jl.Likelihood([0, 1, 1, 0]))
 def test_what_does_not_fit_is_refused(data, sensor, options, error, message):
     with pytest.raises(error, match=message):
         jl.admm_tv(data, sensor, **options)
+
+
+@pytest.mark.parametrize("kernel", ["box", "cubic"])
+@pytest.mark.parametrize("gain", [3200.0, 1e5, 1e7])
+def test_a_glaring_scene_gives_a_picture_too(kernel, gain):
+    sensor = jl.Sensor(oversampling=2, frames=4, gain=gain, kernel=kernel)
+    picture = jl.admm_tv(sensor.expose(np.full((16, 20), 0.5), rng=0), sensor)
+    assert (picture > 0.5).all()
+    assert (picture <= 1).all()
+    assert np.ptp(picture) < 1e-3

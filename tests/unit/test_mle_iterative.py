@@ -399,3 +399,30 @@ def test_what_does_not_fit_is_refused(data, sensor, options, error, message):
 def test_an_operator_that_does_not_fit_the_bits_is_refused():
     with pytest.raises(ValueError, match=r"operator: .* bits' shape \(4,\), got \(5,\)"):
         jl.Problem(jl.operators.spread((5,)), jl.Likelihood([0, 1, 1, 0]))
+
+
+@pytest.mark.parametrize("threshold", [1, 2])
+@pytest.mark.parametrize("dark", [0.0, 1e-30, 1e-7, 1e-5, 1e-3, 0.1])
+def test_a_start_without_light_ends_where_any_other_does(threshold, dark):
+    sensor = jl.Sensor(oversampling=4, frames=4, dark_counts=dark, threshold=threshold)
+    scene = 0.05 + 0.9 * np.kron(np.random.default_rng(3).random((4, 4)), np.ones((4, 4)))
+    bits = sensor.expose(scene, rng=1)
+    picture = jl.mle_iterative(bits, sensor, start=np.zeros((16, 16)))
+    np.testing.assert_allclose(picture, jl.mle(bits, sensor), rtol=0, atol=1e-5)
+
+
+def test_the_blind_pixels_of_a_signal_are_filled():
+    trials = np.full(160, 20)
+    trials[40:80] = 0
+    ones = np.minimum(np.random.default_rng(3).binomial(20, 0.5, 160), trials)
+    light = jl.operators.spread((40,), 4, "cubic", gain=4.0)
+    with pytest.warns(jl.JotlightWarning, match="6 of 40 pixels"):
+        signal = jl.mle_iterative(jl.Problem(light, jl.Likelihood(ones, trials)))
+    assert signal.shape == (40,)
+    assert np.isfinite(signal).all()
+
+
+def test_a_problem_without_a_bit_is_refused():
+    light = jl.operators.scaling((4,), 1.0)
+    with pytest.raises(ValueError, match="at least one cell with a bit"):
+        jl.Problem(light, jl.Likelihood(np.zeros(4, int), 0))
