@@ -1,5 +1,6 @@
 """Maximum likelihood with total variation, by ADMM: the paper's reference [7]."""
 
+import abc
 import functools
 import os
 from collections.abc import Iterable
@@ -111,7 +112,7 @@ def admm_tv(
     norm : {"isotropic", "anisotropic"}
         TV is the sum over pixels of √(down² + right²), or of abs(down) + abs(right).
     start : array_like of float, optional
-        Where to begin, of the picture's shape; a picture near the result saves iterations. Default:
+        Where to begin, of the picture's shape; one near the result saves a few rounds. Default:
         the same intensity everywhere.
     max_iter : int
         Iterations at most; a JotlightWarning says when they were not enough.
@@ -173,7 +174,7 @@ def admm_tv(
     return (picture, history) if return_history else picture
 
 
-class _Term:
+class _Term(abc.ABC):
     """A term f(A c) of the objective: f(x) with x = A c, and the penalty ½ ρ ‖A c - x + dual‖²."""
 
     def __init__(self, penalty: float, x: Array, dual: Array) -> None:
@@ -181,13 +182,13 @@ class _Term:
         self._back = self.adjoint(x)
         self._back_dual = self.adjoint(dual)
 
+    @abc.abstractmethod
     def adjoint(self, array: Array) -> Array:
         """Give Aᵀ of an array like x."""
-        raise NotImplementedError
 
+    @abc.abstractmethod
     def split(self, image: Array) -> float:
         """Move x and the dual on; give the primal residual, squared, in units of intensity."""
-        raise NotImplementedError
 
     def update(self, image: Array) -> tuple[float, Array]:
         """Move x and the dual on; give the primal residual, squared, and the dual residual."""
@@ -222,10 +223,12 @@ class _Data(_Term):
         brightest = self._operator.forward(np.full(image.shape, problem.max_intensity))
         self.most = float(np.max(brightest))
         light = self._operator.forward(image)
-        # Where x is best, ρ dual is the slope of ℓ: a start near the end has its multipliers too.
+        # Where x is best, ρ dual is the slope of ℓ: a start near the end has its multipliers too,
+        # but for cells that a start leaves nearly dark although they fired, whose slope is endless.
         slope, _ = self._likelihood.slopes(light)
         lit = (light > 0) & (light < self.most)
-        super().__init__(penalty, light, np.where(lit, -slope / penalty, 0.0))
+        far = float(light.mean())
+        super().__init__(penalty, light, np.where(lit, np.clip(-slope / penalty, -far, far), 0.0))
 
     def adjoint(self, array: Array) -> Array:
         return self._operator.adjoint(array)

@@ -488,3 +488,14 @@ def test_a_glaring_scene_gives_a_picture_too(kernel, gain):
     assert (picture > 0.5).all()
     assert (picture <= 1).all()
     assert np.ptp(picture) < 1e-3
+
+
+@pytest.mark.parametrize("kernel", ["box", "quadratic", "cubic"])
+def test_a_start_at_the_result_costs_nothing(kernel):
+    scene = jl.datasets.photograph("camera")[100:148, 180:228]
+    sensor = jl.Sensor(oversampling=4, kernel=kernel)
+    bits = sensor.expose(scene, rng=0)
+    picture, first = jl.admm_tv(bits, sensor, return_history=True)
+    _, again = jl.admm_tv(bits, sensor, start=picture, weight=first.weight, return_history=True)
+    assert again.converged
+    assert again.iterations <= first.iterations

@@ -181,8 +181,10 @@ def test_an_option_is_refused_for_the_methods_to_which_it_does_not_belong(
     assert files(tmp_path) == before
 
 
-@pytest.mark.parametrize("words", [["--weight", 2], ["--norm", "anisotropic"]])
-def test_an_option_of_total_variation_asks_for_admm(run, bits, words):
+@pytest.mark.parametrize(
+    "words", [["--weight", 2], ["--norm", "anisotropic"], ["--tol", 0.002], ["--max-iter", 400]]
+)
+def test_an_option_of_the_iterative_methods_asks_for_admm(run, bits, words):
     status, said = run("reconstruct", "box.npy", "-o", "out.png", *words)
     assert status == 0
     assert f"by {TITLES['admm-tv']} (" in said
