@@ -46,8 +46,7 @@ def read_image_set(
         When there are no pictures, or one cannot be read; the message names it.
     """
     source = Path(source)
-    if first is not None and first < 1:
-        raise ValueError(f"first: expected at least 1 image, got {first}")
+    check_first(first)
     if not source.exists():
         raise FileNotFoundError(f"there is no folder or file {source}")
     if not source.is_dir():
@@ -68,6 +67,12 @@ def read_image_set(
         if progress:
             progress((number + 1) / len(paths))
     return [path.name for path in paths], images
+
+
+def check_first(first: int | None) -> None:
+    """Raise ValueError unless `first` asks for all images, or for one at least."""
+    if first is not None and first < 1:
+        raise ValueError(f"first: expected at least 1 image, got {first}")
 
 
 def _warn_of_scale(source: Path, image: npt.NDArray[np.float32]) -> None:

@@ -91,6 +91,8 @@ def test_there_are_examples_and_pages():
 
 def test_import_loads_nothing_heavy():
     heavy = {"scipy", "skimage", "matplotlib", "typer", "rich", "safetensors", "PIL", "tifffile"}
+    heavy |= {"jinja2"}
+    heavy |= {"pooch", "requests"}
     code = "import sys, jotlight; print(*sorted({m.split('.')[0] for m in sys.modules}))"
     loaded = subprocess.run(
         [sys.executable, "-c", code], check=True, capture_output=True, text=True

@@ -16,6 +16,7 @@ from jotlight.cli.demo import demo
 from jotlight.cli.evaluate import evaluate
 from jotlight.cli.info import info
 from jotlight.cli.reconstruct import reconstruct
+from jotlight.cli.reproduce import reproduce
 from jotlight.cli.simulate import simulate
 from jotlight.cli.train import train
 
@@ -53,7 +54,7 @@ def _plain_errors(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-for command in (demo, compare, simulate, reconstruct, train, evaluate, info):
+for command in (demo, compare, simulate, reconstruct, train, evaluate, reproduce, info):
     app.command()(_plain_errors(command))
 
 

@@ -3,7 +3,7 @@
 import contextlib
 import warnings
 from collections.abc import Callable, Iterator
-from typing import TextIO
+from typing import Protocol, TextIO
 
 from rich.console import Console
 from rich.markup import escape
@@ -23,6 +23,14 @@ from jotlight.training import Record
 
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)
+
+
+class Begin(Protocol):
+    """Begins a step of a bar."""
+
+    def __call__(self, name: str, size: float = 1.0) -> Callable[[float], None]:
+        """Give the function that takes the share that is done."""
+
 
 _said: set[str] = set()
 
@@ -51,13 +59,13 @@ def show_warning(
 
 
 @contextlib.contextmanager
-def progress(steps: int | None) -> Iterator[Callable[[str], Callable[[float], None]]]:
+def progress(total: float | None) -> Iterator[Begin]:
     """Show a bar over a number of steps while the block runs, on a terminal only.
 
-    Without a number of steps the bar moves to and fro, for work that does not tell how far it is.
+    Without a total the bar moves to and fro, for work that does not tell how far it is.
 
     Gives a function that begins the next step, by name, and returns a function that takes
-    the share of it that is done.
+    the share of it that is done. A step counts as 1 of the total, or as much as it is given.
     """
     bar = Progress(
         SpinnerColumn(),
@@ -70,14 +78,14 @@ def progress(steps: int | None) -> Iterator[Callable[[str], Callable[[float], No
         disable=not err.is_terminal,
     )
     with bar:
-        task = bar.add_task("", total=steps)
-        begun = 0
+        task = bar.add_task("", total=total)
+        begun = 0.0
 
-        def begin(name: str) -> Callable[[float], None]:
+        def begin(name: str, size: float = 1.0) -> Callable[[float], None]:
             nonlocal begun
-            first, begun = begun, begun + 1
+            first, begun = begun, begun + size
             bar.update(task, description=name, completed=first)
-            return lambda share: bar.update(task, completed=first + share)
+            return lambda share: bar.update(task, completed=first + size * share)
 
         yield begin
 

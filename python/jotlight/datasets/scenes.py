@@ -1,4 +1,4 @@
-"""Scenes to try things on."""
+"""Scenes that need no files: photographs of scikit-image, and synthetic ones."""
 
 import numpy as np
 import numpy.typing as npt

@@ -1,0 +1,99 @@
+"""From results to what people look at: a page, a page of Markdown, and figures."""
+
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight import plots
+from jotlight.experiments import EXPERIMENTS, running
+from jotlight.experiments.experiment import Results
+from jotlight.experiments.markdown import markdown
+from jotlight.experiments.page import page
+from jotlight.experiments.running import Folder
+from jotlight.experiments.section import Picture, Report, Scene
+from jotlight.files import written_whole
+
+TITLE = "The paper, reproduced"
+
+WORDS = (
+    "The paper “Learning optimal parameters for binary sensing image reconstruction algorithms” "
+    "claims that a network of two linear filters and two splines, trained from the classical "
+    "pipeline, gives pictures as good as the best denoisers in a fifth of their time. Below is "
+    "every claim of its section 4 beside what was measured here, then each experiment. Every "
+    "number comes from a table that the command written there made."
+)
+
+
+def report_of(results: dict[str, Results], facts: dict[str, running.Facts]) -> Report:
+    """Give the report of all experiments that have results."""
+    found = [name for name in EXPERIMENTS if name in results]
+    quick = [name for name in found if results[name].settings["quick"]]
+    words = WORDS
+    if quick:
+        words += (
+            f" These are quick runs ({', '.join(quick)}), to see that everything works: too few "
+            "images and steps to conclude anything from."
+        )
+    machines = {facts[name]["machine"]: None for name in found}
+    seconds = sum(float(facts[name]["seconds"]) for name in found)
+    dates = sorted({facts[name]["date"] for name in found})
+    shown = [
+        ("Machine", "; ".join(machines)),
+        ("Date", " to ".join(dict.fromkeys((dates[0], dates[-1])))),
+        ("Time", f"{seconds / 60:.0f} minutes" if seconds >= 120 else f"{seconds:.0f} seconds"),
+        ("BM3D", json.loads(facts[found[0]]["settings"])["BM3D"]),
+    ]
+    sections = [EXPERIMENTS[name].section(results[name]) for name in found]
+    return Report(TITLE, words, shown, sections)
+
+
+def read_report(results: Path) -> Report:
+    """Give the report from a folder of tables, without pictures."""
+    return report_of(
+        running.read_results(results, lambda _: None), running.read_facts(results / "run.csv")
+    )
+
+
+def write_report(folder: Folder) -> Path:
+    """Write page, Markdown and figures from the tables in a folder; gives the page's path."""
+    results = running.read_results(folder.results, lambda name: folder.path / "parts" / name)
+    report = report_of(results, running.read_facts(folder.results / "run.csv"))
+    for section in report.sections:
+        for curve in section.curves:
+            _write(folder.results / f"{curve.name}.svg", curve.svg.encode())
+        for scene in section.scenes[:1]:
+            _write(folder.results / section.picture, figure_of(scene))
+    _write(folder.path / "reproduction.md", markdown(report).encode())
+    path = folder.path / "report.html"
+    _write(path, page(report).encode())
+    return path
+
+
+def figure_of(scene: Scene) -> bytes:
+    """All pictures of a scene side by side, with the crop enlarged, as JPEG."""
+    panels = []
+    for picture in scene.pictures:
+        levels = _levels(picture)
+        step = levels.shape[0] // scene.size[0]
+        panels.append(plots.Panel(picture.title, picture.subtitle, levels[::step, ::step], levels))
+    file = io.BytesIO()
+    plots.comparison(panels, scene.title).savefig(
+        file, format="jpg", dpi=70, pil_kwargs={"quality": 85}
+    )
+    return file.getvalue()
+
+
+def _levels(picture: Picture) -> npt.NDArray[np.float32]:
+    from PIL import Image
+
+    with Image.open(io.BytesIO(picture.file)) as file:
+        levels = np.asarray(file)
+    return levels.astype(np.float32) / np.float32(1 if levels.dtype == bool else 255)
+
+
+def _write(path: Path, content: bytes) -> None:
+    with written_whole(path) as temporary:
+        temporary.write_bytes(content)
