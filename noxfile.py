@@ -1,5 +1,6 @@
 """Every check by name; plain `nox` is the gate."""
 
+import os
 import shutil
 from pathlib import Path
 
@@ -8,9 +9,13 @@ import nox
 nox.needs_version = ">=2024.10.9"
 nox.options.default_venv_backend = "venv"
 nox.options.reuse_existing_virtualenvs = True
-nox.options.sessions = ["lint", "rust", "wheel", "types", "stubs", "tests", "docs"]
+nox.options.sessions = [
+    "lint", "rust", "wheel", "types", "stubs", "tests", "docs", "browser", "reproduce",
+]  # fmt: skip
 
 DIST = Path("dist")
+DATA = Path(os.environ.get("JOTLIGHT_DATA", "../shared/data"))
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
 @nox.session
@@ -69,6 +74,28 @@ def docs(session: nox.Session) -> None:
     """README, docs, docstrings and examples run as they stand."""
     install_wheel(session, extra="test")
     session.run("pytest", "tests/docs", *session.posargs)
+
+
+@nox.session
+def browser(session: nox.Session) -> None:
+    """The report's page in a browser."""
+    if not any(map(shutil.which, BROWSERS)):
+        session.skip(f"none of {', '.join(BROWSERS)} is installed: the page was NOT tested")
+    install_wheel(session, extra="test,browser")
+    session.run("pytest", "tests/browser", *session.posargs)
+
+
+@nox.session
+def reproduce(session: nox.Session) -> None:
+    """All of the paper's experiments, quickly, on the data that JOTLIGHT_DATA names."""
+    if not DATA.is_dir():
+        session.skip(f"there is no data in {DATA}: the experiments were NOT run on it")
+    install_wheel(session)
+    output = Path(session.create_tmp()) / "reproduction"
+    session.run(
+        *("jotlight", "reproduce", "all", "--quick", "--data", str(DATA)),
+        *("--output", str(output), "--restart"),
+    )
 
 
 def install_wheel(session: nox.Session, *packages: str, extra: str | None = None) -> None:

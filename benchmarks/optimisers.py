@@ -1,9 +1,8 @@
-"""The optimisers beside each other, and the paper's own descent.
+"""The optimisers beside each other; the paper's own descent is in ``jotlight reproduce fig5``.
 
-    python benchmarks/optimisers.py path/to/data [curves] [descent] [recipe] [sets] [limits]
+    python benchmarks/optimisers.py path/to/data [curves] [recipe] [sets] [limits]
 
 ``curves``: photographs, K = 16, PSNR of 20 test images against time, some ten minutes on two cores.
-``descent``: the paper's figure 5: 10,000 projected-gradient steps on synthetic scenes, K = 36.
 ``recipe``: how far the default recipe is from a run of five times as many steps.
 ``limits``: how near the two fast ones come to the posterior mean on synthetic scenes.
 ``sets``: what it costs that splines may not fall, and how negative learned filters are.
@@ -30,7 +29,7 @@ def main() -> None:
     parser.add_argument("parts", nargs="*", metavar="part", help="Default: all.")
     parser.add_argument("--figures", type=Path, default=Path())
     options = parser.parse_args()
-    parts = {"curves": curves, "descent": descent, "recipe": recipe, "sets": sets, "limits": limits}
+    parts = {"curves": curves, "recipe": recipe, "sets": sets, "limits": limits}
     for name in options.parts or parts:
         parts[name](options.data, options.figures)
 
@@ -79,34 +78,6 @@ def curves(data: Path, figures: Path) -> None:
     axes.grid(alpha=0.3)
     axes.legend(loc="lower right")
     figure.savefig(figures / "optimisers.png", dpi=100)
-
-
-def descent(_: Path, figures: Path) -> None:
-    """Figure 5: cost and gradient norm by iteration."""
-    start = jl.Network.initial(jl.Sensor(oversampling=6), sigma=0.5)
-    begun = time.perf_counter()
-    _, history = jl.train(
-        start, jl.datasets.uniform_scenes, optimiser="projected-gradient", batch=128, rng=0
-    )
-    seconds = time.perf_counter() - begun
-    print(f"\n{len(history) - 1} projected-gradient steps in {seconds:.0f} s")
-    print("\n| steps | mean cost | mean gradient norm |\n| --- | ---: | ---: |")
-    for first in (0, 100, 1000, 3000, 6000, 9000):
-        part = slice(first, first + 100 if first < 1000 else first + 1000)
-        cost, norm = history.loss[part].mean(), history.gradient_norm[part].mean()
-        print(f"| {part.start} to {part.stop} | {cost:.3f} | {norm:.1f} |")
-    figure = Figure(figsize=(9, 3.2), layout="constrained")
-    for axes, values, title in zip(
-        figure.subplots(1, 2),
-        (history.loss, history.gradient_norm),
-        ("cost ε", "gradient norm ‖∇ε‖"),
-        strict=True,
-    ):
-        axes.plot(values, linewidth=0.5)
-        axes.set_yscale("log")
-        axes.set_title(title)
-        axes.set_xlabel("step")
-    figure.savefig(figures / "descent.png", dpi=100)
 
 
 def recipe(data: Path, _: Path) -> None:

@@ -98,7 +98,7 @@ def test_fig5_starts_with_the_cost_of_the_initial_network(made):
             for i, scene in enumerate(scenes)
         ]
         rows = [row for row in rows_of(made, "fig5") if float(row["sigma"]) == sigma]
-        assert [int(row["iteration"]) for row in rows] == list(range(101))
+        assert [int(row["iteration"]) for row in rows] == list(range(41))
         # Six standard errors: of the 128 scenes of a step, and of ours.
         spread = 6 * np.std(errors) * np.sqrt(1 / 128 + 1 / 64)
         assert float(rows[0]["cost"]) == pytest.approx(np.mean(errors), abs=spread)

@@ -59,20 +59,22 @@ def show_warning(
 
 
 @contextlib.contextmanager
-def progress(total: float | None) -> Iterator[Begin]:
+def progress(total: float | None, *, remaining: bool = False) -> Iterator[Begin]:
     """Show a bar over a number of steps while the block runs, on a terminal only.
 
     Without a total the bar moves to and fro, for work that does not tell how far it is.
 
     Gives a function that begins the next step, by name, and returns a function that takes
     the share of it that is done. A step counts as 1 of the total, or as much as it is given.
+    For long work it can show how much time remains.
     """
+    time = [TimeRemainingColumn(), TextColumn("left")] if remaining else [TimeElapsedColumn()]
     bar = Progress(
         SpinnerColumn(),
         TextColumn("{task.description}"),
         BarColumn(),
         TaskProgressColumn(),
-        TimeElapsedColumn(),
+        *time,
         console=err,
         transient=True,
         disable=not err.is_terminal,

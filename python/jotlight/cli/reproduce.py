@@ -1,16 +1,26 @@
 """`jotlight reproduce`: the paper's experiments, as tables, figures and one page."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
+from rich.table import Table
 
 from jotlight.cli import options
 from jotlight.cli.console import err, out, progress
 
+if TYPE_CHECKING:
+    from jotlight.experiments.section import Section
+
 _NAMES = ("fig5", "fig6a", "fig6b", "fig7", "timing", "gain")
 _ALL = "all"
+_STYLES = {
+    "reproduced": "green",
+    "better": "bold green",
+    "not reproduced": "red",
+    "not tested": "dim",
+}
 
 
 def reproduce(
@@ -82,7 +92,7 @@ def reproduce(
     total = sum(part.seconds for _, _, left in work for part in left)
     facts: dict[str, running.Facts] = {}
     try:
-        with progress(total) as begin:
+        with progress(total, remaining=True) as begin:
             for experiment, lab, left in work:
                 for number, part in enumerate(left):
                     title = f"{experiment.name}, {part.name}"
@@ -98,5 +108,19 @@ def reproduce(
         )
         raise
     running.write_facts(folder.results / "run.csv", facts)
-    page = write_report(folder)
-    out.print(f"Look at [bold]{escape(str(page))}[/]", soft_wrap=True)
+    report = write_report(folder)
+    out.print(_claims([section for section in report.sections if section.name in facts]))
+    out.print(f"Look at [bold]{escape(str(folder.page))}[/]", soft_wrap=True)
+
+
+def _claims(sections: "list[Section]") -> Table:
+    """The paper's claims, with what became of them."""
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    table.add_column("")
+    table.add_column("the paper")
+    table.add_column("verdict", no_wrap=True)
+    for section in sections:
+        for claim in section.claims:
+            style = _STYLES[claim.verdict]
+            table.add_row(section.name, escape(claim.said), f"[{style}]{claim.verdict}[/]")
+    return table

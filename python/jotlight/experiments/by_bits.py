@@ -98,12 +98,12 @@ def table(results: Results, limits: dict[int, float] | None = None) -> Table:
     settings = results.settings
     columns = [
         Column("K"),
-        Column("MLE, dB", 2),
-        *(Column(f"initial, σ = {sigma}, dB", 2) for sigma in settings["sigmas"]),
-        Column("learned, dB", 3 if limits else 2),
+        Column("MLE", 2),
+        *(Column(f"σ = {sigma}", 2) for sigma in settings["sigmas"]),
+        Column("learned", 3 if limits else 2),
     ]
     if limits:
-        columns += [Column("limit, dB", 3), Column("from the limit, dB", 3)]
+        columns += [Column("limit", 3), Column("from the limit", 3)]
     rows = []
     for bits in settings["bits"]:
         learned = psnr(results, bits, "learned")
@@ -112,7 +112,11 @@ def table(results: Results, limits: dict[int, float] | None = None) -> Table:
         if limits:
             row += [limits[bits], learned - limits[bits]]
         rows.append(row)
-    return Table("PSNR before and after learning, by K", columns, rows)
+    return Table(
+        "PSNR in dB by K: maximum likelihood, the initial network by its σ, the learned one",
+        columns,
+        rows,
+    )
 
 
 def descents(results: Results) -> Table:
@@ -144,7 +148,7 @@ def curves(
     settings = results.settings
     bits: Sequence[int] = settings["bits"]
     lines = []
-    shades = ["#9aa5b1", "#8795a5", "#748496", "#617487", "#4f6478"]
+    shades = ["#a9a29a", "#9a938b", "#8b847c", "#7d766e", "#706961"]
     for shade, sigma in zip(shades, settings["sigmas"], strict=True):
         y = [psnr(results, k, "initial", sigma) for k in bits]
         lines.append(Line(f"initial, σ = {sigma}", bits, y, color=shade, marker="."))

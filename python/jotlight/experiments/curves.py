@@ -2,10 +2,10 @@
 
 import dataclasses
 import io
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
@@ -26,6 +26,9 @@ COLOURS = {
     "network": "#d55e00",
 }
 """The methods' colours, the same in every figure."""
+
+_MOST_INSIDE = 3
+"""Curves whose legend has room among them."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,7 +84,7 @@ def draw(places: Sequence[Axes]) -> str:
         "axes.spines.right": False,
     }
     with rc_context(style):
-        figure = Figure(figsize=(max(6.4, 4.6 * len(places)), 3.8), layout="constrained")
+        figure = Figure(figsize=(max(7.4, 4.6 * len(places)), 3.8), layout="constrained")
         figure.patch.set_alpha(0)
         for place, axes in zip(
             figure.subplots(1, len(places), squeeze=False)[0], places, strict=True
@@ -118,5 +121,18 @@ def _fill(place: "Place", axes: Axes) -> None:
         place.minorticks_off()
     place.grid(visible=True, color=QUIET, alpha=0.25, linewidth=0.6)
     labelled = [line for line in axes.lines if line.label]
-    if len(labelled) > 1:
-        place.legend(fontsize=8, frameon=False, ncols=math.ceil(len(labelled) / 8), labelcolor=INK)
+    if 1 < len(labelled) <= _MOST_INSIDE:
+        place.legend(fontsize=8, frameon=False, labelcolor=INK)
+    elif len(labelled) > _MOST_INSIDE:
+        # Beside the frame, where it hides no curve, from the highest end of a curve to the lowest.
+        handles, labels = place.get_legend_handles_labels()
+        order = np.argsort([-float(np.asarray(line.y)[-1]) for line in labelled])
+        place.legend(
+            [handles[i] for i in order],
+            [labels[i] for i in order],
+            fontsize=8,
+            frameon=False,
+            labelcolor=INK,
+            loc="upper left",
+            bbox_to_anchor=(1.0, 1.0),
+        )

@@ -154,24 +154,23 @@ def section(results: Results) -> Section:
     """Pictures, means over all images, and each image's own figures."""
     settings = results.settings
     names, found = results.distinct("image"), results.distinct("method")
-    means = {
-        method: [float(results.numbers(measure, method=method).mean()) for measure in MEASURES]
-        for method in found
-    }
+    means = {method: _means(results, method) for method in found}
     return Section(
         EXPERIMENT.name,
         EXPERIMENT.title,
         f"The first {len(names)} test images of BSDS300 in grey, K = α = {settings['bits']}, one "
-        "frame. The network is learned in this run from the "
-        f"{settings['learning_images']} training images. The initial network has σ = 0.7. PSNR, "
-        "SNR and SSIM of each image, then their means.",
+        "frame. The learned network is learned in this run from the training images; the initial "
+        "one has σ = 0.7. PSNR, SNR and SSIM of each image, and their means.",
         "jotlight reproduce fig7",
         claims=_claims(means),
         tables=[
-            Table(
-                f"Means over {len(names)} images",
-                [Column("method"), *_measure_columns()],
-                [[title(method), *means[method]] for method in found],
+            *(
+                Table(
+                    f"Means over {'all' if first == len(names) else 'the first'} {first} images",
+                    [Column("method"), *_measure_columns()],
+                    [[title(method), *_means(results, method, first)] for method in found],
+                )
+                for first in sorted({len(names), min(20, len(names))}, reverse=True)
             ),
             *(_by_image(results, measure) for measure in MEASURES),
         ],
@@ -212,6 +211,10 @@ def _claims(means: dict[str, list[float]]) -> list[Claim]:
             "" if ssim > 0 else "For the same reason.",
         ),
     ]
+
+
+def _means(results: Results, method: str, first: int | None = None) -> list[float]:
+    return [float(results.numbers(m, method=method)[:first].mean()) for m in MEASURES]
 
 
 def _measure_columns() -> list[Column]:

@@ -107,8 +107,10 @@ def section(results: Results) -> Section:
         "where it fits.",
         "jotlight reproduce gain",
         tables=[
-            _table(f"PSNR in dB by exposure α / K, K = {bits}", "photons per jot", by_exposure),
-            _table("PSNR in dB by bits per pixel, α = K", "K", by_bits),
+            _table(f"PSNR in dB by exposure α / K, K = {bits}", by_exposure),
+            _winners("photons per jot, α / K", by_exposure),
+            _table("PSNR in dB by bits per pixel K, α = K", by_bits),
+            _winners("bits per pixel K", by_bits),
         ],
         curves=[
             Curves(
@@ -147,28 +149,29 @@ def _axes(means: dict[float, dict[str, float]], x: str, ticks: list[float]) -> A
     return Axes(lines, x=x, y="PSNR, dB", x_log=True, ticks=ticks)
 
 
-def _table(title: str, first: str, means: dict[float, dict[str, float]]) -> Table:
-    found = list(next(iter(means.values())))
-    rows: list[list[Any]] = []
-    for value, row in means.items():
-        best = max(found, key=lambda method: row[method])
-        fast = [method for method in found if method in _FAST]
-        fastest = max(fast, key=lambda method: row[method])
-        rows.append(
-            [
-                value,
-                *(row[method] for method in found),
-                METHODS[best].title,
-                METHODS[fastest].title,
-            ]
-        )
+def _table(title: str, means: dict[float, dict[str, float]]) -> Table:
+    found = next(iter(means.values()))
     return Table(
         title,
+        [Column("method"), *(Column(f"{value:g}", 2, "highest") for value in means)],
+        [[METHODS[method].title, *(row[method] for row in means.values())] for method in found],
+    )
+
+
+def _winners(first: str, means: dict[float, dict[str, float]]) -> Table:
+    rows: list[list[Any]] = []
+    for value, row in means.items():
+        best = max(row, key=row.__getitem__)
+        fastest = max((name for name in row if name in _FAST), key=row.__getitem__)
+        rows.append([value, METHODS[best].title, row[best], METHODS[fastest].title, row[fastest]])
+    return Table(
+        f"Which to take, by {first}",
         [
             Column(first),
-            *(Column(METHODS[method].title, 2) for method in found),
             Column("best"),
+            Column("PSNR, dB", 2),
             Column("best of those that take milliseconds"),
+            Column("PSNR, dB", 2),
         ],
         rows,
     )

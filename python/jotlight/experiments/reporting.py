@@ -57,8 +57,8 @@ def read_report(results: Path) -> Report:
     )
 
 
-def write_report(folder: Folder) -> Path:
-    """Write page, Markdown and figures from the tables in a folder; gives the page's path."""
+def write_report(folder: Folder) -> Report:
+    """Write page, Markdown and figures from the tables in a folder."""
     results = running.read_results(folder.results, lambda name: folder.path / "parts" / name)
     report = report_of(results, running.read_facts(folder.results / "run.csv"))
     for section in report.sections:
@@ -67,9 +67,8 @@ def write_report(folder: Folder) -> Path:
         for scene in section.scenes[:1]:
             _write(folder.results / section.picture, figure_of(scene))
     _write(folder.path / "reproduction.md", markdown(report).encode())
-    path = folder.path / "report.html"
-    _write(path, page(report).encode())
-    return path
+    _write(folder.page, page(report).encode())
+    return report
 
 
 def figure_of(scene: Scene) -> bytes:

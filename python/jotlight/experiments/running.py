@@ -35,6 +35,11 @@ class Folder:
         """Tables and figures."""
         return self.path / "results"
 
+    @property
+    def page(self) -> Path:
+        """The page to look at."""
+        return self.path / "report.html"
+
     def work(self, experiment: Experiment) -> Path:
         """Give the place of the outcomes of an experiment's parts."""
         return self.path / "parts" / experiment.name
