@@ -70,13 +70,12 @@ def reproduce(
     folder = running.Folder(output or Path("reproduction-quick" if quick else "reproduction"))
     if folder.path.exists() and not folder.path.is_dir():
         raise NotADirectoryError(f"{folder.path}: expected a folder, and it is a file")
-    folder.results.mkdir(parents=True, exist_ok=True)
-
     material = Data(data)
     needs = list(dict.fromkeys(need for experiment in chosen for need in experiment.needs))
     if needs:
         with progress(2 * len(needs)) as begin:
             material.read(needs, begin)
+    folder.results.mkdir(parents=True, exist_ok=True)
     work = []
     for experiment in chosen:
         lab = running.prepare(

@@ -104,7 +104,7 @@ def _fill(place: "Place", axes: Axes) -> None:
             label=line.label or None,
             color=line.color,
             marker=line.marker or None,
-            markersize=4,
+            markersize=7 if np.size(line.x) == 1 else 4,
             linestyle="--" if line.dashed else "-",
             linewidth=line.width,
         )

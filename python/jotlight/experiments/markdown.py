@@ -34,8 +34,10 @@ def _claim(section: Section, claim: Claim) -> str:
 
 
 def _section(section: Section, folder: str) -> list[str]:
-    lines = [f"## {section.title}", "", f"{section.words} `{section.command}`, "]
-    lines[-1] += f"[{section.name}.csv]({folder}/{section.name}.csv)."
+    lines = [f"## {section.title}", "", section.words]
+    if section.command:
+        rows = f"[{section.name}.csv]({folder}/{section.name}.csv)"
+        lines[-1] += f" `{section.command}`, {rows}."
     for curve in section.curves:
         lines += ["", f"![{curve.title}]({folder}/{curve.name}.svg)"]
     if section.picture:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight import plots
-from jotlight.experiments import EXPERIMENTS, running
+from jotlight.experiments import EXPERIMENTS, overview, running
 from jotlight.experiments.experiment import Results
 from jotlight.experiments.markdown import markdown
 from jotlight.experiments.page import page
@@ -47,6 +47,8 @@ def report_of(results: dict[str, Results], facts: dict[str, running.Facts]) -> R
         ("BM3D", json.loads(facts[found[0]]["settings"])["BM3D"]),
     ]
     sections = [EXPERIMENTS[name].section(results[name]) for name in found]
+    if (first := overview.section(results)) is not None:
+        sections.insert(0, first)
     return Report(TITLE, words, shown, sections)
 
 

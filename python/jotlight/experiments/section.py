@@ -117,7 +117,7 @@ class Section:
     words: str
     """What was done and how, in one paragraph."""
     command: str
-    """The command that makes it."""
+    """The command that makes it; empty where it is made of other sections."""
     claims: Sequence[Claim] = ()
     tables: Sequence[Table] = ()
     curves: Sequence[Curves] = ()
