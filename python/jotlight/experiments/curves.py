@@ -122,7 +122,9 @@ def _fill(place: "Place", axes: Axes) -> None:
     place.grid(visible=True, color=QUIET, alpha=0.25, linewidth=0.6)
     labelled = [line for line in axes.lines if line.label]
     if 1 < len(labelled) <= _MOST_INSIDE:
-        place.legend(fontsize=8, frameon=False, labelcolor=INK)
+        legend = place.legend(fontsize=8, frameon=False, labelcolor=INK)
+        for handle in legend.get_lines():
+            handle.set_linewidth(1.6)
     elif len(labelled) > _MOST_INSIDE:
         # Beside the frame, where it hides no curve, from the highest end of a curve to the lowest.
         handles, labels = place.get_legend_handles_labels()

@@ -52,6 +52,7 @@ def section(results: Results) -> Section:
     settings = results.settings
     sigmas = settings["sigmas"]
     means = {sigma: _windows(results, sigma) for sigma in sigmas}
+    every = max(1, settings["steps"] // 1000)
     return Section(
         EXPERIMENT.name,
         EXPERIMENT.title,
@@ -88,8 +89,8 @@ def section(results: Results) -> Section:
                             [
                                 Line(
                                     f"σ = {sigma}",
-                                    results.numbers("iteration", sigma=sigma),
-                                    results.numbers(column, sigma=sigma),
+                                    results.numbers("iteration", sigma=sigma)[::every],
+                                    results.numbers(column, sigma=sigma)[::every],
                                     color=color,
                                     width=0.5,
                                 )
@@ -105,6 +106,7 @@ def section(results: Results) -> Section:
                         )
                     ]
                 ),
+                f"Every {every}th iteration." if every > 1 else "",
             )
         ],
     )

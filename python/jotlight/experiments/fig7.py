@@ -198,9 +198,9 @@ def _claims(means: dict[str, list[float]]) -> list[Claim]:
             "reproduced" if abs(psnr) < 0.5 else "better" if psnr > 0 else "not reproduced",
             ""
             if psnr > -0.5
-            else "Two linear filters between curves cannot follow edges. The paper shows one image "
-            "and does not give the strength of its BM3D; with the noise level that the transform "
-            "settles, BM3D is ahead.",
+            else "Two linear filters between curves cannot follow edges. The paper does not give "
+            "the strength of its BM3D; with the noise level that the transform settles, it is "
+            "ahead.",
         ),
         Claim(
             "It better preserves the scene's structure than the non-iterative method with BM3D, "

@@ -17,7 +17,7 @@ _LONG = 15
 _FINE = 160
 """Pixels; an enlarged part that has fewer across shows them as squares, one with more is smooth,
 for at about its own size squares would be uneven and a finer picture's would be lost."""
-_WIDE = 540
+_WIDE = 500
 """Points; a wider drawing gets a row of its own."""
 _COLOURS = {INK: "var(--ink)", QUIET: "var(--quiet)"}
 """The colours of words, axes and grids in a drawing, which follow the page's so that it is
