@@ -66,8 +66,10 @@ def write_report(folder: Folder) -> Report:
     for section in report.sections:
         for curve in section.curves:
             _write(folder.results / f"{curve.name}.svg", curve.svg.encode())
-        for scene in section.scenes[:1]:
-            _write(folder.results / section.picture, figure_of(scene))
+        if section.scenes:
+            # A wide scene makes a figure that fits a page.
+            widest = max(section.scenes, key=lambda scene: scene.size[1] / scene.size[0])
+            _write(folder.results / section.picture, figure_of(widest))
     _write(folder.path / "reproduction.md", markdown(report).encode())
     _write(folder.page, page(report).encode())
     return report
@@ -82,7 +84,7 @@ def figure_of(scene: Scene) -> bytes:
         panels.append(plots.Panel(picture.title, picture.subtitle, levels[::step, ::step], levels))
     file = io.BytesIO()
     plots.comparison(panels, scene.title).savefig(
-        file, format="jpg", dpi=70, pil_kwargs={"quality": 85}
+        file, format="jpg", dpi=60, pil_kwargs={"quality": 80}
     )
     return file.getvalue()
 

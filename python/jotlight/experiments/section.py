@@ -123,7 +123,7 @@ class Section:
     curves: Sequence[Curves] = ()
     scenes: Sequence[Scene] = ()
     picture: str = ""
-    """File of the first scene's pictures side by side, where there are scenes."""
+    """File of one scene's pictures side by side, where there are scenes."""
 
 
 @dataclasses.dataclass(frozen=True)
