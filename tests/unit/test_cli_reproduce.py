@@ -102,7 +102,8 @@ def test_fig5_starts_with_the_cost_of_the_initial_network(made):
         # Six standard errors: of the 128 scenes of a step, and of ours.
         spread = 6 * np.std(errors) * np.sqrt(1 / 128 + 1 / 64)
         assert float(rows[0]["cost"]) == pytest.approx(np.mean(errors), abs=spread)
-        assert float(rows[-1]["cost"]) < float(rows[0]["cost"])
+    # From the other start the noise of a batch hides so short a way.
+    assert float(rows[-1]["cost"]) < 0.98 * float(rows[0]["cost"])
 
 
 def test_fig6a_lies_between_its_start_and_the_limit(made):
@@ -185,7 +186,7 @@ def test_gain_has_every_method_for_every_sensor(made):
     sensors = {(row["axis"], row["bits"], row["gain"]) for row in rows}
     assert sensors == {
         ("exposure", "16", "4.0"),
-        ("exposure", "16", "64.0"),
+        ("exposure", "16", "16.0"),
         ("bits", "9", "9.0"),
         ("bits", "36", "36.0"),
     }
@@ -201,7 +202,7 @@ def test_every_claim_has_a_verdict_and_figures(made):
     for claim in claims:
         assert claim.verdict in ("reproduced", "better", "not reproduced", "not tested")
         assert re.search(r"\d", claim.found) or claim.verdict == "not tested"
-        assert claim.why or claim.verdict in ("reproduced", "better")
+        assert claim.why or claim.verdict != "not reproduced"
 
 
 def test_one_experiment_alone_in_the_usual_folder(run, tmp_path):

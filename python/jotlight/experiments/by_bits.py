@@ -30,7 +30,7 @@ SETTINGS = {
 QUICK = {
     **SETTINGS,
     "bits": [9, 100],
-    "learning_steps": 4,
+    "learning_steps": 3,
     "learning_batch": 64,
     "steps": 30,
     "batch": 32,

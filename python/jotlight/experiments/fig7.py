@@ -284,7 +284,7 @@ EXPERIMENT = Experiment(
         "side": 128,
         "shown": ["101085", "101087"],
         "learning_images": 8,
-        "learning_steps": 4,
+        "learning_steps": 3,
         "learning_batch": 16,
     },
     parts,
