@@ -1,6 +1,7 @@
 import csv
 import json
 import re
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from jotlight.experiments.fig7 import part_of
 from jotlight.experiments.limit import posterior_mean_psnr
 from jotlight.experiments.markdown import markdown
 from jotlight.experiments.reporting import read_report
+from jotlight.experiments.section import Verdict
 from jotlight.methods import METHODS
 from reference.datasets import TEST, make_data
 
@@ -147,9 +149,11 @@ def test_fig7_tells_what_its_pictures_show(made, data):
                 shown = np.asarray(file, np.float32) / 255
             # The picture has 8 bits.
             assert float(row["psnr"]) == pytest.approx(jl.metrics.psnr(shown, truth), abs=0.05)
-            if row["method"] == "mle":
-                expected = jl.metrics.ssim(jl.mle(bits, sensor), truth)
-                assert float(row["ssim"]) == pytest.approx(expected, abs=1e-5)
+            if row["method"] in METHODS and row["method"] != "network":
+                estimate = METHODS[row["method"]].run(bits, sensor)
+                for measure in ("psnr", "snr", "ssim"):
+                    expected = getattr(jl.metrics, measure)(estimate, truth)
+                    assert float(row[measure]) == pytest.approx(expected, abs=1e-3)
         with Image.open(made / f"parts/fig7/{name}-bits.png") as file:
             assert (np.asarray(file) == bits.to_array()[0]).all()
 
@@ -171,7 +175,7 @@ def test_timing_has_every_method_in_every_round(made):
     assert seen == {
         (cores, method, str(number))
         for cores in ("one core", "all cores")
-        for method in installed()
+        for method in installed() | {"network-untied"}
         for number in range(2)
     }
     assert len(rows) == len(seen)
@@ -181,7 +185,7 @@ def test_timing_has_every_method_in_every_round(made):
     assert times["admm-tv"] > times["mle"]
 
 
-def test_gain_has_every_method_for_every_sensor(made):
+def test_gain_has_every_method_for_every_sensor(made, data):
     rows = rows_of(made, "gain")
     sensors = {(row["axis"], row["bits"], row["gain"]) for row in rows}
     assert sensors == {
@@ -190,9 +194,24 @@ def test_gain_has_every_method_for_every_sensor(made):
         ("bits", "9", "9.0"),
         ("bits", "36", "36.0"),
     }
-    for sensor in sensors:
-        found = [row for row in rows if (row["axis"], row["bits"], row["gain"]) == sensor]
-        assert {row["method"] for row in found} == installed()
+    names, images = Data(data).photographs("test")
+    truth = part_of(images[0], 64)
+    for axis, bits, gain in sensors:
+        found = {
+            row["method"]: float(row["psnr"])
+            for row in rows
+            if (row["axis"], row["bits"], row["gain"], row["image"]) == (axis, bits, gain, names[0])
+        }
+        assert found.keys() == installed()
+        sensor = jl.Sensor(oversampling=round(int(bits) ** 0.5), gain=float(gain))
+        seen = sensor.expose(truth, 0)
+        for method, psnr in found.items():
+            # One network was learned on the way; BM3D's own threads do not always agree.
+            if method == "network" and gain == "4.0":
+                assert psnr > found["network-initial"]
+                continue
+            expected = jl.metrics.psnr(METHODS[method].run(seen, sensor), truth)
+            assert psnr == pytest.approx(expected, abs=1e-3), method
 
 
 def test_every_claim_has_a_verdict_and_figures(made):
@@ -200,9 +219,9 @@ def test_every_claim_has_a_verdict_and_figures(made):
     claims = [claim for section in report.sections for claim in section.claims]
     assert len(claims) >= 11
     for claim in claims:
-        assert claim.verdict in ("reproduced", "better", "not reproduced", "not tested")
+        assert claim.verdict in get_args(Verdict)
         assert re.search(r"\d", claim.found) or claim.verdict == "not tested"
-        assert claim.why or claim.verdict != "not reproduced"
+        assert claim.why or claim.verdict not in ("not reproduced", "in part")
 
 
 def test_one_experiment_alone_in_the_usual_folder(run, tmp_path):

@@ -19,6 +19,7 @@ _STYLES = {
     "reproduced": "green",
     "better": "bold green",
     "not reproduced": "red",
+    "in part": "yellow",
     "not tested": "dim",
 }
 
@@ -109,6 +110,8 @@ def reproduce(
     running.write_facts(folder.results / "run.csv", facts)
     report = write_report(folder)
     out.print(_claims([section for section in report.sections if section.name in facts]))
+    if quick:
+        out.print("[yellow]A quick run: too little to conclude from.[/]")
     out.print(f"Look at [bold]{escape(str(folder.page))}[/]", soft_wrap=True)
 
 

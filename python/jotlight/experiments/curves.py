@@ -91,7 +91,7 @@ def draw(places: Sequence[Axes]) -> str:
         ):
             _fill(place, axes)
         file = io.StringIO()
-        figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
+        figure.savefig(file, format="svg", metadata={"Date": None})
     return file.getvalue()
 
 

@@ -1,6 +1,7 @@
 """What an experiment is: settings, parts that are run one by one, and what is shown of them."""
 
 import dataclasses
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,21 @@ class Data:
         if split not in self._small:
             self._small[split] = datasets.cifar10(split, self._folder, progress=progress)
         return self._small[split][:first]
+
+    def digest(self, name: str) -> str:
+        """Tell a data set: how many images of each split, and a checksum of names and pixels."""
+        words = []
+        for split in ("train", "test"):
+            if name == "bsds300":
+                names, images = self.photographs(split)
+            else:
+                images = list(self.small_images(split))
+                names = []
+            checksum = zlib.crc32("\n".join(names).encode())
+            for image in images:
+                checksum = zlib.crc32(image.tobytes(), checksum)
+            words.append(f"{len(images)} {split} images ({checksum:08x})")
+        return ", ".join(words)
 
     def read(self, needs: Sequence[str], begin: Callable[[str], Update]) -> None:
         """Read data sets now, so that what lacks is found before any work is done.

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 import jotlight as jl
 from jotlight import plots
+from jotlight.experiments.by_bits import TOLERANCE
 from jotlight.experiments.experiment import (
     Experiment,
     Image,
@@ -21,13 +22,19 @@ from jotlight.experiments.experiment import (
     Update,
 )
 from jotlight.experiments.learning import learn, sensor_of
-from jotlight.experiments.section import Claim, Column, Picture, Scene, Section, Table
+from jotlight.experiments.names import ALGEBRAIC, title
+from jotlight.experiments.section import (
+    Claim,
+    Column,
+    Picture,
+    Scene,
+    Section,
+    Table,
+    Verdict,
+)
 from jotlight.methods import METHODS
 
 NETWORK = "network.safetensors"
-
-ALGEBRAIC = "noniterative-bm3d-algebraic"
-"""The paper's own: with the inverse of its equation (7)."""
 
 SETTINGS = {
     "bits": 16,
@@ -48,6 +55,8 @@ def parts(lab: Lab) -> list[Part]:
     sensor = sensor_of(lab.settings["bits"])
     names, images = lab.data.photographs("test", lab.settings["images"])
     path = lab.folder / NETWORK
+    # Other copies of the data may have other names.
+    shown = [name for name in lab.settings["shown"] if name in names] or names[:4]
 
     def train(update: Update) -> Outcome:
         _, scenes = lab.data.photographs("train", lab.settings["learning_images"])
@@ -66,7 +75,7 @@ def parts(lab: Lab) -> list[Part]:
                 update(done / len(runs))
                 estimates[method] = reconstruct(bits, sensor, threads=lab.threads)
             rows = [_row(name, method, estimate, image) for method, estimate in estimates.items()]
-            if name not in lab.settings["shown"]:
+            if name not in shown:
                 return Outcome(rows)
             jots = bits[:1].to_array()[0]
             files = {"photograph": encoded(image), "bits": encoded(jots)}
@@ -78,7 +87,7 @@ def parts(lab: Lab) -> list[Part]:
     return [
         Part("learning", 30, train),
         *(
-            Part(name, 7, one_image(number, name, part_of(image, lab.settings["side"])))
+            Part(f"image-{name}", 7, one_image(number, name, part_of(image, lab.settings["side"])))
             for number, (name, image) in enumerate(zip(names, images, strict=True))
         ),
     ]
@@ -115,13 +124,6 @@ def methods(network: jl.Network) -> dict[str, Callable[..., Image]]:
     return runs
 
 
-def title(method: str) -> str:
-    """How a method is called in tables."""
-    return (
-        "non-iterative, BM3D, algebraic inverse" if method == ALGEBRAIC else METHODS[method].title
-    )
-
-
 def part_of(image: Image, side: int | None) -> Image:
     """The middle of an image, so many pixels in square; all of it without a side."""
     if side is None:
@@ -145,8 +147,11 @@ def decoded(path: Path) -> npt.NDArray[np.float32]:
     """Undo :func:`encoded`."""
     from PIL import Image as Pillow
 
-    with Pillow.open(path) as picture:
-        levels = np.asarray(picture)
+    try:
+        with Pillow.open(path) as picture:
+            levels = np.asarray(picture)
+    except OSError as error:
+        raise ValueError(f"{path}: damaged; forget these results with --restart") from error
     return levels.astype(np.float32) / np.float32(1 if levels.dtype == bool else 255)
 
 
@@ -159,8 +164,10 @@ def section(results: Results) -> Section:
         EXPERIMENT.name,
         EXPERIMENT.title,
         f"The first {len(names)} test images of BSDS300 in grey, K = α = {settings['bits']}, one "
-        "frame. The learned network is learned in this run from the training images; the initial "
-        "one has σ = 0.7. PSNR, SNR and SSIM of each image, and their means.",
+        f"frame. Data: {settings['data']['bsds300']}. The learned network is learned in this run "
+        "from patches of the training images, by our recipe, Gauss-Newton, with one weight for all "
+        "jots of a pixel (the paper descends on whole images, with μ = 5·10⁻⁸); the initial one "
+        "has σ = 0.7. PSNR, SNR and SSIM of each image, and their means.",
         "jotlight reproduce fig7",
         claims=_claims(means),
         tables=[
@@ -180,35 +187,38 @@ def section(results: Results) -> Section:
 
 
 def _claims(means: dict[str, list[float]]) -> list[Claim]:
-    rival = next(m for m in (ALGEBRAIC, "noniterative-tv") if m in means)
-    name = title(rival)
-    psnr, _, ssim = (
-        ours - theirs for ours, theirs in zip(means["network"], means[rival], strict=True)
+    said = (
+        "The learned network (MMSE) yields results comparable with the non-iterative method with "
+        "BM3D (figure 7, K = 16).",
+        "It better preserves the scene's structure than the non-iterative method with BM3D, by "
+        "SSIM.",
     )
-    ours, theirs = means["network"], means[rival]
-    best = means.get("noniterative-bm3d", theirs)
-    missing = "" if rival == ALGEBRAIC else " BM3D was not installed; total variation stands in."
+    if ALGEBRAIC not in means:
+        return [Claim(words, "BM3D was not installed.", "not tested") for words in said]
+    ours, theirs, exact = means["network"], means[ALGEBRAIC], means["noniterative-bm3d"]
+    psnr, ssim = ours[0] - theirs[0], ours[2] - theirs[2]
+    comparable: Verdict = "reproduced" if abs(psnr) <= TOLERANCE else "not reproduced"
+    if psnr > TOLERANCE:
+        comparable = "better"
     return [
         Claim(
-            "The learned network (MMSE) yields results comparable with the non-iterative method "
-            "with BM3D (figure 7, K = 16).",
+            said[0],
             f"Mean PSNR {ours[0]:.2f} dB, {abs(psnr):.2f} dB {'above' if psnr > 0 else 'below'} "
-            f"{name} ({theirs[0]:.2f} dB; with the exact inverse {best[0]:.2f}); maximum "
-            f"likelihood has {means['mle'][0]:.2f} dB." + missing,
-            "reproduced" if abs(psnr) < 0.5 else "better" if psnr > 0 else "not reproduced",
-            ""
-            if psnr > -0.5
-            else "Two linear filters between curves cannot follow edges. The paper does not give "
-            "the strength of its BM3D; with the noise level that the transform settles, it is "
-            "ahead.",
+            f"BM3D with the algebraic inverse ({theirs[0]:.2f} dB; with the exact one "
+            f"{exact[0]:.2f}); maximum likelihood has {means['mle'][0]:.2f} dB. Comparable would "
+            f"be within {TOLERANCE} dB.",
+            comparable,
+            "A linear filter between two curves cannot follow edges. The paper does not give the "
+            "strength of its BM3D; here it has the noise level that the transform settles."
+            if comparable == "not reproduced"
+            else "",
         ),
         Claim(
-            "It better preserves the scene's structure than the non-iterative method with BM3D, "
-            "by SSIM.",
+            said[1],
             f"Mean SSIM {ours[2]:.3f} against {theirs[2]:.3f}; maximum likelihood has "
             f"{means['mle'][2]:.3f}.",
             "reproduced" if ssim > 0 else "not reproduced",
-            "" if ssim > 0 else "For the same reason.",
+            "" if ssim > 0 else "As above.",
         ),
     ]
 
@@ -249,7 +259,7 @@ def _scenes(results: Results) -> list[Scene]:
         truth = decoded(photograph)
         height, width = truth.shape
         pictures = [
-            Picture("photograph", f"{height} × {width} pixels", photograph.read_bytes()),
+            Picture("photograph", f"{width} × {height} pixels", photograph.read_bytes()),
             Picture(
                 "bits",
                 f"{results.settings['bits']} per pixel",

@@ -20,6 +20,8 @@ def section(results: Mapping[str, Results]) -> Section | None:
     rows: list[list[Any]] = []
     lines = []
     for method in time.distinct("method"):
+        if method not in quality.distinct("method"):
+            continue
         psnr, ssim = (
             float(quality.numbers(measure, method=method).mean()) for measure in ("psnr", "ssim")
         )

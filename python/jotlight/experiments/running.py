@@ -15,6 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from jotlight.errors import warn
 from jotlight.experiments.experiment import Data, Experiment, Lab, Part, Results, Row
 from jotlight.experiments.section import Value
 from jotlight.files import written_whole
@@ -49,9 +50,10 @@ class Folder:
         return self.work(experiment) / f"{part.name}.json"
 
 
-def settings_of(experiment: Experiment, quick: bool) -> dict[str, Any]:
+def settings_of(experiment: Experiment, quick: bool, data: Data) -> dict[str, Any]:
     """Give what settles an experiment's results, as JSON keeps it."""
     settings = {**(experiment.quick if quick else experiment.full), "quick": quick}
+    settings["data"] = {name: data.digest(name) for name in experiment.needs}
     settings["BM3D"] = version(BM3D) if find_spec(BM3D) else "not installed"
     settings["jotlight"] = version("jotlight")
     return dict(json.loads(json.dumps(settings)))
@@ -75,13 +77,13 @@ def prepare(
         them.
     """
     work = folder.work(experiment)
-    settings = settings_of(experiment, quick)
+    settings = settings_of(experiment, quick, data)
     if restart and work.exists():
         shutil.rmtree(work)
     work.mkdir(parents=True, exist_ok=True)
     kept = work / "settings"
     if kept.exists():
-        earlier = _read_json(kept)
+        earlier = _read_json(kept, "quick")
         if earlier != settings:
             changed = sorted(
                 key for key in earlier | settings if earlier.get(key) != settings.get(key)
@@ -118,7 +120,7 @@ def gather(experiment: Experiment, lab: Lab, folder: Folder) -> tuple[list[Row],
     seconds = 0.0
     last: dict[str, Any] = {}
     for part in experiment.parts(lab):
-        last = _read_json(folder.done(experiment, part))
+        last = _read_json(folder.done(experiment, part), "rows", "seconds", "date", "machine")
         rows += last["rows"]
         seconds += last["seconds"]
     facts = {
@@ -142,9 +144,22 @@ def write_table(path: Path, rows: Sequence[Row]) -> None:
 
 
 def read_table(path: Path) -> list[Row]:
-    """Read what :func:`write_table` wrote."""
+    """Read what :func:`write_table` wrote.
+
+    Raises
+    ------
+    ValueError
+        When a row has not as many cells as there are columns.
+    """
     with path.open(newline="", encoding="utf-8") as file:
-        return [{key: _value(cell) for key, cell in row.items()} for row in csv.DictReader(file)]
+        rows = []
+        for row in csv.DictReader(file):
+            if None in row or None in row.values():
+                raise ValueError(f"{path}: damaged: a row has not as many cells as columns")
+            rows.append({column: _value(column, cell) for column, cell in row.items()})
+    if not rows:
+        raise ValueError(f"{path}: damaged: it has no rows")
+    return rows
 
 
 def write_facts(path: Path, facts: dict[str, Facts]) -> None:
@@ -170,13 +185,18 @@ def read_facts(path: Path) -> dict[str, Facts]:
 def read_results(folder: Path, files: Callable[[str], Path | None]) -> dict[str, Results]:
     """Give the results of all experiments whose tables a folder holds.
 
-    `files` tells where the files of an experiment's parts are.
+    `files` tells where the files of an experiment's parts are. What cannot be read is left out,
+    with a warning.
     """
     results: dict[str, Results] = {}
-    if (folder / "run.csv").exists():
-        for name, facts in read_facts(folder / "run.csv").items():
+    for name, facts in read_facts(folder / "run.csv").items():
+        try:
             rows = read_table(folder / f"{name}.csv")
-            results[name] = Results(json.loads(facts["settings"]), rows, files(name), results)
+            settings = json.loads(facts["settings"])
+        except (OSError, ValueError, KeyError) as error:
+            warn(f"{name} is left out: {error}; run it again")
+            continue
+        results[name] = Results(settings, rows, files(name), results)
     return results
 
 
@@ -208,9 +228,15 @@ def _rounded(row: Row) -> Row:
     }
 
 
-def _value(cell: str) -> Value:
+_WORDS = ("axis", "cores", "estimator", "image", "method")
+"""Columns whose cells are words, even where they look like numbers."""
+
+
+def _value(column: str, cell: str) -> Value:
     if cell == "":
         return None
+    if column in _WORDS:
+        return cell
     for kind in (int, float):
         try:
             return kind(cell)
@@ -219,11 +245,14 @@ def _value(cell: str) -> Value:
     return cell
 
 
-def _read_json(path: Path) -> Any:
+def _read_json(path: Path, *keys: str) -> dict[str, Any]:
     try:
-        return json.loads(path.read_text("utf-8"))
-    except ValueError as error:
-        raise ValueError(f"{path}: damaged; forget these results with --restart") from error
+        found = json.loads(path.read_text("utf-8"))
+    except ValueError:
+        found = None
+    if not isinstance(found, dict) or not found.keys() >= set(keys):
+        raise ValueError(f"{path}: damaged; forget these results with --restart")
+    return found
 
 
 def _write_text(path: Path, text: str) -> None:

@@ -7,7 +7,8 @@ from typing import Literal
 Value = str | float | int | None
 """A cell of a table: words, a number, or nothing."""
 
-Verdict = Literal["reproduced", "better", "not reproduced", "not tested"]
+Verdict = Literal["reproduced", "better", "in part", "not reproduced", "not tested"]
+"""In part: from some of the starts that the paper leaves open, and not from others."""
 
 
 @dataclasses.dataclass(frozen=True)
