@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-import matplotlib
+import matplotlib as mpl
 import pytest
 
 from jotlight.experiments import EXPERIMENTS
@@ -66,6 +66,6 @@ def test_the_drawings_are_made_of_the_tables(report):
     for section in report.sections:
         for curve in section.curves:
             kept = (DOCS / "results" / f"{curve.name}.svg").read_text("utf-8")
-            if f"Matplotlib v{matplotlib.__version__}" not in kept:
+            if f"Matplotlib v{mpl.__version__}" not in kept:
                 pytest.skip("another Matplotlib drew them, whose lines may lie elsewhere")
             assert curve.svg == kept, curve.name
