@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 import typer
 
-from jotlight.formats.npy import read_npy
+from jotlight.formats.arrays import read_npy
+from jotlight.formats.stacks import read_mask
 from jotlight.sensor import KERNELS
 
 
@@ -48,7 +49,10 @@ SENSOR_OPTIONS: dict[str, Any] = {
         float | None, _sensor_option("η: the share of photons that are detected.")
     ],
     "mask": Annotated[
-        Path | None, _sensor_option("A .npy of bool over the jots, True for a dead one.")
+        Path | None,
+        _sensor_option(
+            "A .npy of bool over the jots, True for a dead one; or a PNG, black for the good ones."
+        ),
     ],
     "max_intensity": Annotated[
         float | None, _sensor_option("S: the largest intensity that an estimate may have.")
@@ -101,7 +105,7 @@ def _read_maps(options: dict[str, Any]) -> dict[str, Any]:
     if "dark_counts" in given:
         given["dark_counts"] = _number_or_map(given["dark_counts"])
     if "mask" in given:
-        given["mask"] = np.array(read_npy(given["mask"]))
+        given["mask"] = read_mask(Path(given["mask"]))
     return given
 
 
