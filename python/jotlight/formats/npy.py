@@ -19,11 +19,10 @@ import numpy.typing as npt
 from jotlight.bits import Bits
 from jotlight.errors import warn
 from jotlight.files import written_whole
-from jotlight.sensor import Sensor
+from jotlight.sensor import MAPS, Sensor
 
 _FORMAT = "jotlight bits"
 _VERSION = 1
-_MAPS = ("dark_counts", "mask")
 _DAMAGED = (
     ValueError,
     EOFError,
@@ -249,7 +248,7 @@ def _maps_named_by(beside: Path) -> set[Path]:
     maps = description.get("maps")
     names = maps.values() if isinstance(maps, dict) else ()
     stem = beside.name.removesuffix(".json")
-    ours = {f"{stem}.{name}.npy" for name in _MAPS}
+    ours = {f"{stem}.{name}.npy" for name in MAPS}
     return {beside.parent / name for name in names if name in ours}
 
 
@@ -271,8 +270,8 @@ def _read_description(path: Path) -> tuple[int | None, Sensor | None]:
         return width, None
     try:
         files = description.get("maps") or {}
-        if not isinstance(files, dict) or not files.keys() <= set(_MAPS):
-            raise ValueError(f"maps: expected files for {' and '.join(_MAPS)}, got {files!r}")
+        if not isinstance(files, dict) or not files.keys() <= set(MAPS):
+            raise ValueError(f"maps: expected files for {' and '.join(MAPS)}, got {files!r}")
         maps = {name: np.array(read_npy(_sibling(path, file))) for name, file in files.items()}
         return width, Sensor.from_parts(description["sensor"], maps)
     except FileNotFoundError as error:
