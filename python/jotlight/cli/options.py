@@ -12,7 +12,7 @@ import typer
 
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.stacks import read_mask
-from jotlight.sensor import KERNELS
+from jotlight.sensor import KERNELS, MAPS
 
 
 def _sensor_option(help_: str, *names: str) -> Any:
@@ -46,7 +46,10 @@ SENSOR_OPTIONS: dict[str, Any] = {
         ),
     ],
     "efficiency": Annotated[
-        float | None, _sensor_option("η: the share of photons that are detected.")
+        str | None,
+        _sensor_option(
+            "η: the share of photons that are detected; a number, or a .npy map of the jots."
+        ),
     ],
     "mask": Annotated[
         Path | None,
@@ -83,7 +86,7 @@ def takes_sensor(**defaults: object) -> Callable[[Callable[..., None]], Callable
         @functools.wraps(command)
         def run(**options: Any) -> None:
             given = {name: options.pop(name) for name in added}
-            files = [Path(given[name]) for name in ("dark_counts", "mask") if given[name]]
+            files = [Path(given[name]) for name in MAPS if given[name]]
             command(**options, given=_read_maps(given), inputs=files)
 
         parameters = [
@@ -102,8 +105,9 @@ def takes_sensor(**defaults: object) -> Callable[[Callable[..., None]], Callable
 
 def _read_maps(options: dict[str, Any]) -> dict[str, Any]:
     given = {name: value for name, value in options.items() if value is not None}
-    if "dark_counts" in given:
-        given["dark_counts"] = _number_or_map(given["dark_counts"])
+    for name in ("dark_counts", "efficiency"):
+        if name in given:
+            given[name] = _number_or_map(given[name])
     if "mask" in given:
         given["mask"] = read_mask(Path(given["mask"]))
     return given

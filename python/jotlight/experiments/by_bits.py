@@ -11,6 +11,7 @@ from jotlight.experiments.experiment import Lab, Outcome, Part, Results, Row, Up
 from jotlight.experiments.learning import Scenes, descend, learn, sensor_of
 from jotlight.experiments.section import Claim, Column, Curves, Table
 from jotlight.models import BITS_PER_PIXEL
+from jotlight.training import GaussNewton
 
 SETTINGS = {
     "bits": list(BITS_PER_PIXEL),
@@ -137,7 +138,8 @@ def descents(results: Results) -> Table:
             Column("learned by our recipe, dB", 2),
         ],
         rows,
-        "Our recipe takes 30 damped Gauss-Newton steps and needs no step size.",
+        f"Our recipe takes {results.settings['learning_steps'] or GaussNewton.steps} damped "
+        "Gauss-Newton steps and needs no step size.",
     )
 
 

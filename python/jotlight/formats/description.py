@@ -8,12 +8,11 @@ import numpy as np
 
 from jotlight.errors import warn
 from jotlight.formats.arrays import read_npy
-from jotlight.sensor import Sensor
+from jotlight.sensor import MAPS, Sensor
 from jotlight.source import Source
 
 _FORMAT = "jotlight bits"
 _VERSION = 1
-_MAPS = ("dark_counts", "mask")
 
 _MOST_JSON = 1 << 20
 """Bytes of a description that are read at most."""
@@ -49,7 +48,7 @@ def maps_named_by(beside: Path) -> set[Path]:
     maps = description.get("maps")
     names = maps.values() if isinstance(maps, dict) else ()
     stem = beside.name.removesuffix(".json")
-    ours = {f"{stem}.{name}.npy" for name in _MAPS}
+    ours = {f"{stem}.{name}.npy" for name in MAPS}
     return {beside.parent / name for name in names if name in ours}
 
 
@@ -74,8 +73,8 @@ def read_description(path: Path) -> tuple[int | None, Sensor | None, Source | No
         if description.get("sensor") is None:
             return width, None, source
         files = description.get("maps") or {}
-        if not isinstance(files, dict) or not files.keys() <= set(_MAPS):
-            raise ValueError(f"maps: expected files for {' and '.join(_MAPS)}, got {files!r}")
+        if not isinstance(files, dict) or not files.keys() <= set(MAPS):
+            raise ValueError(f"maps: expected files for {' and '.join(MAPS)}, got {files!r}")
         maps = {name: np.array(read_npy(sibling(path, file))) for name, file in files.items()}
         return width, Sensor.from_parts(description["sensor"], maps), source
     except FileNotFoundError as error:
