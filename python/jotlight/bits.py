@@ -11,7 +11,7 @@ import numpy.typing as npt
 from jotlight import _engine
 from jotlight.frames import Frames
 from jotlight.image import refuse_masked
-from jotlight.slabs import slabs_of
+from jotlight.slabs import COUNTED, slabs_of
 from jotlight.source import Source
 
 if TYPE_CHECKING:
@@ -178,7 +178,7 @@ class Bits:
             )
         valid = None if mask is None else np.packbits(~mask, axis=1)
         counts = np.zeros((height // oversampling, width // oversampling, *channels), np.int32)
-        slabs = list(slabs_of(frames, counts.shape[0], width * oversampling))
+        slabs = list(slabs_of(frames, counts.shape[0], width * oversampling, COUNTED))
         planes = [counts[..., c] for c in range(channels[0])] if channels else [counts]
         for index, (f, r) in enumerate(slabs):
             jots = slice(r.start * oversampling, r.stop * oversampling)
