@@ -65,7 +65,7 @@ def stubs(session: nox.Session) -> None:
 @nox.session
 def tests(session: nox.Session) -> None:
     """The default suite; arguments go to pytest."""
-    install_wheel(session, extra="test")
+    install_wheel(session, extra="test,hdf5,zarr")
     session.run("pytest", *session.posargs)
 
 

@@ -48,11 +48,12 @@ _Image: TypeAlias = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 _Layer: TypeAlias = tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], float, float]
 _AnyLayer: TypeAlias = tuple[_Floats, _Floats, float, float]
 _Response: TypeAlias = tuple[int, float, float]
-_Seen: TypeAlias = tuple[
-    int, npt.NDArray[np.int32], int | npt.NDArray[np.int32], float | npt.NDArray[np.float64]
-]
 _Span: TypeAlias = tuple[int, int]
 _Floats64: TypeAlias = float | npt.NDArray[np.float64]
+_Jots: TypeAlias = tuple[_Floats64, _Floats64]
+_Seen: TypeAlias = tuple[
+    int, npt.NDArray[np.int32], int | npt.NDArray[np.int32], _Floats64, _Floats64
+]
 _Step: TypeAlias = tuple[float, float]
 _Spread: TypeAlias = tuple[tuple[int, int], tuple[int, int], float]
 
@@ -96,21 +97,21 @@ def mle_from_counts(
     sensor: _Response,
     counts: npt.NDArray[np.int32],
     trials: int | npt.NDArray[np.int32],
-    dark: float | npt.NDArray[np.float64],
+    jots: _Jots,
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...
 def mle_from_probability(
     sensor: _Response,
     probability: npt.NDArray[np.float32],
-    dark: float,
+    reference: tuple[float, float],
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...
 def mle_from_jots(
     sensor: _Response,
     ones: npt.NDArray[np.int32],
-    dark: npt.NDArray[np.float32],
+    jots: _Jots,
     dead: npt.NDArray[np.bool_] | None,
     frames: int,
     side: int,
@@ -122,9 +123,9 @@ def equivalent_counts(
     sensor: _Response,
     counts: npt.NDArray[np.int32],
     trials: int | npt.NDArray[np.int32],
-    dark: float | npt.NDArray[np.float64],
+    jots: _Jots,
     bits: int,
-    reference: float,
+    reference: tuple[float, float],
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...

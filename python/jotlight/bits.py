@@ -3,14 +3,16 @@
 import operator
 import os
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight import _engine
+from jotlight.frames import Frames
 from jotlight.image import refuse_masked
-from jotlight.slabs import slabs_of
+from jotlight.slabs import COUNTED, slabs_of
+from jotlight.source import Source
 
 if TYPE_CHECKING:
     from jotlight.sensor import Sensor
@@ -21,13 +23,16 @@ class Bits:
 
     Parameters
     ----------
-    packed : ndarray of uint8, shape (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C)
+    packed : ndarray of uint8 or Frames, shape (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C)
         The layout of ``numpy.packbits`` along the width, most significant bit first, as photon
-        cubes have it. May be a memory map; it is never unpacked whole.
+        cubes have it. May be a memory map, or :class:`jotlight.frames.Frames` that are read from
+        files as they are needed; it is never unpacked whole.
     width : int, optional
         The true width W in jots. Default: ``8 * packed.shape[2]``.
     sensor : Sensor, optional
         What made the bits, where it is known.
+    source : jotlight.source.Source, optional
+        The file they are from and what was assumed of it, which :func:`jotlight.open` tells.
 
     Raises
     ------
@@ -43,11 +48,12 @@ class Bits:
 
     def __init__(
         self,
-        packed: npt.NDArray[np.uint8],
+        packed: npt.NDArray[np.uint8] | Frames,
         width: int | None = None,
         sensor: "Sensor | None" = None,
+        source: Source | None = None,
     ) -> None:
-        if not isinstance(packed, np.ndarray) or packed.dtype != np.uint8:
+        if not isinstance(packed, np.ndarray | Frames) or packed.dtype != np.uint8:
             given = getattr(packed, "dtype", type(packed).__name__)
             raise TypeError(
                 f"packed: expected an array of uint8 with eight bits to a byte, got {given}; "
@@ -62,6 +68,7 @@ class Bits:
         self.packed = packed
         self.width = full if width is None else operator.index(width)
         self.sensor = sensor
+        self.source = source
         if not full - 8 < self.width <= full:
             raise ValueError(
                 f"width: expected {full - 7} to {full} for {packed.shape[2]} bytes a row, "
@@ -115,11 +122,16 @@ class Bits:
         if len(packed) == 0:
             raise ValueError(f"bits: no frames in {frames!r} of {len(self)}")
         sensor = self.sensor and self.sensor.replace(frames=len(packed))
-        return type(self)(packed, self.width, sensor)
+        source = self.source
+        if source is not None and len(packed) < len(self):
+            start, stop, step = frames.indices(len(self))
+            every = "" if step == 1 else f", every {step}th"
+            source = source.with_note(f"frames {start} to {stop} of {len(self)}{every}")
+        return type(self)(packed, self.width, sensor, source)
 
     def to_array(self) -> npt.NDArray[np.bool_]:
         """Unpack into bool, (T, H, W) or (T, H, W, C): eight times the memory."""
-        return np.unpackbits(self.packed, axis=2, count=self.width).view(np.bool_)
+        return np.unpackbits(np.asarray(self.packed), axis=2, count=self.width).view(np.bool_)
 
     def counts(
         self,
@@ -166,23 +178,23 @@ class Bits:
             )
         valid = None if mask is None else np.packbits(~mask, axis=1)
         counts = np.zeros((height // oversampling, width // oversampling, *channels), np.int32)
-        slabs = list(slabs_of(frames, counts.shape[0], width * oversampling))
-        planes: list[tuple[Any, Any]] = [(self.packed, counts)]
-        if channels:
-            planes = [(self.packed[..., c], counts[..., c]) for c in range(channels[0])]
-        for step, (packed, plane) in enumerate(planes):
-            for index, (f, r) in enumerate(slabs):
-                jots = slice(r.start * oversampling, r.stop * oversampling)
+        slabs = list(slabs_of(frames, counts.shape[0], width * oversampling, COUNTED))
+        planes = [counts[..., c] for c in range(channels[0])] if channels else [counts]
+        for index, (f, r) in enumerate(slabs):
+            jots = slice(r.start * oversampling, r.stop * oversampling)
+            # Read once for all channels, where it comes from files.
+            part = self.packed[f.start : f.stop, jots]
+            for channel, plane in enumerate(planes):
                 _engine.add_block_counts(
-                    packed[f.start : f.stop, jots],
+                    part[..., channel] if channels else part,
                     width,
                     oversampling,
                     None if valid is None else valid[jots],
                     plane[r.start : r.stop],
                     threads,
                 )
-                if progress:
-                    progress((step + (index + 1) / len(slabs)) / len(planes))
+            if progress:
+                progress((index + 1) / len(slabs))
         return counts
 
     def save(self, path: str | os.PathLike[str]) -> None:

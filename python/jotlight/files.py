@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import os
+import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -74,6 +75,43 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def written_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give a temporary folder beside `path` to fill; it becomes `path` when the block ends.
+
+    Raises
+    ------
+    OSError
+        When something stands at `path` already, or its folder cannot be written to.
+    """
+    path = Path(path)
+    if path.exists():
+        raise FileExistsError(f"cannot write {path}: it is there already; give another name")
+    if not path.parent.is_dir():
+        raise FileNotFoundError(
+            f"cannot write {path}: there is no folder {path.parent}; make it first"
+        )
+    try:
+        temporary = Path(tempfile.mkdtemp(prefix=f".{path.stem[:32]}-", dir=path.parent))
+    except OSError as error:
+        raise type(error)(
+            f"cannot write {path}: {error.strerror or error} in folder {path.parent}"
+        ) from error
+    try:
+        yield temporary
+        mask = os.umask(0)
+        os.umask(mask)
+        temporary.chmod(0o777 & ~mask)
+        temporary.rename(path)
+    except OSError as error:
+        if error.errno in _FULL and "cannot write" not in str(error.strerror):
+            reason = os.strerror(error.errno)
+            raise OSError(error.errno, f"cannot write {path}: {reason}") from error
+        raise
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def _permissions(path: Path) -> int:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
-from jotlight.formats.npy import read_npy, read_npz
+from jotlight.formats.arrays import read_npy, read_npz
 from jotlight.pictures import read_picture
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".npy")

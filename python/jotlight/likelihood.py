@@ -18,7 +18,7 @@ _AT_ONCE = 1 << 21
 
 
 class Likelihood:
-    """ℓ(s) = Σ L log P(q, s + d) + (n - L) log(1 - P(q, s + d)), as a function of the light.
+    """ℓ(s) = Σ L log P(q, η s + d) + (n - L) log(1 - P(q, η s + d)), as a function of the light.
 
     Parameters
     ----------
@@ -29,6 +29,8 @@ class Likelihood:
         n: how many bits each cell has, or a map of them; 0 for a cell that is dead.
     threshold : int
         q: photons that make a bit 1.
+    efficiency : float or array_like of float
+        η of each cell in (0, 1]: the share of its light that is detected, a number or a map.
     dark_counts : float or array_like of float
         d of each cell: detections without light, a number or a map.
     threads : int, optional
@@ -41,9 +43,8 @@ class Likelihood:
 
     Notes
     -----
-    The light s is what is detected of it: with a quantum efficiency η, the operator's gain is
-    η α/T. ℓ is concave. Its logarithms and slopes are accurate to eleven digits (for q in the
-    ten thousands nine) for s from 1e-12 to 1e4; at s + d = 0 the value is -inf where a bit is 1.
+    ℓ is concave. Its logarithms and slopes are accurate to eleven digits (for q in the ten
+    thousands nine) for η s from 1e-12 to 1e4; at η s + d = 0 the value is -inf where a bit is 1.
 
     Examples
     --------
@@ -61,6 +62,7 @@ class Likelihood:
         trials: int | npt.ArrayLike = 1,
         *,
         threshold: int = 1,
+        efficiency: float | npt.ArrayLike = 1.0,
         dark_counts: float | npt.ArrayLike = 0.0,
         threads: int | None = None,
     ) -> None:
@@ -77,6 +79,13 @@ class Likelihood:
             )
         self.dark_counts = _map_or_number(
             "dark_counts", np.require(dark, np.float64, ["C", "ALIGNED"]), self.shape
+        )
+        refuse_masked("efficiency", efficiency)
+        share = np.asarray(efficiency)
+        if share.dtype.kind not in "iuf" or not ((share > 0) & (share <= 1)).all():
+            raise ValueError(f"efficiency: expected numbers in (0, 1], got {efficiency!r}")
+        self.efficiency = _map_or_number(
+            "efficiency", np.require(share, np.float64, ["C", "ALIGNED"]), self.shape
         )
         self.threshold = threshold
         self._threads = threads
@@ -110,7 +119,7 @@ class Likelihood:
         return gradient.reshape(self.shape), curvature.reshape(self.shape)
 
     def information(self, light: npt.ArrayLike) -> Array:
-        """Give the Fisher information n P'² / (P (1 - P)) of each cell about its light.
+        """Give the Fisher information n (η P')² / (P (1 - P)) of each cell about its light.
 
         It is the curvature that the bits have on average, and its inverse the least variance of
         an unbiased estimate.
@@ -187,11 +196,12 @@ class Likelihood:
             ) from None
         return np.require(array, np.float64, ["C", "ALIGNED"])
 
-    def _seen(self, part: slice) -> tuple[int, Any, Any, Any]:
+    def _seen(self, part: slice) -> tuple[int, Any, Any, Any, Any]:
         return (
             int(self.threshold),
             self.ones.reshape(-1)[part],
             _cut(self.trials, part),
+            _cut(self.efficiency, part),
             _cut(self.dark_counts, part),
         )
 
@@ -259,7 +269,8 @@ class Problem:
             trials = np.ones(seen.shape)
         dark = np.average(np.broadcast_to(seen.dark_counts, seen.shape), weights=trials)
         light = np.average(
-            self.operator.forward(np.ones(self.operator.input_shape)), weights=trials
+            seen.efficiency * self.operator.forward(np.ones(self.operator.input_shape)),
+            weights=trials,
         )
         most = self.max_intensity
         return float(np.clip((rate - dark) / light, 1e-3 * most, 0.9 * most))

@@ -52,8 +52,8 @@ def mle(
     Notes
     -----
     Paper, equation (5), there for q = 1 without dark counts. Where the jots of one pixel differ in
-    their dark counts there is no closed form; the scalar likelihood equation of each pixel is then
-    solved to rounding, which takes bits.
+    their efficiency or dark counts there is no closed form; the scalar likelihood equation of each
+    pixel is then solved to rounding, which takes bits.
 
     Examples
     --------
@@ -66,7 +66,7 @@ def mle(
     def one_channel(data: Bits | npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
         seen = observe(data, sensor, threads)
         out = np.empty(seen.counts.shape, np.float32)
-        if seen.dark_varies:
+        if seen.jots_differ:
             _jot_by_jot(data, seen, out, threads)
         else:
             for part in parts_of(out.size):
@@ -74,7 +74,7 @@ def mle(
                     sensor._response(),
                     _part(seen.counts, part),
                     _part(seen.trials, part),
-                    _part(seen.dark_counts, part),
+                    (_part(seen.efficiency, part), _part(seen.dark_counts, part)),
                     _part(out, part),
                     threads,
                 )
@@ -92,11 +92,10 @@ def _jot_by_jot(
     sensor = seen.sensor
     if not isinstance(data, Bits):
         raise ValueError(
-            "counts: where jots of one pixel differ in their dark counts the bits are needed, "
-            "since a count does not tell which jots fired"
+            "counts: where jots of one pixel differ in their efficiency or dark counts the bits "
+            "are needed, since a count does not tell which jots fired"
         )
-    dark, mask = sensor.dark_counts, sensor.mask
-    assert isinstance(dark, np.ndarray)
+    mask = sensor.mask
     ones = data.counts(1, threads=threads)
     # Some rows at a time, so that Ctrl-C need not wait for all of them.
     for start in range(0, len(out), _ROWS):
@@ -104,7 +103,7 @@ def _jot_by_jot(
         _engine.mle_from_jots(
             sensor._response(),
             ones[jots].ravel(),
-            dark[jots].ravel(),
+            (_rows(sensor.efficiency, jots), _rows(sensor.dark_counts, jots)),
             None if mask is None else mask[jots].ravel(),
             sensor.frames,
             sensor.oversampling,
@@ -114,15 +113,24 @@ def _jot_by_jot(
         )
 
 
+def _rows(value: float | npt.NDArray[np.float32], jots: slice) -> Any:
+    """Some rows of a map over the jots, as the engine takes them, or the number for all of them."""
+    return value[jots].astype(np.float64).ravel() if isinstance(value, np.ndarray) else value
+
+
 def _part(value: float | npt.NDArray[Any], part: slice) -> Any:
     """Some of the pixels of a map, as a view, or the number that stands for all of them."""
     return value.reshape(-1)[part] if isinstance(value, np.ndarray) else value
 
 
+Jot = tuple[float, float]
+"""η and d of a jot."""
+
+
 def equivalent_counts(
-    seen: Observation, reference: float, threads: int | None
+    seen: Observation, reference: Jot, threads: int | None
 ) -> npt.NDArray[np.float32]:
-    """Bring all pixels to K valid bits and `reference` dark counts per jot and frame.
+    """Bring all pixels to K valid bits of jots like `reference`.
 
     Methods that look at many pixels at once take these, so that dead and hot jots do not
     show as a pattern. The counts become real numbers in [0, K]; pixels without any
@@ -134,7 +142,7 @@ def equivalent_counts(
             seen.sensor._response(),
             _part(seen.counts, part),
             _part(seen.trials, part),
-            _part(seen.dark_counts, part),
+            (_part(seen.efficiency, part), _part(seen.dark_counts, part)),
             seen.sensor.bits_per_pixel,
             reference,
             _part(out, part),
@@ -143,12 +151,16 @@ def equivalent_counts(
     return fill_blind(out, seen.blind)
 
 
-def reference_dark_counts(sensor: Sensor) -> float:
-    """The dark counts that stand for all jots: the number, or the median of the map."""
-    dark = sensor.dark_counts
-    if not isinstance(dark, np.ndarray):
-        return dark
-    return float(np.median(dark if sensor.mask is None else dark[~sensor.mask]))
+def reference_jot(sensor: Sensor) -> Jot:
+    """The efficiency and the dark counts that stand for all jots: the median where it is a map."""
+
+    def median(value: float | npt.NDArray[np.float32]) -> float:
+        if not isinstance(value, np.ndarray):
+            return value
+        living = value if sensor.mask is None or sensor.mask.all() else value[~sensor.mask]
+        return float(np.median(living))
+
+    return median(sensor.efficiency), median(sensor.dark_counts)
 
 
 def from_probability(
@@ -156,14 +168,14 @@ def from_probability(
 ) -> npt.NDArray[np.float32]:
     """The intensity that makes a pixel's bits fire with a probability: equation (5) with p for L/K.
 
-    The dark counts are those of :func:`reference_dark_counts`.
+    The jots are as :func:`reference_jot` gives them.
     """
     out = np.empty(probability.shape, np.float32)
     for part in parts_of(out.size):
         _engine.mle_from_probability(
             sensor._response(),
             _part(probability, part),
-            reference_dark_counts(sensor),
+            reference_jot(sensor),
             _part(out, part),
             threads,
         )

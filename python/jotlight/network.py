@@ -16,7 +16,7 @@ from jotlight import _engine, vst
 from jotlight.bits import Bits
 from jotlight.channels import by_channel
 from jotlight.fill import fill_blind
-from jotlight.mle import equivalent_counts, from_probability, reference_dark_counts
+from jotlight.mle import equivalent_counts, from_probability, reference_jot
 from jotlight.observation import observe
 from jotlight.sensor import Sensor
 from jotlight.slabs import slabs_of
@@ -280,7 +280,8 @@ class Network:
     ) -> npt.NDArray[np.float32]:
         """p: equation (11)."""
         seen = observe(data, sensor, threads)
-        reference = reference_dark_counts(self.sensor)
+        # The network's own dark counts; its efficiency is that of the data, as was checked.
+        reference = reference_jot(sensor)[0], reference_jot(self.sensor)[1]
         filters = self.layers[0].filters
         if self.tied:
             return filters.reshape(-1, 1, 1) * equivalent_counts(seen, reference, threads)
@@ -289,10 +290,11 @@ class Network:
                 "data: expected Bits, since this network weighs the jots of a pixel singly; "
                 "a tied network takes counts"
             )
-        if np.any(seen.dark_counts != reference) or seen.dark_varies:
+        own = seen.efficiency, seen.dark_counts
+        if seen.jots_differ or any(np.any(a != b) for a, b in zip(own, reference, strict=True)):
             raise ValueError(
-                "sensor: expected the dark counts that the network is for, one number for all "
-                "jots; a tied network takes others"
+                "sensor: expected the dark counts that the network is for, and these and the "
+                "efficiency to be one number for all jots; a tied network takes others"
             )
         mask = sensor.mask
         valid = None if mask is None else np.packbits(~mask, axis=1)
@@ -339,7 +341,7 @@ class Network:
                 f"sensor: the network is for the {mine.kernel} kernel, got {its.kernel}"
             )
         if mine.bits_per_pixel != its.bits_per_pixel or not np.allclose(
-            mine._response(), its._response(), rtol=1e-9, atol=0
+            _detections(mine), _detections(its), rtol=1e-9, atol=0
         ):
             raise ValueError(
                 "sensor: the network needs data with its own bits per pixel, threshold, "
@@ -404,6 +406,12 @@ class Network:
         channels = " -> ".join(str(len(layer.filters)) for layer in self.layers)
         parameters = sum(x.filters.size + x.coefficients.size for x in self.layers)
         return f"<Network: channels {channels}, {parameters} parameters, for {self.sensor!r}>"
+
+
+def _detections(sensor: Sensor) -> tuple[int, float, float]:
+    """q, detections per jot and frame at intensity 1, and S."""
+    threshold, light, most = sensor._response()
+    return threshold, reference_jot(sensor)[0] * light, most
 
 
 def _fitted(

@@ -7,7 +7,7 @@ from jotlight import vst
 from jotlight.bits import Bits
 from jotlight.channels import by_channel
 from jotlight.denoise import Denoiser, pick
-from jotlight.mle import equivalent_counts, from_probability, reference_dark_counts
+from jotlight.mle import equivalent_counts, from_probability, reference_jot
 from jotlight.observation import observe, warn_of_smooth_kernel
 from jotlight.sensor import Sensor
 
@@ -56,9 +56,9 @@ def noniterative(
 
     Notes
     -----
-    Counts of pixels with dead jots, or with dark counts other than the median, are first brought to
-    the counts that K valid jots with median dark counts would have shown; their noise is then only
-    about that of the others.
+    Counts of pixels with dead jots, or with an efficiency or dark counts other than the median, are
+    first brought to the counts that K valid jots with the median would have shown; their noise is
+    then only about that of the others.
 
     Examples
     --------
@@ -75,7 +75,7 @@ def noniterative(
     def one_channel(data: Bits | npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
         bits = sensor.bits_per_pixel
         seen = observe(data, sensor, threads)
-        counts = equivalent_counts(seen, reference_dark_counts(sensor), threads)
+        counts = equivalent_counts(seen, reference_jot(sensor), threads)
         z = vst.stabilise(counts, bits, threads=threads)
         denoised = np.asarray(run(z), np.float32)
         if denoised.shape != z.shape or not np.isfinite(denoised).all():

@@ -20,10 +20,12 @@ class Observation:
     """L, (H, W)."""
     trials: int | npt.NDArray[np.int32]
     """Valid bits of each pixel: K, or a map where jots are dead."""
+    efficiency: float | npt.NDArray[np.float64]
+    """η of each pixel's jots: a number or a map (H, W), the mean where a pixel's jots differ."""
     dark_counts: float | npt.NDArray[np.float64]
-    """d of each pixel's jots: a number or a map (H, W), the mean where a pixel's jots differ."""
-    dark_varies: bool
-    """Whether the jots inside of some pixel differ in their dark counts."""
+    """d, likewise."""
+    jots_differ: bool
+    """Whether the jots inside of some pixel differ in their efficiency or dark counts."""
 
     @property
     def blind(self) -> npt.NDArray[np.bool_] | None:
@@ -61,8 +63,9 @@ def observe(data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None) -> 
             f"({sensor.frames} frames of {sensor.oversampling} x {sensor.oversampling} jots), "
             f"got {counts.min()} to {most}"
         )
-    dark, varies = _pixel_dark_counts(sensor)
-    return Observation(sensor, counts, trials, dark, varies)
+    efficiency, differs = _by_pixel(sensor, sensor.efficiency)
+    dark, dark_differs = _by_pixel(sensor, sensor.dark_counts)
+    return Observation(sensor, counts, trials, efficiency, dark, differs or dark_differs)
 
 
 def warn_of_smooth_kernel(sensor: Sensor) -> None:
@@ -94,16 +97,21 @@ def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
     return np.require(counts, np.int32, ["C", "ALIGNED"])
 
 
-def _pixel_dark_counts(sensor: Sensor) -> tuple[float | npt.NDArray[np.float64], bool]:
-    if not isinstance(sensor.dark_counts, np.ndarray):
-        return sensor.dark_counts, False
+def _by_pixel(
+    sensor: Sensor, value: float | npt.NDArray[np.float32]
+) -> tuple[float | npt.NDArray[np.float64], bool]:
+    """The mean over each pixel's living jots, and whether they differ anywhere."""
+    if not isinstance(value, np.ndarray):
+        return value, False
     side = sensor.oversampling
-    height, width = (size // side for size in sensor.dark_counts.shape)
-    blocks = sensor.dark_counts.astype(np.float64).reshape(height, side, width, side)
+    height, width = (size // side for size in value.shape)
+    blocks = value.astype(np.float64).reshape(height, side, width, side)
     valid = np.ones(blocks.shape, bool)
     if sensor.mask is not None:
         valid = ~sensor.mask.reshape(blocks.shape)
     number = np.maximum(valid.sum(axis=(1, 3)), 1)
+    # Of a pixel without a living jot nothing is asked but that the numbers be in range.
     mean = np.where(valid, blocks, 0).sum(axis=(1, 3)) / number
+    mean = np.where(valid.any(axis=(1, 3)), mean, blocks.mean(axis=(1, 3)))
     differs = valid & (blocks != mean[:, None, :, None].astype(np.float32))
     return np.ascontiguousarray(mean), bool(differs.any())

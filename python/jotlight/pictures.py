@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.formats.npy import read_npy
+from jotlight.formats.arrays import read_npy
 
 Picture = npt.NDArray[np.floating[Any]]
 

@@ -86,8 +86,8 @@ def problem_of(data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int 
     """Give the problem of one channel's bits or counts.
 
     With the box kernel a pixel's bits are exchangeable and their count says all: the cells are the
-    pixels. Where they are not, for a smooth kernel or dark counts that differ inside of a pixel,
-    the cells are the jots.
+    pixels. Where they are not, for a smooth kernel or jots that differ inside of a pixel, the cells
+    are the jots.
 
     Raises
     ------
@@ -103,21 +103,22 @@ def problem_of(data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int 
     seen = observe(data, sensor, threads)
     if np.max(seen.trials) == 0:
         raise ValueError("mask: expected at least one jot that is alive, got none")
-    if sensor.kernel == "box" and not seen.dark_varies:
+    if sensor.kernel == "box" and not seen.jots_differ:
         return _of_pixels(seen, threads)
     return _of_jots(data, sensor, seen.counts.shape, threads)
 
 
 def _of_pixels(seen: Observation, threads: int | None) -> Problem:
-    _, sensitivity, most = seen.sensor._response()
+    _, light, most = seen.sensor._response()
     likelihood = Likelihood(
         seen.counts,
         seen.trials,
         threshold=seen.sensor.threshold,
+        efficiency=seen.efficiency,
         dark_counts=seen.dark_counts,
         threads=threads,
     )
-    return Problem(scaling(seen.counts.shape, sensitivity), likelihood, most)
+    return Problem(scaling(seen.counts.shape, light), likelihood, most)
 
 
 def _of_jots(
@@ -128,7 +129,7 @@ def _of_jots(
 ) -> Problem:
     if not isinstance(data, Bits):
         why = (
-            "jots of one pixel differ in their dark counts"
+            "jots of one pixel differ in their efficiency or dark counts"
             if sensor.kernel == "box"
             else f"the light of a {sensor.kernel} kernel differs from jot to jot"
         )
@@ -143,10 +144,15 @@ def _of_jots(
         shape,
         sensor.oversampling,
         sensor.kernel,
-        gain=sensor.efficiency * sensor._gain / sensor.frames,
+        gain=sensor._gain / sensor.frames,
         threads=threads,
     )
     likelihood = Likelihood(
-        ones, trials, threshold=sensor.threshold, dark_counts=sensor.dark_counts, threads=threads
+        ones,
+        trials,
+        threshold=sensor.threshold,
+        efficiency=sensor.efficiency,
+        dark_counts=sensor.dark_counts,
+        threads=threads,
     )
     return Problem(light, likelihood, sensor.max_intensity)

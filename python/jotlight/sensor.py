@@ -14,6 +14,11 @@ from jotlight.image import as_image
 from jotlight.seeds import SeedLike, seed_bytes
 from jotlight.slabs import slabs_of
 
+MAPS = ("dark_counts", "efficiency", "mask")
+"""The parameters of a sensor that may have a value for each jot."""
+
+_WORDS = {"dark_counts": "dark counts", "efficiency": "efficiency", "mask": "dead jots"}
+
 KERNELS = ("box", "linear", "quadratic", "cubic")
 """Interpolation kernels of the light field, by degree of the B-spline."""
 
@@ -42,8 +47,8 @@ class Sensor:
         How a pixel's light is spread. A B-spline; the box keeps it on the pixel's own jots.
     dark_counts : float or array_like of shape (H * K̂, W * K̂)
         d: detections per jot and frame without light, the same for all jots or one for each.
-    efficiency : float
-        η in (0, 1]: the share of photons that are detected.
+    efficiency : float or array_like of shape (H * K̂, W * K̂)
+        η in (0, 1]: the share of photons that are detected, the same for all jots or one for each.
     mask : array_like of bool of shape (H * K̂, W * K̂), optional
         True marks a dead jot, as in `numpy.ma`. It never fires in simulation, and reconstruction
         does not look at it.
@@ -75,7 +80,7 @@ class Sensor:
     threshold: int = 1
     kernel: str = "box"
     dark_counts: float | npt.NDArray[np.float32] = 0.0
-    efficiency: float = 1.0
+    efficiency: float | npt.NDArray[np.float32] = 1.0
     mask: npt.NDArray[np.bool_] | None = None
     max_intensity: float = 1.0
 
@@ -92,21 +97,16 @@ class Sensor:
         gain = self.bits_per_pixel if self.gain is None else self.gain
         object.__setattr__(self, "gain", _positive("gain", gain))
         object.__setattr__(self, "max_intensity", _positive("max_intensity", self.max_intensity))
-        efficiency = _positive("efficiency", self.efficiency)
-        if efficiency > 1:
-            raise ValueError(f"efficiency: expected a number in (0, 1], got {efficiency}")
-        object.__setattr__(self, "efficiency", efficiency)
         object.__setattr__(self, "dark_counts", self._checked_dark_counts())
+        object.__setattr__(self, "efficiency", self._checked_efficiency())
         object.__setattr__(self, "mask", self._checked_mask())
-        if (
-            self.mask is not None
-            and isinstance(self.dark_counts, np.ndarray)
-            and self.mask.shape != self.dark_counts.shape
-        ):
-            raise ValueError(
-                f"mask: expected the shape of the dark-count map {self.dark_counts.shape}, "
-                f"got {self.mask.shape}"
-            )
+        maps = list(self.maps().items())
+        for name, map_ in maps[1:]:
+            if map_.shape != maps[0][1].shape:
+                raise ValueError(
+                    f"{name}: expected the shape of the map of {_WORDS[maps[0][0]]} "
+                    f"{maps[0][1].shape}, got {map_.shape}"
+                )
 
     @property
     def bits_per_pixel(self) -> int:
@@ -319,14 +319,16 @@ class Sensor:
     def maps(self) -> dict[str, npt.NDArray[Any]]:
         """Those of the parameters that are maps over the jots, by name."""
         return {
-            name: value
-            for name in ("dark_counts", "mask")
-            if isinstance(value := getattr(self, name), np.ndarray)
+            name: value for name in MAPS if isinstance(value := getattr(self, name), np.ndarray)
         }
 
     def without_maps(self) -> Self:
-        """Give the sensor without dead jots, and with the mean for a map of dark counts."""
-        return self.replace(mask=None, dark_counts=float(np.mean(self.dark_counts)))
+        """Give the sensor without dead jots, and with the mean for a map of other parameters."""
+        return self.replace(
+            mask=None,
+            dark_counts=float(np.mean(self.dark_counts)),
+            efficiency=float(np.mean(self.efficiency)),
+        )
 
     def numbers(self) -> dict[str, Any]:
         """Those of the parameters that are not maps, by name; JSON can hold them."""
@@ -399,9 +401,8 @@ class Sensor:
         }
 
     def _response(self) -> tuple[int, float, float]:
-        """The box-kernel response of a pixel: q, η α / K and S."""
-        sensitivity = self.efficiency * self._gain / self.bits_per_pixel
-        return self.threshold, sensitivity, self.max_intensity
+        """The box-kernel response of a pixel: q, α / K and S."""
+        return self.threshold, self._gain / self.bits_per_pixel, self.max_intensity
 
     def _checked_dark_counts(self) -> float | npt.NDArray[np.float32]:
         dark = np.asarray(self.dark_counts)
@@ -417,6 +418,27 @@ class Sensor:
         if dark.size == 0 or not (np.isfinite(dark).all() and dark.min() >= 0):
             raise ValueError("dark_counts: expected finite numbers, 0 or more, in range of float32")
         return float(dark) if dark.ndim == 0 else _frozen(dark, np.float32)
+
+    def _checked_efficiency(self) -> float | npt.NDArray[np.float32]:
+        share = np.asarray(self.efficiency)
+        if share.ndim == 0:
+            number = _positive("efficiency", self.efficiency)
+            if number > 1:
+                raise ValueError(f"efficiency: expected a number in (0, 1], got {number}")
+            return number
+        if share.dtype.kind not in "iuf" or share.ndim != 2:
+            raise ValueError(
+                "efficiency: expected a number, or a map of numbers with one per jot, "
+                f"got {share.dtype} of {share.ndim} dimensions"
+            )
+        share = share.astype(np.float32)
+        if share.size == 0 or not (share > 0).all() or share.max() > 1:
+            raise ValueError(
+                "efficiency: expected numbers in (0, 1]; what is relative to the mean is to be "
+                "divided by its maximum, and gain multiplied by that; a jot that detects nothing "
+                "belongs in the mask"
+            )
+        return _frozen(share, np.float32)
 
     def _checked_mask(self) -> npt.NDArray[np.bool_] | None:
         if self.mask is None:

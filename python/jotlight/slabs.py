@@ -5,6 +5,9 @@ from collections.abc import Iterator
 _SLAB = 1 << 26
 """Jots that the engine handles between two looks at Ctrl-C: some tens of milliseconds."""
 
+COUNTED = 1 << 28
+"""Jots that it counts between two such looks: counting is faster."""
+
 _PIXELS = 1 << 18
 """Pixels that the engine handles one by one between two looks at Ctrl-C."""
 
@@ -12,11 +15,13 @@ _SHORT_ROW = 1 << 9
 """A row of pixels with fewer jots takes as much time and memory as one with so many."""
 
 
-def slabs_of(frames: int, rows: int, jots_per_row: int) -> Iterator[tuple[range, range]]:
+def slabs_of(
+    frames: int, rows: int, jots_per_row: int, at_once: int = _SLAB
+) -> Iterator[tuple[range, range]]:
     """Cut frames and rows into parts of which each takes well under a second."""
     cost = max(_SHORT_ROW, jots_per_row)
-    rows_at_once = max(1, min(rows, _SLAB // cost))
-    frames_at_once = max(1, _SLAB // (rows_at_once * cost))
+    rows_at_once = max(1, min(rows, at_once // cost))
+    frames_at_once = max(1, at_once // (rows_at_once * cost))
     for frame in range(0, frames, frames_at_once):
         for row in range(0, rows, rows_at_once):
             yield (

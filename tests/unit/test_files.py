@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from jotlight.files import written_whole
+from jotlight.files import written_folder, written_whole
 
 
 def names(folder):
@@ -134,3 +134,24 @@ def test_a_read_only_file_or_folder_is_refused(tmp_path):
     with pytest.raises(PermissionError, match=r"cannot write .* in folder"):
         enter(tmp_path / "new.txt")
     tmp_path.chmod(0o700)
+
+
+def test_a_folder_appears_when_the_block_ends_and_not_before(tmp_path):
+    with written_folder(tmp_path / "set") as temporary:
+        (temporary / "a").write_text("all")
+        assert not (tmp_path / "set").exists()
+    assert names(tmp_path) == ["set"]
+    assert permissions(tmp_path / "set") & 0o700 == 0o700
+    with pytest.raises(FileExistsError, match="is there already"), written_folder(tmp_path / "set"):
+        pass
+
+
+def test_a_folder_of_which_half_is_written_goes(tmp_path):
+    def interrupted():
+        with written_folder(tmp_path / "set") as temporary:
+            (temporary / "a").write_text("half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert names(tmp_path) == []

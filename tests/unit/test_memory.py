@@ -76,3 +76,42 @@ def test_exposing_takes_less_than_two_bits_per_jot_besides_image_and_bits(
 
 def test_counting_takes_less_than_a_twentieth_of_a_bit_per_jot_besides_bits_and_counts():
     assert bits_per_jot(COUNT) < 0.05
+
+
+MILLION = """
+import contextlib
+import sys
+from jotlight import cli
+from jotlight.formats.writing import write_capture
+from jotlight.frames import Frames
+
+shape = (1_000_000, 16, 8)
+frames = Frames(shape, lambda a, b: np.full((b - a, *shape[1:]), 0x55, np.uint8))
+write_capture(jl.Bits(frames[:2]), Path("small" + {ending!r}), {name!r})
+write_capture(jl.Bits(frames), Path("million" + {ending!r}), {name!r})
+
+
+def run(*words):
+    sys.argv = ["jotlight", *words]
+    with contextlib.suppress(SystemExit):
+        cli.main()
+
+
+sys.stdout = sys.stderr
+run("reconstruct", "small" + {ending!r}, "-o", "small.tif", "-m", "mle")
+grown, _ = growth(
+    lambda: run("reconstruct", "million" + {ending!r}, "-o", "million.tif", "-m", "mle", {turn})
+)
+sys.stdout = sys.__stdout__
+assert Path("million.tif").exists()
+print(grown / (1 << 20))
+"""
+
+
+@pytest.mark.parametrize(("name", "ending", "turn"), [("npy.gz", ".npy.gz", '"--rotate", "90"')])
+def test_a_million_frames_are_reconstructed_in_little_memory(
+    tmp_path, monkeypatch, name, ending, turn
+):
+    # 128 MB of packed bits.
+    monkeypatch.chdir(tmp_path)
+    assert bits_per_jot(MILLION.format(name=name, ending=ending, turn=turn)) < 64

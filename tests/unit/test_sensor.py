@@ -188,7 +188,7 @@ def test_a_map_that_does_not_fit_the_image_is_refused(name):
 
 
 def test_maps_of_different_shapes_are_refused():
-    with pytest.raises(ValueError, match=r"mask: .*dark-count map \(2, 2\), got \(2, 3\)"):
+    with pytest.raises(ValueError, match=r"mask: .*map of dark counts \(2, 2\), got \(2, 3\)"):
         jl.Sensor(dark_counts=np.zeros((2, 2)), mask=np.zeros((2, 3), bool))
 
 

@@ -36,12 +36,13 @@ impl PyFloats<'_> {
     }
 }
 
-/// (threshold, ones, trials, dark counts), as `Likelihood._seen` gives them.
+/// (threshold, ones, trials, efficiency, dark counts), as `Likelihood._seen` gives them.
 #[derive(FromPyObject)]
 pub struct PySeen<'py>(
     u32,
     PyReadonlyArray1<'py, i32>,
     PyCounts<'py>,
+    PyFloats<'py>,
     PyFloats<'py>,
 );
 
@@ -53,6 +54,7 @@ impl PySeen<'_> {
             self.1.as_slice()?,
             self.2.view()?,
             self.3.view()?,
+            self.4.view()?,
         )
         .map_err(to_python)
     }

@@ -1,5 +1,5 @@
 use jotlight::likelihood::Threshold;
-use jotlight::sensing::{self, DarkCounts, Image, Kernel, Sensor, Spread, Window};
+use jotlight::sensing::{self, Image, Kernel, PerJot, Sensor, Spread, Window};
 use numpy::{PyReadonlyArray2, PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::prelude::*;
 
@@ -21,9 +21,18 @@ impl PyImage<'_> {
 }
 
 #[derive(FromPyObject)]
-pub enum PyDark<'py> {
+pub enum PyPerJot<'py> {
     Same(f64),
     Map(PyReadonlyArray2<'py, f32>),
+}
+
+impl PyPerJot<'_> {
+    fn view(&self) -> PerJot<'_> {
+        match self {
+            Self::Same(value) => PerJot::Same(*value),
+            Self::Map(map) => PerJot::Map(map.as_array()),
+        }
+    }
 }
 
 /// The keyword arguments that describe a sensor, as `Sensor._engine_arguments` gives them.
@@ -33,8 +42,8 @@ pub struct PySensor<'py> {
     oversampling: usize,
     kernel_degree: usize,
     gain_per_frame: f64,
-    efficiency: f64,
-    dark_counts: PyDark<'py>,
+    efficiency: PyPerJot<'py>,
+    dark_counts: PyPerJot<'py>,
     dead: Option<PyReadonlyArray2<'py, bool>>,
     threshold: u32,
 }
@@ -44,11 +53,8 @@ impl PySensor<'_> {
         Ok(Sensor {
             kernel: Kernel::new(self.kernel_degree, self.oversampling).map_err(to_python)?,
             gain_per_frame: self.gain_per_frame,
-            efficiency: self.efficiency,
-            dark_counts: match &self.dark_counts {
-                PyDark::Same(dark) => DarkCounts::Same(*dark),
-                PyDark::Map(map) => DarkCounts::Map(map.as_array()),
-            },
+            efficiency: self.efficiency.view(),
+            dark_counts: self.dark_counts.view(),
             dead: self.dead.as_ref().map(|dead| dead.as_array()),
             threshold: Threshold::new(self.threshold).map_err(to_python)?,
         })

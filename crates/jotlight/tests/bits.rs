@@ -36,6 +36,28 @@ fn naive(
 }
 
 #[test]
+fn any_number_of_frames_is_counted() -> Result<()> {
+    for frames in (1..=40).chain([63, 64, 65, 255, 256, 257, 1000]) {
+        for (side, rows, width) in [(1, 5, 77), (1, 3, 64), (2, 4, 22), (3, 9, 33), (8, 8, 72)] {
+            let bytes = garbage(frames, rows, width);
+            let bits = PackedBits::new(bytes.view(), width)?;
+            let mut counts = Array2::zeros((rows / side, width / side));
+            add_block_counts(&bits, side, None, counts.view_mut())?;
+            let expected = naive(&bytes, width, side, |_, _| true);
+            assert_eq!(counts, expected, "{frames} frames, side {side}");
+
+            // Frames whose rows are not one after the other in memory.
+            let spread = PackedBits::new(bytes.slice(s![..;2, .., ..]), width)?;
+            let half = bytes.slice(s![..;2, .., ..]).to_owned();
+            counts.fill(0);
+            add_block_counts(&spread, side, None, counts.view_mut())?;
+            assert_eq!(counts, naive(&half, width, side, |_, _| true));
+        }
+    }
+    Ok(())
+}
+
+#[test]
 fn counts_are_those_of_single_jots() -> Result<()> {
     for side in [1, 2, 3, 7, 8, 9, 57, 58, 64, 70, 120] {
         let (rows, width) = (2 * side, 3 * side);

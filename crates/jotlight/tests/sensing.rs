@@ -3,7 +3,7 @@
 use jotlight::bits::packed_width;
 use jotlight::error::{Error, Result};
 use jotlight::likelihood::Threshold;
-use jotlight::sensing::{DarkCounts, Image, Kernel, Sensor, Window, expose, probability, rate};
+use jotlight::sensing::{Image, Kernel, PerJot, Sensor, Window, expose, probability, rate};
 use jotlight::threads;
 use ndarray::{Array2, Array3};
 
@@ -13,8 +13,8 @@ fn sensor<'a>(degree: usize, oversampling: usize, q: u32) -> Result<Sensor<'a>> 
     Ok(Sensor {
         kernel: Kernel::new(degree, oversampling)?,
         gain_per_frame: 1.3 * (oversampling * oversampling) as f64,
-        efficiency: 0.9,
-        dark_counts: DarkCounts::Same(0.02),
+        efficiency: PerJot::Same(0.9),
+        dark_counts: PerJot::Same(0.02),
         dead: None,
         threshold: Threshold::new(q)?,
     })
@@ -185,7 +185,7 @@ fn jots_fire_as_often_as_their_probability_and_dead_ones_never() -> Result<()> {
     for (degree, q) in [(0, 1), (0, 3), (2, 2)] {
         let sensor = Sensor {
             dead: Some(dead.view()),
-            dark_counts: DarkCounts::Map(dark.view()),
+            dark_counts: PerJot::Map(dark.view()),
             ..sensor(degree, 3, q)?
         };
         let mut chance = Array2::zeros((18, 27));
@@ -263,7 +263,7 @@ fn what_does_not_fit_is_an_error() -> Result<()> {
         ..plain.clone()
     };
     let dim = Sensor {
-        dark_counts: DarkCounts::Map(dark.view()),
+        dark_counts: PerJot::Map(dark.view()),
         ..plain.clone()
     };
     assert_eq!(try_out(&masked, (1, 8, 2), 0, &all), "mask");

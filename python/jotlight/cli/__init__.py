@@ -12,6 +12,7 @@ import typer
 from jotlight import __version__
 from jotlight.cli.compare import compare
 from jotlight.cli.console import error, show_warning
+from jotlight.cli.convert import convert
 from jotlight.cli.demo import demo
 from jotlight.cli.evaluate import evaluate
 from jotlight.cli.info import info
@@ -54,7 +55,9 @@ def _plain_errors(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-for command in (demo, compare, simulate, reconstruct, train, evaluate, reproduce, info):
+COMMANDS = (demo, compare, simulate, reconstruct, train, evaluate, reproduce, info, convert)
+
+for command in COMMANDS:
     app.command()(_plain_errors(command))
 
 

@@ -8,9 +8,13 @@ import typer
 from rich.table import Table
 
 from jotlight.bits import Bits
+from jotlight.cli import opening
 from jotlight.cli.console import out, progress
 from jotlight.files import spare_inputs, written_whole
-from jotlight.formats.npy import is_cube, load_bits, npz_names, read_npy, read_npz
+from jotlight.formats import open_capture
+from jotlight.formats.arrays import npz_names, read_npy, read_npz
+from jotlight.formats.capture import Capture, Stack
+from jotlight.formats.recognise import recognise
 from jotlight.network import Network
 from jotlight.pictures import read_picture
 from jotlight.training import History
@@ -18,11 +22,19 @@ from jotlight.training import History
 
 def info(
     file: Annotated[
-        Path, typer.Argument(help="Bits or counts (.npy), a network (.safetensors), a picture.")
+        Path,
+        typer.Argument(
+            help="A capture of bits or counts, a file or a folder; a network (.safetensors); or a "
+            "picture."
+        ),
     ],
-    width: Annotated[
-        int | None, typer.Option(help="True width in jots, where no .json tells.")
-    ] = None,
+    width: opening.Width = None,
+    format_: opening.Format = None,
+    frame_range: opening.FrameRange = None,
+    rotate: opening.Rotate = 0,
+    flip: opening.Flip = None,
+    key: opening.Key = None,
+    counts: opening.Counts = None,
     plot: Annotated[
         Path | None,
         typer.Option(help="A figure of a learned network and its run: .png, .pdf or .svg."),
@@ -34,7 +46,10 @@ def info(
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")
-    for name, value in _facts(file, width):
+    reading: dict[str, Any] = {"format": format_, "width": width, "key": key, "counts": counts}
+    reading |= {"frames": opening.frames_of(frame_range), "rotate": rotate or None, "flip": flip}
+    reading = {name: told for name, told in reading.items() if told is not None}
+    for name, value in _facts(file, reading):
         table.add_row(name, value)
     out.print(table)
 
@@ -52,23 +67,61 @@ def _draw(file: Path, plot: Path) -> None:
         plots.training(network, history).savefig(temporary, dpi=110)
 
 
-def _facts(file: Path, width: int | None) -> list[tuple[str, str]]:
-    if file.suffix.lower() == ".safetensors":
+_PICTURES = (".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".ppm", ".gif")
+"""Endings of what is a picture and no capture."""
+
+
+def _facts(file: Path, reading: dict[str, Any]) -> list[tuple[str, str]]:
+    ending = file.suffix.lower()
+    if ending == ".safetensors":
         return _network_facts(Network.load(file))
-    if file.suffix.lower() == ".npy":
-        array = read_npy(file)
-        if is_cube(array):
-            return _bits_facts(load_bits(file, width=width))
-        kind = "counts" if array.dtype.kind in "iu" else "array"
-        return [("kind", kind), ("shape", _by(array.shape)), *_range(np.asarray(array))]
-    if file.suffix.lower() == ".npz":
-        facts = [("kind", "archive of arrays")]
-        for name in npz_names(file):
-            array = read_npz(file, name)
-            facts.append((name, f"{array.dtype}, {_by(array.shape)}"))
-        return facts
-    picture = read_picture(file)
-    return [("kind", "picture"), ("shape", _by(picture.shape)), *_range(picture)]
+    if not reading and file.is_file():
+        if ending == ".npz":
+            facts = [("kind", "archive of arrays")]
+            for name in npz_names(file):
+                array = read_npz(file, name)
+                facts.append((name, f"{array.dtype}, {_by(array.shape)}"))
+            return facts
+        if ending == ".npy" and (array := read_npy(file)).dtype.kind not in "biu":
+            return [("kind", "array"), ("shape", _by(array.shape)), *_range(np.asarray(array))]
+        if _is_picture(file):
+            picture = read_picture(file)
+            return [("kind", "picture"), ("shape", _by(picture.shape)), *_range(picture)]
+    return _capture_facts(open_capture(file, **reading))
+
+
+def _is_picture(file: Path) -> bool:
+    """Whether a file is a picture rather than a capture, unless the user says otherwise."""
+    ending = file.suffix.lower()
+    if ending in (".tif", ".tiff"):
+        import tifffile
+
+        try:
+            with tifffile.TiffFile(file) as tiff:
+                return tiff.series[0].dtype.kind == "f" or tiff.series[0].dtype == np.uint8
+        except Exception:  # reading it will say what is wrong
+            return True
+    try:
+        return recognise(file) == "png"
+    except ValueError:
+        return ending in _PICTURES
+
+
+def _capture_facts(capture: Capture) -> list[tuple[str, str]]:
+    if isinstance(capture, Stack):
+        number = len(capture.images)
+        with progress(1) as begin:
+            counts = capture.sum(begin("summing"))
+        facts = [("kind", "counts"), ("format", capture.source.format)]
+        facts += [("images", str(number))] if number > 1 else []
+        return [*facts, ("shape", _by(counts.shape)), *_range(counts), *_notes(capture)]
+    return [*_bits_facts(capture), *_notes(capture)]
+
+
+def _notes(capture: Capture) -> list[tuple[str, str]]:
+    source = capture.source
+    notes = source.notes if source is not None else ()
+    return [("" if index else "assumed", note) for index, note in enumerate(notes)]
 
 
 def _bits_facts(bits: Bits) -> list[tuple[str, str]]:
@@ -77,13 +130,14 @@ def _bits_facts(bits: Bits) -> list[tuple[str, str]]:
     frames, height, width, *channels = bits.shape
     facts = [
         ("kind", "bits" if not channels else f"bits of {channels[0]} channels"),
+        *([("format", bits.source.format)] if bits.source is not None else []),
         ("frames", str(frames)),
         ("jots", f"{height} x {width}"),
         ("size", f"{bits.packed.nbytes / 1e6:.3g} MB packed"),
         ("ones", f"{ones / np.prod(bits.shape, dtype=float):.3%}"),
     ]
     if bits.sensor is None:
-        return [*facts, ("sensor", "not told; the width is taken to be a multiple of 8")]
+        return [*facts, ("sensor", "not told")]
     pixels = f"{height // bits.sensor.oversampling} x {width // bits.sensor.oversampling}"
     return [
         *facts,

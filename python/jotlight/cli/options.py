@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 import typer
 
-from jotlight.formats.npy import read_npy
-from jotlight.sensor import KERNELS
+from jotlight.formats.arrays import read_npy
+from jotlight.formats.stacks import read_mask
+from jotlight.sensor import KERNELS, MAPS
 
 
 def _sensor_option(help_: str, *names: str) -> Any:
@@ -45,10 +46,16 @@ SENSOR_OPTIONS: dict[str, Any] = {
         ),
     ],
     "efficiency": Annotated[
-        float | None, _sensor_option("η: the share of photons that are detected.")
+        str | None,
+        _sensor_option(
+            "η: the share of photons that are detected; a number, or a .npy map of the jots."
+        ),
     ],
     "mask": Annotated[
-        Path | None, _sensor_option("A .npy of bool over the jots, True for a dead one.")
+        Path | None,
+        _sensor_option(
+            "A .npy of bool over the jots, True for a dead one; or a PNG, black for the good ones."
+        ),
     ],
     "max_intensity": Annotated[
         float | None, _sensor_option("S: the largest intensity that an estimate may have.")
@@ -79,7 +86,7 @@ def takes_sensor(**defaults: object) -> Callable[[Callable[..., None]], Callable
         @functools.wraps(command)
         def run(**options: Any) -> None:
             given = {name: options.pop(name) for name in added}
-            files = [Path(given[name]) for name in ("dark_counts", "mask") if given[name]]
+            files = [Path(given[name]) for name in MAPS if given[name]]
             command(**options, given=_read_maps(given), inputs=files)
 
         parameters = [
@@ -98,10 +105,11 @@ def takes_sensor(**defaults: object) -> Callable[[Callable[..., None]], Callable
 
 def _read_maps(options: dict[str, Any]) -> dict[str, Any]:
     given = {name: value for name, value in options.items() if value is not None}
-    if "dark_counts" in given:
-        given["dark_counts"] = _number_or_map(given["dark_counts"])
+    for name in ("dark_counts", "efficiency"):
+        if name in given:
+            given[name] = _number_or_map(given[name])
     if "mask" in given:
-        given["mask"] = np.array(read_npy(given["mask"]))
+        given["mask"] = read_mask(Path(given["mask"]))
     return given
 
 

@@ -11,13 +11,13 @@ import typer
 from rich.markup import escape
 
 from jotlight.bits import Bits
-from jotlight.cli import options
+from jotlight.cli import opening, options
 from jotlight.cli.console import err, live_iterations, out, progress
 from jotlight.files import spare_inputs, written_whole
-from jotlight.formats.npy import is_cube, load_bits, maps_beside, read_npy, read_npz
+from jotlight.formats import open_capture
+from jotlight.formats.capture import Capture
 from jotlight.methods import DEFAULT, METHODS
 from jotlight.network import Network
-from jotlight.observation import as_counts
 from jotlight.pictures import picture_writer
 from jotlight.problems import Histories
 from jotlight.sensor import Sensor
@@ -36,7 +36,7 @@ def reconstruct(
     data: Annotated[
         Path,
         typer.Argument(
-            help="Packed bits (.npy), or an image of counts (.npy, or .npz with --key)."
+            help="A capture of bits or counts, a file or a folder: what `jotlight info` tells of."
         ),
     ],
     *,
@@ -89,14 +89,13 @@ def reconstruct(
         int | None,
         typer.Option(help="Iterations at most. Default: 500.", rich_help_panel="Iterative methods"),
     ] = None,
-    key: options.Key = None,
-    counts: Annotated[
-        bool,
-        typer.Option("--counts", help="The file holds counts, even if it looks like packed bits."),
-    ] = False,
-    width: Annotated[
-        int | None, typer.Option(help="True width in jots, where no .json tells.")
-    ] = None,
+    key: opening.Key = None,
+    counts: opening.Counts = None,
+    width: opening.Width = None,
+    format_: opening.Format = None,
+    frame_range: opening.FrameRange = None,
+    rotate: opening.Rotate = 0,
+    flip: opening.Flip = None,
     given: dict[str, Any],
     inputs: list[Path],
     depth: Annotated[int, typer.Option(help="Bits of a .png: 8 or 16.")] = 8,
@@ -106,7 +105,8 @@ def reconstruct(
 
     The sensor is the one that the bits carry, changed by the options given here.
     """
-    spare_inputs(output, [data, model, *maps_beside(data), *inputs])
+    spare_inputs(output, [model, *inputs])
+    opening.spare_capture(output, data)
     if method is None and inverse is not None:
         method = _OTHERWISE
     if method is None and any(value is not None for value in (weight, norm, tol, max_iter)):
@@ -120,7 +120,17 @@ def reconstruct(
         tol=tol,
         max_iter=max_iter,
     )
-    seen, sensor, told = _read(data, key, counts, width, given)
+    capture = open_capture(
+        data,
+        format=format_,
+        width=width,
+        frames=opening.frames_of(frame_range),
+        rotate=rotate,
+        flip=flip,
+        key=key,
+        counts=counts,
+    )
+    seen, sensor, told = _seen(capture, data, given)
     reason = None if "model" in settings else METHODS[method or DEFAULT].lacks(sensor)
     if reason is not None and method is not None:
         raise ValueError(reason)
@@ -153,6 +163,8 @@ def reconstruct(
     if reason is not None:
         err.print(f"[yellow]by {method}:[/] {escape(reason)}", soft_wrap=True)
     size = " x ".join(map(str, picture.shape))
+    for line in opening.told(capture.source):
+        out.print(line, soft_wrap=True, markup=False)
     out.print(
         f"{output}: {size}, intensities {picture.min():.3g} to {picture.max():.3g}, by "
         f"{METHODS[method].title}{done} in {seconds:.3g} s\n{told}: {sensor!r}",
@@ -200,24 +212,19 @@ def _told(histories: Histories) -> str:
     return f" ({words})"
 
 
-def _read(
-    path: Path, key: str | None, counts: bool, width: int | None, given: dict[str, Any]
+def _seen(
+    capture: Capture, path: Path, given: dict[str, Any]
 ) -> tuple[Bits | npt.NDArray[np.int32], Sensor, str]:
     """The data, their sensor, and in a word where it is from."""
-    archive = path.suffix.lower() == ".npz"
-    if key is not None and not archive:
-        raise ValueError(f"key: names an array in a .npz, and {path} is none")
-    array = read_npz(path, key) if archive else read_npy(path)
-    # A photon cube is what uint8 of so many dimensions nearly always is; --counts says otherwise.
-    if not counts and path.suffix.lower() == ".npy" and is_cube(array):
-        bits = load_bits(path, width=width)
-        if bits.sensor is None:
-            sensor = Sensor(**{"frames": len(bits), **given})
-            return bits, sensor, "nothing beside the bits tells their sensor; assumed"
-        return bits, bits.sensor.replace(**given), "sensor"
+    if isinstance(capture, Bits):
+        if capture.sensor is None:
+            sensor = Sensor(**{"frames": len(capture), **given})
+            return capture, sensor, "nothing beside the bits tells their sensor; assumed"
+        return capture, capture.sensor.replace(**given), "sensor"
     if "frames" not in given and "oversampling" not in given:
         raise ValueError(
             f"{path}: holds counts, and nothing tells out of how many bits; give --frames, or "
             "--oversampling where a pixel covers many jots"
         )
-    return as_counts(array), Sensor(**given), "assumed"
+    with progress(1) as begin:
+        return capture.sum(begin("summing")), Sensor(**given), "assumed"

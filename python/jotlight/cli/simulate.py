@@ -9,7 +9,8 @@ import typer
 from jotlight.cli import options
 from jotlight.cli.console import out, progress
 from jotlight.files import spare_inputs
-from jotlight.formats.npy import created_bits, maps_beside
+from jotlight.formats.description import maps_beside
+from jotlight.formats.npy import created_bits
 from jotlight.image import as_image
 from jotlight.pictures import read_picture
 from jotlight.sensor import Sensor

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.formats.npy import read_npz
+from jotlight.formats.arrays import read_npz
 
 ARCHIVE = "cifar-10-binary.tar.gz"
 RECORDS = 10_000

@@ -2,20 +2,71 @@
 
 import os
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 from jotlight.bits import Bits
-from jotlight.formats.npy import load_bits
+from jotlight.errors import warn
+from jotlight.formats.arrays import read_npy
+from jotlight.formats.capture import Capture, Stack, as_stack, chosen, packed_on_reading
+from jotlight.formats.hdf5 import open_hdf5
+from jotlight.formats.matlab import open_matlab
+from jotlight.formats.npy import described_bits, load_bits
+from jotlight.formats.recognise import FORMATS, recognise
+from jotlight.formats.spad512s import open_spad512s
+from jotlight.formats.stacks import open_png, open_tiff
+from jotlight.formats.streamed import gzipped_npy, zipped_npy
+from jotlight.formats.swissspad import open_swissspad
+from jotlight.formats.visionsim import open_visionsim
+from jotlight.formats.zarr import open_zarr
+from jotlight.frames import Frames
+from jotlight.source import Source
+
+_KEYED = ("npz", "matlab", "hdf5", "zarr")
 
 
-def open(path: str | os.PathLike[str], *, width: int | None = None) -> Bits:
-    """Open a capture as :class:`jotlight.Bits`, memory-mapped.
+def open(
+    path: str | os.PathLike[str],
+    *,
+    format: str | None = None,
+    width: int | None = None,
+    frames: slice | None = None,
+    rotate: int = 0,
+    flip: str | None = None,
+    key: str | None = None,
+    counts: bool | None = None,
+) -> Bits | npt.NDArray[np.int32]:
+    """Open a capture, of any size: bits are read from their files as they are needed.
 
     Parameters
     ----------
     path : path
-        A photon cube `.npy`: uint8 (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C).
+        A file, or a folder of files.
+    format : str, optional
+        One of ``jotlight.formats.FORMATS``. Default: what the content tells; raw frames (`.bin`)
+        tell nothing, so that it has to be given.
     width : int, optional
         The true width in jots, where the file does not tell.
+    frames : slice, optional
+        Some of the frames, such as ``slice(100, 200)``.
+    rotate : int
+        Degrees to rotate by, anticlockwise, a multiple of 90, on top of what the format has.
+    flip : {"horizontal", "vertical"}, optional
+        Exchange left and right, or top and bottom, after that.
+    key : str, optional
+        The name of the array where a file has several.
+    counts : bool, optional
+        Whether the numbers are counts, or bits. Default: uint8 (T, H, W / 8) in a `.npy` is packed
+        bits, and so is what jotlight wrote as such; bool with a time is bits; all else is counts.
+
+    Returns
+    -------
+    Bits
+        With ``source``, which tells what was assumed.
+    ndarray of int32, shape (H, W) or (H, W, C)
+        For counts; a stack of images is summed, with a warning unless `frames` were chosen.
 
     Raises
     ------
@@ -23,19 +74,119 @@ def open(path: str | os.PathLike[str], *, width: int | None = None) -> Bits:
         When the file cannot be read.
     ValueError
         When it is not of a known format, truncated, or holds Python objects, which are never read.
+    MissingExtraError
+        When a package is needed that is not installed.
 
     Examples
     --------
     >>> import pathlib, tempfile
-    >>> import numpy as np
     >>> path = pathlib.Path(tempfile.mkdtemp()) / "cube.npy"
     >>> np.save(path, np.packbits(np.ones((4, 6, 16), bool), axis=2))
-    >>> open(path)
+    >>> bits = open(path)
+    >>> bits
     <Bits: 4 frames of 6 x 16 jots>
+    >>> bits.source.notes[0]
+    'taken for bits, the most significant first, along the width'
     """
+    capture = open_capture(
+        path,
+        format=format,
+        width=width,
+        frames=frames,
+        rotate=rotate,
+        flip=flip,
+        key=key,
+        counts=counts,
+    )
+    if isinstance(capture, Bits):
+        return capture
+    if len(capture.images) > 1 and frames is None:
+        warn(f"{path}: gives the sum of its {len(capture.images)} images of counts")
+    return capture.sum()
+
+
+def open_capture(
+    path: str | os.PathLike[str],
+    *,
+    format: str | None = None,
+    width: int | None = None,
+    frames: slice | None = None,
+    rotate: int = 0,
+    flip: str | None = None,
+    key: str | None = None,
+    counts: bool | None = None,
+) -> Capture:
+    """Open a capture as :func:`open` does, with images of counts not yet summed."""
     path = Path(path)
-    if path.suffix.lower() != ".npy":
-        raise ValueError(
-            f"{path}: expected a photon cube (.npy), got a {path.suffix or 'nameless'} file"
-        )
-    return load_bits(path, width=width)
+    if format is not None and format not in FORMATS:
+        raise ValueError(f"format: expected one of {', '.join(FORMATS)}, got {format!r}")
+    name = format or recognise(path)
+    if key is not None and name not in _KEYED:
+        raise ValueError(f"key: names an array in a file of several, and {path} ({name}) has one")
+    try:
+        capture = _opened(path, name, key, counts, width)
+    except ValueError as error:
+        if str(path) in str(error):
+            raise
+        raise ValueError(f"{path}: {error}") from error
+    if width is not None:
+        have = capture.images.shape[2] if isinstance(capture, Stack) else capture.width
+        if width != have:
+            raise ValueError(f"width: expected {have}, which {path} tells, got {width}")
+    return chosen(capture, frames, rotate, flip)
+
+
+def _opened(
+    path: Path, name: str, key: str | None, counts: bool | None, width: int | None
+) -> Capture:
+    match name:
+        case "npy":
+            return _of_array(read_npy(path), path, name, counts, width)
+        case "npy.gz":
+            return _of_array(gzipped_npy(path), path, name, counts, width)
+        case "npz":
+            # What is in archives has been counts so far.
+            counts = True if counts is None else counts
+            return _of_array(zipped_npy(path, key), path, name, counts, width)
+        case "matlab":
+            return open_matlab(path, key=key, counts=counts)
+        case "hdf5":
+            return open_hdf5(path, key=key, counts=counts, width=width)
+        case "zarr":
+            return open_zarr(path, key=key, counts=counts, width=width)
+        case "tiff" | "png":
+            return open_tiff(path) if name == "tiff" else open_png(path)
+    if counts:
+        raise ValueError(f"counts: {path} ({name}) holds bits")
+    match name:
+        case "visionsim":
+            return open_visionsim(path)
+        case "swissspad2" | "swissspad2-full":
+            return open_swissspad(path, full=name == "swissspad2-full")
+        case _:
+            return open_spad512s(path, sparse=name == "spad512s-sparse")
+
+
+def _of_array(
+    array: npt.NDArray[Any] | Frames,
+    path: Path,
+    name: str,
+    counts: bool | None,
+    width: int | None,
+) -> Capture:
+    """Bits or counts in an array: told by its type and shape unless `counts` says."""
+    dimensions = len(array.shape)
+    if array.dtype == np.bool_ and dimensions in (3, 4) and not counts and 0 not in array.shape:
+        source = Source(name, path.name, ("frames of bool, one bit each",))
+        return Bits(packed_on_reading(array, path.name), array.shape[2], source=source)
+    if counts is False or (counts is None and array.dtype == np.uint8 and dimensions in (3, 4)):
+        if array.dtype != np.uint8 or dimensions not in (3, 4):
+            raise ValueError(
+                f"{path}: expected packed bits, uint8 of shape (T, H, W/8) or (T, H, W/8, C), "
+                f"got {array.dtype} of shape {array.shape}"
+            )
+        return described_bits(array, path, width, name)
+    return as_stack(array, Source(name, path.name))
+
+
+__all__ = ["FORMATS", "load_bits", "open", "open_capture"]

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from jotlight.mle import reference_dark_counts
+from jotlight.mle import reference_jot
 from jotlight.network import Network
 from jotlight.sensor import Sensor
 
@@ -65,7 +65,8 @@ def lacking(sensor: Sensor) -> str | None:
     >>> print(lacking(Sensor(frames=16, threshold=2)).split(";")[0])
     there is no trained network for the threshold 2, only for 1
     """
-    response = sensor.efficiency * sensor._gain / sensor.bits_per_pixel
+    efficiency, dark = reference_jot(sensor)
+    response = efficiency * sensor._gain / sensor.bits_per_pixel
     if sensor.bits_per_pixel not in BITS_PER_PIXEL:
         known = ", ".join(map(str, BITS_PER_PIXEL))
         reason = f"{sensor.bits_per_pixel} bits per pixel, only for {known}"
@@ -80,8 +81,8 @@ def lacking(sensor: Sensor) -> str | None:
         )
     elif sensor.max_intensity != 1:
         reason = f"the largest intensity {sensor.max_intensity:g}, only for 1"
-    elif reference_dark_counts(sensor) > _DARK:
-        reason = f"dark counts of {reference_dark_counts(sensor):.3g}, only up to {_DARK}"
+    elif dark > _DARK:
+        reason = f"dark counts of {dark:.3g}, only up to {_DARK}"
     else:
         return None
     return f"there is no trained network for {reason}; train one: {training_command(sensor)}"
@@ -96,10 +97,11 @@ def training_command(sensor: Sensor) -> str:
         options.append(f"--threshold {sensor.threshold}")
     if sensor.kernel != "box":
         options.append(f"--kernel {sensor.kernel}")
-    if dark := reference_dark_counts(sensor):
+    efficiency, dark = reference_jot(sensor)
+    if dark:
         options.append(f"--dark-counts {float(dark)!r}")
-    if sensor.efficiency != 1:
-        options.append(f"--efficiency {float(sensor.efficiency)!r}")
+    if efficiency != 1:
+        options.append(f"--efficiency {float(efficiency)!r}")
     if sensor.max_intensity != 1:
         options.append(f"--max-intensity {float(sensor.max_intensity)!r}")
     return f"jotlight train FOLDER_OF_PHOTOGRAPHS -o model.safetensors {' '.join(options)}"

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.image import as_image
-from jotlight.mle import reference_dark_counts
+from jotlight.mle import reference_jot
 from jotlight.seeds import seed_bytes
 from jotlight.sensor import Sensor
 
@@ -91,8 +91,9 @@ class Examples:
 
 
 def sensor_of_patches(sensor: Sensor) -> Sensor:
-    """Give the sensor without its maps: no jot dead, and the median for dark counts."""
-    return sensor.replace(mask=None, dark_counts=reference_dark_counts(sensor))
+    """Give the sensor without its maps: no jot dead, and the median of the others."""
+    efficiency, dark = reference_jot(sensor)
+    return sensor.replace(mask=None, efficiency=efficiency, dark_counts=dark)
 
 
 def made_scenes(source: Source, rng: np.random.Generator, number: int) -> Scenes:

@@ -1,17 +1,21 @@
 //! Ones per pixel, counted in the packed domain.
 
+use std::borrow::Cow;
+
 use multiversion::multiversion;
 use ndarray::{ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
+use super::planes::{GROUP, Planes};
 use super::{FIELD, PackedBits, field, mask_row, packed_width};
 use crate::error::{Error, Result};
 
-/// Rows of pixels that one task counts, so that each frame is read in stretches and not byte by byte.
-const ROWS: usize = 16;
+/// Bytes of a frame that one task counts in all frames: enough to be read in stretches, and few enough for the planes to
+/// stay near the core.
+const STRETCH: usize = 2048;
 
-/// The byte lanes of an accumulator overflow after this many frames.
-const FLUSH: usize = 255;
+/// With so many frames bit planes are faster than counting the bits of each pixel in each frame.
+const MANY: usize = 2 * GROUP;
 
 /// Adds, to each pixel of `counts`, the ones among its `side` × `side` jots in all frames. `valid` is a packed mask of the
 /// jots that count, `(H, ⌈W/8⌉)`.
@@ -30,14 +34,15 @@ pub fn add_block_counts(
     }
     let (frames, rows, width) = bits.shape();
     check_mask(valid, rows, width)?;
+    let lines = (STRETCH / (packed_width(width) * side).max(1)).max(1);
     counts
-        .axis_chunks_iter_mut(Axis(0), ROWS)
+        .axis_chunks_iter_mut(Axis(0), lines)
         .into_par_iter()
         .enumerate()
         .for_each(|(chunk, counts)| {
-            let first = chunk * ROWS;
-            if side == 1 {
-                add_single_jots(bits, frames, first, valid, counts);
+            let first = chunk * lines;
+            if side == 1 || frames >= MANY {
+                add_in_planes(bits, frames, side, first, valid, counts);
             } else {
                 add_blocks(bits, frames, side, first, valid, counts);
             }
@@ -140,54 +145,43 @@ fn add_shares_of_bytes<const PIXELS: usize>(bytes: &[u8], counts: &mut [i32]) {
     }
 }
 
-/// One jot a pixel: the eight bits of a byte go to the eight byte lanes of a word, which is 255 frames from overflowing.
-fn add_single_jots(
+/// Many frames: the ones of each jot over all of them, in bit planes, then those of each pixel.
+fn add_in_planes(
     bits: &PackedBits<'_>,
     frames: usize,
+    side: usize,
     first: usize,
     valid: Option<ArrayView2<'_, u8>>,
     mut counts: ArrayViewMut2<'_, i32>,
 ) {
-    let width = packed_width(counts.ncols());
-    let mut lanes = vec![0u64; counts.nrows() * width];
-    for batch in (0..frames).step_by(FLUSH) {
-        for frame in batch..(batch + FLUSH).min(frames) {
-            for (row, lanes) in lanes.chunks_exact_mut(width).enumerate() {
-                for (lanes, &byte) in lanes.iter_mut().zip(bits.row(frame, first + row).iter()) {
-                    *lanes += SPREAD[byte as usize];
-                }
+    let (_, _, columns) = bits.shape();
+    let width = packed_width(columns);
+    let rows = first * side..(first + counts.nrows()) * side;
+    let mut planes = Planes::new(rows.len() * width);
+    let nothing = vec![0; rows.len() * width];
+    for group in (0..frames).step_by(GROUP) {
+        let stretches: [Cow<'_, [u8]>; GROUP] = std::array::from_fn(|index| {
+            if group + index < frames {
+                bits.rows(group + index, rows.clone())
+            } else {
+                Cow::Borrowed(&nothing[..])
+            }
+        });
+        planes.add(&stretches.each_ref().map(|bytes| &bytes[..]));
+    }
+    let mut jots = vec![0; columns];
+    for row in 0..rows.len() {
+        jots.fill(0);
+        planes.add_to(row * width..(row + 1) * width, &mut jots);
+        if let Some(valid) = valid {
+            let valid = mask_row(valid, rows.start + row);
+            for (column, jot) in jots.iter_mut().enumerate() {
+                *jot *= i32::from(valid[column / 8] >> (7 - column % 8) & 1);
             }
         }
-        for (row, (mut counts, lanes)) in counts
-            .axis_iter_mut(Axis(0))
-            .zip(lanes.chunks_exact_mut(width))
-            .enumerate()
-        {
-            let valid = valid.map(|valid| mask_row(valid, first + row));
-            for (column, count) in counts.iter_mut().enumerate() {
-                let valid = valid
-                    .as_ref()
-                    .is_none_or(|valid| valid[column / 8] >> (7 - column % 8) & 1 == 1);
-                if valid {
-                    *count += i32::from(lanes[column / 8].to_be_bytes()[column % 8]);
-                }
-            }
-            lanes.fill(0);
+        let mut counts = counts.row_mut(row / side);
+        for (count, jots) in counts.iter_mut().zip(jots.chunks_exact(side)) {
+            *count += jots.iter().sum::<i32>();
         }
     }
 }
-
-/// `SPREAD[byte]` has the bits of the byte, most significant first, as the lowest bits of its eight bytes.
-static SPREAD: [u64; 256] = {
-    let mut table = [0; 256];
-    let mut byte = 0;
-    while byte < 256 {
-        let mut bit = 0;
-        while bit < 8 {
-            table[byte] |= ((byte as u64 >> bit) & 1) << (8 * bit);
-            bit += 1;
-        }
-        byte += 1;
-    }
-    table
-};

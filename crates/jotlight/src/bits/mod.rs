@@ -1,8 +1,10 @@
 //! Packed bits `(T, H, ⌈W/8⌉)`, most significant bit first, as `numpy.packbits` lays them out.
 
 mod count;
+mod planes;
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use ndarray::{ArrayView1, ArrayView2, ArrayView3, s};
 
@@ -49,6 +51,15 @@ impl<'a> PackedBits<'a> {
 
     pub(crate) fn row(&self, frame: usize, row: usize) -> Cow<'a, [u8]> {
         contiguous(self.bytes.slice_move(s![frame, row, ..]))
+    }
+
+    /// The bytes of some rows of a frame, one row after the other.
+    pub(crate) fn rows(&self, frame: usize, rows: Range<usize>) -> Cow<'a, [u8]> {
+        let part = self.bytes.slice_move(s![frame, rows, ..]);
+        match part.to_slice() {
+            Some(bytes) => Cow::Borrowed(bytes),
+            None => Cow::Owned(part.iter().copied().collect()),
+        }
     }
 
     /// Rows and columns of pixels for blocks of `side` × `side` jots.

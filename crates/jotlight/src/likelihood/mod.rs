@@ -1,4 +1,4 @@
-//! The likelihood of what was seen, ℓ(s) = Σ L log P(q, s + d) + (n − L) log(1 − P(q, s + d)): its value, gradient and
+//! The likelihood of what was seen, ℓ(s) = Σ L log P(q, η s + d) + (n − L) log(1 − P(q, η s + d)): its value, gradient and
 //! curvature, and the proximal map of −ℓ. L of n bits are 1; a cell is a jot, or a pixel whose jots all see the same light.
 
 mod one_photon;
@@ -72,12 +72,13 @@ impl Step {
     }
 }
 
-/// What a sensor saw: L ones out of n valid bits of each cell, which fire d times without light.
+/// What a sensor saw: L ones out of n valid bits of each cell, which detects the share η of its light and fires d times without.
 #[derive(Clone, Copy, Debug)]
 pub struct Seen<'a> {
     threshold: Threshold,
     ones: &'a [i32],
     trials: Values<'a, i32>,
+    efficiency: Values<'a, f64>,
     dark: Values<'a, f64>,
 }
 
@@ -86,6 +87,7 @@ pub struct Seen<'a> {
 struct Cell {
     ones: f64,
     zeros: f64,
+    efficiency: f64,
     dark: f64,
 }
 
@@ -94,6 +96,7 @@ struct Cell {
 struct Cells {
     ones: Vec<f64>,
     zeros: Vec<f64>,
+    efficiency: Vec<f64>,
     dark: Vec<f64>,
 }
 
@@ -102,6 +105,7 @@ impl Cells {
         Cell {
             ones: self.ones[index],
             zeros: self.zeros[index],
+            efficiency: self.efficiency[index],
             dark: self.dark[index],
         }
     }
@@ -122,15 +126,18 @@ impl<'a> Seen<'a> {
         threshold: Threshold,
         ones: &'a [i32],
         trials: Values<'a, i32>,
+        efficiency: Values<'a, f64>,
         dark: Values<'a, f64>,
     ) -> Result<Self> {
         trials.check("trials", ones.len())?;
+        efficiency.check("efficiency", ones.len())?;
         dark.check("dark counts", ones.len())?;
         check_counts(ones, trials)?;
         Ok(Self {
             threshold,
             ones,
             trials,
+            efficiency,
             dark,
         })
     }
@@ -152,6 +159,7 @@ impl<'a> Seen<'a> {
         Cell {
             ones: f64::from(ones),
             zeros: f64::from(self.trials.at(index) - ones),
+            efficiency: self.efficiency.at(index),
             dark: self.dark.at(index),
         }
     }
@@ -162,7 +170,6 @@ impl<'a> Seen<'a> {
         let last = (first + STRETCH).min(self.len());
         cells.ones.clear();
         cells.zeros.clear();
-        cells.dark.clear();
         let ones = &self.ones[first..last];
         cells.ones.extend(ones.iter().map(|&ones| f64::from(ones)));
         match self.trials {
@@ -175,13 +182,19 @@ impl<'a> Seen<'a> {
                     .map(|(ones, trials)| f64::from(trials - ones)),
             ),
         }
-        match self.dark {
-            Values::Same(dark) => cells.dark.resize(ones.len(), dark),
-            Values::Each(dark) => cells.dark.extend_from_slice(&dark[first..last]),
+        for (values, cells) in [
+            (self.efficiency, &mut cells.efficiency),
+            (self.dark, &mut cells.dark),
+        ] {
+            cells.clear();
+            match values {
+                Values::Same(value) => cells.resize(ones.len(), value),
+                Values::Each(values) => cells.extend_from_slice(&values[first..last]),
+            }
         }
     }
 
-    /// ℓ at the light `light`, that is η s of each cell: −∞ where a bit is 1 that cannot be.
+    /// ℓ at the light s of each cell: −∞ where a bit is 1 that cannot be.
     ///
     /// # Errors
     /// [`Error::Shape`] when the arrays do not fit.
@@ -230,7 +243,8 @@ impl<'a> Seen<'a> {
         Ok(())
     }
 
-    /// The Fisher information about the light, n P'² / (P (1 − P)), that the bits of each cell carry on average, into `information`.
+    /// The Fisher information about the light, n (η P')² / (P (1 − P)), that the bits of each cell carry on average, into
+    /// `information`.
     ///
     /// # Errors
     /// [`Error::Shape`] when the arrays do not fit.
@@ -239,8 +253,11 @@ impl<'a> Seen<'a> {
         self.check(information.len())?;
         information.par_iter_mut().zip(light).enumerate().for_each(
             |(index, (information, &light))| {
-                let rate = (light + self.dark.at(index)).max(DARKEST);
+                let efficiency = self.efficiency.at(index);
+                let rate = (efficiency * light + self.dark.at(index)).max(DARKEST);
                 *information = f64::from(self.trials.at(index))
+                    * efficiency
+                    * efficiency
                     * self.threshold.fired_slopes(rate).0
                     * self.threshold.dark_slopes(rate).0;
             },
@@ -354,7 +371,7 @@ impl<'a> Seen<'a> {
     }
 
     fn log_probability(&self, cell: Cell, light: f64) -> f64 {
-        let rate = light + cell.dark;
+        let rate = cell.efficiency * light + cell.dark;
         // 0 · log 0 is 0 here: what was never seen says nothing.
         let mut value = 0.0;
         if cell.ones > 0.0 {
@@ -368,7 +385,7 @@ impl<'a> Seen<'a> {
 
     #[inline]
     fn slopes_at(&self, cell: Cell, light: f64) -> (f64, f64) {
-        let rate = (light + cell.dark).max(DARKEST);
+        let rate = (cell.efficiency * light + cell.dark).max(DARKEST);
         let (mut gradient, mut curvature) = (0.0, 0.0);
         if cell.ones > 0.0 {
             let (score, bend) = self.threshold.fired_slopes(rate);
@@ -380,7 +397,10 @@ impl<'a> Seen<'a> {
             gradient -= cell.zeros * score;
             curvature += cell.zeros * bend;
         }
-        (gradient, curvature)
+        (
+            cell.efficiency * gradient,
+            cell.efficiency * cell.efficiency * curvature,
+        )
     }
 
     /// Newton's method on the slope of −ℓ(x) + ½ penalty (x − point)², which rises, between bounds that close in on the root.

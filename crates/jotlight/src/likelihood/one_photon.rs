@@ -79,6 +79,7 @@ pub(super) fn nearest(
 struct Group {
     ones: Lanes,
     zeros: Lanes,
+    efficiency: Lanes,
     dark: Lanes,
 }
 
@@ -88,23 +89,25 @@ impl Group {
         Self {
             ones: lanes(&cells.ones, start),
             zeros: lanes(&cells.zeros, start),
+            efficiency: lanes(&cells.efficiency, start),
             dark: lanes(&cells.dark, start),
         }
     }
 
-    /// ∂ℓ/∂s = L / (e^(s + d) − 1) − (n − L), and the curvature.
+    /// ∂ℓ/∂s = η (L / (e^(η s + d) − 1) − (n − L)), and the curvature.
     #[inline(always)]
     fn slopes(&self, light: &Lanes) -> (Lanes, Lanes) {
         let mut rate = [0.0; LANES];
         for lane in 0..LANES {
-            rate[lane] = (light[lane] + self.dark[lane]).max(DARKEST);
+            rate[lane] = (self.efficiency[lane] * light[lane] + self.dark[lane]).max(DARKEST);
         }
         let grown = exp_m1(&rate);
         let (mut gradient, mut curvature) = ([0.0; LANES], [0.0; LANES]);
         for lane in 0..LANES {
             let score = 1.0 / grown[lane];
-            gradient[lane] = self.ones[lane] * score - self.zeros[lane];
-            curvature[lane] = self.ones[lane] * (score * (score + 1.0));
+            let efficiency = self.efficiency[lane];
+            gradient[lane] = efficiency * (self.ones[lane] * score - self.zeros[lane]);
+            curvature[lane] = efficiency * efficiency * (self.ones[lane] * (score * (score + 1.0)));
         }
         (gradient, curvature)
     }

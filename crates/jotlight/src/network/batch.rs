@@ -10,7 +10,7 @@ use super::block::Blocks;
 use super::{Layer, Real, check_chain};
 use crate::bits::{PackedBits, packed_width};
 use crate::error::{Error, Result};
-use crate::sensing::{self, DarkCounts, Image, Sensor, Window};
+use crate::sensing::{self, Image, PerJot, Sensor, Window};
 
 /// Parts of a batch whose matrices are summed one after the other, whatever the number of threads.
 const PARTS: usize = 16;
@@ -76,7 +76,16 @@ impl Batch<'_> {
                 (frames, lines, columns),
             ));
         }
-        if !matches!(self.sensor.dark_counts, DarkCounts::Same(_)) || self.sensor.dead.is_some() {
+        let Sensor {
+            efficiency,
+            dark_counts,
+            dead,
+            ..
+        } = &self.sensor;
+        if !matches!(
+            (efficiency, dark_counts, dead),
+            (PerJot::Same(_), PerJot::Same(_), None)
+        ) {
             return Err(Error::range("sensor", "no maps over the jots", "a map"));
         }
         if self.patches.is_empty() {

@@ -152,11 +152,11 @@ impl Scratch {
     /// Rates and bounds of the jots up to `stop`.
     fn prepare(&mut self, light: &Light<'_, '_, '_>, row: usize, stop: usize) {
         let sensor = light.sensor;
-        if let Some(dark) = sensor.blockwise() {
+        if let Some(response) = sensor.blockwise() {
             let side = sensor.kernel.oversampling();
             self.jots_per_rate = side;
             let pixels = self.base / side..stop.div_ceil(side);
-            light.block_detections(row / side, pixels, dark, &mut self.rates);
+            light.block_detections(row / side, pixels, response, &mut self.rates);
         } else {
             self.jots_per_rate = 1;
             light.detections(row, self.base..stop, &mut self.rates);

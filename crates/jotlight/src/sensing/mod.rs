@@ -43,13 +43,22 @@ impl Image<'_> {
     }
 }
 
-/// Dark counts per jot and frame: one number, or a map over the jots.
+/// What jots may have in common or each for itself: one number, or a map over the jots.
 #[derive(Clone, Copy, Debug)]
-pub enum DarkCounts<'a> {
+pub enum PerJot<'a> {
     /// The same for all jots.
     Same(f64),
     /// One for each jot, `(H·K̂, W·K̂)`.
     Map(ArrayView2<'a, f32>),
+}
+
+impl PerJot<'_> {
+    fn check(&self, what: &'static str, jots: (usize, usize)) -> Result<()> {
+        match self {
+            Self::Map(map) if map.dim() != jots => Err(Error::shape(what, jots, map.dim())),
+            _ => Ok(()),
+        }
+    }
 }
 
 /// A sensor, as far as light is concerned.
@@ -60,9 +69,9 @@ pub struct Sensor<'a> {
     /// α/T: photons per frame and unit of intensity, spread over the jots by the kernel.
     pub gain_per_frame: f64,
     /// Quantum efficiency η.
-    pub efficiency: f64,
-    /// Dark counts d.
-    pub dark_counts: DarkCounts<'a>,
+    pub efficiency: PerJot<'a>,
+    /// Dark counts d, per jot and frame.
+    pub dark_counts: PerJot<'a>,
     /// Jots that never fire, `(H·K̂, W·K̂)`, true where dead.
     pub dead: Option<ArrayView2<'a, bool>>,
     /// The threshold q.
@@ -81,11 +90,8 @@ impl Sensor<'_> {
         }
         let side = self.kernel.oversampling();
         let jots = (height * side, width * side);
-        if let DarkCounts::Map(map) = &self.dark_counts
-            && map.dim() != jots
-        {
-            return Err(Error::shape("dark counts", jots, map.dim()));
-        }
+        self.efficiency.check("efficiency", jots)?;
+        self.dark_counts.check("dark counts", jots)?;
         if let Some(dead) = &self.dead
             && dead.dim() != jots
         {
@@ -94,11 +100,13 @@ impl Sensor<'_> {
         Ok(())
     }
 
-    /// The dark counts of all jots, where the jots of a pixel all have the same rate.
-    fn blockwise(&self) -> Option<f64> {
-        match self.dark_counts {
-            DarkCounts::Same(dark) if self.kernel.degree() == 0 && self.dead.is_none() => {
-                Some(dark)
+    /// η and d of all jots, where the jots of a pixel all have the same rate.
+    fn blockwise(&self) -> Option<(f64, f64)> {
+        match (self.efficiency, self.dark_counts) {
+            (PerJot::Same(efficiency), PerJot::Same(dark))
+                if self.kernel.degree() == 0 && self.dead.is_none() =>
+            {
+                Some((efficiency, dark))
             }
             _ => None,
         }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2, Axis, s};
 use rayon::prelude::*;
 
-use super::{DarkCounts, Image, Sensor};
+use super::{Image, PerJot, Sensor};
 use crate::bits::contiguous;
 use crate::error::{Error, Result};
 use crate::sensing::kernel::{Kernel, mirrored};
@@ -88,28 +88,41 @@ impl Light<'_, '_, '_> {
             Image::F32(image) => filter(kernel, kernel, image, row, columns.clone(), rates),
             Image::F64(image) => filter(kernel, kernel, image, row, columns.clone(), rates),
         }
-        let sensitivity = self.sensor.efficiency * self.sensor.gain_per_frame;
-        match self.sensor.dark_counts {
-            DarkCounts::Same(dark) => {
-                for rate in rates {
-                    *rate = sensitivity * *rate + dark;
+        let gain = self.sensor.gain_per_frame;
+        match self.sensor.efficiency {
+            PerJot::Same(efficiency) => {
+                for rate in rates.iter_mut() {
+                    *rate *= efficiency * gain;
                 }
             }
-            DarkCounts::Map(map) => {
+            PerJot::Map(map) => {
+                let map = map.row(row);
+                for (rate, column) in rates.iter_mut().zip(columns.clone()) {
+                    *rate *= f64::from(map[column]) * gain;
+                }
+            }
+        }
+        match self.sensor.dark_counts {
+            PerJot::Same(dark) => {
+                for rate in rates {
+                    *rate += dark;
+                }
+            }
+            PerJot::Map(map) => {
                 let map = map.row(row);
                 for (rate, column) in rates.iter_mut().zip(columns) {
-                    *rate = sensitivity * *rate + f64::from(map[column]);
+                    *rate += f64::from(map[column]);
                 }
             }
         }
     }
 
-    /// η s + d of any jot of each of these pixels, where all jots of a pixel have the same, with dark counts `dark`.
+    /// η s + d of any jot of each of these pixels, where all jots have the same `(η, d)`.
     pub fn block_detections(
         &self,
         row: usize,
         pixels: Range<usize>,
-        dark: f64,
+        (efficiency, dark): (f64, f64),
         rates: &mut Vec<f64>,
     ) {
         match self.image {
@@ -117,7 +130,7 @@ impl Light<'_, '_, '_> {
             Image::F64(image) => widen(image.slice(s![row, pixels]), rates),
         }
         let share = self.sensor.kernel.taps()[0];
-        let sensitivity = self.sensor.efficiency * self.sensor.gain_per_frame * share * share;
+        let sensitivity = efficiency * self.sensor.gain_per_frame * share * share;
         for rate in rates {
             *rate = sensitivity * *rate + dark;
         }

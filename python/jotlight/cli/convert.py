@@ -1,0 +1,72 @@
+"""`jotlight convert`: a capture from one format into another."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from jotlight.bits import Bits
+from jotlight.cli import opening
+from jotlight.cli.console import out, progress
+from jotlight.formats import open_capture
+from jotlight.formats.description import json_beside, maps_beside
+from jotlight.formats.writing import TARGETS, target_of, write_capture
+
+
+def convert(
+    data: Annotated[Path, typer.Argument(help="A capture: a file, or a folder of files.")],
+    *,
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", help="A file or, for formats of many files, a new folder."),
+    ],
+    to: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Format to write: {', '.join(TARGETS)}. Default: what the output's name tells."
+        ),
+    ] = None,
+    format_: opening.Format = None,
+    frame_range: opening.FrameRange = None,
+    rotate: opening.Rotate = 0,
+    flip: opening.Flip = None,
+    width: opening.Width = None,
+    key: opening.Key = None,
+    counts: opening.Counts = None,
+) -> None:
+    """Convert a capture from one format into another, in constant memory.
+
+    Bits stay bits where the format holds them, and else are summed to counts.
+    """
+    name = target_of(output, to)
+    made = {output}
+    if name in ("npy", "npy.gz"):
+        made |= {json_beside(output), *maps_beside(output)}
+    for file in made:
+        opening.spare_capture(file, data)
+    capture = open_capture(
+        data,
+        format=format_,
+        width=width,
+        frames=opening.frames_of(frame_range),
+        rotate=rotate,
+        flip=flip,
+        key=key,
+        counts=counts,
+    )
+    source = capture.source
+    with progress(1) as begin:
+        update = begin("converting")
+        if isinstance(capture, Bits):
+            write_capture(capture, output, name, update)
+            what = f"{capture!r}"
+            if not TARGETS[name].bits:
+                what = f"counts of {capture!r}"
+        else:
+            image = capture.sum(update)
+            write_capture(image, output, name)
+            size = " x ".join(map(str, image.shape))
+            what = f"<counts: {size}, {image.min()} to {image.max()}>"
+    out.print(f"{output}: {name}, {what}", soft_wrap=True, markup=False)
+    for line in opening.told(source):
+        out.print(line, soft_wrap=True, markup=False)

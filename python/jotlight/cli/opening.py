@@ -1,0 +1,68 @@
+"""What commands that open captures share."""
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from jotlight.files import spare_inputs
+from jotlight.formats import FORMATS
+from jotlight.formats.description import maps_beside
+from jotlight.formats.turning import FLIPS
+from jotlight.source import Source
+
+
+def _option(help_: str, *names: str) -> object:
+    return typer.Option(*names, help=help_, rich_help_panel="Capture")
+
+
+Format = Annotated[
+    str | None,
+    _option(
+        f"Of what is read: {', '.join(FORMATS)}. Default: what the content tells; raw frames "
+        "tell nothing.",
+        "--format",
+    ),
+]
+Width = Annotated[int | None, _option("True width in jots, where the file does not tell.")]
+FrameRange = Annotated[
+    str | None,
+    # Letters between colons would become emoji.
+    _option("Some of the frames: 100:200 is 100 to 199, counted from 0; 0:200:2 every second."),
+]
+Rotate = Annotated[int, _option("Degrees, anticlockwise: a multiple of 90.")]
+Flip = Annotated[str | None, _option(f"After that, mirror: {' or '.join(FLIPS)}.")]
+Counts = Annotated[
+    bool | None,
+    _option(
+        "Whether the numbers are counts or bits. Default: uint8 of three dimensions in a .npy is "
+        "bits, and other numbers are counts.",
+        "--counts/--bits",
+    ),
+]
+Key = Annotated[str | None, _option("Name of the array in a .npz, .mat, HDF5 file or zarr folder.")]
+
+
+def frames_of(text: str | None) -> slice | None:
+    """The frames of an A:B or A:B:STEP."""
+    if text is None:
+        return None
+    match = re.fullmatch(r"(\d{0,15}):(\d{0,15})(?::(\d{0,15}))?", text.strip(), re.ASCII)
+    if match is None or (match[3] and int(match[3]) == 0):
+        raise ValueError(f"frame-range: expected A:B, A: or :B in whole numbers, got {text!r}")
+    return slice(*(int(number) if number else None for number in match.groups()))
+
+
+def spare_capture(output: Path, data: Path) -> None:
+    """Raise ValueError when a file to be written is part of what is read."""
+    spare_inputs(output, [data, *maps_beside(data)])
+    if data.is_dir() and data.resolve() in (output.resolve(), *output.resolve().parents):
+        raise ValueError(
+            f"{output}: the folder {data} is read, so nothing is written into it; give another name"
+        )
+
+
+def told(source: Source | None) -> list[str]:
+    """What was assumed of a file, one line each."""
+    return [] if source is None else [f"{source.format}: {note}" for note in source.notes]

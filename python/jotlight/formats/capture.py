@@ -1,0 +1,146 @@
+"""What a reader of a format gives: frames of bits or of counts, and where they are from."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.bits import Bits
+from jotlight.errors import warn
+from jotlight.formats.turning import check_turn, turned_image, turned_packed
+from jotlight.frames import Frames, parts_of_frames
+from jotlight.sensor import Sensor
+from jotlight.source import Source
+
+Counts = npt.NDArray[np.int32]
+
+_MOST_EXPANSION = 1100
+"""Bytes that a byte of a compressed file can become; DEFLATE, the most common, stays below 1033."""
+
+_SLACK = 1 << 24
+"""Bytes that any file may become."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Stack:
+    """Images of counts, of which the sum is what methods take."""
+
+    images: npt.NDArray[Any] | Frames
+    """(T, H, W) or (T, H, W, C), whole numbers."""
+    source: Source
+
+    def sum(self, progress: Callable[[float], object] | None = None) -> Counts:
+        """The sum of all images, (H, W) or (H, W, C), in memory of a few images."""
+        total = np.zeros(self.images.shape[1:], np.int64)
+        for place, part in parts_of_frames(self.images):
+            if part.min() < 0 or part.max() >= 2**31:
+                raise ValueError(
+                    f"{self.source.name}: expected counts from 0 to 2**31 - 1, got "
+                    f"{part.min()} to {part.max()}"
+                )
+            total += part.sum(axis=0, dtype=np.int64)
+            if progress:
+                progress(place.stop / len(self.images))
+        if total.max() >= 2**31:
+            raise ValueError(f"{self.source.name}: the sum of its counts is 2**31 or more")
+        if total.any() and not (total % 255).any():
+            warn(
+                f"{self.source.name}: all of its counts are multiples of 255, as in a picture of "
+                "black and white, where a count of 1 is meant"
+            )
+        return total.astype(np.int32)
+
+
+Capture = Bits | Stack
+
+
+def as_stack(images: npt.NDArray[Any] | Frames, source: Source) -> Stack:
+    """Images of counts as a stack, or raise ValueError when their shape or type does not fit.
+
+    Three dimensions of which the last is at most 4 are one image in colour.
+    """
+    shape = images.shape
+    if images.dtype.kind not in "iub" or len(shape) not in (2, 3, 4) or images.size == 0:
+        raise ValueError(
+            f"expected counts in whole numbers, (H, W), (T, H, W), (H, W, C) or "
+            f"(T, H, W, C), none of it 0, got {images.dtype} of shape {shape}"
+        )
+    colour = (len(shape) == 3 and shape[2] <= 4) or len(shape) == 4
+    if len(shape) == 4 and shape[3] > 4:
+        raise ValueError(f"expected at most 4 channels, got shape {shape}")
+    if len(shape) == 2 or (len(shape) == 3 and colour):
+        whole = np.asarray(images)
+        return Stack(whole[None], source)
+    return Stack(images, source.with_note(f"the sum of a stack of {shape[0]} images of counts"))
+
+
+def packed_on_reading(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
+    """Unpacked frames (T, H, W) or (T, H, W, C) of 0 and 1, packed as they are read."""
+    count, height, width, *channels = frames.shape
+
+    def read(start: int, stop: int) -> npt.NDArray[np.uint8]:
+        out = np.empty((stop - start, height, (width + 7) // 8, *channels), np.uint8)
+        for place, part in parts_of_frames(frames[start:stop]):
+            if part.dtype != np.bool_ and not np.isin(part, (0, 1)).all():
+                raise ValueError(
+                    f"{name}: expected bits, 0 and 1 only, got {part.min()} to {part.max()}; "
+                    "counts=True (--counts) takes the numbers for counts"
+                )
+            out[place] = np.packbits(part.astype(np.bool_), axis=2)
+        return out
+
+    return Frames((count, height, (width + 7) // 8, *channels), read)
+
+
+def check_expansion(name: str, size: int, there: int) -> None:
+    """Raise ValueError when a file of `there` bytes cannot hold an array of `size` bytes."""
+    if not 0 <= size <= _MOST_EXPANSION * there + _SLACK:
+        raise ValueError(
+            f"{name}: tells of {size} bytes, more than a file of {there} can hold; it is damaged"
+        )
+
+
+def chosen(capture: Capture, frames: slice | None, rotate: int, flip: str | None) -> Capture:
+    """Some of a capture's frames, turned and mirrored."""
+    quarters = check_turn(rotate, flip)
+    notes = [f"rotated by {90 * quarters} degrees anticlockwise"] if quarters else []
+    if flip is not None:
+        notes.append(f"mirrored, {flip}")
+    if isinstance(capture, Stack):
+        images, source = capture.images, capture.source.with_note(*notes)
+        if frames is not None:
+            images = images[frames]
+            if len(images) == 0:
+                raise ValueError(f"frames: no frames in {frames!r} of {len(capture.images)}")
+            source = source.with_note(f"of the stack {len(images)} of {len(capture.images)}")
+        return Stack(_turned_images(images, quarters, flip), source)
+    if frames is not None:
+        capture = capture[frames]
+    if not notes:
+        return capture
+    packed, width = turned_packed(capture.packed, capture.width, quarters, flip)
+    sensor = capture.sensor and _turned_sensor(capture.sensor, quarters, flip)
+    return Bits(packed, width, sensor, capture.source and capture.source.with_note(*notes))
+
+
+def _turned_images(
+    images: npt.NDArray[Any] | Frames, quarters: int, flip: str | None
+) -> npt.NDArray[Any] | Frames:
+    if quarters == 0 and flip is None:
+        return images
+    frames, height, width, *channels = images.shape
+    shape = (frames, *((width, height) if quarters % 2 else (height, width)), *channels)
+
+    def read(start: int, stop: int) -> npt.NDArray[Any]:
+        part = images[start:stop]
+        whole = part.read(0, len(part)) if isinstance(part, Frames) else part
+        return np.stack([turned_image(image, quarters, flip) for image in whole])
+
+    return Frames(shape, read, images.dtype)
+
+
+def _turned_sensor(sensor: Sensor, quarters: int, flip: str | None) -> Sensor:
+    maps = {name: turned_image(map_, quarters, flip) for name, map_ in sensor.maps().items()}
+    return sensor.replace(**maps)

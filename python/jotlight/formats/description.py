@@ -1,0 +1,108 @@
+"""What a photon cube cannot say, in a `.json` beside it: true width, sensor and source."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jotlight.errors import warn
+from jotlight.formats.arrays import read_npy
+from jotlight.sensor import MAPS, Sensor
+from jotlight.source import Source
+
+_FORMAT = "jotlight bits"
+_VERSION = 1
+
+_MOST_JSON = 1 << 20
+"""Bytes of a description that are read at most."""
+
+
+def describe(width: int, sensor: Sensor | None, source: Source | None) -> dict[str, Any]:
+    """What goes into the `.json`; the names of files with maps are the caller's to add."""
+    description: dict[str, Any] = {"format": _FORMAT, "version": _VERSION, "width": width}
+    if sensor is not None:
+        description["sensor"] = sensor.numbers()
+        description["maps"] = {}
+    if source is not None:
+        description["source"] = source.to_json()
+    return description
+
+
+def json_beside(path: Path) -> Path:
+    """Where the description of a cube stands."""
+    if path.suffix.lower() == ".gz":
+        path = path.with_suffix("")
+    return path.with_suffix(".json")
+
+
+def maps_beside(path: Path) -> set[Path]:
+    """The files that bits in `path` have beside them: their description and the sensor's maps."""
+    beside = json_beside(path)
+    return {beside, *maps_named_by(beside)} if path.suffix in (".npy", ".gz") else set()
+
+
+def maps_named_by(beside: Path) -> set[Path]:
+    """The maps in the same folder that a description of ours names."""
+    description = (parse_ours(beside) or {}) if beside.is_file() else {}
+    maps = description.get("maps")
+    names = maps.values() if isinstance(maps, dict) else ()
+    stem = beside.name.removesuffix(".json")
+    ours = {f"{stem}.{name}.npy" for name in MAPS}
+    return {beside.parent / name for name in names if name in ours}
+
+
+def read_description(path: Path) -> tuple[int | None, Sensor | None, Source | None]:
+    """The width, the sensor and the source that the `.json` beside a cube tells."""
+    beside = json_beside(path)
+    if not beside.is_file():
+        return None, None, None
+    description = parse_ours(beside)
+    if description is None:
+        warn(f"{beside} does not describe bits of jotlight and is not used")
+        return None, None, None
+    width = description.get("width")
+    if description.get("version") != _VERSION or not isinstance(width, int) or width < 1:
+        raise ValueError(
+            f"{beside}: expected version {_VERSION} and a width, got version "
+            f"{description.get('version')!r} and width {width!r}"
+        )
+    try:
+        told = description.get("source")
+        source = None if told is None else Source.from_json(told)
+        if description.get("sensor") is None:
+            return width, None, source
+        files = description.get("maps") or {}
+        if not isinstance(files, dict) or not files.keys() <= set(MAPS):
+            raise ValueError(f"maps: expected files for {' and '.join(MAPS)}, got {files!r}")
+        maps = {name: np.array(read_npy(sibling(path, file))) for name, file in files.items()}
+        return width, Sensor.from_parts(description["sensor"], maps), source
+    except FileNotFoundError as error:
+        raise FileNotFoundError(f"{beside}: {error}") from error
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{beside}: {error}") from error
+
+
+def parse_ours(path: Path) -> dict[str, Any] | None:
+    """The description in a file, or None when it is none of ours."""
+    if path.stat().st_size > _MOST_JSON:
+        return None
+    try:
+        description = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError):
+        return None
+    if isinstance(description, dict) and description.get("format") == _FORMAT:
+        return description
+    return None
+
+
+def sibling(path: Path, name: object, what: str = "maps") -> Path:
+    """A file in the same folder: a description from a stranger must not point elsewhere."""
+    if (
+        not isinstance(name, str)
+        or Path(name).name != name
+        or name in ("", ".", "..")
+        or "\0" in name
+    ):
+        raise ValueError(f"{what}: expected the name of a file in the same folder, got {name!r}")
+    return path.parent / name

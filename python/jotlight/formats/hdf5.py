@@ -1,0 +1,111 @@
+"""HDF5: a data set of packed bits, of bool, or of counts. Needs the extra `hdf5`."""
+
+import contextlib
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.bits import Bits
+from jotlight.errors import MissingExtraError
+from jotlight.formats.capture import Capture, check_expansion
+from jotlight.formats.labelled import Item, capture_of, label
+from jotlight.frames import Frames, parts_of_frames
+from jotlight.source import Source
+
+_MOST_SETS = 1000
+_MOST_CHUNK = 1 << 28
+"""Bytes of a chunk, which is unpacked whole, at most."""
+
+
+def _h5py() -> Any:
+    try:
+        import h5py
+    except ImportError as error:
+        raise MissingExtraError(
+            "HDF5 and MATLAB 7.3 files need h5py: pip install 'jotlight[hdf5]'"
+        ) from error
+    return h5py
+
+
+@contextlib.contextmanager
+def _said(path: Path) -> Iterator[None]:
+    """What the HDF5 library says of a damaged file, in our words."""
+    try:
+        yield
+    except (MissingExtraError, FileNotFoundError, PermissionError):
+        raise
+    except ValueError as error:
+        if str(path) in str(error):
+            raise
+        raise ValueError(f"{path}: the HDF5 file is damaged ({error})") from error
+    except Exception as error:  # anything: the library has many ways to fail
+        raise ValueError(f"{path}: the HDF5 file is damaged ({error})") from error
+
+
+def open_file(path: Path) -> dict[str, Item]:
+    """The data sets of numbers in a file by name, read when asked for."""
+    h5py = _h5py()
+    found: dict[str, Item] = {}
+
+    def visit(name: str, item: Any) -> bool | None:
+        if isinstance(item, h5py.Dataset) and item.dtype.kind in "biuf" and item.ndim > 0:
+            found[name] = _item(path, item)
+        return True if len(found) >= _MOST_SETS else None
+
+    with _said(path):
+        # Links are not followed, and so no file leads to another.
+        h5py.File(path, "r").visititems(visit)
+    return found
+
+
+def _item(path: Path, item: Any) -> Item:
+    if item.external or item.is_virtual:
+        raise ValueError(f"{path}: {item.name} is in other files, which are not opened")
+    size = math.prod(item.shape) * item.dtype.itemsize
+    check_expansion(f"{path}: {item.name}", size, path.stat().st_size)
+    if item.chunks and math.prod(item.chunks) * item.dtype.itemsize > _MOST_CHUNK:
+        raise ValueError(f"{path}: {item.name} has chunks of more than {_MOST_CHUNK} bytes")
+    told = item.attrs.get("jotlight")
+
+    def read(start: int, stop: int) -> npt.NDArray[Any]:
+        with _said(path):
+            return np.asarray(item[start:stop])
+
+    return Item(Frames(item.shape, read, item.dtype), told if isinstance(told, str) else None)
+
+
+def open_hdf5(
+    path: Path,
+    *,
+    key: str | None = None,
+    counts: bool | None = None,
+    width: int | None = None,
+) -> Capture:
+    """Open the data set of a file, by name where it has several."""
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {path}")
+    found = open_file(path)
+    return capture_of(found, Source("hdf5", path.name), key=key, counts=counts, width=width)
+
+
+def write_hdf5(path: Path, data: Bits | npt.NDArray[np.int32]) -> None:
+    """Write packed bits, or an image of counts."""
+    h5py = _h5py()
+    with h5py.File(path, "w") as file:
+        if isinstance(data, Bits):
+            shape = data.packed.shape
+            each = math.prod(shape[1:])
+            chunks = (max(1, min(shape[0], (1 << 20) // each)), *shape[1:])
+            cube = file.create_dataset(
+                "bits", shape, np.uint8, chunks=chunks, compression="gzip", compression_opts=1
+            )
+            for place, part in parts_of_frames(data.packed):
+                cube[place] = part
+            cube.attrs["jotlight"] = json.dumps(label(data))
+        else:
+            file.create_dataset("counts", data=data)

@@ -1,0 +1,62 @@
+"""Sizes in a `.mat` of version 5, checked before SciPy takes memory for them."""
+
+import zlib
+from pathlib import Path
+from typing import Literal
+
+from jotlight.formats.capture import check_expansion
+
+Order = Literal["little", "big"]
+
+_COMPRESSED = 15
+_MATRIX = 14
+_HEADER = 128
+_PREFIX = 1 << 16
+_MOST_VARIABLES = 10_000
+
+
+def check_sizes(path: Path) -> None:
+    """Raise ValueError when a variable or a part of one tells of more bytes than there can be."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        header = file.read(_HEADER)
+        if not header.startswith(b"MATLAB 5.0") or header[126:128] not in (b"IM", b"MI"):
+            raise ValueError("it is not of version 5 or 7 (save with -v7 or -v7.3)")
+        order: Order = "little" if header[126:128] == b"IM" else "big"
+        place = _HEADER
+        for _ in range(_MOST_VARIABLES):
+            file.seek(place)
+            tag = file.read(8)
+            if not tag:
+                return
+            kind, there = _word(tag, 0, order), _word(tag, 4, order)
+            if len(tag) < 8 or there > size - place - 8 or kind not in (_COMPRESSED, _MATRIX):
+                raise ValueError("it is truncated or damaged")
+            start = file.read(min(there, _PREFIX))
+            if kind == _COMPRESSED:
+                start = zlib.decompressobj().decompress(start, _PREFIX)
+                kind, inside = _word(start, 0, order), _word(start, 4, order)
+                if kind != _MATRIX or len(start) < 8:
+                    raise ValueError("a variable is damaged")
+                check_expansion("a variable", inside, there)
+                _check_parts(start[8:], inside, order)
+            else:
+                _check_parts(start, there, order)
+            place += 8 + there
+    raise ValueError(f"it has more than {_MOST_VARIABLES} variables")
+
+
+def _check_parts(start: bytes, inside: int, order: Order) -> None:
+    """The flags, sizes, name and numbers of a variable, each behind a tag."""
+    place = 0
+    while place + 8 <= min(len(start), inside):
+        word, size = _word(start, place, order), _word(start, place + 4, order)
+        if word >> 16:  # up to four bytes stand in the tag itself
+            size = 0
+        if size > inside - place - 8:
+            raise ValueError("a variable is damaged")
+        place += 8 + (size + 7) // 8 * 8
+
+
+def _word(data: bytes, place: int, order: Order) -> int:
+    return int.from_bytes(data[place : place + 4], order)

@@ -1,0 +1,168 @@
+"""Frames that are read when they are asked for, so that a capture may exceed the memory."""
+
+import bisect
+import itertools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+_PART = 1 << 23
+"""Bytes of frames that are read at once."""
+
+
+class Frames:
+    """A stack of frames in files: the shape of an array, read part by part.
+
+    ``frames[a:b]`` gives some of them, still in their files; ``frames[..., c]`` one channel
+    likewise; and ``frames[a:b, rows, ...]`` reads and gives an array. ``numpy.asarray`` reads all.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        (T, H, ...).
+    read : callable
+        ``read(start, stop)`` gives these frames as an array.
+    dtype : dtype
+        Theirs.
+
+    Examples
+    --------
+    >>> frames = Frames((1000, 2, 3), lambda a, b: np.full((b - a, 2, 3), 7, np.uint8))
+    >>> frames[10:12].shape, frames[10:12, :1].tolist()
+    ((2, 2, 3), [[[7, 7, 7]], [[7, 7, 7]]])
+    """
+
+    def __init__(
+        self,
+        shape: tuple[int, ...],
+        read: Callable[[int, int], npt.NDArray[Any]],
+        dtype: npt.DTypeLike = np.uint8,
+    ) -> None:
+        self.shape = tuple(map(int, shape))
+        self.dtype = np.dtype(dtype)
+        self._read = read
+
+    @property
+    def ndim(self) -> int:
+        """How many dimensions."""
+        return len(self.shape)
+
+    @property
+    def size(self) -> int:
+        """How many numbers."""
+        return math.prod(self.shape)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes, were all of it read."""
+        return self.size * self.dtype.itemsize
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def read(self, start: int, stop: int) -> npt.NDArray[Any]:
+        """Frames start to stop as an array."""
+        part = self._read(start, stop)
+        expected = (stop - start, *self.shape[1:])
+        if part.shape != expected or part.dtype != self.dtype:
+            raise ValueError(
+                f"expected frames of shape {expected} in {self.dtype}, got {part.shape} in "
+                f"{part.dtype}; a file has changed since it was opened"
+            )
+        return part
+
+    def parts(self) -> Iterator[tuple[slice, npt.NDArray[Any]]]:
+        """All frames in order, some at a time."""
+        return parts_of_frames(self)
+
+    def __getitem__(self, key: Any) -> Any:
+        if isinstance(key, slice):
+            return self._range(key)
+        if not isinstance(key, tuple) or not key:
+            raise TypeError(f"expected a slice of frames, or a tuple of slices, got {key!r}")
+        if key[0] is Ellipsis:
+            return self._of_each(key)
+        if not isinstance(key[0], slice):
+            raise TypeError(f"expected a slice of frames first, got {key[0]!r}")
+        chosen = self._range(key[0])
+        # Costs no memory, and tells the shape as NumPy has it.
+        shape = np.broadcast_to(np.uint8(0), chosen.shape)[(slice(None), *key[1:])].shape
+        out = np.empty(shape, self.dtype)
+        for place, part in chosen.parts():
+            out[place] = part[(slice(None), *key[1:])]
+        return out
+
+    def __array__(
+        self, dtype: npt.DTypeLike | None = None, copy: bool | None = None
+    ) -> npt.NDArray[Any]:
+        if copy is False:
+            raise ValueError("frames in files are read into a new array")
+        array = self[:, ...]
+        return np.asarray(array, dtype)
+
+    def _range(self, key: slice) -> "Frames":
+        start, stop, step = key.indices(len(self))
+        if step < 0:
+            raise ValueError(f"frames: expected a range that goes forward, got step {step}")
+        number = len(range(start, stop, step))
+        read = self.read
+        if step == 1:
+            return Frames(
+                (number, *self.shape[1:]), lambda a, b: read(start + a, start + b), self.dtype
+            )
+
+        def one_by_one(a: int, b: int) -> npt.NDArray[Any]:
+            places = range(start + a * step, start + b * step, step)
+            return np.concatenate([read(place, place + 1) for place in places])
+
+        return Frames((number, *self.shape[1:]), one_by_one, self.dtype)
+
+    def _of_each(self, key: tuple[Any, ...]) -> "Frames":
+        """What `key` takes of each frame, such as a channel."""
+        shape = np.broadcast_to(np.uint8(0), self.shape)[key].shape
+        if len(key) >= self.ndim + 1 or shape[0] != len(self):
+            raise TypeError(f"expected a part of each frame, got {key!r}")
+        return Frames(shape, lambda a, b: self.read(a, b)[key], self.dtype)
+
+
+def parts_of_frames(
+    frames: npt.NDArray[Any] | Frames, at_once: int = _PART
+) -> Iterator[tuple[slice, npt.NDArray[Any]]]:
+    """Give all frames of an array, or in files, in order and some bytes at a time."""
+    each = max(1, frames.nbytes // max(1, len(frames)))
+    step = max(1, at_once // each)
+    for start in range(0, len(frames), step):
+        place = slice(start, min(start + step, len(frames)))
+        part = frames[place]
+        yield place, part.read(0, len(part)) if isinstance(part, Frames) else part
+
+
+def joined(parts: Sequence[npt.NDArray[Any] | Frames]) -> npt.NDArray[Any] | Frames:
+    """Several stacks of frames of one shape, one after the other.
+
+    Examples
+    --------
+    >>> joined([np.zeros((2, 1, 1), np.uint8), np.ones((3, 1, 1), np.uint8)])[1:3, 0, 0].tolist()
+    [0, 1]
+    """
+    parts = [part for part in parts if len(part)] or list(parts[:1])
+    if len(parts) == 1:
+        return parts[0]
+    ends = list(itertools.accumulate(map(len, parts)))
+
+    def read(start: int, stop: int) -> npt.NDArray[Any]:
+        out = np.empty((stop - start, *parts[0].shape[1:]), parts[0].dtype)
+        done = 0
+        for index in range(bisect.bisect_right(ends, start), len(parts)):
+            first = start + done - (ends[index] - len(parts[index]))
+            take = min(stop - start - done, len(parts[index]) - first)
+            out[done : done + take] = parts[index][first : first + take, ...]
+            done += take
+            if done == stop - start:
+                break
+        return out
+
+    return Frames((ends[-1], *parts[0].shape[1:]), read, parts[0].dtype)

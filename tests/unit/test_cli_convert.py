@@ -1,0 +1,236 @@
+"""`jotlight convert`, and what `info` and `reconstruct` do with captures."""
+
+import itertools
+import json
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.formats.writing import TARGETS, target_of, write_capture
+from reference import formats as twin
+
+BITS = [name for name, target in TARGETS.items() if target.bits]
+COUNTS = [name for name, target in TARGETS.items() if target.counts]
+NEEDS = {"hdf5": "h5py", "zarr": "zarr"}
+
+
+def path_of(folder, name, stem="out"):
+    endings = TARGETS[name].endings
+    return folder / (stem + (endings[0] if endings else ""))
+
+
+def random(frames, height, width):
+    return np.random.default_rng(0).random((frames, height, width)) < 0.3
+
+
+def files(folder):
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
+
+
+@pytest.fixture(scope="module")
+def captures(tmp_path_factory):
+    """Five frames in every format that is written."""
+    folder = tmp_path_factory.mktemp("captures")
+    for name in BITS:
+        if name in NEEDS and find_spec(NEEDS[name]) is None:
+            continue
+        bits = jl.Bits.from_array(random(5, 256 if name == "swissspad2" else 512, 512))
+        write_capture(bits, path_of(folder, name, name), name)
+    return folder
+
+
+@pytest.mark.parametrize(("first", "second"), [*itertools.product(BITS, BITS)])
+def test_bits_come_through_every_pair_of_formats(captures, tmp_path, first, second):
+    for name in (first, second):
+        pytest.importorskip(NEEDS.get(name, "numpy"))
+    bits = jl.open(path_of(captures, first, first), format=first)
+    cut = "swissspad2" in (first, second) and first != second
+    if cut and TARGETS[second].endings == (".bin",):
+        with pytest.raises(ValueError, match="expected frames of"):
+            write_capture(bits, path_of(tmp_path, second), second)
+        assert files(tmp_path) == []
+        return
+    write_capture(bits, path_of(tmp_path, second), second)
+    again = jl.open(path_of(tmp_path, second), format=second)
+    expected = random(5, 256 if first == "swissspad2" else 512, 512)
+    np.testing.assert_array_equal(again.to_array(), expected)
+
+
+@pytest.mark.parametrize("name", [name for name in BITS if TARGETS[name].endings != (".bin",)])
+def test_the_true_width_is_kept(tmp_path, name):
+    pytest.importorskip(NEEDS.get(name, "numpy"))
+    array = random(3, 5, 13)
+    write_capture(jl.Bits.from_array(array), path_of(tmp_path, name), name)
+    np.testing.assert_array_equal(jl.open(path_of(tmp_path, name)).to_array(), array)
+
+
+@pytest.mark.parametrize("name", [name for name in BITS if TARGETS[name].keeps])
+def test_sensor_and_source_are_kept(tmp_path, name):
+    pytest.importorskip(NEEDS.get(name, "numpy"))
+    np.save(tmp_path / "cube.npy", twin.packed(random(3, 5, 16)))
+    bits = jl.open(tmp_path / "cube.npy", frames=slice(1, 3))
+    bits.sensor = jl.Sensor(frames=2, gain=4.0)
+    write_capture(bits, path_of(tmp_path, name), name)
+    again = jl.open(path_of(tmp_path, name))
+    assert (again.sensor, again.source) == (bits.sensor, bits.source)
+
+
+@pytest.mark.parametrize(("first", "second"), [*itertools.product(COUNTS, COUNTS)])
+@pytest.mark.parametrize("most", [200, 60000])
+def test_counts_come_through_every_pair_of_formats(tmp_path, first, second, most):
+    for name in (first, second):
+        pytest.importorskip(NEEDS.get(name, "numpy"))
+    image = np.random.default_rng(0).integers(0, most, (6, 9), np.int32)
+    write_capture(image, path_of(tmp_path, first, "a"), first)
+    write_capture(jl.open(path_of(tmp_path, first, "a")), path_of(tmp_path, second, "b"), second)
+    np.testing.assert_array_equal(jl.open(path_of(tmp_path, second, "b")), image)
+
+
+@pytest.mark.parametrize("name", ["swissspad2", "swissspad2-full", "spad512s", "spad512s-sparse"])
+def test_folders_have_files_as_the_camera_has_them(tmp_path, monkeypatch, name):
+    from jotlight.formats import spad512s
+
+    monkeypatch.setattr(spad512s, "FRAMES_PER_FILE", 10)
+    height = 256 if name == "swissspad2" else 512
+    frames = {"swissspad2": 512, "swissspad2-full": 256}.get(name, 10) + 2
+    array = np.zeros((frames, height, 512), bool)
+    array[np.arange(frames), np.arange(frames) % height, 7] = True
+    write_capture(jl.Bits.from_array(array), tmp_path / "out", name)
+    found = [file for file in files(tmp_path / "out") if file.endswith(".bin")]
+    if name.startswith("swissspad2"):
+        assert found == ["0/0/filename0.bin", "0/0/filename1.bin"]
+        assert (tmp_path / "out" / found[0]).stat().st_size == 1 << 23
+    else:
+        assert found == ["RAW00000.bin", "RAW00001.bin"]
+    bits = jl.open(tmp_path / "out", format=name)
+    np.testing.assert_array_equal(bits.counts(), array.sum(0))
+    np.testing.assert_array_equal(bits[-3:].to_array(), array[-3:])
+
+
+def test_convert_prints_and_records_what_was_assumed(run, tmp_path):
+    array = random(4, 256, 512)
+    (tmp_path / "a.bin").write_bytes(twin.half_array_bytes(array))
+    words = ["--format", "swissspad2", "--frame-range", "1:3", "--rotate", 90, "--flip"]
+    status, said = run("convert", "a.bin", "-o", "a.npy", *words, "horizontal")
+    assert status == 0
+    for expected in ("2 frames of 512 x 256", "least significant bit first", "rotated by 90"):
+        assert expected in said
+    told = json.loads((tmp_path / "a.json").read_text())
+    assert (told["source"]["format"], told["source"]["name"]) == ("swissspad2", "a.bin")
+    assert "frames 1 to 3 of 4" in told["source"]["notes"]
+    bits = jl.open(tmp_path / "a.npy")
+    np.testing.assert_array_equal(bits.to_array(), twin.turned(array[1:3], 90, "horizontal"))
+    status, said = run("info", "a.npy")
+    assert status == 0
+    assert "least significant bit first" in said
+
+
+def test_convert_sums_bits_where_the_format_holds_counts(run, tmp_path):
+    array = random(4, 6, 8)
+    jl.Bits.from_array(array).save(tmp_path / "a.npy")
+    assert run("convert", "a.npy", "-o", "a.tif")[0] == 0
+    np.testing.assert_array_equal(jl.open(tmp_path / "a.tif"), array.sum(0))
+
+
+def test_raw_captures_are_reconstructed_and_described(run, tmp_path):
+    array = random(4, 256, 512)
+    (tmp_path / "a.bin").write_bytes(twin.half_array_bytes(array))
+    status, said = run("info", "a.bin")
+    assert status == 1
+    assert "--format" in said
+    status, said = run("info", "a.bin", "--format", "swissspad2", "--rotate", 90)
+    assert status == 0
+    for expected in ("512 x 256", "swissspad2", "least significant bit first", "rotated by 90"):
+        assert expected in said
+    words = ["--format", "swissspad2", "--frame-range", "1:", "--rotate", 270]
+    status, said = run("reconstruct", "a.bin", "-o", "a.npy", "-m", "mle", *words)
+    assert status == 0
+    assert "swissspad2: rotated by 270 degrees" in said
+    expected = jl.mle(np.rot90(array[1:].sum(0), 3), jl.Sensor(frames=3))
+    np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), expected)
+
+
+def test_folders_are_reconstructed_and_described(run, tmp_path):
+    folder = tmp_path / "set"
+    write_capture(jl.Bits.from_array(random(4, 6, 13)), folder, "visionsim")
+    assert "6 x 13" in run("info", "set")[1]
+    assert run("reconstruct", "set", "-o", "a.npy", "-m", "mle")[0] == 0
+    before = files(folder)
+    status, said = run("reconstruct", "set", "-o", "set/frames.npy", "-m", "mle")
+    assert status == 1
+    assert "nothing is written into it" in said
+    assert files(folder) == before
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["convert", "a.npy", "-o", "a.npy"], "another name"),
+        (["convert", "a.npy", "-o", "b.bin"], "give the one to write (--to): swissspad2"),
+        (["convert", "a.npy", "-o", "b"], "(--to): visionsim, swissspad2"),
+        (["convert", "a.npy", "-o", "b.xyz"], "tells no single format"),
+        (["convert", "a.npy", "-o", "b.npy", "--to", "png"], "ends in .png for png"),
+        (["convert", "a.npy", "-o", "b.bin", "--to", "matlab"], "nothing, for a folder"),
+        (["convert", "a.npy", "-o", "b.bin", "--to", "mp4"], "to: expected one of npy"),
+        (["convert", "a.npy", "-o", "b.bin", "--to", "swissspad2"], "256 x 512"),
+        (["convert", "a.npy", "-o", "b.npy", "--frame-range", "5"], "frame-range: expected A:B"),
+        (["convert", "a.npy", "-o", "b.npy", "--frame-range", "1:9:0"], "frame-range"),
+        (["convert", "a.npy", "-o", "b.npy", "--frame-range", "7:9"], "no frames"),
+        (["convert", "a.npy", "-o", "b.npy", "--rotate", "45"], "multiple of 90"),
+        (["convert", "a.npy", "-o", "c", "--to", "visionsim"], "is there already"),
+        (["convert", "none.npy", "-o", "b.npy"], "there is no file"),
+        (["convert", "counts.tif", "-o", "b", "--to", "visionsim"], "cannot be had of counts"),
+        (["convert", "a.npy", "-o", "none/b.npy"], "there is no folder"),
+        (["convert", "cut.npy.gz", "-o", "b.npy"], "damaged or truncated"),
+        (["convert", "cut.npy.gz", "-o", "b", "--to", "matlab"], "damaged or truncated"),
+        (["convert", "cut.npy.gz", "-o", "b.npy.gz"], "damaged or truncated"),
+    ],
+)
+def test_what_cannot_be_converted_gets_one_line_and_leaves_nothing(run, tmp_path, words, expected):
+    jl.Bits.from_array(random(3, 5, 13)).save("a.npy")
+    write_capture(np.ones((4, 5), np.int32), tmp_path / "counts.tif", "tiff")
+    write_capture(jl.Bits.from_array(random(400, 64, 64)), tmp_path / "cut.npy.gz", "npy.gz")
+    content = (tmp_path / "cut.npy.gz").read_bytes()
+    (tmp_path / "cut.npy.gz").write_bytes(content[: len(content) // 2])
+    (tmp_path / "c").mkdir()
+    before = {path: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")}
+    status, said = run(*words)
+    assert status == 1
+    assert expected in said
+    assert said.startswith("error: ")
+    after = {path: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")}
+    assert after == before
+
+
+@pytest.mark.parametrize("name", BITS)
+def test_an_interrupted_conversion_leaves_nothing(tmp_path, name):
+    pytest.importorskip(NEEDS.get(name, "numpy"))
+    from jotlight.frames import Frames
+
+    def read(start, stop):
+        if start > 0:
+            raise KeyboardInterrupt
+        return np.zeros((stop - start, height, 64), np.uint8)
+
+    height = 256 if name == "swissspad2" else 512
+    with pytest.raises(KeyboardInterrupt):
+        write_capture(jl.Bits(Frames((2000, height, 64), read)), path_of(tmp_path, name), name)
+    assert files(tmp_path) == []
+
+
+def test_the_name_of_a_file_tells_its_format(tmp_path):
+    told = {target_of(path_of(tmp_path, name)) for name in TARGETS if len(TARGETS[name].endings)
+            and TARGETS[name].endings != (".bin",)}  # fmt: skip
+    assert told == {name for name in TARGETS if TARGETS[name].endings not in ((), (".bin",))}
+
+
+@pytest.mark.parametrize("name", ["hdf5", "zarr", "visionsim"])
+def test_a_sensor_that_has_no_place_is_left_out_and_said(tmp_path, name):
+    pytest.importorskip(NEEDS.get(name, "numpy"))
+    sensor = jl.Sensor(frames=3, mask=np.eye(5, 13, dtype=bool))
+    bits = jl.Bits.from_array(random(3, 5, 13), sensor)
+    with pytest.warns(jl.JotlightWarning, match="no place for the sensor"):
+        write_capture(bits, path_of(tmp_path, name), name)
+    assert jl.open(path_of(tmp_path, name)).sensor is None

@@ -1,0 +1,88 @@
+"""Counts in TIFF and PNG, and masks."""
+
+import numpy as np
+import png
+import pytest
+import tifffile
+from PIL import Image
+
+import jotlight as jl
+from jotlight.formats.stacks import read_mask
+
+COUNTS = np.random.default_rng(0).integers(0, 300, (5, 6, 7), np.uint16)
+
+
+@pytest.mark.parametrize("compression", [None, "zlib"])
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_stacks_in_tiff(tmp_path, compression, order):
+    options = {"photometric": "minisblack", "compression": compression, "byteorder": order}
+    tifffile.imwrite(tmp_path / "a.tif", COUNTS, **options)
+    with pytest.warns(jl.JotlightWarning, match="sum of its 5 images"):
+        counts = jl.open(tmp_path / "a.tif")
+    np.testing.assert_array_equal(counts, COUNTS.sum(0))
+    part = jl.open(tmp_path / "a.tif", frames=slice(1, 3))
+    np.testing.assert_array_equal(part, COUNTS[1:3].sum(0))
+    tifffile.imwrite(tmp_path / "a.tif", COUNTS[0], **options)
+    np.testing.assert_array_equal(jl.open(tmp_path / "a.tif"), COUNTS[0])
+
+
+def test_colour_counts_in_tiff(tmp_path):
+    image = COUNTS[:, :, :3]
+    tifffile.imwrite(tmp_path / "a.tif", image, photometric="rgb")
+    np.testing.assert_array_equal(jl.open(tmp_path / "a.tif"), image)
+
+
+def test_floats_are_no_counts(tmp_path):
+    tifffile.imwrite(tmp_path / "a.tif", np.ones((4, 5), np.float32))
+    with pytest.raises(ValueError, match="floats are a picture"):
+        jl.open(tmp_path / "a.tif")
+
+
+@pytest.mark.parametrize("depth", [1, 2, 4, 8, 16])
+def test_png_of_every_depth(tmp_path, depth):
+    levels = np.random.default_rng(0).integers(0, 2**depth, (6, 11), np.uint16)
+    with (tmp_path / "a.png").open("wb") as file:
+        png.Writer(11, 6, greyscale=True, bitdepth=depth).write(file, levels.tolist())
+    read = jl.open(tmp_path / "a.png")
+    if depth == 1:
+        np.testing.assert_array_equal(read.to_array()[0], levels)
+    else:
+        np.testing.assert_array_equal(read, levels)
+
+
+def test_a_palette_is_counts_that_a_program_has_painted(tmp_path):
+    levels = np.random.default_rng(0).integers(0, 16, (6, 11), np.uint8)
+    with (tmp_path / "a.png").open("wb") as file:
+        colours = [(16 * level, 0, 255 - level) for level in range(16)]
+        png.Writer(11, 6, palette=colours, bitdepth=4).write(file, levels.tolist())
+    np.testing.assert_array_equal(jl.open(tmp_path / "a.png"), levels)
+
+
+def test_folders_of_pictures_are_in_natural_order(tmp_path):
+    for number, image in enumerate(COUNTS):
+        Image.fromarray(image).save(tmp_path / f"{number + 8}.png")
+    with pytest.warns(jl.JotlightWarning, match="sum of its 5 images"):
+        np.testing.assert_array_equal(jl.open(tmp_path), COUNTS.sum(0))
+    np.testing.assert_array_equal(jl.open(tmp_path, frames=slice(2, 3)), COUNTS[2])
+    Image.fromarray(COUNTS[0, :2]).save(tmp_path / "20.png")
+    with pytest.raises(ValueError, match="one size"):
+        jl.open(tmp_path)
+
+
+def test_colour_is_refused(tmp_path):
+    Image.fromarray(np.zeros((4, 5, 3), np.uint8)).save(tmp_path / "a.png")
+    with pytest.raises(ValueError, match="expected grey levels"):
+        jl.open(tmp_path / "a.png")
+
+
+def test_masks(tmp_path):
+    mask = np.zeros((6, 11), bool)
+    mask[2, 3] = True
+    np.save(tmp_path / "a.npy", mask)
+    Image.fromarray(mask).save(tmp_path / "one.png")
+    Image.fromarray(mask.astype(np.uint8) * 255).save(tmp_path / "eight.png")
+    for name in ("a.npy", "one.png", "eight.png"):
+        np.testing.assert_array_equal(read_mask(tmp_path / name), mask)
+    Image.fromarray(~mask).save(tmp_path / "one.png")
+    with pytest.warns(jl.JotlightWarning, match="invert it"):
+        read_mask(tmp_path / "one.png")
