@@ -16,10 +16,11 @@ _SHORT_ROW = 1 << 9
 
 
 def slabs_of(
-    frames: int, rows: int, jots_per_row: int, at_once: int = _SLAB
+    frames: int, rows: int, jots_per_row: int, at_once: int | None = None
 ) -> Iterator[tuple[range, range]]:
     """Cut frames and rows into parts of which each takes well under a second."""
     cost = max(_SHORT_ROW, jots_per_row)
+    at_once = at_once or _SLAB
     rows_at_once = max(1, min(rows, at_once // cost))
     frames_at_once = max(1, at_once // (rows_at_once * cost))
     for frame in range(0, frames, frames_at_once):
