@@ -13,6 +13,7 @@ from rich.markup import escape
 from jotlight.bits import Bits
 from jotlight.cli import opening, options
 from jotlight.cli.console import err, live_iterations, out, progress
+from jotlight.exposure import BRIGHT
 from jotlight.files import spare_inputs, written_whole
 from jotlight.formats import open_capture
 from jotlight.formats.capture import Capture
@@ -26,6 +27,12 @@ from jotlight.vst import INVERSES
 
 _OTHERWISE = "noniterative-tv"
 """What serves every sensor, and is the best where the kernel is a box."""
+
+_DIM = 0.7
+"""A scene whose brightest parts have less intensity is not what the shipped networks are for."""
+
+_CLIPPED, _MOST_CLIPPED = 0.98, 0.05
+"""Nor is one of which a larger share comes out above this intensity."""
 
 _SMOOTH = "admm-tv"
 """What knows how a smooth kernel spreads the light."""
@@ -131,6 +138,10 @@ def reconstruct(
         counts=counts,
     )
     seen, sensor, told = _seen(capture, data, given)
+    if "model" in settings and "max_intensity" not in given:
+        # A network's outputs lie in its own range, whatever range others would be clipped to.
+        sensor = sensor.replace(max_intensity=settings["model"].sensor.max_intensity)
+    shipped = method in (None, "network") and "model" not in settings
     reason = None if "model" in settings else METHODS[method or DEFAULT].lacks(sensor)
     if reason is not None and method is not None:
         raise ValueError(reason)
@@ -162,6 +173,8 @@ def reconstruct(
         write(temporary, picture)
     if reason is not None:
         err.print(f"[yellow]by {method}:[/] {escape(reason)}", soft_wrap=True)
+    elif shipped and method == DEFAULT and (words := _misfit(picture, data)) is not None:
+        err.print(f"[yellow]by {method}:[/] {escape(words)}", soft_wrap=True)
     size = " x ".join(map(str, picture.shape))
     for line in opening.told(capture.source):
         out.print(line, soft_wrap=True, markup=False)
@@ -198,6 +211,23 @@ _WHOSE: dict[str, tuple[str, Callable[[str], bool]]] = {
     "max_iter": ("the iterative methods", lambda method: METHODS[method].iterative),
 }
 """To which methods each setting belongs."""
+
+
+def _misfit(picture: npt.NDArray[np.float32], data: Path) -> str | None:
+    """Say that a scene is not as bright as those that the shipped networks are trained for."""
+    brightest = float(np.quantile(picture, BRIGHT))
+    clipped = float(np.mean(picture > _CLIPPED))
+    if brightest < _DIM:
+        shown = f"here they have {brightest:.2g}"
+    elif clipped > _MOST_CLIPPED:
+        shown = f"here {clipped:.0%} of the picture may have more"
+    else:
+        return None
+    return (
+        "the network that comes with jotlight is for scenes whose brightest parts have intensity "
+        f"1, and {shown}; learn one for this capture in a minute: jotlight train --sensor {data} "
+        "-o model.safetensors, and add --model model.safetensors"
+    )
 
 
 def _told(histories: Histories) -> str:

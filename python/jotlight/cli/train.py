@@ -9,10 +9,13 @@ import numpy as np
 import typer
 
 from jotlight import plots
-from jotlight.cli import options
+from jotlight.bits import Bits
+from jotlight.cli import opening, options
 from jotlight.cli.console import err, live_training, out, progress
-from jotlight.datasets import uniform_scenes
+from jotlight.datasets import PHOTOGRAPHS, photograph, uniform_scenes
+from jotlight.exposure import sensor_for
 from jotlight.files import spare_inputs, written_whole
+from jotlight.formats import open_capture
 from jotlight.image_sets import read_image_set
 from jotlight.network import Network
 from jotlight.sensor import Sensor
@@ -21,18 +24,28 @@ from jotlight.training import train as learn
 
 _SYNTHETIC = "synthetic"
 _TEST_SCENES = 512
+_PHOTOGRAPHS = "photographs of scikit-image"
 
 
 @options.takes_sensor()
 def train(
     images: Annotated[
-        str,
+        str | None,
         typer.Argument(
             help="A folder of photographs, an array (N, H, W) in .npy or .npz, or the word "
-            f"{_SYNTHETIC} for the paper's random scenes."
+            f"{_SYNTHETIC} for the paper's random scenes. Default, with --sensor: photographs that "
+            "come with scikit-image."
         ),
-    ],
+    ] = None,
     *,
+    capture: Annotated[
+        Path | None,
+        typer.Option(
+            "--sensor",
+            help="A capture, or the .json beside it: learn for its very sensor, and for scenes as "
+            "bright as it shows.",
+        ),
+    ] = None,
     output: Annotated[
         Path, typer.Option("--output", "-o", help="The learned network, .safetensors.")
     ],
@@ -87,6 +100,7 @@ def train(
     plot: Annotated[
         Path | None, typer.Option(help="A figure of the run and the network: .png, .pdf or .svg.")
     ] = None,
+    format_: opening.Format = None,
     key: options.Key = None,
     test_key: Annotated[
         str | None, typer.Option(help="Name of the array in the .npz of --test.")
@@ -108,6 +122,11 @@ def train(
             f"{output}: expected a name that ends in .safetensors, and not in "
             ".checkpoint.safetensors, which is for stopped runs"
         )
+    if images is None and capture is None:
+        raise ValueError(
+            "images: expected a folder of photographs, an array, or the word synthetic; only with "
+            "--sensor they may be left out"
+        )
     if plot is not None:
         plots.check_figure(plot)
     if start is not None and (untied or sigma is not None):
@@ -116,15 +135,23 @@ def train(
     for file in filter(None, (output, plot, checkpoint)):
         spare_inputs(file, [start, *inputs, *_files(images), *_files(test)])
     _check_checkpoint(checkpoint, resume, restart)
+    scale = 1.0
     if start is not None:
+        if capture is not None:
+            raise ValueError("start: a given network comes with its own sensor; leave out --sensor")
         network = Network.load(start)
         sensor = network.sensor.replace(**given)
     else:
-        sensor = Sensor(**{"oversampling": 4, **given})
+        if capture is not None:
+            sensor, scale = _sensor_of(capture, format_, given, threads)
+        else:
+            sensor = Sensor(**{"oversampling": 4, **given})
         network = Network.initial(sensor, sigma=0.7 if sigma is None else sigma, tied=not untied)
     chosen = _optimiser(optimiser, step_size=step_size, damping=damping)
     steps = chosen.steps if steps is None else steps
     scenes, tests = _images(images, test, key, test_key, white, seed)
+    if scale != 1.0:
+        scenes, tests = _brighter(scenes, scale), _brighter(tests, scale)
     begun = time.perf_counter()
     # Made now, so that a place that cannot be written to is found before any work is done.
     with contextlib.ExitStack() as files:
@@ -158,12 +185,62 @@ def train(
         except FloatingPointError as error:
             option = "--damping" if optimiser == "gauss-newton" else "--step-size"
             raise FloatingPointError(f"{error}. Begin anew with --restart and {option}") from error
-        learned.history["trained on"] = images
+        learned.history["trained on"] = images or _PHOTOGRAPHS
         learned.save(temporary)
         if figure is not None:
             plots.training(learned, history).savefig(figure, dpi=110)
     checkpoint.unlink(missing_ok=True)
     _tell(output, history, time.perf_counter() - begun, plot)
+
+
+def _sensor_of(
+    path: Path, format_: str | None, given: dict[str, Any], threads: int | None
+) -> tuple[Sensor, float]:
+    """The sensor of a capture, and how bright its scene is."""
+    if path.suffix.lower() == ".json" and path.is_file() and not path.with_suffix(".npy").exists():
+        raise FileNotFoundError(
+            f"{path}: expected the bits beside it, {path.with_suffix('.npy').name}, which tell how "
+            "bright the scene is"
+        )
+    data = path.with_suffix(".npy") if path.suffix.lower() == ".json" else path
+    seen = open_capture(data, format=format_)
+    if isinstance(seen, Bits):
+        own = seen.sensor or Sensor(frames=len(seen))
+        # Some numbers are of the capture, and others may be told of the network: windows of so
+        # many frames, say.
+        maps = {name: value for name, value in given.items() if name != "frames"}
+        own = own.replace(**maps)
+        sensor, scale = sensor_for(seen, own, threads=threads)
+    else:
+        if "frames" not in given and "oversampling" not in given:
+            raise ValueError(
+                f"{path}: holds counts, and nothing tells out of how many bits; give --frames, or "
+                "--oversampling where a pixel covers many jots"
+            )
+        sensor, scale = sensor_for(seen.sum(), Sensor(**given), threads=threads)
+    if "frames" in given:
+        sensor = sensor.replace(frames=given["frames"])
+    out.print(
+        f"{path}: its brightest parts have intensity {scale:.3g}; learning for {sensor!r}",
+        soft_wrap=True,
+        markup=False,
+    )
+    return sensor, scale
+
+
+def _gray(photo: Any) -> Any:
+    return photo if photo.ndim == 2 else photo @ np.array([0.299, 0.587, 0.114], np.float32)
+
+
+def _brighter(scenes: Any, scale: float) -> Any:
+    """Scenes times the brightness, which those that are made anew in each step are too."""
+    if callable(scenes):
+
+        def brighter(rng: np.random.Generator, number: int) -> Any:
+            return np.float32(scale) * scenes(rng, number)
+
+        return brighter
+    return None if scenes is None else [np.float32(scale) * scene for scene in scenes]
 
 
 def _files(images: str | Path | None) -> list[Path]:
@@ -198,7 +275,7 @@ def _optimiser(name: str, *, step_size: float | None, damping: float | None) -> 
 
 
 def _images(
-    images: str,
+    images: str | None,
     test: Path | None,
     key: str | None,
     test_key: str | None,
@@ -207,6 +284,10 @@ def _images(
 ) -> tuple[Any, Any]:
     if test_key is not None and test is None:
         raise ValueError("test-key: names an array of --test, and there is none")
+    if images is None:
+        return [_gray(photograph(name)) for name in PHOTOGRAPHS], (
+            None if test is None else read_image_set(test, key=test_key, white=white)[1]
+        )
     if images == _SYNTHETIC and not Path(images).exists():
         if key is not None:
             raise ValueError("key: names an array in a .npz, and the synthetic scenes are none")

@@ -1,0 +1,92 @@
+"""How bright a scene is, as its own bits tell: what a network for it should be trained for."""
+
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight import _engine, denoise
+from jotlight.bits import Bits
+from jotlight.mle import reference_jot
+from jotlight.noniterative import noniterative
+from jotlight.sensor import Sensor
+
+_BLUR = 3.0
+"""Pixels; so that noise does not make the brightest parts brighter."""
+
+BRIGHT = 0.999
+"""Share of the pixels that are darker than what counts as the scene's brightness."""
+
+HEADROOM = 2.0
+"""How far above the scene's brightness a network's largest intensity lies: highlights are small."""
+
+
+def brightest_measurable(sensor: Sensor) -> float:
+    """Give the intensity at which a pixel misses a one in half of its bits' places: L = K - 1/2.
+
+    Above that its bits say little more than that it is bright.
+
+    Examples
+    --------
+    >>> round(brightest_measurable(Sensor(frames=16)), 3)  # -log(1/32)
+    3.466
+    """
+    bits = sensor.bits_per_pixel
+    threshold, light, _ = sensor._response()
+    efficiency, dark = reference_jot(sensor)
+    rate = _engine.threshold_rate(threshold, 1 - 0.5 / bits)
+    return max(rate - dark, 1e-12) / (efficiency * light)
+
+
+def brightness(data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = None) -> float:
+    """Give the intensity of the brightest parts of a scene: all but 0.1 % of it is darker.
+
+    Parameters
+    ----------
+    data : Bits or array_like of int
+        Bits, or an image of counts (H, W) or (H, W, C).
+    sensor : Sensor
+        What made them; its `max_intensity` does not matter.
+    threads : int, optional
+        Threads to use. Default: all.
+
+    Returns
+    -------
+    float
+        Above 0, in units of intensity; the quantile of the picture smoothed by a Gaussian.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When data and sensor do not fit.
+
+    Examples
+    --------
+    >>> sensor = Sensor(frames=64)
+    >>> round(brightness(sensor.expose(np.full((32, 32), 0.3), rng=0), sensor), 1)
+    0.3
+    """
+    most = brightest_measurable(sensor)
+    blur = partial(denoise.gaussian, sigma=_BLUR)
+    picture = noniterative(data, sensor.replace(max_intensity=most), denoiser=blur, threads=threads)
+    # A dark capture still needs a scale.
+    return max(float(np.quantile(picture, BRIGHT)), 1e-3 * most)
+
+
+def sensor_for(
+    data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = None
+) -> tuple[Sensor, float]:
+    """Give the sensor that a network for this very capture is trained for, and the brightness.
+
+    Photographs with intensities in [0, 1], multiplied by the brightness, are then such scenes as
+    the capture's.
+
+    Examples
+    --------
+    >>> seen = Sensor(frames=64).expose(np.full((32, 32), 0.3), rng=0)
+    >>> sensor, scale = sensor_for(seen, Sensor(frames=64))
+    >>> round(sensor.max_intensity / scale)
+    2
+    """
+    scale = brightness(data, sensor, threads=threads)
+    return sensor.replace(max_intensity=HEADROOM * scale), scale

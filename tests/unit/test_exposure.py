@@ -1,0 +1,138 @@
+import numpy as np
+import pytest
+from scipy.stats import poisson
+
+import jotlight as jl
+from jotlight.exposure import HEADROOM, brightest_measurable, brightness, sensor_for
+from jotlight.network import Network
+
+
+@pytest.mark.parametrize("threshold", [1, 3])
+@pytest.mark.parametrize("frames", [1, 16, 1000])
+def test_the_brightest_measurable_light_leaves_half_a_zero(threshold, frames):
+    sensor = jl.Sensor(
+        frames=frames, threshold=threshold, gain=2.5 * frames, efficiency=0.5, dark_counts=0.1
+    )
+    rate = 0.5 * 2.5 * brightest_measurable(sensor) + 0.1
+    assert frames * poisson.cdf(threshold - 1, rate) == pytest.approx(0.5, rel=1e-6)
+
+
+@pytest.mark.parametrize("level", [0.02, 0.4, 3.0])
+def test_an_even_scene_is_as_bright_as_it_is(level):
+    sensor = jl.Sensor(frames=100, dark_counts=0.01)
+    bits = sensor.expose(np.full((64, 64), level), rng=0)
+    assert brightness(bits, sensor) == pytest.approx(level, rel=0.1, abs=0.008)
+    assert brightness(bits.counts(), sensor) == brightness(bits, sensor)
+
+
+def test_small_highlights_are_left_out_but_not_bright_parts():
+    scene = np.full((100, 100), 0.1)
+    sensor = jl.Sensor(frames=400)
+    scene[50, 50] = 3.0
+    assert brightness(sensor.expose(scene, rng=0), sensor) < 0.25
+    scene[20:40, 20:40] = 0.8
+    assert brightness(sensor.expose(scene, rng=0), sensor) == pytest.approx(0.8, rel=0.1)
+
+
+def test_a_dark_capture_has_a_scale_too():
+    sensor, scale = sensor_for(np.zeros((16, 16), int), jl.Sensor(frames=16))
+    assert scale > 0
+    assert sensor.max_intensity == HEADROOM * scale
+
+
+@pytest.fixture
+def capture(tmp_path):
+    """A dim capture of 16 frames, with its sensor beside it."""
+    scene = 0.3 * jl.datasets.photograph("camera")[100:164, 180:244]
+    dark = np.full((64, 64), 0.01)
+    dark[5, 7] = 0.5
+    bits = jl.Sensor(frames=16, dark_counts=dark).expose(scene, rng=0)
+    bits.save(tmp_path / "capture.npy")
+    return bits
+
+
+QUICK = ("--steps", "2", "--batch", "8")
+
+
+@pytest.mark.parametrize("name", ["capture.npy", "capture.json"])
+def test_a_network_for_a_capture(run, tmp_path, capture, name):
+    status, said = run("train", "--sensor", name, "-o", "own.safetensors", *QUICK)
+    assert status == 0, said
+    own = Network.load(tmp_path / "own.safetensors")
+    _, scale = sensor_for(capture, capture.sensor)
+    assert f"brightest parts have intensity {scale:.3g}" in said
+    assert own.sensor.max_intensity == pytest.approx(HEADROOM * scale)
+    assert own.sensor.frames == 16
+    assert own.history["trained on"] == "photographs of scikit-image"
+    status, said = run(
+        "reconstruct", name.replace("json", "npy"), "-o", "own.npy", "--model", "own.safetensors"
+    )
+    assert status == 0, said
+    expected = own.reconstruct(capture, capture.sensor.replace(max_intensity=HEADROOM * scale))
+    np.testing.assert_array_equal(np.load(tmp_path / "own.npy"), expected)
+
+
+def test_learning_sees_scenes_as_bright_as_the_capture(run, tmp_path, capture):
+    run("train", "--sensor", "capture.npy", "-o", "own.safetensors", *QUICK)
+    scenes = tmp_path / "scenes"
+    scenes.mkdir()
+    _, scale = sensor_for(capture, capture.sensor)
+    photo = jl.datasets.photograph("camera")
+    np.save(scenes / "0.npy", photo)
+    np.save(scenes / "1.npy", photo[::-1])
+    status, said = run(
+        "train", "scenes", "--sensor", "capture.npy", "-o", "two.safetensors", *QUICK
+    )
+    assert status == 0, said
+    sensor = Network.load(tmp_path / "two.safetensors").sensor
+    images = [np.float32(scale) * photo, np.float32(scale) * photo[::-1]]
+    expected, _ = jl.train(Network.initial(sensor), images, sensor, steps=2, batch=8, rng=0)
+    found = Network.load(tmp_path / "two.safetensors")
+    for ours, theirs in zip(found.layers, expected.layers, strict=True):
+        np.testing.assert_allclose(ours.filters, theirs.filters, atol=1e-6)
+        np.testing.assert_allclose(ours.coefficients, theirs.coefficients, atol=1e-6)
+
+
+def test_windows_of_fewer_frames_and_counts(run, tmp_path, capture):
+    status, said = run(
+        "train", "--sensor", "capture.npy", "--frames", "4", "-o", "w.safetensors", *QUICK
+    )
+    assert status == 0, said
+    assert Network.load(tmp_path / "w.safetensors").sensor.frames == 4
+    np.save(tmp_path / "counts.npy", capture.counts())
+    status, said = run(
+        "train", "--sensor", "counts.npy", "--frames", "16", "-o", "c.safetensors", *QUICK
+    )
+    assert status == 0, said
+    assert Network.load(tmp_path / "c.safetensors").sensor.frames == 16
+
+
+def test_reconstruct_says_where_the_shipped_network_does_not_fit(run, tmp_path):
+    photo = jl.datasets.photograph("camera")[100:228, 180:308]
+    for name, level, hint in (("dim", 0.3, True), ("right", 1.0, False), ("bright", 5.0, True)):
+        bits = jl.Sensor(frames=16).expose(level * photo, rng=0)
+        jl.Bits(bits.packed, bits.width).save(f"{name}.npy")
+        status, said = run("reconstruct", f"{name}.npy", "-o", "out.npy")
+        assert status == 0, said
+        assert (f"jotlight train --sensor {name}.npy" in said) == hint, said
+        status, said = run("reconstruct", f"{name}.npy", "-o", "out.npy", "--method", "mle")
+        assert "jotlight train" not in said
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("", "expected a folder of photographs"),
+        ("--sensor none.npy", "none.npy"),
+        ("--sensor alone.json", "expected the bits beside it, alone.npy"),
+        ("--sensor counts.npy", "out of how many bits"),
+        ("--sensor counts.npy --start x.safetensors", "leave out --sensor"),
+    ],
+)
+def test_what_cannot_be_learned_from(run, tmp_path, words, message):
+    (tmp_path / "alone.json").write_text("{}")
+    np.save(tmp_path / "counts.npy", np.ones((16, 16), int))
+    jl.Network.initial(jl.Sensor(frames=4)).save(tmp_path / "x.safetensors")
+    status, said = run("train", *words.split(), "-o", "n.safetensors")
+    assert status == 1
+    assert message in said
