@@ -10,11 +10,12 @@ from jotlight import _engine
 
 SENSOR = jl.Sensor(oversampling=4, kernel="cubic")
 IMAGE = np.full((256, 256), 0.5, np.float32)
+BITS = jl.Bits(np.ones((600, 256, 256), np.uint8))
 CALLS = {
     "expose": lambda: jl.Sensor(frames=100).expose(IMAGE, rng=0, threads=1),
     "rate": lambda: SENSOR.rate(IMAGE, threads=1),
     "probability": lambda: SENSOR.probability(IMAGE, threads=1),
-    "add_block_counts": lambda: jl.Bits(np.ones((100, 256, 256), np.uint8)).counts(4, threads=1),
+    "add_block_counts": lambda: BITS.counts(4, threads=1),
 }
 
 
