@@ -15,6 +15,7 @@ from jotlight import datasets, denoise, metrics, operators, training, tv, vst
 from jotlight._engine import __version__
 from jotlight.admm import admm_tv
 from jotlight.bits import Bits
+from jotlight.calibration import Calibration, calibrate
 from jotlight.errors import JotlightWarning, MissingExtraError
 from jotlight.evaluation import evaluate
 from jotlight.formats import open
@@ -29,6 +30,7 @@ from jotlight.training import train
 
 __all__ = [
     "Bits",
+    "Calibration",
     "JotlightWarning",
     "Layer",
     "Likelihood",
@@ -38,6 +40,7 @@ __all__ = [
     "Sensor",
     "__version__",
     "admm_tv",
+    "calibrate",
     "datasets",
     "denoise",
     "evaluate",

@@ -1,4 +1,4 @@
-"""Arrays with metadata in `.safetensors` files: networks and checkpoints."""
+"""Arrays with metadata in `.safetensors` files: networks, checkpoints and calibrations."""
 
 import json
 import os
@@ -26,6 +26,17 @@ def write_tensors(
     header += b" " * (-len(header) % 8)
     with written_whole(path) as temporary:
         temporary.write_bytes(len(header).to_bytes(8, "little") + header + content[end:])
+
+
+def told_format(path: Path) -> str:
+    """The format that a file says it has; empty where it says nothing or cannot be read."""
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        with safe_open(path, framework="numpy") as file:
+            return str((file.metadata() or {}).get("format", ""))
+    except (SafetensorError, OSError):
+        return ""
 
 
 def read_tensors(path: Path, format_: str, version: str) -> tuple[Tensors, dict[str, str]]:

@@ -6,19 +6,45 @@ from jotlight.fill import fill_blind
 
 
 def twin(image, blind):
+    """Each blind pixel is the mean of its neighbours: one equation for each, solved as they are."""
+    height, width = image.shape
+    places = [tuple(place) for place in np.argwhere(blind)]
+    matrix, known = np.zeros((len(places), len(places))), np.zeros(len(places))
+    for row, (y, x) in enumerate(places):
+        around = [
+            (y + dy, x + dx)
+            for dy in (-1, 0, 1)
+            for dx in (-1, 0, 1)
+            if (dy, dx) != (0, 0) and 0 <= y + dy < height and 0 <= x + dx < width
+        ]
+        matrix[row, row] = 1
+        for place in around:
+            if blind[place]:
+                matrix[row, places.index(place)] -= 1 / len(around)
+            else:
+                known[row] += image[place] / len(around)
+    filled = image.astype(float)
+    filled[blind] = np.linalg.solve(matrix, known)
+    return filled
+
+
+def grown(image, blind):
+    """Filled ring by ring, with the mean of what is known around: what was done before."""
     filled = np.where(blind, np.nan, image).astype(float)
     while np.isnan(filled).any():
         around = np.pad(filled, 1, constant_values=np.nan)
         windows = np.lib.stride_tricks.sliding_window_view(around, (3, 3))
+        ring = filled.copy()
         for place in np.argwhere(np.isnan(filled)):
             window = windows[tuple(place)]
             if not np.isnan(window).all():
-                filled[tuple(place)] = np.nanmean(window)
+                ring[tuple(place)] = np.nanmean(window)
+        filled = ring
     return filled
 
 
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.9, 0.995])
-def test_holes_are_filled_from_their_rim_inwards(share):
+def test_each_blind_pixel_is_the_mean_of_its_neighbours(share):
     rng = np.random.default_rng(0)
     image = rng.random((19, 23), np.float32)
     blind = rng.random(image.shape) < share
@@ -26,7 +52,23 @@ def test_holes_are_filled_from_their_rim_inwards(share):
     with pytest.warns(jl.JotlightWarning, match=f"{blind.sum()} of 437 pixels"):
         filled = fill_blind(np.where(blind, np.float32("nan"), image), blind)
     assert filled.dtype == np.float32
-    np.testing.assert_allclose(filled, twin(image, blind), rtol=1e-6)
+    np.testing.assert_allclose(filled, twin(image, blind), rtol=1e-4)
+
+
+@pytest.mark.parametrize("noise", [0, 0.1])
+@pytest.mark.parametrize("side", [3, 9])
+def test_clusters_are_filled_better_than_from_their_rim_inwards(side, noise):
+    rng = np.random.default_rng(3)
+    photo = jl.datasets.photograph("camera")[:256, :256]
+    blind = np.zeros(photo.shape, bool)
+    for _ in range(540 // side**2):
+        y, x = rng.integers(0, 256 - side, 2)
+        blind[y : y + side, x : x + side] = True
+    seen = photo + np.float32(noise) * rng.standard_normal(photo.shape, np.float32)
+    errors = [np.sqrt(np.mean((grown(seen, blind) - photo)[blind] ** 2))]
+    with pytest.warns(jl.JotlightWarning):
+        errors.append(np.sqrt(np.mean((fill_blind(seen, blind) - photo)[blind] ** 2)))
+    assert errors[1] < 0.97 * errors[0]
 
 
 def test_known_pixels_stay_to_the_bit():

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from jotlight import __version__
+from jotlight.cli.calibrate import calibrate
 from jotlight.cli.compare import compare
 from jotlight.cli.console import error, show_warning
 from jotlight.cli.convert import convert
@@ -55,7 +56,18 @@ def _plain_errors(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-COMMANDS = (demo, compare, simulate, reconstruct, train, evaluate, reproduce, info, convert)
+COMMANDS = (
+    demo,
+    compare,
+    simulate,
+    reconstruct,
+    calibrate,
+    train,
+    evaluate,
+    reproduce,
+    info,
+    convert,
+)
 
 for command in COMMANDS:
     app.command()(_plain_errors(command))

@@ -8,6 +8,8 @@ import typer
 from rich.table import Table
 
 from jotlight.bits import Bits
+from jotlight.calibration import Calibration
+from jotlight.calibration.result import FORMAT as CALIBRATION
 from jotlight.cli import opening
 from jotlight.cli.console import out, progress
 from jotlight.files import spare_inputs, written_whole
@@ -17,6 +19,7 @@ from jotlight.formats.capture import Capture, Stack
 from jotlight.formats.recognise import recognise
 from jotlight.network import Network
 from jotlight.pictures import read_picture
+from jotlight.tensors import told_format
 from jotlight.training import History
 
 
@@ -24,8 +27,8 @@ def info(
     file: Annotated[
         Path,
         typer.Argument(
-            help="A capture of bits or counts, a file or a folder; a network (.safetensors); or a "
-            "picture."
+            help="A capture of bits or counts, a file or a folder; a network or a calibration "
+            "(.safetensors); or a picture."
         ),
     ],
     width: opening.Width = None,
@@ -37,7 +40,9 @@ def info(
     counts: opening.Counts = None,
     plot: Annotated[
         Path | None,
-        typer.Option(help="A figure of a learned network and its run: .png, .pdf or .svg."),
+        typer.Option(
+            help="A figure of a calibration, or of a learned network: .png, .pdf or .svg."
+        ),
     ] = None,
 ) -> None:
     """Say what a file holds: shape, sensor, share of ones, range."""
@@ -58,6 +63,14 @@ def _draw(file: Path, plot: Path) -> None:
     from jotlight import plots
 
     plots.check_figure(plot)
+    if told_format(file) == CALIBRATION:
+        from jotlight.calibration.page import page
+
+        spare_inputs(plot, [file])
+        calibration = Calibration.load(file)
+        with written_whole(plot) as temporary:
+            page(calibration).savefig(temporary, dpi=110)
+        return
     network = Network.load(file)
     if "records" not in network.history:
         raise ValueError(f"{file}: this network has no history of a run to draw")
@@ -74,6 +87,8 @@ _PICTURES = (".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".ppm", ".gif")
 def _facts(file: Path, reading: dict[str, Any]) -> list[tuple[str, str]]:
     ending = file.suffix.lower()
     if ending == ".safetensors":
+        if told_format(file) == CALIBRATION:
+            return _calibration_facts(Calibration.load(file))
         return _network_facts(Network.load(file))
     if not reading and file.is_file():
         if ending == ".npz":
@@ -144,6 +159,13 @@ def _bits_facts(bits: Bits) -> list[tuple[str, str]]:
         ("sensor", repr(bits.sensor)),
         ("pixels", f"{pixels}, {bits.sensor.bits_per_pixel} bits each"),
     ]
+
+
+def _calibration_facts(calibration: Calibration) -> list[tuple[str, str]]:
+    from jotlight.calibration.page import facts
+
+    files = [(name, file) for name, file in calibration.files.items()]
+    return [("kind", "calibration"), *files, *facts(calibration)]
 
 
 def _network_facts(network: Network) -> list[tuple[str, str]]:

@@ -11,7 +11,9 @@ import typer
 from rich.markup import escape
 
 from jotlight.bits import Bits
+from jotlight.calibration import Calibration
 from jotlight.cli import opening, options
+from jotlight.cli.calibrated import Calibrated, recorded
 from jotlight.cli.console import err, live_iterations, out, progress
 from jotlight.exposure import BRIGHT
 from jotlight.files import spare_inputs, written_whole
@@ -96,6 +98,14 @@ def reconstruct(
         int | None,
         typer.Option(help="Iterations at most. Default: 500.", rich_help_panel="Iterative methods"),
     ] = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(
+            help="Dark counts, dead jots and response, from `jotlight calibrate`; what was applied "
+            "is kept in OUTPUT.json.",
+            rich_help_panel="Sensor",
+        ),
+    ] = None,
     key: opening.Key = None,
     counts: opening.Counts = None,
     width: opening.Width = None,
@@ -110,9 +120,10 @@ def reconstruct(
 ) -> None:
     """Estimate the picture behind bits or counts.
 
-    The sensor is the one that the bits carry, changed by the options given here.
+    The sensor is the one that the bits carry, changed by the calibration and then by the options
+    given here.
     """
-    spare_inputs(output, [model, *inputs])
+    spare_inputs(output, [model, calibration, *inputs])
     opening.spare_capture(output, data)
     if method is None and inverse is not None:
         method = _OTHERWISE
@@ -137,7 +148,11 @@ def reconstruct(
         key=key,
         counts=counts,
     )
-    seen, sensor, told = _seen(capture, data, given)
+    known = None if calibration is None else Calibrated.read(calibration, output)
+    if known is not None:
+        opening.spare_capture(known.record, data)
+        spare_inputs(known.record, [model, calibration, *inputs])
+    seen, sensor, told = _seen(capture, data, given, known.calibration if known else None)
     if "model" in settings and "max_intensity" not in given:
         # A network's outputs lie in its own range, whatever range others would be clipped to.
         sensor = sensor.replace(max_intensity=settings["model"].sensor.max_intensity)
@@ -150,7 +165,7 @@ def reconstruct(
         method = DEFAULT if reason is None else _SMOOTH if smooth else _OTHERWISE
     write = picture_writer(output, depth=depth, white=sensor.max_intensity)
     done = ""
-    with written_whole(output) as temporary:
+    with written_whole(output) as temporary, recorded(known) as record:
         start = time.perf_counter()
         if METHODS[method].iterative:
             with live_iterations(METHODS[method].title) as callback:
@@ -171,6 +186,7 @@ def reconstruct(
                 picture = run(seen, sensor, threads=threads, **settings)
         seconds = time.perf_counter() - start
         write(temporary, picture)
+        record(sensor, method, data.name, capture.source)
     if reason is not None:
         err.print(f"[yellow]by {method}:[/] {escape(reason)}", soft_wrap=True)
     elif shipped and method == DEFAULT and (words := _misfit(picture, data)) is not None:
@@ -178,6 +194,9 @@ def reconstruct(
     size = " x ".join(map(str, picture.shape))
     for line in opening.told(capture.source):
         out.print(line, soft_wrap=True, markup=False)
+    if known is not None:
+        for line in known.told(sensor):
+            out.print(line, soft_wrap=True, markup=False)
     out.print(
         f"{output}: {size}, intensities {picture.min():.3g} to {picture.max():.3g}, by "
         f"{METHODS[method].title}{done} in {seconds:.3g} s\n{told}: {sensor!r}",
@@ -243,13 +262,19 @@ def _told(histories: Histories) -> str:
 
 
 def _seen(
-    capture: Capture, path: Path, given: dict[str, Any]
+    capture: Capture, path: Path, given: dict[str, Any], calibration: Calibration | None
 ) -> tuple[Bits | npt.NDArray[np.int32], Sensor, str]:
     """The data, their sensor, and in a word where it is from."""
     if isinstance(capture, Bits):
+        if calibration is not None:
+            calibration.check_shape(capture.shape[1:3])
         if capture.sensor is None:
-            sensor = Sensor(**{"frames": len(capture), **given})
-            return capture, sensor, "nothing beside the bits tells their sensor; assumed"
+            words = "nothing beside the bits tells their sensor; assumed"
+            if calibration is not None:
+                return capture, calibration.sensor(**{"frames": len(capture), **given}), words
+            return capture, Sensor(**{"frames": len(capture), **given}), words
+        if calibration is not None:
+            return capture, calibration.applied_to(capture.sensor, **given), "sensor"
         return capture, capture.sensor.replace(**given), "sensor"
     if "frames" not in given and "oversampling" not in given:
         raise ValueError(
@@ -257,4 +282,9 @@ def _seen(
             "--oversampling where a pixel covers many jots"
         )
     with progress(1) as begin:
-        return capture.sum(begin("summing")), Sensor(**given), "assumed"
+        counts = capture.sum(begin("summing"))
+    if calibration is None:
+        return counts, Sensor(**given), "assumed"
+    side = given.get("oversampling", 1)
+    calibration.check_shape(tuple(side * size for size in counts.shape[:2]))
+    return counts, calibration.sensor(**given), "assumed"

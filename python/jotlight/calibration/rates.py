@@ -1,0 +1,48 @@
+"""From counts to detections per frame and back, for any threshold, however many there are."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight import _engine
+
+Counts = npt.NDArray[np.int32]
+Rates = npt.NDArray[np.float64]
+
+
+def detections(ones: Counts, frames: int, threshold: int) -> Rates:
+    """Detections per frame that make L ones of N frames most likely: P⁻¹(q, L/N).
+
+    All N of them would make it infinite; half a one less stands for that.
+
+    Examples
+    --------
+    >>> detections(np.array([[0, 5, 10]], np.int32), 10, 1).round(3).tolist()
+    [[0.0, 0.693, 2.996]]
+    """
+    different, place = np.unique(ones, return_inverse=True)
+    shares = np.minimum(different, frames - 0.5) / frames
+    rates = [_engine.threshold_rate(threshold, float(share)) for share in shares]
+    return np.asarray(rates, np.float64)[place].reshape(ones.shape)
+
+
+def firing(rates: Rates, threshold: int) -> Rates:
+    """P(q, s): the chance that a jot fires."""
+    from scipy.special import gammainc
+
+    return np.asarray(gammainc(float(threshold), np.maximum(rates, 0)))
+
+
+def variance(rates: Rates, frames: int, threshold: int) -> Rates:
+    """The variance of :func:`detections` at these rates, to first order; of 1 count for none.
+
+    It is p(1 - p)/N over the square of ∂P/∂s.
+    """
+    # Below half a count the first order says nothing.
+    least = _engine.threshold_rate(threshold, 0.5 / frames)
+    most = _engine.threshold_rate(threshold, 1 - 0.5 / frames)
+    s = np.clip(rates, least, most)
+    chance = firing(s, threshold)
+    slope = np.exp((threshold - 1) * np.log(s) - s - math.lgamma(threshold))
+    return np.asarray(chance * (1 - chance) / frames / slope**2)

@@ -1,0 +1,123 @@
+"""`jotlight calibrate`: a dark and a flat capture into the calibration of a sensor."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from jotlight.bits import Bits
+from jotlight.calibration import calibrate as calibrated
+from jotlight.calibration.estimate import MOST_DARK
+from jotlight.cli import opening, options
+from jotlight.cli.console import out, progress
+from jotlight.files import spare_inputs, written_whole
+from jotlight.formats import open_capture
+from jotlight.formats.capture import Stack
+
+
+def calibrate(
+    dark: Annotated[Path, typer.Argument(help="A capture without light, of bits or counts.")],
+    flat: Annotated[
+        Path | None,
+        typer.Argument(help="A capture of even light, with the exposure time of the dark one."),
+    ] = None,
+    *,
+    output: Annotated[Path, typer.Option("--output", "-o", help="The calibration, .safetensors.")],
+    frames: Annotated[
+        int | None, typer.Option("--frames", "-t", help="Out of how many frames counts are.")
+    ] = None,
+    flat_frames: Annotated[
+        int | None, typer.Option(help="The same of the flat capture. Default: --frames.")
+    ] = None,
+    threshold: Annotated[
+        int, typer.Option("--threshold", "-q", help="q: photons that make a jot report 1.")
+    ] = 1,
+    false_positive_rate: Annotated[
+        float,
+        typer.Option(help="Share of ordinary jots, at most, that are called hot; dead likewise."),
+    ] = 1e-4,
+    most_dark: Annotated[
+        float,
+        typer.Option(
+            help="Dark counts per frame above which a hot jot is masked; below, its bits are used "
+            "and its dark counts known."
+        ),
+    ] = MOST_DARK,
+    plot: Annotated[Path | None, typer.Option(help="A page of plots: .png, .pdf or .svg.")] = None,
+    key: opening.Key = None,
+    flat_key: Annotated[
+        str | None, typer.Option(help="The same of the flat capture. Default: --key.")
+    ] = None,
+    counts: opening.Counts = None,
+    width: opening.Width = None,
+    format_: opening.Format = None,
+    frame_range: opening.FrameRange = None,
+    rotate: opening.Rotate = 0,
+    flip: opening.Flip = None,
+    threads: options.Threads = None,
+) -> None:
+    """Find dark counts, hot and dead jots, and the response of each jot.
+
+    The options of a capture hold for both of them. `jotlight reconstruct --calibration` takes the
+    file.
+    """
+    if output.suffix.lower() != ".safetensors":
+        raise ValueError(f"{output}: expected a name that ends in .safetensors")
+    inputs = [path for path in (dark, flat) if path is not None]
+    for file in (output, plot):
+        for path in inputs:
+            if file is not None:
+                opening.spare_capture(file, path)
+    if plot is not None:
+        from jotlight import plots
+
+        plots.check_figure(plot)
+        spare_inputs(plot, [output])
+    reading: dict[str, Any] = {
+        "format": format_,
+        "width": width,
+        "frames": opening.frames_of(frame_range),
+        "rotate": rotate,
+        "flip": flip,
+        "counts": counts,
+    }
+    captures = [open_capture(dark, key=key, **reading)]
+    if flat is not None:
+        captures.append(open_capture(flat, key=flat_key or key, **reading))
+    if frames is not None and all(isinstance(capture, Bits) for capture in captures):
+        raise ValueError(
+            "frames: is for counts; these are bits, which tell how many there are, and "
+            "--frame-range takes some of them"
+        )
+    told = [None if isinstance(capture, Bits) else frames for capture in captures]
+    if flat_frames is not None and flat is not None:
+        told[1] = flat_frames
+    with written_whole(output) as temporary, progress(1) as begin:
+        update = begin("calibrating")
+        data = [capture.sum() if isinstance(capture, Stack) else capture for capture in captures]
+        found = calibrated(
+            data[0],
+            data[1] if flat is not None else None,
+            frames=told[0],
+            flat_frames=told[-1] if flat is not None else None,
+            threshold=threshold,
+            false_positive_rate=false_positive_rate,
+            most_dark=most_dark,
+            threads=threads,
+            progress=update,
+            files={name: path.name for name, path in zip(("dark", "flat"), inputs, strict=False)},
+        )
+        found.save(temporary)
+        if plot is not None:
+            from jotlight.calibration.page import page
+
+            with written_whole(plot) as temporary_plot:
+                page(found).savefig(temporary_plot, dpi=110)
+    for capture in captures:
+        for line in opening.told(capture.source):
+            out.print(line, soft_wrap=True, markup=False)
+    from jotlight.calibration.page import facts
+
+    for name, value in facts(found):
+        out.print(f"{name}: {value}", soft_wrap=True, markup=False)
+    out.print(f"{output}: for jotlight reconstruct --calibration", soft_wrap=True, markup=False)

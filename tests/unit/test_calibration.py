@@ -1,0 +1,258 @@
+"""Calibration: what is stated of its errors holds, and what is planted is found."""
+
+import numpy as np
+import pytest
+from scipy.stats import beta, binom
+
+import jotlight as jl
+from jotlight.calibration import fit_bulk
+from jotlight.calibration.flat import LEAST_RESPONSE
+from jotlight.calibration.rates import detections, variance
+
+SHAPE = (160, 160)
+
+
+def counts(rng, rates, frames, threshold=1):
+    chance = 1 - np.exp(-rates)
+    if threshold == 2:
+        chance -= rates * np.exp(-rates)
+    return rng.binomial(frames, chance)
+
+
+CLEAN = {
+    "one rate, few counts": (lambda rng: np.full(SHAPE, 0.0005), 1000),
+    "one rate": (lambda rng: np.full(SHAPE, 0.008), 1000),
+    "rates differ": (lambda rng: rng.gamma(4, 0.002, SHAPE), 1000),
+    "rates differ much": (lambda rng: rng.gamma(1, 0.008, SHAPE), 1000),
+    "many counts": (lambda rng: rng.gamma(4, 0.005, SHAPE), 20_000),
+}
+
+
+@pytest.mark.parametrize("name", CLEAN)
+def test_clean_dark_maps_have_false_positives_at_the_stated_rate_at_most(name):
+    rates, frames = CLEAN[name]
+    rng = np.random.default_rng(0)
+    found = sum(
+        int(jl.calibrate(counts(rng, rates(rng), frames), frames=frames).hot.sum())
+        for _ in range(12)
+    )
+    trials = 12 * SHAPE[0] * SHAPE[1]
+    # So many or more have a chance of 1e-3 at the stated rate of 1e-4.
+    assert found <= binom.isf(1e-3, trials, 1e-4)
+    # The exact (Clopper-Pearson) interval reaches down to a rate that is not above the stated one.
+    lowest = beta.ppf(1e-3, found, trials - found + 1) if found else 0
+    assert lowest <= 1e-4
+
+
+def test_the_threshold_is_not_far_above_what_the_rate_asks_for():
+    rng = np.random.default_rng(1)
+    found = [
+        jl.calibrate(
+            counts(rng, rng.gamma(4, 0.002, SHAPE), 1000), frames=1000, false_positive_rate=1e-2
+        ).hot.mean()
+        for _ in range(4)
+    ]
+    low, high = binom.interval(0.999, 4 * SHAPE[0] * SHAPE[1], 0.01)
+    assert 0.7 * low < sum(found) * SHAPE[0] * SHAPE[1] < 1.1 * high
+
+
+@pytest.mark.parametrize("share", [0.002, 0.05, 0.2])
+def test_hot_jots_are_found_and_do_not_pull_at_the_bulk(share):
+    rng = np.random.default_rng(2)
+    hot = rng.random(SHAPE) < share
+    rates = rng.gamma(4, 0.002, SHAPE)
+    rates[hot] += 10 ** rng.uniform(-0.9, 0.7, hot.sum())
+    ones = counts(rng, rates, 1000)
+    calibration = jl.calibrate(ones, frames=1000)
+    assert calibration.hot[hot].all()
+    assert (calibration.hot & ~hot).sum() <= binom.isf(1e-3, hot.size, 1e-4)
+    alone = fit_bulk(ones[~hot], 1000)
+    assert calibration.bulk.mean == pytest.approx(alone.mean, rel=0.02)
+
+
+def test_dark_counts_are_most_likely_and_finite():
+    ones = np.full((16, 16), 3)
+    ones[0, 0], ones[0, 1], ones[0, 2] = 1000, 0, 400
+    for threshold in (1, 2):
+        calibration = jl.calibrate(ones, frames=1000, threshold=threshold)
+        sensor = jl.Sensor(threshold=threshold, dark_counts=calibration.dark_counts)
+        again = sensor.probability(np.zeros((16, 16))) * 1000
+        np.testing.assert_allclose(np.delete(again, 0), np.delete(ones, 0), atol=1e-3)
+        assert again[0, 0] == pytest.approx(999.5, abs=0.01)
+        assert calibration.mask[0, 0]
+
+
+def test_hot_jots_that_are_not_too_hot_are_used():
+    ones = np.random.default_rng(20).poisson(3, (16, 16))
+    ones[2, 3], ones[4, 5] = 60, 300
+    calibration = jl.calibrate(ones, frames=1000, most_dark=0.1)
+    assert np.argwhere(calibration.hot).tolist() == [[2, 3], [4, 5]]
+    assert np.argwhere(calibration.mask).tolist() == [[4, 5]]
+
+
+def flat_scene(rng, spread, shape=SHAPE, frames=4000):
+    y, x = np.mgrid[: shape[0], : shape[1]] / shape[0]
+    light = 0.7 * (1 + 0.3 * x - 0.3 * (y - 0.5) ** 2)
+    relative = np.clip(1 + spread * rng.standard_normal(shape), 0.3, 2)
+    dark = rng.gamma(4, 0.002, shape)
+    return counts(rng, dark, frames), light, relative, dark
+
+
+@pytest.mark.parametrize("threshold", [1, 2])
+@pytest.mark.parametrize("spread", [0.0, 0.02, 0.1])
+def test_the_response_is_found_without_the_noise_of_counting(spread, threshold):
+    rng = np.random.default_rng(3)
+    _, light, relative, dark = flat_scene(rng, spread)
+    ones = counts(rng, dark, 4000, threshold)
+    flat = counts(rng, dark + 2 * light * relative, 4000, threshold)
+    calibration = jl.calibrate(ones, flat, frames=4000, threshold=threshold)
+    if spread:
+        real = relative.std()
+        assert abs(calibration.prnu - real) < 4 * calibration.prnu_error + 0.02 * real
+    else:
+        assert calibration.prnu < 4 * calibration.prnu_error
+    assert calibration.efficiency.max() == 1
+    found = calibration.efficiency * calibration.scale
+    error = np.std((found - relative)[~calibration.mask])
+    best = spread * calibration.flat_noise / np.hypot(spread, calibration.flat_noise)
+    assert error == pytest.approx(best, rel=0.15, abs=5e-3)
+
+
+def test_dead_and_stuck_jots_are_found_alone_and_in_clusters():
+    rng = np.random.default_rng(4)
+    ones, light, relative, dark = flat_scene(rng, 0.1)
+    dead = rng.random(SHAPE) < 0.01
+    dead[40:49, 60:69] = True
+    relative[dead] = 0
+    flat = counts(rng, dark + light * relative, 4000)
+    flat[100, 7] = 4000
+    dead[100, 7] = True
+    calibration = jl.calibrate(ones, flat, frames=4000)
+    np.testing.assert_array_equal(calibration.dead, dead)
+    assert calibration.mask[dead].all()
+
+
+def test_jots_at_the_least_response_are_called_dead_at_the_stated_rate_at_most():
+    rng = np.random.default_rng(5)
+    ones, light, relative, dark = flat_scene(rng, 0.02, frames=200)
+    weak = rng.random(SHAPE) < 0.2
+    relative[weak] = LEAST_RESPONSE
+    # The median is that of all jots, a little below that of the good ones.
+    flat = counts(rng, dark + light * relative, 200)
+    calibration = jl.calibrate(ones, flat, frames=200, false_positive_rate=0.01)
+    assert calibration.dead.sum() <= binom.isf(1e-3, weak.sum(), 0.01)
+
+
+def test_a_flat_capture_that_is_short_brings_little_noise():
+    rng = np.random.default_rng(6)
+    ones, light, relative, dark = flat_scene(rng, 0.05)
+    flat = counts(rng, dark + light * relative, 100)
+    calibration = jl.calibrate(ones, flat, frames=4000, flat_frames=100)
+    assert calibration.flat_noise > 0.1
+    assert (calibration.efficiency * calibration.scale - relative).std() < 1.02 * relative.std()
+
+
+def test_the_variance_of_detections_is_that_of_many_draws():
+    rng = np.random.default_rng(7)
+    for threshold, rate in ((1, 0.05), (1, 1.5), (3, 2.0)):
+        chance = jl.Sensor(threshold=threshold).probability(np.full((1, 1), rate))
+        draws = detections(
+            rng.binomial(2000, chance, (20_000, 1)).astype(np.int32), 2000, threshold
+        )
+        expected = variance(np.array([rate]), 2000, threshold)[0]
+        assert draws.var() == pytest.approx(expected, rel=0.05)
+
+
+@pytest.fixture(scope="module")
+def calibration():
+    rng = np.random.default_rng(12)
+    ones, light, relative, dark = flat_scene(rng, 0.1, (32, 40))
+    flat = jl.Bits.from_array(rng.random((800, 32, 40)) < 1 - np.exp(-dark - light * relative))
+    ones[3, 4] = 4000
+    return jl.calibrate(ones, flat, frames=4000, files={"dark": "dark.npy"})
+
+
+def test_the_sensor_has_the_maps_and_a_gain_that_counts_ordinary_jots(calibration):
+    sensor = calibration.sensor(16, max_intensity=3.0)
+    assert sensor == jl.Sensor(
+        frames=16,
+        gain=16 * calibration.scale,
+        dark_counts=calibration.dark_counts,
+        efficiency=calibration.efficiency,
+        mask=calibration.mask,
+        max_intensity=3.0,
+    )
+    # Trained networks ask for 1 detection per frame at intensity 1.
+    assert jl.pretrained(calibration.sensor(16)).reconstruct
+    assert calibration.sensor(16, gain=5.0, dark_counts=0.25).gain == 5.0
+    assert calibration.sensor(16, dark_counts=0.25).dark_counts == 0.25
+    carried = jl.Sensor(frames=4, gain=2.0, threshold=1, oversampling=2)
+    applied = calibration.applied_to(carried)
+    assert applied.gain == pytest.approx(2 * calibration.scale)
+    assert applied.oversampling == 2
+
+
+@pytest.mark.filterwarnings("ignore:.*no valid jot")
+def test_a_calibrated_picture_is_nearer_to_the_scene(calibration):
+    rng = np.random.default_rng(13)
+    scene = np.full((32, 40), 0.4)
+    camera = calibration.sensor(1024).replace(mask=None)
+    seen = camera.expose(scene, rng).counts(1)
+    errors = []
+    for sensor in (jl.Sensor(frames=1024), calibration.sensor(1024)):
+        good = ~calibration.mask
+        errors.append(np.sqrt(np.mean((jl.mle(seen, sensor) - scene)[good] ** 2)))
+    assert errors[1] < 0.9 * errors[0]
+
+
+GOOD = np.full((16, 16), 3)
+
+
+@pytest.mark.parametrize(
+    ("given", "options", "words"),
+    [
+        ((GOOD,), {}, "dark holds counts, and nothing tells out of how many frames"),
+        ((GOOD,), {"frames": 2}, "at least as many as the largest of the dark counts, 3"),
+        ((GOOD,), {"frames": 9, "false_positive_rate": 0.5}, r"expected a number in \(0, 0.01\]"),
+        ((GOOD,), {"frames": 9, "most_dark": 0}, "most_dark: expected a finite number"),
+        ((GOOD[:2, :2],), {"frames": 9}, "expected 64 jots at least"),
+        ((np.full((16, 16), 9),), {"frames": 9}, "some jots that do not fire in every frame"),
+        ((GOOD, GOOD[:8]), {"frames": 9}, "flat: expected the dark capture's 16 x 16 jots"),
+        ((GOOD, np.full((16, 16), 9)), {"frames": 9}, "take it with less light"),
+        ((GOOD, GOOD), {"frames": 9}, "more ones than the dark capture has"),
+        ((np.full((16, 16, 3), 3),), {"frames": 9}, r"one channel \(H, W\)"),
+        ((jl.Bits.from_array(np.zeros((4, 8, 8, 3), bool)),), {}, "frames of one channel, got 3"),
+        ((jl.Bits.from_array(np.zeros((4, 8, 8), bool)),), {"frames": 5}, "the 4 of the dark bits"),
+    ],
+)
+def test_captures_that_cannot_be_what_they_are_said_to_be(given, options, words):
+    with pytest.raises(ValueError, match=words):
+        jl.calibrate(*given, **options)
+
+
+def test_the_shape_of_a_capture_is_checked(calibration):
+    with pytest.raises(ValueError, match="it is of 32 x 40 jots, and the capture has 40 x 32"):
+        calibration.check_shape((40, 32))
+
+
+def test_a_real_dark_map(data):
+    path = data / "real" / "spcimager" / "counts.npz"
+    ones = jl.open(path, key="bframee")
+    calibration = jl.calibrate(ones, frames=4096)
+    assert calibration.mask[ones == 4096].all()
+    assert calibration.hot[ones > 100].all()
+    assert not calibration.hot[ones < 20].any()
+    # Nearly a fifth is not of the bulk; a third of these is too hot to be used.
+    assert 0.17 < calibration.hot.mean() < 0.2
+    assert 0.055 < calibration.mask.mean() < 0.075
+
+
+def test_a_real_flat_field(data):
+    path = data / "real" / "spcimager" / "counts.npz"
+    dark, flat = jl.open(path, key="bframee"), jl.open(path, key="tempframe_lo")
+    calibration = jl.calibrate(dark, flat, frames=4096, flat_frames=1024)
+    assert 0.2 < calibration.prnu < 0.24
+    assert calibration.dead.mean() < 0.005
+    # A dark map of some jots with nearly none.
+    few = jl.open(data / "real" / "spad64x32" / "count_dark.npy", counts=True)
+    assert 0.01 < jl.calibrate(few, frames=60_000).hot.mean() < 0.05

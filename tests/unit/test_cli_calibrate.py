@@ -1,0 +1,191 @@
+"""`jotlight calibrate`, and what `reconstruct` and `info` do with a calibration."""
+
+import hashlib
+import json
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*no valid jot")
+
+SHAPE = (24, 32)
+
+
+@pytest.fixture
+def captures(tmp_path):
+    """A dark, a flat and a proper capture of one sensor."""
+    rng = np.random.default_rng(0)
+    dark = rng.gamma(4, 0.002, SHAPE)
+    dark[5, 6] = 1.0
+    relative = 1 + 0.05 * rng.standard_normal(SHAPE)
+    relative[10:13, 20:23] = 1e-4
+    sensor = jl.Sensor(
+        frames=600,
+        gain=600 * 1.3,
+        dark_counts=dark,
+        efficiency=np.clip(relative / 1.3, 1e-4, 1),
+    )
+    sensor.expose(np.zeros(SHAPE), 1).save(tmp_path / "dark.npy")
+    sensor.expose(np.full(SHAPE, 0.7), 2).save(tmp_path / "flat.npy")
+    scene = np.tile(np.linspace(0.1, 0.8, SHAPE[1]), (SHAPE[0], 1))
+    seen = sensor.replace(frames=16).expose(scene, 3)
+    # As from a camera, which does not tell its sensor.
+    jl.Bits(seen.packed, seen.width).save(tmp_path / "seen.npy")
+    np.save(tmp_path / "counts.npy", seen.counts(1))
+    return tmp_path
+
+
+@pytest.fixture
+def calibrated(run, captures):
+    assert run("calibrate", "dark.npy", "flat.npy", "-o", "c.safetensors")[0] == 0
+    return jl.Calibration.load(captures / "c.safetensors")
+
+
+def files(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_calibrate_gives_what_the_python_interface_gives(run, captures):
+    status, said = run(
+        "calibrate", "dark.npy", "flat.npy", "-o", "c.safetensors", "--plot", "page.png"
+    )
+    assert status == 0
+    found = jl.Calibration.load(captures / "c.safetensors")
+    same = jl.calibrate(jl.open(captures / "dark.npy"), jl.open(captures / "flat.npy"))
+    assert found.sensor(16) == same.sensor(16)
+    assert np.argwhere(found.hot).tolist() == [[5, 6]]
+    assert np.argwhere(found.dead).tolist() == [[y, x] for y in (10, 11, 12) for x in (20, 21, 22)]
+    assert f"hot: 1 ({1 / 768:.2%}), from {found.hot_from} ones on; by chance 0.077" in said
+    assert "dead: 9 (" in said
+    assert f"PRNU: {found.prnu:.2%} ± " in said
+    assert "dark: frames correlate: " in said
+    assert (captures / "page.png").read_bytes().startswith(b"\x89PNG")
+    assert found.files == {"dark": "dark.npy", "flat": "flat.npy"}
+
+
+def test_counts_need_their_frames(run, captures):
+    for name in ("dark", "flat"):
+        np.save(captures / f"{name}-counts.npy", jl.open(captures / f"{name}.npy").counts(1))
+    given = ("calibrate", "dark-counts.npy", "flat-counts.npy", "-o", "c.safetensors")
+    status, said = run(*given)
+    assert status == 1
+    assert "--frames, --flat-frames" in said
+    assert run(*given, "--frames", 600, "--plot", "page.pdf")[0] == 0
+    found = jl.Calibration.load(captures / "c.safetensors")
+    same = jl.calibrate(jl.open(captures / "dark.npy"), jl.open(captures / "flat.npy"))
+    assert found.sensor(4) == same.sensor(4)
+    assert found.dark_steadiness is None
+    assert run("calibrate", "dark.npy", "flat-counts.npy", "-o", "d.safetensors", "-t", 600)[0] == 0
+    assert jl.Calibration.load(captures / "d.safetensors").sensor(4) == same.sensor(4)
+
+
+@pytest.mark.parametrize("method", ["mle", "noniterative-tv", "admm-tv", "mle-iterative"])
+@pytest.mark.parametrize("data", ["seen.npy", "counts.npy"])
+def test_reconstruct_with_a_calibration_is_reconstruct_with_its_maps(
+    run, captures, calibrated, method, data
+):
+    np.save("d.npy", calibrated.dark_counts)
+    np.save("e.npy", calibrated.efficiency)
+    np.save("m.npy", calibrated.mask)
+    given = ("reconstruct", data, "-m", method, "-t", 16)
+    status, said = run(*given, "-o", "a.npy", "--calibration", "c.safetensors")
+    assert status == 0
+    assert "calibration c.safetensors: dark counts (median 0.0" in said
+    assert "10 masked jots, response (PRNU " in said
+    maps = ("--dark-counts", "d.npy", "--efficiency", "e.npy", "--mask", "m.npy")
+    assert run(*given, "-o", "b.npy", *maps, "--gain", 16 * calibrated.scale)[0] == 0
+    np.testing.assert_array_equal(np.load("a.npy"), np.load("b.npy"))
+    assert not (captures / "b.npy.json").exists()
+
+
+def test_what_was_applied_is_recorded_beside_the_picture(run, captures, calibrated):
+    np.save("d.npy", np.zeros(SHAPE))
+    given = ("reconstruct", "seen.npy", "-o", "a.tif", "--calibration", "c.safetensors")
+    status, said = run(*given, "-m", "mle", "--dark-counts", "d.npy", "--gain", 20)
+    assert status == 0
+    assert "calibration c.safetensors: 10 masked jots, response" in said
+    told = json.loads((captures / "a.tif.json").read_text())
+    assert told["format"] == "jotlight picture"
+    assert (told["data"], told["method"]) == ("seen.npy", "mle")
+    assert told["sensor"]["gain"] == 20
+    assert told["sensor"]["frames"] == 16
+    recorded = told["calibration"]
+    assert recorded["file"] == "c.safetensors"
+    content = (captures / "c.safetensors").read_bytes()
+    assert recorded["sha256"] == hashlib.sha256(content).hexdigest()
+    assert recorded["applied"] == {"dark_counts": False, "efficiency": True, "mask": True}
+    assert recorded["masked_jots"] == 10
+    # A record of ours is written anew, and what is not of jotlight stays.
+    assert run(*given, "-m", "mle")[0] == 0
+    (captures / "a.tif.json").write_text("{}")
+    before = (captures / "a.tif").read_bytes()
+    status, said = run(*given)
+    assert status == 1
+    assert "is not of jotlight and is not overwritten" in said
+    assert (captures / "a.tif").read_bytes() == before
+    assert (captures / "a.tif.json").read_text() == "{}"
+
+
+def test_the_default_method_serves_a_calibrated_sensor(run, captures, calibrated):
+    given = ("reconstruct", "seen.npy", "-o", "a.npy", "--calibration", "c.safetensors")
+    assert run(*given)[0] == 0
+    told = json.loads((captures / "a.npy.json").read_text())
+    scene = np.linspace(0.1, 0.8, SHAPE[1])
+    assert np.sqrt(np.mean((np.load("a.npy") - scene) ** 2)) < 0.1
+    assert told["method"] == "network"
+
+
+def test_bits_that_carry_a_sensor_keep_its_other_parameters(run, captures, calibrated):
+    sensor = jl.Sensor(frames=4, gain=2.0, oversampling=2)
+    sensor.expose(np.full((12, 16), 0.5), 0).save(captures / "carried.npy")
+    given = ("reconstruct", "carried.npy", "-m", "mle", "-o", "a.npy")
+    assert run(*given, "--calibration", "c.safetensors")[0] == 0
+    expected = jl.mle(jl.open("carried.npy"), calibrated.applied_to(sensor))
+    np.testing.assert_array_equal(np.load("a.npy"), expected)
+
+
+def test_a_capture_of_another_shape_is_refused(run, captures, calibrated):
+    for data in ("seen.npy", "counts.npy"):
+        given = ("reconstruct", data, "-o", "a.npy", "-t", 16, "--rotate", 90)
+        status, said = run(*given, "--calibration", "c.safetensors")
+        assert status == 1
+        assert "it is of 24 x 32 jots, and the capture has 32 x 24" in said
+    assert "a.npy" not in files(captures)
+
+
+def test_info_tells_of_a_calibration_and_draws_it(run, captures, calibrated):
+    status, said = run("info", "c.safetensors", "--plot", "page.svg")
+    assert status == 0
+    assert "calibration" in said
+    assert "24 x 32" in said
+    assert "masked" in said
+    assert "<svg" in (captures / "page.svg").read_text()
+
+
+def test_nothing_is_left_behind_and_nothing_read_is_overwritten(run, captures):
+    before = files(captures)
+    for words, expected in (
+        (("-o", "dark.safetensor"), "ends in .safetensors"),
+        (("-o", "c.safetensors", "--plot", "page.gif"), "ends in .png"),
+        (("-o", "c.safetensors", "--plot", "dark.json"), "this file is read"),
+        (("-o", "c.safetensors", "--false-positive-rate", 2), "expected a number in (0, 0.01]"),
+        (("-o", "c.safetensors", "--rotate", 45), "rotate"),
+        (("-o", "c.safetensors", "--frames", 600), "frames: is for counts; these are bits"),
+    ):
+        status, said = run("calibrate", "dark.npy", "flat.npy", *words)
+        assert status == 1
+        assert expected in said
+        assert files(captures) == before
+    status, said = run("calibrate", "dark.npy", "counts.npy", "-o", "c.safetensors", "-t", 1)
+    assert status == 1
+    assert "at least as many as the largest of the flat counts" in said
+    assert files(captures) == before
+
+
+def test_a_network_is_no_calibration(run, captures):
+    jl.Network.initial(jl.Sensor(frames=16)).save("n.safetensors")
+    status, said = run("reconstruct", "seen.npy", "-o", "a.npy", "--calibration", "n.safetensors")
+    assert status == 1
+    assert "expected a jotlight calibration, got jotlight network" in said
