@@ -16,6 +16,7 @@ from jotlight.cli.convert import convert
 from jotlight.cli.demo import demo
 from jotlight.cli.evaluate import evaluate
 from jotlight.cli.info import info
+from jotlight.cli.plan import plan
 from jotlight.cli.reconstruct import reconstruct
 from jotlight.cli.reproduce import reproduce
 from jotlight.cli.simulate import simulate
@@ -55,7 +56,7 @@ def _plain_errors(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-COMMANDS = (demo, compare, simulate, reconstruct, train, evaluate, reproduce, info, convert)
+COMMANDS = (demo, compare, simulate, reconstruct, train, evaluate, reproduce, plan, info, convert)
 
 for command in COMMANDS:
     app.command()(_plain_errors(command))

@@ -2,14 +2,20 @@
 
 import re
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
+import numpy as np
+import numpy.typing as npt
 import typer
 
+from jotlight.bits import Bits
+from jotlight.cli.console import progress
 from jotlight.files import spare_inputs
 from jotlight.formats import FORMATS
+from jotlight.formats.capture import Capture
 from jotlight.formats.description import maps_beside
 from jotlight.formats.turning import FLIPS
+from jotlight.sensor import Sensor
 from jotlight.source import Source
 
 
@@ -66,3 +72,21 @@ def spare_capture(output: Path, data: Path) -> None:
 def told(source: Source | None) -> list[str]:
     """What was assumed of a file, one line each."""
     return [] if source is None else [f"{source.format}: {note}" for note in source.notes]
+
+
+def seen_by_sensor(
+    capture: Capture, path: Path, given: dict[str, Any]
+) -> tuple[Bits | npt.NDArray[np.int32], Sensor, str]:
+    """The data, their sensor, and in a word where it is from."""
+    if isinstance(capture, Bits):
+        if capture.sensor is None:
+            sensor = Sensor(**{"frames": len(capture), **given})
+            return capture, sensor, "nothing beside the bits tells their sensor; assumed"
+        return capture, capture.sensor.replace(**given), "sensor"
+    if "frames" not in given and "oversampling" not in given:
+        raise ValueError(
+            f"{path}: holds counts, and nothing tells out of how many bits; give --frames, or "
+            "--oversampling where a pixel covers many jots"
+        )
+    with progress(1) as begin:
+        return capture.sum(begin("summing")), Sensor(**given), "assumed"

@@ -1,26 +1,28 @@
 """`jotlight reconstruct`: bits or counts into a picture."""
 
+import functools
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 import typer
 from rich.markup import escape
 
-from jotlight.bits import Bits
+from jotlight.bits import Bits, check_fits
 from jotlight.cli import opening, options
+from jotlight.cli import output as output_
 from jotlight.cli.console import err, live_iterations, out, progress
-from jotlight.files import spare_inputs, written_whole
+from jotlight.cli.film import check_film, film, spare_folder
+from jotlight.files import spare_inputs
+from jotlight.film import windows
 from jotlight.formats import open_capture
-from jotlight.formats.capture import Capture
 from jotlight.methods import DEFAULT, METHODS
 from jotlight.network import Network
 from jotlight.pictures import picture_writer
 from jotlight.problems import Histories
-from jotlight.sensor import Sensor
+from jotlight.response import unclipped
 from jotlight.tv import NORMS
 from jotlight.vst import INVERSES
 
@@ -29,6 +31,9 @@ _OTHERWISE = "noniterative-tv"
 
 _SMOOTH = "admm-tv"
 """What knows how a smooth kernel spreads the light."""
+
+
+_RAISED = "the largest intensity is half a count from saturation, so that nothing else is clipped"
 
 
 @options.takes_sensor()
@@ -43,7 +48,9 @@ def reconstruct(
     output: Annotated[
         Path,
         typer.Option(
-            "--output", "-o", help=".png or .jpg to look at, .tif or .npy for floats as they are."
+            "--output",
+            "-o",
+            help=".png or .jpg to look at, .tif, .exr or .npy for floats that are never clipped.",
         ),
     ],
     method: Annotated[
@@ -98,6 +105,14 @@ def reconstruct(
     flip: opening.Flip = None,
     given: dict[str, Any],
     inputs: list[Path],
+    units: output_.Units = "intensity",
+    preview: output_.Preview = None,
+    curve: output_.Curve = None,
+    uncertainty: output_.UncertaintyFile = None,
+    level: output_.Level = 0.95,
+    window: output_.Window = None,
+    step: output_.Step = None,
+    fps: output_.Fps = 25.0,
     depth: Annotated[int, typer.Option(help="Bits of a .png: 8 or 16.")] = 8,
     threads: options.Threads = None,
 ) -> None:
@@ -105,8 +120,29 @@ def reconstruct(
 
     The sensor is the one that the bits carry, changed by the options given here.
     """
-    spare_inputs(output, [model, *inputs])
-    opening.spare_capture(output, data)
+    wanted = output_.Wanted(output, preview, uncertainty, units, curve, level, depth)
+    for path in wanted.paths():
+        spare_inputs(path, [model, *inputs])
+        opening.spare_capture(path, data)
+    if window is not None:
+        check_film(wanted, fps)
+        if "frames" in given:
+            raise ValueError(
+                "frames: --window says how many frames a picture has; --frame-range takes some of "
+                "the capture's"
+            )
+        spare_folder(output)
+    elif step is not None:
+        raise ValueError("step: is for a film, which --window asks for")
+    else:
+        picture_writer(output, depth=depth)
+    if uncertainty is not None and method not in (None, "mle"):
+        raise ValueError(
+            f"uncertainty: is known for the method mle, not for {method}, whose pixels depend on "
+            "their neighbours; leave --uncertainty out, or take --method mle"
+        )
+    if method is None and uncertainty is not None:
+        method = "mle"
     if method is None and inverse is not None:
         method = _OTHERWISE
     if method is None and any(value is not None for value in (weight, norm, tol, max_iter)):
@@ -130,20 +166,55 @@ def reconstruct(
         key=key,
         counts=counts,
     )
-    seen, sensor, told = _seen(capture, data, given)
+    seen, sensor, told = opening.seen_by_sensor(capture, data, given)
+    if window is not None:
+        if not isinstance(seen, Bits):
+            raise ValueError(f"window: is for bits, and {data} holds counts")
+        check_fits(seen, sensor)
+        windows(seen, window, step)
+        sensor = sensor.replace(frames=window)
     reason = None if "model" in settings else METHODS[method or DEFAULT].lacks(sensor)
     if reason is not None and method is not None:
         raise ValueError(reason)
     if method is None:
         smooth = sensor.kernel != "box" and isinstance(seen, Bits)
         method = DEFAULT if reason is None else _SMOOTH if smooth else _OTHERWISE
-    write = picture_writer(output, depth=depth, white=sensor.max_intensity)
+    white, free = sensor.max_intensity, unclipped(sensor)
+    assumed = told != "sensor" and "max_intensity" not in given and sensor.kernel == "box"
+    # A network was trained for its own largest intensity.
+    raised = assumed and free > white and not method.startswith("network")
+    if raised:
+        sensor = sensor.replace(max_intensity=free)
+
+    def tell(brightest: np.floating[Any] | float) -> None:
+        """Say what was assumed, and what is not as good as it could be."""
+        for line in (*opening.told(capture.source), f"{told}: {sensor!r}"):
+            out.print(line, soft_wrap=True, markup=False)
+        if raised:
+            out.print(f"{_RAISED}; --max-intensity sets another", soft_wrap=True)
+        if reason is not None:
+            err.print(f"[yellow]by {method}:[/] {escape(reason)}", soft_wrap=True)
+        if assumed and not raised and free > white and brightest > 0.98 * white:
+            err.print(
+                f"[yellow]by {method}:[/] the scene comes up to the largest intensity {white:g} "
+                f"that the network gives; --method {_OTHERWISE} goes on to {free:.3g}, where the "
+                "bits saturate",
+                soft_wrap=True,
+            )
+
+    network = settings.pop("model", None)
+    run = METHODS[method].run if network is None else network.reconstruct
+    title = METHODS[method].title
+    if window is not None and isinstance(seen, Bits):
+        once = functools.partial(run, threads=threads, **settings)
+        tell(film(seen, sensor, once, wanted, window=window, step=step, fps=fps, title=title))
+        return
     done = ""
-    with written_whole(output) as temporary:
+    with wanted.files() as files:
         start = time.perf_counter()
         if METHODS[method].iterative:
-            with live_iterations(METHODS[method].title) as callback:
-                picture, histories = METHODS[method].run(
+            with live_iterations(title) as callback:
+                picture, histories = run(
                     seen,
                     sensor,
                     threads=threads,
@@ -154,23 +225,24 @@ def reconstruct(
             done = _told(histories)
         else:
             with progress(None) as begin:
-                begin(METHODS[method].title)
-                network = settings.pop("model", None)
-                run = METHODS[method].run if network is None else network.reconstruct
+                begin(title)
                 picture = run(seen, sensor, threads=threads, **settings)
         seconds = time.perf_counter() - start
-        write(temporary, picture)
-    if reason is not None:
-        err.print(f"[yellow]by {method}:[/] {escape(reason)}", soft_wrap=True)
+        note = wanted.note(sensor, title, opening.told(capture.source))
+        wanted.write(files, picture, seen, sensor, white=white, note=note, threads=threads)
     size = " x ".join(map(str, picture.shape))
-    for line in opening.told(capture.source):
-        out.print(line, soft_wrap=True, markup=False)
+    scale = wanted.scale(sensor)
+    what = "intensities" if units == "intensity" else output_.UNITS[units]
     out.print(
-        f"{output}: {size}, intensities {picture.min():.3g} to {picture.max():.3g}, by "
-        f"{METHODS[method].title}{done} in {seconds:.3g} s\n{told}: {sensor!r}",
+        f"{output}: {size}, {what} {scale * picture.min():.3g} to {scale * picture.max():.3g}, by "
+        f"{title}{done} in {seconds:.3g} s",
         soft_wrap=True,
         markup=False,
     )
+    for beside, words in ((preview, "to look at"), (uncertainty, f"intervals of {level:g}")):
+        if beside is not None:
+            out.print(f"{beside}: {words}", soft_wrap=True, markup=False)
+    tell(picture.max())
 
 
 def _method_settings(
@@ -210,21 +282,3 @@ def _told(histories: Histories) -> str:
     if (weight := float(np.mean([np.mean(history.weight) for history in each]))) > 0:
         words += f", weight {weight:.3g}"
     return f" ({words})"
-
-
-def _seen(
-    capture: Capture, path: Path, given: dict[str, Any]
-) -> tuple[Bits | npt.NDArray[np.int32], Sensor, str]:
-    """The data, their sensor, and in a word where it is from."""
-    if isinstance(capture, Bits):
-        if capture.sensor is None:
-            sensor = Sensor(**{"frames": len(capture), **given})
-            return capture, sensor, "nothing beside the bits tells their sensor; assumed"
-        return capture, capture.sensor.replace(**given), "sensor"
-    if "frames" not in given and "oversampling" not in given:
-        raise ValueError(
-            f"{path}: holds counts, and nothing tells out of how many bits; give --frames, or "
-            "--oversampling where a pixel covers many jots"
-        )
-    with progress(1) as begin:
-        return capture.sum(begin("summing")), Sensor(**given), "assumed"
