@@ -25,8 +25,10 @@ from jotlight.mle_iterative import mle_iterative
 from jotlight.models import pretrained
 from jotlight.network import Layer, Network
 from jotlight.noniterative import noniterative
+from jotlight.planning import Plan, plan
 from jotlight.sensor import Sensor
 from jotlight.training import train
+from jotlight.uncertainty import Uncertainty, uncertainty
 
 __all__ = [
     "Bits",
@@ -36,8 +38,10 @@ __all__ = [
     "Likelihood",
     "MissingExtraError",
     "Network",
+    "Plan",
     "Problem",
     "Sensor",
+    "Uncertainty",
     "__version__",
     "admm_tv",
     "calibrate",
@@ -50,9 +54,11 @@ __all__ = [
     "noniterative",
     "open",
     "operators",
+    "plan",
     "pretrained",
     "train",
     "training",
     "tv",
+    "uncertainty",
     "vst",
 ]

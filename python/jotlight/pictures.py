@@ -1,18 +1,26 @@
 """Pictures in and out of files."""
 
+import json
 import math
 import os
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.exr import check_exr, write_exr
 from jotlight.formats.arrays import read_npy
 
 Picture = npt.NDArray[np.floating[Any]]
+
+DISPLAYED = (".png", ".jpg", ".jpeg")
+"""The endings of pictures to look at."""
+
+FLOATS = (".tif", ".tiff", ".exr", ".npy")
+"""The endings of pictures in numbers, never clipped."""
 
 _ORIENTATION = 0x0112
 """The tag of EXIF."""
@@ -142,19 +150,25 @@ def _read_tiff(path: Path) -> tuple[npt.NDArray[Any], float | None]:
 
 
 def picture_writer(
-    path: str | os.PathLike[str], *, depth: int = 8, white: float = 1.0
+    path: str | os.PathLike[str],
+    *,
+    depth: int = 8,
+    white: float = 1.0,
+    note: Mapping[str, Any] | None = None,
 ) -> Callable[[Path, Picture], None]:
     """Find how to write a picture to `path`, before it is made.
 
     Parameters
     ----------
     path : path
-        Its ending chooses: `.png` and `.jpg` for display, `.tif` (float32) and `.npy` for numbers,
-        which are written as they are and never clipped.
+        Its ending chooses: `.png` and `.jpg` for display; `.tif` and `.exr` (float32) and `.npy`
+        for numbers, which are written as they are and never clipped.
     depth : {8, 16}
         Bits of a PNG.
     white : float
         The intensity that becomes white in PNG and JPEG; what is brighter is white too.
+    note : mapping, optional
+        What JSON can hold, kept in the ImageDescription of a TIFF and the `comments` of an EXR.
 
     Returns
     -------
@@ -165,16 +179,21 @@ def picture_writer(
     ------
     ValueError
         For an unknown ending, or a depth that the format does not have.
+    MissingExtraError
+        For `.exr` without the package OpenEXR.
     """
     suffix = Path(path).suffix.lower()
-    if suffix not in (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".npy"):
+    if suffix not in (*DISPLAYED, *FLOATS):
         raise ValueError(
-            f"{path}: expected a name that ends in .png, .jpg, .tif or .npy, got {suffix or 'none'}"
+            f"{path}: expected a name that ends in .png, .jpg, .tif, .exr or .npy, "
+            f"got {suffix or 'none'}"
         )
+    if suffix == ".exr":
+        check_exr()
     if depth not in (8, 16) or (depth == 16 and suffix != ".png"):
         raise ValueError(
             f"depth: expected 8, or 16 for a .png, got {depth} for {suffix}; "
-            ".tif and .npy hold floats"
+            ".tif, .exr and .npy hold floats"
         )
 
     def write(file: Path, picture: Picture) -> None:
@@ -185,7 +204,12 @@ def picture_writer(
             import tifffile
 
             photometric = "rgb" if picture.ndim == 3 else "minisblack"
-            tifffile.imwrite(file, picture.astype(np.float32), photometric=photometric)
+            told: dict[str, Any] = {}
+            if note:
+                told = {"description": json.dumps(dict(note)), "metadata": None}
+            tifffile.imwrite(file, picture.astype(np.float32), photometric=photometric, **told)
+        elif suffix == ".exr":
+            write_exr(file, picture, note)
         elif depth == 16:
             _write_png16(file, levels(picture, white, 65535).astype(np.uint16))
         else:

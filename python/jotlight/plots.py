@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from jotlight.bits import Bits
 from jotlight.network import Layer, Network
+from jotlight.planning import Plan
 from jotlight.training.history import History
 
 if TYPE_CHECKING:
@@ -150,6 +151,36 @@ def training(network: Network, history: History) -> "Figure":
     )
     axes[1, 1].set_axis_off()
     figure.colorbar(image, ax=axes[1, 1], shrink=0.9)
+    return figure
+
+
+def expectation(plan: Plan) -> "Figure":
+    """Draw what a plan expects: PSNR by frames to the left, SNR by light to the right."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 4), facecolor="white", layout="constrained")
+    left, right = figure.subplots(1, 2)
+    left.plot(plan.frames, plan.psnr, color=_MARK, marker="o", markersize=4)
+    left.set_xscale("log", base=2)
+    if plan.target is not None:
+        left.axhline(plan.target, color=_QUIET, linestyle=":")
+    left.set_title("PSNR of the scene, dB", fontsize=11, color=_INK, loc="left")
+    left.set_xlabel("frames", color=_QUIET)
+    shown = range(len(plan.frames) - 1, -1, -max(1, len(plan.frames) // 5))
+    style = {"marker": "o"} if len(plan.light) == 1 else {}
+    for place, row in enumerate(shown):
+        colour = f"C{place}"
+        label = f"{plan.frames[row]} frame{'' if plan.frames[row] == 1 else 's'}"
+        right.plot(plan.light, plan.snr[row], color=colour, label=label, **style)
+        right.plot(plan.light, plan.bound_snr[row], color=colour, linestyle=":", linewidth=1)
+    right.set_xscale("log")
+    right.set_title(
+        "SNR of a pixel, dB (dotted: Cramér-Rao bound)", fontsize=11, color=_INK, loc="left"
+    )
+    right.set_xlabel("photons per jot and frame", color=_QUIET)
+    right.legend(fontsize=8, frameon=False)
+    for axes in (left, right):
+        axes.grid(alpha=0.3)
     return figure
 
 

@@ -151,7 +151,7 @@ def test_counts_serve_the_box_kernel(run, bits, tmp_path, method, data):
     words = ["reconstruct", *data, "-o", "out.npy", "-m", method]
     status, said = run(*words, "--oversampling", 4)
     assert status == 0
-    assert "assumed: Sensor(oversampling=4)" in said
+    assert "assumed: Sensor(oversampling=4, max_intensity=3.46" in said
     assert_written(tmp_path / "out.npy", FUNCTIONS[method](bits["box"], BOX))
 
 

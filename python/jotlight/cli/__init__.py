@@ -17,6 +17,7 @@ from jotlight.cli.convert import convert
 from jotlight.cli.demo import demo
 from jotlight.cli.evaluate import evaluate
 from jotlight.cli.info import info
+from jotlight.cli.plan import plan
 from jotlight.cli.reconstruct import reconstruct
 from jotlight.cli.reproduce import reproduce
 from jotlight.cli.simulate import simulate
@@ -65,6 +66,7 @@ COMMANDS = (
     train,
     evaluate,
     reproduce,
+    plan,
     info,
     convert,
 )

@@ -2,14 +2,21 @@
 
 import re
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
+import numpy as np
+import numpy.typing as npt
 import typer
 
+from jotlight.bits import Bits
+from jotlight.calibration import Calibration
+from jotlight.cli.console import progress
 from jotlight.files import spare_inputs
 from jotlight.formats import FORMATS
+from jotlight.formats.capture import Capture
 from jotlight.formats.description import maps_beside
 from jotlight.formats.turning import FLIPS
+from jotlight.sensor import Sensor
 from jotlight.source import Source
 
 
@@ -66,3 +73,35 @@ def spare_capture(output: Path, data: Path) -> None:
 def told(source: Source | None) -> list[str]:
     """What was assumed of a file, one line each."""
     return [] if source is None else [f"{source.format}: {note}" for note in source.notes]
+
+
+def seen_by_sensor(
+    capture: Capture,
+    path: Path,
+    given: dict[str, Any],
+    calibration: Calibration | None = None,
+) -> tuple[Bits | npt.NDArray[np.int32], Sensor, str]:
+    """The data, their sensor, and in a word where it is from."""
+    if isinstance(capture, Bits):
+        if calibration is not None:
+            calibration.check_shape(capture.shape[1:3])
+        if capture.sensor is None:
+            words = "nothing beside the bits tells their sensor; assumed"
+            if calibration is not None:
+                return capture, calibration.sensor(**{"frames": len(capture), **given}), words
+            return capture, Sensor(**{"frames": len(capture), **given}), words
+        if calibration is not None:
+            return capture, calibration.applied_to(capture.sensor, **given), "sensor"
+        return capture, capture.sensor.replace(**given), "sensor"
+    if "frames" not in given and "oversampling" not in given:
+        raise ValueError(
+            f"{path}: holds counts, and nothing tells out of how many bits; give --frames, or "
+            "--oversampling where a pixel covers many jots"
+        )
+    with progress(1) as begin:
+        counts = capture.sum(begin("summing"))
+    if calibration is None:
+        return counts, Sensor(**given), "assumed"
+    side = given.get("oversampling", 1)
+    calibration.check_shape(tuple(side * size for size in counts.shape[:2]))
+    return counts, calibration.sensor(**given), "assumed"

@@ -1,29 +1,30 @@
 """`jotlight reconstruct`: bits or counts into a picture."""
 
+import functools
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 import typer
 from rich.markup import escape
 
-from jotlight.bits import Bits
-from jotlight.calibration import Calibration
+from jotlight.bits import Bits, check_fits
 from jotlight.cli import opening, options
+from jotlight.cli import output as output_
 from jotlight.cli.calibrated import Calibrated, recorded
 from jotlight.cli.console import err, live_iterations, out, progress
+from jotlight.cli.film import check_film, film, spare_folder
 from jotlight.exposure import BRIGHT
-from jotlight.files import spare_inputs, written_whole
+from jotlight.files import spare_inputs
+from jotlight.film import windows
 from jotlight.formats import open_capture
-from jotlight.formats.capture import Capture
 from jotlight.methods import DEFAULT, METHODS
 from jotlight.network import Network
 from jotlight.pictures import picture_writer
 from jotlight.problems import Histories
-from jotlight.sensor import Sensor
+from jotlight.response import unclipped
 from jotlight.tv import NORMS
 from jotlight.vst import INVERSES
 
@@ -33,11 +34,12 @@ _OTHERWISE = "noniterative-tv"
 _DIM = 0.7
 """A scene whose brightest parts have less intensity is not what the shipped networks are for."""
 
-_CLIPPED, _MOST_CLIPPED = 0.98, 0.05
-"""Nor is one of which a larger share comes out above this intensity."""
 
 _SMOOTH = "admm-tv"
 """What knows how a smooth kernel spreads the light."""
+
+
+_RAISED = "the largest intensity is half a count from saturation, so that nothing else is clipped"
 
 
 @options.takes_sensor()
@@ -52,7 +54,9 @@ def reconstruct(
     output: Annotated[
         Path,
         typer.Option(
-            "--output", "-o", help=".png or .jpg to look at, .tif or .npy for floats as they are."
+            "--output",
+            "-o",
+            help=".png or .jpg to look at, .tif, .exr or .npy for floats that are never clipped.",
         ),
     ],
     method: Annotated[
@@ -115,6 +119,14 @@ def reconstruct(
     flip: opening.Flip = None,
     given: dict[str, Any],
     inputs: list[Path],
+    units: output_.Units = "intensity",
+    preview: output_.Preview = None,
+    curve: output_.Curve = None,
+    uncertainty: output_.UncertaintyFile = None,
+    level: output_.Level = 0.95,
+    window: output_.Window = None,
+    step: output_.Step = None,
+    fps: output_.Fps = 25.0,
     depth: Annotated[int, typer.Option(help="Bits of a .png: 8 or 16.")] = 8,
     threads: options.Threads = None,
 ) -> None:
@@ -123,8 +135,29 @@ def reconstruct(
     The sensor is the one that the bits carry, changed by the calibration and then by the options
     given here.
     """
-    spare_inputs(output, [model, calibration, *inputs])
-    opening.spare_capture(output, data)
+    wanted = output_.Wanted(output, preview, uncertainty, units, curve, level, depth)
+    for path in wanted.paths():
+        spare_inputs(path, [model, calibration, *inputs])
+        opening.spare_capture(path, data)
+    if window is not None:
+        check_film(wanted, fps)
+        if "frames" in given:
+            raise ValueError(
+                "frames: --window says how many frames a picture has; --frame-range takes some of "
+                "the capture's"
+            )
+        spare_folder(output)
+    elif step is not None:
+        raise ValueError("step: is for a film, which --window asks for")
+    else:
+        picture_writer(output, depth=depth)
+    if uncertainty is not None and method not in (None, "mle"):
+        raise ValueError(
+            f"uncertainty: is known for the method mle, not for {method}, whose pixels depend on "
+            "their neighbours; leave --uncertainty out, or take --method mle"
+        )
+    if method is None and uncertainty is not None:
+        method = "mle"
     if method is None and inverse is not None:
         method = _OTHERWISE
     if method is None and any(value is not None for value in (weight, norm, tol, max_iter)):
@@ -152,24 +185,66 @@ def reconstruct(
     if known is not None:
         opening.spare_capture(known.record, data)
         spare_inputs(known.record, [model, calibration, *inputs])
-    seen, sensor, told = _seen(capture, data, given, known.calibration if known else None)
+    found = known.calibration if known else None
+    seen, sensor, told = opening.seen_by_sensor(capture, data, given, found)
     if "model" in settings and "max_intensity" not in given:
         # A network's outputs lie in its own range, whatever range others would be clipped to.
         sensor = sensor.replace(max_intensity=settings["model"].sensor.max_intensity)
     shipped = method in (None, "network") and "model" not in settings
+    if window is not None:
+        if not isinstance(seen, Bits):
+            raise ValueError(f"window: is for bits, and {data} holds counts")
+        check_fits(seen, sensor)
+        windows(seen, window, step)
+        sensor = sensor.replace(frames=window)
     reason = None if "model" in settings else METHODS[method or DEFAULT].lacks(sensor)
     if reason is not None and method is not None:
         raise ValueError(reason)
     if method is None:
         smooth = sensor.kernel != "box" and isinstance(seen, Bits)
         method = DEFAULT if reason is None else _SMOOTH if smooth else _OTHERWISE
-    write = picture_writer(output, depth=depth, white=sensor.max_intensity)
+    white, free = sensor.max_intensity, unclipped(sensor)
+    assumed = told != "sensor" and "max_intensity" not in given and sensor.kernel == "box"
+    # A network was trained for its own largest intensity.
+    raised = assumed and free > white and not method.startswith("network")
+    if raised:
+        sensor = sensor.replace(max_intensity=free)
+
+    def tell(brightest: np.floating[Any] | float) -> None:
+        """Say what was assumed, and what is not as good as it could be."""
+        applied = [] if known is None else known.told(sensor)
+        for line in (*opening.told(capture.source), *applied, f"{told}: {sensor!r}"):
+            out.print(line, soft_wrap=True, markup=False)
+        if raised:
+            out.print(f"{_RAISED}; --max-intensity sets another", soft_wrap=True)
+        if reason is not None:
+            err.print(f"[yellow]by {method}:[/] {escape(reason)}", soft_wrap=True)
+        if assumed and not raised and free > white and brightest > 0.98 * white:
+            err.print(
+                f"[yellow]by {method}:[/] the scene comes up to the largest intensity {white:g} "
+                f"that the network gives; --method {_OTHERWISE} goes on to {free:.3g}, where the "
+                "bits saturate",
+                soft_wrap=True,
+            )
+
+    network = settings.pop("model", None)
+    run = METHODS[method].run if network is None else network.reconstruct
+    title = METHODS[method].title
+    if window is not None and isinstance(seen, Bits):
+        once = functools.partial(run, threads=threads, **settings)
+        with recorded(known) as record:
+            brightest = film(
+                seen, sensor, once, wanted, window=window, step=step, fps=fps, title=title
+            )
+            record(sensor, method, data.name, capture.source)
+        tell(brightest)
+        return
     done = ""
-    with written_whole(output) as temporary, recorded(known) as record:
+    with wanted.files() as files, recorded(known) as record:
         start = time.perf_counter()
         if METHODS[method].iterative:
-            with live_iterations(METHODS[method].title) as callback:
-                picture, histories = METHODS[method].run(
+            with live_iterations(title) as callback:
+                picture, histories = run(
                     seen,
                     sensor,
                     threads=threads,
@@ -180,29 +255,28 @@ def reconstruct(
             done = _told(histories)
         else:
             with progress(None) as begin:
-                begin(METHODS[method].title)
-                network = settings.pop("model", None)
-                run = METHODS[method].run if network is None else network.reconstruct
+                begin(title)
                 picture = run(seen, sensor, threads=threads, **settings)
         seconds = time.perf_counter() - start
-        write(temporary, picture)
+        note = wanted.note(sensor, title, opening.told(capture.source))
+        wanted.write(files, picture, seen, sensor, white=white, note=note, threads=threads)
         record(sensor, method, data.name, capture.source)
-    if reason is not None:
-        err.print(f"[yellow]by {method}:[/] {escape(reason)}", soft_wrap=True)
-    elif shipped and method == DEFAULT and (words := _misfit(picture, data)) is not None:
+    bright = float(np.quantile(picture, BRIGHT))
+    if shipped and method == DEFAULT and (words := _misfit(bright, data)) is not None:
         err.print(f"[yellow]by {method}:[/] {escape(words)}", soft_wrap=True)
     size = " x ".join(map(str, picture.shape))
-    for line in opening.told(capture.source):
-        out.print(line, soft_wrap=True, markup=False)
-    if known is not None:
-        for line in known.told(sensor):
-            out.print(line, soft_wrap=True, markup=False)
+    scale = wanted.scale(sensor)
+    what = "intensities" if units == "intensity" else output_.UNITS[units]
     out.print(
-        f"{output}: {size}, intensities {picture.min():.3g} to {picture.max():.3g}, by "
-        f"{METHODS[method].title}{done} in {seconds:.3g} s\n{told}: {sensor!r}",
+        f"{output}: {size}, {what} {scale * picture.min():.3g} to {scale * picture.max():.3g}, by "
+        f"{title}{done} in {seconds:.3g} s",
         soft_wrap=True,
         markup=False,
     )
+    for beside, words in ((preview, "to look at"), (uncertainty, f"intervals of {level:g}")):
+        if beside is not None:
+            out.print(f"{beside}: {words}", soft_wrap=True, markup=False)
+    tell(picture.max())
 
 
 def _method_settings(
@@ -232,20 +306,14 @@ _WHOSE: dict[str, tuple[str, Callable[[str], bool]]] = {
 """To which methods each setting belongs."""
 
 
-def _misfit(picture: npt.NDArray[np.float32], data: Path) -> str | None:
+def _misfit(brightest: float, data: Path) -> str | None:
     """Say that a scene is not as bright as those that the shipped networks are trained for."""
-    brightest = float(np.quantile(picture, BRIGHT))
-    clipped = float(np.mean(picture > _CLIPPED))
-    if brightest < _DIM:
-        shown = f"here they have {brightest:.2g}"
-    elif clipped > _MOST_CLIPPED:
-        shown = f"here {clipped:.0%} of the picture may have more"
-    else:
+    if brightest >= _DIM:
         return None
     return (
         "the network that comes with jotlight is for scenes whose brightest parts have intensity "
-        f"1, and {shown}; learn one for this capture in a minute: jotlight train --sensor {data} "
-        "-o model.safetensors, and add --model model.safetensors"
+        f"1, and here they have {brightest:.2g}; learn one for this capture in a minute: jotlight "
+        f"train --sensor {data} -o model.safetensors, and add --model model.safetensors"
     )
 
 
@@ -259,32 +327,3 @@ def _told(histories: Histories) -> str:
     if (weight := float(np.mean([np.mean(history.weight) for history in each]))) > 0:
         words += f", weight {weight:.3g}"
     return f" ({words})"
-
-
-def _seen(
-    capture: Capture, path: Path, given: dict[str, Any], calibration: Calibration | None
-) -> tuple[Bits | npt.NDArray[np.int32], Sensor, str]:
-    """The data, their sensor, and in a word where it is from."""
-    if isinstance(capture, Bits):
-        if calibration is not None:
-            calibration.check_shape(capture.shape[1:3])
-        if capture.sensor is None:
-            words = "nothing beside the bits tells their sensor; assumed"
-            if calibration is not None:
-                return capture, calibration.sensor(**{"frames": len(capture), **given}), words
-            return capture, Sensor(**{"frames": len(capture), **given}), words
-        if calibration is not None:
-            return capture, calibration.applied_to(capture.sensor, **given), "sensor"
-        return capture, capture.sensor.replace(**given), "sensor"
-    if "frames" not in given and "oversampling" not in given:
-        raise ValueError(
-            f"{path}: holds counts, and nothing tells out of how many bits; give --frames, or "
-            "--oversampling where a pixel covers many jots"
-        )
-    with progress(1) as begin:
-        counts = capture.sum(begin("summing"))
-    if calibration is None:
-        return counts, Sensor(**given), "assumed"
-    side = given.get("oversampling", 1)
-    calibration.check_shape(tuple(side * size for size in counts.shape[:2]))
-    return counts, calibration.sensor(**given), "assumed"

@@ -1,0 +1,150 @@
+"""Films: pictures of sliding windows of frames, written one by one."""
+
+import contextlib
+from collections.abc import Callable, Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.bits import Bits
+from jotlight.errors import MissingExtraError
+from jotlight.files import written_folder, written_whole
+from jotlight.pictures import Picture, picture_writer
+from jotlight.tone import Tone
+
+Add = Callable[[npt.NDArray[np.float32]], None]
+
+
+def windows(bits: Bits, window: int, step: int | None = None) -> list[slice]:
+    """Frames of each window: `window` of them, beginning every `step`; whole windows only.
+
+    ``bits[w]`` for w among them gives the bits, still in their files.
+
+    Raises
+    ------
+    ValueError
+        When there is no whole window, or a number is below 1.
+
+    Examples
+    --------
+    >>> bits = Bits(np.zeros((10, 1, 1), np.uint8))
+    >>> [(w.start, w.stop) for w in windows(bits, 4, 3)]
+    [(0, 4), (3, 7), (6, 10)]
+    """
+    step = window if step is None else step
+    if step < 1:
+        raise ValueError(f"step: expected 1 frame or more, got {step}")
+    if not 1 <= window <= len(bits):
+        raise ValueError(f"window: expected 1 to the capture's {len(bits)} frames, got {window}")
+    return [slice(a, a + window) for a in range(0, len(bits) - window + 1, step)]
+
+
+def is_floats(path: Path) -> bool:
+    """Whether a film of this name is a stack of floats, and raise ValueError if it can be none.
+
+    Raises
+    ------
+    MissingExtraError
+        For `.mp4` without the package imageio-ffmpeg.
+    ValueError
+        For an unknown ending.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in ("", ".npy", ".mp4"):
+        raise ValueError(
+            f"{path}: expected, for the pictures of many windows, a name that ends in .npy "
+            f"(floats) or .mp4, or a name without ending for a new folder of .png, got {suffix}"
+        )
+    if suffix == ".mp4" and find_spec("imageio_ffmpeg") is None:
+        raise MissingExtraError(
+            "films in .mp4 need the package imageio-ffmpeg, which is not installed: "
+            "pip install 'jotlight[video]'; .npy and a folder of .png go without it"
+        )
+    return suffix == ".npy"
+
+
+@contextlib.contextmanager
+def film_writer(
+    path: Path, number: int, *, tone: Tone | None = None, fps: float = 25.0, depth: int = 8
+) -> Iterator[Add]:
+    """Give a function that adds the next picture to a film; it appears whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+        `.npy`: float32 (N, H, W) or (N, H, W, C), as they are; `.mp4`: H.264, an odd row or column
+        repeated; no ending: a new folder of `00000.png` and so on.
+    number : int
+        N, how many pictures will come.
+    tone : Tone, optional
+        How floats become what is displayed, the same for all. Default: intensity 1 is white.
+    fps : float
+        Pictures per second of a `.mp4`.
+    depth : {8, 16}
+        Bits of a `.png`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "film.npy"
+    >>> with film_writer(path, 2) as add:
+    ...     add(np.zeros((3, 4), np.float32))
+    ...     add(np.ones((3, 4), np.float32))
+    >>> np.load(path).shape
+    (2, 3, 4)
+    """
+    shown = tone or Tone("linear")
+    if is_floats(path):
+        with written_whole(path) as temporary, temporary.open("wb") as file:
+            yield lambda picture: _append(file, picture, number)
+    elif path.suffix:
+        with written_whole(path) as temporary, _mp4(temporary, fps) as send:
+            yield lambda picture: send(shown(picture))
+    else:
+        write = picture_writer("a.png", depth=depth)
+        with written_folder(path) as folder:
+            places = (
+                folder / f"{place:0{max(5, len(str(number)))}d}.png" for place in range(number)
+            )
+            yield lambda picture: write(next(places), shown(picture))
+
+
+def _append(file: Any, picture: Picture, number: int) -> None:
+    # By hand and not through a memory map, whose pages would stay in memory.
+    if file.tell() == 0:
+        header = {"descr": "<f4", "fortran_order": False, "shape": (number, *picture.shape)}
+        np.lib.format.write_array_header_1_0(file, header)
+    file.write(picture.astype("<f4").tobytes())
+
+
+@contextlib.contextmanager
+def _mp4(path: Path, fps: float) -> Iterator[Callable[[Picture], None]]:
+    import imageio_ffmpeg
+
+    if not 0 < fps < 1e4:
+        raise ValueError(f"fps: expected pictures per second above 0, got {fps}")
+    pipe: Any = None
+
+    def send(picture: Picture) -> None:
+        nonlocal pipe
+        # H.264 has half as many rows and columns of colour.
+        height, width = picture.shape[:2]
+        margins = ((0, height % 2), (0, width % 2), (0, 0))[: picture.ndim]
+        levels = np.pad(np.rint(picture * 255).astype(np.uint8), margins, mode="edge")
+        if pipe is None:
+            size = (levels.shape[1], levels.shape[0])
+            pixels = "gray" if levels.ndim == 2 else "rgb24"
+            pipe = imageio_ffmpeg.write_frames(
+                str(path), size, pix_fmt_in=pixels, fps=fps, quality=8, macro_block_size=1
+            )
+            pipe.send(None)
+        pipe.send(np.ascontiguousarray(levels))
+
+    try:
+        yield send
+    finally:
+        if pipe is not None:
+            pipe.close()

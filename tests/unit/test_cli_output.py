@@ -1,0 +1,151 @@
+"""What `reconstruct` writes: units, previews, uncertainty, films."""
+
+import json
+
+import numpy as np
+import pytest
+import tifffile
+
+import jotlight as jl
+from jotlight.pictures import read_picture
+
+SENSOR = jl.Sensor(frames=40, gain=10.0, max_intensity=14.0)
+SCENE = np.linspace(0.2, 12, 24 * 30).reshape(24, 30)
+
+
+@pytest.fixture
+def capture(tmp_path):
+    bits = SENSOR.expose(SCENE, rng=0)
+    bits.save(tmp_path / "known.npy")
+    np.save(tmp_path / "cube.npy", SENSOR.replace(gain=40.0).expose(SCENE / 4, rng=0).packed)
+    return bits
+
+
+def files(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+@pytest.mark.parametrize("ending", ["npy", "tif", "exr"])
+def test_floats_come_in_photons_and_say_so(run, capture, tmp_path, ending):
+    status, said = run(
+        "reconstruct", "known.npy", "-o", f"a.{ending}", "-m", "mle", "--units", "photons"
+    )
+    assert status == 0
+    assert "photons per pixel and frame" in said
+    expected = jl.mle(capture, SENSOR) * np.float32(0.25)
+    path = tmp_path / f"a.{ending}"
+    note = None
+    if ending == "exr":
+        exr = pytest.importorskip("OpenEXR")
+        with exr.File(str(path)) as file:
+            found, note = file.channels()["Y"].pixels, file.header()["comments"]
+    else:
+        found = read_picture(path)
+        if ending == "tif":
+            with tifffile.TiffFile(path) as file:
+                note = file.pages[0].description
+    assert (found == expected).all()
+    if note is not None:
+        about = json.loads(note)
+        assert about["units"] == "photons per pixel and frame"
+        assert about["sensor"]["gain"] == 10
+
+
+def test_a_capture_of_an_unknown_sensor_is_not_clipped(run, capture, tmp_path):
+    status, said = run("reconstruct", "cube.npy", "--width", 30, "-o", "a.tif", "-m", "mle")
+    assert status == 0
+    assert "half a count from saturation" in said
+    picture = read_picture(tmp_path / "a.tif")
+    bits = jl.open(tmp_path / "cube.npy", width=30)
+    assert ((picture == picture.max()) == (bits.counts() == 40)).all()
+    assert picture.max() == np.float32(np.log(80))
+
+
+def test_the_network_says_when_a_scene_is_too_bright_for_it(run, capture, tmp_path):
+    status, said = run("reconstruct", "cube.npy", "--frame-range", ":16", "-o", "a.tif")
+    assert status == 0
+    assert "the largest intensity 1 that the network gives" in said
+
+
+def test_a_preview_stands_beside_the_floats(run, capture, tmp_path):
+    words = ["reconstruct", "known.npy", "-o", "a.npy", "-m", "mle", "--preview", "a.png"]
+    status, said = run(*words, "--curve", "log")
+    assert status == 0
+    assert "a.png: to look at" in said
+    shown = read_picture(tmp_path / "a.png")
+    assert shown.shape == (24, 30)
+    assert shown.max() > 0.99
+    assert np.median(shown) > 0.8
+
+
+@pytest.mark.parametrize("ending", ["npz", "npy", "tif"])
+def test_uncertainty_is_written_in_the_pictures_units(run, capture, tmp_path, ending):
+    words = ["reconstruct", "known.npy", "-o", "a.npy", "--units", "photons"]
+    status, said = run(*words, "--uncertainty", f"u.{ending}", "--level", 0.9)
+    assert status == 0
+    assert "by maximum likelihood" in said
+    known = jl.uncertainty(capture, SENSOR, level=0.9)
+    path = tmp_path / f"u.{ending}"
+    if ending == "npz":
+        with np.load(path) as found:
+            assert sorted(found) == ["flags", "high", "low", "standard_error"]
+            planes = [found[name] for name in ("standard_error", "low", "high", "flags")]
+    else:
+        planes = list(np.load(path) if ending == "npy" else tifffile.imread(path))
+    np.testing.assert_allclose(planes[0], known.standard_error * 0.25, rtol=1e-6)
+    np.testing.assert_allclose(planes[2], known.high * 0.25, rtol=1e-6)
+    assert (planes[3] == known.flags()).all()
+
+
+@pytest.mark.parametrize("method", ["mle", "noniterative-gaussian"])
+def test_a_film_has_the_pictures_of_its_windows(run, capture, tmp_path, method):
+    words = ["reconstruct", "known.npy", "-m", method, "--window", 16, "--step", 10]
+    status, said = run(*words, "-o", "film.npy", "--units", "photons")
+    assert status == 0
+    assert "3 pictures of 24 x 30 from 16 frames each" in said
+    assert "the last 4 frames fill no window" in said
+    found = np.load(tmp_path / "film.npy")
+    function = jl.methods.METHODS[method].run
+    for number in range(3):
+        part = capture[10 * number : 10 * number + 16]
+        expected = function(part, part.sensor) * np.float32(0.25)
+        np.testing.assert_array_equal(found[number], expected)
+    status, said = run(*words, "-o", "film")
+    assert status == 0
+    assert files(tmp_path / "film") == ["00000.png", "00001.png", "00002.png"]
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["-o", "a.png", "--units", "photons"], "are for numbers"),
+        (["-o", "a.npy", "--units", "lux"], "expected one of intensity, photons"),
+        (["-o", "a.npy", "--preview", "b.tif"], "a name in .png or .jpg"),
+        (["-o", "a.npy", "--preview", "known.npy"], "a name in .png or .jpg"),
+        (["-o", "a.npy", "--uncertainty", "known.npy"], "give another name"),
+        (["-o", "a.npy", "--uncertainty", "a.npy"], "one twice"),
+        (["-o", "a.npy", "--uncertainty", "u.png"], "ends in .npz, .npy, .tif"),
+        (["-o", "a.npy", "--uncertainty", "u.npz", "--level", 2], "0.5 to below 1"),
+        (["-o", "a.npy", "--uncertainty", "u.npz", "-m", "admm-tv"], "for the method mle"),
+        (["-o", "a.npy", "--curve", "sepia"], "linear, gamma, log, reinhard"),
+        (["-o", "a.npy", "--curve", "log"], "is for a .png or .jpg"),
+        (["-o", "a.npy", "--step", 3], "--window asks for"),
+        (["-o", "a.npy", "--window", 41], "1 to the capture's 40 frames, got 41"),
+        (["-o", "a.npy", "--window", 4, "--frames", 4], "--frame-range takes some"),
+        (["-o", "a.npy", "--window", 4, "--step", 0], "1 frame or more"),
+        (["-o", "a.gif", "--window", 4], "new folder of .png"),
+        (["-o", "a", "--window", 4, "--units", "photons"], "are for floats"),
+        (["-o", "a.npy", "--window", 4, "--curve", "log"], "not for the floats of a.npy"),
+        (["-o", "a.npy", "--window", 4, "--preview", "b.png"], "preview: is of one picture"),
+        (["-o", "a", "--window", 4, "--fps", -1], "fps"),
+        (["-o", "a", "--window", 4, "--depth", 12], "expected 8"),
+    ],
+)
+def test_bad_input_gets_one_clear_line_and_leaves_nothing(run, capture, tmp_path, words, expected):
+    before = files(tmp_path)
+    status, said = run("reconstruct", "known.npy", *words)
+    assert status == 1
+    [line] = said.splitlines()
+    assert line.startswith("error: ")
+    assert expected in line
+    assert files(tmp_path) == before

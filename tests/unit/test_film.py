@@ -1,0 +1,102 @@
+"""Films of sliding windows: every picture that of its own frames, one curve for all."""
+
+import subprocess
+import sys
+import tracemalloc
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.film import film_writer, windows
+from jotlight.frames import Frames
+from jotlight.pictures import read_picture
+from jotlight.tone import Tone
+
+RAMP = np.linspace(0, 1, 35, dtype=np.float32).reshape(5, 7)
+
+
+def test_windows_are_whole_and_in_order():
+    bits = jl.Bits(np.zeros((21, 1, 1), np.uint8))
+    assert [(w.start, w.stop) for w in windows(bits, 8)] == [(0, 8), (8, 16)]
+    assert len(windows(bits, 8, 1)) == 14
+    assert len(windows(bits, 1)) == 21
+    for wrong in ((0, 1), (22, 1), (4, 0)):
+        with pytest.raises(ValueError, match="expected 1"):
+            windows(bits, *wrong)
+
+
+@pytest.mark.parametrize("shape", [(5, 7), (5, 7, 3)])
+def test_a_stack_of_floats_is_exact_and_unclipped(tmp_path, shape):
+    pictures = np.random.default_rng(0).random((4, *shape), np.float32) * 100
+    with film_writer(tmp_path / "a.npy", 4) as add:
+        for picture in pictures:
+            add(picture)
+    assert (np.load(tmp_path / "a.npy") == pictures).all()
+
+
+def test_a_folder_of_pictures_has_one_curve(tmp_path):
+    with film_writer(tmp_path / "a", 2, tone=Tone("gamma", 2.0), depth=16) as add:
+        add(RAMP)
+        add(2 * RAMP)
+    assert sorted(path.name for path in (tmp_path / "a").iterdir()) == ["00000.png", "00001.png"]
+    one, two = (read_picture(tmp_path / "a" / f"0000{n}.png") for n in range(2))
+    np.testing.assert_allclose(one, (RAMP / 2) ** (1 / 2.2), atol=1e-5)
+    np.testing.assert_allclose(two, RAMP ** (1 / 2.2), atol=1e-5)
+
+
+@pytest.mark.parametrize("shape", [(5, 7), (32, 48, 3)])
+def test_an_mp4_has_every_picture(tmp_path, shape):
+    ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    with film_writer(tmp_path / "a.mp4", 6, fps=10) as add:
+        for number in range(6):
+            add(np.full(shape, number / 5, np.float32))
+    words = [ffmpeg.get_ffmpeg_exe(), "-i", str(tmp_path / "a.mp4"), "-f", "rawvideo"]
+    done = subprocess.run([*words, "-pix_fmt", "gray", "-"], capture_output=True, check=True)
+    size = (6, shape[0] + shape[0] % 2, shape[1] + shape[1] % 2)
+    levels = np.frombuffer(done.stdout, np.uint8).reshape(size).mean((1, 2))
+    np.testing.assert_allclose(levels, np.arange(6) * 51, atol=6)
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a", "a.mp4"])
+def test_what_fails_halfway_leaves_nothing(tmp_path, name):
+    if name == "a.mp4":
+        pytest.importorskip("imageio_ffmpeg")
+
+    def stopped():
+        with film_writer(tmp_path / name, 3) as add:
+            add(RAMP)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        stopped()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_film_of_a_large_capture_takes_little_memory(tmp_path):
+    def read(start, stop):
+        return np.full((stop - start, 256, 32), 0b01010101, np.uint8)
+
+    bits = jl.Bits(Frames((20_000, 256, 32), read))  # 160 MB of bits
+    spans = windows(bits, 1000)
+    sensor = jl.Sensor(frames=1000, max_intensity=8.0)
+    tracemalloc.start()
+    with film_writer(tmp_path / "a.npy", len(spans)) as add:
+        for span in spans:
+            add(jl.mle(bits[span], sensor))
+    assert tracemalloc.get_traced_memory()[1] < 40e6
+    tracemalloc.stop()
+    assert np.load(tmp_path / "a.npy", mmap_mode="r").shape == (20, 256, 256)
+
+
+def test_without_the_package_mp4_says_what_to_install(tmp_path):
+    code = (
+        "import sys, importlib.machinery; sys.modules['imageio_ffmpeg'] = None\n"
+        "import importlib.util as u; real = u.find_spec\n"
+        "u.find_spec = lambda n, *a: None if n == 'imageio_ffmpeg' else real(n, *a)\n"
+        "from pathlib import Path; from jotlight.film import is_floats; is_floats(Path('a.mp4'))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path
+    )
+    assert "pip install 'jotlight[video]'" in done.stderr
