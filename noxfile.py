@@ -15,6 +15,13 @@ nox.options.sessions = [
 
 DIST = Path("dist")
 DATA = Path(os.environ.get("JOTLIGHT_DATA", "../shared/data"))
+EXTRAS = (
+    "tests/unit/test_cli_convert.py",
+    "tests/unit/test_cli_output.py",
+    "tests/unit/test_film.py",
+    "tests/unit/test_formats_arrays.py",
+    "tests/property/test_hostile_files.py",
+)
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
@@ -65,8 +72,15 @@ def stubs(session: nox.Session) -> None:
 @nox.session
 def tests(session: nox.Session) -> None:
     """The default suite; arguments go to pytest."""
-    install_wheel(session, extra="test,hdf5,zarr")
+    install_wheel(session, extra="test,hdf5,zarr,exr,video")
     session.run("pytest", *session.posargs)
+
+
+@nox.session
+def extras(session: nox.Session) -> None:
+    """What the default suite skips for want of a package."""
+    install_wheel(session, extra="test,hdf5,zarr,exr,video")
+    session.run("pytest", *EXTRAS, *session.posargs)
 
 
 @nox.session

@@ -197,7 +197,8 @@ def test_the_command_line_takes_a_map(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     np.save("share.npy", PIXELS)
     np.save("counts.npy", RNG.integers(0, 5, (6, 8)))
-    words = "reconstruct counts.npy -o out.npy --frames 8 --efficiency share.npy --method mle"
+    words = "reconstruct counts.npy -o out.npy --frames 8 --efficiency share.npy"
+    words += " --method mle --max-intensity 1"
     result = CliRunner().invoke(app, words.split())
     assert result.exit_code == 0, result.output
     expected = jl.mle(np.load("counts.npy"), jl.Sensor(frames=8, efficiency=PIXELS))
