@@ -116,6 +116,9 @@ def test_reconstruct_says_where_the_shipped_network_does_not_fit(run, tmp_path):
         assert status == 0, said
         assert (f"jotlight train --sensor {name}.npy" in said) == hint, said
         assert ("comes up to the largest intensity" in said) == (name == "bright"), said
+        np.save("counts.npy", bits.counts())
+        status, said = run("reconstruct", "counts.npy", "-o", "out.npy", "--frames", "16")
+        assert ("train --sensor counts.npy --frames 16 -o" in said) == hint
         status, said = run("reconstruct", f"{name}.npy", "-o", "out.npy", "--method", "mle")
         assert "jotlight train" not in said
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+import numpy.typing as npt
 import typer
 from rich.markup import escape
 
@@ -25,6 +26,7 @@ from jotlight.network import Network
 from jotlight.pictures import picture_writer
 from jotlight.problems import Histories
 from jotlight.response import unclipped
+from jotlight.sensor import Sensor
 from jotlight.tv import NORMS
 from jotlight.vst import INVERSES
 
@@ -262,7 +264,7 @@ def reconstruct(
         wanted.write(files, picture, seen, sensor, white=white, note=note, threads=threads)
         record(sensor, method, data.name, capture.source)
     bright = float(np.quantile(picture, BRIGHT))
-    if shipped and method == DEFAULT and (words := _misfit(bright, data)) is not None:
+    if shipped and method == DEFAULT and (words := _misfit(bright, data, seen, sensor)) is not None:
         err.print(f"[yellow]by {method}:[/] {escape(words)}", soft_wrap=True)
     size = " x ".join(map(str, picture.shape))
     scale = wanted.scale(sensor)
@@ -306,14 +308,20 @@ _WHOSE: dict[str, tuple[str, Callable[[str], bool]]] = {
 """To which methods each setting belongs."""
 
 
-def _misfit(brightest: float, data: Path) -> str | None:
+def _misfit(
+    brightest: float, data: Path, seen: Bits | npt.NDArray[np.int32], sensor: Sensor
+) -> str | None:
     """Say that a scene is not as bright as those that the shipped networks are trained for."""
     if brightest >= _DIM:
         return None
+    # Counts do not tell out of how many bits.
+    told = "" if isinstance(seen, Bits) else f" --frames {sensor.frames}"
+    if told and sensor.oversampling > 1:
+        told += f" --oversampling {sensor.oversampling}"
     return (
         "the network that comes with jotlight is for scenes whose brightest parts have intensity "
         f"1, and here they have {brightest:.2g}; learn one for this capture in a minute: jotlight "
-        f"train --sensor {data} -o model.safetensors, and add --model model.safetensors"
+        f"train --sensor {data}{told} -o model.safetensors, and add --model model.safetensors"
     )
 
 
