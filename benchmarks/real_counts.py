@@ -71,16 +71,12 @@ def estimates(image, frames):
         yield {"noniterative-bm3d": jl.noniterative(image, sensor, denoiser="bm3d")}
     begun = time.perf_counter()
     fitted, scale = sensor_for(image, sensor)
-    photographs = [gray(jl.datasets.photograph(name)) for name in jl.datasets.PHOTOGRAPHS]
+    photographs = [jl.datasets.photograph(name, gray=True) for name in jl.datasets.PHOTOGRAPHS]
     network, _ = jl.train(
         jl.Network.initial(fitted), [np.float32(scale) * photo for photo in photographs], rng=0
     )
     seconds = time.perf_counter() - begun
     yield {f"network for this capture, learned in {seconds:.0f} s": network.reconstruct(image)}
-
-
-def gray(photo):
-    return photo if photo.ndim == 2 else photo @ np.array([0.299, 0.587, 0.114], np.float32)
 
 
 if __name__ == "__main__":

@@ -53,3 +53,14 @@ def refuse_masked(name: str, data: object) -> None:
         raise TypeError(
             f"{name}: expected a plain array, got a masked one; fill it, and give the sensor a mask"
         )
+
+
+def luma(image: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Grey of a colour image (H, W, 3), 0.299 R + 0.587 G + 0.114 B: ITU-R BT.601.
+
+    Examples
+    --------
+    >>> luma(np.ones((2, 3, 3))).shape
+    (2, 3)
+    """
+    return np.asarray(image @ np.array([0.299, 0.587, 0.114]))

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from jotlight.exr import check_exr, write_exr
 from jotlight.formats.arrays import read_npy
+from jotlight.image import luma
 
 Picture = npt.NDArray[np.floating[Any]]
 
@@ -76,8 +77,8 @@ def read_picture(
     if gray and array.ndim == 3 and array.shape[2] != 3:
         raise ValueError(f"{path}: expected red, green and blue for grey, got {array.shape}")
     if gray and array.ndim == 3:
-        luma = array @ np.array([0.299, 0.587, 0.114])
-        array = np.rint(luma) if array.dtype.kind in "iu" else luma
+        grey = luma(array)
+        array = np.rint(grey) if array.dtype.kind in "iu" else grey
     if array.dtype != np.float64:
         array = array.astype(np.float32)
     return np.asarray(array / np.asarray(scale, array.dtype))

@@ -228,10 +228,6 @@ def _sensor_of(
     return sensor, scale
 
 
-def _gray(photo: Any) -> Any:
-    return photo if photo.ndim == 2 else photo @ np.array([0.299, 0.587, 0.114], np.float32)
-
-
 def _brighter(scenes: Any, scale: float) -> Any:
     """Scenes times the brightness, which those that are made anew in each step are too."""
     if callable(scenes):
@@ -285,7 +281,7 @@ def _images(
     if test_key is not None and test is None:
         raise ValueError("test-key: names an array of --test, and there is none")
     if images is None:
-        return [_gray(photograph(name)) for name in PHOTOGRAPHS], (
+        return [photograph(name, gray=True) for name in PHOTOGRAPHS], (
             None if test is None else read_image_set(test, key=test_key, white=white)[1]
         )
     if images == _SYNTHETIC and not Path(images).exists():

@@ -3,17 +3,21 @@
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.image import luma
+
 PHOTOGRAPHS = ("camera", "coins", "moon", "astronaut", "coffee", "chelsea", "rocket")
 """Photographs that come with scikit-image: three in grey, four in colour."""
 
 
-def photograph(name: str = "camera") -> npt.NDArray[np.float32]:
+def photograph(name: str = "camera", *, gray: bool = False) -> npt.NDArray[np.float32]:
     """A photograph that comes with scikit-image, intensities in [0, 1].
 
     Parameters
     ----------
     name : str
         One of :data:`PHOTOGRAPHS`.
+    gray : bool
+        Turn colour into grey, the luma of ITU-R BT.601.
 
     Returns
     -------
@@ -23,14 +27,15 @@ def photograph(name: str = "camera") -> npt.NDArray[np.float32]:
 
     Examples
     --------
-    >>> photograph().shape
-    (512, 512)
+    >>> photograph().shape, photograph("coffee", gray=True).shape
+    ((512, 512), (400, 600))
     """
     if name not in PHOTOGRAPHS:
         raise ValueError(f"photograph: expected one of {', '.join(PHOTOGRAPHS)}, got {name!r}")
     import skimage.data
 
-    return np.asarray(getattr(skimage.data, name)(), np.float32) / np.float32(255)
+    photo = np.asarray(getattr(skimage.data, name)(), np.float32) / np.float32(255)
+    return luma(photo).astype(np.float32) if gray and photo.ndim == 3 else photo
 
 
 def uniform_scene(

@@ -2,7 +2,6 @@
 
 import io
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -143,15 +142,15 @@ def encoded(picture: npt.NDArray[Any]) -> bytes:
     return file.getvalue()
 
 
-def decoded(path: Path) -> npt.NDArray[np.float32]:
-    """Undo :func:`encoded`."""
+def decoded(file: bytes, name: str) -> npt.NDArray[np.float32]:
+    """Undo :func:`encoded`; `name` is for the message where it is damaged."""
     from PIL import Image as Pillow
 
     try:
-        with Pillow.open(path) as picture:
+        with Pillow.open(io.BytesIO(file)) as picture:
             levels = np.asarray(picture)
     except OSError as error:
-        raise ValueError(f"{path}: damaged; forget these results with --restart") from error
+        raise ValueError(f"{name}: damaged; forget these results with --restart") from error
     return levels.astype(np.float32) / np.float32(1 if levels.dtype == bool else 255)
 
 
@@ -256,7 +255,7 @@ def _scenes(results: Results) -> list[Scene]:
         photograph = results.files / f"{name}-photograph.png"
         if not photograph.exists():
             continue
-        truth = decoded(photograph)
+        truth = decoded(photograph.read_bytes(), str(photograph))
         height, width = truth.shape
         pictures = [
             Picture("photograph", f"{width} × {height} pixels", photograph.read_bytes()),

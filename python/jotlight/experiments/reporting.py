@@ -6,17 +6,15 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
 from jotlight import plots
 from jotlight.errors import warn
 from jotlight.experiments import EXPERIMENTS, overview, running
 from jotlight.experiments.experiment import Results
+from jotlight.experiments.fig7 import decoded
 from jotlight.experiments.markdown import markdown
 from jotlight.experiments.page import page
 from jotlight.experiments.running import Folder
-from jotlight.experiments.section import Picture, Report, Scene, Section
+from jotlight.experiments.section import Report, Scene, Section
 from jotlight.files import written_whole
 
 TITLE = "The paper, reproduced"
@@ -98,7 +96,7 @@ def figure_of(scene: Scene) -> bytes:
     """All pictures of a scene side by side, with the crop enlarged, as JPEG."""
     panels = []
     for picture in scene.pictures:
-        levels = _levels(picture)
+        levels = decoded(picture.file, f"{scene.title}, {picture.title}")
         step = levels.shape[0] // scene.size[0]
         panels.append(plots.Panel(picture.title, picture.subtitle, levels[::step, ::step], levels))
     file = io.BytesIO()
@@ -106,14 +104,6 @@ def figure_of(scene: Scene) -> bytes:
         file, format="jpg", dpi=60, pil_kwargs={"quality": 80}
     )
     return file.getvalue()
-
-
-def _levels(picture: Picture) -> npt.NDArray[np.float32]:
-    from PIL import Image
-
-    with Image.open(io.BytesIO(picture.file)) as file:
-        levels = np.asarray(file)
-    return levels.astype(np.float32) / np.float32(1 if levels.dtype == bool else 255)
 
 
 def _write(path: Path, content: bytes) -> None:
