@@ -11,6 +11,7 @@ import numpy.typing as npt
 from jotlight import _engine
 from jotlight.frames import Frames
 from jotlight.image import refuse_masked
+from jotlight.mapped import release
 from jotlight.slabs import COUNTED, slabs_of
 from jotlight.source import Source
 
@@ -193,6 +194,7 @@ class Bits:
                     plane[r.start : r.stop],
                     threads,
                 )
+            release(part)
             if progress:
                 progress((index + 1) / len(slabs))
         return counts

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.mapped import release
+
 _PART = 1 << 23
 """Bytes of frames that are read at once."""
 
@@ -137,7 +139,11 @@ def parts_of_frames(
     for start in range(0, len(frames), step):
         place = slice(start, min(start + step, len(frames)))
         part = frames[place]
-        yield place, part.read(0, len(part)) if isinstance(part, Frames) else part
+        if isinstance(part, Frames):
+            yield place, part.read(0, len(part))
+        else:
+            yield place, part
+            release(part)
 
 
 def joined(parts: Sequence[npt.NDArray[Any] | Frames]) -> npt.NDArray[Any] | Frames:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from jotlight import _engine
 from jotlight.bits import Bits
 from jotlight.image import as_image
+from jotlight.mapped import release
 from jotlight.seeds import SeedLike, seed_bytes
 from jotlight.slabs import slabs_of
 
@@ -237,17 +238,17 @@ class Sensor:
         rows = _span("tile rows", tile[0], height)
         columns = _span("tile columns", tile[1], width)
         span = _span("frames", slice(None) if frames is None else frames, self.frames)
-        jots = (
+        shape = (
             len(span),
             len(rows) * self.oversampling,
             math.ceil(len(columns) * self.oversampling / 8),
             *pixels.shape[2:],
         )
         if out is None:
-            out = np.empty(jots, np.uint8)
-        elif out.dtype != np.uint8 or out.shape != jots or not out.flags.writeable:
+            out = np.empty(shape, np.uint8)
+        elif out.dtype != np.uint8 or out.shape != shape or not out.flags.writeable:
             raise ValueError(
-                f"out: expected a writeable uint8 array of shape {jots}, "
+                f"out: expected a writeable uint8 array of shape {shape}, "
                 f"got {out.dtype} of shape {out.shape}"
             )
         seed = seed_bytes(rng)
@@ -258,6 +259,8 @@ class Sensor:
         slabs = list(slabs_of(len(span), len(rows), len(columns) * self.oversampling**2))
         for step, (channel, plane, packed) in enumerate(channels):
             for index, (f, r) in enumerate(slabs):
+                jots = slice(r.start * self.oversampling, r.stop * self.oversampling)
+                part = packed[f.start : f.stop, jots]
                 _engine.expose(
                     description,
                     plane,
@@ -266,12 +269,10 @@ class Sensor:
                     (span.start + f.start, span.start + f.stop),
                     (rows.start + r.start, rows.start + r.stop),
                     (columns.start, columns.stop),
-                    packed[
-                        f.start : f.stop,
-                        r.start * self.oversampling : r.stop * self.oversampling,
-                    ],
+                    part,
                     threads,
                 )
+                release(part)
                 if progress:
                     progress((step + (index + 1) / len(slabs)) / len(channels))
         sensor = self._cut(len(span), rows, columns, whole=(height, width))

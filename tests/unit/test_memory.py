@@ -88,7 +88,7 @@ from jotlight.frames import Frames
 shape = (1_000_000, 16, 8)
 frames = Frames(shape, lambda a, b: np.full((b - a, *shape[1:]), 0x55, np.uint8))
 write_capture(jl.Bits(frames[:2]), Path("small" + {ending!r}), {name!r})
-write_capture(jl.Bits(frames), Path("million" + {ending!r}), {name!r})
+written, _ = growth(lambda: write_capture(jl.Bits(frames), Path("million" + {ending!r}), {name!r}))
 
 
 def run(*words):
@@ -104,14 +104,16 @@ grown, _ = growth(
 )
 sys.stdout = sys.__stdout__
 assert Path("million.tif").exists()
-print(grown / (1 << 20))
+print(max(written, grown) / (1 << 20))
 """
 
 
-@pytest.mark.parametrize(("name", "ending", "turn"), [("npy.gz", ".npy.gz", '"--rotate", "90"')])
-def test_a_million_frames_are_reconstructed_in_little_memory(
+@pytest.mark.parametrize(
+    ("name", "ending", "turn"), [("npy.gz", ".npy.gz", '"--rotate", "90"'), ("npy", ".npy", "")]
+)
+def test_a_million_frames_are_written_and_reconstructed_in_little_memory(
     tmp_path, monkeypatch, name, ending, turn
 ):
-    # 128 MB of packed bits.
+    # 128 MB of packed bits, in four slabs of 32 MB.
     monkeypatch.chdir(tmp_path)
     assert bits_per_jot(MILLION.format(name=name, ending=ending, turn=turn)) < 64

@@ -22,6 +22,7 @@ from jotlight.formats.description import (
     read_description,
 )
 from jotlight.frames import Frames, parts_of_frames
+from jotlight.mapped import release
 from jotlight.sensor import Sensor
 from jotlight.source import Source
 
@@ -70,6 +71,7 @@ def save_bits(bits: Bits, path: str | os.PathLike[str]) -> None:
     with created_bits(path, bits.packed.shape, bits.width, bits.sensor, bits.source) as packed:
         for place, part in parts_of_frames(bits.packed):
             packed[place] = part
+            release(packed[place])
 
 
 @contextlib.contextmanager

@@ -14,6 +14,7 @@ from jotlight.formats.capture import packed_on_reading
 from jotlight.formats.description import sibling
 from jotlight.formats.turning import transposed
 from jotlight.frames import Frames, joined, parts_of_frames
+from jotlight.mapped import release
 from jotlight.source import Source
 
 NAME = "transforms.json"
@@ -146,6 +147,7 @@ def write_visionsim(folder: Path, bits: Bits) -> None:
     cube = np.lib.format.open_memmap(folder / "frames.npy", mode="w+", dtype=np.uint8, shape=shape)
     for place, part in parts_of_frames(bits.packed):
         cube[place] = part.reshape(len(part), *shape[1:])
+        release(cube[place])
     cube.flush()
     pose = np.eye(4).tolist()
     told = {
