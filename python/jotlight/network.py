@@ -6,6 +6,7 @@ import math
 import operator
 import os
 from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
 
@@ -13,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight import _engine, vst
-from jotlight.bits import Bits
+from jotlight.bits import Bits, check_fits
 from jotlight.channels import by_channel
 from jotlight.fill import fill_blind
 from jotlight.mle import equivalent_counts, from_probability, reference_jot
@@ -24,7 +25,7 @@ from jotlight.tensors import read_tensors, write_tensors
 
 _FORMAT = "jotlight network"
 _VERSION = "1"
-_TAPS = 1 << 29
+_TAPS = 1 << 31
 """Products of a tap and a pixel that the engine forms between two looks at Ctrl-C."""
 
 
@@ -271,59 +272,99 @@ class Network:
         self._check_sensor(sensor)
 
         def one_channel(data: Bits | npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
-            return self._forward(self._first_sums(data, sensor, threads), threads)
+            if not self.tied:
+                return self._of_jots(data, sensor, threads)
+            seen = observe(data, sensor, threads)
+            # The network's own dark counts; its efficiency is that of the data, as was checked.
+            reference = reference_jot(sensor)[0], reference_jot(self.sensor)[1]
+            if not seen.uniform or sensor.bits_per_pixel > seen.counts.size:
+                sums = self._weights[:, None] * equivalent_counts(seen, reference, threads)
+                return self._of_sums(sums, threads)
+            every = np.arange(sensor.bits_per_pixel + 1, dtype=np.int32)
+            equivalent = equivalent_counts(dataclasses.replace(seen, counts=every), reference, 1)
+            sums, counts = self._weights * equivalent, seen.counts
+            return self._in_parts(
+                counts.shape,
+                lambda rows: _engine.forward_counts(self._layers, counts[rows], sums, threads),
+            )
 
         return by_channel(one_channel, data)
 
-    def _first_sums(
+    @property
+    def _weights(self) -> npt.NDArray[np.float32]:
+        """The one weight of each filter of a tied first layer, (C, 1)."""
+        return self.layers[0].filters.reshape(-1, 1)
+
+    @property
+    def _layers(self) -> list[Any]:
+        return [dataclasses.astuple(layer) for layer in self.layers]
+
+    def _of_jots(
         self, data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int | None
     ) -> npt.NDArray[np.float32]:
-        """p: equation (11)."""
-        seen = observe(data, sensor, threads)
-        # The network's own dark counts; its efficiency is that of the data, as was checked.
-        reference = reference_jot(sensor)[0], reference_jot(self.sensor)[1]
-        filters = self.layers[0].filters
-        if self.tied:
-            return filters.reshape(-1, 1, 1) * equivalent_counts(seen, reference, threads)
+        """The picture of a network that weighs the jots of a pixel singly."""
         if not isinstance(data, Bits):
             raise TypeError(
                 "data: expected Bits, since this network weighs the jots of a pixel singly; "
                 "a tied network takes counts"
             )
-        own = seen.efficiency, seen.dark_counts
-        if seen.jots_differ or any(np.any(a != b) for a, b in zip(own, reference, strict=True)):
+        check_fits(data, sensor)
+        reference = reference_jot(sensor)[0], reference_jot(self.sensor)[1]
+        own = sensor.efficiency, sensor.dark_counts
+        if any(np.any(a != b) for a, b in zip(own, reference, strict=True)):
             raise ValueError(
                 "sensor: expected the dark counts that the network is for, and these and the "
                 "efficiency to be one number for all jots; a tied network takes others"
             )
-        mask = sensor.mask
-        valid = None if mask is None else np.packbits(~mask, axis=1)
-        side = sensor.oversampling
-        height, width = seen.counts.shape
+        mask, side, filters = sensor.mask, sensor.oversampling, self.layers[0].filters
+        height, width = (size // side for size in data.shape[1:3])
+
+        def jots(rows: slice) -> npt.NDArray[np.uint8]:
+            return data.packed[:, rows.start * side : rows.stop * side]
+
+        if mask is None:
+            return self._in_parts(
+                (height, width),
+                lambda rows: _engine.forward_bits(self._layers, jots(rows), data.width, threads),
+            )
+        valid = np.packbits(~mask, axis=1)
         sums = np.empty((len(filters), height, width), np.float32)
-        for _, rows in slabs_of(1, height, width * side**2 * sensor.frames * len(filters)):
-            jots = slice(rows.start * side, rows.stop * side)
-            sums[:, rows.start : rows.stop] = _engine.block_sums(
-                dataclasses.astuple(self.layers[0]),
-                data.packed[:, jots],
+        for _, part in slabs_of(1, height, width * filters.size):
+            rows = slice(part.start, part.stop)
+            sums[:, rows] = _engine.block_sums(
+                self._layers[0],
+                jots(rows),
                 data.width,
-                None if valid is None else valid[jots],
+                valid[rows.start * side : rows.stop * side],
                 threads,
             )
-        return np.stack([fill_blind(plane, seen.blind) for plane in sums])
+        # Blind in one plane, blind in all.
+        blind = np.isnan(sums[0])
+        if blind.any():
+            sums = np.stack([fill_blind(plane, blind) for plane in sums])
+        return self._of_sums(sums, threads)
 
-    def _forward(
+    def _of_sums(
         self, sums: npt.NDArray[np.float32], threads: int | None
     ) -> npt.NDArray[np.float32]:
-        """The picture from p, some rows at a time: each part has a border of the halo's width."""
-        layers = [dataclasses.astuple(layer) for layer in self.layers]
-        height, width = sums.shape[1:]
-        taps = max(1, sum(layer.filters.size for layer in self.layers[1:]))
-        rows = max(4 * self.halo, _TAPS // (taps * width), 1)
+        """The picture from p, (C, H, W)."""
+        return self._in_parts(
+            sums.shape[1:], lambda rows: _engine.forward(self._layers, sums[:, rows], threads)
+        )
+
+    def _in_parts(
+        self, shape: tuple[int, ...], of_rows: Callable[[slice], npt.NDArray[np.float32]]
+    ) -> npt.NDArray[np.float32]:
+        """The picture, some rows at a time: each part has a border of the halo's width."""
+        height, width = shape
+        taps = sum(layer.filters.size for layer in self.layers)
+        rows = max(8 * self.halo, _TAPS // (taps * width), 1)
+        if rows >= height:
+            return of_rows(slice(0, height))
         picture = np.empty((height, width), np.float32)
         for start in range(0, height, rows):
-            top, stop = max(0, start - self.halo), start + rows
-            part = _engine.forward(layers, sums[:, top : stop + self.halo], threads)
+            top, stop = max(0, start - self.halo), min(start + rows, height)
+            part = of_rows(slice(top, min(stop + self.halo, height)))
             picture[start:stop] = part[start - top : stop - top]
         return picture
 

@@ -28,6 +28,12 @@ class Observation:
     """Whether the jots inside of some pixel differ in their efficiency or dark counts."""
 
     @property
+    def uniform(self) -> bool:
+        """Whether nothing but their counts tells the pixels apart."""
+        told = self.trials, self.efficiency, self.dark_counts
+        return not self.jots_differ and not any(isinstance(value, np.ndarray) for value in told)
+
+    @property
     def blind(self) -> npt.NDArray[np.bool_] | None:
         """Pixels without a valid bit, if there are any."""
         if isinstance(self.trials, int) or self.trials.all():

@@ -2,6 +2,7 @@
 #![allow(missing_docs)]
 
 mod bits;
+mod cpu;
 mod likelihood;
 mod mle;
 mod network;
@@ -22,6 +23,8 @@ mod _engine {
     #[pymodule_export]
     use super::bits::add_block_counts;
     #[pymodule_export]
+    use super::cpu::{choose_cpu_level, cpu_level, cpu_levels, multiply_adds, read_words};
+    #[pymodule_export]
     use super::likelihood::{
         likelihood_information, likelihood_proximal, likelihood_slopes, likelihood_split,
         log_likelihood,
@@ -29,7 +32,9 @@ mod _engine {
     #[pymodule_export]
     use super::mle::{equivalent_counts, mle_from_counts, mle_from_jots, mle_from_probability};
     #[pymodule_export]
-    use super::network::{block_sums, errors, forward, gradient, normal_equations};
+    use super::network::{
+        block_sums, errors, forward, forward_bits, forward_counts, gradient, normal_equations,
+    };
     #[pymodule_export]
     use super::sensing::{
         expose, kernel_taps, probability, rate, spread_adjoint, spread_forward, spread_normal,

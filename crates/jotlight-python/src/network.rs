@@ -60,6 +60,39 @@ pub fn forward<'py>(
     Ok(picture.into_pyarray(py))
 }
 
+#[pyfunction]
+#[pyo3(signature = (layers, counts, sums, threads))]
+pub fn forward_counts<'py>(
+    py: Python<'py>,
+    layers: Vec<PyLayer<'py, f32>>,
+    counts: PyReadonlyArray2<'_, i32>,
+    sums: PyReadonlyArray2<'_, f32>,
+    threads: Option<isize>,
+) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let layers = to_engine(&layers)?;
+    let (counts, sums) = (counts.as_array(), sums.as_array());
+    let picture = run(py, threads, || {
+        network::forward_counts(&layers, counts, sums)
+    })?;
+    Ok(picture.into_pyarray(py))
+}
+
+#[pyfunction]
+#[pyo3(signature = (layers, packed, width, threads))]
+pub fn forward_bits<'py>(
+    py: Python<'py>,
+    layers: Vec<PyLayer<'py, f32>>,
+    packed: PyReadonlyArray3<'_, u8>,
+    width: usize,
+    threads: Option<isize>,
+) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let (layers, packed) = (to_engine(&layers)?, packed.as_array());
+    let picture = run(py, threads, || {
+        network::forward_bits(&layers, &PackedBits::new(packed, width)?)
+    })?;
+    Ok(picture.into_pyarray(py))
+}
+
 /// Layers in either width.
 #[derive(FromPyObject)]
 pub enum PyLayers<'py> {

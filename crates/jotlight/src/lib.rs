@@ -13,11 +13,13 @@
 //! ```
 
 pub mod bits;
+pub mod cpu;
 pub mod error;
 pub mod likelihood;
 pub mod mle;
 pub mod network;
 pub mod rng;
+pub mod roofline;
 pub mod sensing;
 pub mod threads;
 pub mod tv;

@@ -2,12 +2,12 @@
 
 use std::borrow::Cow;
 
-use multiversion::multiversion;
 use ndarray::{ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
 use super::planes::{GROUP, Planes};
 use super::{FIELD, PackedBits, field, mask_row, packed_width};
+use crate::cpu::levels;
 use crate::error::{Error, Result};
 
 /// Bytes of a frame that one task counts in all frames: enough to be read in stretches, and few enough for the planes to
@@ -92,9 +92,13 @@ fn add_blocks(
     }
 }
 
-/// Adds the ones of each pixel in one row of jots, which has eight bytes more than it needs.
-#[multiversion(targets("x86_64+popcnt+bmi1+bmi2"))]
-fn add_row(bytes: &[u8], side: usize, counts: &mut ArrayViewMut1<'_, i32>) {
+levels! {
+    /// Adds the ones of each pixel in one row of jots, which has eight bytes more than it needs.
+    fn add_row(bytes: &[u8], side: usize, counts: &mut ArrayViewMut1<'_, i32>) = add_row_inlined;
+}
+
+#[inline(always)]
+fn add_row_inlined(bytes: &[u8], side: usize, counts: &mut ArrayViewMut1<'_, i32>) {
     if let (2 | 4 | 8, Some(counts)) = (side, counts.as_slice_mut()) {
         return match side {
             2 => add_shares_of_bytes::<4>(bytes, counts),

@@ -1,7 +1,7 @@
 //! Ones of each jot over many frames, summed in the packed domain: counters whose digits are bit planes, so that one
 //! operation on a word adds to 64 of them.
 
-use multiversion::multiversion;
+use crate::cpu::levels;
 
 /// Frames that are added at a time.
 pub(super) const GROUP: usize = 8;
@@ -92,8 +92,20 @@ fn add_words(x: [u64; GROUP], ones: &mut u64, twos: &mut u64, fours: &mut u64) -
     carry
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
-fn add_group(
+levels! {
+    /// Adds eight stretches of bytes to the digits of weight 1, 2 and 4, and gives what is carried on.
+    fn add_group(
+        group: &[&[u8]; GROUP], ones: &mut [u64], twos: &mut [u64], fours: &mut [u64],
+        carry: &mut [u64],
+    ) = add_group_inlined;
+    /// Adds two planes to a digit, and leaves what is carried in the second of them.
+    fn add_planes(sum: &mut [u64], one: &[u64], other: &mut [u64]) = add_planes_inlined;
+    /// Adds 2^`level` to the counts of the bits that are set in the bytes of a plane from `first` on.
+    fn expand(plane: &[u64], first: usize, level: u32, counts: &mut [i32]) = expand_inlined;
+}
+
+#[inline(always)]
+fn add_group_inlined(
     group: &[&[u8]; GROUP],
     ones: &mut [u64],
     twos: &mut [u64],
@@ -124,17 +136,15 @@ fn add_group(
     }
 }
 
-/// Adds two planes to a digit, and leaves what is carried in the second of them.
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
-fn add_planes(sum: &mut [u64], one: &[u64], other: &mut [u64]) {
+#[inline(always)]
+fn add_planes_inlined(sum: &mut [u64], one: &[u64], other: &mut [u64]) {
     for ((sum, &one), other) in sum.iter_mut().zip(one).zip(other) {
         (*sum, *other) = full_adder(*sum, one, *other);
     }
 }
 
-/// Adds 2^`level` to the counts of the bits that are set in the bytes of a plane from `first` on.
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
-fn expand(plane: &[u64], first: usize, level: u32, counts: &mut [i32]) {
+#[inline(always)]
+fn expand_inlined(plane: &[u64], first: usize, level: u32, counts: &mut [i32]) {
     let (eights, rest) = counts.as_chunks_mut::<8>();
     let last = first + eights.len();
     let byte_at = |index: usize| plane[index / 8].to_ne_bytes()[index % 8];

@@ -1,16 +1,25 @@
 //! The likelihood of many cells at a time for the threshold of one photon, where P = 1 − e^(−s): one body that the compiler turns into vector code.
 
-use multiversion::multiversion;
-
 use super::{Cells, DARKEST, ROUNDS, first_try};
+use crate::cpu::levels;
 
 /// Cells side by side.
 const LANES: usize = 16;
 type Lanes = [f64; LANES];
 
-/// The gradient and the curvature of ℓ, as [`super::Seen::slopes`] gives them.
-#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx2", "x86_64+avx2"))]
-pub(super) fn slopes(cells: &Cells, light: &[f64], gradient: &mut [f64], curvature: &mut [f64]) {
+levels! {
+    /// The gradient and the curvature of ℓ, as [`super::Seen::slopes`] gives them.
+    pub(super) fn slopes(
+        cells: &Cells, light: &[f64], gradient: &mut [f64], curvature: &mut [f64],
+    ) = slopes_inlined;
+    /// The proximal map of −ℓ: Newton's method between bounds, as [`super::Seen::nearest`] does for one cell.
+    pub(super) fn nearest(
+        cells: &Cells, limits: (f64, f64, f64), guess: &[f64], point: &mut [f64],
+    ) = nearest_inlined;
+}
+
+#[inline(always)]
+fn slopes_inlined(cells: &Cells, light: &[f64], gradient: &mut [f64], curvature: &mut [f64]) {
     for start in (0..light.len()).step_by(LANES) {
         let group = Group::of(cells, start);
         let (score, bend) = group.slopes(&lanes(light, start));
@@ -19,9 +28,8 @@ pub(super) fn slopes(cells: &Cells, light: &[f64], gradient: &mut [f64], curvatu
     }
 }
 
-/// The proximal map of −ℓ: Newton's method between bounds, as [`super::Seen::nearest`] does for one cell.
-#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx2", "x86_64+avx2"))]
-pub(super) fn nearest(
+#[inline(always)]
+fn nearest_inlined(
     cells: &Cells,
     (penalty, most, tolerance): (f64, f64, f64),
     guess: &[f64],

@@ -4,7 +4,7 @@ use ndarray::{Array3, ArrayView2, ArrayViewMut4, Axis};
 
 use super::block::Blocks;
 use super::lsi::{Padded, push_to_planes};
-use super::{Layer, Real, spline};
+use super::{Layer, Real};
 
 /// A forward run that remembers what the sweep back needs.
 pub(super) struct Trace<'a, F> {
@@ -28,14 +28,15 @@ impl<'a, F: Real> Trace<'a, F> {
             let filtered = if index == 0 {
                 blocks.filtered(layer.filters())
             } else {
-                let (_, _, height, width) = layer.filters.dim();
-                let mirrored = Padded::mirrored(planes.view(), (height, width));
-                let filtered = mirrored.convolve(layer.filters());
+                let mirrored = Padded::mirrored(planes.view(), &layer.taps);
+                let filtered = mirrored.convolved(&layer.taps);
                 padded.push(mirrored);
                 filtered
             };
             planes.clone_from(&filtered);
-            layer.bend(&mut planes);
+            if let Some(planes) = planes.as_slice_mut() {
+                layer.bend(planes);
+            }
             if index == 0 {
                 planes = blocks.spread(planes);
             }
@@ -67,7 +68,7 @@ impl<'a, F: Real> Trace<'a, F> {
                 let (bins, further) = of_coefficients.split_at_mut(spline.len());
                 of_coefficients = further;
                 if let (Some(input), Some(gradient)) = (input.as_slice(), gradient.as_slice_mut()) {
-                    spline::push(spline, input, gradient, bins);
+                    spline.push(input, gradient, bins);
                 }
             }
             let Ok(of_filters) = ArrayViewMut4::from_shape(layer.filters.dim(), of_filters) else {
@@ -77,7 +78,7 @@ impl<'a, F: Real> Trace<'a, F> {
                 self.blocks.push_to_taps(gradient.view(), of_filters);
             } else {
                 self.padded[index - 1].push_to_taps(gradient.view(), of_filters);
-                gradient = push_to_planes(layer.filters(), gradient.view());
+                gradient = push_to_planes(&layer.taps, gradient.view());
             }
         }
     }

@@ -4,7 +4,8 @@ use ndarray::{Array2, Array3, ArrayView2, ArrayView3, ArrayView4, ArrayViewMut4,
 use rayon::prelude::*;
 
 use super::Real;
-use crate::bits::{FIELD, PackedBits, add_block_counts, field, mask_row};
+use super::codes::block_filter;
+use crate::bits::{PackedBits, add_block_counts, field, mask_row};
 use crate::error::{Error, Result};
 
 /// What a first layer reads.
@@ -37,21 +38,23 @@ impl<'a> Blocks<'a> {
                     weights[channel] * F::from_index(count)
                 })
             }
-            Self::Jots(bits, pixels) => block_filter(bits, None, filters, *pixels),
+            Self::Jots(bits, pixels) => block_filter(bits, filters, *pixels),
         }
     }
 
     /// From planes of the layer to planes over the pixels.
     pub fn spread<F: Real>(&self, planes: Array3<F>) -> Array3<F> {
-        let Self::Counts(counts, _) = self else {
-            return planes;
-        };
-        let mut out = Array3::zeros((planes.dim().0, counts.nrows(), counts.ncols()));
-        for (mut out, table) in out.outer_iter_mut().zip(planes.outer_iter()) {
-            let table = table.row(0);
-            out.zip_mut_with(counts, |value, &count| *value = table[count as usize]);
+        match self {
+            Self::Counts(counts, _) => {
+                let mut out = Array3::zeros((planes.dim().0, counts.nrows(), counts.ncols()));
+                for (mut out, table) in out.outer_iter_mut().zip(planes.outer_iter()) {
+                    let table = table.row(0);
+                    out.zip_mut_with(counts, |value, &count| *value = table[count as usize]);
+                }
+                out
+            }
+            Self::Jots(..) => planes,
         }
-        out
     }
 
     /// The adjoint of [`Blocks::spread`].
@@ -137,11 +140,11 @@ pub(super) fn check_block<F: Real>(
     bits.pixels(height)
 }
 
-/// p of whole filters. Where jots are dead, the valid ones stand for them: each counts as their mean, for taps of any sign; a
-/// pixel without a valid jot becomes NaN.
-pub(super) fn block_filter<F: Real>(
+/// p of whole filters where some jots are dead: the valid ones stand for them, and each counts as their mean, for taps of any sign;
+/// a pixel without a valid jot becomes NaN.
+pub(super) fn masked_filter<F: Real>(
     bits: &PackedBits<'_>,
-    valid: Option<ArrayView2<'_, u8>>,
+    valid: ArrayView2<'_, u8>,
     filters: ArrayView4<'_, F>,
     (height, width): (usize, usize),
 ) -> Array3<F> {
@@ -156,32 +159,24 @@ pub(super) fn block_filter<F: Real>(
                 for (frame, taps) in filter.outer_iter().enumerate() {
                     for (line, taps) in taps.outer_iter().enumerate() {
                         let jots = bits.row(frame, row * filter.dim().1 + line);
-                        let valid = valid.map(|valid| mask_row(valid, row * filter.dim().1 + line));
+                        let valid = mask_row(valid, row * filter.dim().1 + line);
                         for (pixel, (out, dead)) in out.iter_mut().zip(&mut blocks).enumerate() {
-                            let start = pixel * taps.len();
-                            if let Some(valid) = &valid {
-                                let valid = |jot| field(valid, start + jot, 1) == 1;
-                                for (jot, &tap) in taps.iter().enumerate() {
-                                    if valid(jot) {
-                                        let bit =
-                                            F::from_index(field(&jots, start + jot, 1) as usize);
-                                        *out += tap * bit;
-                                        dead.ones += bit;
-                                        dead.valid += F::one();
-                                    } else {
-                                        dead.taps += tap;
-                                    }
+                            for (jot, &tap) in taps.iter().enumerate() {
+                                let place = pixel * taps.len() + jot;
+                                if field(&valid, place, 1) == 1 {
+                                    let bit = F::from_index(field(&jots, place, 1) as usize);
+                                    *out += tap * bit;
+                                    dead.ones += bit;
+                                    dead.valid += F::one();
+                                } else {
+                                    dead.taps += tap;
                                 }
-                            } else {
-                                add_taps(&jots, start, taps, out);
                             }
                         }
                     }
                 }
-                if valid.is_some() {
-                    for (out, dead) in out.iter_mut().zip(blocks) {
-                        *out += dead.taps * (dead.ones / dead.valid);
-                    }
+                for (out, dead) in out.iter_mut().zip(blocks) {
+                    *out += dead.taps * (dead.ones / dead.valid);
                 }
             });
     }
@@ -194,14 +189,4 @@ struct Dead<F> {
     taps: F,
     ones: F,
     valid: F,
-}
-
-fn add_taps<F: Real>(jots: &[u8], start: usize, taps: ndarray::ArrayView1<'_, F>, sum: &mut F) {
-    for first in (0..taps.len()).step_by(FIELD) {
-        let length = FIELD.min(taps.len() - first);
-        let bits = field(jots, start + first, length);
-        for jot in 0..length {
-            *sum += taps[first + jot] * F::from_index((bits >> (length - 1 - jot) & 1) as usize);
-        }
-    }
 }

@@ -5,20 +5,23 @@
 mod backward;
 mod batch;
 mod block;
+mod codes;
+mod correlate;
 mod forward;
+mod look_up;
 mod lsi;
 mod real;
 mod spline;
 mod tangent;
 
-use ndarray::{Array2, Array3, Array4, ArrayView4, Axis};
-use rayon::prelude::*;
+use lsi::Filters;
+use ndarray::{Array2, Array4, ArrayView4};
 
 use crate::bits::contiguous;
 use crate::error::{Error, Result};
 
 pub use batch::{Batch, Gradient, NormalEquations, Patch};
-pub use forward::{block_sums, forward};
+pub use forward::{block_sums, forward, forward_bits, forward_counts};
 pub use real::Real;
 pub use spline::Spline;
 
@@ -26,6 +29,7 @@ pub use spline::Spline;
 #[derive(Clone, Debug)]
 pub struct Layer<F> {
     filters: Array4<F>,
+    taps: Filters<F>,
     splines: Vec<Spline<F>>,
 }
 
@@ -73,7 +77,11 @@ impl<F: Real> Layer<F> {
             .into_iter()
             .map(|row| Spline::new(&contiguous(row), start, spacing))
             .collect();
-        Ok(Self { filters, splines })
+        Ok(Self {
+            taps: Filters::new(filters.view()),
+            filters,
+            splines,
+        })
     }
 
     /// The filters `(C_out, C_in, height, width)`.
@@ -94,19 +102,11 @@ impl<F: Real> Layer<F> {
         self.filters.len() + self.splines.iter().map(Spline::len).sum::<usize>()
     }
 
-    /// φ of planes, in place: equations (8) and (10).
-    fn bend(&self, planes: &mut Array3<F>) {
-        for (spline, mut plane) in self.splines.iter().zip(planes.outer_iter_mut()) {
-            // Tasks of some ten microseconds.
-            let rows = (4096 / plane.ncols().max(1)).max(1);
-            plane
-                .axis_chunks_iter_mut(Axis(0), rows)
-                .into_par_iter()
-                .for_each(|mut rows| {
-                    if let Some(rows) = rows.as_slice_mut() {
-                        spline::apply(spline, rows);
-                    }
-                });
+    /// φ of planes `(C, H, W)`, in place: equations (8) and (10).
+    fn bend(&self, planes: &mut [F]) {
+        let pixels = planes.len() / self.splines.len();
+        for (spline, plane) in self.splines.iter().zip(planes.chunks_exact_mut(pixels)) {
+            spline.apply(plane);
         }
     }
 }

@@ -4,20 +4,23 @@ use std::iter::Sum;
 
 use ndarray::NdFloat;
 
+use crate::cpu::Lanes;
+
 /// `f32` for work; `f64` is the same code with errors too small to matter, which tells what the first should give.
-pub trait Real: NdFloat + Sum<Self> + Default {
+pub trait Real: NdFloat + Sum<Self> + Default + Lanes {
     /// The nearest number of this width.
     fn from_f64(x: f64) -> Self;
     /// The same number in 64 bits.
     fn as_f64(self) -> f64;
     /// A small whole number.
     fn from_index(index: usize) -> Self;
-    /// Rounded down, 0 below 0; below 2³¹.
-    fn as_index(self) -> usize;
+    /// The nearest whole number, of 0 to 2²², as a number and as an index. Quick, since processors convert many at once
+    /// only where it need not be checked that they fit.
+    fn nearest(self) -> (Self, u32);
 }
 
 macro_rules! real {
-    ($($float:ty),*) => {$(
+    ($(($float:ty, $ones:expr)),*) => {$(
         impl Real for $float {
             #[inline(always)]
             fn from_f64(x: f64) -> Self {
@@ -33,11 +36,13 @@ macro_rules! real {
                 index as i32 as Self
             }
             #[inline(always)]
-            fn as_index(self) -> usize {
-                // By way of 32 bits, which processors convert at once.
-                self as i32 as usize
+            fn nearest(self) -> (Self, u32) {
+                // At this size the last bit of a number is worth 1.
+                const ONES: $float = $ones;
+                let shifted = self + ONES;
+                (shifted - ONES, shifted.to_bits() as u32 & 0x3f_ffff)
             }
         }
     )*};
 }
-real!(f32, f64);
+real!((f32, 8_388_608.0), (f64, 4_503_599_627_370_496.0));

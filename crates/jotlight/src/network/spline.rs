@@ -1,8 +1,7 @@
 //! The pointwise nonlinearity: a cubic B-spline on even knots.
 
-use multiversion::multiversion;
-
 use super::Real;
+use crate::cpu::levels;
 
 /// φ(z) = Σ_k w_k β3((z − start)/Δ − (k − 1)): equations (8) and (10), on \[start, start + (N_w − 3) Δ\]; constant outside of it.
 ///
@@ -11,10 +10,18 @@ use super::Real;
 pub struct Spline<F> {
     /// The cubic of each knot interval, in powers of the distance past its first knot.
     cubics: Vec<[F; 4]>,
+    /// The same, power by power, as far as there is room.
+    powers: Box<[[F; TABLE]; 4]>,
     start: F,
     inverse_spacing: F,
     hull: (F, F),
 }
+
+/// Pixels that are worked on at a time.
+const GROUP: usize = 64;
+
+/// Knot intervals that a byte tells apart: of a table with so many, indices need not be checked.
+const TABLE: usize = 256;
 
 impl<F: Real> Spline<F> {
     pub(super) fn new(coefficients: &[F], start: F, spacing: F) -> Self {
@@ -23,9 +30,16 @@ impl<F: Real> Spline<F> {
             .fold((F::infinity(), F::neg_infinity()), |(low, high), &w| {
                 (low.min(w), high.max(w))
             });
-        let cubics = coefficients.windows(4).map(cubic).collect();
+        let cubics: Vec<_> = coefficients.windows(4).map(cubic).collect();
+        let mut powers = Box::new([[F::zero(); TABLE]; 4]);
+        for (interval, cubic) in cubics.iter().take(TABLE).enumerate() {
+            for (table, &factor) in powers.iter_mut().zip(cubic) {
+                table[interval] = factor;
+            }
+        }
         Self {
             cubics,
+            powers,
             start,
             inverse_spacing: F::one() / spacing,
             hull,
@@ -49,7 +63,7 @@ impl<F: Real> Spline<F> {
     #[inline(always)]
     pub fn value(&self, z: F) -> F {
         let (first, f) = self.place(z);
-        let [a, b, c, d] = self.cubics[first];
+        let [a, b, c, d] = self.cubics[first as usize];
         clamp(((d * f + c) * f + b) * f + a, self.hull.0, self.hull.1)
     }
 
@@ -58,7 +72,7 @@ impl<F: Real> Spline<F> {
     #[inline(always)]
     pub fn slope(&self, z: F) -> F {
         let (first, f) = self.place(z);
-        self.slope_at(z, first, f)
+        self.slope_at(z, first as usize, f)
     }
 
     #[inline(always)]
@@ -78,17 +92,61 @@ impl<F: Real> Spline<F> {
         let (first, f) = self.place(z);
         let f = f.as_f64();
         let powers = [1.0, f, f * f, f * f * f];
-        (first, BASIS.map(|basis| F::from_f64(dot(basis, powers))))
+        (
+            first as usize,
+            BASIS.map(|basis| F::from_f64(dot(basis, powers))),
+        )
     }
 
-    /// The knot interval of z, and how far z is through it.
+    /// φ of many, in place.
+    pub fn apply(&self, plane: &mut [F]) {
+        apply(self, plane);
+    }
+
     #[inline(always)]
-    fn place(&self, z: F) -> (usize, F) {
-        let intervals = self.cubics.len();
+    fn apply_to(&self, plane: &mut [F]) {
+        if self.cubics.len() > TABLE {
+            for z in plane {
+                *z = self.value(*z);
+            }
+            return;
+        }
+        let (groups, rest) = plane.as_chunks_mut::<GROUP>();
+        for group in groups {
+            self.apply_to_group(group);
+        }
+        // What is left is done in a group of its own, so that a pixel's value does not depend on its place.
+        let mut group = [F::zero(); GROUP];
+        group[..rest.len()].copy_from_slice(rest);
+        self.apply_to_group(&mut group);
+        rest.copy_from_slice(&group[..rest.len()]);
+    }
+
+    /// In two loops, each of which becomes vector code; one that does both does not.
+    #[inline(always)]
+    fn apply_to_group(&self, group: &mut [F; GROUP]) {
+        let (mut intervals, mut through) = ([0; GROUP], [F::zero(); GROUP]);
+        for place in 0..GROUP {
+            (intervals[place], through[place]) = self.place(group[place]);
+        }
+        let [a, b, c, d] = &*self.powers;
+        for place in 0..GROUP {
+            let (interval, f) = (usize::from(intervals[place] as u8), through[place]);
+            let value = ((d[interval] * f + c[interval]) * f + b[interval]) * f + a[interval];
+            group[place] = clamp(value, self.hull.0, self.hull.1);
+        }
+    }
+
+    /// The knot interval of z, and how far z is through it. On a knot either of the two that meet there, since φ and its slope
+    /// go on smoothly.
+    #[inline(always)]
+    fn place(&self, z: F) -> (u32, F) {
+        let intervals = F::from_index(self.cubics.len());
+        let half = F::from_f64(0.5);
         let place = (z - self.start) * self.inverse_spacing;
-        let place = clamp(place, F::zero(), F::from_index(intervals));
-        let first = place.as_index().min(intervals - 1);
-        (first, place - F::from_index(first))
+        let place = clamp(place, F::zero(), intervals);
+        let (first, index) = clamp(place - half, F::zero(), intervals - F::one()).nearest();
+        (index, place - first)
     }
 }
 
@@ -97,49 +155,50 @@ const TURNS: usize = 2;
 /// Inputs of one sum.
 const STRETCH: usize = 4096;
 
-/// φ of many.
-#[multiversion(targets("x86_64+avx2"))]
-pub(super) fn apply<F: Real>(spline: &Spline<F>, plane: &mut [F]) {
-    for z in plane {
-        *z = spline.value(*z);
+impl<F: Real> Spline<F> {
+    /// Pushes a gradient through φ: from that of φ(z) to that of z, in place, and to that of the coefficients, which is added.
+    pub(super) fn push(&self, inputs: &[F], gradient: &mut [F], of_coefficients: &mut [f64]) {
+        push(self, inputs, gradient, of_coefficients);
+    }
+
+    #[inline(always)]
+    fn push_on(&self, inputs: &[F], gradient: &mut [F], of_coefficients: &mut [f64]) {
+        // Of each knot interval Σ gradient · (1, f, f², f³), from which the basis functions' sums follow. Neighbours mostly
+        // meet in one interval; its sums take turns, so that none waits for the one before.
+        let mut turns = vec![[F::zero(); 4]; TURNS * self.cubics.len()];
+        // In stretches, so that no long sum is kept in few bits.
+        for (inputs, gradient) in inputs.chunks(STRETCH).zip(gradient.chunks_mut(STRETCH)) {
+            for (index, (&z, gradient)) in inputs.iter().zip(gradient).enumerate() {
+                let (first, f) = self.place(z);
+                let first = first as usize;
+                let sums = &mut turns[first * TURNS + index % TURNS];
+                let squared = *gradient * f * f;
+                let powers = [*gradient, *gradient * f, squared, squared * f];
+                for k in 0..4 {
+                    sums[k] += powers[k];
+                }
+                *gradient *= self.slope_at(z, first, f);
+            }
+            for (first, turns) in turns.chunks_exact_mut(TURNS).enumerate() {
+                let mut sums = [0.0; 4];
+                for turn in turns {
+                    for (sum, part) in sums.iter_mut().zip(turn) {
+                        *sum += std::mem::take(part).as_f64();
+                    }
+                }
+                for (out, powers) in of_coefficients[first..].iter_mut().zip(BASIS) {
+                    *out += dot(powers, sums);
+                }
+            }
+        }
     }
 }
 
-/// Pushes a gradient through φ: from that of φ(z) to that of z, in place, and to that of the coefficients, which is added.
-#[multiversion(targets("x86_64+avx2"))]
-pub(super) fn push<F: Real>(
-    spline: &Spline<F>,
-    inputs: &[F],
-    gradient: &mut [F],
-    of_coefficients: &mut [f64],
-) {
-    // Of each knot interval Σ gradient · (1, f, f², f³), from which the basis functions' sums follow. Neighbours mostly meet in
-    // one interval; its sums take turns, so that none waits for the one before.
-    let mut turns = vec![[F::zero(); 4]; TURNS * spline.cubics.len()];
-    // In stretches, so that no long sum is kept in few bits.
-    for (inputs, gradient) in inputs.chunks(STRETCH).zip(gradient.chunks_mut(STRETCH)) {
-        for (index, (&z, gradient)) in inputs.iter().zip(gradient).enumerate() {
-            let (first, f) = spline.place(z);
-            let sums = &mut turns[first * TURNS + index % TURNS];
-            let squared = *gradient * f * f;
-            let powers = [*gradient, *gradient * f, squared, squared * f];
-            for k in 0..4 {
-                sums[k] += powers[k];
-            }
-            *gradient *= spline.slope_at(z, first, f);
-        }
-        for (first, turns) in turns.chunks_exact_mut(TURNS).enumerate() {
-            let mut sums = [0.0; 4];
-            for turn in turns {
-                for (sum, part) in sums.iter_mut().zip(turn) {
-                    *sum += std::mem::take(part).as_f64();
-                }
-            }
-            for (out, powers) in of_coefficients[first..].iter_mut().zip(BASIS) {
-                *out += dot(powers, sums);
-            }
-        }
-    }
+levels! {
+    fn apply[F: Real](spline: &Spline<F>, plane: &mut [F]) = Spline::apply_to;
+    fn push[F: Real](
+        spline: &Spline<F>, inputs: &[F], gradient: &mut [F], of_coefficients: &mut [f64],
+    ) = Spline::push_on;
 }
 
 /// `low` for NaN.

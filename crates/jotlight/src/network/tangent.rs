@@ -76,8 +76,7 @@ impl<F: Real> Trace<'_, F> {
             tangent = self.blocks.spread(tangent);
         }
         for (layer, inputs) in self.layers.iter().zip(&self.inputs).skip(depth + 1) {
-            let (_, _, height, width) = layer.filters.dim();
-            tangent = Padded::mirrored(tangent.view(), (height, width)).convolve(layer.filters());
+            tangent = Padded::mirrored(tangent.view(), &layer.taps).convolved(&layer.taps);
             let channels = layer.splines.iter().zip(inputs.outer_iter());
             for ((spline, input), mut tangent) in channels.zip(tangent.outer_iter_mut()) {
                 tangent.zip_mut_with(&input, |change, &z| *change *= spline.slope(z));

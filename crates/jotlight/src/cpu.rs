@@ -1,0 +1,233 @@
+//! Instruction sets: the hot loops are written once and compiled for several, of which a probe chooses the best that the
+//! processor has. Tests may choose another one.
+
+use std::fmt::Debug;
+use std::sync::atomic::{AtomicU8, Ordering};
+
+use pulp::Scalar;
+pub use pulp::{Simd, WithSimd};
+
+use crate::error::{Error, Result};
+
+/// What the hot loops are compiled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Level {
+    /// One number at a time.
+    Scalar,
+    /// x86-64-v3: AVX2 and fused multiply-add, eight numbers of 32 bits at a time.
+    #[cfg(target_arch = "x86_64")]
+    V3,
+    /// x86-64-v4: AVX-512, sixteen numbers of 32 bits at a time.
+    #[cfg(target_arch = "x86_64")]
+    V4,
+    /// Arm's NEON, four numbers of 32 bits at a time.
+    #[cfg(target_arch = "aarch64")]
+    Neon,
+}
+
+/// All levels, the better the later.
+const LEVELS: &[Level] = &[
+    Level::Scalar,
+    #[cfg(target_arch = "x86_64")]
+    Level::V3,
+    #[cfg(target_arch = "x86_64")]
+    Level::V4,
+    #[cfg(target_arch = "aarch64")]
+    Level::Neon,
+];
+
+/// Place in [`LEVELS`] of the one in use, once it is known.
+static CHOSEN: AtomicU8 = AtomicU8::new(UNKNOWN);
+const UNKNOWN: u8 = u8::MAX;
+
+impl Level {
+    /// Its name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Scalar => "scalar",
+            #[cfg(target_arch = "x86_64")]
+            Self::V3 => "x86-64-v3",
+            #[cfg(target_arch = "x86_64")]
+            Self::V4 => "x86-64-v4",
+            #[cfg(target_arch = "aarch64")]
+            Self::Neon => "neon",
+        }
+    }
+
+    /// Those that this processor has.
+    #[must_use]
+    pub fn all() -> Vec<Self> {
+        let mut levels = LEVELS.to_vec();
+        levels.retain(|level| level.is_there());
+        levels
+    }
+
+    fn is_there(self) -> bool {
+        match self {
+            Self::Scalar => true,
+            #[cfg(target_arch = "x86_64")]
+            Self::V3 => pulp::x86::V3::try_new().is_some(),
+            #[cfg(target_arch = "x86_64")]
+            Self::V4 => pulp::x86::V4::try_new().is_some(),
+            #[cfg(target_arch = "aarch64")]
+            Self::Neon => pulp::aarch64::Neon::try_new().is_some(),
+        }
+    }
+
+    /// The one in use: the best that there is, unless another was chosen.
+    #[must_use]
+    pub fn current() -> Self {
+        let mut chosen = CHOSEN.load(Ordering::Relaxed);
+        if chosen == UNKNOWN {
+            let best = LEVELS.iter().rposition(|level| level.is_there());
+            chosen = best.unwrap_or_default() as u8;
+            CHOSEN.store(chosen, Ordering::Relaxed);
+        }
+        LEVELS[usize::from(chosen)]
+    }
+
+    /// Uses the level of that name from now on in all threads, or the best again. Results agree within rounding, and are the same bits for
+    /// whole numbers.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] when the processor has none of that name.
+    pub fn choose(name: Option<&str>) -> Result<()> {
+        let chosen = match name {
+            None => UNKNOWN,
+            Some(name) => LEVELS
+                .iter()
+                .position(|level| level.is_there() && level.name() == name)
+                .ok_or_else(|| {
+                    let names: Vec<_> = Self::all().into_iter().map(Self::name).collect();
+                    Error::shape("instruction set", names.join(", "), name)
+                })? as u8,
+        };
+        CHOSEN.store(chosen, Ordering::Relaxed);
+        Ok(())
+    }
+}
+
+/// Runs work that is written in vectors, on those of the level in use.
+pub fn run<W: WithSimd>(work: W) -> W::Output {
+    match Level::current() {
+        Level::Scalar => work.with_simd(Scalar::new()),
+        #[cfg(target_arch = "x86_64")]
+        Level::V3 => on(pulp::x86::V3::try_new(), work),
+        #[cfg(target_arch = "x86_64")]
+        Level::V4 => on(pulp::x86::V4::try_new(), work),
+        #[cfg(target_arch = "aarch64")]
+        Level::Neon => on(pulp::aarch64::Neon::try_new(), work),
+    }
+}
+
+fn on<W: WithSimd, S: Simd>(simd: Option<S>, work: W) -> W::Output {
+    match simd {
+        Some(simd) => simd.vectorize(work),
+        None => work.with_simd(Scalar::new()),
+    }
+}
+
+/// Declares functions that run another, which has to be inlined always, compiled for the level in use:
+/// `levels! { fn apply[F: Real](spline: &Spline<F>, plane: &mut [F]) = apply_inlined; }`
+macro_rules! levels {
+    ($($(#[$attribute:meta])* $scope:vis fn $name:ident $([$($generics:tt)*])? ($($argument:ident: $type:ty),* $(,)?) = $inlined:path;)*) => {$(
+        $(#[$attribute])*
+        $scope fn $name $(<$($generics)*>)? ($($argument: $type),*) {
+            struct Work<A>(A);
+            impl $(<$($generics)*>)? $crate::cpu::WithSimd for Work<($($type,)*)> {
+                type Output = ();
+                #[inline(always)]
+                fn with_simd<S: $crate::cpu::Simd>(self, _: S) {
+                    let ($($argument,)*) = self.0;
+                    $inlined($($argument),*);
+                }
+            }
+            $crate::cpu::run(Work(($($argument,)*)));
+        }
+    )*};
+}
+pub(crate) use levels;
+
+/// The most numbers that a register holds.
+pub const LANES: usize = 16;
+
+/// Numbers of which a register holds several.
+pub trait Lanes: Copy {
+    /// A register of them.
+    type Vector<S: Simd>: Copy + Debug;
+    /// How many it holds.
+    fn lanes<S: Simd>() -> usize;
+    /// Whole registers of a slice.
+    fn vectors<S: Simd>(numbers: &[Self]) -> &[Self::Vector<S>];
+    /// Whole registers of a slice.
+    fn vectors_mut<S: Simd>(numbers: &mut [Self]) -> &mut [Self::Vector<S>];
+    /// The same number in all places.
+    fn splat<S: Simd>(simd: S, number: Self) -> Self::Vector<S>;
+    /// a·b + c, rounded once where the processor does so at no cost.
+    fn multiply_add<S: Simd>(
+        simd: S,
+        a: Self::Vector<S>,
+        b: Self::Vector<S>,
+        c: Self::Vector<S>,
+    ) -> Self::Vector<S>;
+    /// The sum of a register.
+    fn total<S: Simd>(simd: S, vector: Self::Vector<S>) -> Self;
+}
+
+macro_rules! lanes {
+    ($number:ty, $vector:ident, $lanes:ident, $slice:ident, $slice_mut:ident, $splat:ident, $multiply_add:ident, $total:ident) => {
+        impl Lanes for $number {
+            type Vector<S: Simd> = S::$vector;
+            #[inline(always)]
+            fn lanes<S: Simd>() -> usize {
+                S::$lanes
+            }
+            #[inline(always)]
+            fn vectors<S: Simd>(numbers: &[Self]) -> &[S::$vector] {
+                S::$slice(numbers).0
+            }
+            #[inline(always)]
+            fn vectors_mut<S: Simd>(numbers: &mut [Self]) -> &mut [S::$vector] {
+                S::$slice_mut(numbers).0
+            }
+            #[inline(always)]
+            fn splat<S: Simd>(simd: S, number: Self) -> S::$vector {
+                simd.$splat(number)
+            }
+            #[inline(always)]
+            fn multiply_add<S: Simd>(
+                simd: S,
+                a: S::$vector,
+                b: S::$vector,
+                c: S::$vector,
+            ) -> S::$vector {
+                simd.$multiply_add(a, b, c)
+            }
+            #[inline(always)]
+            fn total<S: Simd>(simd: S, vector: S::$vector) -> Self {
+                simd.$total(vector)
+            }
+        }
+    };
+}
+lanes!(
+    f32,
+    f32s,
+    F32_LANES,
+    as_simd_f32s,
+    as_mut_simd_f32s,
+    splat_f32s,
+    mul_add_e_f32s,
+    reduce_sum_f32s
+);
+lanes!(
+    f64,
+    f64s,
+    F64_LANES,
+    as_simd_f64s,
+    as_mut_simd_f64s,
+    splat_f64s,
+    mul_add_e_f64s,
+    reduce_sum_f64s
+);
