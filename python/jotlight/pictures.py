@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from jotlight.exr import check_exr, write_exr
 from jotlight.formats.arrays import read_npy
+from jotlight.formats.stacks import first_series
 from jotlight.image import luma
 
 Picture = npt.NDArray[np.floating[Any]]
@@ -104,7 +105,9 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
         raise ValueError(f"{path}: expected a picture, but no known format fits") from error
     except Image.DecompressionBombError as error:
         raise ValueError(f"{path}: {error}") from error
-    except (OSError, SyntaxError) as error:
+    except Exception as error:  # anything: Pillow does not check all that it reads
+        if str(error).startswith(str(path)):
+            raise
         raise ValueError(f"{path}: the picture is damaged or truncated ({error})") from error
 
 
@@ -142,8 +145,9 @@ def _read_tiff(path: Path) -> tuple[npt.NDArray[Any], float | None]:
     import tifffile
 
     try:
-        array = tifffile.imread(path)
-    except (tifffile.TiffFileError, ValueError, OSError) as error:
+        with tifffile.TiffFile(path) as file:
+            array = np.asarray(first_series(file).asarray())
+    except Exception as error:  # anything: tifffile does not check what it reads
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error
     if array.ndim == 3 and array.shape[2] == 4:  # transparency
         array = array[..., :3]

@@ -49,14 +49,28 @@ def _images(path: Path, ending: str, name: str, read: Callable[[Path], Frames]) 
     return as_stack(frames, source)
 
 
+def first_series(file: Any) -> Any:
+    """The first images of an open TIFF, whose sizes its file can hold.
+
+    Raises
+    ------
+    ValueError
+        When it cannot.
+    """
+    # Pages that lead back to earlier ones are noticed only by who counts them.
+    len(file.pages)
+    series = file.series[0]
+    check_expansion("the header", series.size * series.dtype.itemsize, file.filehandle.size)
+    return series
+
+
 def _tiff_frames(path: Path) -> Frames:
     import tifffile
 
     try:
         with tifffile.TiffFile(path) as file:
-            series = file.series[0]
+            series = first_series(file)
             shape, dtype = series.shape, series.dtype
-            check_expansion("the header", series.size * dtype.itemsize, path.stat().st_size)
             single = len(shape) == 2 or (len(shape) == 3 and shape[2] <= 4)
             paged = not single and len(series.pages) == shape[0]
     except Exception as error:  # anything: tifffile does not check what it reads
@@ -70,7 +84,7 @@ def _tiff_frames(path: Path) -> Frames:
     def read(start: int, stop: int) -> npt.NDArray[Any]:
         try:
             with tifffile.TiffFile(path) as file:
-                series = file.series[0]
+                series = first_series(file)
                 if not paged:
                     return np.asarray(series.asarray().reshape(full)[start:stop])
                 out = np.empty((stop - start, *shape[1:]), dtype)
