@@ -142,11 +142,9 @@ def _turned(array: npt.NDArray[Any], orientation: int) -> npt.NDArray[Any]:
 
 
 def _read_tiff(path: Path) -> tuple[npt.NDArray[Any], float | None]:
-    import tifffile
-
     try:
-        with tifffile.TiffFile(path) as file:
-            array = np.asarray(first_series(file).asarray())
+        with first_series(path) as series:
+            array = np.asarray(series.asarray())
     except Exception as error:  # anything: tifffile does not check what it reads
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error
     if array.ndim == 3 and array.shape[2] == 4:  # transparency

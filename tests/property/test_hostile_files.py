@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jotlight as jl
-from examples import READERS, opened, read_or_refused
+from examples import IMAGE, READERS, opened, read_or_refused
 from reference import formats as twin
 
 MOST_MEMORY = 150 << 20
@@ -92,6 +92,29 @@ def test_a_damaged_file_is_read_or_refused(name, tmp_path_factory):
     check()
 
 
+FOUND = {
+    "a type that SciPy crashes on": ("matlab", 0, b"\2\0\0\0\x10\0\0\0", b"\xf9\0\0\0\x10\0\0\0"),
+    "a codec whose name is a list": ("zarr", 0, b'"name": "bytes"', b'"name": []'),
+    "one whose id is a list": ("zarr-2", 0, b'"id": "zstd"', b'"id": []'),
+    "a number of three is missing": ("calibration-header", 0, b"flat_noise", b"prnu"),
+    "a width that is no number": ("picture", 1, b"9 6", b"9 x"),
+    "zlib is damaged": ("picture-tiff", 1, b"x\x9c", b"x\0"),
+    "no such column": ("results-facts", 0, b"experiment", b"x"),
+    "a cell is missing": ("results-facts", 0, b",{}", b""),
+}
+"""What fuzz/readers.py found: reader, number of its example, and what is replaced by what."""
+
+
+@pytest.mark.parametrize(("name", "number", "old", "new"), FOUND.values(), ids=FOUND)
+def test_what_fuzzing_found_is_refused(name, number, old, new, tmp_path):
+    reader = READERS[name]
+    pytest.importorskip(reader.needs)
+    path, file, content = reader.example(tmp_path, number)
+    assert old in content
+    file.write_bytes(reader.wrap(content.replace(old, new, 1)))
+    assert tried(path, reader.read) is None
+
+
 @given(st.tuples(*[st.integers(-(2**65), 2**65) | st.integers(0, 9)] * 3), st.booleans())
 def test_no_header_is_believed(tmp_path_factory, shape, zipped):
     folder = tmp_path_factory.mktemp("header")
@@ -142,6 +165,17 @@ def test_a_tiff_is_not_unpacked_for_what_it_claims(tmp_path):
             (777).to_bytes(2, "little") + b"\0\0", (65535).to_bytes(2, "little") + b"\0\0"
         )
     )
+    assert tried(tmp_path / "a.tif") is None
+
+
+def test_pages_of_a_tiff_that_lead_back_are_not_followed(tmp_path):
+    tifffile.imwrite(tmp_path / "a.tif", IMAGE, metadata=None)
+    content = bytearray((tmp_path / "a.tif").read_bytes())
+    # The place of the next page stands behind the tags of the first, 12 bytes each.
+    after = 10 + 12 * int.from_bytes(content[8:10], "little")
+    place = len(content).to_bytes(4, "little")
+    content[after : after + 4] = place
+    (tmp_path / "a.tif").write_bytes(bytes(content) + b"\0\0" + place)
     assert tried(tmp_path / "a.tif") is None
 
 
