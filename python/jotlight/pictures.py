@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from jotlight.exr import check_exr, write_exr
 from jotlight.formats.arrays import read_npy
+from jotlight.formats.capture import check_expansion
 from jotlight.formats.stacks import first_series
 from jotlight.image import luma
 
@@ -90,6 +91,8 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
 
     try:
         with Image.open(path) as file:
+            size = file.width * file.height * len(file.getbands())
+            check_expansion("the header", size, path.stat().st_size)
             if (deep := _read_png16(path)) is not None:
                 return _turned(deep, file.getexif().get(_ORIENTATION, 1)), 65535.0
             picture = ImageOps.exif_transpose(file)

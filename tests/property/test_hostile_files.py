@@ -98,6 +98,7 @@ FOUND = {
     "one whose id is a list": ("zarr-2", 0, b'"id": "zstd"', b'"id": []'),
     "a number of three is missing": ("calibration-header", 0, b"flat_noise", b"prnu"),
     "a width that is no number": ("picture", 1, b"9 6", b"9 x"),
+    "a size that no file has": ("picture", 4, b"\x09\0\x06\0", b"\x09\x21\x21\x21"),
     "zlib is damaged": ("picture-tiff", 1, b"x\x9c", b"x\0"),
     "no such column": ("results-facts", 0, b"experiment", b"x"),
     "a cell is missing": ("results-facts", 0, b",{}", b""),
