@@ -5,6 +5,7 @@ import shutil
 from pathlib import Path
 
 import nox
+from nox.command import CommandFailed
 
 nox.needs_version = ">=2024.10.9"
 nox.options.default_venv_backend = "venv"
@@ -81,6 +82,16 @@ def extras(session: nox.Session) -> None:
     """What the default suite skips for want of a package."""
     install_wheel(session, extra="test,hdf5,zarr,exr,video")
     session.run("pytest", *EXTRAS, *session.posargs)
+
+
+@nox.session
+def fuzz(session: nox.Session) -> None:
+    """Every reader of files, a few seconds each; arguments as of fuzz/readers.py."""
+    try:
+        install_wheel(session, "atheris>=3", extra="test,hdf5,zarr")
+    except CommandFailed:
+        session.error("atheris cannot be installed here: the readers were NOT fuzzed")
+    session.run("python", "fuzz/readers.py", *(session.posargs or ["all", "--seconds", "5"]))
 
 
 @nox.session

@@ -13,6 +13,8 @@ import numpy.typing as npt
 
 from jotlight.exr import check_exr, write_exr
 from jotlight.formats.arrays import read_npy
+from jotlight.formats.capture import check_expansion
+from jotlight.formats.stacks import first_series
 from jotlight.image import luma
 
 Picture = npt.NDArray[np.floating[Any]]
@@ -89,6 +91,8 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
 
     try:
         with Image.open(path) as file:
+            size = file.width * file.height * len(file.getbands())
+            check_expansion("the header", size, path.stat().st_size)
             if (deep := _read_png16(path)) is not None:
                 return _turned(deep, file.getexif().get(_ORIENTATION, 1)), 65535.0
             picture = ImageOps.exif_transpose(file)
@@ -104,7 +108,9 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
         raise ValueError(f"{path}: expected a picture, but no known format fits") from error
     except Image.DecompressionBombError as error:
         raise ValueError(f"{path}: {error}") from error
-    except (OSError, SyntaxError) as error:
+    except Exception as error:  # anything: Pillow does not check all that it reads
+        if str(error).startswith(str(path)):
+            raise
         raise ValueError(f"{path}: the picture is damaged or truncated ({error})") from error
 
 
@@ -139,11 +145,10 @@ def _turned(array: npt.NDArray[Any], orientation: int) -> npt.NDArray[Any]:
 
 
 def _read_tiff(path: Path) -> tuple[npt.NDArray[Any], float | None]:
-    import tifffile
-
     try:
-        array = tifffile.imread(path)
-    except (tifffile.TiffFileError, ValueError, OSError) as error:
+        with first_series(path) as series:
+            array = np.asarray(series.asarray())
+    except Exception as error:  # anything: tifffile does not check what it reads
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error
     if array.ndim == 3 and array.shape[2] == 4:  # transparency
         array = array[..., :3]

@@ -4,8 +4,6 @@ import gzip
 import io
 import json
 import tracemalloc
-import warnings
-import zipfile
 
 import numpy as np
 import png
@@ -15,45 +13,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jotlight as jl
-from jotlight.formats.writing import TARGETS, write_capture
+from examples import IMAGE, READERS, opened, read_or_refused
 from reference import formats as twin
 
 MOST_MEMORY = 150 << 20
 """Bytes, for files of some kilobytes; a claim of 16 MiB in a few bytes is believed."""
 
-BITS = jl.Bits.from_array(np.random.default_rng(0).random((3, 6, 13)) < 0.4)
-WIDE = np.random.default_rng(0).random((2, 512, 512)) < 0.1
-IMAGE = np.random.default_rng(0).integers(0, 300, (6, 9), np.int32)
-NEEDS = {"hdf5": "h5py", "zarr": "zarr"}
 
-
-def npy(array):
-    file = io.BytesIO()
-    np.save(file, array)
-    return file.getvalue()
-
-
-def opened(path, **options):
-    """What opening and counting come to: a picture, or an error that says which file."""
-    said = None
+def tried(path, read=opened):
+    """What reading comes to, None for an error, within little memory."""
     tracemalloc.start()
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            data = jl.open(path, **options)
-            counts = data.counts(1) if isinstance(data, jl.Bits) else data
-    except (OSError, ValueError, jl.MissingExtraError) as error:
-        said = str(error)
+        return read_or_refused(read, path)
     finally:
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-    assert peak < MOST_MEMORY
-    if said is None:
-        assert counts.dtype == np.int32
-        assert counts.min() >= 0
-        return counts
-    assert len(said) > 10
-    return None
+        assert peak < MOST_MEMORY
 
 
 @st.composite
@@ -86,63 +61,59 @@ def damage(draw):
     return change
 
 
-def capture(folder, name, data):
-    endings = TARGETS[name].endings
-    path = folder / ("a" + (endings[0] if endings else ""))
-    write_capture(data, path, name)
-    return path
+@pytest.mark.parametrize("name", READERS)
+def test_every_example_is_read(name, tmp_path):
+    reader = READERS[name]
+    pytest.importorskip(reader.needs)
+    for number in range(len(reader.makers)):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        path, file, content = reader.example(folder, number)
+        assert reader.unwrap(reader.wrap(content)) == content
+        file.write_bytes(reader.wrap(content))
+        assert tried(path, reader.read) is not None
 
 
-def files_of(path):
-    return [file for file in sorted(path.rglob("*")) if file.is_file()] if path.is_dir() else [path]
+@pytest.mark.parametrize("name", READERS)
+def test_a_damaged_file_is_read_or_refused(name, tmp_path_factory):
+    reader = READERS[name]
+    pytest.importorskip(reader.needs)
+    made = [
+        reader.example(tmp_path_factory.mktemp("damaged"), number)
+        for number in range(len(reader.makers))
+    ]
 
-
-SEEDS = [
-    *((name, BITS) for name in ("npy", "npy.gz", "visionsim", "matlab", "hdf5", "zarr")),
-    *((name, IMAGE) for name in ("npy", "npz", "tiff", "png", "hdf5", "zarr")),
-    *((name, WIDE) for name in ("swissspad2-full", "spad512s", "spad512s-sparse")),
-]
-
-
-@pytest.mark.parametrize(
-    ("name", "data"), SEEDS, ids=[f"{name}-{type(data).__name__}" for name, data in SEEDS]
-)
-def test_a_damaged_capture_is_an_error_or_a_picture(name, data, tmp_path_factory):
-    pytest.importorskip(NEEDS.get(name, "numpy"))
-    data = jl.Bits.from_array(data) if data is WIDE else data
-    folder = tmp_path_factory.mktemp("damaged")
-    path = capture(folder, name, data)
-    files = files_of(path)
-    whole = [file.read_bytes() for file in files]
-    # Nothing tells what raw frames are.
-    told = name if name.startswith("s") else None
-    expected = data.counts(1) if isinstance(data, jl.Bits) else data
-
-    @given(damage(), st.integers(0, len(files) - 1))
-    def check(change, which):
-        files[which].write_bytes(change(whole[which]))
-        try:
-            counts = opened(path, format=told)
-            if change(whole[which]) == whole[which]:
-                np.testing.assert_array_equal(counts, expected)
-        finally:
-            files[which].write_bytes(whole[which])
+    @given(damage(), st.sampled_from(made))
+    def check(change, example):
+        path, file, content = example
+        file.write_bytes(reader.wrap(change(content)))
+        tried(path, reader.read)
 
     check()
 
 
-@given(damage(), st.booleans())
-def test_a_damaged_array_in_an_archive_is_an_error_or_a_picture(tmp_path_factory, change, zipped):
-    folder = tmp_path_factory.mktemp("inner")
-    content = change(npy(IMAGE))
-    if zipped:
-        path = folder / "a.npz"
-        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-            archive.writestr("a.npy", content)
-    else:
-        path = folder / "a.npy.gz"
-        path.write_bytes(gzip.compress(content))
-    opened(path)
+FOUND = {
+    "a type that SciPy crashes on": ("matlab", 0, b"\2\0\0\0\x10\0\0\0", b"\xf9\0\0\0\x10\0\0\0"),
+    "a codec whose name is a list": ("zarr", 0, b'"name": "bytes"', b'"name": []'),
+    "one whose id is a list": ("zarr-2", 0, b'"id": "zstd"', b'"id": []'),
+    "a number of three is missing": ("calibration-header", 0, b"flat_noise", b"prnu"),
+    "a width that is no number": ("picture", 1, b"9 6", b"9 x"),
+    "a size that no file has": ("picture", 4, b"\x09\0\x06\0", b"\x09\x21\x21\x21"),
+    "zlib is damaged": ("picture-tiff", 1, b"x\x9c", b"x\0"),
+    "no such column": ("results-facts", 0, b"experiment", b"x"),
+    "a cell is missing": ("results-facts", 0, b",{}", b""),
+}
+"""What fuzz/readers.py found: reader, number of its example, and what is replaced by what."""
+
+
+@pytest.mark.parametrize(("name", "number", "old", "new"), FOUND.values(), ids=FOUND)
+def test_what_fuzzing_found_is_refused(name, number, old, new, tmp_path):
+    reader = READERS[name]
+    pytest.importorskip(reader.needs)
+    path, file, content = reader.example(tmp_path, number)
+    assert old in content
+    file.write_bytes(reader.wrap(content.replace(old, new, 1)))
+    assert tried(path, reader.read) is None
 
 
 @given(st.tuples(*[st.integers(-(2**65), 2**65) | st.integers(0, 9)] * 3), st.booleans())
@@ -152,7 +123,7 @@ def test_no_header_is_believed(tmp_path_factory, shape, zipped):
     content = b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text + bytes(64)
     path = folder / ("a.npy.gz" if zipped else "a.npy")
     path.write_bytes(gzip.compress(content) if zipped else content)
-    opened(path)
+    tried(path)
 
 
 JSON = st.recursive(
@@ -174,7 +145,7 @@ def test_no_description_of_visionsim_is_believed(tmp_path_factory, told, frames)
     good = {"w": 13, "h": 6, "c": 1, "bitpack": True, "bitpack_dim": 2, "file_path": "a.npy"}
     text = json.dumps({**good, **told, "frames": frames})
     (folder / "transforms.json").write_text(text)
-    opened(folder)
+    tried(folder)
 
 
 @pytest.mark.parametrize(("width", "height"), [(2**31 - 1, 2**31 - 1), (60000, 60000), (0, 5)])
@@ -184,7 +155,7 @@ def test_a_png_is_not_unpacked_for_what_it_claims(tmp_path, width, height):
     content = bytearray(file.getvalue())
     content[16:24] = width.to_bytes(4, "big") + height.to_bytes(4, "big")
     (tmp_path / "a.png").write_bytes(bytes(content))
-    assert opened(tmp_path / "a.png") is None
+    assert tried(tmp_path / "a.png") is None
 
 
 def test_a_tiff_is_not_unpacked_for_what_it_claims(tmp_path):
@@ -195,7 +166,18 @@ def test_a_tiff_is_not_unpacked_for_what_it_claims(tmp_path):
             (777).to_bytes(2, "little") + b"\0\0", (65535).to_bytes(2, "little") + b"\0\0"
         )
     )
-    assert opened(tmp_path / "a.tif") is None
+    assert tried(tmp_path / "a.tif") is None
+
+
+def test_pages_of_a_tiff_that_lead_back_are_not_followed(tmp_path):
+    tifffile.imwrite(tmp_path / "a.tif", IMAGE, metadata=None)
+    content = bytearray((tmp_path / "a.tif").read_bytes())
+    # The place of the next page stands behind the tags of the first, 12 bytes each.
+    after = 10 + 12 * int.from_bytes(content[8:10], "little")
+    place = len(content).to_bytes(4, "little")
+    content[after : after + 4] = place
+    (tmp_path / "a.tif").write_bytes(bytes(content) + b"\0\0" + place)
+    assert tried(tmp_path / "a.tif") is None
 
 
 def test_pickles_are_never_read(tmp_path):

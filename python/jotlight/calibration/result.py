@@ -231,7 +231,10 @@ def _checked(tensors: Tensors, numbers: Any) -> dict[str, Any]:
         ("false_positive_rate", 0, 1), ("most_dark", 0, math.inf), ("scale", 0, 1e6),
     ):  # fmt: skip
         values[name] = _number(numbers.get(name), name, least, most)
-    for name in ("prnu", "prnu_error", "flat_noise"):
+    of_flat = ("prnu", "prnu_error", "flat_noise")
+    if any((name in numbers) != ("efficiency" in tensors) for name in of_flat):
+        raise ValueError(f"expected efficiency, {', '.join(of_flat)}, or none of them")
+    for name in of_flat:
         if name in numbers:
             values[name] = _number(numbers[name], name, 0, math.inf)
     if "flat_frames" in numbers:

@@ -151,14 +151,21 @@ def read_table(path: Path) -> list[Row]:
     ValueError
         When a row has not as many cells as there are columns.
     """
-    with path.open(newline="", encoding="utf-8") as file:
-        rows = []
-        for row in csv.DictReader(file):
-            if None in row or None in row.values():
-                raise ValueError(f"{path}: damaged: a row has not as many cells as columns")
-            rows.append({column: _value(column, cell) for column, cell in row.items()})
+    rows = [{column: _value(column, cell) for column, cell in row.items()} for row in _cells(path)]
     if not rows:
         raise ValueError(f"{path}: damaged: it has no rows")
+    return rows
+
+
+def _cells(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV, with a cell for each column."""
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: damaged: expected a CSV file in UTF-8 ({error})") from error
+    if any(None in row or None in row.values() for row in rows):
+        raise ValueError(f"{path}: damaged: a row has not as many cells as columns")
     return rows
 
 
@@ -176,9 +183,13 @@ def write_facts(path: Path, facts: dict[str, Facts]) -> None:
 def read_facts(path: Path) -> dict[str, Facts]:
     """Read what :func:`write_facts` wrote."""
     facts: dict[str, Facts] = {}
-    with path.open(newline="", encoding="utf-8") as file:
-        for row in csv.DictReader(file):
-            facts.setdefault(row["experiment"], {})[row["fact"]] = row["value"]
+    for row in _cells(path):
+        if row.keys() != {"experiment", "fact", "value"}:
+            raise ValueError(
+                f"{path}: damaged: expected the columns experiment, fact and value, got "
+                f"{', '.join(row)}; run the experiments again (--restart)"
+            )
+        facts.setdefault(row["experiment"], {})[row["fact"]] = row["value"]
     return facts
 
 

@@ -10,6 +10,11 @@ Order = Literal["little", "big"]
 
 _COMPRESSED = 15
 _MATRIX = 14
+_NUMBERS = (1, 2, 3, 4, 5, 6, 7, 9, 12, 13)
+"""The types that numbers are stored in; SciPy crashes on one that there is not."""
+_CLASSES = range(6, 16)
+"""Variables of numbers. Others are never read further than their name."""
+_COMPLEX = 0x0800
 _HEADER = 128
 _PREFIX = 1 << 16
 _MOST_VARIABLES = 10_000
@@ -49,11 +54,15 @@ def check_sizes(path: Path) -> None:
 def _check_parts(start: bytes, inside: int, order: Order) -> None:
     """The flags, sizes, name and numbers of a variable, each behind a tag."""
     place = 0
+    flags = _word(start, 8, order)
+    numeric = flags & 0xFF in _CLASSES
+    if numeric and flags & _COMPLEX:
+        raise ValueError("a variable has complex numbers, expected real ones")
     while place + 8 <= min(len(start), inside):
         word, size = _word(start, place, order), _word(start, place + 4, order)
         if word >> 16:  # up to four bytes stand in the tag itself
-            size = 0
-        if size > inside - place - 8:
+            word, size = word & 0xFFFF, 0
+        if size > inside - place - 8 or (numeric and word not in _NUMBERS):
             raise ValueError("a variable is damaged")
         place += 8 + (size + 7) // 8 * 8
 

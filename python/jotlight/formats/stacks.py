@@ -1,9 +1,10 @@
 """Images of counts in TIFF and PNG, one or many, and masks."""
 
+import contextlib
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -49,14 +50,44 @@ def _images(path: Path, ending: str, name: str, read: Callable[[Path], Frames]) 
     return as_stack(frames, source)
 
 
-def _tiff_frames(path: Path) -> Frames:
+@contextlib.contextmanager
+def first_series(path: Path) -> Iterator[Any]:
+    """Open the first images of a TIFF, when its file can hold them."""
     import tifffile
 
+    _check_pages(path)
+    with tifffile.TiffFile(path) as file:
+        series = file.series[0]
+        size = series.size * series.dtype.itemsize
+        check_expansion("the header", size, path.stat().st_size)
+        yield series
+
+
+def _check_pages(path: Path) -> None:
+    """Raise ValueError when a page leads back to an earlier one: tifffile follows them for ever."""
+    size = path.stat().st_size
+    seen: set[int] = set()
+    with path.open("rb") as file:
+        start = file.read(16)
+        order: Literal["little", "big"] = "little" if start[:2] == b"II" else "big"
+        big = int.from_bytes(start[2:4], order) == 43
+        place = int.from_bytes(start[8:16] if big else start[4:8], order)
+        # Bytes of the number of tags, of a tag, and of the next page's place behind them.
+        number, tag, behind = (8, 20, 8) if big else (2, 12, 4)
+        while 0 < place < size:
+            if place in seen:
+                raise ValueError("expected pages in a row, got one that leads back to another")
+            seen.add(place)
+            file.seek(place)
+            tags = int.from_bytes(file.read(number), order)
+            file.seek(min(size, place + number + tag * tags))
+            place = int.from_bytes(file.read(behind), order)
+
+
+def _tiff_frames(path: Path) -> Frames:
     try:
-        with tifffile.TiffFile(path) as file:
-            series = file.series[0]
+        with first_series(path) as series:
             shape, dtype = series.shape, series.dtype
-            check_expansion("the header", series.size * dtype.itemsize, path.stat().st_size)
             single = len(shape) == 2 or (len(shape) == 3 and shape[2] <= 4)
             paged = not single and len(series.pages) == shape[0]
     except Exception as error:  # anything: tifffile does not check what it reads
@@ -69,8 +100,7 @@ def _tiff_frames(path: Path) -> Frames:
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
         try:
-            with tifffile.TiffFile(path) as file:
-                series = file.series[0]
+            with first_series(path) as series:
                 if not paged:
                     return np.asarray(series.asarray().reshape(full)[start:stop])
                 out = np.empty((stop - start, *shape[1:]), dtype)

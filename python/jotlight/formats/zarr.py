@@ -89,7 +89,7 @@ def _check_codecs(told: Any) -> None:
     """Raise ValueError for a codec that is not known to be harmless, at any depth."""
     if isinstance(told, dict):
         for name, value in told.items():
-            if name in ("name", "id") and value not in _CODECS:
+            if name in ("name", "id") and not (isinstance(value, str) and value in _CODECS):
                 raise ValueError(f"codecs: expected well-known ones, got {value!r}, not used")
             if name != "attributes":
                 _check_codecs(value)
