@@ -322,7 +322,7 @@ class Network:
         def jots(rows: slice) -> npt.NDArray[np.uint8]:
             return data.packed[:, rows.start * side : rows.stop * side]
 
-        if mask is None:
+        if mask is None or not mask.any():
             return self._in_parts(
                 (height, width),
                 lambda rows: _engine.forward_bits(self._layers, jots(rows), data.width, threads),

@@ -1,0 +1,100 @@
+"""One body for several instruction sets: each gives what the scalar one gives."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight import _engine
+from jotlight.training.cost import Cost
+from jotlight.training.examples import Examples
+from jotlight.training.parameters import vector_of
+
+SENSOR = jl.Sensor(oversampling=4)
+IMAGE = jl.datasets.uniform_scene((1, 45, 83), rng=0)[0]
+
+
+@pytest.fixture(params=_engine.cpu_levels())
+def level(request):
+    yield request.param
+    _engine.choose_cpu_level(None)
+
+
+def on(level, call):
+    _engine.choose_cpu_level(level)
+    assert _engine.cpu_level() == level
+    return call()
+
+
+def untied(frames, side):
+    sensor = jl.Sensor(oversampling=side, frames=frames)
+    network = jl.Network.initial(sensor)
+    taps = np.random.default_rng(1).uniform(0.5, 1.5, (1, frames, side, side))
+    first = network.layers[0]
+    weighed = first.filters[0, 0, 0, 0] * np.float32(taps)
+    layer = jl.Layer(weighed, first.coefficients, first.start, first.spacing)
+    return jl.Network([layer, *network.layers[1:]], sensor)
+
+
+def same(level, call, tolerance):
+    expected = on("scalar", call)
+    for threads in (1, 2, 7):
+        given = on(level, lambda threads=threads: call(threads))
+        if threads == 1:
+            first = given
+        np.testing.assert_array_equal(given, first)
+    if tolerance:
+        scale = np.abs(expected).max()
+        np.testing.assert_allclose(first, expected, rtol=0, atol=tolerance * scale)
+    else:
+        np.testing.assert_array_equal(first, expected)
+
+
+def test_the_best_level_is_the_default(level):
+    _engine.choose_cpu_level(None)
+    assert _engine.cpu_level() == _engine.cpu_levels()[-1]
+
+
+def test_unknown_levels_are_refused():
+    with pytest.raises(ValueError, match=r"instruction set: expected .*scalar.*, got .*mmx"):
+        _engine.choose_cpu_level("mmx")
+
+
+@pytest.mark.parametrize("side", [1, 2, 3, 4, 8, 10])
+def test_bits_and_counts_are_the_same(level, side):
+    frames = 40 if side == 1 else 3
+    sensor = jl.Sensor(oversampling=side, frames=frames)
+    same(level, lambda threads=1: sensor.expose(IMAGE, 0, threads=threads).packed, 0)
+    bits = sensor.expose(IMAGE, 0)
+    same(level, lambda threads=1: bits.counts(threads=threads), 0)
+
+
+@pytest.mark.parametrize("width", [1, 15, 16, 17, 64, 65, 83])
+def test_pictures_of_the_tied_network(level, width):
+    network = jl.Network.initial(SENSOR)
+    bits = SENSOR.expose(IMAGE[:, :width], 0)
+    same(level, lambda threads=1: network.reconstruct(bits, threads=threads), 1e-6)
+
+
+@pytest.mark.parametrize(("frames", "side"), [(1, 3), (1, 4), (16, 1), (4, 2), (1, 8), (1, 12)])
+def test_pictures_of_networks_that_weigh_jots_singly(level, frames, side):
+    network = untied(frames, side)
+    bits = network.sensor.expose(IMAGE, 0)
+    same(level, lambda threads=1: network.reconstruct(bits, threads=threads), 1e-6)
+
+
+def test_gradients(level):
+    network = jl.Network.initial(SENSOR)
+    scenes = jl.datasets.uniform_scene((4, 33, 47), rng=1)
+
+    def gradient(threads=1):
+        examples = Examples(scenes, SENSOR, 0, 8, 32, network.halo)
+        cost = Cost(network, examples, 0, 1, jl.training.SafeSet(), threads)
+        return cost.gradient(vector_of(network))[1]
+
+    same(level, gradient, 1e-4)
+
+
+@pytest.mark.parametrize("method", [jl.admm_tv, jl.mle_iterative, jl.mle])
+def test_likelihoods(level, method):
+    bits = SENSOR.expose(IMAGE, 0)
+    same(level, lambda threads=1: method(bits, SENSOR, threads=threads), 1e-5)
