@@ -3,15 +3,22 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use crate::cpu::levels;
 use crate::likelihood::Threshold;
+use crate::network::Real;
 
 /// P(b = 1) = P(q, s) in units of 2⁻¹⁶, tabulated over s: off by less than [`Bounds::MARGIN`].
 #[derive(Debug)]
 pub(super) struct Bounds {
     /// Entries per expected photon.
     density: f64,
-    table: Vec<u16>,
+    /// The last of them.
+    last: f64,
+    table: Box<[u32; ENTRIES]>,
 }
+
+/// More than the table of any threshold has, and so many that an index of 17 bits need not be checked.
+const ENTRIES: usize = 1 << 17;
 
 impl Bounds {
     /// Entries over which P would rise from 0 to 1 if it were as steep all over as where it is steepest.
@@ -37,26 +44,62 @@ impl Bounds {
     fn new(threshold: Threshold) -> Self {
         // dP/ds is largest at s = q − 1.
         let density = Self::STEEPEST * threshold.slope(f64::from(threshold.photons() - 1));
-        let mut table = Vec::new();
-        loop {
-            let rate = (table.len() as f64 + 0.5) / density;
-            let probability = threshold.fires(rate);
-            table.push((probability * 65536.0).round() as u16);
+        let mut table = Box::new([0; ENTRIES]);
+        let mut last = 0.0;
+        for entry in table.iter_mut() {
+            let probability = threshold.fires((last + 0.5) / density);
+            *entry = (probability * 65536.0).min(65535.0).round() as u32;
             // The last entry stands for all brighter light.
             if 1.0 - probability < 1e-6 {
-                return Self { density, table };
+                break;
             }
+            last += 1.0;
+        }
+        Self {
+            density,
+            last,
+            table,
         }
     }
 
     /// The bounds for detection rates of at least 0.
     pub fn look_up(&self, rates: &[f64], bounds: &mut Vec<u16>) {
         bounds.resize(rates.len(), 0);
-        for (bound, rate) in bounds.iter_mut().zip(rates) {
-            let entry = (rate * self.density) as u32 as usize;
-            *bound = self.table[entry.min(self.table.len() - 1)];
-        }
+        look_up(self, rates, bounds);
     }
+
+    /// In two loops, each of which becomes vector code.
+    #[inline(always)]
+    fn of_group(&self, rates: &[f64; GROUP]) -> [u16; GROUP] {
+        let mut places = [0; GROUP];
+        for (place, rate) in places.iter_mut().zip(rates) {
+            // Half an entry less and then the nearest is the entry that the rate lies in; on its edge either will do.
+            let entry = rate * self.density - 0.5;
+            let entry = if entry < self.last { entry } else { self.last };
+            let entry = if entry > 0.0 { entry } else { 0.0 };
+            *place = entry.nearest().1;
+        }
+        places.map(|place| self.table[place as usize % ENTRIES] as u16)
+    }
+}
+
+/// Rates that are worked on at a time.
+const GROUP: usize = 64;
+
+levels! {
+    fn look_up(bounds: &Bounds, rates: &[f64], out: &mut [u16]) = look_up_inlined;
+}
+
+#[inline(always)]
+fn look_up_inlined(bounds: &Bounds, rates: &[f64], out: &mut [u16]) {
+    let (groups, rest) = rates.as_chunks::<GROUP>();
+    let (of_groups, of_rest) = out.as_chunks_mut::<GROUP>();
+    for (rates, out) in groups.iter().zip(of_groups) {
+        *out = bounds.of_group(rates);
+    }
+    let mut group = [0.0; GROUP];
+    group[..rest.len()].copy_from_slice(rest);
+    of_rest.copy_from_slice(&bounds.of_group(&group)[..rest.len()]);
 }
 
 /// P(b = 1) in units of 2⁻⁴⁸.

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::{Image, PerJot, Sensor};
 use crate::bits::contiguous;
+use crate::cpu::levels;
 use crate::error::{Error, Result};
 use crate::sensing::kernel::{Kernel, mirrored};
 
@@ -90,11 +91,7 @@ impl Light<'_, '_, '_> {
         }
         let gain = self.sensor.gain_per_frame;
         match self.sensor.efficiency {
-            PerJot::Same(efficiency) => {
-                for rate in rates.iter_mut() {
-                    *rate *= efficiency * gain;
-                }
-            }
+            PerJot::Same(efficiency) => stretch(efficiency * gain, 0.0, rates),
             PerJot::Map(map) => {
                 let map = map.row(row);
                 for (rate, column) in rates.iter_mut().zip(columns.clone()) {
@@ -103,11 +100,7 @@ impl Light<'_, '_, '_> {
             }
         }
         match self.sensor.dark_counts {
-            PerJot::Same(dark) => {
-                for rate in rates {
-                    *rate += dark;
-                }
-            }
+            PerJot::Same(dark) => stretch(1.0, dark, rates),
             PerJot::Map(map) => {
                 let map = map.row(row);
                 for (rate, column) in rates.iter_mut().zip(columns) {
@@ -131,16 +124,36 @@ impl Light<'_, '_, '_> {
         }
         let share = self.sensor.kernel.taps()[0];
         let sensitivity = efficiency * self.sensor.gain_per_frame * share * share;
-        for rate in rates {
-            *rate = sensitivity * *rate + dark;
-        }
+        stretch(sensitivity, dark, rates);
     }
 }
 
 fn widen<F: Copy + Into<f64>>(values: ArrayView1<'_, F>, out: &mut Vec<f64>) {
+    out.clear();
     out.resize(values.len(), 0.0);
-    for (out, &value) in out.iter_mut().zip(contiguous(values).iter()) {
-        *out = value.into();
+    add_scaled(1.0, &contiguous(values), out);
+}
+
+levels! {
+    /// Adds the light of a row, scaled. In two roundings on every processor, since bits are to be the same on all.
+    fn add_scaled[F: Copy + Into<f64>](
+        factor: f64, light: &[F], sums: &mut [f64],
+    ) = add_scaled_inlined;
+    /// rates · factor + term, likewise.
+    fn stretch(factor: f64, term: f64, rates: &mut [f64]) = stretch_inlined;
+}
+
+#[inline(always)]
+fn add_scaled_inlined<F: Copy + Into<f64>>(factor: f64, light: &[F], sums: &mut [f64]) {
+    for (sum, &light) in sums.iter_mut().zip(light) {
+        *sum += factor * light.into();
+    }
+}
+
+#[inline(always)]
+fn stretch_inlined(factor: f64, term: f64, rates: &mut [f64]) {
+    for rate in rates {
+        *rate = *rate * factor + term;
     }
 }
 
@@ -166,9 +179,7 @@ pub(super) fn filter<F: Copy + Into<f64>>(
     for place in 0..side {
         sums.fill(0.0);
         for (back, &tap) in along.taps()[place..].iter().step_by(side).enumerate() {
-            for (sum, light) in sums.iter_mut().zip(&light[along.degree() - back..]) {
-                *sum += tap * light;
-            }
+            add_scaled(tap, &light[along.degree() - back..], &mut sums);
         }
         for (block, &sum) in out.chunks_exact_mut(side).zip(&sums) {
             block[place] = sum;
@@ -194,9 +205,7 @@ fn down_the_columns<F: Copy + Into<f64>>(
     for (back, &tap) in taps.enumerate() {
         let row = mirrored(bottom - back as isize, height);
         let seen = contiguous(image.slice_move(s![row, inside.clone()]));
-        for (light, &pixel) in light[left..].iter_mut().zip(seen.iter()) {
-            *light += tap * pixel.into();
-        }
+        add_scaled(tap, &seen, &mut light[left..]);
         for pixel in (pixels.start..0).chain(width as isize..pixels.end) {
             light[(pixel - pixels.start) as usize] +=
                 tap * image[[row, mirrored(pixel, width)]].into();
