@@ -91,8 +91,8 @@ def measure(case: Case, threads: Sequence[int], effort: Effort) -> dict[str, Any
         "same_for_threads": sorted({*threads, OTHER_THREADS}),
         "differences": differences,
         "left_out": left_out,
-        "probes": probes.work(threads),
-        "seconds": race({**runs, **probes.runs()}, threads, effort),
+        "probes": probes.work(threads, effort.words),
+        "seconds": race({**runs, **probes.runs(effort.words)}, threads, effort),
     }
 
 

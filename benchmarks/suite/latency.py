@@ -9,18 +9,18 @@ from suite.machine import cores
 from suite.paths.scene import bits
 from suite.timing import Effort, race
 
-HELP, RECONSTRUCT = "jotlight --help", "jotlight reconstruct"
+HELP, RECONSTRUCT, NUMPY = "jotlight --help", "jotlight reconstruct", "Python, import numpy"
 
 
 def measure(effort: Effort) -> dict[str, list[float]]:
-    """Seconds of each process; the first of each, which finds its files on the disk, is not counted."""
+    """Seconds of each process; the first of each has to read the disk and is not counted."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "bits.npy"
         bits().save(file)
         commands = {
-            "python, nothing else": ["-c", "pass"],
-            "python, import numpy": ["-c", "import numpy"],
-            "python, import jotlight": ["-c", "import jotlight"],
+            "Python, nothing else": ["-c", "pass"],
+            NUMPY: ["-c", "import numpy"],
+            "Python, import jotlight": ["-c", "import jotlight"],
             HELP: ["-m", "jotlight", "--help"],
             RECONSTRUCT: [
                 *("-m", "jotlight", "reconstruct", str(file)),

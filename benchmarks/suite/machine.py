@@ -1,6 +1,6 @@
 """What a run was made on, and with what."""
 
-import datetime
+import datetime as dt
 import importlib.metadata
 import os
 import platform
@@ -23,7 +23,7 @@ def facts() -> dict[str, object]:
     import jotlight
 
     return {
-        "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
+        "date": dt.datetime.now(dt.UTC).date().isoformat(),
         "processor": processor(),
         "instructions": instructions(),
         "cores": cores(),

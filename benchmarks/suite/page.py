@@ -48,9 +48,9 @@ def head(found: dict[str, Any]) -> list[str]:
         f"All contenders of a path take turns, {found['rounds']} rounds of them, on one thread and "
         f"on {found['threads'][-1]}; those that take longer than a second have fewer. A turn has a "
         f"call that is not counted, and then calls for {1000 * found['seconds_a_turn']:.0f} ms, "
-        "whose mean is one time. Figures are medians, ratios the medians of the rounds' own ratios, "
-        "and the spread is that of the middle half. All threads of a contender share as many cores "
-        "as it has threads. Before anything is timed, results have to agree.",
+        "whose mean is one time. Figures are medians, ratios the medians of the rounds' own "
+        "ratios, and the spread is that of the middle half. All threads of a contender share as "
+        "many cores as it has threads. Before anything is timed, results have to agree.",
     ]
 
 
@@ -82,8 +82,9 @@ def roofline(found: dict[str, Any]) -> list[str]:
     lines = [
         "## Roofline",
         "",
-        "What the machine could do in the very same rounds: multiply-adds in registers, and reading "
-        f"{paths[0]['probes']['bytes'] >> 20} MiB; from the least to the most beside any path.",
+        "What the machine could do in the very same rounds: multiply-adds in registers, and "
+        f"reading {paths[0]['probes']['bytes'] >> 20} MiB; from the least to the most beside any "
+        "path.",
         "",
         *machine_table(paths, threads),
         "",
@@ -148,8 +149,11 @@ def latency(found: dict[str, Any]) -> list[str]:
     if "latency" not in found:
         return []
     rows = [
-        [f"`{name}`" if name.startswith("jotlight") else name]
-        + [f"{statistics.median(times):.3f}", f"{spread_of(times):.0%}"]
+        [
+            f"`{name}`" if name.startswith("jotlight") else name,
+            f"{statistics.median(times):.3f}",
+            f"{spread_of(times):.0%}",
+        ]
         for name, times in found["latency"].items()
     ]
     words = "Wall time of fresh processes, in turns; the picture is of 481 × 321 pixels, K = 16."

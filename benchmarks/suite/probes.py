@@ -10,28 +10,26 @@ from jotlight import _engine
 from suite.timing import Run
 
 MULTIPLY_ADDS, READING = "multiply-adds", "reading"
-WORDS = 1 << 26
-"""Of 64 bits: more than the caches hold."""
 LEAST = 0.01
 """Seconds that the multiply-adds take at least, so that starting threads does not count."""
 
 
-def runs() -> dict[str, Run]:
+def runs(size: int) -> dict[str, Run]:
     return {
         MULTIPLY_ADDS: lambda threads: multiply_adds(enough(), threads),
-        READING: lambda threads: read_words(words(), threads),
+        READING: lambda threads: read_words(words(size), threads),
     }
 
 
-def work(threads: Sequence[int]) -> dict[str, object]:
+def work(threads: Sequence[int], size: int) -> dict[str, object]:
     """Floating-point operations by number of threads, and bytes read, of one call."""
     operations = {str(number): multiply_adds(enough(), number) for number in threads}
-    return {"operations": operations, "bytes": words().nbytes}
+    return {"operations": operations, "bytes": words(size).nbytes}
 
 
 @functools.cache
-def words() -> np.ndarray:
-    return np.arange(WORDS, dtype=np.uint64)
+def words(size: int) -> np.ndarray:
+    return np.arange(size, dtype=np.uint64)
 
 
 @functools.cache

@@ -15,16 +15,24 @@ def limited(threads: int) -> Iterator[None]:
 
     That holds for libraries too which cannot be told; those that can are told besides.
     """
-    if "torch" in sys.modules:
-        sys.modules["torch"].set_num_threads(threads)
-    if "cv2" in sys.modules:
-        sys.modules["cv2"].setNumThreads(threads)
+    tell(threads)
     before = os.sched_getaffinity(0) if TASKS.is_dir() else set()
     keep_to(set(sorted(before)[:threads]))
     try:
         yield
     finally:
         keep_to(before)
+
+
+def tell(threads: int) -> None:
+    with contextlib.suppress(ImportError):
+        from threadpoolctl import threadpool_limits
+
+        threadpool_limits(threads)
+    if "torch" in sys.modules:
+        sys.modules["torch"].set_num_threads(threads)
+    if "cv2" in sys.modules:
+        sys.modules["cv2"].setNumThreads(threads)
 
 
 def keep_to(cores: set[int]) -> None:

@@ -9,8 +9,8 @@ from suite.threads import limited
 Run = Callable[[int], object]
 """What is timed; it takes the number of threads."""
 
-SLOW, FEW = 1.0, 3
-"""A contender that takes so many seconds a call has at most so many rounds."""
+SLOW = 1.0
+"""A contender that takes so many seconds a call has few rounds."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -18,13 +18,17 @@ class Effort:
     """How long to measure."""
 
     rounds: int
+    few: int
+    """Rounds of a slow one."""
     least: float
     """Seconds in a turn at least; a short run is repeated so long, and its mean is the turn's."""
+    words: int
+    """Words of 64 bits that are read to find the machine's bandwidth: more than caches hold."""
     pause: float
     """Seconds before a turn: threads of the one before may wait for work at full speed."""
 
 
-FULL, QUICK = Effort(9, 0.05, 0.1), Effort(3, 0.02, 0.02)
+FULL, QUICK = Effort(9, 3, 0.05, 1 << 26, 0.1), Effort(3, 1, 0.02, 1 << 23, 0.02)
 
 Times = dict[str, dict[str, list[float]]]
 """Seconds of each turn, by number of threads and contender."""
@@ -38,7 +42,7 @@ def race(runs: Mapping[str, Run], threads: Sequence[int], effort: Effort) -> Tim
             with limited(number):
                 for name, run in runs.items():
                     done = times[str(number)][name]
-                    if len(done) < FEW or done[-1] < SLOW:
+                    if len(done) < effort.few or done[-1] < SLOW:
                         time.sleep(effort.pause)
                         done.append(turn(run, number, effort.least))
     return times

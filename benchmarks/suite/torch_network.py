@@ -10,7 +10,7 @@ from suite.paths.scene import unpacked
 class TorchNetwork:
     """A network of two layers and one channel, with its parameters as tensors."""
 
-    def __init__(self, network: jl.Network) -> None:
+    def __init__(self, network: jl.Network, height: int, width: int) -> None:
         first, second = network.layers
         self.tied = network.tied
         self.side = network.sensor.oversampling
@@ -18,6 +18,9 @@ class TorchNetwork:
         self.phi1 = torch.from_numpy(first.coefficients[0].copy())
         self.second = torch.from_numpy(second.filters.copy())
         self.phi2 = torch.from_numpy(second.coefficients[0].copy())
+        halo = self.second.shape[2] // 2
+        # Symmetric continuation repeats the rim, which PyTorch's padding modes do not.
+        self.rows, self.columns = mirrored(height, halo), mirrored(width, halo)
         self.intervals = [(layer.start, layer.spacing) for layer in network.layers]
 
     @property
@@ -35,15 +38,13 @@ class TorchNetwork:
     def picture(self, sums: torch.Tensor) -> torch.Tensor:
         p = self.first * sums if self.tied else sums
         u = spline(p, self.phi1, *self.intervals[0])
-        # Symmetric continuation repeats the rim, which PyTorch's padding modes do not.
-        rows, columns = (mirrored(size, self.second.shape[2] // 2) for size in u.shape[2:])
-        padded = u[:, :, rows][:, :, :, columns]
+        padded = u[:, :, self.rows][:, :, :, self.columns]
         r = torch.nn.functional.conv2d(padded, self.second.flip(2, 3))
         return spline(r, self.phi2, *self.intervals[1])
 
     def reconstruct(self, bits: jl.Bits) -> np.ndarray:
         with torch.inference_mode():
-            return self.picture(self.sums(bits)[None])[0, 0].numpy()
+            return self.picture(self.sums(bits))[0, 0].numpy()
 
 
 def mirrored(size: int, halo: int) -> torch.Tensor:

@@ -33,8 +33,12 @@ def cases(quick: bool) -> Iterator[Case]:
         rivals=[
             Rival("OpenCV, filter2D", lambda cv2: opencv(cv2, image, taps), "cv2"),
             Rival("PyTorch, conv2d", lambda torch: of_torch(torch, image, taps), "torch"),
-            Rival("SciPy, oaconvolve", lambda signal: by_fourier(signal, image, taps), "scipy.signal"),
-            Rival("SciPy, ndimage.convolve", lambda nd: by_ndimage(nd, image, taps), "scipy.ndimage"),
+            Rival(
+                "SciPy, oaconvolve", lambda signal: by_fourier(signal, image, taps), "scipy.signal"
+            ),
+            Rival(
+                "SciPy, ndimage.convolve", lambda nd: by_ndimage(nd, image, taps), "scipy.ndimage"
+            ),
         ],
         difference=largest,
         agreement="largest difference relative to the largest value",

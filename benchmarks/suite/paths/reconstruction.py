@@ -12,34 +12,39 @@ from suite.paths.filtering import TAPS
 from suite.paths.scene import HEIGHT, PIXELS, SENSOR, WIDTH, bits, untied
 from suite.paths.splines import SLOTS
 
+TORCH, BM3D = "PyTorch, the same network", "non-iterative, BM3D"
+
 
 def cases(quick: bool) -> Iterator[Case]:
     tied = jl.pretrained(SENSOR)
-    yield case("network", "Network, tied", tied, one_add=1)
-    yield case("network-untied", "Network, untied", untied(tied), one_add=0)
+    methods = [
+        Rival("non-iterative, TV", partial(noniterative, "tv"), "skimage", same=False),
+        Rival(BM3D, partial(noniterative, "bm3d"), "bm3d", same=False),
+    ]
+    yield case("network", "Network, tied", tied, methods)
+    yield case("network-untied", "Network, untied", untied(tied), [])
 
 
-def case(name: str, title: str, network: jl.Network, *, one_add: int) -> Case:
-    """`one_add`: a tied network multiplies the counts by its one weight."""
+def case(name: str, title: str, network: jl.Network, methods: list[Rival]) -> Case:
     return Case(
         name=name,
         title=title,
         words=f"K = 16, {WIDTH} × {HEIGHT} pixels, from packed bits in memory to a picture in "
-        "floats. Non-iterative methods count, stabilise, denoise and invert.",
+        "floats."
+        + (" Non-iterative methods count, stabilise, denoise and invert." if methods else ""),
         items=PIXELS,
         unit="pixels",
         ours=lambda threads: network.reconstruct(bits(), threads=threads),
         rivals=[
-            Rival("PyTorch, the same network", partial(in_torch, network), "torch"),
+            Rival(TORCH, partial(in_torch, network), "torch"),
             Rival("PyTorch, compiled", partial(compiled, network), "torch"),
             Rival("PyTorch, without counting", partial(from_sums, network), "torch"),
-            Rival("non-iterative, TV", partial(noniterative, "tv"), "skimage", same=False),
-            Rival("non-iterative, BM3D", partial(noniterative, "bm3d"), "bm3d", same=False),
+            *methods,
         ],
         difference=largest,
         agreement="largest difference relative to the largest intensity",
         tolerance=1e-4,
-        slots=(TAPS**2 + 2 * SLOTS + SENSOR.oversampling + one_add) * PIXELS,
+        slots=(TAPS**2 + 2 * SLOTS + SENSOR.oversampling) * PIXELS,
         bytes=bits().packed.nbytes + 4 * PIXELS,
         counted="bits read and picture written once; 225 multiply-adds of the filter, two splines "
         "and K̂ rows of bits a pixel",
@@ -49,20 +54,20 @@ def case(name: str, title: str, network: jl.Network, *, one_add: int) -> Case:
 def in_torch(network: jl.Network, torch: Any) -> Callable[[], np.ndarray]:
     from suite.torch_network import TorchNetwork
 
-    rival = TorchNetwork(network)
+    rival = TorchNetwork(network, HEIGHT, WIDTH)
     return lambda: rival.reconstruct(bits())
 
 
 def compiled(network: jl.Network, torch: Any) -> Callable[[], np.ndarray]:
     from suite.torch_network import TorchNetwork
 
-    rival = TorchNetwork(network)
+    rival = TorchNetwork(network, HEIGHT, WIDTH)
     # It is compiled anew for another number of threads, and both are kept.
     picture = torch.compile(rival.picture, dynamic=False)
 
     def run() -> np.ndarray:
         with torch.inference_mode():
-            return picture(rival.sums(bits())[None])[0, 0].numpy()
+            return picture(rival.sums(bits()))[0, 0].numpy()
 
     try:
         run()
@@ -74,8 +79,8 @@ def compiled(network: jl.Network, torch: Any) -> Callable[[], np.ndarray]:
 def from_sums(network: jl.Network, torch: Any) -> Callable[[], np.ndarray]:
     from suite.torch_network import TorchNetwork
 
-    rival = TorchNetwork(network)
-    sums = rival.sums(bits())[None]
+    rival = TorchNetwork(network, HEIGHT, WIDTH)
+    sums = rival.sums(bits())
 
     def run() -> np.ndarray:
         with torch.inference_mode():

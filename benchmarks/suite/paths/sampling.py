@@ -18,7 +18,7 @@ SETTINGS = {
     "sampling-one": {},
 }
 SLOTS = 13
-"""Of a jot: half of a 32-bit word of ChaCha with 8 rounds, 25 operations, and a comparison of 16 bits."""
+"""Of a jot: half a word of ChaCha with 8 rounds, 25 operations, and a comparison of 16 bits."""
 
 
 def cases(quick: bool) -> Iterator[Case]:

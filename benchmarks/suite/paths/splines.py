@@ -31,7 +31,9 @@ def cases(quick: bool) -> Iterator[Case]:
         ours=lambda threads: _engine.forward([dataclasses.astuple(layer)], z[None], threads),
         rivals=[
             Rival("NumPy", lambda _: lambda: of_numpy(layer, z)),
-            Rival("SciPy, BSpline", lambda package: of_scipy(package, layer, z), "scipy.interpolate"),
+            Rival(
+                "SciPy, BSpline", lambda package: of_scipy(package, layer, z), "scipy.interpolate"
+            ),
             Rival("PyTorch", lambda torch: of_torch(torch, layer, z), "torch"),
         ],
         difference=largest,

@@ -43,8 +43,8 @@ def cases(quick: bool) -> Iterator[Case]:
     yield Case(
         name="training",
         title="Training step",
-        words=f"The gradient of the cost of {SCENES} scenes of {SIDE} × {SIDE}, K = 16, two layers. "
-        "A step of jotlight always draws its bits anew.",
+        words=f"The gradient of the cost of {SCENES} scenes of {SIDE} × {SIDE}, K = 16, two "
+        "layers. A step of jotlight always draws its bits anew.",
         items=SCENES,
         unit="scenes",
         ours=lambda threads: cost(network, threads).gradient(vector)[1],
@@ -87,7 +87,7 @@ def gradient_of_torch(
 ) -> Callable[..., np.ndarray]:
     from suite.torch_network import TorchNetwork
 
-    rival = TorchNetwork(network)
+    rival = TorchNetwork(network, SIDE, SIDE)
     for parameter in rival.parameters:
         parameter.requires_grad_()
     light = torch.from_numpy(scenes)[:, None]
