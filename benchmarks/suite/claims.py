@@ -43,6 +43,7 @@ def claims(found: dict[str, Any]) -> list[Claim]:
     for path in found["paths"]:
         if path["name"] in SPEED:
             made += SPEED[path["name"]](path)
+    made += agreement(found["paths"])
     most = max(found["threads"])
     if most > 1:
         made += [with_threads(path, most) for path in found["paths"]]
@@ -94,6 +95,18 @@ SPEED: dict[str, Callable[[Path], Iterator[Claim]]] = {
     "sampling": sampling,
     "counting": counting,
 }
+
+
+def agreement(paths: list[Path]) -> Iterator[Claim]:
+    """Nothing is timed where results differ by more, or from one number of threads to another."""
+    shares = [
+        difference / path["tolerance"] if difference else 0.0
+        for path in paths
+        for difference in path["differences"].values()
+    ]
+    if shares:
+        said = "Largest difference from a rival's result, as a share of what is allowed"
+        yield Claim(said, 1, max(shares), "%", at_most=True)
 
 
 def with_threads(path: Path, most: int) -> Claim:

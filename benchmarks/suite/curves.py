@@ -54,7 +54,8 @@ def by_size(scaling: dict[str, Any], y: str, title: str, value: Any) -> Axes:
         rows = [row for row in scaling["sizes"] if row["what"] == what]
         sides, values = [row["side"] for row in rows], [value(row) for row in rows]
         lines.append(Line(what, sides, values, colour, "o"))
-    return Axes(lines, "pixels, a side", y, title, x_log=True, y_log=True)
+    sides = sorted({row["side"] for row in scaling["sizes"]})[::2]
+    return Axes(lines, "pixels, a side", y, title, x_log=True, y_log=True, ticks=sides)
 
 
 def ns_per_pixel(row: dict[str, Any]) -> float:

@@ -28,6 +28,7 @@ def facts() -> dict[str, object]:
         "instructions": instructions(),
         "cores": cores(),
         "memory_gib": memory() / 2**30,
+        "load": load(),
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
         "jotlight": jotlight.__version__,
@@ -61,6 +62,11 @@ def cpuinfo(name: str) -> str:
 
 def memory() -> int:
     return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+
+def load() -> float | None:
+    """Processes that wanted to run in the last minute: far below one on a quiet machine."""
+    return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
 
 
 def commit() -> str:

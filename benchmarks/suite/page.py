@@ -42,7 +42,7 @@ def head(found: dict[str, Any]) -> list[str]:
         f"- {machine['date']}, commit {machine['commit'] or 'unknown'}, "
         f"jotlight {machine['jotlight']}, Python {machine['python']}",
         f"- {machine['processor']} ({', '.join(machine['instructions']) or machine['system']}), "
-        f"{machine['cores']} cores, {machine['memory_gib']:.0f} GiB",
+        f"{machine['cores']} cores, {machine['memory_gib']:.0f} GiB{at_load(machine)}",
         f"- {', '.join(packages)}",
         "",
         f"All contenders of a path take turns, {found['rounds']} rounds of them, on one thread and "
@@ -52,6 +52,11 @@ def head(found: dict[str, Any]) -> list[str]:
         "ratios, and the spread is that of the middle half. All threads of a contender share as "
         "many cores as it has threads. Before anything is timed, results have to agree.",
     ]
+
+
+def at_load(machine: dict[str, Any]) -> str:
+    load = machine["load"]
+    return "" if load is None else f"; load when the run began: {load:.1f}"
 
 
 def shown(found: dict[str, Any]) -> list[str]:

@@ -55,6 +55,7 @@ def found(*paths, **parts):
         "system": "any",
         "cores": 1,
         "memory_gib": 1.0,
+        "load": None,
         "packages": {"numpy": "2", "torch": None},
     }
     settings = {"quick": True, "threads": [1], "rounds": 2, "seconds_a_turn": 0.02}
@@ -96,6 +97,15 @@ def test_two_threads_are_held_against_one(slow, verdict):
 def test_the_filter_alone_leaves_out_what_one_tap_takes():
     one = path(jotlight=0.3, **{claims_of.WITHOUT: 0.1})
     assert claims_of.filter_share(one) == pytest.approx((100 - 10) / 1000 / 0.2)
+
+
+def test_the_largest_difference_is_held_against_its_own_tolerance():
+    one, other = path(jotlight=1.0), path(jotlight=1.0)
+    one["tolerance"], one["differences"] = 0.5, {"a": 0.1, "b": 0.2}
+    other["differences"] = {"c": 0.0}
+    (claim,) = claims_of.agreement([one, other])
+    assert claim.measured == pytest.approx(0.4)
+    assert claim.verdict == "met"
 
 
 def test_a_rival_that_was_not_there_is_not_measured():
