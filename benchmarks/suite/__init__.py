@@ -1,0 +1,1 @@
+"""Measure jotlight's hot paths beside their rivals: `python benchmarks/run.py`."""

@@ -1,0 +1,156 @@
+"""What must be shown, and whether it is; everything follows from the JSON."""
+
+import dataclasses
+import statistics
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from suite import figures
+from suite.figures import Path, of_bound, paired, ratio, speed_up
+from suite.latency import HELP, NUMPY, RECONSTRUCT
+from suite.paths.counting import SAME_BYTES
+from suite.paths.filtering import WITHOUT
+from suite.paths.reconstruction import BM3D, TORCH
+from suite.paths.training import DRAWN
+from suite.probes import MULTIPLY_ADDS
+
+FAST_AS_CORES = 1.8
+"""On two threads; on more in proportion."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Claim:
+    """A figure that is wanted, the figure that was measured, and what bounds it."""
+
+    said: str
+    wanted: float
+    measured: float | None
+    unit: str = ""
+    at_most: bool = False
+    bound: str = ""
+
+    @property
+    def verdict(self) -> str:
+        if self.measured is None:
+            return "not measured"
+        met = self.measured <= self.wanted if self.at_most else self.measured >= self.wanted
+        return "met" if met else "not met"
+
+
+def claims(found: dict[str, Any]) -> list[Claim]:
+    """Of all that the run measured."""
+    made: list[Claim] = []
+    for path in found["paths"]:
+        if path["name"] in SPEED:
+            made += SPEED[path["name"]](path)
+    made += agreement(found["paths"])
+    most = max(found["threads"])
+    if most > 1:
+        made += [with_threads(path, most) for path in found["paths"]]
+    if "latency" in found:
+        made += latency(found["latency"])
+    return made
+
+
+def network(path: Path) -> Iterator[Claim]:
+    said = f"{path['title']}: times as fast as {TORCH}, one thread"
+    yield Claim(said, 10, rival_ratio(path, TORCH, 1), "×", bound=near(path, 1))
+
+
+def network_and_denoiser(path: Path) -> Iterator[Claim]:
+    yield from network(path)
+    said = f"{path['title']}: times as fast as {BM3D}, one thread"
+    yield Claim(said, 2000, rival_ratio(path, BM3D, 1), "×", bound=near(path, 1))
+
+
+def filtering(path: Path) -> Iterator[Claim]:
+    whole = figures.bounds(path, 1)[0] / figures.median(path, "jotlight", 1)
+    said = "15 × 15 filter: share of the peak of multiply-adds, one thread"
+    yield Claim(said, 0.6, filter_share(path), "%", bound=f"{whole:.0%} with both splines")
+
+
+def training(path: Path) -> Iterator[Claim]:
+    said = "Training step: times as fast as PyTorch, which draws bits too, two threads"
+    yield Claim(said, 25, rival_ratio(path, DRAWN, 2), "×", bound=near(path, 2))
+
+
+def sampling(path: Path) -> Iterator[Claim]:
+    for threads in map(int, path["seconds"]):
+        # 10⁸ jots
+        rate = path["items"] / figures.median(path, "jotlight", threads) / threads / 1e8
+        said = f"Drawing bits at q = 1: 10⁸ jots per second and thread, {words_of(threads)}"
+        yield Claim(said, 5, rate, bound=near(path, threads))
+
+
+def counting(path: Path) -> Iterator[Claim]:
+    said = "Counting: share of the bandwidth of reading the same bytes, one thread"
+    yield Claim(said, 0.5, rival_ratio(path, SAME_BYTES, 1), "%", bound=near(path, 1))
+
+
+SPEED: dict[str, Callable[[Path], Iterator[Claim]]] = {
+    "network": network_and_denoiser,
+    "network-untied": network,
+    "filter": filtering,
+    "training": training,
+    "sampling": sampling,
+    "counting": counting,
+}
+
+
+def agreement(paths: list[Path]) -> Iterator[Claim]:
+    """Nothing is timed where results differ by more, or from one number of threads to another."""
+    shares = [
+        difference / path["tolerance"] if difference else 0.0
+        for path in paths
+        for difference in path["differences"].values()
+    ]
+    if shares:
+        said = "Largest difference from a rival's result, as a share of what is allowed"
+        yield Claim(said, 1, max(shares), "%", at_most=True)
+
+
+def with_threads(path: Path, most: int) -> Claim:
+    machine = speed_up(path, most, MULTIPLY_ADDS)
+    return Claim(
+        f"{path['title']}: times as fast on {words_of(most)} as on one",
+        FAST_AS_CORES * most / 2,
+        speed_up(path, most),
+        "×",
+        bound=f"multiply-adds alone, in the same rounds: {machine:.2f} times",
+    )
+
+
+def latency(times: dict[str, list[float]]) -> Iterator[Claim]:
+    for name, wanted, what in (
+        (HELP, 0.4, "start to end"),
+        (RECONSTRUCT, 0.6, "481 × 321, K = 16, in all"),
+    ):
+        floor = paired(times[NUMPY], times[name])
+        bound = f"Python and its import of NumPy take {floor:.0%} of that"
+        measured = statistics.median(times[name])
+        yield Claim(f"`{name}`, {what}", wanted, measured, "s", at_most=True, bound=bound)
+
+
+def rival_ratio(path: Path, rival: str, threads: int) -> float | None:
+    if rival not in path["seconds"].get(str(threads), {}):
+        return None
+    return ratio(path, rival, threads)
+
+
+def filter_share(path: Path) -> float:
+    """Of the peak, by the filter alone: the time with one tap is taken off, and so is that tap."""
+    seconds = path["seconds"]["1"]
+    pairs = zip(seconds["jotlight"], seconds[WITHOUT], strict=True)
+    alone = statistics.median(whole - without for whole, without in pairs)
+    return (path["slots"] - path["items"]) / figures.peak(path, 1) / alone
+
+
+def near(path: Path, threads: int) -> str:
+    if str(threads) not in path["seconds"]:
+        return ""
+    by = figures.bound_by(path, threads)
+    return f"{of_bound(path, threads):.0%} of what {by} alone would allow"
+
+
+def words_of(threads: int) -> str:
+    return {1: "one thread", 2: "two threads"}.get(threads, f"{threads} threads")

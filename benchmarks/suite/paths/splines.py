@@ -1,0 +1,74 @@
+"""The evaluation of a cubic B-spline at every pixel."""
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+import jotlight as jl
+from jotlight import _engine
+from suite.case import Case, Rival, largest
+from suite.paths.scene import SENSOR
+
+SLOTS = 8
+"""Of one evaluation: a place in the table (4), a cubic (3), and the look-up."""
+
+
+def cases(quick: bool) -> Iterator[Case]:
+    side = 512 if quick else 2048
+    first = jl.pretrained(SENSOR).layers[0]
+    layer = dataclasses.replace(first, filters=np.ones((1, 1, 1, 1), np.float32))
+    z = np.random.default_rng(0).uniform(0, 16, (side, side)).astype(np.float32)
+
+    yield Case(
+        name="splines",
+        title="Splines",
+        words=f"The first layer's φ, {layer.coefficients.shape[1]} coefficients, for {side} × "
+        f"{side} numbers.",
+        items=side**2,
+        unit="numbers",
+        ours=lambda threads: _engine.forward([dataclasses.astuple(layer)], z[None], threads),
+        rivals=[
+            Rival("NumPy", lambda _: lambda: of_numpy(layer, z)),
+            Rival(
+                "SciPy, BSpline", lambda package: of_scipy(package, layer, z), "scipy.interpolate"
+            ),
+            Rival("PyTorch", lambda torch: of_torch(torch, layer, z), "torch"),
+        ],
+        difference=largest,
+        agreement="largest difference relative to the largest value",
+        tolerance=1e-5,
+        slots=SLOTS * side**2,
+        bytes=8 * side**2,
+        counted="a number read and one written; four operations to find the place in the table, "
+        "a look-up and a cubic of three multiply-adds",
+    )
+
+
+def of_numpy(layer: jl.Layer, z: np.ndarray) -> np.ndarray:
+    w = layer.coefficients[0]
+    place = ((z - np.float32(layer.start)) / np.float32(layer.spacing)).clip(0, len(w) - 3)
+    first = np.minimum(place.astype(np.int32), len(w) - 4)
+    f = place - first
+    g = 1 - f
+    return (
+        w[first] * g**3 / 6
+        + w[first + 1] * (2 / 3 + 0.5 * f * f * (f - 2))
+        + w[first + 2] * (2 / 3 + 0.5 * g * g * (g - 2))
+        + w[first + 3] * f**3 / 6
+    )
+
+
+def of_scipy(package: Any, layer: jl.Layer, z: np.ndarray) -> Callable[[], np.ndarray]:
+    number = layer.coefficients.shape[1]
+    knots = layer.start + layer.spacing * (np.arange(number + 4) - 3)
+    spline = package.BSpline(knots, layer.coefficients[0].astype(np.float64), 3)
+    return lambda: spline(z.clip(knots[3], knots[-4]))
+
+
+def of_torch(torch: Any, layer: jl.Layer, z: np.ndarray) -> Callable[[], np.ndarray]:
+    from suite.torch_network import spline
+
+    coefficients = torch.from_numpy(layer.coefficients[0])
+    return lambda: spline(torch.from_numpy(z), coefficients, layer.start, layer.spacing).numpy()
