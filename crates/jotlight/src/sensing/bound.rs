@@ -14,7 +14,8 @@ pub(super) struct Bounds {
     density: f64,
     /// The last of them.
     last: f64,
-    table: Box<[u32; ENTRIES]>,
+    /// [`ENTRIES`] of them.
+    table: Vec<u32>,
 }
 
 /// More than the table of any threshold has, and so many that an index of 17 bits need not be checked.
@@ -44,9 +45,9 @@ impl Bounds {
     fn new(threshold: Threshold) -> Self {
         // dP/ds is largest at s = q − 1.
         let density = Self::STEEPEST * threshold.slope(f64::from(threshold.photons() - 1));
-        let mut table = Box::new([0; ENTRIES]);
+        let mut table = vec![0; ENTRIES];
         let mut last = 0.0;
-        for entry in table.iter_mut() {
+        for entry in &mut table {
             let probability = threshold.fires((last + 0.5) / density);
             *entry = (probability * 65536.0).min(65535.0).round() as u32;
             // The last entry stands for all brighter light.
@@ -70,7 +71,7 @@ impl Bounds {
 
     /// In two loops, each of which becomes vector code.
     #[inline(always)]
-    fn of_group(&self, rates: &[f64; GROUP]) -> [u16; GROUP] {
+    fn of_group(&self, table: &[u32; ENTRIES], rates: &[f64; GROUP]) -> [u16; GROUP] {
         let mut places = [0; GROUP];
         for (place, rate) in places.iter_mut().zip(rates) {
             // Half an entry less and then the nearest is the entry that the rate lies in; on its edge either will do.
@@ -79,7 +80,7 @@ impl Bounds {
             let entry = if entry > 0.0 { entry } else { 0.0 };
             *place = entry.nearest().1;
         }
-        places.map(|place| self.table[place as usize % ENTRIES] as u16)
+        places.map(|place| table[place as usize % ENTRIES] as u16)
     }
 }
 
@@ -92,14 +93,17 @@ levels! {
 
 #[inline(always)]
 fn look_up_inlined(bounds: &Bounds, rates: &[f64], out: &mut [u16]) {
+    let Some(table) = bounds.table.first_chunk() else {
+        return;
+    };
     let (groups, rest) = rates.as_chunks::<GROUP>();
     let (of_groups, of_rest) = out.as_chunks_mut::<GROUP>();
     for (rates, out) in groups.iter().zip(of_groups) {
-        *out = bounds.of_group(rates);
+        *out = bounds.of_group(table, rates);
     }
     let mut group = [0.0; GROUP];
     group[..rest.len()].copy_from_slice(rest);
-    of_rest.copy_from_slice(&bounds.of_group(&group)[..rest.len()]);
+    of_rest.copy_from_slice(&bounds.of_group(table, &group)[..rest.len()]);
 }
 
 /// P(b = 1) in units of 2⁻⁴⁸.
