@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight import _engine
-from jotlight.frames import Frames
+from jotlight.frames import Frames, range_of
 from jotlight.image import refuse_masked
 from jotlight.mapped import release
 from jotlight.slabs import COUNTED, slabs_of
@@ -121,13 +121,13 @@ class Bits:
             raise TypeError(f"bits: expected a slice of frames such as bits[:16], got {frames!r}")
         packed = self.packed[frames]
         if len(packed) == 0:
-            raise ValueError(f"bits: no frames in {frames!r} of {len(self)}")
+            raise ValueError(f"bits: no frames in {range_of(frames)} of {len(self)}")
         sensor = self.sensor and self.sensor.replace(frames=len(packed))
         source = self.source
         if source is not None and len(packed) < len(self):
             start, stop, step = frames.indices(len(self))
-            every = "" if step == 1 else f", every {step}th"
-            source = source.with_note(f"frames {start} to {stop} of {len(self)}{every}")
+            taken = range_of(slice(start, stop, None if step == 1 else step))
+            source = source.with_note(f"frames {taken} of {len(self)}")
         return type(self)(packed, self.width, sensor, source)
 
     def to_array(self) -> npt.NDArray[np.bool_]:
@@ -221,9 +221,11 @@ def check_fits(bits: Bits, sensor: "Sensor") -> None:
     """Raise ValueError unless a sensor can have reported these bits."""
     frames, height, width = bits.shape[:3]
     if frames != sensor.frames:
+        some = f"bits[:{sensor.frames}] (--frame-range 0:{sensor.frames}), or "
         raise ValueError(
-            f"bits: expected the sensor's {sensor.frames} frames, got {frames}; "
-            f"take bits[:{sensor.frames}], or sensor.replace(frames={frames})"
+            f"bits: expected the sensor's {sensor.frames} frames, got {frames}; take "
+            f"{some if sensor.frames < frames else ''}"
+            f"sensor.replace(frames={frames}) (--frames {frames})"
         )
     if height % sensor.oversampling or width % sensor.oversampling:
         raise ValueError(

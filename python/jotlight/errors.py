@@ -2,6 +2,9 @@
 
 Bad values raise :class:`ValueError`, bad types :class:`TypeError`, files :class:`OSError` or
 :class:`ValueError`; only what has no built-in name is named here.
+
+Advice names the parameter with its option in brackets, as in ``counts=True (--counts)``; the
+command line shows the option alone.
 """
 
 import sys

@@ -15,6 +15,18 @@ _PART = 1 << 23
 """Bytes of frames that are read at once."""
 
 
+def range_of(frames: slice) -> str:
+    """Some frames as `--frame-range` takes them.
+
+    Examples
+    --------
+    >>> range_of(slice(100, 200)), range_of(slice(None, 16, 2))
+    ('100:200', ':16:2')
+    """
+    ends = [frames.start, frames.stop, *([] if frames.step is None else [frames.step])]
+    return ":".join("" if end is None else str(end) for end in ends)
+
+
 class Frames:
     """A stack of frames in files: the shape of an array, read part by part.
 

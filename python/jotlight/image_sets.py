@@ -79,7 +79,7 @@ def _warn_of_scale(source: Path, image: npt.NDArray[np.float32]) -> None:
     if image.size and image.max() > 30:
         warn(
             f"{source}: intensities up to {image.max():.4g}; where these are grey levels, give the "
-            "one that stands for intensity 1 (--white, white=)"
+            "one that stands for intensity 1, white= (--white)"
         )
 
 

@@ -74,7 +74,7 @@ def read_picture(
     if scale is None:
         raise ValueError(
             f"{path}: the scale of its {array.dtype} values is unknown; give the level that "
-            "stands for intensity 1 (--white, white=), such as 1023 for a 10-bit camera"
+            "stands for intensity 1, white= (--white), such as 1023 for a 10-bit camera"
         )
     if gray and array.ndim == 3 and array.shape[2] != 3:
         raise ValueError(f"{path}: expected red, green and blue for grey, got {array.shape}")

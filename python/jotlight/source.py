@@ -22,8 +22,8 @@ class Source:
 
     Examples
     --------
-    >>> Source("npy", "cube.npy", ("most significant bit first",)).with_note("frames 0 to 16")
-    Source(format='npy', name='cube.npy', notes=('most significant bit first', 'frames 0 to 16'))
+    >>> Source("npy", "cube.npy", ("most significant bit first",)).with_note("frames 0:16 of 64")
+    Source(format='npy', name='cube.npy', notes=('most significant bit first', 'frames 0:16 of 64'))
     """
 
     format: str

@@ -119,7 +119,7 @@ def test_convert_prints_and_records_what_was_assumed(run, tmp_path):
         assert expected in said
     told = json.loads((tmp_path / "a.json").read_text())
     assert (told["source"]["format"], told["source"]["name"]) == ("swissspad2", "a.bin")
-    assert "frames 1 to 3 of 4" in told["source"]["notes"]
+    assert "frames 1:3 of 4" in told["source"]["notes"]
     bits = jl.open(tmp_path / "a.npy")
     np.testing.assert_array_equal(bits.to_array(), twin.turned(array[1:3], 90, "horizontal"))
     status, said = run("info", "a.npy")

@@ -7,7 +7,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.methods import METHODS
-from jotlight.models import lacking, pretrained
+from jotlight.models import lacking, pretrained, unserved
 from jotlight.pictures import read_picture
 
 SERVED = jl.Sensor(oversampling=4)
@@ -38,8 +38,7 @@ def test_reconstruct_says_what_it_takes_instead_and_why_and_how_to_train(run, pi
     assert status == 0
     assert "noniterative-tv" in said
     assert "there is no trained network for 12 bits per pixel" in said
-    assert "jotlight train " in said
-    assert "--oversampling 2 --frames 3" in said
+    assert said.endswith(": jotlight train --sensor bits.npy -o model.safetensors\n")
     assert f"by {DEFAULT_ELSEWHERE} in" in said
     expected = METHODS["noniterative-tv"].run(bits, OTHER)
     np.testing.assert_array_equal(np.load("out.npy"), expected)
@@ -49,7 +48,8 @@ def test_reconstruct_by_the_network_fails_where_there_is_none(run, pictures, tmp
     expose(pictures, OTHER)
     status, said = run("reconstruct", "bits.npy", "-o", "out.npy", "-m", "network")
     assert status == 1
-    assert said.strip() == f"error: {lacking(OTHER)}"
+    assert said.startswith(f"error: {unserved(OTHER)}; learn one for this capture")
+    assert said.endswith(": jotlight train --sensor bits.npy -o model.safetensors\n")
     assert not (tmp_path / "out.npy").exists()
 
 

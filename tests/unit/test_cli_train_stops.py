@@ -254,6 +254,40 @@ def test_a_full_disk_at_the_end_keeps_the_run(run, pictures, tmp_path, monkeypat
     assert_same(NETWORK, "whole.safetensors")
 
 
+def test_a_run_that_has_no_time_for_all_its_steps_says_so(run, pictures, tmp_path):
+    status, said = run("train", pictures, "-o", NETWORK, *SMALL, "--seconds", 1e-9)
+    assert status == 0
+    assert f"{NETWORK}: learned in 1 of 3 steps and " in said
+    assert "; --seconds gives it time for more" in said
+    assert files(tmp_path) == [NETWORK, "pictures"]
+    assert len(jl.Network.load(NETWORK).history["records"]["loss"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "seconds"),
+    [
+        ([], None),
+        (["--sensor", "seen.npy"], 45.0),
+        (["--sensor", "seen.npy", "--steps", 3], None),
+        (["--sensor", "seen.npy", "--steps", 3, "--seconds", 9], 9.0),
+        (["--seconds", 9], 9.0),
+    ],
+)
+def test_learning_for_a_capture_has_a_time_unless_it_is_told_its_steps(
+    run, pictures, monkeypatch, words, seconds
+):
+    jl.Sensor(frames=4).expose(np.full((16, 16), 0.5), rng=0).save("seen.npy")
+    found = []
+
+    def learn(*_, **options):
+        found.append(options["seconds"])
+        raise ValueError("seen enough")
+
+    monkeypatch.setattr(train_module, "learn", learn)
+    assert "seen enough" in run("train", pictures, "-o", NETWORK, *words)[1]
+    assert found == [seconds]
+
+
 def test_a_disk_that_is_full_from_the_start_is_named(pictures, tmp_path):
     pytest.importorskip("resource")
     code = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000));"

@@ -107,22 +107,6 @@ def test_windows_of_fewer_frames_and_counts(run, tmp_path, capture):
     assert Network.load(tmp_path / "c.safetensors").sensor.frames == 16
 
 
-def test_reconstruct_says_where_the_shipped_network_does_not_fit(run, tmp_path):
-    photo = jl.datasets.photograph("camera")[100:228, 180:308]
-    for name, level, hint in (("dim", 0.3, True), ("right", 1.0, False), ("bright", 5.0, False)):
-        bits = jl.Sensor(frames=16).expose(level * photo, rng=0)
-        jl.Bits(bits.packed, bits.width).save(f"{name}.npy")
-        status, said = run("reconstruct", f"{name}.npy", "-o", "out.npy")
-        assert status == 0, said
-        assert (f"jotlight train --sensor {name}.npy" in said) == hint, said
-        assert ("comes up to the largest intensity" in said) == (name == "bright"), said
-        np.save("counts.npy", bits.counts())
-        status, said = run("reconstruct", "counts.npy", "-o", "out.npy", "--frames", "16")
-        assert ("train --sensor counts.npy --frames 16 -o" in said) == hint
-        status, said = run("reconstruct", f"{name}.npy", "-o", "out.npy", "--method", "mle")
-        assert "jotlight train" not in said
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -131,6 +115,12 @@ def test_reconstruct_says_where_the_shipped_network_does_not_fit(run, tmp_path):
         ("--sensor alone.json", "expected the bits beside it, alone.npy"),
         ("--sensor counts.npy", "out of how many bits"),
         ("--sensor counts.npy --start x.safetensors", "leave out --sensor"),
+        ("--sensor counts.npy --frames 16 --key a", "--sensor-key names one of the capture"),
+        ("synthetic --sensor-key a", "sensor-key: is for the capture of --sensor"),
+        ("synthetic --rotate 90", "rotate: is for the capture of --sensor"),
+        ("synthetic --calibration x.safetensors", "calibration: is for the capture of --sensor"),
+        ("--sensor counts.npy --frames 16 --seconds 0", "seconds: expected a number above 0"),
+        ("--sensor counts.npy --frames 16 --calibration x.safetensors", "got jotlight network"),
     ],
 )
 def test_what_cannot_be_learned_from(run, tmp_path, words, message):

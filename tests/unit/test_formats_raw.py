@@ -61,7 +61,7 @@ def test_a_file_without_a_whole_frame_is_refused(name, content, tmp_path):
 def test_raw_frames_are_asked_for(tmp_path):
     (tmp_path / "a.bin").write_bytes(twin.half_array_bytes(random(2, HALF)))
     for path in (tmp_path / "a.bin", tmp_path):
-        with pytest.raises(ValueError, match=r"give the one it is of .*--format.*swissspad2"):
+        with pytest.raises(ValueError, match=r"give the one it is of.*--format.*swissspad2"):
             jl.open(path)
     with pytest.raises(ValueError, match="format: expected one of npy"):
         jl.open(tmp_path / "a.bin", format="swisspad")
@@ -155,7 +155,7 @@ def test_frames_are_chosen_turned_and_mirrored(tmp_path):
         flip="vertical",
     )
     np.testing.assert_array_equal(bits.to_array(), twin.turned(array[2:5], 90, "vertical"))
-    for words in ("frames 2 to 5 of 6", "rotated by 90 degrees", "mirrored, vertical"):
+    for words in ("frames 2:5 of 6", "rotated by 90 degrees", "mirrored, vertical"):
         assert words in str(bits.source.notes)
 
 

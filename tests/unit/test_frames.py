@@ -107,7 +107,7 @@ def test_a_network_that_weighs_jots_takes_bits_in_files():
 def test_a_slice_tells_which_frames_it_has():
     source = Source("npy", "cube.npy")
     bits = jl.Bits(CUBE, source=source)
-    assert bits[4:10].source.notes == ("frames 4 to 10 of 20",)
+    assert bits[4:10].source.notes == ("frames 4:10 of 20",)
     assert bits[:].source == source
 
 

@@ -141,6 +141,24 @@ def test_the_command_tells_how_many_frames_are_enough(run, tmp_path):
     ]  # fmt: skip
 
 
+def test_the_command_takes_the_median_jot_of_a_calibration(run):
+    rng = np.random.default_rng(0)
+    dark = rng.gamma(4, 0.01, (32, 32))
+    camera = jl.Sensor(frames=1000, threshold=2, dark_counts=dark)
+    found = jl.calibrate(
+        camera.expose(np.zeros(dark.shape), 1), camera.expose(np.full(dark.shape, 0.7), 2),
+        threshold=2,
+    )  # fmt: skip
+    found.save("c.safetensors")
+    median = float(np.median(found.dark_counts[~found.mask]))
+    for more in ([], ["--efficiency", 0.5]):
+        status, said = run("plan", "0.1:2", "--calibration", "c.safetensors", *more)
+        assert status == 0
+        assert run("plan", "0.1:2", "-q", 2, "--dark-counts", repr(median), *more) == (0, said)
+    words = ["plan", "0.1:2", "--calibration", "c.safetensors", "--dark-counts", 0.5]
+    assert run(*words)[1] == run("plan", "0.1:2", "-q", 2, "--dark-counts", 0.5)[1]
+
+
 @pytest.mark.parametrize(
     ("words", "expected"),
     [

@@ -75,6 +75,28 @@ def test_a_run_that_was_stopped_goes_on_as_if_it_had_not(tmp_path, optimiser, st
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
 
+@pytest.mark.parametrize("optimiser", OPTIMISERS.values(), ids=OPTIMISERS)
+def test_a_run_ends_before_the_step_for_which_there_is_no_time(tmp_path, monkeypatch, optimiser):
+    """By a clock that goes on by a second each time it is looked at."""
+    clock = iter(range(1000))
+    runs = []
+    with monkeypatch.context() as patched:
+        patched.setattr(loop.time, "monotonic", lambda: next(clock))
+        for name in ("one", "other"):
+            options = {"optimiser": optimiser, "checkpoint": tmp_path / name, "test": IMAGES[:2]}
+            runs.append(train(seconds=15.5, **options))
+            assert 1 < len(runs[-1][1]) - 1 < STEPS
+    assert_same(*runs)
+    whole = train(**options)
+    stopped = runs[0][1]
+    assert stopped.records[-1].step == len(stopped) - 1
+    assert stopped.records[:-1] == whole[1].records[: len(stopped) - 1]
+    assert_same(train(**options, resume=True), whole)
+    # One step is taken in any case, and enough time changes nothing.
+    assert len(train(optimiser=optimiser, seconds=1e-9)[1]) == 2
+    assert_same(train(optimiser=optimiser, seconds=1e9), train(optimiser=optimiser))
+
+
 @pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError])
 def test_a_run_stopped_within_a_step_takes_that_step_anew(tmp_path, monkeypatch, error):
     options = {"optimiser": "adam", "checkpoint": tmp_path / "run"}

@@ -1,6 +1,7 @@
 """What the user sees while and after a command works."""
 
 import contextlib
+import re
 import warnings
 from collections.abc import Callable, Iterator
 from typing import Protocol, TextIO
@@ -21,8 +22,9 @@ from jotlight.convergence import Iteration
 from jotlight.errors import JotlightWarning
 from jotlight.training import Record
 
-out = Console(highlight=False)
-err = Console(stderr=True, highlight=False)
+# What stands between colons, as in a range of frames, is no emoji.
+out = Console(highlight=False, emoji=False)
+err = Console(stderr=True, highlight=False, emoji=False)
 
 
 class Begin(Protocol):
@@ -34,10 +36,17 @@ class Begin(Protocol):
 
 _said: set[str] = set()
 
+_ADVICE = re.compile(r"[\w.]+[=\[(]\S* \((--[^()]+)\)")
+
+
+def _of_options(message: str) -> str:
+    """Advice such as ``counts=True (--counts)`` with the option alone."""
+    return _ADVICE.sub(r"\1", message)
+
 
 def error(message: str) -> None:
     """Say in one line what went wrong."""
-    err.print(f"[bold red]error:[/] {escape(message)}", soft_wrap=True)
+    err.print(f"[bold red]error:[/] {escape(_of_options(message))}", soft_wrap=True)
 
 
 def show_warning(
@@ -53,7 +62,7 @@ def show_warning(
         if str(message) in _said:
             return
         _said.add(str(message))
-        err.print(f"[yellow]warning:[/] {escape(str(message))}", soft_wrap=True)
+        err.print(f"[yellow]warning:[/] {escape(_of_options(str(message)))}", soft_wrap=True)
     else:
         err.print(escape(warnings.formatwarning(message, category, filename, lineno, line)), end="")
 

@@ -10,12 +10,10 @@ import numpy.typing as npt
 from jotlight.bits import Bits
 from jotlight.cli.console import out, progress
 from jotlight.cli.output import UNITS, Wanted
+from jotlight.exposure import BRIGHT
 from jotlight.film import film_writer, is_floats, windows
 from jotlight.pictures import picture_writer
 from jotlight.sensor import Sensor
-
-_LOOKED_AT = 3
-"""Windows from whose pictures the tone curve is chosen."""
 
 
 def check_film(wanted: Wanted, fps: float) -> None:
@@ -41,45 +39,55 @@ def film(
     step: int | None,
     fps: float,
     title: str,
-) -> float:
+) -> tuple[float, float]:
     """Reconstruct every window, one in memory at a time; `sensor` is that of a window.
 
-    Gives the largest intensity of all.
+    Gives the largest intensity of all, and how bright the brightest window is.
     """
     spans = windows(bits, window, step)
     floats = is_floats(wanted.picture)
     scale = wanted.scale(sensor)
-    least, most = np.inf, 0.0
+    least, most, brightest = np.inf, 0.0, 0.0
     start = time.perf_counter()
-
-    def picture_of(span: slice) -> npt.NDArray[np.float32]:
-        part = bits[span]
-        return run(Bits(part.packed, part.width), sensor)
 
     with progress(len(spans)) as begin:
         tone = None
         if not floats:
             begin("choosing the tone curve", 0)
-            some = sorted({0, len(spans) // 2, len(spans) - 1})[:_LOOKED_AT]
-            tone = wanted.film_tone([picture_of(spans[place]) for place in some])
+            parts = some_windows(bits, window, step)
+            tone = wanted.film_tone([run(part, sensor) for part in parts])
         with film_writer(wanted.picture, len(spans), tone=tone, fps=fps, depth=wanted.depth) as add:
             for number, span in enumerate(spans):
                 begin(f"window {number + 1} of {len(spans)}")
-                picture = picture_of(span)
+                picture = run(_part(bits, span), sensor)
                 least, most = min(least, float(picture.min())), max(most, float(picture.max()))
+                brightest = max(brightest, float(np.quantile(picture, BRIGHT)))
                 add(picture * scale)
     size = " x ".join(map(str, picture.shape))
     how = UNITS[wanted.units] if tone is None else f"{tone.curve} curve, white at {tone.white:.3g}"
     left = len(bits) - spans[-1].stop
     seconds = time.perf_counter() - start
     out.print(
-        f"{wanted.picture}: {len(spans)} pictures of {size} from {window} frames each, values "
+        f"{wanted.picture}: {len(spans)} picture{'s' * (len(spans) > 1)} of {size} from {window} "
+        f"frame{'s' * (window > 1)} each, values "
         f"{scale * least:.3g} to {scale * most:.3g} ({how}), by {title} in {seconds:.3g} s"
-        + (f"; the last {left} frames fill no window" if left else ""),
+        + (f"; {left} at the end in no window" if left else ""),
         soft_wrap=True,
         markup=False,
     )
-    return most
+    return most, brightest
+
+
+def some_windows(bits: Bits, window: int, step: int | None) -> list[Bits]:
+    """The first, the middle and the last window, which stand for all."""
+    spans = windows(bits, window, step)
+    return [_part(bits, spans[place]) for place in sorted({0, len(spans) // 2, len(spans) - 1})]
+
+
+def _part(bits: Bits, span: slice) -> Bits:
+    """A window's bits without the sensor they carry, which is not that of a window."""
+    part = bits[span]
+    return Bits(part.packed, part.width)
 
 
 def spare_folder(output: Path) -> None:

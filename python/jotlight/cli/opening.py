@@ -1,5 +1,6 @@
 """What commands that open captures share."""
 
+import dataclasses
 import re
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,7 +13,7 @@ from jotlight.bits import Bits
 from jotlight.calibration import Calibration
 from jotlight.cli.console import progress
 from jotlight.files import spare_inputs
-from jotlight.formats import FORMATS
+from jotlight.formats import FORMATS, open_capture
 from jotlight.formats.capture import Capture
 from jotlight.formats.description import maps_beside
 from jotlight.formats.turning import FLIPS
@@ -35,7 +36,6 @@ Format = Annotated[
 Width = Annotated[int | None, _option("True width in jots, where the file does not tell.")]
 FrameRange = Annotated[
     str | None,
-    # Letters between colons would become emoji.
     _option("Some of the frames: 100:200 is 100 to 199, counted from 0; 0:200:2 every second."),
 ]
 Rotate = Annotated[int, _option("Degrees, anticlockwise: a multiple of 90.")]
@@ -59,6 +59,49 @@ def frames_of(text: str | None) -> slice | None:
     if match is None or (match[3] and int(match[3]) == 0):
         raise ValueError(f"frame-range: expected A:B, A: or :B in whole numbers, got {text!r}")
     return slice(*(int(number) if number else None for number in match.groups()))
+
+
+@dataclasses.dataclass(frozen=True)
+class Reading:
+    """A capture, and the options that say how it is opened."""
+
+    path: Path
+    format: str | None = None
+    width: int | None = None
+    frame_range: str | None = None
+    rotate: int = 0
+    flip: str | None = None
+    key: str | None = None
+    counts: bool | None = None
+
+    def open(self) -> Capture:
+        """Open it, with images of counts not yet summed."""
+        return open_capture(
+            self.path,
+            format=self.format,
+            width=self.width,
+            frames=frames_of(self.frame_range),
+            rotate=self.rotate,
+            flip=self.flip,
+            key=self.key,
+            counts=self.counts,
+        )
+
+    def words(self) -> list[str]:
+        """The options that were given, as `jotlight train --sensor` takes them."""
+        values = {
+            "--format": self.format,
+            "--width": self.width,
+            "--frame-range": self.frame_range,
+            "--rotate": self.rotate or None,
+            "--flip": self.flip,
+            "--sensor-key": self.key,
+        }
+        given = [(name, str(value)) for name, value in values.items() if value is not None]
+        words = [word for pair in given for word in pair]
+        if self.counts is not None:
+            words.append("--counts" if self.counts else "--bits")
+        return words
 
 
 def spare_capture(output: Path, data: Path) -> None:

@@ -68,7 +68,8 @@ def takes_sensor(**defaults: object) -> Callable[[Callable[..., None]], Callable
     """Give a command all the options of a sensor; its parameter `given` gets those that were set.
 
     `given` becomes a dict of parameters, with maps read from their files, `defaults` included, and
-    `inputs` the list of these files.
+    `inputs` the list of these files; a command with a parameter `words` gets the same options as
+    words for another command line, by parameter.
     """
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
@@ -86,13 +87,19 @@ def takes_sensor(**defaults: object) -> Callable[[Callable[..., None]], Callable
         @functools.wraps(command)
         def run(**options: Any) -> None:
             given = {name: options.pop(name) for name in added}
+            if "words" in own:
+                options["words"] = {
+                    name: [f"--{name.replace('_', '-')}", str(value)]
+                    for name, value in given.items()
+                    if value is not None
+                }
             files = [Path(given[name]) for name in MAPS if given[name]]
             command(**options, given=_read_maps(given), inputs=files)
 
         parameters = [
             parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
             for parameter in own.values()
-            if parameter.name not in ("given", "inputs")
+            if parameter.name not in ("given", "inputs", "words")
         ]
         parameters += added.values()
         # What typer reads.

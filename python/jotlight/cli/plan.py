@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
+from jotlight.calibration import Calibration
 from jotlight.cli import options
 from jotlight.cli.console import out
 from jotlight.files import spare_inputs, written_whole
@@ -34,6 +35,13 @@ def plan(
         float | None, typer.Option(help="A PSNR in dB: tells how many frames are enough.")
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="A figure: .png, .pdf, .svg or .jpg.")] = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(
+            help="Threshold and dark counts of the median jot, from `jotlight calibrate`.",
+            rich_help_panel="Sensor",
+        ),
+    ] = None,
     given: dict[str, Any],
     inputs: list[Path],
 ) -> None:
@@ -50,9 +58,14 @@ def plan(
         from jotlight.plots import check_figure
 
         check_figure(plot)
-        spare_inputs(plot, inputs)
+        spare_inputs(plot, [calibration, *inputs])
     per_frame = (least / (frame_rate or 1), most / (frame_rate or 1))
-    sensor = Sensor(**{name: value for name, value in given.items() if name != "max_intensity"})
+    numbers = {name: value for name, value in given.items() if name != "max_intensity"}
+    if calibration is None:
+        sensor = Sensor(**numbers)
+    else:
+        # Its response is relative, and the light is that of a jot like the median one.
+        sensor = Calibration.load(calibration).sensor(**{"efficiency": 1.0, **numbers})
     last = given.get("frames", 2 ** (_ROWS - 1))
     expected = expect(
         sensor,

@@ -7,39 +7,32 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 import typer
 from rich.markup import escape
 
 from jotlight.bits import Bits, check_fits
-from jotlight.cli import opening, options
+from jotlight.cli import fit, opening, options
 from jotlight.cli import output as output_
 from jotlight.cli.calibrated import Calibrated, recorded
 from jotlight.cli.console import err, live_iterations, out, progress
-from jotlight.cli.film import check_film, film, spare_folder
+from jotlight.cli.film import check_film, film, some_windows, spare_folder
 from jotlight.exposure import BRIGHT
 from jotlight.files import spare_inputs
 from jotlight.film import windows
-from jotlight.formats import open_capture
 from jotlight.methods import DEFAULT, METHODS
+from jotlight.models import unserved
 from jotlight.network import Network
 from jotlight.pictures import picture_writer
 from jotlight.problems import Histories
 from jotlight.response import unclipped
-from jotlight.sensor import Sensor
 from jotlight.tv import NORMS
 from jotlight.vst import INVERSES
 
 _OTHERWISE = "noniterative-tv"
 """What serves every sensor, and is the best where the kernel is a box."""
 
-_DIM = 0.7
-"""A scene whose brightest parts have less intensity is not what the shipped networks are for."""
-
-
 _SMOOTH = "admm-tv"
 """What knows how a smooth kernel spreads the light."""
-
 
 _RAISED = "the largest intensity is half a count from saturation, so that nothing else is clipped"
 
@@ -67,7 +60,8 @@ def reconstruct(
             "--method",
             "-m",
             help=f"One of {', '.join(METHODS)}. Default: {DEFAULT}, where there is one for the "
-            f"sensor, and else {_OTHERWISE}, or {_SMOOTH} where the kernel is smooth.",
+            f"sensor and the scene is not brighter than it gives, and else {_OTHERWISE}, or "
+            f"{_SMOOTH} where the kernel is smooth.",
         ),
     ] = None,
     inverse: Annotated[
@@ -121,6 +115,7 @@ def reconstruct(
     flip: opening.Flip = None,
     given: dict[str, Any],
     inputs: list[Path],
+    words: dict[str, list[str]],
     units: output_.Units = "intensity",
     preview: output_.Preview = None,
     curve: output_.Curve = None,
@@ -173,16 +168,8 @@ def reconstruct(
         tol=tol,
         max_iter=max_iter,
     )
-    capture = open_capture(
-        data,
-        format=format_,
-        width=width,
-        frames=opening.frames_of(frame_range),
-        rotate=rotate,
-        flip=flip,
-        key=key,
-        counts=counts,
-    )
+    reading = opening.Reading(data, format_, width, frame_range, rotate, flip, key, counts)
+    capture = reading.open()
     known = None if calibration is None else Calibrated.read(calibration, output)
     if known is not None:
         opening.spare_capture(known.record, data)
@@ -192,60 +179,74 @@ def reconstruct(
     if "model" in settings and "max_intensity" not in given:
         # A network's outputs lie in its own range, whatever range others would be clipped to.
         sensor = sensor.replace(max_intensity=settings["model"].sensor.max_intensity)
-    shipped = method in (None, "network") and "model" not in settings
+    shipped = method in (None, DEFAULT) and "model" not in settings
     if window is not None:
         if not isinstance(seen, Bits):
             raise ValueError(f"window: is for bits, and {data} holds counts")
         check_fits(seen, sensor)
         windows(seen, window, step)
         sensor = sensor.replace(frames=window)
-    reason = None if "model" in settings else METHODS[method or DEFAULT].lacks(sensor)
-    if reason is not None and method is not None:
-        raise ValueError(reason)
-    if method is None:
-        smooth = sensor.kernel != "box" and isinstance(seen, Bits)
-        method = DEFAULT if reason is None else _SMOOTH if smooth else _OTHERWISE
+    learn = fit.to_learn(reading, calibration, words, window=window, bits=isinstance(seen, Bits))
+    advice = []
+    if shipped and (reason := unserved(sensor)) is not None:
+        advice.append(f"{reason}; {learn}")
+        if method is not None:
+            raise ValueError(advice[0])
+        shipped = False
+        method = _SMOOTH if sensor.kernel != "box" and isinstance(seen, Bits) else _OTHERWISE
     white, free = sensor.max_intensity, unclipped(sensor)
     assumed = told != "sensor" and "max_intensity" not in given and sensor.kernel == "box"
+    higher = assumed and free > white
+    # Who asked for no method gets another one where the network's range is too small.
+    yields = shipped and method is None and higher
+    method = method or DEFAULT
     # A network was trained for its own largest intensity.
-    raised = assumed and free > white and not method.startswith("network")
+    raised = higher and not method.startswith("network")
     if raised:
         sensor = sensor.replace(max_intensity=free)
+    network = settings.pop("model", None)
+    run = METHODS[method].run if network is None else network.reconstruct
 
-    def tell(brightest: np.floating[Any] | float) -> None:
+    def give_way() -> None:
+        nonlocal method, run, sensor, raised
+        advice.append(fit.too_bright(white, learn))
+        method, run, raised = _OTHERWISE, METHODS[_OTHERWISE].run, True
+        sensor = sensor.replace(max_intensity=free)
+
+    def tell(largest: float, brightest: float) -> None:
         """Say what was assumed, and what is not as good as it could be."""
         applied = [] if known is None else known.told(sensor)
         for line in (*opening.told(capture.source), *applied, f"{told}: {sensor!r}"):
             out.print(line, soft_wrap=True, markup=False)
         if raised:
             out.print(f"{_RAISED}; --max-intensity sets another", soft_wrap=True)
-        if reason is not None:
-            err.print(f"[yellow]by {method}:[/] {escape(reason)}", soft_wrap=True)
-        if assumed and not raised and free > white and brightest > 0.98 * white:
-            err.print(
-                f"[yellow]by {method}:[/] the scene comes up to the largest intensity {white:g} "
-                f"that the network gives; --method {_OTHERWISE} goes on to {free:.3g}, where the "
-                "bits saturate",
-                soft_wrap=True,
-            )
+        if higher and not raised and fit.comes_up(largest, white):
+            advice.append(fit.held_down(white, _OTHERWISE, free, learn if shipped else None))
+        elif shipped and method == DEFAULT and (dim := fit.too_dim(brightest, learn)) is not None:
+            advice.append(dim)
+        for line in advice:
+            err.print(f"[yellow]by {method}:[/] {escape(line)}", soft_wrap=True)
 
-    network = settings.pop("model", None)
-    run = METHODS[method].run if network is None else network.reconstruct
-    title = METHODS[method].title
     if window is not None and isinstance(seen, Bits):
         once = functools.partial(run, threads=threads, **settings)
+        if yields and any(
+            fit.comes_up(once(part, sensor), white) for part in some_windows(seen, window, step)
+        ):
+            give_way()
+            once = functools.partial(run, threads=threads)
+        title = METHODS[method].title
         with recorded(known) as record:
-            brightest = film(
+            levels = film(
                 seen, sensor, once, wanted, window=window, step=step, fps=fps, title=title
             )
             record(sensor, method, data.name, capture.source)
-        tell(brightest)
+        tell(*levels)
         return
     done = ""
     with wanted.files() as files, recorded(known) as record:
         start = time.perf_counter()
         if METHODS[method].iterative:
-            with live_iterations(title) as callback:
+            with live_iterations(METHODS[method].title) as callback:
                 picture, histories = run(
                     seen,
                     sensor,
@@ -257,15 +258,17 @@ def reconstruct(
             done = _told(histories)
         else:
             with progress(None) as begin:
-                begin(title)
+                begin(METHODS[method].title)
                 picture = run(seen, sensor, threads=threads, **settings)
+                if yields and fit.comes_up(picture, white):
+                    give_way()
+                    begin(METHODS[method].title)
+                    picture = run(seen, sensor, threads=threads)
         seconds = time.perf_counter() - start
+        title = METHODS[method].title
         note = wanted.note(sensor, title, opening.told(capture.source))
         wanted.write(files, picture, seen, sensor, white=white, note=note, threads=threads)
         record(sensor, method, data.name, capture.source)
-    bright = float(np.quantile(picture, BRIGHT))
-    if shipped and method == DEFAULT and (words := _misfit(bright, data, seen, sensor)) is not None:
-        err.print(f"[yellow]by {method}:[/] {escape(words)}", soft_wrap=True)
     size = " x ".join(map(str, picture.shape))
     scale = wanted.scale(sensor)
     what = "intensities" if units == "intensity" else output_.UNITS[units]
@@ -275,10 +278,10 @@ def reconstruct(
         soft_wrap=True,
         markup=False,
     )
-    for beside, words in ((preview, "to look at"), (uncertainty, f"intervals of {level:g}")):
+    for beside, told_ in ((preview, "to look at"), (uncertainty, f"intervals of {level:g}")):
         if beside is not None:
-            out.print(f"{beside}: {words}", soft_wrap=True, markup=False)
-    tell(picture.max())
+            out.print(f"{beside}: {told_}", soft_wrap=True, markup=False)
+    tell(float(picture.max()), float(np.quantile(picture, BRIGHT)))
 
 
 def _method_settings(
@@ -306,23 +309,6 @@ _WHOSE: dict[str, tuple[str, Callable[[str], bool]]] = {
     "max_iter": ("the iterative methods", lambda method: METHODS[method].iterative),
 }
 """To which methods each setting belongs."""
-
-
-def _misfit(
-    brightest: float, data: Path, seen: Bits | npt.NDArray[np.int32], sensor: Sensor
-) -> str | None:
-    """Say that a scene is not as bright as those that the shipped networks are trained for."""
-    if brightest >= _DIM:
-        return None
-    # Counts do not tell out of how many bits.
-    told = "" if isinstance(seen, Bits) else f" --frames {sensor.frames}"
-    if told and sensor.oversampling > 1:
-        told += f" --oversampling {sensor.oversampling}"
-    return (
-        "the network that comes with jotlight is for scenes whose brightest parts have intensity "
-        f"1, and here they have {brightest:.2g}; learn one for this capture in a minute: jotlight "
-        f"train --sensor {data}{told} -o model.safetensors, and add --model model.safetensors"
-    )
 
 
 def _told(histories: Histories) -> str:

@@ -1,6 +1,7 @@
 """`jotlight train`: a network for a sensor, learned from images."""
 
 import contextlib
+import dataclasses
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,21 +11,25 @@ import typer
 
 from jotlight import plots
 from jotlight.bits import Bits
+from jotlight.calibration import Calibration
 from jotlight.cli import opening, options
 from jotlight.cli.console import err, live_training, out, progress
 from jotlight.datasets import PHOTOGRAPHS, photograph, uniform_scenes
 from jotlight.exposure import sensor_for
 from jotlight.files import spare_inputs, written_whole
-from jotlight.formats import open_capture
 from jotlight.image_sets import read_image_set
 from jotlight.network import Network
 from jotlight.sensor import Sensor
 from jotlight.training import OPTIMISERS, History, Optimiser, Record
 from jotlight.training import train as learn
+from jotlight.training.examples import sensor_of_patches
 
 _SYNTHETIC = "synthetic"
 _TEST_SCENES = 512
 _PHOTOGRAPHS = "photographs of scikit-image"
+
+_SECONDS = 45.0
+"""Of learning for a capture, so that all of it takes no more than a minute."""
 
 
 @options.takes_sensor()
@@ -43,7 +48,15 @@ def train(
         typer.Option(
             "--sensor",
             help="A capture, or the .json beside it: learn for its very sensor, and for scenes as "
-            "bright as it shows.",
+            "bright as it shows. With bits --frames is that of a film's windows.",
+        ),
+    ] = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(
+            help="Of the sensor of --sensor, from `jotlight calibrate`. The network learns for its "
+            "median jot; `jotlight reconstruct --calibration` takes each for what it is.",
+            rich_help_panel="Sensor",
         ),
     ] = None,
     output: Annotated[
@@ -59,6 +72,13 @@ def train(
             help="Default: "
             + ", ".join(f"{kind.steps} for {name}" for name, kind in OPTIMISERS.items())
             + "."
+        ),
+    ] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option(
+            help="Stop before the step that would pass them. Default, with --sensor and without "
+            f"--steps: {_SECONDS:g}."
         ),
     ] = None,
     optimiser: Annotated[
@@ -100,7 +120,13 @@ def train(
     plot: Annotated[
         Path | None, typer.Option(help="A figure of the run and the network: .png, .pdf or .svg.")
     ] = None,
+    sensor_key: opening.Key = None,
+    counts: opening.Counts = None,
+    width: opening.Width = None,
     format_: opening.Format = None,
+    frame_range: opening.FrameRange = None,
+    rotate: opening.Rotate = 0,
+    flip: opening.Flip = None,
     key: options.Key = None,
     test_key: Annotated[
         str | None, typer.Option(help="Name of the array in the .npz of --test.")
@@ -131,9 +157,18 @@ def train(
         plots.check_figure(plot)
     if start is not None and (untied or sigma is not None):
         raise ValueError("start: a given network comes with its own sigma and weights")
+    reading = opening.Reading(
+        capture or Path(), format_, width, frame_range, rotate, flip, sensor_key, counts
+    )
+    if capture is None:
+        _refuse_without_capture(reading.words(), calibration)
+    elif steps is None and seconds is None:
+        seconds = _SECONDS
     checkpoint = output.with_suffix(".checkpoint.safetensors")
     for file in filter(None, (output, plot, checkpoint)):
-        spare_inputs(file, [start, *inputs, *_files(images), *_files(test)])
+        spare_inputs(file, [start, calibration, *inputs, *_files(images), *_files(test)])
+        if capture is not None:
+            opening.spare_capture(file, capture)
     _check_checkpoint(checkpoint, resume, restart)
     scale = 1.0
     if start is not None:
@@ -143,7 +178,7 @@ def train(
         sensor = network.sensor.replace(**given)
     else:
         if capture is not None:
-            sensor, scale = _sensor_of(capture, format_, given, threads)
+            sensor, scale = _sensor_of(reading, calibration, given, threads)
         else:
             sensor = Sensor(**{"oversampling": 4, **given})
         network = Network.initial(sensor, sigma=0.7 if sigma is None else sigma, tied=not untied)
@@ -165,6 +200,7 @@ def train(
                     sensor,
                     optimiser=chosen,
                     steps=steps,
+                    seconds=seconds,
                     batch=batch,
                     patch=patch,
                     rng=seed,
@@ -190,38 +226,45 @@ def train(
         if figure is not None:
             plots.training(learned, history).savefig(figure, dpi=110)
     checkpoint.unlink(missing_ok=True)
-    _tell(output, history, time.perf_counter() - begun, plot)
+    _tell(output, history, time.perf_counter() - begun, steps, plot)
+
+
+def _refuse_without_capture(words: list[str], calibration: Path | None) -> None:
+    given = [*words, *([] if calibration is None else ["--calibration"])]
+    if given:
+        raise ValueError(f"{given[0][2:]}: is for the capture of --sensor, and there is none")
 
 
 def _sensor_of(
-    path: Path, format_: str | None, given: dict[str, Any], threads: int | None
+    reading: opening.Reading,
+    calibration: Path | None,
+    given: dict[str, Any],
+    threads: int | None,
 ) -> tuple[Sensor, float]:
-    """The sensor of a capture, and how bright its scene is."""
-    if path.suffix.lower() == ".json" and path.is_file() and not path.with_suffix(".npy").exists():
-        raise FileNotFoundError(
-            f"{path}: expected the bits beside it, {path.with_suffix('.npy').name}, which tell how "
-            "bright the scene is"
-        )
-    data = path.with_suffix(".npy") if path.suffix.lower() == ".json" else path
-    seen = open_capture(data, format=format_)
-    if isinstance(seen, Bits):
-        own = seen.sensor or Sensor(frames=len(seen))
-        # Some numbers are of the capture, and others may be told of the network: windows of so
-        # many frames, say.
-        maps = {name: value for name, value in given.items() if name != "frames"}
-        own = own.replace(**maps)
-        sensor, scale = sensor_for(seen, own, threads=threads)
-    else:
-        if "frames" not in given and "oversampling" not in given:
-            raise ValueError(
-                f"{path}: holds counts, and nothing tells out of how many bits; give --frames, or "
-                "--oversampling where a pixel covers many jots"
+    """The median jot of a capture's sensor, and how bright its scene is."""
+    path = reading.path
+    if path.suffix.lower() == ".json" and path.is_file():
+        data = path.with_suffix(".npy")
+        if not data.exists():
+            raise FileNotFoundError(
+                f"{path}: expected the bits beside it, {data.name}, which tell how bright the "
+                "scene is"
             )
-        sensor, scale = sensor_for(seen.sum(), Sensor(**given), threads=threads)
-    if "frames" in given:
-        sensor = sensor.replace(frames=given["frames"])
+        reading = dataclasses.replace(reading, path=data)
+    capture = reading.open()
+    found = None if calibration is None else Calibration.load(calibration)
+    numbers = dict(given)
+    if isinstance(capture, Bits):
+        # The capture tells its own; those that are given are of a film's windows.
+        numbers.pop("frames", None)
+    seen, own, told = opening.seen_by_sensor(capture, reading.path, numbers, found)
+    for line in (*opening.told(capture.source), f"{told}: {own!r}"):
+        out.print(line, soft_wrap=True, markup=False)
+    sensor, scale = sensor_for(seen, own, threads=threads)
+    chosen = {name: given[name] for name in ("frames", "max_intensity") if name in given}
+    sensor = sensor_of_patches(sensor.replace(**chosen))
     out.print(
-        f"{path}: its brightest parts have intensity {scale:.3g}; learning for {sensor!r}",
+        f"{reading.path}: its brightest parts have intensity {scale:.3g}; learning for {sensor!r}",
         soft_wrap=True,
         markup=False,
     )
@@ -281,6 +324,11 @@ def _images(
     if test_key is not None and test is None:
         raise ValueError("test-key: names an array of --test, and there is none")
     if images is None:
+        if key is not None:
+            raise ValueError(
+                "key: names an array of the images, and there are none; --sensor-key names one of "
+                "the capture"
+            )
         return [photograph(name, gray=True) for name in PHOTOGRAPHS], (
             None if test is None else read_image_set(test, key=test_key, white=white)[1]
         )
@@ -309,11 +357,14 @@ def _images(
     return scenes, tests
 
 
-def _tell(output: Path, history: History, seconds: float, plot: Path | None) -> None:
+def _tell(output: Path, history: History, seconds: float, steps: int, plot: Path | None) -> None:
     first, last = history.records[0], history.records[-1]
+    taken = len(history) - 1
+    number = str(steps) if taken == steps else f"{taken} of {steps}"
+    more = "" if taken == steps else "; --seconds gives it time for more"
     out.print(
-        f"{output}: learned in {len(history) - 1} steps and {seconds:.1f} s, cost "
-        f"{first.loss:.4g} to {last.loss:.4g}" + _gain(first, last),
+        f"{output}: learned in {number} step{'' if steps == 1 else 's'} and {seconds:.1f} s, cost "
+        f"{first.loss:.4g} to {last.loss:.4g}" + _gain(first, last) + more,
         soft_wrap=True,
         markup=False,
     )

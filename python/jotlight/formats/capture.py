@@ -10,7 +10,7 @@ import numpy.typing as npt
 from jotlight.bits import Bits
 from jotlight.errors import warn
 from jotlight.formats.turning import check_turn, turned_image, turned_packed
-from jotlight.frames import Frames, parts_of_frames
+from jotlight.frames import Frames, parts_of_frames, range_of
 from jotlight.sensor import Sensor
 from jotlight.source import Source
 
@@ -73,7 +73,9 @@ def as_stack(images: npt.NDArray[Any] | Frames, source: Source) -> Stack:
     if len(shape) == 2 or (len(shape) == 3 and colour):
         whole = np.asarray(images)
         return Stack(whole[None], source)
-    return Stack(images, source.with_note(f"the sum of a stack of {shape[0]} images of counts"))
+    if shape[0] > 1:
+        source = source.with_note(f"the sum of a stack of {shape[0]} images of counts")
+    return Stack(images, source)
 
 
 def packed_on_reading(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
@@ -113,7 +115,9 @@ def chosen(capture: Capture, frames: slice | None, rotate: int, flip: str | None
         if frames is not None:
             images = images[frames]
             if len(images) == 0:
-                raise ValueError(f"frames: no frames in {frames!r} of {len(capture.images)}")
+                raise ValueError(
+                    f"frames: no frames in {range_of(frames)} of {len(capture.images)}"
+                )
             source = source.with_note(f"of the stack {len(images)} of {len(capture.images)}")
         return Stack(_turned_images(images, quarters, flip), source)
     if frames is not None:

@@ -115,6 +115,6 @@ def _of_folder(path: Path) -> str:
 def _unknown(path: Path) -> ValueError:
     others = ", ".join(name for name in FORMATS if name not in RAW)
     return ValueError(
-        f"{path}: nothing in it tells its format; give the one it is of (format=, --format): "
+        f"{path}: nothing in it tells its format; give the one it is of, format= (--format): "
         f"{', '.join(RAW)} for raw frames, or else one of {others}"
     )

@@ -62,7 +62,19 @@ def lacking(sensor: Sensor) -> str | None:
     --------
     >>> lacking(Sensor(frames=16)) is None
     True
-    >>> print(lacking(Sensor(frames=16, threshold=2)).split(";")[0])
+    >>> lacking(Sensor(frames=20)).split(": ")[1]
+    'jotlight train FOLDER_OF_PHOTOGRAPHS -o model.safetensors --oversampling 1 --frames 20'
+    """
+    reason = unserved(sensor)
+    return reason and f"{reason}; train one: {training_command(sensor)}"
+
+
+def unserved(sensor: Sensor) -> str | None:
+    """Say why there is no trained network for a sensor, or None if there is.
+
+    Examples
+    --------
+    >>> print(unserved(Sensor(frames=16, threshold=2)))
     there is no trained network for the threshold 2, only for 1
     """
     efficiency, dark = reference_jot(sensor)
@@ -85,7 +97,7 @@ def lacking(sensor: Sensor) -> str | None:
         reason = f"dark counts of {dark:.3g}, only up to {_DARK}"
     else:
         return None
-    return f"there is no trained network for {reason}; train one: {training_command(sensor)}"
+    return f"there is no trained network for {reason}"
 
 
 def training_command(sensor: Sensor) -> str:

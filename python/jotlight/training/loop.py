@@ -49,6 +49,7 @@ def train(
     *,
     optimiser: str | Optimiser = "gauss-newton",
     steps: int | None = None,
+    seconds: float | None = None,
     batch: int | None = None,
     patch: int | None = None,
     rng: int | None = None,
@@ -79,6 +80,10 @@ def train(
         One of `jotlight.training`, by name or with settings of your own.
     steps : int, optional
         Default: the optimiser's `steps`.
+    seconds : float, optional
+        Stop before the step that would take the run past so many seconds, but not before the first.
+        How many steps that gives depends on the machine; the same number of steps gives the same
+        network. Default: no limit.
     batch : int, optional
         Patches of a step. Default: 2^20 pixels' worth for Gauss-Newton, and else 2^17, which are
         the paper's 128 images of 32 x 32.
@@ -138,6 +143,8 @@ def train(
     admissible = SafeSet() if admissible is None else admissible
     if threads is not None:
         _at_least("threads", threads, 1)
+    if seconds is not None and not seconds > 0:
+        raise ValueError(f"seconds: expected a number above 0, got {seconds}")
     examples = _examples(network, sensor, images, patch, batch, chosen.pixels, seed)
     tests = None
     if test is not None:
@@ -171,7 +178,12 @@ def train(
         Checkpoint.spare_others(checkpoint)
     try:
         saved, saved_at = len(at.history), -math.inf
+        begun, longest = time.monotonic(), 0.0
         while len(at.history) < steps:
+            now = time.monotonic()
+            # A step, and the look at where it led.
+            if seconds is not None and longest and now - begun + 2 * longest > seconds:
+                break
             cost = Cost(network, examples, len(at.history), steps, admissible, threads)
             loaded = resume and len(at.history) == saved
             step = _take_step(at, cost, chosen, resumed_from=checkpoint if loaded else None)
@@ -187,14 +199,16 @@ def train(
             if checkpoint is not None and time.monotonic() - saved_at > _SAVE_EVERY:
                 at.save(checkpoint)
                 saved, saved_at = len(at.history), time.monotonic()
+            longest = max(longest, time.monotonic() - now)
     finally:
         # Also when Ctrl-C or an error ended the loop: `at` is always the state between two steps.
         if checkpoint is not None and len(at.history) > saved:
             at.save(checkpoint)
-    last = Cost(network, examples, steps, steps, admissible, threads)
+    taken = len(at.history)
+    last = Cost(network, examples, taken, steps, admissible, threads)
     loss, gradient = last.gradient(at.vector)
     psnr = None if tests is None else mean_psnr(network, at.vector, tests, threads)
-    record = Record(steps, loss, float(np.linalg.norm(gradient)), psnr)
+    record = Record(taken, loss, float(np.linalg.norm(gradient)), psnr)
     if callback is not None:
         callback(record)
     history = History([*at.history.records, record])
