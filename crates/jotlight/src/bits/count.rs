@@ -14,6 +14,9 @@ use crate::error::{Error, Result};
 /// stay near the core.
 const STRETCH: usize = 2048;
 
+/// Bytes of a frame that make it worth while to start a task.
+const TASK: usize = 1 << 14;
+
 /// With so many frames bit planes are faster than counting the bits of each pixel in each frame.
 const MANY: usize = 2 * GROUP;
 
@@ -34,14 +37,16 @@ pub fn add_block_counts(
     }
     let (frames, rows, width) = bits.shape();
     check_mask(valid, rows, width)?;
-    let lines = (STRETCH / (packed_width(width) * side).max(1)).max(1);
+    let in_planes = side == 1 || frames >= MANY;
+    let stretch = if in_planes { STRETCH } else { TASK };
+    let lines = (stretch / (packed_width(width) * side).max(1)).max(1);
     counts
         .axis_chunks_iter_mut(Axis(0), lines)
         .into_par_iter()
         .enumerate()
         .for_each(|(chunk, counts)| {
             let first = chunk * lines;
-            if side == 1 || frames >= MANY {
+            if in_planes {
                 add_in_planes(bits, frames, side, first, valid, counts);
             } else {
                 add_blocks(bits, frames, side, first, valid, counts);
