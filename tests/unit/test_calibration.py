@@ -8,6 +8,7 @@ import jotlight as jl
 from jotlight.calibration import fit_bulk
 from jotlight.calibration.flat import LEAST_RESPONSE
 from jotlight.calibration.rates import detections, variance
+from jotlight.source import Source
 
 SHAPE = (160, 160)
 
@@ -169,7 +170,7 @@ def calibration():
     ones, light, relative, dark = flat_scene(rng, 0.1, (32, 40))
     flat = jl.Bits.from_array(rng.random((800, 32, 40)) < 1 - np.exp(-dark - light * relative))
     ones[3, 4] = 4000
-    return jl.calibrate(ones, flat, frames=4000, files={"dark": "dark.npy"})
+    return jl.calibrate(ones, flat, frames=4000, sources={"dark": Source("npy", "dark.npy")})
 
 
 def test_the_sensor_has_the_maps_and_a_gain_that_counts_ordinary_jots(calibration):
@@ -232,7 +233,7 @@ def test_captures_that_cannot_be_what_they_are_said_to_be(given, options, words)
 
 def test_the_shape_of_a_capture_is_checked(calibration):
     with pytest.raises(ValueError, match="it is of 32 x 40 jots, and the capture has 40 x 32"):
-        calibration.check_shape((40, 32))
+        calibration.check_capture((40, 32))
 
 
 def test_a_real_dark_map(data):

@@ -62,7 +62,10 @@ def test_calibrate_gives_what_the_python_interface_gives(run, captures):
     assert f"PRNU: {found.prnu:.2%} ± " in said
     assert "dark: frames correlate: " in said
     assert (captures / "page.png").read_bytes().startswith(b"\x89PNG")
-    assert found.files == {"dark": "dark.npy", "flat": "flat.npy"}
+    assert {name: source.name for name, source in found.sources.items()} == {
+        "dark": "dark.npy",
+        "flat": "flat.npy",
+    }
 
 
 def test_counts_need_their_frames(run, captures):
@@ -153,6 +156,59 @@ def test_a_capture_of_another_shape_is_refused(run, captures, calibrated):
         assert status == 1
         assert "it is of 24 x 32 jots, and the capture has 32 x 24" in said
     assert "a.npy" not in files(captures)
+
+
+@pytest.mark.parametrize("data", ["seen.npy", "counts.npy"])
+def test_a_capture_that_is_turned_in_another_way_is_refused(run, captures, calibrated, data):
+    given = ("reconstruct", data, "-m", "mle", "-o", "a.npy", "-t", 16)
+    given += ("--calibration", "c.safetensors")
+    for turn, words in (
+        (("--rotate", 180), "rotated by 180 degrees"),
+        (("--flip", "vertical"), "rotated by 180 degrees and mirrored left to right"),
+    ):
+        status, said = run(*given, *turn)
+        assert status == 1
+        assert f"this capture is {words}, and the calibration's dark capture not turned" in said
+        assert "a.npy" not in files(captures)
+    calibrate = ("calibrate", "dark.npy", "flat.npy", "-o", "c.safetensors", "--rotate", 180)
+    assert run(*calibrate)[0] == 0
+    status, said = run(*given, "--flip", "vertical")
+    assert status == 1
+    assert "dark capture rotated by 180 degrees" in said
+    # The same turn, by other words.
+    assert run(*given, "--rotate", -180)[0] == 0
+    told = json.loads((captures / "a.npy.json").read_text())
+    assert told["source"]["turned"] == [2, False]
+    assert told["calibration"]["sources"]["flat"]["turned"] == [2, False]
+
+
+def test_what_is_not_known_of_turns_is_said(run, captures, calibrated):
+    given = ("reconstruct", "counts.npz", "-m", "mle", "-o", "a.npy", "-t", 16)
+    np.savez("counts.npz", np.load("counts.npy"))
+    status, said = run(*given, "--calibration", "c.safetensors")
+    assert status == 0
+    assert "the calibration is from npy and the capture is npz; jots are taken to lie alike" in said
+
+
+def test_two_arrays_of_one_file_are_told_apart(run, captures):
+    arrays = {name: jl.open(f"{name}.npy").counts(1) for name in ("dark", "flat")}
+    np.savez("both.npz", **arrays)
+    given = ("calibrate", "both.npz", "both.npz", "-o", "c.safetensors", "-t", 600)
+    status, said = run(*given, "--key", "dark", "--flat-key", "flat", "--plot", "page.svg")
+    assert status == 0
+    assert "npz: the array flat" in said
+    assert "both.npz (npz; the array dark)" in run("info", "c.safetensors")[1]
+    sources = jl.Calibration.load(captures / "c.safetensors").sources
+    assert [sources[name].notes for name in ("dark", "flat")] == [
+        ("the array dark",),
+        ("the array flat",),
+    ]
+
+
+def test_a_dark_and_a_flat_capture_that_are_turned_differently_are_refused(captures):
+    dark, flat = jl.open(captures / "dark.npy"), jl.open(captures / "flat.npy", rotate=180)
+    with pytest.raises(ValueError, match="flat capture is rotated by 180 degrees, and dark"):
+        jl.calibrate(dark, flat)
 
 
 def test_info_tells_of_a_calibration_and_draws_it(run, captures, calibrated):

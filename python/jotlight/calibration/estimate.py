@@ -10,10 +10,11 @@ from jotlight.bits import Bits
 from jotlight.calibration.bulk import fit_bulk
 from jotlight.calibration.flat import response
 from jotlight.calibration.rates import Counts, detections, variance
-from jotlight.calibration.result import Calibration
+from jotlight.calibration.result import Calibration, check_alike
 from jotlight.calibration.steadiness import Steadiness, steadiness
 from jotlight.errors import warn
 from jotlight.observation import as_counts
+from jotlight.source import Source
 
 MOST_DARK = 0.1
 """Dark counts per frame above which a hot jot is masked: measured, see docs/calibration.md."""
@@ -30,7 +31,7 @@ def calibrate(
     threshold: int = 1,
     false_positive_rate: float = 1e-4,
     most_dark: float = MOST_DARK,
-    files: dict[str, str] | None = None,
+    sources: dict[str, Source] | None = None,
     threads: int | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Calibration:
@@ -52,9 +53,9 @@ def calibrate(
     most_dark : float
         Dark counts per frame above which a hot jot is masked; below, reconstruction uses its bits,
         knowing its dark counts.
-    files : dict, optional
-        Names of the files, by ``"dark"`` and ``"flat"``, to be kept with the calibration.
-        Default: what bits tell of theirs.
+    sources : dict, optional
+        Where the captures are from, by ``"dark"`` and ``"flat"``, to be kept with the calibration.
+        Default: what bits tell of themselves.
     threads : int, optional
         Threads to use. Default: all.
     progress : callable, optional
@@ -95,6 +96,9 @@ def calibrate(
         )
     if not 0 < most_dark < np.inf:
         raise ValueError(f"most_dark: expected a finite number above 0, got {most_dark!r}")
+    known = _sources(dark=dark, flat=flat) if sources is None else dict(sources)
+    if "dark" in known and "flat" in known:
+        check_alike("flat", known["flat"], "dark", known["dark"])
     half = 0.5 if flat is not None else 1.0
 
     def share(first: float) -> Callable[[float], object] | None:
@@ -128,7 +132,7 @@ def calibrate(
         dark_ones=ones,
         dark_frames=number,
         dark_steadiness=steady,
-        files=_names(dark=dark, flat=flat) if files is None else dict(files),
+        sources=known,
     )
     _warn_of("dark", steady, false_positive_rate)
     if flat is None:
@@ -212,9 +216,9 @@ def _seen(
     return ones, int(frames), None
 
 
-def _names(**data: object) -> dict[str, str]:
+def _sources(**data: object) -> dict[str, Source]:
     return {
-        name: part.source.name
+        name: part.source
         for name, part in data.items()
         if isinstance(part, Bits) and part.source is not None
     }

@@ -22,10 +22,9 @@ def page(calibration: Calibration) -> "Figure":
 
     figure = Figure(figsize=(17, 9), facecolor="white", layout="constrained")
     axes = figure.subplots(2, 4)
-    heading = "calibration   " + "   ".join(
-        f"{name}: {file}" for name, file in calibration.files.items()
-    )
-    figure.suptitle(heading.strip(), x=0.01, ha="left", color=_INK, fontsize=12)
+    captures = (f"{name}: {source}" for name, source in calibration.sources.items())
+    heading = "\n".join(["calibration", *captures])
+    figure.suptitle(heading, x=0.01, ha="left", color=_INK, fontsize=12)
     _dark_map(axes[0, 0], calibration)
     _dark_histogram(axes[0, 1], calibration)
     _flags(axes[0, 2], calibration)
@@ -134,12 +133,12 @@ def _response(
     _image(map_axes, image, "response relative to its surroundings", vmin=low, vmax=high)
     axes.hist(good, bins=100, range=(good.min(), good.max()), color=_BAR)
     axes.set_yscale("log")
-    axes.set_xlabel("response of jots that are not masked", color=_QUIET)
-    _title(
-        axes,
-        f"PRNU {calibration.prnu:.2%} ± {calibration.prnu_error:.2%}"
-        f" (noise of counting {calibration.flat_noise:.2%} taken off)",
+    axes.set_xlabel(
+        "response of jots that are not masked\n"
+        f"noise of counting, {calibration.flat_noise:.2%}, is taken off the PRNU",
+        color=_QUIET,
     )
+    _title(axes, f"PRNU {calibration.prnu:.2%} ± {calibration.prnu_error:.2%}")
 
 
 def _steadiness(axes: "Axes", name: str, found: Steadiness | None) -> None:

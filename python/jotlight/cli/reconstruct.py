@@ -214,7 +214,7 @@ def reconstruct(
 
     def tell(brightest: np.floating[Any] | float) -> None:
         """Say what was assumed, and what is not as good as it could be."""
-        applied = [] if known is None else known.told(sensor)
+        applied = [] if known is None else known.told(sensor, capture.source)
         for line in (*opening.told(capture.source), *applied, f"{told}: {sensor!r}"):
             out.print(line, soft_wrap=True, markup=False)
         if raised:
