@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.pictures import read_picture
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no valid jot")
 
@@ -129,6 +130,33 @@ def test_what_was_applied_is_recorded_beside_the_picture(run, captures, calibrat
     assert "is not of jotlight and is not overwritten" in said
     assert (captures / "a.tif").read_bytes() == before
     assert (captures / "a.tif.json").read_text() == "{}"
+
+
+@pytest.mark.parametrize("brightest", [None, 3.5])
+def test_photons_are_those_of_the_median_jot_whatever_the_brightest_is(run, tmp_path, brightest):
+    rng = np.random.default_rng(5)
+    response = 1 + 0.05 * rng.standard_normal((64, 96))
+    if brightest is not None:
+        response[20, 30] = brightest
+    truth = np.full(response.shape, 0.4)
+    camera = jl.Sensor(frames=512, gain=512 * 4.0, efficiency=response / 4)
+    camera.expose(0 * truth, 1).save("dark.npy")
+    camera.expose(truth, 2).save("flat.npy")
+    seen = camera.expose(truth, 3)
+    jl.Bits(seen.packed, seen.width).save("seen.npy")
+    assert run("calibrate", "dark.npy", "flat.npy", "-o", "c.safetensors")[0] == 0
+    given = ("reconstruct", "seen.npy", "-m", "mle", "--calibration", "c.safetensors")
+    words = ("-o", "a.tif", "--units", "photons", "--uncertainty", "u.npz")
+    assert run(*given, *words)[0] == 0
+    picture = read_picture(tmp_path / "a.tif")
+    assert np.median(picture) == pytest.approx(0.4, rel=0.01)
+    with np.load("u.npz") as known:
+        inside = (known["low"] <= 0.4) & (known["high"] >= 0.4)
+        assert np.median(known["standard_error"]) == pytest.approx(picture.std(), rel=0.5)
+    assert inside.mean() > 0.9
+    film = ("-o", "film.npy", "--units", "photons", "--window", 256)
+    assert run(*given, *film)[0] == 0
+    assert np.median(np.load("film.npy")) == pytest.approx(0.4, rel=0.01)
 
 
 def test_the_default_method_serves_a_calibrated_sensor(run, captures, calibrated):

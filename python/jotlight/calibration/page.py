@@ -156,10 +156,19 @@ def _steadiness(axes: "Axes", name: str, found: Steadiness | None) -> None:
 
 def _numbers(axes: "Axes", calibration: Calibration) -> None:
     axes.set_axis_off()
-    for index, (name, value) in enumerate(facts(calibration)):
-        y = 0.98 - 0.085 * index
-        axes.text(0, y, name, color=_QUIET, fontsize=8, transform=axes.transAxes, va="top")
-        axes.text(0, y - 0.035, value, color=_INK, fontsize=9, transform=axes.transAxes, va="top")
+    for index, fact in enumerate(facts(calibration)):
+        # In points, so that lines keep their distance whatever the height of the axes.
+        for text, colour, size, below in zip(fact, (_QUIET, _INK), (7, 8.5), (0, 8), strict=True):
+            axes.annotate(
+                text,
+                (0, 1),
+                xytext=(0, -21 * index - below),
+                xycoords="axes fraction",
+                textcoords="offset points",
+                color=colour,
+                fontsize=size,
+                va="top",
+            )
 
 
 def facts(calibration: Calibration) -> list[tuple[str, str]]:
