@@ -58,7 +58,10 @@ def test_calibrate_gives_what_the_python_interface_gives(run, captures):
     assert found.sensor(16) == same.sensor(16)
     assert np.argwhere(found.hot).tolist() == [[5, 6]]
     assert np.argwhere(found.dead).tolist() == [[y, x] for y in (10, 11, 12) for x in (20, 21, 22)]
-    assert f"hot: 1 ({1 / 768:.2%}), from {found.hot_from} ones on; by chance 0.077" in said
+    assert f"hot: 1 ({1 / 768:.2%}), from {found.hot_from} ones on" in said
+    chance = f"{found.hot_chance * 768:.2g}, a rate of {found.hot_chance:.2g}; 0.0001 at most"
+    assert f"hot by chance: {chance}" in said
+    assert 1e-5 < found.hot_chance <= 1e-4
     assert "dead: 9 (" in said
     assert f"PRNU: {found.prnu:.2%} ± " in said
     assert "dark: frames correlate: " in said
@@ -231,6 +234,16 @@ def test_two_arrays_of_one_file_are_told_apart(run, captures):
         ("the array dark",),
         ("the array flat",),
     ]
+
+
+@pytest.mark.filterwarnings("ignore:dark. no jot is called hot")
+def test_a_dark_capture_that_is_too_short_is_said_to_be(run, captures):
+    given = ("calibrate", "dark.npy", "-o", "c.safetensors", "--frame-range", ":1")
+    status, said = run(*given, "--plot", "page.png")
+    assert status == 0
+    assert "hot: none can be told, with so few frames" in said
+    assert "hot by chance: 1 of 1 bits are ones by chance in 0.0" in said
+    assert not jl.Calibration.load(captures / "c.safetensors").hot.any()
 
 
 def test_a_dark_and_a_flat_capture_that_are_turned_differently_are_refused(captures):

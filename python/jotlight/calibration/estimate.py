@@ -50,6 +50,7 @@ def calibrate(
         q: photons that make a jot report 1.
     false_positive_rate : float
         The share of ordinary jots that are called hot, at most, and the share that are called dead.
+        Counts are whole, so that the share of hot ones is below it: ``hot_chance``.
     most_dark : float
         Dark counts per frame above which a hot jot is masked; below, reconstruction uses its bits,
         knowing its dark counts.
@@ -73,7 +74,8 @@ def calibrate(
     Warns
     -----
     JotlightWarning
-        When frames are correlated or change over time.
+        When frames are correlated or change over time, and when there are so few frames that hot
+        jots cannot be told from ordinary ones at this rate.
 
     Notes
     -----
@@ -114,11 +116,11 @@ def calibrate(
     bulk = fit_bulk(ones, number)
     hot_from = bulk.threshold(false_positive_rate)
     dark_counts = detections(ones, number, threshold)
-    # A jot that always fired has no finite rate, whatever the bulk is.
-    hot = (ones >= hot_from) | (ones == number)
-    mask = hot & ((dark_counts > most_dark) | (ones == number))
-    if mask.all():
+    if (ones == number).all():
         raise ValueError("dark: expected some jots that do not fire in every frame, got none")
+    hot = ones >= hot_from
+    # A jot that always fired has no finite rate.
+    mask = hot & ((dark_counts > most_dark) | (ones == number))
     found = Calibration(
         dark_counts=dark_counts.astype(np.float32),
         mask=mask,
@@ -129,11 +131,17 @@ def calibrate(
         most_dark=most_dark,
         bulk=bulk,
         hot_from=hot_from,
+        hot_chance=bulk.chance(hot_from),
         dark_ones=ones,
         dark_frames=number,
         dark_steadiness=steady,
         sources=known,
     )
+    if hot_from > number:
+        warn(
+            f"dark: no jot is called hot, since {found.too_few()}, more than the rate of "
+            f"{false_positive_rate:.2g}; take more frames, or frames with fewer dark counts"
+        )
     _warn_of("dark", steady, false_positive_rate)
     if flat is None:
         return found

@@ -173,8 +173,7 @@ def _numbers(axes: "Axes", calibration: Calibration) -> None:
 
 def facts(calibration: Calibration) -> list[tuple[str, str]]:
     """What there is to tell in words, which the page and the command line show."""
-    hot, dead, mask = calibration.hot, calibration.dead, calibration.mask
-    rate = calibration.false_positive_rate
+    dead, mask, rate = calibration.dead, calibration.mask, calibration.false_positive_rate
     told = [
         ("jots", " x ".join(map(str, calibration.shape))),
         (
@@ -182,14 +181,11 @@ def facts(calibration: Calibration) -> list[tuple[str, str]]:
             f"median {np.median(calibration.dark_counts):.3g} per frame, from "
             f"{calibration.dark_frames} frames",
         ),
-        (
-            "hot",
-            f"{hot.sum()} ({hot.mean():.2%}), from {calibration.hot_from} ones on; by chance "
-            f"{rate * hot.size:.2g}",
-        ),
+        *_hot(calibration),
     ]
     if calibration.prnu is not None:
-        told.append(("dead", f"{dead.sum()} ({dead.mean():.2%}); by chance {rate * dead.size:.2g}"))
+        chance = f"by chance {rate * dead.size:.2g} at most"
+        told.append(("dead", f"{dead.sum()} ({dead.mean():.2%}); {chance}"))
     told.append(
         (
             "masked",
@@ -211,6 +207,17 @@ def facts(calibration: Calibration) -> list[tuple[str, str]]:
             told.append((f"{name}: frames correlate", _z(found.correlation, found.correlation_z)))
             told.append((f"{name}: change over time", f"z = {found.homogeneity_z:.1f}"))
     return told
+
+
+def _hot(calibration: Calibration) -> list[tuple[str, str]]:
+    hot, chance = calibration.hot, calibration.hot_chance
+    if (few := calibration.too_few()) is not None:
+        return [("hot", "none can be told, with so few frames"), ("hot by chance", few)]
+    asked = f"{calibration.false_positive_rate:.2g}"
+    return [
+        ("hot", f"{hot.sum()} ({hot.mean():.2%}), from {calibration.hot_from} ones on"),
+        ("hot by chance", f"{chance * hot.size:.2g}, a rate of {chance:.2g}; {asked} at most"),
+    ]
 
 
 def _z(value: float, z: float) -> str:

@@ -63,7 +63,9 @@ class Calibration:
     bulk : Bulk
         The distribution of the dark counts of ordinary jots.
     hot_from : int
-        Ones in the dark capture from which a jot is hot.
+        Ones in the dark capture from which a jot is hot; N + 1 where even N of N could be chance.
+    hot_chance : float
+        The share of ordinary jots that have so many, by the fitted bulk.
     dark_ones, dark_frames : ndarray of int32, int
         The dark capture.
     flat_ones, flat_frames : ndarray of int32, int, optional
@@ -87,6 +89,7 @@ class Calibration:
     most_dark: float
     bulk: Bulk
     hot_from: int
+    hot_chance: float
     dark_ones: Ones
     dark_frames: int
     efficiency: Map | None = None
@@ -105,6 +108,13 @@ class Calibration:
         """Rows and columns of jots."""
         height, width = self.dark_counts.shape
         return height, width
+
+    def too_few(self) -> str | None:
+        """Say why the dark capture is too short to tell hot jots at the rate asked for, or None."""
+        if self.hot_from <= self.dark_frames:
+            return None
+        number, chance = self.dark_frames, self.bulk.chance(self.dark_frames)
+        return f"{number} of {number} bits are ones by chance in {chance:.2g} of ordinary jots"
 
     def sensor(self, frames: int = 1, **changes: Any) -> Sensor:
         """Give the sensor with these maps.
@@ -260,6 +270,10 @@ def _checked(tensors: Tensors, numbers: Any) -> dict[str, Any]:
         _number(bulk["frames"], "frames", 1, 2**31, int),
         _number(bulk["mean"], "mean", 0, 1),
         _number(bulk["spread"], "spread", 0, 100),
+    )
+    # Earlier calibrations do not tell it.
+    values["hot_chance"] = _number(
+        numbers.get("hot_chance", values["bulk"].chance(values["hot_from"])), "hot_chance", 0, 1
     )
     names = {field.name for field in dataclasses.fields(Steadiness)} - {"map"}
     for name in ("dark_steadiness", "flat_steadiness"):

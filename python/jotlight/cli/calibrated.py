@@ -18,7 +18,9 @@ from jotlight.source import Source
 
 _FORMAT = "jotlight picture"
 _MOST_JSON = 1 << 20
-_RECORDED = ("sources", "false_positive_rate", "most_dark", "hot_from", "prnu", "scale")
+_RECORDED = (
+    "sources", "false_positive_rate", "most_dark", "hot_from", "hot_chance", "prnu", "scale",
+)  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
