@@ -77,12 +77,13 @@ def _dark_histogram(axes: "Axes", calibration: Calibration) -> None:
     ordinary = (ones < len(half)).sum() / np.exp(bulk.log_probability(half)).sum()
     expected = ordinary * step * np.exp(bulk.log_probability(middle))
     axes.plot(middle, expected, color=_MARK, linewidth=1.5, label="ordinary jots, fitted")
-    axes.axvline(
-        calibration.hot_from - 0.5,
-        color=_HOT,
-        linestyle="--",
-        label=f"hot from {calibration.hot_from}",
-    )
+    if calibration.too_few() is None:
+        axes.axvline(
+            calibration.hot_from - 0.5,
+            color=_HOT,
+            linestyle="--",
+            label=f"hot from {calibration.hot_from}",
+        )
     axes.set_yscale("log")
     axes.set_ylim(0.5, 2 * max(int(number.max()), 1))
     above = int((ones > edges[-1]).sum())
