@@ -21,6 +21,20 @@ HEADROOM = 2.0
 """How far above the scene's brightness a network's largest intensity lies: highlights are small."""
 
 
+def detected(sensor: Sensor) -> float:
+    """Give the photons that a pixel of intensity 1 detects per frame: η α/T.
+
+    η is that of the median jot, so that no single jot, however bright, has a say in it.
+
+    Examples
+    --------
+    >>> efficiency = np.array([[0.5, 0.5, 1.0]])
+    >>> detected(Sensor(frames=10, gain=20.0, efficiency=efficiency))
+    1.0
+    """
+    return reference_jot(sensor)[0] * sensor._gain / sensor.frames
+
+
 def brightest_measurable(sensor: Sensor) -> float:
     """Give the intensity at which a pixel misses a one in half of its bits' places: L = K - 1/2.
 

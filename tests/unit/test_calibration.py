@@ -8,6 +8,7 @@ import jotlight as jl
 from jotlight.calibration import fit_bulk
 from jotlight.calibration.flat import LEAST_RESPONSE
 from jotlight.calibration.rates import detections, variance
+from jotlight.source import Source
 
 SHAPE = (160, 160)
 
@@ -42,6 +43,31 @@ def test_clean_dark_maps_have_false_positives_at_the_stated_rate_at_most(name):
     # The exact (Clopper-Pearson) interval reaches down to a rate that is not above the stated one.
     lowest = beta.ppf(1e-3, found, trials - found + 1) if found else 0
     assert lowest <= 1e-4
+
+
+@pytest.mark.filterwarnings("ignore:dark. no jot is called hot")
+@pytest.mark.parametrize(
+    ("chance", "frames"), [(0.01, 1), (0.05, 2), (0.2, 4), (0.5, 8), (0.9, 16), (0.5, 16)]
+)
+def test_too_few_frames_call_no_jot_hot_by_chance(chance, frames):
+    rng = np.random.default_rng(21)
+    maps = [jl.calibrate(rng.binomial(frames, chance, SHAPE), frames=frames) for _ in range(12)]
+    trials = 12 * SHAPE[0] * SHAPE[1]
+    assert sum(int(found.hot.sum()) for found in maps) <= binom.isf(1e-3, trials, 1e-4)
+    enough = chance**frames <= 1e-4
+    assert all((found.too_few() is None) == enough for found in maps)
+    assert all(found.hot_chance <= 1e-4 for found in maps)
+    told = np.mean([found.bulk.chance(frames) for found in maps])
+    assert told == pytest.approx(chance**frames, rel=0.2)
+
+
+@pytest.mark.parametrize("frames", [1, 2, 4])
+def test_too_few_frames_are_said_to_be(frames):
+    ones = np.random.default_rng(22).binomial(frames, 0.2, SHAPE)
+    with pytest.warns(jl.JotlightWarning, match=f"{frames} of {frames} bits are ones by chance in"):
+        found = jl.calibrate(ones, frames=frames)
+    assert not found.hot.any()
+    assert not found.mask.any()
 
 
 def test_the_threshold_is_not_far_above_what_the_rate_asks_for():
@@ -152,6 +178,30 @@ def test_a_flat_capture_that_is_short_brings_little_noise():
     assert (calibration.efficiency * calibration.scale - relative).std() < 1.02 * relative.std()
 
 
+@pytest.mark.parametrize("clear", [3.5, 2, 0.5, 0.3])
+def test_a_clear_outlier_keeps_the_response_that_was_counted(clear):
+    rng = np.random.default_rng(8)
+    relative = 1 + 0.05 * rng.standard_normal(SHAPE)
+    relative[3::10, 4::10] = clear
+    dark = counts(rng, np.full(SHAPE, 0.002), 4096)
+    flat = counts(rng, 0.002 + 0.4 * relative, 512)
+    calibration = jl.calibrate(dark, flat, frames=4096, flat_frames=512)
+    # No more than counting blurs it: no outlier is drawn to the ordinary jots.
+    found = calibration.efficiency[3::10, 4::10] * calibration.scale
+    good = ~calibration.mask[3::10, 4::10]
+    assert good.mean() > 0.99
+    chance = 1 - np.exp(-0.4 * clear)
+    blur = np.sqrt(chance / (1 - chance) / 512) / 0.4
+    assert np.mean(found[good]) == pytest.approx(clear, rel=0.06)
+    assert np.sqrt(np.mean((found - clear)[good] ** 2)) < 1.4 * blur
+    # Nor do they pull at what the others are.
+    assert calibration.prnu == pytest.approx(0.05, abs=4 * calibration.prnu_error)
+    rest = np.ones(SHAPE, bool)
+    rest[3::10, 4::10] = False
+    error = (calibration.efficiency * calibration.scale - relative)[rest].std()
+    assert error < 0.044
+
+
 def test_the_variance_of_detections_is_that_of_many_draws():
     rng = np.random.default_rng(7)
     for threshold, rate in ((1, 0.05), (1, 1.5), (3, 2.0)):
@@ -169,7 +219,7 @@ def calibration():
     ones, light, relative, dark = flat_scene(rng, 0.1, (32, 40))
     flat = jl.Bits.from_array(rng.random((800, 32, 40)) < 1 - np.exp(-dark - light * relative))
     ones[3, 4] = 4000
-    return jl.calibrate(ones, flat, frames=4000, files={"dark": "dark.npy"})
+    return jl.calibrate(ones, flat, frames=4000, sources={"dark": Source("npy", "dark.npy")})
 
 
 def test_the_sensor_has_the_maps_and_a_gain_that_counts_ordinary_jots(calibration):
@@ -225,6 +275,7 @@ GOOD = np.full((16, 16), 3)
         ((jl.Bits.from_array(np.zeros((4, 8, 8), bool)),), {"frames": 5}, "the 4 of the dark bits"),
     ],
 )
+@pytest.mark.filterwarnings("ignore:dark. no jot is called hot")
 def test_captures_that_cannot_be_what_they_are_said_to_be(given, options, words):
     with pytest.raises(ValueError, match=words):
         jl.calibrate(*given, **options)
@@ -232,7 +283,7 @@ def test_captures_that_cannot_be_what_they_are_said_to_be(given, options, words)
 
 def test_the_shape_of_a_capture_is_checked(calibration):
     with pytest.raises(ValueError, match="it is of 32 x 40 jots, and the capture has 40 x 32"):
-        calibration.check_shape((40, 32))
+        calibration.check_capture((40, 32))
 
 
 def test_a_real_dark_map(data):

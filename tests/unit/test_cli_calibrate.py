@@ -5,8 +5,10 @@ import json
 
 import numpy as np
 import pytest
+import tifffile
 
 import jotlight as jl
+from jotlight.pictures import read_picture
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no valid jot")
 
@@ -57,12 +59,18 @@ def test_calibrate_gives_what_the_python_interface_gives(run, captures):
     assert found.sensor(16) == same.sensor(16)
     assert np.argwhere(found.hot).tolist() == [[5, 6]]
     assert np.argwhere(found.dead).tolist() == [[y, x] for y in (10, 11, 12) for x in (20, 21, 22)]
-    assert f"hot: 1 ({1 / 768:.2%}), from {found.hot_from} ones on; by chance 0.077" in said
+    assert f"hot: 1 ({1 / 768:.2%}), from {found.hot_from} ones on" in said
+    chance = f"{found.hot_chance * 768:.2g}, a rate of {found.hot_chance:.2g}; 0.0001 at most"
+    assert f"hot by chance: {chance}" in said
+    assert 1e-5 < found.hot_chance <= 1e-4
     assert "dead: 9 (" in said
     assert f"PRNU: {found.prnu:.2%} ± " in said
     assert "dark: frames correlate: " in said
     assert (captures / "page.png").read_bytes().startswith(b"\x89PNG")
-    assert found.files == {"dark": "dark.npy", "flat": "flat.npy"}
+    assert {name: source.name for name, source in found.sources.items()} == {
+        "dark": "dark.npy",
+        "flat": "flat.npy",
+    }
 
 
 def test_counts_need_their_frames(run, captures):
@@ -128,6 +136,33 @@ def test_what_was_applied_is_recorded_beside_the_picture(run, captures, calibrat
     assert (captures / "a.tif.json").read_text() == "{}"
 
 
+@pytest.mark.parametrize("brightest", [None, 3.5])
+def test_photons_are_those_of_the_median_jot_whatever_the_brightest_is(run, tmp_path, brightest):
+    rng = np.random.default_rng(5)
+    response = 1 + 0.05 * rng.standard_normal((64, 96))
+    if brightest is not None:
+        response[20, 30] = brightest
+    truth = np.full(response.shape, 0.4)
+    camera = jl.Sensor(frames=512, gain=512 * 4.0, efficiency=response / 4)
+    camera.expose(0 * truth, 1).save("dark.npy")
+    camera.expose(truth, 2).save("flat.npy")
+    seen = camera.expose(truth, 3)
+    jl.Bits(seen.packed, seen.width).save("seen.npy")
+    assert run("calibrate", "dark.npy", "flat.npy", "-o", "c.safetensors")[0] == 0
+    given = ("reconstruct", "seen.npy", "-m", "mle", "--calibration", "c.safetensors")
+    words = ("-o", "a.tif", "--units", "photons", "--uncertainty", "u.npz")
+    assert run(*given, *words)[0] == 0
+    picture = read_picture(tmp_path / "a.tif")
+    assert np.median(picture) == pytest.approx(0.4, rel=0.01)
+    with np.load("u.npz") as known:
+        inside = (known["low"] <= 0.4) & (known["high"] >= 0.4)
+        assert np.median(known["standard_error"]) == pytest.approx(picture.std(), rel=0.5)
+    assert inside.mean() > 0.9
+    film = ("-o", "film.npy", "--units", "photons", "--window", 256)
+    assert run(*given, *film)[0] == 0
+    assert np.median(np.load("film.npy")) == pytest.approx(0.4, rel=0.01)
+
+
 def test_the_default_method_serves_a_calibrated_sensor(run, captures, calibrated):
     given = ("reconstruct", "seen.npy", "-o", "a.npy", "--calibration", "c.safetensors")
     assert run(*given)[0] == 0
@@ -153,6 +188,76 @@ def test_a_capture_of_another_shape_is_refused(run, captures, calibrated):
         assert status == 1
         assert "it is of 24 x 32 jots, and the capture has 32 x 24" in said
     assert "a.npy" not in files(captures)
+
+
+@pytest.mark.parametrize("data", ["seen.npy", "counts.npy"])
+def test_a_capture_that_is_turned_in_another_way_is_refused(run, captures, calibrated, data):
+    given = ("reconstruct", data, "-m", "mle", "-o", "a.npy", "-t", 16)
+    given += ("--calibration", "c.safetensors")
+    for turn, words in (
+        (("--rotate", 180), "rotated by 180 degrees"),
+        (("--flip", "vertical"), "rotated by 180 degrees and mirrored left to right"),
+    ):
+        status, said = run(*given, *turn)
+        assert status == 1
+        assert f"this capture is {words}, and the calibration's dark capture not turned" in said
+        assert "a.npy" not in files(captures)
+    calibrate = ("calibrate", "dark.npy", "flat.npy", "-o", "c.safetensors", "--rotate", 180)
+    assert run(*calibrate)[0] == 0
+    status, said = run(*given, "--flip", "vertical")
+    assert status == 1
+    assert "dark capture rotated by 180 degrees" in said
+    # The same turn, by other words.
+    assert run(*given, "--rotate", -180)[0] == 0
+    told = json.loads((captures / "a.npy.json").read_text())
+    assert told["source"]["turned"] == [2, False]
+    assert told["calibration"]["sources"]["flat"]["turned"] == [2, False]
+
+
+def test_what_is_not_known_of_turns_is_said(run, captures, calibrated):
+    given = ("reconstruct", "counts.npz", "-m", "mle", "-o", "a.npy", "-t", 16)
+    np.savez("counts.npz", np.load("counts.npy"))
+    status, said = run(*given, "--calibration", "c.safetensors")
+    assert status == 0
+    assert "the calibration is from npy and the capture is npz; jots are taken to lie alike" in said
+
+
+def test_two_arrays_of_one_file_are_told_apart(run, captures):
+    arrays = {name: jl.open(f"{name}.npy").counts(1) for name in ("dark", "flat")}
+    np.savez("both.npz", **arrays)
+    given = ("calibrate", "both.npz", "both.npz", "-o", "c.safetensors", "-t", 600)
+    status, said = run(*given, "--key", "dark", "--flat-key", "flat", "--plot", "page.svg")
+    assert status == 0
+    assert "npz: the array flat" in said
+    assert "both.npz (npz; the array dark)" in run("info", "c.safetensors")[1]
+    sources = jl.Calibration.load(captures / "c.safetensors").sources
+    assert [sources[name].notes for name in ("dark", "flat")] == [
+        ("the array dark",),
+        ("the array flat",),
+    ]
+    words = ("reconstruct", "both.npz", "--key", "flat", "-t", 600, "-m", "mle", "-o", "a.tif")
+    assert run(*words, "--calibration", "c.safetensors")[0] == 0
+    with tifffile.TiffFile("a.tif") as file:
+        assert json.loads(file.pages[0].description)["source"] == ["npz: the array flat"]
+    assert json.loads((captures / "a.tif.json").read_text())["source"]["notes"] == [
+        "the array flat"
+    ]
+
+
+@pytest.mark.filterwarnings("ignore:dark. no jot is called hot")
+def test_a_dark_capture_that_is_too_short_is_said_to_be(run, captures):
+    given = ("calibrate", "dark.npy", "-o", "c.safetensors", "--frame-range", ":1")
+    status, said = run(*given, "--plot", "page.png")
+    assert status == 0
+    assert "hot: none can be told, with so few frames" in said
+    assert "hot by chance: 1 of 1 bits are ones by chance in 0.0" in said
+    assert not jl.Calibration.load(captures / "c.safetensors").hot.any()
+
+
+def test_a_dark_and_a_flat_capture_that_are_turned_differently_are_refused(captures):
+    dark, flat = jl.open(captures / "dark.npy"), jl.open(captures / "flat.npy", rotate=180)
+    with pytest.raises(ValueError, match="flat capture is rotated by 180 degrees, and dark"):
+        jl.calibrate(dark, flat)
 
 
 def test_info_tells_of_a_calibration_and_draws_it(run, captures, calibrated):

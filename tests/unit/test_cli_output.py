@@ -47,7 +47,7 @@ def test_floats_come_in_photons_and_say_so(run, capture, tmp_path, ending):
     assert (found == expected).all()
     if note is not None:
         about = json.loads(note)
-        assert about["units"] == "photons per pixel and frame"
+        assert about["units"] == "detected photons per pixel and frame"
         assert about["sensor"]["gain"] == 10
 
 

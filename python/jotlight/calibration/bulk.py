@@ -62,13 +62,27 @@ class Bulk:
 
         Found from the exact tail of the distribution.
         """
-        top = self.frames
-        counts, step = _grid(0, top)
+        counts, tail = self._tails()
+        above = counts[tail <= false_positive_rate]
+        return int(above[0]) if len(above) else self.frames + 1
+
+    def chance(self, ones: int) -> float:
+        """The share of ordinary jots that have so many ones or more.
+
+        Examples
+        --------
+        >>> round(Bulk(4, 0.2, 1e-9).chance(4), 6)  # 0.2 ** 4
+        0.0016
+        """
+        counts, tail = self._tails()
+        return float(np.append(tail, 0.0)[np.searchsorted(counts, ones)])
+
+    def _tails(self) -> tuple[npt.NDArray[np.int64], Array]:
+        """Counts, and the chance of each of them or more."""
+        counts, step = _grid(0, self.frames)
         chances = step * np.exp(self.log_probability(counts))
         # From the far end, where the terms are smallest, so that small tails are exact.
-        tail = np.cumsum(chances[::-1])[::-1]
-        above = counts[tail <= false_positive_rate]
-        return int(above[0]) if len(above) else top + 1
+        return counts, np.cumsum(chances[::-1])[::-1]
 
 
 def fit_bulk(counts: npt.NDArray[np.integer], frames: int) -> Bulk:

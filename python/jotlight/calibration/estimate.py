@@ -10,10 +10,11 @@ from jotlight.bits import Bits
 from jotlight.calibration.bulk import fit_bulk
 from jotlight.calibration.flat import response
 from jotlight.calibration.rates import Counts, detections, variance
-from jotlight.calibration.result import Calibration
+from jotlight.calibration.result import Calibration, check_alike
 from jotlight.calibration.steadiness import Steadiness, steadiness
 from jotlight.errors import warn
 from jotlight.observation import as_counts
+from jotlight.source import Source
 
 MOST_DARK = 0.1
 """Dark counts per frame above which a hot jot is masked: measured, see docs/calibration.md."""
@@ -30,7 +31,7 @@ def calibrate(
     threshold: int = 1,
     false_positive_rate: float = 1e-4,
     most_dark: float = MOST_DARK,
-    files: dict[str, str] | None = None,
+    sources: dict[str, Source] | None = None,
     threads: int | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Calibration:
@@ -49,12 +50,13 @@ def calibrate(
         q: photons that make a jot report 1.
     false_positive_rate : float
         The share of ordinary jots that are called hot, at most, and the share that are called dead.
+        Counts are whole, so that the share of hot ones is below it: ``hot_chance``.
     most_dark : float
         Dark counts per frame above which a hot jot is masked; below, reconstruction uses its bits,
         knowing its dark counts.
-    files : dict, optional
-        Names of the files, by ``"dark"`` and ``"flat"``, to be kept with the calibration.
-        Default: what bits tell of theirs.
+    sources : dict, optional
+        Where the captures are from, by ``"dark"`` and ``"flat"``, to be kept with the calibration.
+        Default: what bits tell of themselves.
     threads : int, optional
         Threads to use. Default: all.
     progress : callable, optional
@@ -72,7 +74,8 @@ def calibrate(
     Warns
     -----
     JotlightWarning
-        When frames are correlated or change over time.
+        When frames are correlated or change over time, and when there are so few frames that hot
+        jots cannot be told from ordinary ones at this rate.
 
     Notes
     -----
@@ -95,6 +98,9 @@ def calibrate(
         )
     if not 0 < most_dark < np.inf:
         raise ValueError(f"most_dark: expected a finite number above 0, got {most_dark!r}")
+    known = _sources(dark=dark, flat=flat) if sources is None else dict(sources)
+    if "dark" in known and "flat" in known:
+        check_alike("flat", known["flat"], "dark", known["dark"])
     half = 0.5 if flat is not None else 1.0
 
     def share(first: float) -> Callable[[float], object] | None:
@@ -110,11 +116,11 @@ def calibrate(
     bulk = fit_bulk(ones, number)
     hot_from = bulk.threshold(false_positive_rate)
     dark_counts = detections(ones, number, threshold)
-    # A jot that always fired has no finite rate, whatever the bulk is.
-    hot = (ones >= hot_from) | (ones == number)
-    mask = hot & ((dark_counts > most_dark) | (ones == number))
-    if mask.all():
+    if (ones == number).all():
         raise ValueError("dark: expected some jots that do not fire in every frame, got none")
+    hot = ones >= hot_from
+    # A jot that always fired has no finite rate.
+    mask = hot & ((dark_counts > most_dark) | (ones == number))
     found = Calibration(
         dark_counts=dark_counts.astype(np.float32),
         mask=mask,
@@ -125,11 +131,17 @@ def calibrate(
         most_dark=most_dark,
         bulk=bulk,
         hot_from=hot_from,
+        hot_chance=bulk.chance(hot_from),
         dark_ones=ones,
         dark_frames=number,
         dark_steadiness=steady,
-        files=_names(dark=dark, flat=flat) if files is None else dict(files),
+        sources=known,
     )
+    if hot_from > number:
+        warn(
+            f"dark: no jot is called hot, since {found.too_few()}, more than the rate of "
+            f"{false_positive_rate:.2g}; take more frames, or frames with fewer dark counts"
+        )
     _warn_of("dark", steady, false_positive_rate)
     if flat is None:
         return found
@@ -212,9 +224,9 @@ def _seen(
     return ones, int(frames), None
 
 
-def _names(**data: object) -> dict[str, str]:
+def _sources(**data: object) -> dict[str, Source]:
     return {
-        name: part.source.name
+        name: part.source
         for name, part in data.items()
         if isinstance(part, Bits) and part.source is not None
     }

@@ -14,6 +14,10 @@ LEAST_RESPONSE = 0.2
 """Share of the response of its neighbourhood below which a jot is dead, and above whose inverse
 it is stuck."""
 
+CLEAR = 4.0
+"""Standard deviations from 1 beyond which a response is taken as it was counted: measured, see
+docs/calibration.md."""
+
 _LEAST_LIGHT = 0.1
 """Of the light in a flat capture, in standard deviations of one jot."""
 
@@ -26,12 +30,12 @@ class Response:
     ----------
     relative : ndarray of float64, shape (H, W)
         Around 1, within [1/5, 5]; 1 where it is not known. Drawn towards 1 as far as counting blurs
-        it.
+        it, unless it is clearly another.
     dead : ndarray of bool, shape (H, W)
         Jots that respond too little or too much.
     prnu, prnu_error : float
-        Standard deviation of the response among good jots, without that of counting, and its
-        standard error.
+        Standard deviation of the response among good jots that are not clear outliers, without
+        that of counting, and its standard error.
     noise : float
         The standard deviation that counting adds to the response of a jot.
     """
@@ -58,7 +62,8 @@ def response(
     Light is taken to vary slowly over the sensor: the median over 15 x 15 jots is divided out, and
     with it whatever of the response varies as slowly. What is left, r with variance v by counting,
     is drawn towards 1: the best linear estimate of a response that varies by PRNU is
-    1 + (r - 1) PRNU²/(PRNU² + v), so that the map brings less noise than it takes away.
+    1 + (r - 1) PRNU²/(PRNU² + v), so that the map brings less noise than it takes away. A jot that
+    is further off than most could be is not one of those that vary by PRNU, and keeps its r.
 
     Parameters
     ----------
@@ -84,7 +89,7 @@ def response(
         )
     light = detections(ones, frames, threshold) - dark
     local = _local_median(light, bad)
-    counting = variance(light + dark, frames, threshold) + dark_variance
+    counting = variance(local + dark, frames, threshold) + dark_variance
     if not np.median(local[~bad]) > _LEAST_LIGHT * np.sqrt(np.median(counting[~bad])):
         raise ValueError(
             "flat: expected more ones than the dark capture has, got none; take it with light, "
@@ -96,21 +101,37 @@ def response(
     dead = binom.cdf(ones, frames, weak) <= false_positive_rate
     dead |= binom.sf(ones - 1, frames, strong) <= false_positive_rate
 
-    relative = light / local
     good = ~(bad | dead | full)
     counting /= local**2
     if not good.any():
         raise ValueError("flat: expected some jots that respond, got none")
-    deviations = (relative[good] - relative[good].mean()) ** 2
-    noise = float(counting[good].mean())
-    between = max(float(deviations.mean()) - noise, 0.0)
-    # Where nothing is left above the noise, the error is that of the variance itself.
-    error = float(deviations.std()) / np.sqrt(deviations.size)
-    error = min(error / (2 * np.sqrt(between)), np.sqrt(error)) if between else np.sqrt(error)
-    kept = between / (between + counting)
-    relative = np.where(good, 1 + (relative - 1) * kept, 1.0)
+    relative = np.ones(light.shape)
+    relative[good], prnu, error = drawn_in((light / local)[good], counting[good])
     relative = np.clip(relative, LEAST_RESPONSE, 1 / LEAST_RESPONSE)
-    return Response(relative, dead, float(np.sqrt(between)), float(error), float(np.sqrt(noise)))
+    return Response(relative, dead, prnu, error, float(np.sqrt(counting[good].mean())))
+
+
+def drawn_in(relative: Rates, noise: Rates, clear: float = CLEAR) -> tuple[Rates, float, float]:
+    """Responses drawn towards 1, their standard deviation without noise, and its standard error.
+
+    Parameters
+    ----------
+    relative, noise : ndarray of float64
+        The response of each jot as it was counted, and the variance that counting adds to it.
+    clear : float
+        Standard deviations from 1, noise included, beyond which a response stays as it is.
+    """
+    squares = (relative - np.median(relative)) ** 2
+    # At first from the median, which outliers do not pull at: 0.6745 σ of a normal distribution.
+    between = max(float(np.median(squares)) / 0.6745**2 - float(np.median(noise)), 0.0)
+    ordinary = squares <= clear**2 * (between + noise)
+    between = max(float((squares - noise)[ordinary].mean()), 0.0)
+    error = float(squares[ordinary].std()) / np.sqrt(ordinary.sum())
+    # Where nothing is left above the noise, the error is that of the variance itself.
+    error = min(error / (2 * np.sqrt(between)), np.sqrt(error)) if between else np.sqrt(error)
+    kept = between / (between + noise)
+    kept[(relative - 1) ** 2 > clear**2 * (between + noise)] = 1.0
+    return 1 + (relative - 1) * kept, float(np.sqrt(between)), float(error)
 
 
 def _local_median(light: Rates, bad: npt.NDArray[np.bool_]) -> Rates:

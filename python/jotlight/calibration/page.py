@@ -22,10 +22,9 @@ def page(calibration: Calibration) -> "Figure":
 
     figure = Figure(figsize=(17, 9), facecolor="white", layout="constrained")
     axes = figure.subplots(2, 4)
-    heading = "calibration   " + "   ".join(
-        f"{name}: {file}" for name, file in calibration.files.items()
-    )
-    figure.suptitle(heading.strip(), x=0.01, ha="left", color=_INK, fontsize=12)
+    captures = (f"{name}: {source}" for name, source in calibration.sources.items())
+    heading = "\n".join(["calibration", *captures])
+    figure.suptitle(heading, x=0.01, ha="left", color=_INK, fontsize=12)
     _dark_map(axes[0, 0], calibration)
     _dark_histogram(axes[0, 1], calibration)
     _flags(axes[0, 2], calibration)
@@ -78,12 +77,13 @@ def _dark_histogram(axes: "Axes", calibration: Calibration) -> None:
     ordinary = (ones < len(half)).sum() / np.exp(bulk.log_probability(half)).sum()
     expected = ordinary * step * np.exp(bulk.log_probability(middle))
     axes.plot(middle, expected, color=_MARK, linewidth=1.5, label="ordinary jots, fitted")
-    axes.axvline(
-        calibration.hot_from - 0.5,
-        color=_HOT,
-        linestyle="--",
-        label=f"hot from {calibration.hot_from}",
-    )
+    if calibration.too_few() is None:
+        axes.axvline(
+            calibration.hot_from - 0.5,
+            color=_HOT,
+            linestyle="--",
+            label=f"hot from {calibration.hot_from}",
+        )
     axes.set_yscale("log")
     axes.set_ylim(0.5, 2 * max(int(number.max()), 1))
     above = int((ones > edges[-1]).sum())
@@ -134,12 +134,12 @@ def _response(
     _image(map_axes, image, "response relative to its surroundings", vmin=low, vmax=high)
     axes.hist(good, bins=100, range=(good.min(), good.max()), color=_BAR)
     axes.set_yscale("log")
-    axes.set_xlabel("response of jots that are not masked", color=_QUIET)
-    _title(
-        axes,
-        f"PRNU {calibration.prnu:.2%} ± {calibration.prnu_error:.2%}"
-        f" (noise of counting {calibration.flat_noise:.2%} taken off)",
+    axes.set_xlabel(
+        "response of jots that are not masked\n"
+        f"noise of counting, {calibration.flat_noise:.2%}, is taken off the PRNU",
+        color=_QUIET,
     )
+    _title(axes, f"PRNU {calibration.prnu:.2%} ± {calibration.prnu_error:.2%}")
 
 
 def _steadiness(axes: "Axes", name: str, found: Steadiness | None) -> None:
@@ -157,16 +157,24 @@ def _steadiness(axes: "Axes", name: str, found: Steadiness | None) -> None:
 
 def _numbers(axes: "Axes", calibration: Calibration) -> None:
     axes.set_axis_off()
-    for index, (name, value) in enumerate(facts(calibration)):
-        y = 0.98 - 0.085 * index
-        axes.text(0, y, name, color=_QUIET, fontsize=8, transform=axes.transAxes, va="top")
-        axes.text(0, y - 0.035, value, color=_INK, fontsize=9, transform=axes.transAxes, va="top")
+    for index, fact in enumerate(facts(calibration)):
+        # In points, so that lines keep their distance whatever the height of the axes.
+        for text, colour, size, below in zip(fact, (_QUIET, _INK), (7, 8.5), (0, 8), strict=True):
+            axes.annotate(
+                text,
+                (0, 1),
+                xytext=(0, -21 * index - below),
+                xycoords="axes fraction",
+                textcoords="offset points",
+                color=colour,
+                fontsize=size,
+                va="top",
+            )
 
 
 def facts(calibration: Calibration) -> list[tuple[str, str]]:
     """What there is to tell in words, which the page and the command line show."""
-    hot, dead, mask = calibration.hot, calibration.dead, calibration.mask
-    rate = calibration.false_positive_rate
+    dead, mask, rate = calibration.dead, calibration.mask, calibration.false_positive_rate
     told = [
         ("jots", " x ".join(map(str, calibration.shape))),
         (
@@ -174,14 +182,11 @@ def facts(calibration: Calibration) -> list[tuple[str, str]]:
             f"median {np.median(calibration.dark_counts):.3g} per frame, from "
             f"{calibration.dark_frames} frames",
         ),
-        (
-            "hot",
-            f"{hot.sum()} ({hot.mean():.2%}), from {calibration.hot_from} ones on; by chance "
-            f"{rate * hot.size:.2g}",
-        ),
+        *_hot(calibration),
     ]
     if calibration.prnu is not None:
-        told.append(("dead", f"{dead.sum()} ({dead.mean():.2%}); by chance {rate * dead.size:.2g}"))
+        chance = f"by chance {rate * dead.size:.2g} at most"
+        told.append(("dead", f"{dead.sum()} ({dead.mean():.2%}); {chance}"))
     told.append(
         (
             "masked",
@@ -203,6 +208,17 @@ def facts(calibration: Calibration) -> list[tuple[str, str]]:
             told.append((f"{name}: frames correlate", _z(found.correlation, found.correlation_z)))
             told.append((f"{name}: change over time", f"z = {found.homogeneity_z:.1f}"))
     return told
+
+
+def _hot(calibration: Calibration) -> list[tuple[str, str]]:
+    hot, chance = calibration.hot, calibration.hot_chance
+    if (few := calibration.too_few()) is not None:
+        return [("hot", "none can be told, with so few frames"), ("hot by chance", few)]
+    asked = f"{calibration.false_positive_rate:.2g}"
+    return [
+        ("hot", f"{hot.sum()} ({hot.mean():.2%}), from {calibration.hot_from} ones on"),
+        ("hot by chance", f"{chance * hot.size:.2g}, a rate of {chance:.2g}; {asked} at most"),
+    ]
 
 
 def _z(value: float, z: float) -> str:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from jotlight.calibration.bulk import Bulk
 from jotlight.calibration.steadiness import Steadiness
 from jotlight.sensor import Sensor
+from jotlight.source import Source
 from jotlight.tensors import Tensors, read_tensors, write_tensors
 
 FORMAT = "jotlight calibration"
@@ -62,7 +63,9 @@ class Calibration:
     bulk : Bulk
         The distribution of the dark counts of ordinary jots.
     hot_from : int
-        Ones in the dark capture from which a jot is hot.
+        Ones in the dark capture from which a jot is hot; N + 1 where even N of N could be chance.
+    hot_chance : float
+        The share of ordinary jots that have so many, by the fitted bulk.
     dark_ones, dark_frames : ndarray of int32, int
         The dark capture.
     flat_ones, flat_frames : ndarray of int32, int, optional
@@ -72,8 +75,9 @@ class Calibration:
         response of one jot, as shares of the response.
     dark_steadiness, flat_steadiness : Steadiness, optional
         What the frames of the captures told, where they were given one by one.
-    files : dict
-        Names of the files, by ``"dark"`` and ``"flat"``, where there are any.
+    sources : dict
+        Where the captures are from and how they were turned, by ``"dark"`` and ``"flat"``, as far
+        as that is known.
     """
 
     dark_counts: Map
@@ -85,6 +89,7 @@ class Calibration:
     most_dark: float
     bulk: Bulk
     hot_from: int
+    hot_chance: float
     dark_ones: Ones
     dark_frames: int
     efficiency: Map | None = None
@@ -96,13 +101,20 @@ class Calibration:
     flat_noise: float | None = None
     dark_steadiness: Steadiness | None = None
     flat_steadiness: Steadiness | None = None
-    files: dict[str, str] = dataclasses.field(default_factory=dict)
+    sources: dict[str, Source] = dataclasses.field(default_factory=dict)
 
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns of jots."""
         height, width = self.dark_counts.shape
         return height, width
+
+    def too_few(self) -> str | None:
+        """Say why the dark capture is too short to tell hot jots at the rate asked for, or None."""
+        if self.hot_from <= self.dark_frames:
+            return None
+        number, chance = self.dark_frames, self.bulk.chance(self.dark_frames)
+        return f"{number} of {number} bits are ones by chance in {chance:.2g} of ordinary jots"
 
     def sensor(self, frames: int = 1, **changes: Any) -> Sensor:
         """Give the sensor with these maps.
@@ -139,14 +151,28 @@ class Calibration:
             plain = plain.replace(gain=plain.gain * self.scale)
         return plain.replace(**{**maps, **chosen})
 
-    def check_shape(self, shape: tuple[int, ...]) -> None:
-        """Raise ValueError unless a capture has as many rows and columns of jots."""
+    def check_capture(self, shape: tuple[int, ...], source: Source | None = None) -> None:
+        """Raise ValueError unless a capture has as many rows and columns, and is turned alike."""
         if tuple(shape) != self.shape:
             raise ValueError(
                 f"calibration: it is of {self.shape[0]} x {self.shape[1]} jots, and the capture "
                 f"has {' x '.join(map(str, shape))}; make it from captures that are opened in the "
                 "same way (--rotate, --flip, --width)"
             )
+        for name, own in self.sources.items():
+            if source is not None:
+                check_alike("this", source, f"the calibration's {name}", own)
+
+    def unsure(self, source: Source | None) -> str | None:
+        """Say why nothing tells that a capture's jots lie as they do here, or None."""
+        if source is None or source.turned is None:
+            return "how the capture was turned is not known"
+        known = self.sources.get("dark")
+        if known is None or known.turned is None:
+            return "how the captures of the calibration were turned is not known"
+        if known.format != source.format:
+            return f"the calibration is from {known.format} and the capture is {source.format}"
+        return None
 
     def numbers(self) -> dict[str, Any]:
         """All that is not a map, by name; JSON can hold it."""
@@ -159,6 +185,8 @@ class Calibration:
                     for part in dataclasses.fields(value)
                     if part.name != "map"
                 }
+            if field.name == "sources":
+                value = {name: source.to_json() for name, source in value.items()}
             if value is not None and not isinstance(value, np.ndarray):
                 told[field.name] = value
         return told
@@ -220,6 +248,7 @@ def _checked(tensors: Tensors, numbers: Any) -> dict[str, Any]:
         if tensor.dtype != _MAPS[name] or tensor.shape != shape or tensor.ndim != 2:
             raise ValueError(f"{name}: got {tensor.dtype} of shape {tensor.shape}")
     known = {field.name for field in dataclasses.fields(Calibration)}
+    known = known | {"files"}
     if not isinstance(numbers, dict) or not numbers.keys() <= known - (
         _MAPS.keys() - {"dark_steadiness", "flat_steadiness"}
     ):
@@ -245,6 +274,10 @@ def _checked(tensors: Tensors, numbers: Any) -> dict[str, Any]:
         _number(bulk["mean"], "mean", 0, 1),
         _number(bulk["spread"], "spread", 0, 100),
     )
+    # Earlier calibrations do not tell it.
+    values["hot_chance"] = _number(
+        numbers.get("hot_chance", values["bulk"].chance(values["hot_from"])), "hot_chance", 0, 1
+    )
     names = {field.name for field in dataclasses.fields(Steadiness)} - {"map"}
     for name in ("dark_steadiness", "flat_steadiness"):
         if (name in numbers) != (name in tensors):
@@ -253,9 +286,12 @@ def _checked(tensors: Tensors, numbers: Any) -> dict[str, Any]:
             told = _object(numbers[name], name, names)
             found = {part: _number(told[part], part, -math.inf, math.inf) for part in names}
             values[name] = Steadiness(**found, map=tensors[name])
-    files = values.get("files", {})
-    if not isinstance(files, dict) or not all(isinstance(file, str) for file in files.values()):
-        raise ValueError("files: expected names of files")
+    # Earlier calibrations name files and nothing more, which is not used.
+    values.pop("files", None)
+    sources = values.get("sources", {})
+    if not isinstance(sources, dict) or not sources.keys() <= {"dark", "flat"}:
+        raise ValueError("sources: expected an object with dark and flat")
+    values["sources"] = {name: Source.from_json(told) for name, told in sources.items()}
     for name in _MAPS.keys() - {"dark_steadiness", "flat_steadiness"}:
         values[name] = tensors.get(name)
     # What the sensor says of its maps holds here.
@@ -265,6 +301,15 @@ def _checked(tensors: Tensors, numbers: Any) -> dict[str, Any]:
         mask=values["mask"],
     )
     return values
+
+
+def check_alike(name: str, source: Source, other_name: str, other: Source) -> None:
+    """Raise ValueError when two captures are known to be turned in different ways."""
+    if None not in (source.turned, other.turned) and source.turned != other.turned:
+        raise ValueError(
+            f"calibration: {name} capture is {source.how_turned()}, and {other_name} capture "
+            f"{other.how_turned()}; open them so that they are turned alike (--rotate, --flip)"
+        )
 
 
 def _object(value: Any, name: str, keys: set[str]) -> dict[str, Any]:

@@ -105,7 +105,11 @@ def calibrate(
             most_dark=most_dark,
             threads=threads,
             progress=update,
-            files={name: path.name for name, path in zip(("dark", "flat"), inputs, strict=False)},
+            sources={
+                name: capture.source
+                for name, capture in zip(("dark", "flat"), captures, strict=False)
+                if capture.source is not None
+            },
         )
         found.save(temporary)
         if plot is not None:

@@ -18,6 +18,9 @@ from jotlight.source import Source
 
 _FORMAT = "jotlight picture"
 _MOST_JSON = 1 << 20
+_RECORDED = (
+    "sources", "false_positive_rate", "most_dark", "hot_from", "hot_chance", "prnu", "scale",
+)  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,7 +50,7 @@ class Calibrated:
             )
         return cls(calibration, path.name, hashlib.sha256(path.read_bytes()).hexdigest(), record)
 
-    def told(self, sensor: Sensor) -> list[str]:
+    def told(self, sensor: Sensor, source: Source | None) -> list[str]:
         """What was applied, one line each; maps that options gave take the calibration's place."""
         found = self.calibration
         used = self._used(sensor)
@@ -58,7 +61,10 @@ class Calibrated:
             applied.append(f"{found.mask.sum()} masked jots")
         if used["efficiency"]:
             applied.append(f"response (PRNU {found.prnu:.2%})")
-        return [f"calibration {self.name}: {', '.join(applied) or 'nothing of it'}"]
+        lines = [f"calibration {self.name}: {', '.join(applied) or 'nothing of it'}"]
+        if applied and (unsure := found.unsure(source)) is not None:
+            lines.append(f"calibration {self.name}: {unsure}; jots are taken to lie alike")
+        return lines
 
     def _used(self, sensor: Sensor) -> dict[str, bool]:
         found = self.calibration
@@ -89,7 +95,7 @@ class Calibrated:
                 **{
                     name: value
                     for name, value in self.calibration.numbers().items()
-                    if name in ("false_positive_rate", "most_dark", "hot_from", "prnu", "scale")
+                    if name in _RECORDED
                 },
             },
         }

@@ -164,8 +164,8 @@ def _bits_facts(bits: Bits) -> list[tuple[str, str]]:
 def _calibration_facts(calibration: Calibration) -> list[tuple[str, str]]:
     from jotlight.calibration.page import facts
 
-    files = [(name, file) for name, file in calibration.files.items()]
-    return [("kind", "calibration"), *files, *facts(calibration)]
+    sources = [(name, str(source)) for name, source in calibration.sources.items()]
+    return [("kind", "calibration"), *sources, *facts(calibration)]
 
 
 def _network_facts(network: Network) -> list[tuple[str, str]]:

@@ -127,7 +127,7 @@ def seen_by_sensor(
     """The data, their sensor, and in a word where it is from."""
     if isinstance(capture, Bits):
         if calibration is not None:
-            calibration.check_shape(capture.shape[1:3])
+            calibration.check_capture(capture.shape[1:3], capture.source)
         if capture.sensor is None:
             words = "nothing beside the bits tells their sensor; assumed"
             if calibration is not None:
@@ -146,5 +146,5 @@ def seen_by_sensor(
     if calibration is None:
         return counts, Sensor(**given), "assumed"
     side = given.get("oversampling", 1)
-    calibration.check_shape(tuple(side * size for size in counts.shape[:2]))
+    calibration.check_capture(tuple(side * size for size in counts.shape[:2]), capture.source)
     return counts, calibration.sensor(**given), "assumed"

@@ -12,6 +12,7 @@ import typer
 
 from jotlight import __version__
 from jotlight.bits import Bits
+from jotlight.exposure import detected
 from jotlight.files import written_whole
 from jotlight.pictures import DISPLAYED, FLOATS, picture_writer
 from jotlight.planes import planes_writer
@@ -19,7 +20,7 @@ from jotlight.sensor import Sensor
 from jotlight.tone import CURVES, Tone, check_curve
 from jotlight.uncertainty import uncertainty
 
-UNITS = {"intensity": "intensity", "photons": "photons per pixel and frame"}
+UNITS = {"intensity": "intensity", "photons": "detected photons per pixel and frame"}
 """The units that floats may have, and what a file says of them."""
 
 _DEFAULT_CURVE = "gamma"
@@ -30,7 +31,11 @@ def _option(help_: str, *names: str, panel: str = "Output") -> Any:
 
 
 Units = Annotated[
-    str, _option("Of a .tif, .exr or .npy: intensity, or photons (per pixel and frame).")
+    str,
+    _option(
+        "Of a .tif, .exr or .npy: intensity, or photons (per frame, as a pixel of median response "
+        "detects them)."
+    ),
 ]
 Preview = Annotated[
     Path | None, _option("A .png or .jpg to look at beside the picture, white at a percentile.")
@@ -113,8 +118,7 @@ class Wanted:
 
     def scale(self, sensor: Sensor) -> np.float32:
         """What an intensity is to be multiplied by for the units."""
-        photons = np.float32(sensor._gain / sensor.frames)
-        return photons if self.units == "photons" else np.float32(1)
+        return np.float32(detected(sensor) if self.units == "photons" else 1)
 
     @contextlib.contextmanager
     def files(self) -> Iterator[list[Path]]:

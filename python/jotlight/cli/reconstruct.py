@@ -215,7 +215,7 @@ def reconstruct(
 
     def tell(largest: float, brightest: float) -> None:
         """Say what was assumed, and what is not as good as it could be."""
-        applied = [] if known is None else known.told(sensor)
+        applied = [] if known is None else known.told(sensor, capture.source)
         for line in (*opening.told(capture.source), *applied, f"{told}: {sensor!r}"):
             out.print(line, soft_wrap=True, markup=False)
         if raised:

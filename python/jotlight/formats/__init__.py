@@ -133,7 +133,7 @@ def open_capture(
         have = capture.images.shape[2] if isinstance(capture, Stack) else capture.width
         if width != have:
             raise ValueError(f"width: expected {have}, which {path} tells, got {width}")
-    return chosen(capture, frames, rotate, flip)
+    return chosen(capture, frames, rotate, flip, key)
 
 
 def _opened(

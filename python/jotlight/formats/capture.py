@@ -104,14 +104,26 @@ def check_expansion(name: str, size: int, there: int) -> None:
         )
 
 
-def chosen(capture: Capture, frames: slice | None, rotate: int, flip: str | None) -> Capture:
-    """Some of a capture's frames, turned and mirrored."""
+def chosen(
+    capture: Capture,
+    frames: slice | None,
+    rotate: int,
+    flip: str | None,
+    key: str | None = None,
+) -> Capture:
+    """Some of a capture's frames, turned and mirrored; `key` is noted."""
     quarters = check_turn(rotate, flip)
-    notes = [f"rotated by {90 * quarters} degrees anticlockwise"] if quarters else []
+    notes = [f"the array {key}"] if key is not None else []
+    if quarters:
+        notes.append(f"rotated by {90 * quarters} degrees anticlockwise")
     if flip is not None:
         notes.append(f"mirrored, {flip}")
+
+    def told(source: Source) -> Source:
+        return source.with_note(*notes).turned_by(quarters, flip)
+
     if isinstance(capture, Stack):
-        images, source = capture.images, capture.source.with_note(*notes)
+        images, source = capture.images, told(capture.source)
         if frames is not None:
             images = images[frames]
             if len(images) == 0:
@@ -126,7 +138,7 @@ def chosen(capture: Capture, frames: slice | None, rotate: int, flip: str | None
         return capture
     packed, width = turned_packed(capture.packed, capture.width, quarters, flip)
     sensor = capture.sensor and _turned_sensor(capture.sensor, quarters, flip)
-    return Bits(packed, width, sensor, capture.source and capture.source.with_note(*notes))
+    return Bits(packed, width, sensor, capture.source and told(capture.source))
 
 
 def _turned_images(

@@ -48,8 +48,6 @@ def capture_of(
         names = ", ".join(found) or "it has none of numbers"
         raise ValueError(f"{source.name}: expected the name of an array (--key): {names}{told}")
     frames, text = found[key].frames, found[key].label
-    if len(found) > 1:
-        source = source.with_note(f"the array {key}")
     try:
         if text is not None and not counts:
             return _labelled(frames, text, source, width)
