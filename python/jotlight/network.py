@@ -6,7 +6,6 @@ import math
 import operator
 import os
 from collections.abc import Callable, Mapping, Sequence
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
 
