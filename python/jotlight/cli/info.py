@@ -17,6 +17,7 @@ from jotlight.formats import open_capture
 from jotlight.formats.arrays import npz_names, read_npy, read_npz
 from jotlight.formats.capture import Capture, Stack
 from jotlight.formats.recognise import recognise
+from jotlight.formats.tiff import tiff_file
 from jotlight.network import Network
 from jotlight.pictures import read_picture
 from jotlight.tensors import told_format
@@ -109,10 +110,8 @@ def _is_picture(file: Path) -> bool:
     """Whether a file is a picture rather than a capture, unless the user says otherwise."""
     ending = file.suffix.lower()
     if ending in (".tif", ".tiff"):
-        import tifffile
-
         try:
-            with tifffile.TiffFile(file) as tiff:
+            with tiff_file(file) as tiff:
                 return tiff.series[0].dtype.kind == "f" or tiff.series[0].dtype == np.uint8
         except Exception:  # reading it will say what is wrong
             return True

@@ -13,6 +13,7 @@ from jotlight.errors import warn
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.capture import Capture, as_stack, check_expansion, packed_on_reading
 from jotlight.formats.raw import files_of
+from jotlight.formats.tiff import tiff_file
 from jotlight.frames import Frames, joined
 from jotlight.source import Source
 
@@ -50,10 +51,8 @@ def _images(path: Path, ending: str, name: str, read: Callable[[Path], Frames]) 
 
 
 def _tiff_frames(path: Path) -> Frames:
-    import tifffile
-
     try:
-        with tifffile.TiffFile(path) as file:
+        with tiff_file(path) as file:
             series = file.series[0]
             shape, dtype = series.shape, series.dtype
             check_expansion("the header", series.size * dtype.itemsize, path.stat().st_size)
@@ -69,7 +68,7 @@ def _tiff_frames(path: Path) -> Frames:
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
         try:
-            with tifffile.TiffFile(path) as file:
+            with tiff_file(path) as file:
                 series = file.series[0]
                 if not paged:
                     return np.asarray(series.asarray().reshape(full)[start:stop])
