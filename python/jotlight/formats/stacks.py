@@ -23,20 +23,18 @@ _EXPANDED = {2: 85, 4: 17}
 
 def open_tiff(path: Path) -> Capture:
     """Open a TIFF, or a folder of them in natural order."""
-    return _images(path, ".tiff" if _has(path, ".tiff") else ".tif", "tiff", _tiff_frames)
+    return _images(path, (".tif", ".tiff"), "tiff", _tiff_frames)
 
 
 def open_png(path: Path) -> Capture:
     """Open a grey PNG, or a folder of them in natural order; one bit deep, they are bits."""
-    return _images(path, ".png", "png", _png_frames)
+    return _images(path, (".png",), "png", _png_frames)
 
 
-def _has(path: Path, ending: str) -> bool:
-    return path.is_dir() and any(file.suffix.lower() == ending for file in path.iterdir())
-
-
-def _images(path: Path, ending: str, name: str, read: Callable[[Path], Frames]) -> Capture:
-    files = files_of(path, ending, name.upper())
+def _images(
+    path: Path, endings: tuple[str, ...], name: str, read: Callable[[Path], Frames]
+) -> Capture:
+    files = files_of(path, endings, name.upper())
     parts = [read(file) for file in files]
     if len({(part.shape[1:], part.dtype) for part in parts}) != 1:
         raise ValueError(f"{path}: expected images of one size and type")
