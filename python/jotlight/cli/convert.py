@@ -9,7 +9,7 @@ from jotlight.bits import Bits
 from jotlight.cli import opening
 from jotlight.cli.console import out, progress
 from jotlight.formats import open_capture
-from jotlight.formats.description import json_beside, maps_beside
+from jotlight.formats.description import maps_beside
 from jotlight.formats.writing import TARGETS, target_of, write_capture
 
 
@@ -41,7 +41,7 @@ def convert(
     name = target_of(output, to)
     made = {output}
     if name in ("npy", "npy.gz"):
-        made |= {json_beside(output), *maps_beside(output)}
+        made |= maps_beside(output)
     for file in made:
         opening.spare_capture(file, data)
     capture = open_capture(

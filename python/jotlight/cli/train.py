@@ -197,12 +197,13 @@ def _sensor_of(
     path: Path, format_: str | None, given: dict[str, Any], threads: int | None
 ) -> tuple[Sensor, float]:
     """The sensor of a capture, and how bright its scene is."""
-    if path.suffix.lower() == ".json" and path.is_file() and not path.with_suffix(".npy").exists():
+    data = path
+    if path.suffix.lower() == ".json":
+        data = path.with_suffix("" if path.stem.lower().endswith(".gz") else ".npy")
+    if data != path and path.is_file() and not data.exists():
         raise FileNotFoundError(
-            f"{path}: expected the bits beside it, {path.with_suffix('.npy').name}, which tell how "
-            "bright the scene is"
+            f"{path}: expected the bits beside it, {data.name}, which tell how bright the scene is"
         )
-    data = path.with_suffix(".npy") if path.suffix.lower() == ".json" else path
     seen = open_capture(data, format=format_)
     if isinstance(seen, Bits):
         own = seen.sensor or Sensor(frames=len(seen))

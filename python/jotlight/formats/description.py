@@ -30,16 +30,29 @@ def describe(width: int, sensor: Sensor | None, source: Source | None) -> dict[s
 
 
 def json_beside(path: Path) -> Path:
-    """Where the description of a cube stands."""
+    """Where the description of a cube is written."""
     if path.suffix.lower() == ".gz":
-        path = path.with_suffix("")
+        return path.with_name(f"{path.name}.json")
     return path.with_suffix(".json")
+
+
+def _json_of(path: Path) -> Path:
+    """The description that a cube is read with.
+
+    One that was compressed by other means has that of the `.npy` it was, unless that is there too.
+    """
+    beside, plain = json_beside(path), path.with_suffix("")
+    if beside.is_file() or path.suffix.lower() != ".gz" or plain.exists():
+        return beside
+    return json_beside(plain)
 
 
 def maps_beside(path: Path) -> set[Path]:
     """The files that bits in `path` have beside them: their description and the sensor's maps."""
-    beside = json_beside(path)
-    return {beside, *maps_named_by(beside)} if path.suffix in (".npy", ".gz") else set()
+    if path.suffix.lower() not in (".npy", ".gz"):
+        return set()
+    besides = {json_beside(path), _json_of(path)}
+    return besides.union(*map(maps_named_by, besides))
 
 
 def maps_named_by(beside: Path) -> set[Path]:
@@ -52,9 +65,11 @@ def maps_named_by(beside: Path) -> set[Path]:
     return {beside.parent / name for name in names if name in ours}
 
 
-def read_description(path: Path) -> tuple[int | None, Sensor | None, Source | None]:
-    """The width, the sensor and the source that the `.json` beside a cube tells."""
-    beside = json_beside(path)
+def read_description(
+    path: Path, shape: tuple[int, ...]
+) -> tuple[int | None, Sensor | None, Source | None]:
+    """The width, the sensor and the source that the `.json` beside a cube of this shape tells."""
+    beside = _json_of(path)
     if not beside.is_file():
         return None, None, None
     description = parse_ours(beside)
@@ -66,6 +81,11 @@ def read_description(path: Path) -> tuple[int | None, Sensor | None, Source | No
         raise ValueError(
             f"{beside}: expected version {_VERSION} and a width, got version "
             f"{description.get('version')!r} and width {width!r}"
+        )
+    if description.get("shape", list(shape)) != list(shape):
+        raise ValueError(
+            f"{beside}: describes a cube of shape {description['shape']}, and {path.name} has "
+            f"{list(shape)}; it belongs to another, so move it away"
         )
     try:
         told = description.get("source")

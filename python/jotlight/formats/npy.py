@@ -49,7 +49,7 @@ def described_bits(
     packed: npt.NDArray[np.uint8] | Frames, path: Path, width: int | None, format_: str = "npy"
 ) -> Bits:
     """Packed bits from a cube, with what the `.json` beside it says."""
-    told_width, sensor, source = read_description(path)
+    told_width, sensor, source = read_description(path, packed.shape)
     if source is None:
         source = Source(format_, path.name)
         if told_width is None:
@@ -86,7 +86,7 @@ def created_bits(
     path = Path(path)
     if path.suffix != ".npy":
         raise ValueError(f"{path}: expected a name that ends in .npy for packed bits")
-    with described(path, width, sensor, source) as cube:
+    with described(path, shape, width, sensor, source) as cube:
         packed = np.lib.format.open_memmap(cube, mode="w+", dtype=np.uint8, shape=shape)
         # Filling a memory map whose blocks the disk does not have would end the program.
         _allocate(cube)
@@ -97,7 +97,11 @@ def created_bits(
 
 @contextlib.contextmanager
 def described(
-    path: Path, width: int, sensor: Sensor | None, source: Source | None
+    path: Path,
+    shape: tuple[int, ...],
+    width: int,
+    sensor: Sensor | None,
+    source: Source | None,
 ) -> Iterator[Path]:
     """Give a temporary path for a cube; it and all that describes it appear when the block ends."""
     beside = json_beside(path)
@@ -111,7 +115,7 @@ def described(
             f"{foreign[0]} stands where a file that goes with {path.name} would be written, and "
             "jotlight did not write it for these bits; move it, or choose another name"
         )
-    description = describe(width, sensor, source)
+    description = {**describe(width, sensor, source), "shape": list(shape)}
     with contextlib.ExitStack() as stack:
         # What is entered first is put in place last: the bits once all that describes them stands.
         cube = stack.enter_context(written_whole(path))

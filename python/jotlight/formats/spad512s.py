@@ -59,7 +59,7 @@ def looks_sparse(path: Path) -> bool:
     words = np.fromfile(path, "<u4", min(_END + 1, path.stat().st_size // 4 - 1))
     ends = int((words == _END).sum())
     # In dark frames of a dense file most words are 0, which is a place of one jot.
-    return 0 < ends and words.max() <= _END and int((words == 0).sum()) <= ends + 1
+    return ends > 0 and words.max() <= _END and int((words == 0).sum()) <= ends + 1
 
 
 def open_spad512s(path: Path, *, sparse: bool = False) -> Bits:

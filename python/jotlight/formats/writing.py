@@ -120,7 +120,8 @@ def _write_bits(bits: Bits, path: Path, name: str) -> None:
         case "npy":
             save_bits(bits, path)
         case "npy.gz":
-            with described(path, bits.width, bits.sensor, bits.source) as cube:
+            shape = bits.packed.shape
+            with described(path, shape, bits.width, bits.sensor, bits.source) as cube:
                 _write_gzip(cube, bits.packed)
         case "hdf5":
             with written_whole(path) as temporary:
