@@ -257,6 +257,15 @@ def test_a_description_of_another_cube_is_refused(tmp_path):
     assert jl.open(tmp_path / "cube.npy").shape == (4, 3, 16)
 
 
+def test_what_a_file_was_converted_from_is_remembered_for_some_steps(tmp_path):
+    np.save(tmp_path / "cube.npy", np.zeros((2, 3, 2), np.uint8))
+    for _ in range(40):
+        jl.open(tmp_path / "cube.npy").save(tmp_path / "cube.npy")
+    source = jl.open(tmp_path / "cube.npy").source
+    assert source.told()[0] == "npy: converted from cube.npy"
+    assert 10 < len(source.told()) < 20
+
+
 @pytest.fixture
 def saved(tmp_path):
     """Bits whose sensor has a map, in a folder beside a map that they must not reach."""

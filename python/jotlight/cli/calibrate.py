@@ -89,7 +89,9 @@ def calibrate(
             "frames: is for counts; these are bits, which tell how many there are, and "
             "--frame-range takes some of them"
         )
-    told = [None if isinstance(capture, Bits) else frames for capture in captures]
+    told = [
+        None if isinstance(capture, Bits) else frames or capture.all_frames for capture in captures
+    ]
     if flat_frames is not None and flat is not None:
         told[1] = flat_frames
     with written_whole(output) as temporary, progress(1) as begin:

@@ -64,7 +64,7 @@ def convert(
                 what = f"counts of {capture!r}"
         else:
             image = capture.sum(update)
-            write_capture(image, output, name)
+            write_capture(image, output, name, frames=capture.all_frames, source=source)
             size = " x ".join(map(str, image.shape))
             what = f"<counts: {size}, {image.min()} to {image.max()}>"
     out.print(f"{output}: {name}, {what}", soft_wrap=True, markup=False)

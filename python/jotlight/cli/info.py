@@ -133,9 +133,12 @@ def _capture_facts(capture: Capture) -> list[tuple[str, str]]:
 
 
 def _notes(capture: Capture) -> list[tuple[str, str]]:
-    source = capture.source
-    notes = source.notes if source is not None else ()
-    return [("" if index else "assumed", note) for index, note in enumerate(notes)]
+    facts: list[tuple[str, str]] = []
+    for step in capture.source.steps() if capture.source is not None else ():
+        if step is not capture.source:
+            facts.append(("from", f"{step.format}, {step.name}"))
+        facts += [("" if index else "assumed", note) for index, note in enumerate(step.notes)]
+    return facts
 
 
 def _bits_facts(bits: Bits) -> list[tuple[str, str]]:

@@ -260,7 +260,7 @@ def reconstruct(
                 begin(title)
                 picture = run(seen, sensor, threads=threads, **settings)
         seconds = time.perf_counter() - start
-        note = wanted.note(sensor, title, opening.told(capture.source))
+        note = wanted.note(sensor, title, capture.source)
         wanted.write(files, picture, seen, sensor, white=white, note=note, threads=threads)
         record(sensor, method, data.name, capture.source)
     bright = float(np.quantile(picture, BRIGHT))

@@ -213,11 +213,7 @@ def _sensor_of(
         own = own.replace(**maps)
         sensor, scale = sensor_for(seen, own, threads=threads)
     else:
-        if "frames" not in given and "oversampling" not in given:
-            raise ValueError(
-                f"{path}: holds counts, and nothing tells out of how many bits; give --frames, or "
-                "--oversampling where a pixel covers many jots"
-            )
+        given = opening.with_frames(seen, path, given)
         sensor, scale = sensor_for(seen.sum(), Sensor(**given), threads=threads)
     if "frames" in given:
         sensor = sensor.replace(frames=given["frames"])

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from jotlight.bits import Bits
 from jotlight.errors import warn
-from jotlight.formats.arrays import read_npy
+from jotlight.formats.arrays import npz_label, read_npy
 from jotlight.formats.capture import Capture, Stack, as_stack, chosen, packed_on_reading
 from jotlight.formats.hdf5 import open_hdf5
 from jotlight.formats.matlab import open_matlab
@@ -147,7 +147,7 @@ def _opened(
         case "npz":
             # What is in archives has been counts so far.
             counts = True if counts is None else counts
-            return _of_array(zipped_npy(path, key), path, name, counts, width)
+            return _of_array(zipped_npy(path, key), path, name, counts, width, npz_label(path))
         case "matlab":
             return open_matlab(path, key=key, counts=counts)
         case "hdf5":
@@ -173,6 +173,7 @@ def _of_array(
     name: str,
     counts: bool | None,
     width: int | None,
+    label: str | None = None,
 ) -> Capture:
     """Bits or counts in an array: told by its type and shape unless `counts` says."""
     dimensions = len(array.shape)
@@ -186,7 +187,7 @@ def _of_array(
                 f"got {array.dtype} of shape {array.shape}"
             )
         return described_bits(array, path, width, name)
-    return as_stack(array, Source(name, path.name))
+    return as_stack(array, Source(name, path.name), label)
 
 
 __all__ = ["FORMATS", "load_bits", "open", "open_capture"]

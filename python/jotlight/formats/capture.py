@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from jotlight.bits import Bits
 from jotlight.errors import warn
+from jotlight.formats.description import read_counts_label
 from jotlight.formats.turning import check_turn, turned_image, turned_packed
 from jotlight.frames import Frames, parts_of_frames
 from jotlight.sensor import Sensor
@@ -30,6 +31,13 @@ class Stack:
     images: npt.NDArray[Any] | Frames
     """(T, H, W) or (T, H, W, C), whole numbers."""
     source: Source
+    frames: int | None = None
+    """Out of how many bits each count is, where the file tells."""
+
+    @property
+    def all_frames(self) -> int | None:
+        """The same for the sum of all images."""
+        return None if self.frames is None else self.frames * len(self.images)
 
     def sum(self, progress: Callable[[float], object] | None = None) -> Counts:
         """The sum of all images, (H, W) or (H, W, C), in memory of a few images."""
@@ -39,6 +47,11 @@ class Stack:
                 raise ValueError(
                     f"{self.source.name}: expected counts from 0 to 2**31 - 1, got "
                     f"{part.min()} to {part.max()}"
+                )
+            if self.frames is not None and part.max() > self.frames:
+                raise ValueError(
+                    f"{self.source.name}: its label tells of counts out of {self.frames}, and it "
+                    f"has {part.max()}"
                 )
             total += part.sum(axis=0, dtype=np.int64)
             if progress:
@@ -56,9 +69,10 @@ class Stack:
 Capture = Bits | Stack
 
 
-def as_stack(images: npt.NDArray[Any] | Frames, source: Source) -> Stack:
+def as_stack(images: npt.NDArray[Any] | Frames, source: Source, label: str | None = None) -> Stack:
     """Images of counts as a stack, or raise ValueError when their shape or type does not fit.
 
+    A label that jotlight wrote tells out of how many bits they are.
     Three dimensions of which the last is at most 4 are one image in colour.
     """
     shape = images.shape
@@ -70,10 +84,13 @@ def as_stack(images: npt.NDArray[Any] | Frames, source: Source) -> Stack:
     colour = (len(shape) == 3 and shape[2] <= 4) or len(shape) == 4
     if len(shape) == 4 and shape[3] > 4:
         raise ValueError(f"expected at most 4 channels, got shape {shape}")
+    frames, origin = read_counts_label(label)
+    source = dataclasses.replace(source, origin=origin)
+    if frames is not None:
+        source = source.with_note(f"counts out of {frames}, as the file tells")
     if len(shape) == 2 or (len(shape) == 3 and colour):
-        whole = np.asarray(images)
-        return Stack(whole[None], source)
-    return Stack(images, source.with_note(f"the sum of a stack of {shape[0]} images of counts"))
+        images = np.asarray(images)[None]
+    return Stack(images, source, frames)
 
 
 def packed_on_reading(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
@@ -109,13 +126,16 @@ def chosen(capture: Capture, frames: slice | None, rotate: int, flip: str | None
     if flip is not None:
         notes.append(f"mirrored, {flip}")
     if isinstance(capture, Stack):
-        images, source = capture.images, capture.source.with_note(*notes)
+        images, source = capture.images, capture.source
+        if len(images) > 1:
+            source = source.with_note(f"the sum of a stack of {len(images)} images of counts")
+        source = source.with_note(*notes)
         if frames is not None:
             images = images[frames]
             if len(images) == 0:
                 raise ValueError(f"frames: no frames in {frames!r} of {len(capture.images)}")
             source = source.with_note(f"of the stack {len(images)} of {len(capture.images)}")
-        return Stack(_turned_images(images, quarters, flip), source)
+        return Stack(_turned_images(images, quarters, flip), source, capture.frames)
     if frames is not None:
         capture = capture[frames]
     if not notes:

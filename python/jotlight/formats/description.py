@@ -11,7 +11,9 @@ from jotlight.formats.arrays import read_npy
 from jotlight.sensor import MAPS, Sensor
 from jotlight.source import Source
 
-_FORMAT = "jotlight bits"
+BITS = "jotlight bits"
+COUNTS = "jotlight counts"
+"""What our descriptions and labels call themselves."""
 _VERSION = 1
 
 _MOST_JSON = 1 << 20
@@ -20,13 +22,34 @@ _MOST_JSON = 1 << 20
 
 def describe(width: int, sensor: Sensor | None, source: Source | None) -> dict[str, Any]:
     """What goes into the `.json`; the names of files with maps are the caller's to add."""
-    description: dict[str, Any] = {"format": _FORMAT, "version": _VERSION, "width": width}
+    description: dict[str, Any] = {"format": BITS, "version": _VERSION, "width": width}
     if sensor is not None:
         description["sensor"] = sensor.numbers()
         description["maps"] = {}
     if source is not None:
         description["source"] = source.to_json()
     return description
+
+
+def label_counts(frames: int | None, source: Source | None) -> str | None:
+    """What goes into a file beside counts: out of how many bits each is, and where it is from."""
+    if frames is None and source is None:
+        return None
+    told: dict[str, Any] = {"format": COUNTS, "version": _VERSION, "frames": frames}
+    return json.dumps({**told, "source": None if source is None else source.to_json()})
+
+
+def read_counts_label(label: str | None) -> tuple[int | None, Source | None]:
+    """Undo :func:`label_counts`; nothing where the label is none of ours."""
+    told = parsed(label, COUNTS) if label is not None and len(label) <= _MOST_JSON else None
+    if told is None:
+        return None, None
+    frames, source = told.get("frames"), told.get("source")
+    if told.get("version") != _VERSION or (frames is not None and type(frames) is not int):
+        raise ValueError(f"label: expected version {_VERSION} and a whole number of frames")
+    if frames is not None and not 1 <= frames < 2**31:
+        raise ValueError(f"label: expected 1 to 2**31 - 1 frames, got {frames}")
+    return frames, None if source is None else Source.from_json(source)
 
 
 def json_beside(path: Path) -> Path:
@@ -104,16 +127,22 @@ def read_description(
 
 
 def parse_ours(path: Path) -> dict[str, Any] | None:
-    """The description in a file, or None when it is none of ours."""
+    """The description of bits in a file, or None when it is none of ours."""
     if path.stat().st_size > _MOST_JSON:
         return None
     try:
-        description = json.loads(path.read_text(encoding="utf-8"))
+        return parsed(path.read_text(encoding="utf-8"), BITS)
+    except ValueError:
+        return None
+
+
+def parsed(text: str, format_: str) -> dict[str, Any] | None:
+    """The object of this format in a text, or None."""
+    try:
+        told = json.loads(text)
     except (ValueError, RecursionError):
         return None
-    if isinstance(description, dict) and description.get("format") == _FORMAT:
-        return description
-    return None
+    return told if isinstance(told, dict) and told.get("format") == format_ else None
 
 
 def sibling(path: Path, name: object, what: str = "maps") -> Path:

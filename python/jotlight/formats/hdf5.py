@@ -1,7 +1,6 @@
 """HDF5: a data set of packed bits, of bool, or of counts. Needs the extra `hdf5`."""
 
 import contextlib
-import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -93,8 +92,8 @@ def open_hdf5(
     return capture_of(found, Source("hdf5", path.name), key=key, counts=counts, width=width)
 
 
-def write_hdf5(path: Path, data: Bits | npt.NDArray[np.int32]) -> None:
-    """Write packed bits, or an image of counts."""
+def write_hdf5(path: Path, data: Bits | npt.NDArray[np.int32], told: str | None = None) -> None:
+    """Write packed bits and the sensor's maps, or an image of counts and its label."""
     h5py = _h5py()
     with h5py.File(path, "w") as file:
         if isinstance(data, Bits):
@@ -106,6 +105,10 @@ def write_hdf5(path: Path, data: Bits | npt.NDArray[np.int32]) -> None:
             )
             for place, part in parts_of_frames(data.packed):
                 cube[place] = part
-            cube.attrs["jotlight"] = json.dumps(label(data))
+            cube.attrs["jotlight"] = label(data)
+            for name, map_ in (data.sensor.maps() if data.sensor else {}).items():
+                file.create_dataset(name, data=map_)
         else:
-            file.create_dataset("counts", data=data)
+            image = file.create_dataset("counts", data=data)
+            if told is not None:
+                image.attrs["jotlight"] = told

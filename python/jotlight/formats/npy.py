@@ -49,13 +49,12 @@ def described_bits(
     packed: npt.NDArray[np.uint8] | Frames, path: Path, width: int | None, format_: str = "npy"
 ) -> Bits:
     """Packed bits from a cube, with what the `.json` beside it says."""
-    told_width, sensor, source = read_description(path, packed.shape)
-    if source is None:
-        source = Source(format_, path.name)
-        if told_width is None:
-            source = source.with_note("taken for bits, the most significant first, along the width")
-            if width is None:
-                source = source.with_note("the width is taken to be a multiple of 8")
+    told_width, sensor, origin = read_description(path, packed.shape)
+    source = Source(format_, path.name, origin=origin)
+    if told_width is None:
+        source = source.with_note("taken for bits, the most significant first, along the width")
+        if width is None:
+            source = source.with_note("the width is taken to be a multiple of 8")
     if width is not None and told_width is not None and width != told_width:
         raise ValueError(
             f"{path}: the description beside it says a width of {told_width}, not {width}"

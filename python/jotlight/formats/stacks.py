@@ -32,10 +32,13 @@ def open_png(path: Path) -> Capture:
 
 
 def _images(
-    path: Path, endings: tuple[str, ...], name: str, read: Callable[[Path], Frames]
+    path: Path,
+    endings: tuple[str, ...],
+    name: str,
+    read: Callable[[Path], tuple[Frames, str | None]],
 ) -> Capture:
     files = files_of(path, endings, name.upper())
-    parts = [read(file) for file in files]
+    parts, labels = zip(*map(read, files), strict=True)
     if len({(part.shape[1:], part.dtype) for part in parts}) != 1:
         raise ValueError(f"{path}: expected images of one size and type")
     source = Source(name, path.name)
@@ -45,14 +48,15 @@ def _images(
     if frames.dtype == np.bool_ and frames.ndim == 3:
         source = source.with_note("black and white pictures are frames of bits, white for 1")
         return Bits(packed_on_reading(frames, path.name), frames.shape[2], source=source)
-    return as_stack(frames, source)
+    return as_stack(frames, source, labels[0] if len(files) == 1 else None)
 
 
-def _tiff_frames(path: Path) -> Frames:
+def _tiff_frames(path: Path) -> tuple[Frames, str | None]:
     try:
         with tiff_file(path) as file:
             series = file.series[0]
             shape, dtype = series.shape, series.dtype
+            told = file.pages[0].description
             check_expansion("the header", series.size * dtype.itemsize, path.stat().st_size)
             single = len(shape) == 2 or (len(shape) == 3 and shape[2] <= 4)
             paged = not single and len(series.pages) == shape[0]
@@ -79,10 +83,10 @@ def _tiff_frames(path: Path) -> Frames:
             raise ValueError(f"{path}: the TIFF file is damaged ({error})") from error
 
     full = (1, *shape) if single else shape
-    return Frames(full, read, dtype.newbyteorder("="))
+    return Frames(full, read, dtype.newbyteorder("=")), told
 
 
-def _png_frames(path: Path) -> Frames:
+def _png_frames(path: Path) -> tuple[Frames, None]:
     from PIL import Image
 
     def load() -> npt.NDArray[Any]:
@@ -115,7 +119,7 @@ def _png_frames(path: Path) -> Frames:
             raise ValueError(f"{path}: the PNG cannot be read as counts ({error})") from error
 
     first = said()
-    return Frames(first.shape, lambda start, stop: said()[start:stop], first.dtype)
+    return Frames(first.shape, lambda start, stop: said()[start:stop], first.dtype), None
 
 
 def read_mask(path: Path) -> npt.NDArray[np.bool_]:
@@ -125,7 +129,7 @@ def read_mask(path: Path) -> npt.NDArray[np.bool_]:
     else:
         if not path.is_file():
             raise FileNotFoundError(f"there is no file {path}")
-        mask = _png_frames(path).read(0, 1)[0] != 0
+        mask = _png_frames(path)[0].read(0, 1)[0] != 0
     if mask.dtype == np.bool_ and mask.size and mask.mean() > 0.5:
         warn(
             f"{path}: marks {mask.mean():.0%} of the jots as dead; if it marks the good ones, "
