@@ -135,6 +135,18 @@ def test_convert_sums_bits_where_the_format_holds_counts(run, tmp_path):
     np.testing.assert_array_equal(jl.open(tmp_path / "a.tif"), array.sum(0))
 
 
+def test_unpacked_frames_are_asked_about(run, tmp_path):
+    array = random(4, 6, 11)
+    np.save(tmp_path / "a.npy", array.astype(np.uint8))
+    for words in (["info", "a.npy"], ["reconstruct", "a.npy", "-o", "b.tif", "-m", "mle"]):
+        status, said = run(*words)
+        assert status == 1
+        assert "--unpacked" in said
+        assert run(*words, "--unpacked")[0] == 0
+    assert run("convert", "a.npy", "-o", "c.npy", "--unpacked")[0] == 0
+    np.testing.assert_array_equal(jl.open(tmp_path / "c.npy").to_array(), array)
+
+
 def test_raw_captures_are_reconstructed_and_described(run, tmp_path):
     array = random(4, 256, 512)
     (tmp_path / "a.bin").write_bytes(twin.half_array_bytes(array))

@@ -49,6 +49,7 @@ def calibrate(
         str | None, typer.Option(help="The same of the flat capture. Default: --key.")
     ] = None,
     counts: opening.Counts = None,
+    unpacked: opening.Unpacked = None,
     width: opening.Width = None,
     format_: opening.Format = None,
     frame_range: opening.FrameRange = None,
@@ -80,6 +81,7 @@ def calibrate(
         "rotate": rotate,
         "flip": flip,
         "counts": counts,
+        "unpacked": unpacked,
     }
     captures = [open_capture(dark, key=key, **reading)]
     if flat is not None:

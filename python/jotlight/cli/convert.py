@@ -33,6 +33,7 @@ def convert(
     width: opening.Width = None,
     key: opening.Key = None,
     counts: opening.Counts = None,
+    unpacked: opening.Unpacked = None,
 ) -> None:
     """Convert a capture from one format into another, in constant memory.
 
@@ -53,6 +54,7 @@ def convert(
         flip=flip,
         key=key,
         counts=counts,
+        unpacked=unpacked,
     )
     source = capture.source
     with progress(1) as begin:

@@ -39,6 +39,7 @@ def info(
     flip: opening.Flip = None,
     key: opening.Key = None,
     counts: opening.Counts = None,
+    unpacked: opening.Unpacked = None,
     plot: Annotated[
         Path | None,
         typer.Option(
@@ -53,6 +54,7 @@ def info(
     table.add_column(style="bold")
     table.add_column(overflow="fold")
     reading: dict[str, Any] = {"format": format_, "width": width, "key": key, "counts": counts}
+    reading["unpacked"] = unpacked
     reading |= {"frames": opening.frames_of(frame_range), "rotate": rotate or None, "flip": flip}
     reading = {name: told for name, told in reading.items() if told is not None}
     for name, value in _facts(file, reading):

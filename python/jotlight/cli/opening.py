@@ -48,6 +48,14 @@ Counts = Annotated[
         "--counts/--bits",
     ),
 ]
+Unpacked = Annotated[
+    bool | None,
+    _option(
+        "Whether each number is one bit, 0 and 1 or 0 and 255, or each byte has eight. Default: "
+        "eight, and what does not look so is refused.",
+        "--unpacked/--packed",
+    ),
+]
 Key = Annotated[str | None, _option("Name of the array in a .npz, .mat, HDF5 file or zarr folder.")]
 
 

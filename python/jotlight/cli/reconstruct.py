@@ -114,6 +114,7 @@ def reconstruct(
     ] = None,
     key: opening.Key = None,
     counts: opening.Counts = None,
+    unpacked: opening.Unpacked = None,
     width: opening.Width = None,
     format_: opening.Format = None,
     frame_range: opening.FrameRange = None,
@@ -182,6 +183,7 @@ def reconstruct(
         flip=flip,
         key=key,
         counts=counts,
+        unpacked=unpacked,
     )
     known = None if calibration is None else Calibrated.read(calibration, output)
     if known is not None:

@@ -101,6 +101,7 @@ def train(
         Path | None, typer.Option(help="A figure of the run and the network: .png, .pdf or .svg.")
     ] = None,
     format_: opening.Format = None,
+    unpacked: opening.Unpacked = None,
     key: options.Key = None,
     test_key: Annotated[
         str | None, typer.Option(help="Name of the array in the .npz of --test.")
@@ -143,7 +144,9 @@ def train(
         sensor = network.sensor.replace(**given)
     else:
         if capture is not None:
-            sensor, scale = _sensor_of(capture, format_, given, threads)
+            sensor, scale = _sensor_of(
+                capture, {"format": format_, "unpacked": unpacked}, given, threads
+            )
         else:
             sensor = Sensor(**{"oversampling": 4, **given})
         network = Network.initial(sensor, sigma=0.7 if sigma is None else sigma, tied=not untied)
@@ -194,7 +197,7 @@ def train(
 
 
 def _sensor_of(
-    path: Path, format_: str | None, given: dict[str, Any], threads: int | None
+    path: Path, reading: dict[str, Any], given: dict[str, Any], threads: int | None
 ) -> tuple[Sensor, float]:
     """The sensor of a capture, and how bright its scene is."""
     data = path
@@ -204,7 +207,7 @@ def _sensor_of(
         raise FileNotFoundError(
             f"{path}: expected the bits beside it, {data.name}, which tell how bright the scene is"
         )
-    seen = open_capture(data, format=format_)
+    seen = open_capture(data, **reading)
     if isinstance(seen, Bits):
         own = seen.sensor or Sensor(frames=len(seen))
         # Some numbers are of the capture, and others may be told of the network: windows of so

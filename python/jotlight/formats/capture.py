@@ -20,6 +20,11 @@ Counts = npt.NDArray[np.int32]
 _MOST_EXPANSION = 1100
 """Bytes that a byte of a compressed file can become; DEFLATE, the most common, stays below 1033."""
 
+_LOOKED_AT = 1 << 20
+"""Bytes of the first frames that tell whether they are packed."""
+_FEWEST = 8
+"""Jots that fire in them, at least, for that to be told."""
+
 _SLACK = 1 << 24
 """Bytes that any file may become."""
 
@@ -94,13 +99,14 @@ def as_stack(images: npt.NDArray[Any] | Frames, source: Source, label: str | Non
 
 
 def packed_on_reading(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
-    """Unpacked frames (T, H, W) or (T, H, W, C) of 0 and 1, packed as they are read."""
+    """Unpacked frames (T, H, W) or (T, H, W, C) of 0 and 1, or 255, packed as they are read."""
     count, height, width, *channels = frames.shape
 
     def read(start: int, stop: int) -> npt.NDArray[np.uint8]:
         out = np.empty((stop - start, height, (width + 7) // 8, *channels), np.uint8)
         for place, part in parts_of_frames(frames[start:stop]):
-            if part.dtype != np.bool_ and not np.isin(part, (0, 1)).all():
+            bits = np.isin(part, (0, 1)).all() or np.isin(part, (0, 255)).all()
+            if part.dtype != np.bool_ and not bits:
                 raise ValueError(
                     f"{name}: expected bits, 0 and 1 only, got {part.min()} to {part.max()}; "
                     "counts=True (--counts) takes the numbers for counts"
@@ -109,6 +115,29 @@ def packed_on_reading(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
         return out
 
     return Frames((count, height, (width + 7) // 8, *channels), read)
+
+
+def unpacked_bits(stack: Stack) -> Bits:
+    """Images of which each number is one bit, as bits."""
+    images, source = stack.images, stack.source
+    packed = packed_on_reading(images, source.name)
+    return Bits(packed, images.shape[2], source=source.with_note("one bit in each number"))
+
+
+def check_packed(frames: npt.NDArray[np.uint8] | Frames, name: str) -> None:
+    """Raise ValueError when the first frames look as if each byte were one bit.
+
+    Then there is nothing but 0 and 1, or 0 and 255, though many jots fire.
+    """
+    each = max(1, frames.nbytes // max(1, len(frames)))
+    first = np.asarray(frames[: max(1, _LOOKED_AT // each), ...])
+    levels = np.flatnonzero(np.bincount(first.reshape(-1), minlength=256))
+    if levels.tolist() in ([0, 1], [0, 255]) and (first != 0).any(axis=0).sum() >= _FEWEST:
+        raise ValueError(
+            f"{name}: its first frames hold nothing but 0 and {levels[1]}, as frames do that are "
+            "not packed; give unpacked=True (--unpacked) for one bit in each byte, or "
+            "unpacked=False (--packed) for eight"
+        )
 
 
 def check_expansion(name: str, size: int, there: int) -> None:

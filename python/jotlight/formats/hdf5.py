@@ -84,12 +84,14 @@ def open_hdf5(
     key: str | None = None,
     counts: bool | None = None,
     width: int | None = None,
+    sure: bool = False,
 ) -> Capture:
     """Open the data set of a file, by name where it has several."""
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
     found = open_file(path)
-    return capture_of(found, Source("hdf5", path.name), key=key, counts=counts, width=width)
+    source = Source("hdf5", path.name)
+    return capture_of(found, source, key=key, counts=counts, width=width, sure=sure)
 
 
 def write_hdf5(path: Path, data: Bits | npt.NDArray[np.int32], told: str | None = None) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from jotlight.bits import Bits
-from jotlight.formats.capture import Capture, as_stack, packed_on_reading
+from jotlight.formats.capture import Capture, as_stack, check_packed, packed_on_reading
 from jotlight.formats.description import BITS, describe, parsed
 from jotlight.frames import Frames
 from jotlight.sensor import MAPS, Sensor
@@ -37,8 +37,9 @@ def capture_of(
     key: str | None,
     counts: bool | None,
     width: int | None,
+    sure: bool = False,
 ) -> Capture:
-    """The capture in one of the arrays."""
+    """The capture in one of the arrays; packed bits are to look so, unless the user is `sure`."""
     labelled = [name for name, item in found.items() if item.label is not None]
     if key is None and (len(found) == 1 or len(labelled) == 1):
         key = next(iter(labelled or found))
@@ -61,6 +62,8 @@ def capture_of(
             raise ValueError(f"expected frames (T, H, W) or (T, H, W, C), got {frames.shape}")
         if frames.dtype.kind == "b":
             return Bits(packed_on_reading(frames, source.name), frames.shape[2], source=source)
+        if not sure:
+            check_packed(frames, source.name)
         source = source.with_note("packed bits, the most significant first, along the width")
         return Bits(frames, width, source=source)
     except (TypeError, ValueError) as error:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from jotlight.bits import Bits
 from jotlight.files import written_whole
 from jotlight.formats.arrays import read_npy
+from jotlight.formats.capture import check_packed
 from jotlight.formats.description import (
     describe,
     json_beside,
@@ -46,12 +47,22 @@ def load_bits(path: str | os.PathLike[str], *, width: int | None = None) -> Bits
 
 
 def described_bits(
-    packed: npt.NDArray[np.uint8] | Frames, path: Path, width: int | None, format_: str = "npy"
+    packed: npt.NDArray[np.uint8] | Frames,
+    path: Path,
+    width: int | None,
+    format_: str = "npy",
+    *,
+    sure: bool = False,
 ) -> Bits:
-    """Packed bits from a cube, with what the `.json` beside it says."""
+    """Packed bits from a cube, with what the `.json` beside it says.
+
+    Without that, and unless the user is `sure`, its first frames are to look packed.
+    """
     told_width, sensor, origin = read_description(path, packed.shape)
     source = Source(format_, path.name, origin=origin)
     if told_width is None:
+        if not sure:
+            check_packed(packed, str(path))
         source = source.with_note("taken for bits, the most significant first, along the width")
         if width is None:
             source = source.with_note("the width is taken to be a multiple of 8")

@@ -44,6 +44,7 @@ def open_zarr(
     key: str | None = None,
     counts: bool | None = None,
     width: int | None = None,
+    sure: bool = False,
 ) -> Capture:
     """Open the array of a folder, by name where it has several."""
     zarr = _zarr()
@@ -54,7 +55,8 @@ def open_zarr(
         # Of the others only those that may belong to it.
         folders = {name: folders[name] for name in (key, *MAPS) if name in folders}
     found = {name: _item(zarr, folder) for name, folder in folders.items()}
-    return capture_of(found, Source("zarr", path.name), key=key, counts=counts, width=width)
+    source = Source("zarr", path.name)
+    return capture_of(found, source, key=key, counts=counts, width=width, sure=sure)
 
 
 def _arrays(path: Path) -> list[Path]:
