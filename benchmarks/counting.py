@@ -2,8 +2,8 @@
 
     python benchmarks/counting.py [--frames 20000]
 
-Writes a photon cube of 256 x 512 jots (16 KiB a frame) to the temporary folder, and reads it once,
-so that it is in memory. NumPy unpacks and sums a hundred frames at a time. Reading alone is NumPy's
+Writes a photon cube of 256 x 512 jots (16 KiB a frame) to the temporary folder, and counts it once,
+so that the file is warm: in the page cache, from where all of them read it. NumPy unpacks and sums a hundred frames at a time. Reading alone is NumPy's
 sum of the same bytes as 64-bit words, which is bound by memory. The most memory that a process
 takes which opens and counts the file, imports and all, is measured beside (on Linux).
 """
@@ -41,7 +41,7 @@ def main() -> None:
         path = Path(folder) / "cube.npy"
         write(path, frames)
         bits = jl.open(path)
-        counts = bits.counts(threads=1)
+        counts = bits.counts(threads=1)  # which warms the file
         assert all((bits.counts(threads=threads) == counts).all() for threads in (2, 7))
         runs = {
             "jotlight, one thread": lambda: bits.counts(threads=1),

@@ -186,7 +186,10 @@ def test_folders_are_reconstructed_and_described(run, tmp_path):
         (["convert", "a.npy", "-o", "b"], "(--to): visionsim, swissspad2"),
         (["convert", "a.npy", "-o", "b.xyz"], "tells no single format"),
         (["convert", "a.npy", "-o", "b.npy", "--to", "png"], "ends in .png for png"),
-        (["convert", "a.npy", "-o", "b.bin", "--to", "matlab"], "nothing, for a folder"),
+        (
+            ["convert", "a.npy", "-o", "b.bin", "--to", "matlab"],
+            "expected a name without ending, of a new folder, for matlab",
+        ),
         (["convert", "a.npy", "-o", "b.bin", "--to", "mp4"], "to: expected one of npy"),
         (["convert", "a.npy", "-o", "b.bin", "--to", "swissspad2"], "256 x 512"),
         (["convert", "a.npy", "-o", "b.npy", "--frame-range", "5"], "frame-range: expected A:B"),

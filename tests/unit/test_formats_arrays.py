@@ -196,12 +196,37 @@ def test_visionsim_with_many_files_and_offsets(tmp_path):
     np.testing.assert_array_equal(jl.open(folder).to_array(), array[::-1])
 
 
+def test_visionsim_may_have_its_frames_in_a_folder_below(tmp_path):
+    array = random((6, 5, 12))
+    frames = [
+        {"file_path": f"frames/{index // 4:04}.npy", "bitpack_dim": 2, "offset": index % 4}
+        for index in range(6)
+    ]
+    folder = transforms(tmp_path / "set", frames, w=12, h=5, c=1)
+    (folder / "frames").mkdir()
+    np.save(folder / "frames" / "0000.npy", np.packbits(array[:4, ..., None], axis=2))
+    np.save(folder / "frames" / "0001.npy", np.packbits(array[4:, ..., None], axis=2))
+    np.testing.assert_array_equal(jl.open(folder).to_array(), array)
+    # Neither a link to a file elsewhere is followed, nor one to a folder, nor one in a circle.
+    (folder / "frames").rename(tmp_path / "frames")
+    for target in (tmp_path / "frames", folder / "frames"):
+        (folder / "frames").symlink_to(target)
+        with pytest.raises(ValueError, match="file in the same folder or below"):
+            jl.open(folder)
+        (folder / "frames").unlink()
+    (folder / "frames").mkdir()
+    (folder / "frames" / "0000.npy").symlink_to(tmp_path / "frames" / "0000.npy")
+    with pytest.raises(ValueError, match="file in the same folder or below"):
+        jl.open(folder)
+
+
 @pytest.mark.parametrize(
     ("told", "message"),
     [
         ({"file_path": "../out.npy"}, "a file in the same folder"),
         ({"file_path": "/etc/passwd"}, "a file in the same folder"),
         ({"file_path": 7}, "a file in the same folder"),
+        ({"file_path": "b/../../out.npy"}, "a file in the same folder"),
         ({"w": 99}, "w, c: tell of frames"),
         ({"w": "12"}, "expected whole numbers"),
         ({"h": -5}, "expected whole numbers"),

@@ -14,8 +14,9 @@ from jotlight.cli import opening
 from jotlight.cli.console import out, progress
 from jotlight.files import spare_inputs, written_whole
 from jotlight.formats import open_capture
-from jotlight.formats.arrays import npz_names, read_npy, read_npz
+from jotlight.formats.arrays import npz_label, npz_names, read_npy, read_npz
 from jotlight.formats.capture import Capture, Stack
+from jotlight.formats.description import read_counts_label
 from jotlight.formats.recognise import recognise
 from jotlight.formats.tiff import tiff_file
 from jotlight.network import Network
@@ -94,7 +95,7 @@ def _facts(file: Path, reading: dict[str, Any]) -> list[tuple[str, str]]:
             return _calibration_facts(Calibration.load(file))
         return _network_facts(Network.load(file))
     if not reading and file.is_file():
-        if ending == ".npz":
+        if ending == ".npz" and npz_label(file) is None:
             facts = [("kind", "archive of arrays")]
             for name in npz_names(file):
                 array = read_npz(file, name)
@@ -103,9 +104,24 @@ def _facts(file: Path, reading: dict[str, Any]) -> list[tuple[str, str]]:
         if ending == ".npy" and (array := read_npy(file)).dtype.kind not in "biu":
             return [("kind", "array"), ("shape", _by(array.shape)), *_range(np.asarray(array))]
         if _is_picture(file):
-            picture = read_picture(file)
-            return [("kind", "picture"), ("shape", _by(picture.shape)), *_range(picture)]
+            return _picture_facts(file)
     return _capture_facts(open_capture(file, **reading))
+
+
+def _picture_facts(file: Path) -> list[tuple[str, str]]:
+    picture, levels = read_picture(file), read_picture(file, white=1)
+    facts = [("kind", "picture"), ("shape", _by(picture.shape)), *_range(picture)]
+    ending = file.suffix.lower()
+    colour = levels.ndim == 3 and ending not in (".tif", ".tiff")
+    if ending in _PICTURES or colour or (picture == levels).all():
+        return facts
+    return [
+        ("kind", "counts, or a picture"),
+        facts[1],
+        ("counts", f"{levels.min():g} to {levels.max():g}"),
+        ("picture", facts[2][1]),
+        ("", "--counts tells of it as a capture"),
+    ]
 
 
 def _is_picture(file: Path) -> bool:
@@ -114,7 +130,11 @@ def _is_picture(file: Path) -> bool:
     if ending in (".tif", ".tiff"):
         try:
             with tiff_file(file) as tiff:
-                return tiff.series[0].dtype.kind == "f" or tiff.series[0].dtype == np.uint8
+                shape, dtype = tiff.series[0].shape, tiff.series[0].dtype
+                single = len(shape) == 2 or (len(shape) == 3 and shape[2] <= 4)
+                if read_counts_label(tiff.pages[0].description) != (None, None):
+                    return False
+                return bool(dtype.kind == "f" or (dtype == np.uint8 and single))
         except Exception:  # reading it will say what is wrong
             return True
     try:

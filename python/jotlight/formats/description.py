@@ -1,5 +1,6 @@
 """What a photon cube cannot say, in a `.json` beside it: true width, sensor and source."""
 
+import contextlib
 import json
 from pathlib import Path
 from typing import Any
@@ -145,7 +146,21 @@ def parsed(text: str, format_: str) -> dict[str, Any] | None:
     return told if isinstance(told, dict) and told.get("format") == format_ else None
 
 
-def sibling(path: Path, name: object, what: str = "maps") -> Path:
+def inside(path: Path, name: object, what: str) -> Path:
+    """A file in the folder of another or below it, which no link leads out of."""
+    folder = path.parent
+    if isinstance(name, str) and name not in ("", ".") and "\0" not in name:
+        relative, found = Path(name), folder / name
+        with contextlib.suppress(OSError, RuntimeError):  # links that lead in a circle
+            within = found.resolve().is_relative_to(folder.resolve())
+            if within and not relative.anchor and ".." not in relative.parts:
+                return found
+    raise ValueError(
+        f"{what}: expected the name of a file in the same folder or below, got {name!r}"
+    )
+
+
+def sibling(path: Path, name: object) -> Path:
     """A file in the same folder: a description from a stranger must not point elsewhere."""
     if (
         not isinstance(name, str)
@@ -153,5 +168,5 @@ def sibling(path: Path, name: object, what: str = "maps") -> Path:
         or name in ("", ".", "..")
         or "\0" in name
     ):
-        raise ValueError(f"{what}: expected the name of a file in the same folder, got {name!r}")
+        raise ValueError(f"maps: expected the name of a file in the same folder, got {name!r}")
     return path.parent / name

@@ -81,8 +81,9 @@ def target_of(path: Path, name: str | None = None) -> str:
         )
     if name not in fit:
         target = TARGETS[name]
-        ways = [*target.endings, *(["nothing, for a folder"] if target.folder else [])]
-        raise ValueError(f"{path}: expected a name that ends in {' or '.join(ways)} for {name}")
+        ways = [f"a name that ends in {' or '.join(target.endings)}"] if target.endings else []
+        ways += ["a name without ending, of a new folder,"] if target.folder else []
+        raise ValueError(f"{path}: expected {' or '.join(ways)} for {name}")
     return name
 
 
