@@ -3,9 +3,10 @@
     python benchmarks/counting.py [--frames 20000]
 
 Writes a photon cube of 256 x 512 jots (16 KiB a frame) to the temporary folder, and counts it once,
-so that the file is warm: in the page cache, from where all of them read it. NumPy unpacks and sums a hundred frames at a time. Reading alone is NumPy's
-sum of the same bytes as 64-bit words, which is bound by memory. The most memory that a process
-takes which opens and counts the file, imports and all, is measured beside (on Linux).
+so that the file is warm: in the page cache, from where all of them read it. NumPy unpacks and sums
+a hundred frames at a time. Reading alone is NumPy's sum of the same bytes as 64-bit words, which is
+bound by memory. The most memory that a process takes which opens and counts the file, imports and
+all, is measured beside (on Linux).
 """
 
 import argparse
