@@ -357,7 +357,7 @@ class Network:
         """The picture, some rows at a time: each part has a border of the halo's width."""
         height, width = shape
         taps = sum(layer.filters.size for layer in self.layers)
-        rows = max(8 * self.halo, _TAPS // (taps * width), 1)
+        rows = max(4 * self.halo, _TAPS // (taps * width), 1)
         if rows >= height:
             return of_rows(slice(0, height))
         picture = np.empty((height, width), np.float32)

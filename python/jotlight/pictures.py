@@ -14,7 +14,7 @@ import numpy.typing as npt
 from jotlight.exr import check_exr, write_exr
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.capture import check_expansion
-from jotlight.formats.stacks import first_series
+from jotlight.formats.tiff import tiff_file
 from jotlight.image import luma
 
 Picture = npt.NDArray[np.floating[Any]]
@@ -146,7 +146,10 @@ def _turned(array: npt.NDArray[Any], orientation: int) -> npt.NDArray[Any]:
 
 def _read_tiff(path: Path) -> tuple[npt.NDArray[Any], float | None]:
     try:
-        with first_series(path) as series:
+        with tiff_file(path) as file:
+            series = file.series[0]
+            size = series.size * series.dtype.itemsize
+            check_expansion("the header", size, path.stat().st_size)
             array = np.asarray(series.asarray())
     except Exception as error:  # anything: tifffile does not check what it reads
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error

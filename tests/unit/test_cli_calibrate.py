@@ -238,7 +238,7 @@ def test_two_arrays_of_one_file_are_told_apart(run, captures):
     words = ("reconstruct", "both.npz", "--key", "flat", "-t", 600, "-m", "mle", "-o", "a.tif")
     assert run(*words, "--calibration", "c.safetensors")[0] == 0
     with tifffile.TiffFile("a.tif") as file:
-        assert json.loads(file.pages[0].description)["source"] == ["npz: the array flat"]
+        assert json.loads(file.pages[0].description)["source"]["notes"] == ["the array flat"]
     assert json.loads((captures / "a.tif.json").read_text())["source"]["notes"] == [
         "the array flat"
     ]

@@ -74,7 +74,8 @@ def test_sensor_and_source_are_kept(tmp_path, name):
     bits.sensor = jl.Sensor(frames=2, gain=4.0)
     write_capture(bits, path_of(tmp_path, name), name)
     again = jl.open(path_of(tmp_path, name))
-    assert (again.sensor, again.source) == (bits.sensor, bits.source)
+    assert (again.sensor, again.source.origin) == (bits.sensor, bits.source)
+    assert (again.source.format, again.source.name) == (name, path_of(tmp_path, name).name)
 
 
 @pytest.mark.parametrize(("first", "second"), [*itertools.product(COUNTS, COUNTS)])
@@ -134,6 +135,18 @@ def test_convert_sums_bits_where_the_format_holds_counts(run, tmp_path):
     np.testing.assert_array_equal(jl.open(tmp_path / "a.tif"), array.sum(0))
 
 
+def test_unpacked_frames_are_asked_about(run, tmp_path):
+    array = random(4, 6, 11)
+    np.save(tmp_path / "a.npy", array.astype(np.uint8))
+    for words in (["info", "a.npy"], ["reconstruct", "a.npy", "-o", "b.tif", "-m", "mle"]):
+        status, said = run(*words)
+        assert status == 1
+        assert "--unpacked" in said
+        assert run(*words, "--unpacked")[0] == 0
+    assert run("convert", "a.npy", "-o", "c.npy", "--unpacked")[0] == 0
+    np.testing.assert_array_equal(jl.open(tmp_path / "c.npy").to_array(), array)
+
+
 def test_raw_captures_are_reconstructed_and_described(run, tmp_path):
     array = random(4, 256, 512)
     (tmp_path / "a.bin").write_bytes(twin.half_array_bytes(array))
@@ -173,7 +186,10 @@ def test_folders_are_reconstructed_and_described(run, tmp_path):
         (["convert", "a.npy", "-o", "b"], "(--to): visionsim, swissspad2"),
         (["convert", "a.npy", "-o", "b.xyz"], "tells no single format"),
         (["convert", "a.npy", "-o", "b.npy", "--to", "png"], "ends in .png for png"),
-        (["convert", "a.npy", "-o", "b.bin", "--to", "matlab"], "nothing, for a folder"),
+        (
+            ["convert", "a.npy", "-o", "b.bin", "--to", "matlab"],
+            "expected a name without ending, of a new folder, for matlab",
+        ),
         (["convert", "a.npy", "-o", "b.bin", "--to", "mp4"], "to: expected one of npy"),
         (["convert", "a.npy", "-o", "b.bin", "--to", "swissspad2"], "256 x 512"),
         (["convert", "a.npy", "-o", "b.npy", "--frame-range", "5"], "frame-range: expected A:B"),
@@ -227,9 +243,74 @@ def test_the_name_of_a_file_tells_its_format(tmp_path):
     assert told == {name for name in TARGETS if TARGETS[name].endings not in ((), (".bin",))}
 
 
-@pytest.mark.parametrize("name", ["hdf5", "zarr", "visionsim"])
-def test_a_sensor_that_has_no_place_is_left_out_and_said(tmp_path, name):
+@pytest.mark.parametrize("name", [name for name in BITS if TARGETS[name].keeps])
+@pytest.mark.parametrize("maps", [("mask",), ("dark_counts", "efficiency", "mask")])
+def test_the_maps_of_a_sensor_are_kept(tmp_path, name, maps):
     pytest.importorskip(NEEDS.get(name, "numpy"))
+    values = {
+        "dark_counts": np.linspace(0, 0.1, 65).reshape(5, 13),
+        "efficiency": np.linspace(0.5, 1, 65).reshape(5, 13),
+        "mask": np.eye(5, 13, dtype=bool),
+    }
+    sensor = jl.Sensor(frames=3, **{each: values[each] for each in maps})
+    bits = jl.Bits.from_array(random(3, 5, 13), sensor)
+    write_capture(bits, path_of(tmp_path, name), name)
+    again = jl.open(path_of(tmp_path, name))
+    assert again.sensor == sensor
+    np.testing.assert_array_equal(again.to_array(), bits.to_array())
+    if name in ("hdf5", "zarr"):
+        assert jl.open(path_of(tmp_path, name), key="bits").sensor == sensor
+        map_ = jl.open(path_of(tmp_path, name), key="mask")
+        np.testing.assert_array_equal(map_, values["mask"])
+
+
+@pytest.mark.parametrize("name", ["tiff", "npz", "hdf5", "zarr"])
+def test_counts_tell_out_of_how_many_bits_they_are(run, tmp_path, name):
+    pytest.importorskip(NEEDS.get(name, "numpy"))
+    array = random(40, 6, 8)
+    jl.Bits.from_array(array).save(tmp_path / "a.npy")
+    first, second = path_of(tmp_path, name), path_of(tmp_path, "tiff", "again")
+    assert run("convert", "a.npy", "-o", "t.tif")[0] == 0
+    assert run("convert", "t.tif", "-o", first)[0] == 0
+    assert run("convert", first, "-o", second)[0] == 0
+    expected = jl.mle(array.sum(0), jl.Sensor(frames=40, max_intensity=np.log(80)))
+    for path in (first, second):
+        np.testing.assert_array_equal(jl.open(path), array.sum(0))
+        status, said = run("reconstruct", path, "-o", "b.npy", "-m", "mle")
+        assert status == 0, said
+        assert "counts out of 40, as the file tells" in said
+        assert "npy" in said
+        np.testing.assert_array_equal(np.load(tmp_path / "b.npy"), expected)
+    assert "npy, a.npy" in run("info", second, "--counts")[1]
+    assert run("reconstruct", first, "-o", "b.npy", "-m", "mle", "--frames", 50)[0] == 0
+    assert np.load(tmp_path / "b.npy").max() < expected.max()
+
+
+def test_a_label_of_counts_is_checked(tmp_path):
+    counts = np.full((3, 4), 7, np.int32)
+    write_capture(counts, tmp_path / "a.tif", "tiff", frames=6)
+    with pytest.raises(ValueError, match="its label tells of counts out of 6, and it has 7"):
+        jl.open(tmp_path / "a.tif")
+    for wrong in (0, -1, 2**31, "6", 1.5):
+        write_capture(counts, tmp_path / "a.tif", "tiff", frames=wrong)
+        with pytest.raises(ValueError, match="label: expected"):
+            jl.open(tmp_path / "a.tif")
+
+
+def test_info_tells_the_format_of_the_file_and_what_it_was_converted_from(run, tmp_path):
+    (tmp_path / "a.bin").write_bytes(twin.half_array_bytes(random(2, 256, 512)))
+    assert run("convert", "a.bin", "--format", "swissspad2", "-o", "b.npy.gz")[0] == 0
+    assert run("convert", "b.npy.gz", "-o", "c.npy")[0] == 0
+    status, said = run("info", "c.npy")
+    assert status == 0
+    lines = [" ".join(line.split()) for line in said.splitlines()]
+    assert "format npy" in lines
+    assert "from npy.gz, b.npy.gz" in lines
+    assert "from swissspad2, a.bin" in lines
+
+
+def test_a_sensor_that_has_no_place_is_left_out_and_said(tmp_path):
+    name = "visionsim"
     sensor = jl.Sensor(frames=3, mask=np.eye(5, 13, dtype=bool))
     bits = jl.Bits.from_array(random(3, 5, 13), sensor)
     with pytest.warns(jl.JotlightWarning, match="no place for the sensor"):

@@ -49,6 +49,7 @@ def test_floats_come_in_photons_and_say_so(run, capture, tmp_path, ending):
         about = json.loads(note)
         assert about["units"] == "detected photons per pixel and frame"
         assert about["sensor"]["gain"] == 10
+        assert about["source"]["name"] == "known.npy"
 
 
 def test_a_capture_of_an_unknown_sensor_is_not_clipped(run, capture, tmp_path):

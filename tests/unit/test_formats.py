@@ -9,6 +9,7 @@ import pytest
 import jotlight as jl
 from jotlight.formats.arrays import read_npy, read_npz
 from jotlight.formats.npy import created_bits
+from jotlight.formats.writing import write_capture
 
 
 def random_bits(shape, sensor=None, seed=0):
@@ -232,6 +233,39 @@ def test_our_own_files_are_overwritten(tmp_path):
     assert loaded.sensor == bits.sensor
 
 
+def test_a_cube_and_its_compressed_twin_have_a_description_each(tmp_path):
+    first = random_bits((3, 4, 13), jl.Sensor(frames=3, mask=np.eye(4, 13, dtype=bool)), seed=1)
+    second = random_bits((2, 5, 10), jl.Sensor(frames=2, dark_counts=np.ones((5, 10))), seed=2)
+    first.save(tmp_path / "cube.npy")
+    write_capture(second, tmp_path / "cube.npy.gz", "npy.gz")
+    first.save(tmp_path / "cube.npy")
+    for name, bits in (("cube.npy", first), ("cube.npy.gz", second)):
+        again = jl.open(tmp_path / name)
+        np.testing.assert_array_equal(again.to_array(), bits.to_array())
+        assert again.sensor == bits.sensor
+    assert {"cube.json", "cube.npy.gz.json", "cube.npy.gz.dark_counts.npy"} < set(names(tmp_path))
+    (tmp_path / "cube.npy.gz.json").unlink()
+    assert jl.open(tmp_path / "cube.npy.gz").sensor is None  # the other description is the .npy's
+
+
+def test_a_description_of_another_cube_is_refused(tmp_path):
+    random_bits((2, 3, 13)).save(tmp_path / "cube.npy")
+    np.save(tmp_path / "cube.npy", np.zeros((4, 3, 2), np.uint8))
+    with pytest.raises(ValueError, match=r"cube\.json: describes a cube of shape \[2, 3, 2\]"):
+        jl.open(tmp_path / "cube.npy")
+    (tmp_path / "cube.json").unlink()
+    assert jl.open(tmp_path / "cube.npy").shape == (4, 3, 16)
+
+
+def test_what_a_file_was_converted_from_is_remembered_for_some_steps(tmp_path):
+    np.save(tmp_path / "cube.npy", np.zeros((2, 3, 2), np.uint8))
+    for _ in range(40):
+        jl.open(tmp_path / "cube.npy").save(tmp_path / "cube.npy")
+    source = jl.open(tmp_path / "cube.npy").source
+    assert source.told()[0] == "npy: converted from cube.npy"
+    assert 10 < len(source.told()) < 20
+
+
 @pytest.fixture
 def saved(tmp_path):
     """Bits whose sensor has a map, in a folder beside a map that they must not reach."""
@@ -263,6 +297,8 @@ def test_a_description_cannot_point_out_of_its_folder(saved, name):
         ({"width": 0}, "width 0"),
         ({"width": 9}, "width: expected 1 to 8"),
         ({"width": None}, "width None"),
+        ({"shape": [1, 4, 2]}, r"cube of shape \[1, 4, 2\]"),
+        ({"shape": "1, 4, 1"}, "cube of shape 1, 4, 1"),
         ({"sensor": []}, "sensor: expected an object"),
         ({"sensor": {"colour": 1}}, "unknown parameters colour"),
         ({"sensor": {"frames": 2}}, "expected the sensor's 2 frames"),

@@ -8,6 +8,7 @@ import warnings
 
 import numpy as np
 import pytest
+import tifffile
 
 import jotlight as jl
 from reference import formats as twin
@@ -73,6 +74,55 @@ def test_damaged_compressed_cubes_are_refused(tmp_path, content, message):
     (tmp_path / "cube.npy.gz").write_bytes(content)
     with pytest.raises(ValueError, match=message):
         jl.open(tmp_path / "cube.npy.gz").to_array()
+
+
+@pytest.mark.parametrize("white", [1, 255])
+@pytest.mark.parametrize("shape", [(9, 5, 13), (4, 5, 16, 3)])
+@pytest.mark.parametrize("ending", ["npy", "npy.gz", "npz", "h5", "zarr", "tif"])
+def test_unpacked_frames_are_bits_when_told(tmp_path, white, shape, ending):
+    array = random(shape)
+    path, levels = tmp_path / f"a.{ending}", array.astype(np.uint8) * white
+    if ending == "h5":
+        with pytest.importorskip("h5py").File(path, "w") as file:
+            file["a"] = levels
+    elif ending == "zarr":
+        zarr = pytest.importorskip("zarr")
+        zarr.open_array(str(path), mode="w", shape=shape, dtype=np.uint8)[...] = levels
+    elif ending == "tif":
+        tifffile.imwrite(path, levels, photometric="rgb" if len(shape) == 4 else "minisblack")
+    elif ending == "npz":
+        np.savez(path, a=levels)
+    else:
+        path.write_bytes(gzip.compress(npy(levels)) if ending == "npy.gz" else npy(levels))
+    bits = jl.open(path, unpacked=True)
+    assert isinstance(bits, jl.Bits)
+    np.testing.assert_array_equal(bits.to_array(), array)
+    np.testing.assert_array_equal(jl.open(path, unpacked=True, rotate=180)[1:].counts(1),
+                                  array[1:, ::-1, ::-1].sum(0))  # fmt: skip
+    if ending in ("npy", "npy.gz", "h5", "zarr"):
+        with pytest.raises(ValueError, match=f"nothing but 0 and {white}, .*--unpacked"):
+            jl.open(path, counts=False)
+        assert jl.open(path, counts=False, unpacked=False).shape[2] == 8 * shape[2]
+
+
+def test_what_looks_packed_is_not_asked_about(tmp_path):
+    dark = np.zeros((50, 6, 4), np.uint8)
+    dark[:, 2, 1] = 1  # a hot jot, the last of its byte
+    for cube in (dark, dark * 0, dark * 0 + 255, np.packbits(random((5, 6, 32)), axis=2)):
+        np.save(tmp_path / "a.npy", cube)
+        np.testing.assert_array_equal(jl.open(tmp_path / "a.npy").packed, cube)
+    jl.Bits(np.tile(np.uint8([0, 1]), (2, 9, 9))).save(tmp_path / "a.npy")
+    assert jl.open(tmp_path / "a.npy").shape == (2, 9, 144)
+
+
+@pytest.mark.parametrize("options", [{"counts": True}, {"format": "spad512s"}])
+def test_unpacked_is_for_bits_in_arrays(tmp_path, options):
+    np.save(tmp_path / "a.npy", np.ones((2, 3, 4), np.uint8))
+    with pytest.raises(ValueError, match="unpacked: is for bits in arrays"):
+        jl.open(tmp_path / "a.npy", unpacked=True, **options)
+    np.save(tmp_path / "a.npy", np.full((2, 3, 4), 7, np.uint8))
+    with pytest.raises(ValueError, match="expected bits, 0 and 1 only, got 7 to 7"):
+        jl.open(tmp_path / "a.npy", unpacked=True).counts(1)
 
 
 def test_bool_is_bits_and_other_numbers_are_counts(tmp_path):
@@ -146,12 +196,37 @@ def test_visionsim_with_many_files_and_offsets(tmp_path):
     np.testing.assert_array_equal(jl.open(folder).to_array(), array[::-1])
 
 
+def test_visionsim_may_have_its_frames_in_a_folder_below(tmp_path):
+    array = random((6, 5, 12))
+    frames = [
+        {"file_path": f"frames/{index // 4:04}.npy", "bitpack_dim": 2, "offset": index % 4}
+        for index in range(6)
+    ]
+    folder = transforms(tmp_path / "set", frames, w=12, h=5, c=1)
+    (folder / "frames").mkdir()
+    np.save(folder / "frames" / "0000.npy", np.packbits(array[:4, ..., None], axis=2))
+    np.save(folder / "frames" / "0001.npy", np.packbits(array[4:, ..., None], axis=2))
+    np.testing.assert_array_equal(jl.open(folder).to_array(), array)
+    # Neither a link to a file elsewhere is followed, nor one to a folder, nor one in a circle.
+    (folder / "frames").rename(tmp_path / "frames")
+    for target in (tmp_path / "frames", folder / "frames"):
+        (folder / "frames").symlink_to(target)
+        with pytest.raises(ValueError, match="file in the same folder or below"):
+            jl.open(folder)
+        (folder / "frames").unlink()
+    (folder / "frames").mkdir()
+    (folder / "frames" / "0000.npy").symlink_to(tmp_path / "frames" / "0000.npy")
+    with pytest.raises(ValueError, match="file in the same folder or below"):
+        jl.open(folder)
+
+
 @pytest.mark.parametrize(
     ("told", "message"),
     [
         ({"file_path": "../out.npy"}, "a file in the same folder"),
         ({"file_path": "/etc/passwd"}, "a file in the same folder"),
         ({"file_path": 7}, "a file in the same folder"),
+        ({"file_path": "b/../../out.npy"}, "a file in the same folder"),
         ({"w": 99}, "w, c: tell of frames"),
         ({"w": "12"}, "expected whole numbers"),
         ({"h": -5}, "expected whole numbers"),

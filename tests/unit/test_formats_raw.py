@@ -1,5 +1,6 @@
 """SwissSPAD2 and SPAD512S."""
 
+import gzip
 import warnings
 
 import numpy as np
@@ -101,6 +102,57 @@ def test_a_done_at_the_end_tells_the_format_and_is_no_frame(tmp_path):
     assert bits.source.format == "spad512s"
     np.testing.assert_array_equal(bits.to_array(), array)
     np.testing.assert_array_equal(jl.open(tmp_path / "RAW00001.bin").to_array(), array[2:])
+
+
+@pytest.mark.parametrize("name", ["spad512s", "spad512s-sparse"])
+@pytest.mark.parametrize("cut", [0, 1, 4, 6, 400])
+def test_a_done_is_taken_off_whatever_is_left_of_the_last_frame(name, cut, tmp_path):
+    array = random(2, FULL)
+    whole = RAW[name][1](array)
+    (tmp_path / "a.bin").write_bytes(whole[: len(whole) - cut] + b"DONE")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        bits = jl.open(tmp_path / "a.bin")
+    assert bits.source.format == name
+    np.testing.assert_array_equal(bits.to_array(), array[: 1 if cut else 2])
+    assert ["1 whole frame" in str(one.message) for one in caught] == [True] * (cut > 0)
+
+
+@pytest.mark.parametrize("ended", [0, 1])
+def test_one_done_in_a_folder_tells_the_format(ended, tmp_path):
+    array = random(2, FULL, share=1e-5)
+    for number, frame in enumerate(array):
+        content = twin.spad512s_bytes(frame[None]) + (b"DONE" if number == ended else b"")
+        (tmp_path / f"RAW{number}.bin").write_bytes(content)
+    bits = jl.open(tmp_path)
+    assert bits.source.format == "spad512s"
+    np.testing.assert_array_equal(bits.to_array(), array)
+
+
+@pytest.mark.parametrize("name", RAW)
+def test_compressed_frames_are_read_as_a_stream(name, tmp_path):
+    size, encode = RAW[name]
+    array = random(3, size)
+    for number, part in enumerate((array[:2], array[2:])):
+        (tmp_path / f"RAW{number}.bin.gz").write_bytes(gzip.compress(encode(part), mtime=0))
+    bits = jl.open(tmp_path, format=name)
+    np.testing.assert_array_equal(bits.to_array(), array)
+    np.testing.assert_array_equal(bits[1:].counts(), array[1:].sum(0))
+    one = tmp_path / "RAW0.bin.gz"
+    np.testing.assert_array_equal(jl.open(one, format=name).to_array(), array[:2])
+    with pytest.raises(ValueError, match="give the one it is of"):
+        jl.open(one)
+    one.write_bytes(one.read_bytes()[:-100])
+    with pytest.raises(ValueError, match=r"RAW0.*damaged or truncated"):
+        jl.open(one, format=name)
+
+
+@pytest.mark.parametrize("name", RAW)
+@pytest.mark.parametrize("beginning", [b"\x93NUMPY", b"\x1f\x8b\x08", b"\x89PNG\r\n\x1a\n"])
+def test_what_is_plainly_something_else_is_no_raw_frames(name, beginning, tmp_path):
+    (tmp_path / "a.bin").write_bytes(beginning + bytes(40000))
+    with pytest.raises(ValueError, match=r"a\.bin: expected raw frames, and its first bytes"):
+        jl.open(tmp_path / "a.bin", format=name)
 
 
 def test_files_of_a_folder_are_in_natural_order(tmp_path):

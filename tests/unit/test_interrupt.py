@@ -27,7 +27,7 @@ CALLS = {
     "mle": f"jl.mle({COUNTS}, {SENSOR})",
     "noniterative": f"jl.noniterative({COUNTS}, {SENSOR}, denoiser=lambda z: z)",
     "network": (
-        "jl.Network.initial(jl.Sensor(frames=50), taps=61).reconstruct(np.full((4000, 4000), 9))"
+        "jl.Network.initial(jl.Sensor(frames=50), taps=201).reconstruct(np.full((4000, 4000), 9))"
     ),
     "nlm": "jl.denoise.nlm(np.zeros((6000, 6000), np.float32))",
     "expose": "jl.Sensor(frames=200_000).expose(np.full((512, 512), 0.5))",

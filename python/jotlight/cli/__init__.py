@@ -1,8 +1,6 @@
 """The command line: one file per command, with the words of the Python interface."""
 
 import functools
-import signal
-import sys
 import warnings
 from collections.abc import Callable
 from typing import Annotated
@@ -21,6 +19,7 @@ from jotlight.cli.plan import plan
 from jotlight.cli.reconstruct import reconstruct
 from jotlight.cli.reproduce import reproduce
 from jotlight.cli.simulate import simulate
+from jotlight.cli.stopping import quiet_tasks, stop_by_exceptions
 from jotlight.cli.train import train
 
 app = typer.Typer(
@@ -39,6 +38,7 @@ def _plain_errors(command: Callable[..., None]) -> Callable[..., None]:
         try:
             command(*arguments, **options)
         except KeyboardInterrupt:
+            quiet_tasks()
             error("stopped")
             raise typer.Exit(130) from None
         except (
@@ -96,6 +96,5 @@ def _global_options(
 def main() -> None:
     """Run the command line."""
     warnings.showwarning = show_warning
-    # As an exception, so that temporary files are removed; 143 is what a shell makes of it too.
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+    stop_by_exceptions()
     app()

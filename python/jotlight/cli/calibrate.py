@@ -49,6 +49,7 @@ def calibrate(
         str | None, typer.Option(help="The same of the flat capture. Default: --key.")
     ] = None,
     counts: opening.Counts = None,
+    unpacked: opening.Unpacked = None,
     width: opening.Width = None,
     format_: opening.Format = None,
     frame_range: opening.FrameRange = None,
@@ -80,6 +81,7 @@ def calibrate(
         "rotate": rotate,
         "flip": flip,
         "counts": counts,
+        "unpacked": unpacked,
     }
     captures = [open_capture(dark, key=key, **reading)]
     if flat is not None:
@@ -89,7 +91,9 @@ def calibrate(
             "frames: is for counts; these are bits, which tell how many there are, and "
             "--frame-range takes some of them"
         )
-    told = [None if isinstance(capture, Bits) else frames for capture in captures]
+    told = [
+        None if isinstance(capture, Bits) else frames or capture.all_frames for capture in captures
+    ]
     if flat_frames is not None and flat is not None:
         told[1] = flat_frames
     with written_whole(output) as temporary, progress(1) as begin:

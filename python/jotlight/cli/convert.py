@@ -9,7 +9,7 @@ from jotlight.bits import Bits
 from jotlight.cli import opening
 from jotlight.cli.console import out, progress
 from jotlight.formats import open_capture
-from jotlight.formats.description import json_beside, maps_beside
+from jotlight.formats.description import maps_beside
 from jotlight.formats.writing import TARGETS, target_of, write_capture
 
 
@@ -33,6 +33,7 @@ def convert(
     width: opening.Width = None,
     key: opening.Key = None,
     counts: opening.Counts = None,
+    unpacked: opening.Unpacked = None,
 ) -> None:
     """Convert a capture from one format into another, in constant memory.
 
@@ -41,7 +42,7 @@ def convert(
     name = target_of(output, to)
     made = {output}
     if name in ("npy", "npy.gz"):
-        made |= {json_beside(output), *maps_beside(output)}
+        made |= maps_beside(output)
     for file in made:
         opening.spare_capture(file, data)
     capture = open_capture(
@@ -53,6 +54,7 @@ def convert(
         flip=flip,
         key=key,
         counts=counts,
+        unpacked=unpacked,
     )
     source = capture.source
     with progress(1) as begin:
@@ -64,7 +66,7 @@ def convert(
                 what = f"counts of {capture!r}"
         else:
             image = capture.sum(update)
-            write_capture(image, output, name)
+            write_capture(image, output, name, frames=capture.all_frames, source=source)
             size = " x ".join(map(str, image.shape))
             what = f"<counts: {size}, {image.min()} to {image.max()}>"
     out.print(f"{output}: {name}, {what}", soft_wrap=True, markup=False)

@@ -14,9 +14,11 @@ from jotlight.cli import opening
 from jotlight.cli.console import out, progress
 from jotlight.files import spare_inputs, written_whole
 from jotlight.formats import open_capture
-from jotlight.formats.arrays import npz_names, read_npy, read_npz
+from jotlight.formats.arrays import npz_label, npz_names, read_npy, read_npz
 from jotlight.formats.capture import Capture, Stack
+from jotlight.formats.description import read_counts_label
 from jotlight.formats.recognise import recognise
+from jotlight.formats.tiff import tiff_file
 from jotlight.network import Network
 from jotlight.pictures import read_picture
 from jotlight.tensors import told_format
@@ -38,6 +40,7 @@ def info(
     flip: opening.Flip = None,
     key: opening.Key = None,
     counts: opening.Counts = None,
+    unpacked: opening.Unpacked = None,
     plot: Annotated[
         Path | None,
         typer.Option(
@@ -52,6 +55,7 @@ def info(
     table.add_column(style="bold")
     table.add_column(overflow="fold")
     reading: dict[str, Any] = {"format": format_, "width": width, "key": key, "counts": counts}
+    reading["unpacked"] = unpacked
     reading |= {"frames": opening.frames_of(frame_range), "rotate": rotate or None, "flip": flip}
     reading = {name: told for name, told in reading.items() if told is not None}
     for name, value in _facts(file, reading):
@@ -91,7 +95,7 @@ def _facts(file: Path, reading: dict[str, Any]) -> list[tuple[str, str]]:
             return _calibration_facts(Calibration.load(file))
         return _network_facts(Network.load(file))
     if not reading and file.is_file():
-        if ending == ".npz":
+        if ending == ".npz" and npz_label(file) is None:
             facts = [("kind", "archive of arrays")]
             for name in npz_names(file):
                 array = read_npz(file, name)
@@ -100,20 +104,37 @@ def _facts(file: Path, reading: dict[str, Any]) -> list[tuple[str, str]]:
         if ending == ".npy" and (array := read_npy(file)).dtype.kind not in "biu":
             return [("kind", "array"), ("shape", _by(array.shape)), *_range(np.asarray(array))]
         if _is_picture(file):
-            picture = read_picture(file)
-            return [("kind", "picture"), ("shape", _by(picture.shape)), *_range(picture)]
+            return _picture_facts(file)
     return _capture_facts(open_capture(file, **reading))
+
+
+def _picture_facts(file: Path) -> list[tuple[str, str]]:
+    picture, levels = read_picture(file), read_picture(file, white=1)
+    facts = [("kind", "picture"), ("shape", _by(picture.shape)), *_range(picture)]
+    ending = file.suffix.lower()
+    colour = levels.ndim == 3 and ending not in (".tif", ".tiff")
+    if ending in _PICTURES or colour or (picture == levels).all():
+        return facts
+    return [
+        ("kind", "counts, or a picture"),
+        facts[1],
+        ("counts", f"{levels.min():g} to {levels.max():g}"),
+        ("picture", facts[2][1]),
+        ("", "--counts tells of it as a capture"),
+    ]
 
 
 def _is_picture(file: Path) -> bool:
     """Whether a file is a picture rather than a capture, unless the user says otherwise."""
     ending = file.suffix.lower()
     if ending in (".tif", ".tiff"):
-        import tifffile
-
         try:
-            with tifffile.TiffFile(file) as tiff:
-                return tiff.series[0].dtype.kind == "f" or tiff.series[0].dtype == np.uint8
+            with tiff_file(file) as tiff:
+                shape, dtype = tiff.series[0].shape, tiff.series[0].dtype
+                single = len(shape) == 2 or (len(shape) == 3 and shape[2] <= 4)
+                if read_counts_label(tiff.pages[0].description) != (None, None):
+                    return False
+                return bool(dtype.kind == "f" or (dtype == np.uint8 and single))
         except Exception:  # reading it will say what is wrong
             return True
     try:
@@ -134,9 +155,12 @@ def _capture_facts(capture: Capture) -> list[tuple[str, str]]:
 
 
 def _notes(capture: Capture) -> list[tuple[str, str]]:
-    source = capture.source
-    notes = source.notes if source is not None else ()
-    return [("" if index else "assumed", note) for index, note in enumerate(notes)]
+    facts: list[tuple[str, str]] = []
+    for step in capture.source.steps() if capture.source is not None else ():
+        if step is not capture.source:
+            facts.append(("from", f"{step.format}, {step.name}"))
+        facts += [("" if index else "assumed", note) for index, note in enumerate(step.notes)]
+    return facts
 
 
 def _bits_facts(bits: Bits) -> list[tuple[str, str]]:

@@ -14,7 +14,7 @@ from jotlight.calibration import Calibration
 from jotlight.cli.console import progress
 from jotlight.files import spare_inputs
 from jotlight.formats import FORMATS, open_capture
-from jotlight.formats.capture import Capture
+from jotlight.formats.capture import Capture, Stack
 from jotlight.formats.description import maps_beside
 from jotlight.formats.turning import FLIPS
 from jotlight.sensor import Sensor
@@ -48,6 +48,14 @@ Counts = Annotated[
         "--counts/--bits",
     ),
 ]
+Unpacked = Annotated[
+    bool | None,
+    _option(
+        "Whether each number is one bit, 0 and 1 or 0 and 255, or each byte has eight. Default: "
+        "eight, and what does not look so is refused.",
+        "--unpacked/--packed",
+    ),
+]
 Key = Annotated[str | None, _option("Name of the array in a .npz, .mat, HDF5 file or zarr folder.")]
 
 
@@ -73,6 +81,7 @@ class Reading:
     flip: str | None = None
     key: str | None = None
     counts: bool | None = None
+    unpacked: bool | None = None
 
     def open(self) -> Capture:
         """Open it, with images of counts not yet summed."""
@@ -85,6 +94,7 @@ class Reading:
             flip=self.flip,
             key=self.key,
             counts=self.counts,
+            unpacked=self.unpacked,
         )
 
     def words(self) -> list[str]:
@@ -101,6 +111,8 @@ class Reading:
         words = [word for pair in given for word in pair]
         if self.counts is not None:
             words.append("--counts" if self.counts else "--bits")
+        if self.unpacked is not None:
+            words.append("--unpacked" if self.unpacked else "--packed")
         return words
 
 
@@ -115,7 +127,25 @@ def spare_capture(output: Path, data: Path) -> None:
 
 def told(source: Source | None) -> list[str]:
     """What was assumed of a file, one line each."""
-    return [] if source is None else [f"{source.format}: {note}" for note in source.notes]
+    return [] if source is None else source.told()
+
+
+def with_frames(capture: Stack, path: Path, given: dict[str, Any]) -> dict[str, Any]:
+    """The parameters given for a sensor that saw counts, and else the frames that the file tells.
+
+    Raises
+    ------
+    ValueError
+        When nothing tells out of how many bits the counts are.
+    """
+    if "frames" in given or "oversampling" in given:
+        return given
+    if capture.all_frames is None:
+        raise ValueError(
+            f"{path}: holds counts, and nothing tells out of how many bits; give --frames, or "
+            "--oversampling where a pixel covers many jots"
+        )
+    return {**given, "frames": capture.all_frames}
 
 
 def seen_by_sensor(
@@ -136,11 +166,7 @@ def seen_by_sensor(
         if calibration is not None:
             return capture, calibration.applied_to(capture.sensor, **given), "sensor"
         return capture, capture.sensor.replace(**given), "sensor"
-    if "frames" not in given and "oversampling" not in given:
-        raise ValueError(
-            f"{path}: holds counts, and nothing tells out of how many bits; give --frames, or "
-            "--oversampling where a pixel covers many jots"
-        )
+    given = with_frames(capture, path, given)
     with progress(1) as begin:
         counts = capture.sum(begin("summing"))
     if calibration is None:

@@ -17,6 +17,7 @@ from jotlight.files import written_whole
 from jotlight.pictures import DISPLAYED, FLOATS, picture_writer
 from jotlight.planes import planes_writer
 from jotlight.sensor import Sensor
+from jotlight.source import Source
 from jotlight.tone import CURVES, Tone, check_curve
 from jotlight.uncertainty import uncertainty
 
@@ -155,7 +156,7 @@ class Wanted:
             planes = known.planes(float(self.scale(sensor)))
             planes_writer(self.uncertainty, facts)(rest.pop(0), planes)
 
-    def note(self, sensor: Sensor, method: str, source: list[str]) -> dict[str, Any]:
+    def note(self, sensor: Sensor, method: str, source: Source | None) -> dict[str, Any]:
         """What a file says of itself."""
         return {
             "software": f"jotlight {__version__}",
@@ -163,7 +164,7 @@ class Wanted:
             "largest_value": sensor.max_intensity * float(self.scale(sensor)),
             "method": method,
             "sensor": {**sensor.numbers(), **dict.fromkeys(sensor.maps(), "a map")},
-            "source": source,
+            "source": None if source is None else source.to_json(),
         }
 
     def film_tone(self, pictures: list[npt.NDArray[np.float32]]) -> Tone:

@@ -108,6 +108,7 @@ def reconstruct(
     ] = None,
     key: opening.Key = None,
     counts: opening.Counts = None,
+    unpacked: opening.Unpacked = None,
     width: opening.Width = None,
     format_: opening.Format = None,
     frame_range: opening.FrameRange = None,
@@ -168,7 +169,9 @@ def reconstruct(
         tol=tol,
         max_iter=max_iter,
     )
-    reading = opening.Reading(data, format_, width, frame_range, rotate, flip, key, counts)
+    reading = opening.Reading(
+        data, format_, width, frame_range, rotate, flip, key, counts, unpacked
+    )
     capture = reading.open()
     known = None if calibration is None else Calibrated.read(calibration, output)
     if known is not None:
@@ -266,7 +269,7 @@ def reconstruct(
                     picture = run(seen, sensor, threads=threads)
         seconds = time.perf_counter() - start
         title = METHODS[method].title
-        note = wanted.note(sensor, title, opening.told(capture.source))
+        note = wanted.note(sensor, title, capture.source)
         wanted.write(files, picture, seen, sensor, white=white, note=note, threads=threads)
         record(sensor, method, data.name, capture.source)
     size = " x ".join(map(str, picture.shape))

@@ -127,6 +127,7 @@ def train(
     frame_range: opening.FrameRange = None,
     rotate: opening.Rotate = 0,
     flip: opening.Flip = None,
+    unpacked: opening.Unpacked = None,
     key: options.Key = None,
     test_key: Annotated[
         str | None, typer.Option(help="Name of the array in the .npz of --test.")
@@ -158,7 +159,7 @@ def train(
     if start is not None and (untied or sigma is not None):
         raise ValueError("start: a given network comes with its own sigma and weights")
     reading = opening.Reading(
-        capture or Path(), format_, width, frame_range, rotate, flip, sensor_key, counts
+        capture or Path(), format_, width, frame_range, rotate, flip, sensor_key, counts, unpacked
     )
     if capture is None:
         _refuse_without_capture(reading.words(), calibration)
@@ -244,7 +245,7 @@ def _sensor_of(
     """The median jot of a capture's sensor, and how bright its scene is."""
     path = reading.path
     if path.suffix.lower() == ".json" and path.is_file():
-        data = path.with_suffix(".npy")
+        data = path.with_suffix("" if path.stem.lower().endswith(".gz") else ".npy")
         if not data.exists():
             raise FileNotFoundError(
                 f"{path}: expected the bits beside it, {data.name}, which tell how bright the "

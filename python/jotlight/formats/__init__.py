@@ -9,12 +9,19 @@ import numpy.typing as npt
 
 from jotlight.bits import Bits
 from jotlight.errors import warn
-from jotlight.formats.arrays import read_npy
-from jotlight.formats.capture import Capture, Stack, as_stack, chosen, packed_on_reading
+from jotlight.formats.arrays import npz_label, read_npy
+from jotlight.formats.capture import (
+    Capture,
+    Stack,
+    as_stack,
+    chosen,
+    packed_on_reading,
+    unpacked_bits,
+)
 from jotlight.formats.hdf5 import open_hdf5
 from jotlight.formats.matlab import open_matlab
 from jotlight.formats.npy import described_bits, load_bits
-from jotlight.formats.recognise import FORMATS, recognise
+from jotlight.formats.recognise import FORMATS, RAW, recognise
 from jotlight.formats.spad512s import open_spad512s
 from jotlight.formats.stacks import open_png, open_tiff
 from jotlight.formats.streamed import gzipped_npy, zipped_npy
@@ -37,6 +44,7 @@ def open(
     flip: str | None = None,
     key: str | None = None,
     counts: bool | None = None,
+    unpacked: bool | None = None,
 ) -> Bits | npt.NDArray[np.int32]:
     """Open a capture, of any size: bits are read from their files as they are needed.
 
@@ -60,6 +68,9 @@ def open(
     counts : bool, optional
         Whether the numbers are counts, or bits. Default: uint8 (T, H, W / 8) in a `.npy` is packed
         bits, and so is what jotlight wrote as such; bool with a time is bits; all else is counts.
+    unpacked : bool, optional
+        Whether each number is one bit, 0 and 1 or 0 and 255, or a byte has eight. Default: eight,
+        and a file is refused whose first frames do not look so.
 
     Returns
     -------
@@ -97,6 +108,7 @@ def open(
         flip=flip,
         key=key,
         counts=counts,
+        unpacked=unpacked,
     )
     if isinstance(capture, Bits):
         return capture
@@ -115,6 +127,7 @@ def open_capture(
     flip: str | None = None,
     key: str | None = None,
     counts: bool | None = None,
+    unpacked: bool | None = None,
 ) -> Capture:
     """Open a capture as :func:`open` does, with images of counts not yet summed."""
     path = Path(path)
@@ -123,8 +136,14 @@ def open_capture(
     name = format or recognise(path)
     if key is not None and name not in _KEYED:
         raise ValueError(f"key: names an array in a file of several, and {path} ({name}) has one")
+    if unpacked and (counts or name in (*RAW, "visionsim")):
+        raise ValueError(f"unpacked: is for bits in arrays and pictures, not for {path} ({name})")
     try:
-        capture = _opened(path, name, key, counts, width)
+        if unpacked:
+            capture = _opened(path, name, key, True, None)
+            capture = unpacked_bits(capture) if isinstance(capture, Stack) else capture
+        else:
+            capture = _opened(path, name, key, counts, width, sure=unpacked is False)
     except ValueError as error:
         if str(path) in str(error):
             raise
@@ -137,23 +156,30 @@ def open_capture(
 
 
 def _opened(
-    path: Path, name: str, key: str | None, counts: bool | None, width: int | None
+    path: Path,
+    name: str,
+    key: str | None,
+    counts: bool | None,
+    width: int | None,
+    *,
+    sure: bool = False,
 ) -> Capture:
     match name:
         case "npy":
-            return _of_array(read_npy(path), path, name, counts, width)
+            return _of_array(read_npy(path), path, name, counts, width, sure=sure)
         case "npy.gz":
-            return _of_array(gzipped_npy(path), path, name, counts, width)
+            return _of_array(gzipped_npy(path), path, name, counts, width, sure=sure)
         case "npz":
             # What is in archives has been counts so far.
             counts = True if counts is None else counts
-            return _of_array(zipped_npy(path, key), path, name, counts, width)
+            array, label = zipped_npy(path, key), npz_label(path)
+            return _of_array(array, path, name, counts, width, label, sure=sure)
         case "matlab":
             return open_matlab(path, key=key, counts=counts)
         case "hdf5":
-            return open_hdf5(path, key=key, counts=counts, width=width)
+            return open_hdf5(path, key=key, counts=counts, width=width, sure=sure)
         case "zarr":
-            return open_zarr(path, key=key, counts=counts, width=width)
+            return open_zarr(path, key=key, counts=counts, width=width, sure=sure)
         case "tiff" | "png":
             return open_tiff(path) if name == "tiff" else open_png(path)
     if counts:
@@ -173,6 +199,9 @@ def _of_array(
     name: str,
     counts: bool | None,
     width: int | None,
+    label: str | None = None,
+    *,
+    sure: bool = False,
 ) -> Capture:
     """Bits or counts in an array: told by its type and shape unless `counts` says."""
     dimensions = len(array.shape)
@@ -185,8 +214,8 @@ def _of_array(
                 f"{path}: expected packed bits, uint8 of shape (T, H, W/8) or (T, H, W/8, C), "
                 f"got {array.dtype} of shape {array.shape}"
             )
-        return described_bits(array, path, width, name)
-    return as_stack(array, Source(name, path.name))
+        return described_bits(array, path, width, name, sure=sure)
+    return as_stack(array, Source(name, path.name), label)
 
 
 __all__ = ["FORMATS", "load_bits", "open", "open_capture"]

@@ -35,7 +35,11 @@ BAD_ARCHIVE = (
 """What reading a damaged archive may raise."""
 
 
+LABEL = "jotlight.json"
+"""The member of our archives that tells what the array is."""
+
 _LONGEST_HEADER = 1 << 16
+_LONGEST_LABEL = 1 << 20
 
 
 def check_header(file: IO[bytes]) -> None:
@@ -134,6 +138,15 @@ def _check_size(archive: zipfile.ZipFile, name: str) -> None:
     size, there = math.prod(shape) * dtype.itemsize, archive.getinfo(name).file_size
     if not dtype.hasobject and not 0 <= size <= there:
         raise ValueError(f"its header tells of {size} bytes, but there are {there}")
+
+
+def npz_label(path: Path) -> str | None:
+    """What an archive of ours tells of its array."""
+    try:
+        with zipfile.ZipFile(path) as archive, archive.open(LABEL) as member:
+            return member.read(_LONGEST_LABEL).decode()
+    except (KeyError, *DAMAGED, *BAD_ARCHIVE):
+        return None
 
 
 def npz_names(path: Path) -> list[str]:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from jotlight.bits import Bits
 from jotlight.errors import warn
+from jotlight.formats.description import read_counts_label
 from jotlight.formats.turning import check_turn, turned_image, turned_packed
 from jotlight.frames import Frames, parts_of_frames, range_of
 from jotlight.sensor import Sensor
@@ -18,6 +19,11 @@ Counts = npt.NDArray[np.int32]
 
 _MOST_EXPANSION = 1100
 """Bytes that a byte of a compressed file can become; DEFLATE, the most common, stays below 1033."""
+
+_LOOKED_AT = 1 << 20
+"""Bytes of the first frames that tell whether they are packed."""
+_FEWEST = 8
+"""Jots that fire in them, at least, for that to be told."""
 
 _SLACK = 1 << 24
 """Bytes that any file may become."""
@@ -30,6 +36,13 @@ class Stack:
     images: npt.NDArray[Any] | Frames
     """(T, H, W) or (T, H, W, C), whole numbers."""
     source: Source
+    frames: int | None = None
+    """Out of how many bits each count is, where the file tells."""
+
+    @property
+    def all_frames(self) -> int | None:
+        """The same for the sum of all images."""
+        return None if self.frames is None else self.frames * len(self.images)
 
     def sum(self, progress: Callable[[float], object] | None = None) -> Counts:
         """The sum of all images, (H, W) or (H, W, C), in memory of a few images."""
@@ -39,6 +52,11 @@ class Stack:
                 raise ValueError(
                     f"{self.source.name}: expected counts from 0 to 2**31 - 1, got "
                     f"{part.min()} to {part.max()}"
+                )
+            if self.frames is not None and part.max() > self.frames:
+                raise ValueError(
+                    f"{self.source.name}: its label tells of counts out of {self.frames}, and it "
+                    f"has {part.max()}"
                 )
             total += part.sum(axis=0, dtype=np.int64)
             if progress:
@@ -56,9 +74,10 @@ class Stack:
 Capture = Bits | Stack
 
 
-def as_stack(images: npt.NDArray[Any] | Frames, source: Source) -> Stack:
+def as_stack(images: npt.NDArray[Any] | Frames, source: Source, label: str | None = None) -> Stack:
     """Images of counts as a stack, or raise ValueError when their shape or type does not fit.
 
+    A label that jotlight wrote tells out of how many bits they are.
     Three dimensions of which the last is at most 4 are one image in colour.
     """
     shape = images.shape
@@ -70,22 +89,24 @@ def as_stack(images: npt.NDArray[Any] | Frames, source: Source) -> Stack:
     colour = (len(shape) == 3 and shape[2] <= 4) or len(shape) == 4
     if len(shape) == 4 and shape[3] > 4:
         raise ValueError(f"expected at most 4 channels, got shape {shape}")
+    frames, origin = read_counts_label(label)
+    source = source.converted_from(origin)
+    if frames is not None:
+        source = source.with_note(f"counts out of {frames}, as the file tells")
     if len(shape) == 2 or (len(shape) == 3 and colour):
-        whole = np.asarray(images)
-        return Stack(whole[None], source)
-    if shape[0] > 1:
-        source = source.with_note(f"the sum of a stack of {shape[0]} images of counts")
-    return Stack(images, source)
+        images = np.asarray(images)[None]
+    return Stack(images, source, frames)
 
 
 def packed_on_reading(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
-    """Unpacked frames (T, H, W) or (T, H, W, C) of 0 and 1, packed as they are read."""
+    """Unpacked frames (T, H, W) or (T, H, W, C) of 0 and 1, or 255, packed as they are read."""
     count, height, width, *channels = frames.shape
 
     def read(start: int, stop: int) -> npt.NDArray[np.uint8]:
         out = np.empty((stop - start, height, (width + 7) // 8, *channels), np.uint8)
         for place, part in parts_of_frames(frames[start:stop]):
-            if part.dtype != np.bool_ and not np.isin(part, (0, 1)).all():
+            bits = np.isin(part, (0, 1)).all() or np.isin(part, (0, 255)).all()
+            if part.dtype != np.bool_ and not bits:
                 raise ValueError(
                     f"{name}: expected bits, 0 and 1 only, got {part.min()} to {part.max()}; "
                     "counts=True (--counts) takes the numbers for counts"
@@ -94,6 +115,31 @@ def packed_on_reading(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
         return out
 
     return Frames((count, height, (width + 7) // 8, *channels), read)
+
+
+def unpacked_bits(stack: Stack) -> Bits:
+    """Images of which each number is one bit, as bits."""
+    images, source = stack.images, stack.source
+    packed = packed_on_reading(images, source.name)
+    return Bits(packed, images.shape[2], source=source.with_note("one bit in each number"))
+
+
+def check_packed(frames: npt.NDArray[np.uint8] | Frames, name: str) -> None:
+    """Raise ValueError when the first frames look as if each byte were one bit.
+
+    Then there is nothing but 0 and 1, or 0 and 255, though many jots fire.
+    """
+    each = max(1, frames.nbytes // max(1, len(frames)))
+    first = np.asarray(frames[: max(1, _LOOKED_AT // each), ...])
+    most, fire = first.max(), first != 0
+    if most not in (1, 255) or fire.all() or (first[fire] != most).any():
+        return
+    if fire.any(axis=0).sum() >= _FEWEST:
+        raise ValueError(
+            f"{name}: its first frames hold nothing but 0 and {most}, as frames do that are "
+            "not packed; give unpacked=True (--unpacked) for one bit in each byte, or "
+            "unpacked=False (--packed) for eight"
+        )
 
 
 def check_expansion(name: str, size: int, there: int) -> None:
@@ -123,7 +169,10 @@ def chosen(
         return source.with_note(*notes).turned_by(quarters, flip)
 
     if isinstance(capture, Stack):
-        images, source = capture.images, told(capture.source)
+        images, source = capture.images, capture.source
+        if len(images) > 1:
+            source = source.with_note(f"the sum of a stack of {len(images)} images of counts")
+        source = told(source)
         if frames is not None:
             images = images[frames]
             if len(images) == 0:
@@ -131,7 +180,7 @@ def chosen(
                     f"frames: no frames in {range_of(frames)} of {len(capture.images)}"
                 )
             source = source.with_note(f"of the stack {len(images)} of {len(capture.images)}")
-        return Stack(_turned_images(images, quarters, flip), source)
+        return Stack(_turned_images(images, quarters, flip), source, capture.frames)
     if frames is not None:
         capture = capture[frames]
     if not notes:

@@ -1,5 +1,6 @@
 """What a photon cube cannot say, in a `.json` beside it: true width, sensor and source."""
 
+import contextlib
 import json
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,9 @@ from jotlight.formats.arrays import read_npy
 from jotlight.sensor import MAPS, Sensor
 from jotlight.source import Source
 
-_FORMAT = "jotlight bits"
+BITS = "jotlight bits"
+COUNTS = "jotlight counts"
+"""What our descriptions and labels call themselves."""
 _VERSION = 1
 
 _MOST_JSON = 1 << 20
@@ -20,7 +23,7 @@ _MOST_JSON = 1 << 20
 
 def describe(width: int, sensor: Sensor | None, source: Source | None) -> dict[str, Any]:
     """What goes into the `.json`; the names of files with maps are the caller's to add."""
-    description: dict[str, Any] = {"format": _FORMAT, "version": _VERSION, "width": width}
+    description: dict[str, Any] = {"format": BITS, "version": _VERSION, "width": width}
     if sensor is not None:
         description["sensor"] = sensor.numbers()
         description["maps"] = {}
@@ -29,17 +32,51 @@ def describe(width: int, sensor: Sensor | None, source: Source | None) -> dict[s
     return description
 
 
+def label_counts(frames: int | None, source: Source | None) -> str | None:
+    """What goes into a file beside counts: out of how many bits each is, and where it is from."""
+    if frames is None and source is None:
+        return None
+    told: dict[str, Any] = {"format": COUNTS, "version": _VERSION, "frames": frames}
+    return json.dumps({**told, "source": None if source is None else source.to_json()})
+
+
+def read_counts_label(label: str | None) -> tuple[int | None, Source | None]:
+    """Undo :func:`label_counts`; nothing where the label is none of ours."""
+    told = parsed(label, COUNTS) if label is not None and len(label) <= _MOST_JSON else None
+    if told is None:
+        return None, None
+    frames, source = told.get("frames"), told.get("source")
+    if told.get("version") != _VERSION or (frames is not None and type(frames) is not int):
+        raise ValueError(f"label: expected version {_VERSION} and a whole number of frames")
+    if frames is not None and not 1 <= frames < 2**31:
+        raise ValueError(f"label: expected 1 to 2**31 - 1 frames, got {frames}")
+    return frames, None if source is None else Source.from_json(source)
+
+
 def json_beside(path: Path) -> Path:
-    """Where the description of a cube stands."""
+    """Where the description of a cube is written."""
     if path.suffix.lower() == ".gz":
-        path = path.with_suffix("")
+        return path.with_name(f"{path.name}.json")
     return path.with_suffix(".json")
+
+
+def _json_of(path: Path) -> Path:
+    """The description that a cube is read with.
+
+    One that was compressed by other means has that of the `.npy` it was, unless that is there too.
+    """
+    beside, plain = json_beside(path), path.with_suffix("")
+    if beside.is_file() or path.suffix.lower() != ".gz" or plain.exists():
+        return beside
+    return json_beside(plain)
 
 
 def maps_beside(path: Path) -> set[Path]:
     """The files that bits in `path` have beside them: their description and the sensor's maps."""
-    beside = json_beside(path)
-    return {beside, *maps_named_by(beside)} if path.suffix in (".npy", ".gz") else set()
+    if path.suffix.lower() not in (".npy", ".gz"):
+        return set()
+    besides = {json_beside(path), _json_of(path)}
+    return besides.union(*map(maps_named_by, besides))
 
 
 def maps_named_by(beside: Path) -> set[Path]:
@@ -52,9 +89,11 @@ def maps_named_by(beside: Path) -> set[Path]:
     return {beside.parent / name for name in names if name in ours}
 
 
-def read_description(path: Path) -> tuple[int | None, Sensor | None, Source | None]:
-    """The width, the sensor and the source that the `.json` beside a cube tells."""
-    beside = json_beside(path)
+def read_description(
+    path: Path, shape: tuple[int, ...]
+) -> tuple[int | None, Sensor | None, Source | None]:
+    """The width, the sensor and the source that the `.json` beside a cube of this shape tells."""
+    beside = _json_of(path)
     if not beside.is_file():
         return None, None, None
     description = parse_ours(beside)
@@ -66,6 +105,11 @@ def read_description(path: Path) -> tuple[int | None, Sensor | None, Source | No
         raise ValueError(
             f"{beside}: expected version {_VERSION} and a width, got version "
             f"{description.get('version')!r} and width {width!r}"
+        )
+    if description.get("shape", list(shape)) != list(shape):
+        raise ValueError(
+            f"{beside}: describes a cube of shape {description['shape']}, and {path.name} has "
+            f"{list(shape)}; it belongs to another, so move it away"
         )
     try:
         told = description.get("source")
@@ -84,19 +128,39 @@ def read_description(path: Path) -> tuple[int | None, Sensor | None, Source | No
 
 
 def parse_ours(path: Path) -> dict[str, Any] | None:
-    """The description in a file, or None when it is none of ours."""
+    """The description of bits in a file, or None when it is none of ours."""
     if path.stat().st_size > _MOST_JSON:
         return None
     try:
-        description = json.loads(path.read_text(encoding="utf-8"))
+        return parsed(path.read_text(encoding="utf-8"), BITS)
+    except ValueError:
+        return None
+
+
+def parsed(text: str, format_: str) -> dict[str, Any] | None:
+    """The object of this format in a text, or None."""
+    try:
+        told = json.loads(text)
     except (ValueError, RecursionError):
         return None
-    if isinstance(description, dict) and description.get("format") == _FORMAT:
-        return description
-    return None
+    return told if isinstance(told, dict) and told.get("format") == format_ else None
 
 
-def sibling(path: Path, name: object, what: str = "maps") -> Path:
+def inside(path: Path, name: object, what: str) -> Path:
+    """A file in the folder of another or below it, which no link leads out of."""
+    folder = path.parent
+    if isinstance(name, str) and name not in ("", ".") and "\0" not in name:
+        relative, found = Path(name), folder / name
+        with contextlib.suppress(OSError, RuntimeError):  # links that lead in a circle
+            within = found.resolve().is_relative_to(folder.resolve())
+            if within and not relative.anchor and ".." not in relative.parts:
+                return found
+    raise ValueError(
+        f"{what}: expected the name of a file in the same folder or below, got {name!r}"
+    )
+
+
+def sibling(path: Path, name: object) -> Path:
     """A file in the same folder: a description from a stranger must not point elsewhere."""
     if (
         not isinstance(name, str)
@@ -104,5 +168,5 @@ def sibling(path: Path, name: object, what: str = "maps") -> Path:
         or name in ("", ".", "..")
         or "\0" in name
     ):
-        raise ValueError(f"{what}: expected the name of a file in the same folder, got {name!r}")
+        raise ValueError(f"maps: expected the name of a file in the same folder, got {name!r}")
     return path.parent / name

@@ -1,7 +1,6 @@
 """HDF5: a data set of packed bits, of bool, or of counts. Needs the extra `hdf5`."""
 
 import contextlib
-import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -70,13 +69,25 @@ def _item(path: Path, item: Any) -> Item:
     check_expansion(f"{path}: {item.name}", size, path.stat().st_size)
     if item.chunks and math.prod(item.chunks) * item.dtype.itemsize > _MOST_CHUNK:
         raise ValueError(f"{path}: {item.name} has chunks of more than {_MOST_CHUNK} bytes")
-    told = item.attrs.get("jotlight")
+    told = _label_of(path, item)
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
         with _said(path):
             return np.asarray(item[start:stop])
 
-    return Item(Frames(item.shape, read, item.dtype), told if isinstance(told, str) else None)
+    return Item(Frames(item.shape, read, item.dtype), told)
+
+
+def _label_of(path: Path, item: Any) -> str | None:
+    """What jotlight wrote beside an array.
+
+    In a string of fixed length: those of variable length lie in a heap, in which the library looks
+    for ever where it is damaged. So none is read.
+    """
+    with _said(path):
+        if "jotlight" not in item.attrs or item.attrs.get_id("jotlight").dtype.kind != "S":
+            return None
+        return bytes(item.attrs["jotlight"]).decode()
 
 
 def open_hdf5(
@@ -85,16 +96,18 @@ def open_hdf5(
     key: str | None = None,
     counts: bool | None = None,
     width: int | None = None,
+    sure: bool = False,
 ) -> Capture:
     """Open the data set of a file, by name where it has several."""
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
     found = open_file(path)
-    return capture_of(found, Source("hdf5", path.name), key=key, counts=counts, width=width)
+    source = Source("hdf5", path.name)
+    return capture_of(found, source, key=key, counts=counts, width=width, sure=sure)
 
 
-def write_hdf5(path: Path, data: Bits | npt.NDArray[np.int32]) -> None:
-    """Write packed bits, or an image of counts."""
+def write_hdf5(path: Path, data: Bits | npt.NDArray[np.int32], told: str | None = None) -> None:
+    """Write packed bits and the sensor's maps, or an image of counts and its label."""
     h5py = _h5py()
     with h5py.File(path, "w") as file:
         if isinstance(data, Bits):
@@ -106,6 +119,10 @@ def write_hdf5(path: Path, data: Bits | npt.NDArray[np.int32]) -> None:
             )
             for place, part in parts_of_frames(data.packed):
                 cube[place] = part
-            cube.attrs["jotlight"] = json.dumps(label(data))
+            cube.attrs["jotlight"] = np.bytes_(label(data).encode())
+            for name, map_ in (data.sensor.maps() if data.sensor else {}).items():
+                file.create_dataset(name, data=map_)
         else:
-            file.create_dataset("counts", data=data)
+            image = file.create_dataset("counts", data=data)
+            if told is not None:
+                image.attrs["jotlight"] = np.bytes_(told.encode())

@@ -4,12 +4,13 @@ import dataclasses
 import json
 from typing import Any
 
+import numpy as np
+
 from jotlight.bits import Bits
-from jotlight.errors import warn
-from jotlight.formats.capture import Capture, as_stack, packed_on_reading
-from jotlight.formats.description import describe
+from jotlight.formats.capture import Capture, as_stack, check_packed, packed_on_reading
+from jotlight.formats.description import BITS, describe, parsed
 from jotlight.frames import Frames
-from jotlight.sensor import Sensor
+from jotlight.sensor import MAPS, Sensor
 from jotlight.source import Source
 
 
@@ -21,15 +22,12 @@ class Item:
     label: str | None
 
 
-def label(bits: Bits) -> dict[str, Any]:
-    """What is written beside packed bits, as one attribute of JSON."""
-    sensor = bits.sensor
-    if sensor is not None and sensor.maps():
-        warn(f"the format has no place for the sensor's {' and '.join(sensor.maps())}; left out")
-        sensor = None
-    told = describe(bits.width, sensor, bits.source)
-    told.pop("maps", None)
-    return told
+def label(bits: Bits) -> str:
+    """What is written beside packed bits, as one attribute; maps are arrays under their names."""
+    told = describe(bits.width, bits.sensor, bits.source)
+    if bits.sensor is not None:
+        told["maps"] = {name: name for name in bits.sensor.maps()}
+    return json.dumps(told)
 
 
 def capture_of(
@@ -39,26 +37,31 @@ def capture_of(
     key: str | None,
     counts: bool | None,
     width: int | None,
+    sure: bool = False,
 ) -> Capture:
-    """The capture in one of the arrays."""
-    if key is None and len(found) == 1:
-        key = next(iter(found))
+    """The capture in one of the arrays; packed bits are to look so, unless the user is `sure`."""
+    labelled = [name for name, item in found.items() if item.label is not None]
+    if key is None and (len(found) == 1 or len(labelled) == 1):
+        key = next(iter(labelled or found))
     if key not in found:
         told = "" if key is None else f", got {key!r}"
         names = ", ".join(found) or "it has none of numbers"
         raise ValueError(f"{source.name}: expected the name of an array (--key): {names}{told}")
     frames, text = found[key].frames, found[key].label
     try:
-        if text is not None and not counts:
-            return _labelled(frames, text, source, width)
+        ours = None if text is None or counts else parsed(text, BITS)
+        if ours is not None:
+            return _labelled(found, frames, ours, source, width)
         if counts is None and frames.dtype.kind == "b":
             counts = len(frames.shape) == 2
         if counts or (counts is None and frames.dtype.kind != "b"):
-            return as_stack(frames, source)
+            return as_stack(frames, source, text)
         if len(frames.shape) not in (3, 4) or 0 in frames.shape:
             raise ValueError(f"expected frames (T, H, W) or (T, H, W, C), got {frames.shape}")
         if frames.dtype.kind == "b":
             return Bits(packed_on_reading(frames, source.name), frames.shape[2], source=source)
+        if not sure:
+            check_packed(frames, source.name)
         source = source.with_note("packed bits, the most significant first, along the width")
         return Bits(frames, width, source=source)
     except (TypeError, ValueError) as error:
@@ -67,13 +70,28 @@ def capture_of(
         raise ValueError(f"{source.name}: {key}: {error}") from error
 
 
-def _labelled(frames: Frames, text: str, source: Source, width: int | None) -> Bits:
-    told = json.loads(text)
-    if not isinstance(told, dict) or type(told.get("width")) is not int:
+def _labelled(
+    found: dict[str, Item],
+    frames: Frames,
+    told: dict[str, Any],
+    source: Source,
+    width: int | None,
+) -> Bits:
+    if type(told.get("width")) is not int:
         raise ValueError("expected the label of packed bits to tell their width")
     if width not in (None, told["width"]):
         raise ValueError(f"its label says a width of {told['width']}, not {width}")
-    sensor = Sensor.from_parts(told["sensor"]) if "sensor" in told else None
-    if "source" in told:
-        source = Source.from_json(told["source"])
-    return Bits(frames, told["width"], sensor, source)
+    bits = Bits(frames, told["width"])
+    if told.get("source") is not None:
+        source = source.converted_from(Source.from_json(told["source"]))
+    if told.get("sensor") is None:
+        return Bits(frames, bits.width, source=source)
+    places = told.get("maps") or {}
+    if not isinstance(places, dict) or not places.keys() <= set(MAPS):
+        raise ValueError(f"maps: expected arrays for {' and '.join(MAPS)}, got {places!r}")
+    maps = {}
+    for name, place in places.items():
+        if place not in found or found[place].frames.shape != bits.shape[1:3]:
+            raise ValueError(f"{name}: expected an array of {bits.shape[1:3]} jots, {place!r}")
+        maps[name] = np.asarray(found[place].frames)
+    return Bits(frames, bits.width, Sensor.from_parts(told["sensor"], maps), source)

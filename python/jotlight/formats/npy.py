@@ -14,6 +14,7 @@ import numpy.typing as npt
 from jotlight.bits import Bits
 from jotlight.files import written_whole
 from jotlight.formats.arrays import read_npy
+from jotlight.formats.capture import check_packed
 from jotlight.formats.description import (
     describe,
     json_beside,
@@ -46,16 +47,25 @@ def load_bits(path: str | os.PathLike[str], *, width: int | None = None) -> Bits
 
 
 def described_bits(
-    packed: npt.NDArray[np.uint8] | Frames, path: Path, width: int | None, format_: str = "npy"
+    packed: npt.NDArray[np.uint8] | Frames,
+    path: Path,
+    width: int | None,
+    format_: str = "npy",
+    *,
+    sure: bool = False,
 ) -> Bits:
-    """Packed bits from a cube, with what the `.json` beside it says."""
-    told_width, sensor, source = read_description(path)
-    if source is None:
-        source = Source(format_, path.name)
-        if told_width is None:
-            source = source.with_note("taken for bits, the most significant first, along the width")
-            if width is None:
-                source = source.with_note("the width is taken to be a multiple of 8")
+    """Packed bits from a cube, with what the `.json` beside it says.
+
+    Without that, and unless the user is `sure`, its first frames are to look packed.
+    """
+    told_width, sensor, origin = read_description(path, packed.shape)
+    source = Source(format_, path.name).converted_from(origin)
+    if told_width is None:
+        if not sure:
+            check_packed(packed, str(path))
+        source = source.with_note("taken for bits, the most significant first, along the width")
+        if width is None:
+            source = source.with_note("the width is taken to be a multiple of 8")
     if width is not None and told_width is not None and width != told_width:
         raise ValueError(
             f"{path}: the description beside it says a width of {told_width}, not {width}"
@@ -86,7 +96,7 @@ def created_bits(
     path = Path(path)
     if path.suffix != ".npy":
         raise ValueError(f"{path}: expected a name that ends in .npy for packed bits")
-    with described(path, width, sensor, source) as cube:
+    with described(path, shape, width, sensor, source) as cube:
         packed = np.lib.format.open_memmap(cube, mode="w+", dtype=np.uint8, shape=shape)
         # Filling a memory map whose blocks the disk does not have would end the program.
         _allocate(cube)
@@ -97,7 +107,11 @@ def created_bits(
 
 @contextlib.contextmanager
 def described(
-    path: Path, width: int, sensor: Sensor | None, source: Source | None
+    path: Path,
+    shape: tuple[int, ...],
+    width: int,
+    sensor: Sensor | None,
+    source: Source | None,
 ) -> Iterator[Path]:
     """Give a temporary path for a cube; it and all that describes it appear when the block ends."""
     beside = json_beside(path)
@@ -111,7 +125,7 @@ def described(
             f"{foreign[0]} stands where a file that goes with {path.name} would be written, and "
             "jotlight did not write it for these bits; move it, or choose another name"
         )
-    description = describe(width, sensor, source)
+    description = {**describe(width, sensor, source), "shape": list(shape)}
     with contextlib.ExitStack() as stack:
         # What is entered first is put in place last: the bits once all that describes them stands.
         cube = stack.enter_context(written_whole(path))

@@ -8,11 +8,17 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
+from jotlight.formats.beginnings import beginning_of
+from jotlight.formats.streamed import Stream, gunzipped, said
 from jotlight.frames import Frames, joined
 
 Decode = Callable[[npt.NDArray[np.uint8]], npt.NDArray[np.uint8]]
 
+ENDINGS = (".bin", ".bin.gz")
+"""How the names of files with raw frames end."""
+
 _MOST_FILES = 1_000_000
+_AT_ONCE = 1 << 20
 
 
 def natural(path: Path) -> tuple[tuple[int, int, str], ...]:
@@ -25,7 +31,7 @@ def natural(path: Path) -> tuple[tuple[int, int, str], ...]:
     )
 
 
-def files_of(path: Path, ending: str, name: str) -> list[Path]:
+def files_of(path: Path, endings: tuple[str, ...], name: str) -> list[Path]:
     """The file itself, or those below a folder that end so, in natural order."""
     if path.is_file():
         return [path]
@@ -33,13 +39,75 @@ def files_of(path: Path, ending: str, name: str) -> list[Path]:
         raise FileNotFoundError(f"there is no file or folder {path}")
     found = []
     for file in path.rglob("*"):
-        if file.suffix.lower() == ending and file.is_file() and not file.name.startswith("."):
+        if file.name.lower().endswith(endings) and file.is_file() and file.name[0] != ".":
             found.append(file)
         if len(found) > _MOST_FILES:
             raise ValueError(f"{path}: expected at most {_MOST_FILES} files, got more")
     if not found:
-        raise ValueError(f"{path}: expected a folder with {name} files ({ending}), got none in it")
+        raise ValueError(
+            f"{path}: expected a folder with {name} files ({endings[0]}), got none in it"
+        )
     return sorted(found, key=lambda file: natural(file.relative_to(path)))
+
+
+class RawFile:
+    """The bytes of a file that holds nothing but frames; it may be compressed by gzip.
+
+    Parameters
+    ----------
+    path : path
+    trailer : bytes
+        What may stand at the end of a file and is no frame.
+
+    Raises
+    ------
+    ValueError
+        When its first bytes tell that it is something else.
+    """
+
+    def __init__(self, path: Path, trailer: bytes = b"") -> None:
+        self.path = path
+        told = beginning_of(path)
+        self._stream: Stream | None = None
+        if told == "npy.gz" and path.suffix.lower() == ".gz":
+            self._stream = Stream(lambda: gunzipped(path))
+            size, end = _size_and_end(path, len(trailer))
+        elif told is not None:
+            raise ValueError(
+                f"{path}: expected raw frames, and its first bytes are those of {told}"
+            )
+        else:
+            size = path.stat().st_size
+            with path.open("rb") as file:
+                file.seek(max(0, size - len(trailer)))
+                end = file.read()
+        self.size = size - len(trailer) if trailer and end == trailer else size
+        """How many bytes there are, without the trailer."""
+
+    def read(self, place: int, size: int) -> npt.NDArray[np.uint8]:
+        """Bytes from a place on; OSError where they are not there any more."""
+        if self._stream is None:
+            # Not mapped into memory: a file that becomes shorter would end the program.
+            data = np.fromfile(self.path, np.uint8, size, offset=place)
+        else:
+            with said(str(self.path)):
+                data = np.frombuffer(self._stream.read(place, size), np.uint8)
+            if place + size == self.size:
+                # A folder may have more files than can be open at once.
+                self._stream.close()
+        if len(data) != size:
+            raise OSError(f"{self.path} has become shorter since it was opened")
+        return data
+
+
+def _size_and_end(path: Path, number: int) -> tuple[int, bytes]:
+    """How many bytes a compressed file becomes, and the last of them."""
+    size, end = 0, b""
+    with said(str(path)), gunzipped(path) as file:
+        while piece := file.read(_AT_ONCE):
+            size += len(piece)
+            end = (end + piece)[-number:] if number else b""
+    return size, end
 
 
 def raw_frames(
@@ -68,22 +136,16 @@ def raw_frames(
     return frames
 
 
-def _frames_of(file: Path, shape: tuple[int, int], decode: Decode, trailer: bytes) -> Frames:
+def _frames_of(path: Path, shape: tuple[int, int], decode: Decode, trailer: bytes) -> Frames:
     size = shape[0] * shape[1]
-    there = file.stat().st_size
-    if trailer and there % size == len(trailer):
-        with file.open("rb") as handle:
-            handle.seek(there - len(trailer))
-            there -= len(trailer) if handle.read() == trailer else 0
-    if left := there % size:
-        number = f"{there // size} whole frame{'' if there // size == 1 else 's'}"
-        warn(f"{file}: {number} of {size} bytes; {left} bytes are left over and not used")
+    file = RawFile(path, trailer)
+    number, left = divmod(file.size, size)
+    if left:
+        whole = f"{number} whole frame{'' if number == 1 else 's'}"
+        warn(f"{path}: {whole} of {size} bytes; {left} bytes are left over and not used")
 
     def read(start: int, stop: int) -> npt.NDArray[np.uint8]:
-        # Not mapped into memory: a file that becomes shorter would end the program.
-        raw = np.fromfile(file, np.uint8, (stop - start) * size, offset=start * size)
-        if len(raw) != (stop - start) * size:
-            raise OSError(f"{file} has become shorter since it was opened")
+        raw = file.read(start * size, (stop - start) * size)
         return decode(raw.reshape(stop - start, size))
 
-    return Frames((there // size, *shape), read)
+    return Frames((number, *shape), read)

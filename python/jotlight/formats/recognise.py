@@ -2,8 +2,10 @@
 
 from pathlib import Path
 
+from jotlight.formats.beginnings import beginning_of
+from jotlight.formats.raw import ENDINGS as RAW_ENDINGS
 from jotlight.formats.raw import natural
-from jotlight.formats.spad512s import has_trailer
+from jotlight.formats.spad512s import has_trailer, looks_sparse
 from jotlight.formats.visionsim import NAME as TRANSFORMS
 from jotlight.formats.zarr import DESCRIPTIONS as ZARR
 
@@ -26,20 +28,6 @@ FORMATS = {
 
 RAW = ("swissspad2", "swissspad2-full", "spad512s", "spad512s-sparse")
 """Formats without a header, which nothing in the file tells."""
-
-_BEGINNINGS = (
-    (b"\x93NUMPY", "npy"),
-    (b"\x1f\x8b", "npy.gz"),
-    (b"PK\x03\x04", "npz"),
-    (b"PK\x05\x06", "npz"),
-    (b"MATLAB ", "matlab"),
-    (b"\x89PNG\r\n\x1a\n", "png"),
-    (b"\x89HDF\r\n\x1a\n", "hdf5"),
-    (b"II*\0", "tiff"),
-    (b"MM\0*", "tiff"),
-    (b"II+\0", "tiff"),
-    (b"MM\0+", "tiff"),
-)
 
 _ENDINGS = {
     ".npy": "npy",
@@ -79,13 +67,13 @@ def recognise(path: Path) -> str:
         raise FileNotFoundError(f"there is no file {path}")
     if path.name == TRANSFORMS:
         return "visionsim"
-    with path.open("rb") as file:
-        start = file.read(16)
-    for beginning, name in _BEGINNINGS:
-        if start.startswith(beginning):
-            return name
+    name = beginning_of(path)
+    if name == "npy.gz" and path.name.lower().endswith(RAW_ENDINGS):
+        raise _unknown(path)
+    if name is not None:
+        return name
     if has_trailer(path):
-        return "spad512s"
+        return "spad512s-sparse" if looks_sparse(path) else "spad512s"
     ending = path.suffix.lower()
     if ending in _ENDINGS:
         raise ValueError(
@@ -102,8 +90,9 @@ def _of_folder(path: Path) -> str:
     if next(path.glob("part_*.mat"), None) is not None:
         return "matlab"
     raw = sorted(path.rglob("*.bin"), key=natural)
-    if raw and all(has_trailer(file) for file in raw[:-1]) and has_trailer(raw[0]):
-        return "spad512s"
+    ended = next(filter(has_trailer, raw), None)
+    if ended is not None:
+        return "spad512s-sparse" if looks_sparse(ended) else "spad512s"
     for ending, name in ((".png", "png"), (".tif", "tiff"), (".tiff", "tiff")):
         if not raw and any(file.suffix.lower() == ending for file in path.iterdir()):
             return name

@@ -1,8 +1,9 @@
 """SPAD512S: frames of 512 x 512 jots, the most significant bit first, as they come off the camera.
 
 Its own software shows them rotated by 90 degrees anticlockwise, and so do we. A dense file has up
-to 1000 frames of 32768 bytes, and the four letters `DONE` at its end when it came by the network.
-A sparse file has the places of the ones as uint32, little endian, and 262144 after each frame.
+to 1000 frames of 32768 bytes. A sparse file has the places of the ones as uint32, little endian,
+and 262144 after each frame. Either has the four letters `DONE` at its end when it came by the
+network.
 """
 
 import itertools
@@ -14,7 +15,7 @@ import numpy.typing as npt
 
 from jotlight.bits import Bits
 from jotlight.errors import warn
-from jotlight.formats.raw import files_of, raw_frames
+from jotlight.formats.raw import ENDINGS, RawFile, files_of, raw_frames
 from jotlight.formats.turning import transposed
 from jotlight.frames import Frames, joined
 from jotlight.source import Source
@@ -46,17 +47,25 @@ def as_read(frames: Packed) -> Packed:
 def has_trailer(path: Path) -> bool:
     """Whether a file is one that the camera's software ended with `DONE`."""
     size = path.stat().st_size
-    if size <= len(TRAILER) or size % FRAME_BYTES != len(TRAILER):
+    if size <= len(TRAILER):
         return False
     with path.open("rb") as file:
         file.seek(size - len(TRAILER))
         return file.read() == TRAILER
 
 
+def looks_sparse(path: Path) -> bool:
+    """Whether a file with a trailer begins like a sparse one: places, and ends of frames."""
+    words = np.fromfile(path, "<u4", min(_END + 1, path.stat().st_size // 4 - 1))
+    ends = int((words == _END).sum())
+    # In dark frames of a dense file most words are 0, which is a place of one jot.
+    return ends > 0 and words.max() <= _END and int((words == 0).sum()) <= ends + 1
+
+
 def open_spad512s(path: Path, *, sparse: bool = False) -> Bits:
     """Open a file, or a folder of them in natural order."""
     name = "spad512s-sparse" if sparse else "spad512s"
-    files = files_of(path, ".bin", "SPAD512S")
+    files = files_of(path, ENDINGS, "SPAD512S")
     if sparse:
         frames = joined([_sparse_frames(file) for file in files])
         if len(frames) == 0:
@@ -70,15 +79,16 @@ def open_spad512s(path: Path, *, sparse: bool = False) -> Bits:
     return Bits(frames, source=Source(name, path.name, tuple(notes)))
 
 
-def _words(path: Path, start: int, number: int) -> npt.NDArray[np.uint32]:
-    return np.fromfile(path, "<u4", number, offset=4 * start)
-
-
 def _sparse_frames(path: Path) -> Frames:
-    total, left = divmod(path.stat().st_size, 4)
+    file = RawFile(path, TRAILER)
+    total, left = divmod(file.size, 4)
+
+    def words_at(start: int, number: int) -> npt.NDArray[np.uint32]:
+        return file.read(4 * start, 4 * number).view("<u4")
+
     frames, starts, end = 0, [0], 0
     for start in range(0, total, _WORDS):
-        words = _words(path, start, min(_WORDS, total - start))
+        words = words_at(start, min(_WORDS, total - start))
         if words.max(initial=0) > _END:
             wrong = int(np.argmax(words > _END))
             raise ValueError(
@@ -102,9 +112,7 @@ def _sparse_frames(path: Path) -> Frames:
         behind = -(-stop // _EVERY)
         last = starts[behind] if behind < len(starts) else total
         while number < stop:
-            words = _words(path, place, min(_WORDS, last - place))
-            if len(words) == 0:
-                raise OSError(f"{path} has become shorter since it was opened")
+            words = words_at(place, min(_WORDS, last - place))
             ends = words == _END
             # The number of the frame that each word belongs to.
             of = number + np.cumsum(ends) - ends

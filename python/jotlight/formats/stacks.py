@@ -1,10 +1,9 @@
 """Images of counts in TIFF and PNG, one or many, and masks."""
 
-import contextlib
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +13,7 @@ from jotlight.errors import warn
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.capture import Capture, as_stack, check_expansion, packed_on_reading
 from jotlight.formats.raw import files_of
+from jotlight.formats.tiff import tiff_file
 from jotlight.frames import Frames, joined
 from jotlight.source import Source
 
@@ -23,21 +23,22 @@ _EXPANDED = {2: 85, 4: 17}
 
 def open_tiff(path: Path) -> Capture:
     """Open a TIFF, or a folder of them in natural order."""
-    return _images(path, ".tiff" if _has(path, ".tiff") else ".tif", "tiff", _tiff_frames)
+    return _images(path, (".tif", ".tiff"), "tiff", _tiff_frames)
 
 
 def open_png(path: Path) -> Capture:
     """Open a grey PNG, or a folder of them in natural order; one bit deep, they are bits."""
-    return _images(path, ".png", "png", _png_frames)
+    return _images(path, (".png",), "png", _png_frames)
 
 
-def _has(path: Path, ending: str) -> bool:
-    return path.is_dir() and any(file.suffix.lower() == ending for file in path.iterdir())
-
-
-def _images(path: Path, ending: str, name: str, read: Callable[[Path], Frames]) -> Capture:
-    files = files_of(path, ending, name.upper())
-    parts = [read(file) for file in files]
+def _images(
+    path: Path,
+    endings: tuple[str, ...],
+    name: str,
+    read: Callable[[Path], tuple[Frames, str | None]],
+) -> Capture:
+    files = files_of(path, endings, name.upper())
+    parts, labels = zip(*map(read, files), strict=True)
     if len({(part.shape[1:], part.dtype) for part in parts}) != 1:
         raise ValueError(f"{path}: expected images of one size and type")
     source = Source(name, path.name)
@@ -47,47 +48,16 @@ def _images(path: Path, ending: str, name: str, read: Callable[[Path], Frames]) 
     if frames.dtype == np.bool_ and frames.ndim == 3:
         source = source.with_note("black and white pictures are frames of bits, white for 1")
         return Bits(packed_on_reading(frames, path.name), frames.shape[2], source=source)
-    return as_stack(frames, source)
+    return as_stack(frames, source, labels[0] if len(files) == 1 else None)
 
 
-@contextlib.contextmanager
-def first_series(path: Path) -> Iterator[Any]:
-    """Open the first images of a TIFF, when its file can hold them."""
-    import tifffile
-
-    _check_pages(path)
-    with tifffile.TiffFile(path) as file:
-        series = file.series[0]
-        size = series.size * series.dtype.itemsize
-        check_expansion("the header", size, path.stat().st_size)
-        yield series
-
-
-def _check_pages(path: Path) -> None:
-    """Raise ValueError when a page leads back to an earlier one: tifffile follows them for ever."""
-    size = path.stat().st_size
-    seen: set[int] = set()
-    with path.open("rb") as file:
-        start = file.read(16)
-        order: Literal["little", "big"] = "little" if start[:2] == b"II" else "big"
-        big = int.from_bytes(start[2:4], order) == 43
-        place = int.from_bytes(start[8:16] if big else start[4:8], order)
-        # Bytes of the number of tags, of a tag, and of the next page's place behind them.
-        number, tag, behind = (8, 20, 8) if big else (2, 12, 4)
-        while 0 < place < size:
-            if place in seen:
-                raise ValueError("expected pages in a row, got one that leads back to another")
-            seen.add(place)
-            file.seek(place)
-            tags = int.from_bytes(file.read(number), order)
-            file.seek(min(size, place + number + tag * tags))
-            place = int.from_bytes(file.read(behind), order)
-
-
-def _tiff_frames(path: Path) -> Frames:
+def _tiff_frames(path: Path) -> tuple[Frames, str | None]:
     try:
-        with first_series(path) as series:
+        with tiff_file(path) as file:
+            series = file.series[0]
             shape, dtype = series.shape, series.dtype
+            told = file.pages[0].description
+            check_expansion("the header", series.size * dtype.itemsize, path.stat().st_size)
             single = len(shape) == 2 or (len(shape) == 3 and shape[2] <= 4)
             paged = not single and len(series.pages) == shape[0]
     except Exception as error:  # anything: tifffile does not check what it reads
@@ -100,7 +70,8 @@ def _tiff_frames(path: Path) -> Frames:
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
         try:
-            with first_series(path) as series:
+            with tiff_file(path) as file:
+                series = file.series[0]
                 if not paged:
                     return np.asarray(series.asarray().reshape(full)[start:stop])
                 out = np.empty((stop - start, *shape[1:]), dtype)
@@ -112,10 +83,10 @@ def _tiff_frames(path: Path) -> Frames:
             raise ValueError(f"{path}: the TIFF file is damaged ({error})") from error
 
     full = (1, *shape) if single else shape
-    return Frames(full, read, dtype.newbyteorder("="))
+    return Frames(full, read, dtype.newbyteorder("=")), told
 
 
-def _png_frames(path: Path) -> Frames:
+def _png_frames(path: Path) -> tuple[Frames, None]:
     from PIL import Image
 
     def load() -> npt.NDArray[Any]:
@@ -148,7 +119,7 @@ def _png_frames(path: Path) -> Frames:
             raise ValueError(f"{path}: the PNG cannot be read as counts ({error})") from error
 
     first = said()
-    return Frames(first.shape, lambda start, stop: said()[start:stop], first.dtype)
+    return Frames(first.shape, lambda start, stop: said()[start:stop], first.dtype), None
 
 
 def read_mask(path: Path) -> npt.NDArray[np.bool_]:
@@ -158,7 +129,7 @@ def read_mask(path: Path) -> npt.NDArray[np.bool_]:
     else:
         if not path.is_file():
             raise FileNotFoundError(f"there is no file {path}")
-        mask = _png_frames(path).read(0, 1)[0] != 0
+        mask = _png_frames(path)[0].read(0, 1)[0] != 0
     if mask.dtype == np.bool_ and mask.size and mask.mean() > 0.5:
         warn(
             f"{path}: marks {mask.mean():.0%} of the jots as dead; if it marks the good ones, "

@@ -19,7 +19,7 @@ _SKIP = 1 << 20
 
 
 @contextlib.contextmanager
-def _said(name: str) -> Iterator[None]:
+def said(name: str) -> Iterator[None]:
     """Say of which file it is that reading failed."""
     try:
         yield
@@ -29,7 +29,7 @@ def _said(name: str) -> Iterator[None]:
         raise ValueError(f"{name}: damaged or truncated ({error})") from error
 
 
-class _Stream:
+class Stream:
     """Bytes at any place of a stream; going back begins anew."""
 
     def __init__(self, begin: Callable[[], IO[bytes]]) -> None:
@@ -38,6 +38,7 @@ class _Stream:
         self._place = 0
 
     def read(self, place: int, size: int) -> bytearray:
+        """Bytes from a place on; fewer where the stream ends."""
         if self._file is None or place < self._place:
             self.close()
             self._file, self._place = self._begin(), 0
@@ -53,6 +54,7 @@ class _Stream:
         return data
 
     def close(self) -> None:
+        """Let go of the file."""
         if self._file is not None:
             self._file.close()
         self._file = None
@@ -73,7 +75,7 @@ def streamed_npy(begin: Callable[[], IO[bytes]], name: str, there: int) -> Frame
         (1, 0): np.lib.format.read_array_header_1_0,
         (2, 0): np.lib.format.read_array_header_2_0,
     }
-    with _said(name), begin() as file:
+    with said(name), begin() as file:
         check_header(file)
         version = np.lib.format.read_magic(file)
         if version not in readers:
@@ -91,10 +93,10 @@ def streamed_npy(begin: Callable[[], IO[bytes]], name: str, there: int) -> Frame
         raise ValueError(f"{name}: expected an array, got a single number")
     each = math.prod(shape[1:]) * dtype.itemsize
     check_expansion(name, each * shape[0], there)
-    stream = _Stream(begin)
+    stream = Stream(begin)
 
     def read(first: int, last: int) -> npt.NDArray[Any]:
-        with _said(name):
+        with said(name):
             data = stream.read(header + first * each, (last - first) * each)
         if len(data) != (last - first) * each:
             raise ValueError(f"{name}: ends before the {shape[0]} frames that its header tells of")
@@ -103,13 +105,14 @@ def streamed_npy(begin: Callable[[], IO[bytes]], name: str, there: int) -> Frame
     return Frames(shape, read, dtype)
 
 
+def gunzipped(path: Path) -> IO[bytes]:
+    """What a compressed file holds, from its beginning."""
+    return cast(IO[bytes], gzip.open(path))
+
+
 def gzipped_npy(path: Path) -> Frames:
     """Frames of a `.npy.gz`."""
-
-    def begin() -> IO[bytes]:
-        return cast(IO[bytes], gzip.open(path))
-
-    return streamed_npy(begin, str(path), path.stat().st_size)
+    return streamed_npy(lambda: gunzipped(path), str(path), path.stat().st_size)
 
 
 def zipped_npy(path: Path, key: str | None) -> npt.NDArray[Any] | Frames:

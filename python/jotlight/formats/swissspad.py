@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from jotlight.bits import Bits
 from jotlight.errors import warn
-from jotlight.formats.raw import files_of, raw_frames
+from jotlight.formats.raw import ENDINGS, files_of, raw_frames
 from jotlight.source import Source
 
 Packed = npt.NDArray[np.uint8]
@@ -58,7 +58,7 @@ def full_bytes(frames: Packed) -> Packed:
 
 def open_swissspad(path: Path, *, full: bool) -> Bits:
     """Open a `.bin` file or a folder of them, sorted by the number in their names."""
-    files = _by_number(path, files_of(path, ".bin", "SwissSPAD2"))
+    files = _by_number(path, files_of(path, ENDINGS, "SwissSPAD2"))
     height = 512 if full else 256
     frames = raw_frames(files, (height, _ROW), full_frames if full else half_frames)
     notes = [f"frames of {height} x 512, the least significant bit first"]

@@ -1,4 +1,4 @@
-"""Data sets of visionsim: a `transforms.json`, and frames in `.npy` files beside it."""
+"""Data sets of visionsim: a `transforms.json`, and frames in `.npy` files beside or below it."""
 
 import json
 from pathlib import Path
@@ -11,7 +11,7 @@ from jotlight.bits import Bits
 from jotlight.errors import warn
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.capture import packed_on_reading
-from jotlight.formats.description import sibling
+from jotlight.formats.description import inside
 from jotlight.formats.turning import transposed
 from jotlight.frames import Frames, joined, parts_of_frames
 from jotlight.mapped import release
@@ -50,7 +50,7 @@ def _parsed(path: Path) -> dict[str, Any]:
 def _open(path: Path, told: dict[str, Any]) -> Bits:
     parts, widths = [], set()
     for file, first, last, dim in _runs(told):
-        array = read_npy(sibling(path, file, "file_path"))
+        array = read_npy(inside(path, file, "file_path"))
         if last is not None and last > len(array):
             raise ValueError(f"file_path: expected {last} frames in {file}, got {len(array)}")
         frames, width = _bits(array[first:last], dim, told)

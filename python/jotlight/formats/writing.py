@@ -3,6 +3,7 @@
 import contextlib
 import dataclasses
 import gzip
+import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -13,12 +14,15 @@ from jotlight.bits import Bits
 from jotlight.errors import warn
 from jotlight.files import written_folder, written_whole
 from jotlight.formats import spad512s, swissspad
+from jotlight.formats.arrays import LABEL
+from jotlight.formats.description import label_counts
 from jotlight.formats.hdf5 import write_hdf5
 from jotlight.formats.matlab import write_matlab
 from jotlight.formats.npy import described, save_bits
 from jotlight.formats.visionsim import write_visionsim
 from jotlight.formats.zarr import write_zarr
 from jotlight.frames import Frames, parts_of_frames
+from jotlight.source import Source
 
 Counts = npt.NDArray[np.int32]
 
@@ -77,8 +81,9 @@ def target_of(path: Path, name: str | None = None) -> str:
         )
     if name not in fit:
         target = TARGETS[name]
-        ways = [*target.endings, *(["nothing, for a folder"] if target.folder else [])]
-        raise ValueError(f"{path}: expected a name that ends in {' or '.join(ways)} for {name}")
+        ways = [f"a name that ends in {' or '.join(target.endings)}"] if target.endings else []
+        ways += ["a name without ending, of a new folder,"] if target.folder else []
+        raise ValueError(f"{path}: expected {' or '.join(ways)} for {name}")
     return name
 
 
@@ -87,8 +92,14 @@ def write_capture(
     path: Path,
     name: str,
     progress: Callable[[float], object] = lambda share: None,
+    *,
+    frames: int | None = None,
+    source: Source | None = None,
 ) -> None:
     """Write bits, or an image of counts, in the format of this name.
+
+    Where there is a place for it, a file of counts tells out of how many `frames` they are, and
+    their `source`.
 
     Raises
     ------
@@ -105,10 +116,11 @@ def write_capture(
                 f"{', '.join(each for each in TARGETS if TARGETS[each].counts)}"
             )
         with _place(path, folder=name == "zarr") as temporary:
-            _write_counts(data, temporary, name)
+            _write_counts(data, temporary, name, label_counts(frames, source))
         return
     if not target.bits:
-        write_capture(data.counts(1, progress=progress), path, name)
+        counts = data.counts(1, progress=progress)
+        write_capture(counts, path, name, frames=len(data), source=data.source)
         return
     if data.sensor is not None and not target.keeps:
         warn(f"{path}: {name} has no place for the sensor, which is left out")
@@ -120,13 +132,18 @@ def _write_bits(bits: Bits, path: Path, name: str) -> None:
         case "npy":
             save_bits(bits, path)
         case "npy.gz":
-            with described(path, bits.width, bits.sensor, bits.source) as cube:
+            shape = bits.packed.shape
+            with described(path, shape, bits.width, bits.sensor, bits.source) as cube:
                 _write_gzip(cube, bits.packed)
         case "hdf5":
             with written_whole(path) as temporary:
                 write_hdf5(temporary, bits)
         case "visionsim" | "matlab" | "zarr":
-            write = {"visionsim": write_visionsim, "matlab": write_matlab, "zarr": write_zarr}
+            write: dict[str, Callable[[Path, Bits], None]] = {
+                "visionsim": write_visionsim,
+                "matlab": write_matlab,
+                "zarr": write_zarr,
+            }
             with written_folder(path) as folder:
                 write[name](folder, bits)
         case _:
@@ -166,7 +183,7 @@ def _write_frames(
         file.write(trailer)
 
 
-def _write_counts(counts: Counts, path: Path, name: str) -> None:
+def _write_counts(counts: Counts, path: Path, name: str, told: str | None) -> None:
     most = int(counts.max())
     small = counts.astype(np.uint8 if most < 1 << 8 else np.uint16 if most < 1 << 16 else np.uint32)
     match name:
@@ -178,17 +195,21 @@ def _write_counts(counts: Counts, path: Path, name: str) -> None:
         case "npz":
             with path.open("wb") as file:
                 np.savez_compressed(file, counts=counts)
+            if told is not None:
+                with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive:
+                    # With a time of its own the same data would become other bytes.
+                    archive.writestr(zipfile.ZipInfo(LABEL), told)
         case "hdf5":
-            write_hdf5(path, counts)
+            write_hdf5(path, counts, told)
         case "zarr":
-            write_zarr(path, counts)
+            write_zarr(path, counts, told)
         case "tiff":
             import tifffile
 
             if counts.ndim == 3 and counts.shape[2] not in (3, 4):
                 raise ValueError(f"tiff: expected 1 or 3 channels, got {counts.shape[2]}")
             photometric = "minisblack" if counts.ndim == 2 else "rgb"
-            tifffile.imwrite(path, small, photometric=photometric, metadata=None)
+            tifffile.imwrite(path, small, photometric=photometric, metadata=None, description=told)
         case _:
             from PIL import Image
 

@@ -14,6 +14,7 @@ from jotlight.errors import MissingExtraError
 from jotlight.formats.capture import Capture, check_expansion
 from jotlight.formats.labelled import Item, capture_of, label
 from jotlight.frames import Frames
+from jotlight.sensor import MAPS
 from jotlight.source import Source
 
 DESCRIPTIONS = ("zarr.json", ".zarray", ".zgroup")
@@ -43,16 +44,19 @@ def open_zarr(
     key: str | None = None,
     counts: bool | None = None,
     width: int | None = None,
+    sure: bool = False,
 ) -> Capture:
     """Open the array of a folder, by name where it has several."""
     zarr = _zarr()
     if not path.is_dir():
         raise FileNotFoundError(f"there is no folder {path}")
     folders = {str(folder.relative_to(path)): folder for folder in _arrays(path)}
-    if key is not None:
-        folders = {name: folder for name, folder in folders.items() if name == key} or folders
+    if key in folders:
+        # Of the others only those that may belong to it.
+        folders = {name: folders[name] for name in (key, *MAPS) if name in folders}
     found = {name: _item(zarr, folder) for name, folder in folders.items()}
-    return capture_of(found, Source("zarr", path.name), key=key, counts=counts, width=width)
+    source = Source("zarr", path.name)
+    return capture_of(found, source, key=key, counts=counts, width=width, sure=sure)
 
 
 def _arrays(path: Path) -> list[Path]:
@@ -123,10 +127,22 @@ def _item(zarr: Any, folder: Path) -> Item:
     return Item(Frames(shape, read, dtype), told if isinstance(told, str) else None)
 
 
-def write_zarr(folder: Path, data: Bits | npt.NDArray[np.int32]) -> None:
-    """Write packed bits, or an image of counts, into an empty folder."""
+def write_zarr(folder: Path, data: Bits | npt.NDArray[np.int32], told: str | None = None) -> None:
+    """Write packed bits, or an image of counts and its label, into an empty folder.
+
+    A sensor's maps stand beside the bits in a group.
+    """
     zarr = _zarr()
     bits = data if isinstance(data, Bits) else None
+    maps = bits.sensor.maps() if bits is not None and bits.sensor is not None else {}
+    if maps:
+        zarr.open_group(str(folder), mode="w")
+        for name, map_ in maps.items():
+            inner = zarr.open_array(
+                str(folder / name), mode="w", shape=map_.shape, dtype=map_.dtype
+            )
+            inner[...] = map_
+        folder = folder / "bits"
     shape = data.shape if bits is None else bits.packed.shape
     each = math.prod(shape[1:])
     chunks = (max(1, min(shape[0], (1 << 23) // each)), *shape[1:])
@@ -139,9 +155,11 @@ def write_zarr(folder: Path, data: Bits | npt.NDArray[np.int32]) -> None:
     )
     if bits is None:
         array[...] = data
+        if told is not None:
+            array.attrs["jotlight"] = told
         return
     # Whole chunks at a time, so that none is written twice.
     for start in range(0, shape[0], chunks[0]):
         place = slice(start, min(start + chunks[0], shape[0]))
         array[place] = np.asarray(bits.packed[place, ...])
-    array.attrs["jotlight"] = json.dumps(label(bits))
+    array.attrs["jotlight"] = label(bits)

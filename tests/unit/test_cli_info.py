@@ -1,0 +1,55 @@
+"""What `jotlight info` tells of files that may be pictures or counts."""
+
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image
+
+from jotlight.formats.writing import write_capture
+from jotlight.source import Source
+
+COUNTS = np.random.default_rng(0).integers(0, 5, (6, 9), np.uint8)
+COUNTS[0, :2] = 0, 4
+
+
+def lines(run, *words):
+    status, said = run("info", *words)
+    assert status == 0
+    return [" ".join(line.split()) for line in said.splitlines()]
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.tif"])
+def test_levels_may_be_counts_or_a_picture(run, tmp_path, name):
+    if name == "a.png":
+        Image.fromarray(COUNTS).save(tmp_path / name)
+    else:
+        tifffile.imwrite(tmp_path / name, COUNTS)
+    said = lines(run, name)
+    assert "kind counts, or a picture" in said
+    assert "counts 0 to 4" in said
+    assert "picture float32, 0 to 0.01569" in said
+    assert "values int32, 0 to 4" in lines(run, name, "--counts")
+
+
+def test_a_stack_of_levels_is_counts(run, tmp_path):
+    tifffile.imwrite(tmp_path / "a.tif", np.stack([COUNTS] * 7), photometric="minisblack")
+    said = lines(run, "a.tif")
+    assert "images 7" in said
+    assert "values int32, 0 to 28" in said
+
+
+def test_colour_is_a_picture(run, tmp_path):
+    Image.fromarray(np.stack([COUNTS] * 3, axis=2)).save(tmp_path / "a.png")
+    assert "kind picture" in lines(run, "a.png")
+
+
+@pytest.mark.parametrize("name", ["tiff", "npz"])
+def test_what_we_wrote_is_told_as_counts(run, tmp_path, name):
+    path = "a.tif" if name == "tiff" else "a.npz"
+    source = Source("npy", "cube.npy")
+    write_capture(COUNTS.astype(np.int32), tmp_path / path, name, frames=64, source=source)
+    said = lines(run, path)
+    assert f"format {name}" in said
+    assert "assumed counts out of 64, as the file tells" in said
+    assert "from npy, cube.npy" in said
+    assert "values int32, 0 to 4" in said
