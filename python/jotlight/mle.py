@@ -136,6 +136,8 @@ def equivalent_counts(
     show as a pattern. The counts become real numbers in [0, K]; pixels without any
     valid jot are filled from their neighbours.
     """
+    if seen.uniform and (seen.efficiency, seen.dark_counts) == reference:
+        return seen.counts.astype(np.float32)
     out = np.empty(seen.counts.shape, np.float32)
     for part in parts_of(out.size):
         _engine.equivalent_counts(
@@ -153,14 +155,14 @@ def equivalent_counts(
 
 def reference_jot(sensor: Sensor) -> Jot:
     """The efficiency and the dark counts that stand for all jots: the median where it is a map."""
+    return _median(sensor.efficiency, sensor), _median(sensor.dark_counts, sensor)
 
-    def median(value: float | npt.NDArray[np.float32]) -> float:
-        if not isinstance(value, np.ndarray):
-            return value
-        living = value if sensor.mask is None or sensor.mask.all() else value[~sensor.mask]
-        return float(np.median(living))
 
-    return median(sensor.efficiency), median(sensor.dark_counts)
+def _median(value: float | npt.NDArray[np.float32], sensor: Sensor) -> float:
+    if not isinstance(value, np.ndarray):
+        return value
+    living = value if sensor.mask is None or sensor.mask.all() else value[~sensor.mask]
+    return float(np.median(living))
 
 
 def from_probability(

@@ -280,7 +280,9 @@ class Network:
                 sums = self._weights[:, None] * equivalent_counts(seen, reference, threads)
                 return self._of_sums(sums, threads)
             every = np.arange(sensor.bits_per_pixel + 1, dtype=np.int32)
-            equivalent = equivalent_counts(dataclasses.replace(seen, counts=every), reference, 1)
+            equivalent = equivalent_counts(
+                dataclasses.replace(seen, counts=every), reference, threads
+            )
             sums, counts = self._weights * equivalent, seen.counts
             return self._in_parts(
                 counts.shape,
@@ -296,7 +298,7 @@ class Network:
 
     @property
     def _layers(self) -> list[Any]:
-        return [dataclasses.astuple(layer) for layer in self.layers]
+        return [(x.filters, x.coefficients, x.start, x.spacing) for x in self.layers]
 
     def _of_jots(
         self, data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int | None
@@ -380,8 +382,9 @@ class Network:
             raise ValueError(
                 f"sensor: the network is for the {mine.kernel} kernel, got {its.kernel}"
             )
-        if mine.bits_per_pixel != its.bits_per_pixel or not np.allclose(
-            _detections(mine), _detections(its), rtol=1e-9, atol=0
+        pairs = zip(_detections(mine), _detections(its), strict=True)
+        if mine.bits_per_pixel != its.bits_per_pixel or not all(
+            math.isclose(a, b, rel_tol=1e-9) for a, b in pairs
         ):
             raise ValueError(
                 "sensor: the network needs data with its own bits per pixel, threshold, "

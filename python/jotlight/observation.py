@@ -62,6 +62,14 @@ def observe(data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None) -> 
         trials = valid * np.int32(sensor.frames)
         if not isinstance(data, Bits):
             counts = np.where(sensor.mask, np.int32(0), counts)
+    if not isinstance(data, Bits):
+        _check_counts(counts, sensor)
+    efficiency, differs = _by_pixel(sensor, sensor.efficiency)
+    dark, dark_differs = _by_pixel(sensor, sensor.dark_counts)
+    return Observation(sensor, counts, trials, efficiency, dark, differs or dark_differs)
+
+
+def _check_counts(counts: npt.NDArray[np.int32], sensor: Sensor) -> None:
     most = counts.max()
     if most > sensor.bits_per_pixel or counts.min() < 0:
         raise ValueError(
@@ -69,9 +77,6 @@ def observe(data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None) -> 
             f"({sensor.frames} frames of {sensor.oversampling} x {sensor.oversampling} jots), "
             f"got {counts.min()} to {most}"
         )
-    efficiency, differs = _by_pixel(sensor, sensor.efficiency)
-    dark, dark_differs = _by_pixel(sensor, sensor.dark_counts)
-    return Observation(sensor, counts, trials, efficiency, dark, differs or dark_differs)
 
 
 def warn_of_smooth_kernel(sensor: Sensor) -> None:

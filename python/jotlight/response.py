@@ -58,9 +58,12 @@ def rate_of(threshold: int, probability: npt.ArrayLike, complement: npt.ArrayLik
     >>> rate_of(1, [0.5, 1.0], [0.5, 1e-20]).round(4).tolist()
     [0.6931, 46.0517]
     """
+    p, rest = np.asarray(probability, np.float64), np.asarray(complement, np.float64)
+    if threshold == 1:
+        small = -np.log1p(-np.minimum(p, 0.5))
+        return np.asarray(np.where(p < rest, small, -np.log(np.minimum(rest, 0.5))))
     from scipy.special import gammainccinv, gammaincinv
 
-    p, rest = np.asarray(probability, np.float64), np.asarray(complement, np.float64)
     return np.asarray(
         np.where(
             p < rest,

@@ -68,9 +68,11 @@ pub fn forward_counts<F: Real>(
     let (height, width) = counts.dim();
     let counts = in_one_piece(counts);
     // A negative count is a large one here.
-    let most = counts
-        .iter()
-        .fold(0, |most, &count| count.cast_unsigned().max(most));
+    let most = |counts: &[i32]| {
+        let counts = counts.iter().map(|count| count.cast_unsigned());
+        counts.fold(0, u32::max)
+    };
+    let most = counts.par_chunks(BAND).map(most).max().unwrap_or(0);
     if most as usize >= number {
         return Err(Error::range("counts", "those that have a sum", "others"));
     }
