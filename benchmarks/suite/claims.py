@@ -116,7 +116,7 @@ def with_threads(path: Path, most: int) -> Claim:
         FAST_AS_CORES * most / 2,
         speed_up(path, most),
         "×",
-        bound=f"in the same rounds multiply-adds alone: {machine:.2f} times, reading: {reading:.2f}",
+        bound=f"multiply-adds alone in the same rounds: {machine:.2f}, reading: {reading:.2f}",
     )
 
 

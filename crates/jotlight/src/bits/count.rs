@@ -10,9 +10,9 @@ use super::{FIELD, PackedBits, field, mask_row, packed_width};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
 
-/// Bytes of a frame that one task counts in all frames: enough to be read in stretches, and few enough for the planes to
-/// stay near the core.
-const STRETCH: usize = 2048;
+/// Bytes of a frame that one task counts in all frames: as many as can be, since memory is read fastest in long stretches, but so few that
+/// the planes stay near the core, and fewer where that leaves threads without work.
+const STRETCH: std::ops::RangeInclusive<usize> = 1024..=8192;
 
 /// Bytes of a frame that make it worth while to start a task.
 const TASK: usize = 1 << 14;
@@ -38,7 +38,12 @@ pub fn add_block_counts(
     let (frames, rows, width) = bits.shape();
     check_mask(valid, rows, width)?;
     let in_planes = side == 1 || frames >= MANY;
-    let stretch = if in_planes { STRETCH } else { TASK };
+    let share = packed_width(width) * rows / rayon::current_num_threads();
+    let stretch = if in_planes {
+        share.clamp(*STRETCH.start(), *STRETCH.end())
+    } else {
+        TASK
+    };
     let lines = (stretch / (packed_width(width) * side).max(1)).max(1);
     counts
         .axis_chunks_iter_mut(Axis(0), lines)
