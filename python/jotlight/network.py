@@ -17,7 +17,7 @@ from jotlight.bits import Bits, check_fits
 from jotlight.channels import by_channel
 from jotlight.fill import fill_blind
 from jotlight.mle import equivalent_counts, from_probability, reference_jot
-from jotlight.observation import observe
+from jotlight.observation import Observation, observe
 from jotlight.sensor import Sensor
 from jotlight.slabs import slabs_of
 from jotlight.tensors import read_tensors, write_tensors
@@ -273,21 +273,14 @@ class Network:
         def one_channel(data: Bits | npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
             if not self.tied:
                 return self._of_jots(data, sensor, threads)
-            seen = observe(data, sensor, threads)
             # The network's own dark counts; its efficiency is that of the data, as was checked.
             reference = reference_jot(sensor)[0], reference_jot(self.sensor)[1]
-            if not seen.uniform or sensor.bits_per_pixel > seen.counts.size:
-                sums = self._weights[:, None] * equivalent_counts(seen, reference, threads)
-                return self._of_sums(sums, threads)
-            every = np.arange(sensor.bits_per_pixel + 1, dtype=np.int32)
-            equivalent = equivalent_counts(
-                dataclasses.replace(seen, counts=every), reference, threads
-            )
-            sums, counts = self._weights * equivalent, seen.counts
-            return self._in_parts(
-                counts.shape,
-                lambda rows: _engine.forward_counts(self._layers, counts[rows], sums, threads),
-            )
+            pixels = math.prod(data.shape[-2:]) // sensor.oversampling**2
+            if not sensor.maps() and sensor.bits_per_pixel < pixels:
+                return self._of_few(data, sensor, reference, threads)
+            seen = observe(data, sensor, threads)
+            sums = self._weights[:, None] * equivalent_counts(seen, reference, threads)
+            return self._of_sums(sums, threads)
 
         return by_channel(one_channel, data)
 
@@ -295,6 +288,36 @@ class Network:
     def _weights(self) -> npt.NDArray[np.float32]:
         """The one weight of each filter of a tied first layer, (C, 1)."""
         return self.layers[0].filters.reshape(-1, 1)
+
+    def _of_few(
+        self,
+        data: Bits | npt.NDArray[np.int32],
+        sensor: Sensor,
+        reference: tuple[float, float],
+        threads: int | None,
+    ) -> npt.NDArray[np.float32]:
+        """The picture of a tied network where p is a function of the count alone."""
+        every = np.arange(sensor.bits_per_pixel + 1, dtype=np.int32)
+        jot = reference_jot(sensor)
+        seen = Observation(sensor, every, sensor.bits_per_pixel, *jot, jots_differ=False)
+        sums = self._weights * equivalent_counts(seen, reference, threads)
+        side = sensor.oversampling
+        if isinstance(data, Bits):
+            check_fits(data, sensor)
+            shape = tuple(size // side for size in data.shape[1:3])
+        else:
+            data = observe(data, sensor, threads).counts
+            shape = data.shape
+
+        def of_rows(rows: slice) -> npt.NDArray[np.float32]:
+            if isinstance(data, Bits):
+                part = Bits(data.packed[:, rows.start * side : rows.stop * side], data.width)
+                counts = part.counts(side, threads=threads)
+            else:
+                counts = data[rows]
+            return _engine.forward_counts(self._layers, counts, sums, threads)
+
+        return self._in_parts(shape, of_rows)
 
     @property
     def _layers(self) -> list[Any]:

@@ -89,7 +89,9 @@ def test_counting_is_held_against_reading_the_same_bytes(reading, verdict):
 def test_two_threads_are_held_against_one(slow, verdict):
     one = path(jotlight=slow)
     one["seconds"]["2"] = path(jotlight=1.0)["seconds"]["1"]
+    one["probes"]["operations"]["2"] = 3600.0
     claim = claims_of.with_threads(one, 2)
+    assert claim.bound == "multiply-adds alone in the same rounds: 1.80, reading: 1.00"
     assert claim.measured == pytest.approx(slow)
     assert claim.verdict == verdict
 
