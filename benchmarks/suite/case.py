@@ -7,10 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from jotlight import _engine
 from suite import probes
 from suite.threads import limited
 from suite.timing import Effort, Run, race
 
+OF_SCALAR = 1e-4
+"""Differences of floats from those of scalar code that are allowed, relative to the largest."""
 OTHER_THREADS = 7
 """Results are the same for this number of threads too."""
 
@@ -61,11 +64,13 @@ def measure(case: Case, threads: Sequence[int], effort: Effort) -> dict[str, Any
     Raises
     ------
     AssertionError
-        When a rival's result differs by more than the tolerance, or ours by number of threads.
+        When a rival's result differs by more than the tolerance, or ours by number of threads or
+        instruction set.
     """
     ours = np.array(case.ours(1))
     for number in {*threads, OTHER_THREADS}:
         assert np.array_equal(ours, case.ours(number)), f"{case.name}: {number} threads differ"
+    levels = at_every_level(case)
     runs: dict[str, Run] = {"jotlight": case.ours, **case.parts}
     differences: dict[str, float] = {}
     left_out: dict[str, str] = {}
@@ -89,11 +94,28 @@ def measure(case: Case, threads: Sequence[int], effort: Effort) -> dict[str, Any
         },
         **{field: getattr(case, field) for field in ("slots", "bytes", "counted")},
         "same_for_threads": sorted({*threads, OTHER_THREADS}),
+        "levels": levels,
         "differences": differences,
         "left_out": left_out,
         "probes": probes.work(threads, effort.words),
         "seconds": race({**runs, **probes.runs(effort.words)}, threads, effort),
     }
+
+
+def at_every_level(case: Case) -> dict[str, float]:
+    """How far the result of each instruction set is from that of scalar code."""
+    try:
+        results = {}
+        for level in _engine.cpu_levels():
+            _engine.choose_cpu_level(level)
+            results[level] = np.array(case.ours(1))
+    finally:
+        _engine.choose_cpu_level(None)
+    scalar = results.pop("scalar")
+    allowed = 0 if scalar.dtype.kind in "biu" else OF_SCALAR
+    levels = {level: largest(result, scalar) for level, result in results.items()}
+    assert max(levels.values(), default=0) <= allowed, f"{case.name}: {levels}"
+    return levels
 
 
 def difference_of(
@@ -109,5 +131,5 @@ def difference_of(
 
 def largest(ours: Any, theirs: Any) -> float:
     """The largest difference, relative to the largest number."""
-    theirs = np.asarray(theirs, np.float64)
+    ours, theirs = np.asarray(ours, np.float64), np.asarray(theirs, np.float64)
     return float(np.abs(ours - theirs).max() / np.abs(theirs).max())

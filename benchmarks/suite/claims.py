@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from suite import figures
+from suite.case import OF_SCALAR
 from suite.figures import Path, of_bound, paired, ratio, speed_up
 from suite.latency import HELP, NUMPY, RECONSTRUCT
 from suite.paths.counting import SAME_BYTES
@@ -43,6 +44,7 @@ def claims(found: dict[str, Any]) -> list[Claim]:
         if path["name"] in SPEED:
             made += SPEED[path["name"]](path)
     made += agreement(found["paths"])
+    made += levels(found["paths"])
     most = max(found["threads"])
     if most > 1:
         made += [with_threads(path, most) for path in found["paths"]]
@@ -106,6 +108,14 @@ def agreement(paths: list[Path]) -> Iterator[Claim]:
     if shares:
         said = "Largest difference from a rival's result, as a share of what is allowed"
         yield Claim(said, 1, max(shares), "%", at_most=True)
+
+
+def levels(paths: list[Path]) -> Iterator[Claim]:
+    """Nothing is timed where an instruction set gives something else than scalar code."""
+    found = [difference for path in paths for difference in path["levels"].values()]
+    if found:
+        said = "Largest difference of an instruction set's result from that of scalar code, of 1"
+        yield Claim(said, OF_SCALAR, max(found), at_most=True)
 
 
 def with_threads(path: Path, most: int) -> Claim:

@@ -75,7 +75,10 @@ def hot_paths(found: dict[str, Any]) -> list[str]:
 
 def agreement(path: dict[str, Any]) -> str:
     threads = ", ".join(map(str, path["same_for_threads"]))
+    levels = ", ".join(f"{name} {value:.1e}" for name, value in path["levels"].items())
     words = f"The same on {threads} threads."
+    if levels:
+        words += f" Largest difference from scalar code relative to its largest value: {levels}."
     if path["differences"]:
         each = ", ".join(f"{name} {value:.1e}" for name, value in path["differences"].items())
         words += f" {path['agreement'].capitalize()}, {path['tolerance']:g} allowed: {each}."

@@ -37,6 +37,7 @@ def path(**seconds):
         "same_for_threads": [1, 7],
         "agreement": "difference",
         "tolerance": 0,
+        "levels": {},
         "differences": {},
         "left_out": {},
         "probes": {"operations": {"1": 2000.0}, "bytes": 1000},
@@ -99,6 +100,13 @@ def test_two_threads_are_held_against_one(slow, verdict):
 def test_the_filter_alone_leaves_out_what_one_tap_takes():
     one = path(jotlight=0.3, **{claims_of.WITHOUT: 0.1})
     assert claims_of.filter_share(one) == pytest.approx((100 - 10) / 1000 / 0.2)
+
+
+@pytest.mark.parametrize(("difference", "verdict"), [(9e-5, "met"), (2e-4, "not met")])
+def test_instruction_sets_are_held_against_scalar_code(difference, verdict):
+    one = path(jotlight=1.0) | {"levels": {"x86-64-v3": difference / 2, "x86-64-v4": difference}}
+    (claim,) = claims_of.levels([one])
+    assert claim.verdict == verdict
 
 
 def test_the_largest_difference_is_held_against_its_own_tolerance():

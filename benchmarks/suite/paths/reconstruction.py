@@ -9,7 +9,7 @@ import numpy as np
 import jotlight as jl
 from suite.case import CannotRunError, Case, Rival, largest
 from suite.paths.filtering import TAPS
-from suite.paths.scene import HEIGHT, PIXELS, SENSOR, WIDTH, bits, untied
+from suite.paths.scene import HEIGHT, SENSOR, WIDTH, bits, many_bits, untied
 from suite.paths.splines import SLOTS
 
 TORCH, BM3D = "PyTorch, the same network", "non-iterative, BM3D"
@@ -23,29 +23,35 @@ def cases(quick: bool) -> Iterator[Case]:
     ]
     yield case("network", "Network, tied", tied, methods)
     yield case("network-untied", "Network, untied", untied(tied), [])
+    yield case("network-large", "Network, tied, 2,048 × 2,048", tied, None)
+    yield case("network-untied-large", "Network, untied, 2,048 × 2,048", untied(tied), None)
 
 
-def case(name: str, title: str, network: jl.Network, methods: list[Rival]) -> Case:
+def case(name: str, title: str, network: jl.Network, methods: list[Rival] | None) -> Case:
+    """With methods for the same purpose as rivals, or, of a large picture, without any rival."""
+    seen = many_bits() if methods is None else bits()
+    height, width = (size // SENSOR.oversampling for size in seen.shape[1:3])
+    rivals = [
+        Rival(TORCH, partial(in_torch, network), "torch"),
+        Rival("PyTorch, compiled", partial(compiled, network), "torch"),
+        Rival("PyTorch, without counting", partial(from_sums, network), "torch"),
+        *(methods or []),
+    ]
     return Case(
         name=name,
         title=title,
-        words=f"K = 16, {WIDTH} × {HEIGHT} pixels, from packed bits in memory to a picture in "
+        words=f"K = 16, {width} × {height} pixels, from packed bits in memory to a picture in "
         "floats."
         + (" Non-iterative methods count, stabilise, denoise and invert." if methods else ""),
-        items=PIXELS,
+        items=height * width,
         unit="pixels",
-        ours=lambda threads: network.reconstruct(bits(), threads=threads),
-        rivals=[
-            Rival(TORCH, partial(in_torch, network), "torch"),
-            Rival("PyTorch, compiled", partial(compiled, network), "torch"),
-            Rival("PyTorch, without counting", partial(from_sums, network), "torch"),
-            *methods,
-        ],
+        ours=lambda threads: network.reconstruct(seen, threads=threads),
+        rivals=[] if methods is None else rivals,
         difference=largest,
         agreement="largest difference relative to the largest intensity",
         tolerance=1e-4,
-        slots=(TAPS**2 + 2 * SLOTS + SENSOR.oversampling) * PIXELS,
-        bytes=bits().packed.nbytes + 4 * PIXELS,
+        slots=(TAPS**2 + 2 * SLOTS + SENSOR.oversampling) * height * width,
+        bytes=seen.packed.nbytes + 4 * height * width,
         counted="bits read and picture written once; 225 multiply-adds of the filter, two splines "
         "and K̂ rows of bits a pixel",
     )

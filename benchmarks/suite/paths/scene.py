@@ -22,6 +22,12 @@ def bits() -> jl.Bits:
     return SENSOR.expose(photograph(), rng=0)
 
 
+@functools.cache
+def many_bits() -> jl.Bits:
+    """Those of a picture that work is shared out on more evenly than on a small one."""
+    return SENSOR.expose(np.tile(jl.datasets.photograph("camera"), (4, 4)), rng=0)
+
+
 def unpacked(bits: jl.Bits) -> np.ndarray:
     """Jots as bytes of 0 and 1, (T, H, W)."""
     return np.unpackbits(bits.packed, axis=2, count=bits.width)
