@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 
 /// Pixels of a band: some tens of microseconds of work, and planes that stay near the core.
 const BAND: usize = 1 << 15;
-/// Rows of a band at least, since those around it are worked on for both it and its neighbour.
+/// Rows of a band, unless there are many threads: those around it are worked on for both it and its neighbour.
 const LEAST: usize = 32;
 
 /// The linear part of a first layer, p of equation (11), one plane per filter. `valid` is a packed mask of the jots that count;
