@@ -1,9 +1,9 @@
 //! Filters over a pixel's block of bits, by tables: the bits of a block are a number, and tables tell what the taps make of it.
 
-use std::ops::Range;
-
 use ndarray::{Array3, ArrayView3, ArrayView4};
+use rayon::prelude::*;
 
+use super::lsi::Place;
 use super::{Real, Spline};
 use crate::bits::{PackedBits, field};
 use crate::cpu::levels;
@@ -11,6 +11,9 @@ use crate::cpu::levels;
 /// Bits of a table: of one for the whole block, if there are enough pixels to be worth it, and else of each of several.
 const WHOLE: usize = 16;
 const PART: usize = 10;
+
+/// Entries that make it worth while to start a task.
+const TASK: usize = 1 << 13;
 
 /// Some jots of a line, in one frame.
 struct Field {
@@ -57,26 +60,32 @@ impl<F: Real> Tables<F> {
             return false;
         };
         for (spline, table) in splines.iter().zip(&mut group.tables) {
-            spline.apply(table);
+            table
+                .par_chunks_mut(TASK)
+                .for_each(|part| spline.apply(part));
         }
         true
     }
 
-    /// p of some rows of pixels, `(C, rows, width)`: equation (11).
-    pub fn fill(&self, bits: &PackedBits<'_>, rows: Range<usize>, width: usize, out: &mut [F]) {
-        let mut codes = vec![0u32; width];
+    /// p of some pixels, `(C, rows, columns)`: equation (11).
+    pub fn fill(&self, bits: &PackedBits<'_>, place: &Place, out: &mut [F]) {
+        // Eight pixels begin with a byte, however many jots each has.
+        let first = place.columns.start / 8 * 8;
+        let mut codes = vec![0u32; place.columns.end - first];
+        let (skipped, width) = (place.columns.start - first, place.columns.len());
         out.fill(F::zero());
-        for (place, row) in rows.clone().enumerate() {
+        for (line, row) in place.rows.clone().enumerate() {
             for group in &self.groups {
                 codes.fill(0);
                 for field in &group.fields {
                     let jots = bits.row(field.frame, row * self.side + field.line);
-                    append(&jots, self.side, field.first, field.length, &mut codes);
+                    let jots = &jots[first / 8 * self.side..];
+                    append(jots, self.side, field.first, field.length, &mut codes);
                 }
-                let planes = out.chunks_exact_mut(rows.len() * width);
+                let planes = out.chunks_exact_mut(place.pixels());
                 for (plane, table) in planes.zip(&group.tables) {
-                    let sums = &mut plane[place * width..][..width];
-                    for (sum, &code) in sums.iter_mut().zip(&codes) {
+                    let sums = &mut plane[line * width..][..width];
+                    for (sum, &code) in sums.iter_mut().zip(&codes[skipped..]) {
                         *sum += table[code as usize];
                     }
                 }
@@ -93,7 +102,11 @@ pub(super) fn block_filter<F: Real>(
 ) -> Array3<F> {
     let mut planes = Array3::zeros((filters.dim().0, height, width));
     if let Some(planes) = planes.as_slice_mut() {
-        Tables::new(filters, height * width).fill(bits, 0..height, width, planes);
+        let whole = Place {
+            rows: 0..height,
+            columns: 0..width,
+        };
+        Tables::new(filters, height * width).fill(bits, &whole, planes);
     }
     planes
 }

@@ -1,22 +1,20 @@
 //! From the sums of the first layer to a picture.
 
-use std::ops::Range;
-
 use ndarray::{Array2, Array3, ArrayView2, ArrayView3};
 use rayon::prelude::*;
 
 use super::block::{check_block, masked_filter};
 use super::codes::{Tables, block_filter};
 use super::look_up::Table;
-use super::lsi::{Padded, Part, in_one_piece};
+use super::lsi::{Padded, Part, Place, in_one_piece};
 use super::{Layer, Real, check_chain};
 use crate::bits::{PackedBits, check_mask};
 use crate::error::{Error, Result};
 
-/// Pixels of a band: some tens of microseconds of work, and planes that stay near the core.
-const BAND: usize = 1 << 15;
-/// Rows of a band, unless there are many threads: those around it are worked on for both it and its neighbour.
-const LEAST: usize = 32;
+/// Rows and columns of a tile, so that its planes stay near the core. Rows are fewer where there are many threads.
+const TILE: (usize, usize) = (64, 1024);
+/// Counts that are looked through at a time.
+const STRETCH: usize = 1 << 16;
 
 /// The linear part of a first layer, p of equation (11), one plane per filter. `valid` is a packed mask of the jots that count;
 /// where some do not, the others stand for them, and a pixel without any becomes NaN.
@@ -45,10 +43,12 @@ pub fn forward<F: Real>(layers: &[Layer<F>], sums: ArrayView3<'_, F>) -> Result<
     let (channels, height, width) = sums.dim();
     check(layers, channels, (height, width))?;
     let sums = in_one_piece(sums);
-    Ok(picture(layers, (height, width), |rows, out| {
+    Ok(picture(layers, (height, width), |place, out| {
         let planes = sums.chunks_exact(height * width);
-        for (out, sums) in out.chunks_exact_mut(rows.len() * width).zip(planes) {
-            out.copy_from_slice(&sums[rows.start * width..rows.end * width]);
+        for (out, sums) in out.chunks_exact_mut(place.pixels()).zip(planes) {
+            for (out, sums) in rows_of(out, sums, place, width) {
+                out.copy_from_slice(sums);
+            }
         }
         layers[0].bend(out);
     }))
@@ -72,18 +72,18 @@ pub fn forward_counts<F: Real>(
         let counts = counts.iter().map(|count| count.cast_unsigned());
         counts.fold(0, u32::max)
     };
-    let most = counts.par_chunks(BAND).map(most).max().unwrap_or(0);
+    let most = counts.par_chunks(STRETCH).map(most).max().unwrap_or(0);
     if most as usize >= number {
         return Err(Error::range("counts", "those that have a sum", "others"));
     }
     let mut tables: Vec<F> = sums.iter().copied().collect();
     layers[0].bend(&mut tables);
     let tables: Vec<_> = tables.chunks_exact(number).map(Table::new).collect();
-    Ok(picture(layers, (height, width), |rows, out| {
-        let planes = out.chunks_exact_mut(rows.len() * width);
-        let counts = &counts[rows.start * width..rows.end * width];
-        for (out, table) in planes.zip(&tables) {
-            table.look_up(counts, out);
+    Ok(picture(layers, (height, width), |place, out| {
+        for (out, table) in out.chunks_exact_mut(place.pixels()).zip(&tables) {
+            for (out, counts) in rows_of(out, &counts, place, width) {
+                table.look_up(counts, out);
+            }
         }
     }))
 }
@@ -98,12 +98,25 @@ pub fn forward_bits<F: Real>(layers: &[Layer<F>], bits: &PackedBits<'_>) -> Resu
     let (height, width) = check_block(first.filters(), bits)?;
     let mut tables = Tables::new(first.filters(), height * width);
     let bent = tables.bend(first.splines());
-    Ok(picture(layers, (height, width), |rows, out| {
-        tables.fill(bits, rows, width, out);
+    Ok(picture(layers, (height, width), |place, out| {
+        tables.fill(bits, place, out);
         if !bent {
             first.bend(out);
         }
     }))
+}
+
+/// The rows of a plane of its own that belong to a place, each with those of the whole.
+fn rows_of<'a, A, B>(
+    part: &'a mut [A],
+    whole: &'a [B],
+    place: &'a Place,
+    width: usize,
+) -> impl Iterator<Item = (&'a mut [A], &'a [B])> {
+    let rows = whole.chunks_exact(width).skip(place.rows.start);
+    part.chunks_exact_mut(place.columns.len())
+        .zip(rows)
+        .map(|(part, row)| (part, &row[place.columns.clone()]))
 }
 
 fn check<F: Real>(
@@ -127,16 +140,16 @@ struct Scratch<F> {
     padded: Padded<F>,
 }
 
-/// The picture in bands of rows, each through all layers while it is near the core. `first` fills some rows of the planes `(C, rows, W)`
-/// that the first layer gives.
+/// The picture in tiles, each through all layers while it is near the core. `first` fills a part of the planes `(C, rows, columns)` that the
+/// first layer gives.
 fn picture<F: Real>(
     layers: &[Layer<F>],
     (height, width): (usize, usize),
-    first: impl Fn(Range<usize>, &mut [F]) + Sync,
+    first: impl Fn(&Place, &mut [F]) + Sync,
 ) -> Array2<F> {
     let mut picture = Array2::zeros((height, width));
-    // As many for each thread.
-    let bands = (height * width).div_ceil(BAND).min(height.div_ceil(LEAST));
+    // Bands of tiles, as many for each thread.
+    let bands = height.div_ceil(TILE.0);
     let bands = bands.next_multiple_of(rayon::current_num_threads());
     let rows = height.div_ceil(bands).next_multiple_of(4);
     let pixels = picture.as_slice_mut().unwrap_or_default();
@@ -144,30 +157,51 @@ fn picture<F: Real>(
         .par_chunks_mut(rows * width)
         .enumerate()
         .for_each_init(Scratch::default, |scratch, (band, out)| {
-            let Scratch { planes, padded } = scratch;
             let start = band * rows;
-            // The rows that each layer has to give, found from the last one on.
-            let mut given = start..start + out.len() / width;
-            let mut wanted = Vec::with_capacity(layers.len());
-            for layer in layers[1..].iter().rev() {
-                let read = layer.taps.rows_read(&given, height);
-                wanted.push((layer, std::mem::replace(&mut given, read)));
-            }
-            planes.resize(layers[0].splines.len() * given.len() * width, F::zero());
-            first(given.clone(), planes);
-            while let Some((layer, wanted)) = wanted.pop() {
-                let part = Part {
-                    planes,
-                    rows: std::mem::replace(&mut given, wanted.clone()),
-                    height,
-                    width,
+            for column in (0..width).step_by(TILE.1) {
+                let wanted = Place {
+                    rows: start..start + out.len() / width,
+                    columns: column..(column + TILE.1).min(width),
                 };
-                padded.fill(&part, &wanted, &layer.taps);
-                planes.resize(layer.splines.len() * wanted.len() * width, F::zero());
-                padded.convolve(&layer.taps, planes);
-                layer.bend(planes);
+                let tile = scratch.tile(layers, (height, width), wanted.clone(), &first);
+                let tile = tile.chunks_exact(wanted.columns.len());
+                for (out, tile) in out.chunks_exact_mut(width).zip(tile) {
+                    out[wanted.columns.clone()].copy_from_slice(tile);
+                }
             }
-            out.copy_from_slice(planes);
         });
     picture
+}
+
+impl<F: Real> Scratch<F> {
+    /// A part of the picture.
+    fn tile(
+        &mut self,
+        layers: &[Layer<F>],
+        size: (usize, usize),
+        mut given: Place,
+        first: impl Fn(&Place, &mut [F]),
+    ) -> &[F] {
+        let Self { planes, padded } = self;
+        // The part that each layer has to give, found from the last one on.
+        let mut wanted = Vec::with_capacity(layers.len());
+        for layer in layers[1..].iter().rev() {
+            let read = layer.taps.read(&given, size);
+            wanted.push((layer, std::mem::replace(&mut given, read)));
+        }
+        planes.resize(layers[0].splines.len() * given.pixels(), F::zero());
+        first(&given, planes);
+        while let Some((layer, wanted)) = wanted.pop() {
+            let part = Part {
+                planes,
+                place: std::mem::replace(&mut given, wanted.clone()),
+                size,
+            };
+            padded.fill(&part, &wanted, &layer.taps);
+            planes.resize(layer.splines.len() * wanted.pixels(), F::zero());
+            padded.convolve(&layer.taps, planes);
+            layer.bend(planes);
+        }
+        planes
+    }
 }

@@ -43,20 +43,38 @@ impl<F: Real> Filters<F> {
         }
     }
 
-    /// The rows of the planes that some rows of the output need, of `height`.
-    pub fn rows_read(&self, rows: &Range<usize>, height: usize) -> Range<usize> {
-        let (lines, _) = self.taps;
-        rows.start.saturating_sub(before(lines))..(rows.end + lines / 2).min(height)
+    /// The part of planes of a size that a part of the output needs.
+    pub fn read(&self, wanted: &Place, size: (usize, usize)) -> Place {
+        Place {
+            rows: needed(&wanted.rows, self.taps.0, size.0),
+            columns: needed(&wanted.columns, self.taps.1, size.1),
+        }
     }
 }
 
-/// Some rows of a stack of planes, `(channels, rows, width)`.
+fn needed(wanted: &Range<usize>, taps: usize, size: usize) -> Range<usize> {
+    wanted.start.saturating_sub(before(taps))..(wanted.end + taps / 2).min(size)
+}
+
+/// A rectangle of pixels.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Place {
+    pub rows: Range<usize>,
+    pub columns: Range<usize>,
+}
+
+impl Place {
+    pub fn pixels(&self) -> usize {
+        self.rows.len() * self.columns.len()
+    }
+}
+
+/// Part of a stack of planes, `(channels, rows, columns)`.
 pub(super) struct Part<'a, F> {
     pub planes: &'a [F],
-    /// Which rows they are, of how many.
-    pub rows: Range<usize>,
-    pub height: usize,
-    pub width: usize,
+    /// Which part, of planes of which size.
+    pub place: Place,
+    pub size: (usize, usize),
 }
 
 /// A stack of planes with a border, in rows with room to read past their end.
@@ -84,32 +102,41 @@ impl<F: Real> Padded<F> {
     pub fn mirrored(planes: ArrayView3<'_, F>, filters: &Filters<F>) -> Self {
         let (_, height, width) = planes.dim();
         let mut padded = Self::default();
+        let whole = Place {
+            rows: 0..height,
+            columns: 0..width,
+        };
         let all = Part {
             planes: &in_one_piece(planes),
-            rows: 0..height,
-            height,
-            width,
+            place: whole.clone(),
+            size: (height, width),
         };
-        padded.fill(&all, &(0..height), filters);
+        padded.fill(&all, &whole, filters);
         padded
     }
 
-    /// What the filters need for some rows of their output.
-    pub fn fill(&mut self, part: &Part<'_, F>, wanted: &Range<usize>, filters: &Filters<F>) {
-        let width = part.width;
-        (self.height, self.width, self.taps) = (wanted.len(), width, filters.taps);
-        let (rows, columns) = (wanted.len() + self.taps.0 - 1, width + self.taps.1 - 1);
+    /// What the filters need for a part of their output.
+    pub fn fill(&mut self, part: &Part<'_, F>, wanted: &Place, filters: &Filters<F>) {
+        self.taps = filters.taps;
+        (self.height, self.width) = (wanted.rows.len(), wanted.columns.len());
+        let rows = self.height + self.taps.0 - 1;
+        let columns = self.width + self.taps.1 - 1;
         self.make_room(filters.backward.len(), (rows, columns));
-        let inner = before(self.taps.1);
-        let planes = part.planes.chunks_exact(part.rows.len() * width);
+        let width = part.place.columns.len();
+        // Where the first column of the part comes to lie, behind those that are mirrored.
+        let inner = before(self.taps.1) + part.place.columns.start - wanted.columns.start;
+        let to = |place: usize, first: usize, taps: usize, size: usize| {
+            mirrored((first + place) as isize - before(taps) as isize, size)
+        };
+        let planes = part.planes.chunks_exact(part.place.pixels());
         for (source, out) in planes.zip(self.data.chunks_exact_mut(self.plane)) {
             for (row, out) in out.chunks_exact_mut(self.stride).take(rows).enumerate() {
-                let row = (wanted.start + row) as isize - before(self.taps.0) as isize;
-                let row = mirrored(row, part.height) - part.rows.start;
-                let source = &source[row * width..][..width];
+                let row = to(row, wanted.rows.start, self.taps.0, part.size.0);
+                let source = &source[(row - part.place.rows.start) * width..][..width];
                 out[inner..inner + width].copy_from_slice(source);
                 for column in (0..inner).chain(inner + width..columns) {
-                    out[column] = source[mirrored(column as isize - inner as isize, width)];
+                    let from = to(column, wanted.columns.start, self.taps.1, part.size.1);
+                    out[column] = source[from - part.place.columns.start];
                 }
             }
         }
