@@ -60,8 +60,10 @@ def rate_of(threshold: int, probability: npt.ArrayLike, complement: npt.ArrayLik
     """
     p, rest = np.asarray(probability, np.float64), np.asarray(complement, np.float64)
     if threshold == 1:
-        small = -np.log1p(-np.minimum(p, 0.5))
-        return np.asarray(np.where(p < rest, small, -np.log(np.minimum(rest, 0.5))))
+        # As below, without importing SciPy; no finite light gives p = 1.
+        with np.errstate(divide="ignore"):
+            small, large = -np.log1p(-np.minimum(p, 0.5)), -np.log(np.minimum(rest, 0.5))
+        return np.asarray(np.where(p < rest, small, large))
     from scipy.special import gammainccinv, gammaincinv
 
     return np.asarray(
