@@ -40,6 +40,33 @@ def test_the_picture_is_the_twins(channels, sizes, tied, height, width, masked):
     np.testing.assert_allclose(picture, twin(network, bits, dead), atol=2e-5)
 
 
+@pytest.mark.parametrize("tied", [True, False])
+@pytest.mark.parametrize(("channels", "sizes"), [SHAPES[1], SHAPES[4]])
+@pytest.mark.parametrize(("height", "width"), [(130, 1024), (65, 1031), (3, 2059)])
+def test_tiles_of_the_engine_do_not_show(channels, sizes, tied, height, width):
+    rng = np.random.default_rng(0)
+    sensor = jl.Sensor(oversampling=3)
+    network = random_network(rng, sensor, channels, sizes, tied=tied)
+    bits = random_bits(rng, sensor, height, width)
+    expected = twin(network, bits)
+    packed = jl.Bits.from_array(bits)
+    for threads in (1, 2, 64):
+        picture = network.reconstruct(packed, threads=threads)
+        np.testing.assert_allclose(picture, expected, atol=5e-5)
+
+
+def test_splines_of_more_knots_than_a_byte_tells_apart():
+    rng = np.random.default_rng(1)
+    sensor = jl.Sensor(frames=900)
+    line = np.sort(rng.uniform(0, 1, (1, 400)))
+    taps = rng.uniform(0, 0.1, (1, 1, 3, 3))
+    layers = [jl.Layer(np.ones((1, 1, 1, 1)), line, 0.0, 900 / 397), jl.Layer(taps, line, 0, 1e-3)]
+    network = jl.Network(layers, sensor)
+    counts = rng.integers(0, 901, (40, 30))
+    expected = methods.network(network.layers, counts[None].astype(float))
+    np.testing.assert_allclose(network.reconstruct(counts), expected, atol=2e-5)
+
+
 @pytest.mark.parametrize("oversampling", [1, 7, 9, 12])
 def test_blocks_of_any_width_are_weighed(oversampling):
     rng = np.random.default_rng(1)
