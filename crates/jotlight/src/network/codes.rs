@@ -8,7 +8,7 @@ use super::{Real, Spline};
 use crate::bits::{PackedBits, field};
 use crate::cpu::levels;
 
-/// Bits of a table: of one for the whole block, if there are enough pixels to be worth it, and else of each of several.
+/// Bits of a table: of one for the whole block, if there are twice as many pixels as entries, and else of each of several.
 const WHOLE: usize = 16;
 const PART: usize = 10;
 
@@ -40,7 +40,7 @@ impl<F: Real> Tables<F> {
     pub fn new(filters: ArrayView4<'_, F>, pixels: usize) -> Self {
         let (_, frames, side, _) = filters.dim();
         let whole = frames * side * side;
-        let worth = whole <= WHOLE && pixels >= 1 << whole;
+        let worth = whole <= WHOLE && pixels >= 2 << whole;
         let groups = groups(frames, side, if worth { whole } else { PART })
             .into_iter()
             .map(|fields| {

@@ -1,6 +1,5 @@
 //! What a draw is compared with: P(b = 1), roughly from a table, and exactly only for the few draws that come close to it.
 
-use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::cpu::levels;
@@ -31,15 +30,17 @@ impl Bounds {
 
     /// The table of a threshold, made once.
     pub fn of(threshold: Threshold) -> Arc<Self> {
-        static TABLES: Mutex<Option<HashMap<u32, Arc<Bounds>>>> = Mutex::new(None);
-        // A table is complete before it enters the map, so a panic elsewhere leaves nothing half made.
-        TABLES
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .get_or_insert_default()
-            .entry(threshold.photons())
-            .or_insert_with(|| Arc::new(Self::new(threshold)))
-            .clone()
+        static TABLES: Mutex<Vec<(u32, Arc<Bounds>)>> = Mutex::new(Vec::new());
+        let photons = threshold.photons();
+        let tables = || TABLES.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = tables().iter().find(|(of, _)| *of == photons).cloned();
+        if let Some((_, table)) = known {
+            return table;
+        }
+        // Not while others wait; two that come here at once both make it.
+        let table = Arc::new(Self::new(threshold));
+        tables().push((photons, Arc::clone(&table)));
+        table
     }
 
     fn new(threshold: Threshold) -> Self {
