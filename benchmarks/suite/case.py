@@ -80,6 +80,9 @@ def measure(case: Case, threads: Sequence[int], effort: Effort) -> dict[str, Any
         except ImportError:
             left_out[rival.name] = f"the package {rival.package} is not installed"
             continue
+        except OSError as error:
+            left_out[rival.name] = f"the package {rival.package} cannot be loaded ({error})"
+            continue
         except CannotRunError as error:
             left_out[rival.name] = str(error)
             continue

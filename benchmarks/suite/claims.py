@@ -11,8 +11,9 @@ from suite.figures import Path, of_bound, paired, ratio, speed_up
 from suite.latency import HELP, NUMPY, RECONSTRUCT
 from suite.paths.counting import SAME_BYTES
 from suite.paths.filtering import WITHOUT
-from suite.paths.reconstruction import BM3D, TORCH
-from suite.paths.training import DRAWN
+from suite.paths.reconstruction import BM3D, COMPILED, TORCH
+from suite.paths.training import DRAWN, PLAIN
+from suite.probes import STARTING
 
 FAST_AS_CORES = 1.8
 """On two threads; on more in proportion."""
@@ -41,8 +42,10 @@ def claims(found: dict[str, Any]) -> list[Claim]:
     """Of all that the run measured."""
     made: list[Claim] = []
     for path in found["paths"]:
-        if path["name"] in SPEED:
-            made += SPEED[path["name"]](path)
+        # Every sensor is held against the same figure.
+        name = "sampling" if path["name"].startswith("sampling") else path["name"]
+        if name in SPEED:
+            made += SPEED[name](path)
     made += agreement(found["paths"])
     made += levels(found["paths"])
     most = max(found["threads"])
@@ -54,8 +57,12 @@ def claims(found: dict[str, Any]) -> list[Claim]:
 
 
 def network(path: Path) -> Iterator[Claim]:
-    said = f"{path['title']}: times as fast as {TORCH}, one thread"
-    yield Claim(said, 10, rival_ratio(path, TORCH, 1), "×", bound=near(path, 1))
+    said = (
+        f"{path['title']}: times as fast as PyTorch, the faster of eager and compiled, one thread"
+    )
+    ratios = [rival_ratio(path, name, 1) for name in (TORCH, COMPILED)]
+    least = min((ratio for ratio in ratios if ratio is not None), default=None)
+    yield Claim(said, 10, least, "×", bound=near(path, 1))
 
 
 def network_and_denoiser(path: Path) -> Iterator[Claim]:
@@ -71,15 +78,19 @@ def filtering(path: Path) -> Iterator[Claim]:
 
 
 def training(path: Path) -> Iterator[Claim]:
-    said = "Training step: times as fast as PyTorch, which draws bits too, two threads"
-    yield Claim(said, 25, rival_ratio(path, DRAWN, 2), "×", bound=near(path, 2))
+    said = (
+        "Training step: times as fast as PyTorch in its quickest form, which draws too, two threads"
+    )
+    plain = rival_ratio(path, PLAIN, 2)
+    bound = near(path, 2) + (f"; {plain:.1f} times as fast as in its first form" if plain else "")
+    yield Claim(said, 25, rival_ratio(path, DRAWN, 2), "×", bound=bound)
 
 
 def sampling(path: Path) -> Iterator[Claim]:
     for threads in map(int, path["seconds"]):
         # 10⁸ jots
         rate = path["items"] / figures.median(path, "jotlight", threads) / threads / 1e8
-        said = f"Drawing bits at q = 1: 10⁸ jots per second and thread, {words_of(threads)}"
+        said = f"{path['title']}: 10⁸ jots per second and thread, {words_of(threads)}"
         yield Claim(said, 5, rate, bound=near(path, threads))
 
 
@@ -121,13 +132,14 @@ def levels(paths: list[Path]) -> Iterator[Claim]:
 def with_threads(path: Path, most: int) -> Claim:
     machine = figures.peak(path, most) / figures.peak(path, 1)
     reading = figures.bandwidth(path, most) / figures.bandwidth(path, 1)
-    return Claim(
-        f"{path['title']}: times as fast on {words_of(most)} as on one",
-        FAST_AS_CORES * most / 2,
-        speed_up(path, most),
-        "×",
-        bound=f"multiply-adds alone in the same rounds: {machine:.2f}, reading: {reading:.2f}",
-    )
+    wanted = FAST_AS_CORES * most / 2
+    said = f"{path['title']}: times as fast on {words_of(most)} as on one"
+    bound = f"multiply-adds alone: {machine:.2f}, reading: {reading:.2f}"
+    if machine < wanted:
+        return Claim(said, wanted, None, "×", bound=f"the machine was busy: {bound}")
+    starting = figures.median(path, STARTING, most) / figures.median(path, "jotlight", most)
+    bound += f"; a call without work takes {starting:.0%} of its time"
+    return Claim(said, wanted, speed_up(path, most), "×", bound=bound)
 
 
 def latency(times: dict[str, list[float]]) -> Iterator[Claim]:

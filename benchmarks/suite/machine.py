@@ -26,6 +26,7 @@ def facts() -> dict[str, object]:
         "date": dt.datetime.now(dt.UTC).date().isoformat(),
         "processor": processor(),
         "instructions": instructions(),
+        "level": jotlight._engine.cpu_level(),
         "cores": cores(),
         "memory_gib": memory() / 2**30,
         "load": load(),

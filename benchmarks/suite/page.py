@@ -18,6 +18,8 @@ from suite.tables import (
 )
 
 COMMAND = "python benchmarks/run.py"
+LARGE = 512
+"""Pixels along a side from which on what a call does at any size matters little."""
 
 
 def page(found: dict[str, Any]) -> str:
@@ -41,7 +43,8 @@ def head(found: dict[str, Any]) -> list[str]:
         "",
         f"- {machine['date']}, commit {machine['commit'] or 'unknown'}, "
         f"jotlight {machine['jotlight']}, Python {machine['python']}",
-        f"- {machine['processor']} ({', '.join(machine['instructions']) or machine['system']}), "
+        f"- {machine['processor']} ({', '.join(machine['instructions']) or machine['system']}; "
+        f"{machine['level']} is used), "
         f"{machine['cores']} cores, {machine['memory_gib']:.0f} GiB{at_load(machine)}",
         f"- {', '.join(packages)}",
         "",
@@ -130,11 +133,21 @@ def scaling(found: dict[str, Any]) -> list[str]:
 
 
 def flatness(rows: list[dict[str, Any]]) -> list[str]:
-    costs = [ns_per_pixel(row) for row in rows if row["what"] == "reconstruct"]
-    return [
-        "K = 16, one thread, each size in a process of its own. The dearest pixel of a "
-        f"reconstruction costs {max(costs) / min(costs):.2f} times what the cheapest costs."
-    ]
+    """What a pixel costs, and what a call does whatever its size."""
+    cells = [row for row in rows if row["what"] == "reconstruct"]
+    fixed = min(statistics.median(row["seconds"]) for row in cells)
+    large = [row for row in cells if row["side"] >= LARGE]
+    words = (
+        "K = 16, one thread, each size in a process of its own. A reconstruction takes "
+        f"{1000 * fixed:.2f} ms at least."
+    )
+    if large:
+        costs = [1e9 * row["own"] / row["side"] ** 2 for row in large]
+        words += (
+            f" From {LARGE} × {LARGE} pixels on, each takes the program {min(costs):.1f} to "
+            f"{max(costs):.1f} ns, besides what the system does for new pages of memory."
+        )
+    return [words]
 
 
 def sizes_table(rows: list[dict[str, Any]]) -> list[str]:
@@ -144,12 +157,14 @@ def sizes_table(rows: list[dict[str, Any]]) -> list[str]:
             f"{row['side']:,} × {row['side']:,}",
             short(1000 * statistics.median(row["seconds"])),
             short(ns_per_pixel(row)),
+            short(1e9 * row["own"] / row["side"] ** 2),
             f"{row['beyond'] / 2**20:.1f}",
             short(row["beyond"] / row["side"] ** 2),
         ]
         for row in rows
     ]
-    head = ["", "pixels", "ms", "ns per pixel", "MiB beyond", "bytes per pixel beyond"]
+    head = ["", "pixels", "ms", "ns per pixel", "ns of the program's own"]
+    head += ["MiB beyond", "bytes per pixel beyond"]
     return table(head, cells, words=2)
 
 

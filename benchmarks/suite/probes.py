@@ -9,7 +9,7 @@ import numpy as np
 from jotlight import _engine
 from suite.timing import Run
 
-MULTIPLY_ADDS, READING = "multiply-adds", "reading"
+MULTIPLY_ADDS, READING, STARTING = "multiply-adds", "reading", "starting threads"
 LEAST = 0.01
 """Seconds that the multiply-adds take at least, so that starting threads does not count."""
 
@@ -18,6 +18,7 @@ def runs(size: int) -> dict[str, Run]:
     return {
         MULTIPLY_ADDS: lambda threads: multiply_adds(enough(), threads),
         READING: lambda threads: read_words(words(size), threads),
+        STARTING: lambda threads: multiply_adds(1, threads),
     }
 
 

@@ -21,10 +21,13 @@ ROOT = Path(__file__).parents[2]
 BRIEF = Effort(rounds=2, few=1, least=0.0, words=1 << 10, pause=0.0)
 
 
+PROBES = ["multiply-adds", "reading", "starting threads"]
+
+
 def path(**seconds):
     """Times of 10 items; the machine does 1000 multiply-adds and reads 1000 bytes a second."""
     times = {name: [value, value] for name, value in seconds.items()}
-    probes = {"multiply-adds": [1.0, 1.0], "reading": [1.0, 1.0]}
+    probes = {name: [1.0, 1.0] for name in PROBES}
     return {
         "name": "counting",
         "title": "Counting",
@@ -53,6 +56,7 @@ def found(*paths, **parts):
         "python": "3",
         "processor": "a processor",
         "instructions": [],
+        "level": "scalar",
         "system": "any",
         "cores": 1,
         "memory_gib": 1.0,
@@ -92,7 +96,9 @@ def test_two_threads_are_held_against_one(slow, verdict):
     one["seconds"]["2"] = path(jotlight=1.0)["seconds"]["1"]
     one["probes"]["operations"]["2"] = 3600.0
     claim = claims_of.with_threads(one, 2)
-    assert claim.bound == "multiply-adds alone in the same rounds: 1.80, reading: 1.00"
+    assert claim.bound.startswith("multiply-adds alone: 1.80, reading: 1.00; ")
+    one["probes"]["operations"]["2"] = 3400.0
+    assert claims_of.with_threads(one, 2).verdict == "not measured"
     assert claim.measured == pytest.approx(slow)
     assert claim.verdict == verdict
 
@@ -186,7 +192,7 @@ def test_what_cannot_run_is_left_out_and_said():
         "absent": "the package a_package_that_is_not_there is not installed",
         "refuses": "it would not",
     }
-    assert list(measured["seconds"]["1"]) == ["jotlight", "same", "multiply-adds", "reading"]
+    assert list(measured["seconds"]["1"]) == ["jotlight", "same", *PROBES]
     assert measured["differences"] == {"same": 0}
     assert "Any: refuses is left out, it would not." in page(found(measured))
 

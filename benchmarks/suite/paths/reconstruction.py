@@ -12,7 +12,8 @@ from suite.paths.filtering import TAPS
 from suite.paths.scene import HEIGHT, SENSOR, WIDTH, bits, many_bits, untied
 from suite.paths.splines import SLOTS
 
-TORCH, BM3D = "PyTorch, the same network", "non-iterative, BM3D"
+TORCH, COMPILED = "PyTorch, the same network", "PyTorch, compiled"
+BM3D = "non-iterative, BM3D"
 
 
 def cases(quick: bool) -> Iterator[Case]:
@@ -33,7 +34,7 @@ def case(name: str, title: str, network: jl.Network, methods: list[Rival] | None
     height, width = (size // SENSOR.oversampling for size in seen.shape[1:3])
     rivals = [
         Rival(TORCH, partial(in_torch, network), "torch"),
-        Rival("PyTorch, compiled", partial(compiled, network), "torch"),
+        Rival(COMPILED, partial(compiled, network), "torch"),
         Rival("PyTorch, without counting", partial(from_sums, network), "torch"),
         *(methods or []),
     ]

@@ -68,7 +68,9 @@ def of_scipy(package: Any, layer: jl.Layer, z: np.ndarray) -> Callable[[], np.nd
 
 
 def of_torch(torch: Any, layer: jl.Layer, z: np.ndarray) -> Callable[[], np.ndarray]:
-    from suite.torch_network import spline
+    from suite.torch_network import by_interval
 
     coefficients = torch.from_numpy(layer.coefficients[0])
-    return lambda: spline(torch.from_numpy(z), coefficients, layer.start, layer.spacing).numpy()
+    return lambda: by_interval(
+        torch.from_numpy(z), coefficients, layer.start, layer.spacing
+    ).numpy()

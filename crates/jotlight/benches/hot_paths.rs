@@ -97,6 +97,19 @@ fn hot_paths(c: &mut Criterion) -> Result<()> {
         drop(expose(&sensor, image, [7; 32], 0, &all, drawn.view_mut()));
     });
 
+    let mut cubic = self::sensor(SIDE)?;
+    cubic.kernel = Kernel::new(3, SIDE)?;
+    cubic.threshold = Threshold::new(2)?;
+    at_every_level(
+        c,
+        "drawing bits, cubic, q = 2",
+        pixels * SIDE * SIDE,
+        || {
+            let image = Image::F32(scene.view());
+            drop(expose(&cubic, image, [7; 32], 0, &all, drawn.view_mut()));
+        },
+    );
+
     let tied = layer(Array4::ones((1, 1, 1, 1)), 16.0)?;
     let untied = layer(Array4::ones((1, 1, SIDE, SIDE)), 16.0)?;
     let second = layer(Array4::from_elem((1, 1, 15, 15), 1.0 / 225.0), 1.0)?;
@@ -107,6 +120,12 @@ fn hot_paths(c: &mut Criterion) -> Result<()> {
     let one = [untied.clone()];
     at_every_level(c, "first layer", pixels, || {
         drop(forward_bits(&one, &block));
+    });
+    let of_eight = self::bits(&self::sensor(8)?, 8, 1)?;
+    let large = PackedBits::new(of_eight.view(), WIDTH * 8)?;
+    let one = [layer(Array4::ones((1, 1, 8, 8)), 64.0)?];
+    at_every_level(c, "first layer, K = 64", pixels, || {
+        drop(forward_bits(&one, &large));
     });
     let filter = [layer(Array4::ones((1, 1, 1, 1)), 16.0)?, second.clone()];
     let planes = Array3::from_shape_fn((1, HEIGHT, WIDTH), |(_, row, column)| {
