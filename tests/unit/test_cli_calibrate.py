@@ -8,6 +8,7 @@ import pytest
 import tifffile
 
 import jotlight as jl
+from jotlight.formats.writing import write_capture
 from jotlight.pictures import read_picture
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no valid jot")
@@ -294,3 +295,31 @@ def test_a_network_is_no_calibration(run, captures):
     status, said = run("reconstruct", "seen.npy", "-o", "a.npy", "--calibration", "n.safetensors")
     assert status == 1
     assert "expected a jotlight calibration, got jotlight network" in said
+
+
+def test_a_conversion_is_of_the_format_that_it_was_made_of(run, captures, calibrated):
+    assert run("convert", "seen.npy", "-o", "seen.npy.gz")[0] == 0
+    given = ("reconstruct", "seen.npy.gz", "-o", "a.npy", "-m", "mle")
+    status, said = run(*given, "--calibration", "c.safetensors")
+    assert status == 0
+    assert "the calibration is from" not in said
+
+
+def test_frames_that_counts_tell_are_taken_and_not_contradicted(run, captures):
+    for name in ("dark", "flat"):
+        bits = jl.open(captures / f"{name}.npy")
+        write_capture(bits[:500].counts(1), captures / f"{name}.npz", "npz", frames=500)
+        np.save(captures / f"{name}-counts.npy", bits.counts(1))
+    given = ("-o", "c.safetensors")
+    assert run("calibrate", "dark.npz", "flat.npz", *given)[0] == 0
+    assert run("calibrate", "dark-counts.npy", "flat.npz", *given, "--frames", 600)[0] == 0
+    found = jl.Calibration.load(captures / "c.safetensors")
+    assert (found.dark_frames, found.flat_frames) == (600, 500)
+    for words, told in (
+        (["dark.npz", "flat.npz", "--frames", 600], "dark.npz: tells of counts out of 500 bits"),
+        (["dark.npy", "flat.npz", "--frames", 600], "flat.npz: tells of counts out of 500 bits"),
+        (["dark.npz", "flat.npz", "--flat-frames", 7], "and --flat-frames of 7;"),
+    ):
+        status, said = run("calibrate", *words, *given)
+        assert status == 1
+        assert told in said

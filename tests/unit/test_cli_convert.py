@@ -282,8 +282,15 @@ def test_counts_tell_out_of_how_many_bits_they_are(run, tmp_path, name):
         assert "npy" in said
         np.testing.assert_array_equal(np.load(tmp_path / "b.npy"), expected)
     assert "npy, a.npy" in run("info", second, "--counts")[1]
-    assert run("reconstruct", first, "-o", "b.npy", "-m", "mle", "--frames", 50)[0] == 0
-    assert np.load(tmp_path / "b.npy").max() < expected.max()
+    reconstruct = ("reconstruct", first, "-o", "b.npy", "-m", "mle")
+    for words, given in ((["--frames", 50], 50), (["--frames", 40, "--oversampling", 2], 160)):
+        status, said = run(*reconstruct, *words)
+        assert status == 1
+        option = " and ".join(map(" ".join, zip(words[::2], map(str, words[1::2]), strict=True)))
+        assert f"tells of counts out of 40 bits, and {option} of {given}" in said
+    for words in (["--frames", 40], ["--oversampling", 2], ["--frames", 10, "--oversampling", 2]):
+        assert run(*reconstruct, *words)[0] == 0
+        np.testing.assert_allclose(np.load(tmp_path / "b.npy"), expected, rtol=1e-6)
 
 
 def test_a_label_of_counts_is_checked(tmp_path):
@@ -316,3 +323,33 @@ def test_a_sensor_that_has_no_place_is_left_out_and_said(tmp_path):
     with pytest.warns(jl.JotlightWarning, match="no place for the sensor"):
         write_capture(bits, path_of(tmp_path, name), name)
     assert jl.open(path_of(tmp_path, name)).sensor is None
+
+
+@pytest.mark.parametrize("name", [name for name in COUNTS if name not in BITS])
+def test_counts_say_when_they_leave_out_more_of_a_sensor_than_its_frames(tmp_path, name):
+    for told in ({"mask": np.eye(5, 13, dtype=bool)}, {"gain": 4.0}, {"threshold": 2}):
+        bits = jl.Bits.from_array(random(3, 5, 13), jl.Sensor(frames=3, **told))
+        with pytest.warns(jl.JotlightWarning, match="no place for the sensor, which is left out"):
+            write_capture(bits, path_of(tmp_path, name), name)
+    plain = jl.Bits.from_array(random(3, 5, 13), jl.Sensor(frames=3))
+    write_capture(plain, path_of(tmp_path, name), name)
+
+
+@pytest.mark.parametrize("name", ["visionsim", "matlab", "png"])
+def test_bits_say_when_nothing_will_tell_how_they_were_turned(tmp_path, name):
+    np.save(tmp_path / "cube.npy", twin.packed(random(3, 8, 16)))
+    bits = jl.open(tmp_path / "cube.npy", rotate=90)
+    with pytest.warns(jl.JotlightWarning, match="no place to tell .* rotated by 90 degrees, so"):
+        write_capture(bits, path_of(tmp_path, name), name)
+    again = jl.open(tmp_path / "cube.npy", rotate=360)
+    write_capture(again, path_of(tmp_path, name, "again"), name)
+
+
+@pytest.mark.filterwarnings("default:.*no place to tell")
+@pytest.mark.parametrize("name", COUNTS)
+def test_counts_say_when_nothing_will_tell_how_they_were_turned(run, tmp_path, name):
+    pytest.importorskip(NEEDS.get(name, "numpy"))
+    np.save(tmp_path / "counts.npy", np.arange(12).reshape(3, 4))
+    status, said = run("convert", "counts.npy", "-o", path_of(tmp_path, name), "--rotate", 90)
+    assert status == 0
+    assert (f"{name} has no place to tell" in said) == (name in ("npy", "npy.gz", "png"))

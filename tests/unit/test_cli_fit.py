@@ -1,5 +1,6 @@
 """What `reconstruct` does and says where the network that comes with jotlight does not fit."""
 
+import gzip
 import shlex
 
 import numpy as np
@@ -181,3 +182,14 @@ def test_the_range_that_is_asked_for_is_learned(run):
     words = ["train", "--sensor", "seen.npy", "-o", "own.safetensors", *QUICK]
     assert run(*words, "--max-intensity", 2.5)[0] == 0
     assert Network.load("own.safetensors").sensor.max_intensity == 2.5
+
+
+@pytest.mark.parametrize("name", ["seen.npy", "seen.npy.gz"])
+def test_the_bits_beside_a_description_may_be_compressed_by_other_means(run, tmp_path, name):
+    captured(0.3 * PHOTO)
+    if name == "seen.npy.gz":
+        (tmp_path / name).write_bytes(gzip.compress((tmp_path / "seen.npy").read_bytes(), 1))
+        (tmp_path / "seen.npy").unlink()
+    status, said = run("train", "--sensor", "seen.json", "-o", "own.safetensors", *QUICK)
+    assert status == 0, said
+    assert f"{name}: its brightest parts" in said

@@ -1,6 +1,7 @@
 """What `jotlight info` tells of files that may be pictures or counts."""
 
 import numpy as np
+import png
 import pytest
 import tifffile
 from PIL import Image
@@ -53,3 +54,18 @@ def test_what_we_wrote_is_told_as_counts(run, tmp_path, name):
     assert "assumed counts out of 64, as the file tells" in said
     assert "from npy, cube.npy" in said
     assert "values int32, 0 to 4" in said
+
+
+@pytest.mark.parametrize(("depth", "palette"), [(1, False), (2, False), (4, False), (2, True)])
+def test_the_levels_of_a_shallow_png_are_told_as_they_are_read(run, tmp_path, depth, palette):
+    levels = np.arange(24).reshape(4, 6) % 2**depth
+    colours = [(80 * level, 0, 255) for level in range(4)] if palette else None
+    with (tmp_path / "a.png").open("wb") as file:
+        kind = {"palette": colours} if palette else {"greyscale": True}
+        png.Writer(6, 4, bitdepth=depth, **kind).write(file, levels.tolist())
+    said = lines(run, "a.png")
+    kind = "bits" if depth == 1 else "counts"
+    assert f"kind {kind}, or a picture" in said
+    assert f"{kind} 0 to {2**depth - 1}" in said
+    assert f"--{kind} tells of it as a capture" in said
+    assert f"kind {kind}" in lines(run, "a.png", f"--{kind}")

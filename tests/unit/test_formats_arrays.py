@@ -115,10 +115,29 @@ def test_what_looks_packed_is_not_asked_about(tmp_path):
     assert jl.open(tmp_path / "a.npy").shape == (2, 9, 144)
 
 
-@pytest.mark.parametrize("options", [{"counts": True}, {"format": "spad512s"}])
-def test_unpacked_is_for_bits_in_arrays(tmp_path, options):
+def test_frames_that_begin_dark_are_looked_at_further_on(tmp_path):
+    light = np.zeros((3 << 8, 64, 64), np.uint8)
+    light[384, :2, :8] = 1
+    np.save(tmp_path / "a.npy", light)
+    with pytest.raises(ValueError, match=r"nothing but 0 and 1, .*--unpacked"):
+        jl.open(tmp_path / "a.npy")
+    light[-1, 5, 5] = 2
+    light[384, :2, 2:] = 0
+    light[-1, :2, :8] = 1
+    np.save(tmp_path / "a.npy", light)
+    assert jl.open(tmp_path / "a.npy").shape == (768, 64, 512)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"counts": True}, r"counts: with unpacked each .*\(--counts, --unpacked\)"),
+        ({"format": "spad512s"}, "unpacked: is for bits in arrays"),
+    ],
+)
+def test_unpacked_is_for_bits_in_arrays(tmp_path, options, message):
     np.save(tmp_path / "a.npy", np.ones((2, 3, 4), np.uint8))
-    with pytest.raises(ValueError, match="unpacked: is for bits in arrays"):
+    with pytest.raises(ValueError, match=message):
         jl.open(tmp_path / "a.npy", unpacked=True, **options)
     np.save(tmp_path / "a.npy", np.full((2, 3, 4), 7, np.uint8))
     with pytest.raises(ValueError, match="expected bits, 0 and 1 only, got 7 to 7"):
@@ -129,6 +148,10 @@ def test_bool_is_bits_and_other_numbers_are_counts(tmp_path):
     array = random((3, 5, 11))
     np.save(tmp_path / "a.npy", array)
     np.testing.assert_array_equal(jl.open(tmp_path / "a.npy").to_array(), array)
+    np.savez(tmp_path / "a.npz", array)
+    np.testing.assert_array_equal(jl.open(tmp_path / "a.npz").to_array(), array)
+    np.testing.assert_array_equal(jl.open(tmp_path / "a.npz", counts=True, frames=slice(0, 3)),
+                                  array.sum(0))  # fmt: skip
     np.save(tmp_path / "a.npy", COUNTS[0])
     np.testing.assert_array_equal(jl.open(tmp_path / "a.npy"), COUNTS[0])
     np.save(tmp_path / "a.npy", COUNTS.astype(np.uint8))
@@ -313,6 +336,17 @@ def test_hdf5(tmp_path):
     for key in (None, "out", "none"):
         with pytest.raises(ValueError, match=r"--key.*a/counts, bool, cube"):
             jl.open(tmp_path / "a.h5", key=key)
+
+
+@pytest.mark.parametrize("told", ["{}", 3])
+def test_an_attribute_of_hdf5_that_is_not_read_is_said(tmp_path, told):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["a"] = COUNTS[0]
+        file["a"].attrs["jotlight"] = told  # a str is of variable length
+    with pytest.warns(jl.JotlightWarning, match="jotlight of /a is no text of fixed length"):
+        counts = jl.open(tmp_path / "a.h5")
+    np.testing.assert_array_equal(counts, COUNTS[0])
 
 
 def test_an_hdf5_file_cannot_point_to_other_files_or_to_more_than_it_holds(tmp_path):

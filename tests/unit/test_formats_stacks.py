@@ -86,3 +86,18 @@ def test_masks(tmp_path):
     Image.fromarray(~mask).save(tmp_path / "one.png")
     with pytest.warns(jl.JotlightWarning, match="invert it"):
         read_mask(tmp_path / "one.png")
+
+
+@pytest.mark.parametrize(("levels", "is_bits"), [(COUNTS[0], False), (COUNTS[0] > 150, True)])
+@pytest.mark.parametrize("name", ["a.png", "a.tif"])
+def test_pictures_are_not_what_they_are_called_when_they_hold_else(tmp_path, levels, is_bits, name):
+    if name == "a.png":
+        Image.fromarray(levels).save(tmp_path / name)
+    elif is_bits:
+        tifffile.imwrite(tmp_path / name, np.stack([levels] * 5), photometric="minisblack")
+    else:
+        tifffile.imwrite(tmp_path / name, levels, photometric="minisblack")
+    with pytest.raises(ValueError, match=f"counts: .* holds {'bits' if is_bits else 'counts'}"):
+        jl.open(tmp_path / name, counts=is_bits)
+    same = jl.open(tmp_path / name, counts=not is_bits)
+    assert isinstance(same, jl.Bits) == is_bits

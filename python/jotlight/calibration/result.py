@@ -170,8 +170,10 @@ class Calibration:
         known = self.sources.get("dark")
         if known is None or known.turned is None:
             return "how the captures of the calibration were turned is not known"
-        if known.format != source.format:
-            return f"the calibration is from {known.format} and the capture is {source.format}"
+        # Files that were converted lie as those that they were made of.
+        own, its = [*known.steps()][-1].format, [*source.steps()][-1].format
+        if own != its:
+            return f"the calibration is from {own} and the capture is {its}"
         return None
 
     def numbers(self) -> dict[str, Any]:

@@ -1,7 +1,8 @@
 """`jotlight calibrate`: a dark and a flat capture into the calibration of a sensor."""
 
+import dataclasses
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -11,8 +12,7 @@ from jotlight.calibration.estimate import MOST_DARK
 from jotlight.cli import opening, options
 from jotlight.cli.console import out, progress
 from jotlight.files import spare_inputs, written_whole
-from jotlight.formats import open_capture
-from jotlight.formats.capture import Stack
+from jotlight.formats.capture import Capture, Stack
 
 
 def calibrate(
@@ -46,7 +46,11 @@ def calibrate(
     plot: Annotated[Path | None, typer.Option(help="A page of plots: .png, .pdf or .svg.")] = None,
     key: opening.Key = None,
     flat_key: Annotated[
-        str | None, typer.Option(help="The same of the flat capture. Default: --key.")
+        str | None,
+        typer.Option(
+            help="Name of the array of the flat capture. Default: --key.",
+            rich_help_panel="Capture",
+        ),
     ] = None,
     counts: opening.Counts = None,
     unpacked: opening.Unpacked = None,
@@ -74,28 +78,22 @@ def calibrate(
 
         plots.check_figure(plot)
         spare_inputs(plot, [output])
-    reading: dict[str, Any] = {
-        "format": format_,
-        "width": width,
-        "frames": opening.frames_of(frame_range),
-        "rotate": rotate,
-        "flip": flip,
-        "counts": counts,
-        "unpacked": unpacked,
-    }
-    captures = [open_capture(dark, key=key, **reading)]
+    reading = opening.Reading(
+        dark, format_, width, frame_range, rotate, flip, key, counts, unpacked
+    )
+    captures = [reading.open()]
     if flat is not None:
-        captures.append(open_capture(flat, key=flat_key or key, **reading))
+        captures.append(dataclasses.replace(reading, path=flat, key=flat_key or key).open())
     if frames is not None and all(isinstance(capture, Bits) for capture in captures):
         raise ValueError(
             "frames: is for counts; these are bits, which tell how many there are, and "
             "--frame-range takes some of them"
         )
-    told = [
-        None if isinstance(capture, Bits) else frames or capture.all_frames for capture in captures
-    ]
-    if flat_frames is not None and flat is not None:
-        told[1] = flat_frames
+    told = [_frames_of(captures[0], dark, "--frames", frames, None)]
+    if flat is not None and flat_frames is None and isinstance(captures[0], Bits):
+        told.append(_frames_of(captures[1], flat, "--frames", frames, None))
+    elif flat is not None:
+        told.append(_frames_of(captures[1], flat, "--flat-frames", flat_frames, frames))
     with written_whole(output) as temporary, progress(1) as begin:
         update = begin("calibrating")
         data = [capture.sum() if isinstance(capture, Stack) else capture for capture in captures]
@@ -129,3 +127,16 @@ def calibrate(
     for name, value in facts(found):
         out.print(f"{name}: {value}", soft_wrap=True, markup=False)
     out.print(f"{output}: for jotlight reconstruct --calibration", soft_wrap=True, markup=False)
+
+
+def _frames_of(
+    capture: Capture, path: Path, option: str, given: int | None, otherwise: int | None
+) -> int | None:
+    """Out of how many frames counts are: what the file tells, and an option may only repeat."""
+    if isinstance(capture, Bits):
+        # Those of --frames are for the other capture.
+        return given if option == "--flat-frames" else None
+    if given is not None:
+        opening.check_told(path, capture.all_frames, given, option)
+        return given
+    return capture.all_frames or otherwise

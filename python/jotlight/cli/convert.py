@@ -8,7 +8,6 @@ import typer
 from jotlight.bits import Bits
 from jotlight.cli import opening
 from jotlight.cli.console import out, progress
-from jotlight.formats import open_capture
 from jotlight.formats.description import maps_beside
 from jotlight.formats.writing import TARGETS, target_of, write_capture
 
@@ -45,17 +44,10 @@ def convert(
         made |= maps_beside(output)
     for file in made:
         opening.spare_capture(file, data)
-    capture = open_capture(
-        data,
-        format=format_,
-        width=width,
-        frames=opening.frames_of(frame_range),
-        rotate=rotate,
-        flip=flip,
-        key=key,
-        counts=counts,
-        unpacked=unpacked,
+    reading = opening.Reading(
+        data, format_, width, frame_range, rotate, flip, key, counts, unpacked
     )
+    capture = reading.open()
     source = capture.source
     with progress(1) as begin:
         update = begin("converting")

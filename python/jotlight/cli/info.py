@@ -15,7 +15,7 @@ from jotlight.cli.console import out, progress
 from jotlight.files import spare_inputs, written_whole
 from jotlight.formats import open_capture
 from jotlight.formats.arrays import npz_label, npz_names, read_npy, read_npz
-from jotlight.formats.capture import Capture, Stack
+from jotlight.formats.capture import Capture, Stack, is_single
 from jotlight.formats.description import read_counts_label
 from jotlight.formats.recognise import recognise
 from jotlight.formats.tiff import tiff_file
@@ -54,10 +54,9 @@ def info(
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")
-    reading: dict[str, Any] = {"format": format_, "width": width, "key": key, "counts": counts}
-    reading["unpacked"] = unpacked
-    reading |= {"frames": opening.frames_of(frame_range), "rotate": rotate or None, "flip": flip}
-    reading = {name: told for name, told in reading.items() if told is not None}
+    reading = opening.Reading(
+        file, format_, width, frame_range, rotate, flip, key, counts, unpacked
+    )
     for name, value in _facts(file, reading):
         table.add_row(name, value)
     out.print(table)
@@ -88,13 +87,13 @@ _PICTURES = (".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".ppm", ".gif")
 """Endings of what is a picture and no capture."""
 
 
-def _facts(file: Path, reading: dict[str, Any]) -> list[tuple[str, str]]:
+def _facts(file: Path, reading: opening.Reading) -> list[tuple[str, str]]:
     ending = file.suffix.lower()
     if ending == ".safetensors":
         if told_format(file) == CALIBRATION:
             return _calibration_facts(Calibration.load(file))
         return _network_facts(Network.load(file))
-    if not reading and file.is_file():
+    if reading == opening.Reading(file) and file.is_file():
         if ending == ".npz" and npz_label(file) is None:
             facts = [("kind", "archive of arrays")]
             for name in npz_names(file):
@@ -105,22 +104,26 @@ def _facts(file: Path, reading: dict[str, Any]) -> list[tuple[str, str]]:
             return [("kind", "array"), ("shape", _by(array.shape)), *_range(np.asarray(array))]
         if _is_picture(file):
             return _picture_facts(file)
-    return _capture_facts(open_capture(file, **reading))
+    return _capture_facts(reading.open())
 
 
 def _picture_facts(file: Path) -> list[tuple[str, str]]:
-    picture, levels = read_picture(file), read_picture(file, white=1)
-    facts = [("kind", "picture"), ("shape", _by(picture.shape)), *_range(picture)]
-    ending = file.suffix.lower()
-    colour = levels.ndim == 3 and ending not in (".tif", ".tiff")
-    if ending in _PICTURES or colour or (picture == levels).all():
-        return facts
+    picture = read_picture(file)
+    size = ("shape", _by(picture.shape))
+    try:
+        capture = open_capture(file)
+    except (OSError, ValueError):  # no capture, as in colour or floats
+        return [("kind", "picture"), size, *_range(picture)]
+    if isinstance(capture, Bits):
+        kind, levels = "bits", capture.counts(1)
+    else:
+        kind, levels = "counts", np.asarray(capture.images)
     return [
-        ("kind", "counts, or a picture"),
-        facts[1],
-        ("counts", f"{levels.min():g} to {levels.max():g}"),
-        ("picture", facts[2][1]),
-        ("", "--counts tells of it as a capture"),
+        ("kind", f"{kind}, or a picture"),
+        size,
+        (kind, f"{levels.min():g} to {levels.max():g}"),
+        ("picture", _range(picture)[0][1]),
+        ("", f"--{kind} tells of it as a capture"),
     ]
 
 
@@ -131,10 +134,9 @@ def _is_picture(file: Path) -> bool:
         try:
             with tiff_file(file) as tiff:
                 shape, dtype = tiff.series[0].shape, tiff.series[0].dtype
-                single = len(shape) == 2 or (len(shape) == 3 and shape[2] <= 4)
                 if read_counts_label(tiff.pages[0].description) != (None, None):
                     return False
-                return bool(dtype.kind == "f" or (dtype == np.uint8 and single))
+                return bool(dtype.kind == "f" or (dtype == np.uint8 and is_single(shape)))
         except Exception:  # reading it will say what is wrong
             return True
     try:

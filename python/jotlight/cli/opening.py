@@ -43,8 +43,8 @@ Flip = Annotated[str | None, _option(f"After that, mirror: {' or '.join(FLIPS)}.
 Counts = Annotated[
     bool | None,
     _option(
-        "Whether the numbers are counts or bits. Default: uint8 of three dimensions in a .npy is "
-        "bits, and other numbers are counts.",
+        "Whether the numbers are counts or bits. Default: uint8 of three or four dimensions in a "
+        ".npy is bits, and so is bool of as many; other numbers are counts.",
         "--counts/--bits",
     ),
 ]
@@ -130,22 +130,38 @@ def told(source: Source | None) -> list[str]:
     return [] if source is None else source.told()
 
 
+def check_told(path: Path, told: int | None, given: int, words: str) -> None:
+    """Raise ValueError when counts are out of another number of bits than options say."""
+    if told not in (None, given):
+        raise ValueError(
+            f"{path}: tells of counts out of {told} bits, and {words} of {given}; leave the option "
+            "out"
+        )
+
+
 def with_frames(capture: Stack, path: Path, given: dict[str, Any]) -> dict[str, Any]:
-    """The parameters given for a sensor that saw counts, and else the frames that the file tells.
+    """The parameters given for a sensor that saw counts, with the frames that the file tells.
 
     Raises
     ------
     ValueError
-        When nothing tells out of how many bits the counts are.
+        When nothing tells out of how many bits the counts are, or the file contradicts what is
+        given.
     """
+    told, jots = capture.all_frames, given.get("oversampling", 1) ** 2
+    if "frames" not in given and told is not None and jots > 0 and told % jots == 0:
+        return {**given, "frames": told // jots}
     if "frames" in given or "oversampling" in given:
+        names = (name for name in ("frames", "oversampling") if name in given)
+        words = " and ".join(f"--{name} {given[name]}" for name in names)
+        check_told(path, told, given.get("frames", 1) * jots, words)
         return given
-    if capture.all_frames is None:
+    if told is None:
         raise ValueError(
             f"{path}: holds counts, and nothing tells out of how many bits; give --frames, or "
             "--oversampling where a pixel covers many jots"
         )
-    return {**given, "frames": capture.all_frames}
+    return given
 
 
 def seen_by_sensor(

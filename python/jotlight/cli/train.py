@@ -245,10 +245,12 @@ def _sensor_of(
     """The median jot of a capture's sensor, and how bright its scene is."""
     path = reading.path
     if path.suffix.lower() == ".json" and path.is_file():
-        data = path.with_suffix("" if path.stem.lower().endswith(".gz") else ".npy")
-        if not data.exists():
+        packed = path.stem.lower().endswith(".gz")
+        beside = [path.with_suffix(end) for end in ([""] if packed else [".npy", ".npy.gz"])]
+        data = next((data for data in beside if data.exists()), None)
+        if data is None:
             raise FileNotFoundError(
-                f"{path}: expected the bits beside it, {data.name}, which tell how bright the "
+                f"{path}: expected the bits beside it, {beside[0].name}, which tell how bright the "
                 "scene is"
             )
         reading = dataclasses.replace(reading, path=data)

@@ -70,7 +70,7 @@ def open(
         bits, and so is what jotlight wrote as such; bool with a time is bits; all else is counts.
     unpacked : bool, optional
         Whether each number is one bit, 0 and 1 or 0 and 255, or a byte has eight. Default: eight,
-        and a file is refused whose first frames do not look so.
+        and a file is refused whose frames do not look so.
 
     Returns
     -------
@@ -136,7 +136,11 @@ def open_capture(
     name = format or recognise(path)
     if key is not None and name not in _KEYED:
         raise ValueError(f"key: names an array in a file of several, and {path} ({name}) has one")
-    if unpacked and (counts or name in (*RAW, "visionsim")):
+    if unpacked and counts:
+        raise ValueError(
+            "counts: with unpacked each number is one bit; give only one (--counts, --unpacked)"
+        )
+    if unpacked and name in (*RAW, "visionsim"):
         raise ValueError(f"unpacked: is for bits in arrays and pictures, not for {path} ({name})")
     try:
         if unpacked:
@@ -148,6 +152,9 @@ def open_capture(
         if str(path) in str(error):
             raise
         raise ValueError(f"{path}: {error}") from error
+    if not unpacked and counts is not None and counts == isinstance(capture, Bits):
+        words = "bits" if counts else "counts; --unpacked takes each number for a bit"
+        raise ValueError(f"counts: {path} ({name}) holds {words}")
     if width is not None:
         have = capture.images.shape[2] if isinstance(capture, Stack) else capture.width
         if width != have:
@@ -170,9 +177,10 @@ def _opened(
         case "npy.gz":
             return _of_array(gzipped_npy(path), path, name, counts, width, sure=sure)
         case "npz":
-            # What is in archives has been counts so far.
-            counts = True if counts is None else counts
             array, label = zipped_npy(path, key), npz_label(path)
+            # What is in archives has been counts so far, unless it is bool.
+            if counts is None and array.dtype != np.bool_:
+                counts = True
             return _of_array(array, path, name, counts, width, label, sure=sure)
         case "matlab":
             return open_matlab(path, key=key, counts=counts)
@@ -182,8 +190,6 @@ def _opened(
             return open_zarr(path, key=key, counts=counts, width=width, sure=sure)
         case "tiff" | "png":
             return open_tiff(path) if name == "tiff" else open_png(path)
-    if counts:
-        raise ValueError(f"counts: {path} ({name}) holds bits")
     match name:
         case "visionsim":
             return open_visionsim(path)

@@ -21,7 +21,7 @@ _MOST_EXPANSION = 1100
 """Bytes that a byte of a compressed file can become; DEFLATE, the most common, stays below 1033."""
 
 _LOOKED_AT = 1 << 20
-"""Bytes of the first frames that tell whether they are packed."""
+"""Bytes of frames that tell whether they are packed."""
 _FEWEST = 8
 """Jots that fire in them, at least, for that to be told."""
 
@@ -74,6 +74,11 @@ class Stack:
 Capture = Bits | Stack
 
 
+def is_single(shape: tuple[int, ...]) -> bool:
+    """Whether this is the shape of one image, (H, W) or in colour (H, W, C), and not of a stack."""
+    return len(shape) == 2 or (len(shape) == 3 and shape[2] <= 4)
+
+
 def as_stack(images: npt.NDArray[Any] | Frames, source: Source, label: str | None = None) -> Stack:
     """Images of counts as a stack, or raise ValueError when their shape or type does not fit.
 
@@ -86,14 +91,13 @@ def as_stack(images: npt.NDArray[Any] | Frames, source: Source, label: str | Non
             f"expected counts in whole numbers, (H, W), (T, H, W), (H, W, C) or "
             f"(T, H, W, C), none of it 0, got {images.dtype} of shape {shape}"
         )
-    colour = (len(shape) == 3 and shape[2] <= 4) or len(shape) == 4
     if len(shape) == 4 and shape[3] > 4:
         raise ValueError(f"expected at most 4 channels, got shape {shape}")
     frames, origin = read_counts_label(label)
     source = source.converted_from(origin)
     if frames is not None:
         source = source.with_note(f"counts out of {frames}, as the file tells")
-    if len(shape) == 2 or (len(shape) == 3 and colour):
+    if is_single(shape):
         images = np.asarray(images)[None]
     return Stack(images, source, frames)
 
@@ -127,19 +131,24 @@ def unpacked_bits(stack: Stack) -> Bits:
 def check_packed(frames: npt.NDArray[np.uint8] | Frames, name: str) -> None:
     """Raise ValueError when the first frames look as if each byte were one bit.
 
-    Then there is nothing but 0 and 1, or 0 and 255, though many jots fire.
+    Then there is nothing but 0 and 1, or 0 and 255, though many jots fire. Where too few do, those
+    in the middle and the last are looked at too.
     """
     each = max(1, frames.nbytes // max(1, len(frames)))
-    first = np.asarray(frames[: max(1, _LOOKED_AT // each), ...])
-    most, fire = first.max(), first != 0
-    if most not in (1, 255) or fire.all() or (first[fire] != most).any():
-        return
-    if fire.any(axis=0).sum() >= _FEWEST:
-        raise ValueError(
-            f"{name}: its first frames hold nothing but 0 and {most}, as frames do that are "
-            "not packed; give unpacked=True (--unpacked) for one bit in each byte, or "
-            "unpacked=False (--packed) for eight"
-        )
+    number = max(1, _LOOKED_AT // each)
+    fired, levels = np.zeros(frames.shape[1:], np.bool_), {0}
+    for start in (0, max(0, len(frames) - number) // 2, max(0, len(frames) - number)):
+        part = np.asarray(frames[start : start + number, ...])
+        fired |= part.any(axis=0)
+        levels |= set(np.unique(part).tolist())
+        if part.all() or levels not in ({0}, {0, 1}, {0, 255}):
+            return
+        if fired.sum() >= _FEWEST:
+            raise ValueError(
+                f"{name}: its frames hold nothing but 0 and {max(levels)}, as far as was looked, "
+                "as frames do that are not packed; give unpacked=True (--unpacked) for one bit in "
+                "each byte, or unpacked=False (--packed) for eight"
+            )
 
 
 def check_expansion(name: str, size: int, there: int) -> None:

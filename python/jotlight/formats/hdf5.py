@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.bits import Bits
-from jotlight.errors import MissingExtraError
+from jotlight.errors import MissingExtraError, warn
 from jotlight.formats.capture import Capture, check_expansion
 from jotlight.formats.labelled import Item, capture_of, label
 from jotlight.frames import Frames, parts_of_frames
@@ -85,7 +85,13 @@ def _label_of(path: Path, item: Any) -> str | None:
     for ever where it is damaged. So none is read.
     """
     with _said(path):
-        if "jotlight" not in item.attrs or item.attrs.get_id("jotlight").dtype.kind != "S":
+        if "jotlight" not in item.attrs:
+            return None
+        if item.attrs.get_id("jotlight").dtype.kind != "S":
+            warn(
+                f"{path}: the attribute jotlight of {item.name} is no text of fixed length, and "
+                "only those are read"
+            )
             return None
         return bytes(item.attrs["jotlight"]).decode()
 

@@ -11,7 +11,13 @@ import numpy.typing as npt
 from jotlight.bits import Bits
 from jotlight.errors import warn
 from jotlight.formats.arrays import read_npy
-from jotlight.formats.capture import Capture, as_stack, check_expansion, packed_on_reading
+from jotlight.formats.capture import (
+    Capture,
+    as_stack,
+    check_expansion,
+    is_single,
+    packed_on_reading,
+)
 from jotlight.formats.raw import files_of
 from jotlight.formats.tiff import tiff_file
 from jotlight.frames import Frames, joined
@@ -58,7 +64,7 @@ def _tiff_frames(path: Path) -> tuple[Frames, str | None]:
             shape, dtype = series.shape, series.dtype
             told = file.pages[0].description
             check_expansion("the header", series.size * dtype.itemsize, path.stat().st_size)
-            single = len(shape) == 2 or (len(shape) == 3 and shape[2] <= 4)
+            single = is_single(shape)
             paged = not single and len(series.pages) == shape[0]
     except Exception as error:  # anything: tifffile does not check what it reads
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error

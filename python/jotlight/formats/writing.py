@@ -22,6 +22,7 @@ from jotlight.formats.npy import described, save_bits
 from jotlight.formats.visionsim import write_visionsim
 from jotlight.formats.zarr import write_zarr
 from jotlight.frames import Frames, parts_of_frames
+from jotlight.sensor import Sensor
 from jotlight.source import Source
 
 Counts = npt.NDArray[np.int32]
@@ -36,7 +37,9 @@ class Target:
     bits: bool = True
     counts: bool = False
     keeps: bool = False
-    """Whether it has a place for the true width, the sensor and the source."""
+    """Whether it has a place for the true width, the sensor and the source of bits."""
+    labels: bool = False
+    """Whether it has a place for the frames and the source of counts."""
     folder: bool = False
     """Whether it can be a folder."""
 
@@ -50,10 +53,10 @@ TARGETS = {
     "spad512s": Target((".bin",), folder=True),
     "spad512s-sparse": Target((".bin",), folder=True),
     "matlab": Target((), folder=True),
-    "hdf5": Target((".h5", ".hdf5"), counts=True, keeps=True),
-    "zarr": Target((".zarr",), counts=True, keeps=True, folder=True),
-    "npz": Target((".npz",), bits=False, counts=True),
-    "tiff": Target((".tif", ".tiff"), bits=False, counts=True),
+    "hdf5": Target((".h5", ".hdf5"), counts=True, keeps=True, labels=True),
+    "zarr": Target((".zarr",), counts=True, keeps=True, labels=True, folder=True),
+    "npz": Target((".npz",), bits=False, counts=True, labels=True),
+    "tiff": Target((".tif", ".tiff"), bits=False, counts=True, labels=True),
     "png": Target((".png",), bits=False, counts=True),
 }
 """The name of each format that is written."""
@@ -115,16 +118,32 @@ def write_capture(
                 f"{name}: holds single bits, and they cannot be had of counts; write to one of "
                 f"{', '.join(each for each in TARGETS if TARGETS[each].counts)}"
             )
+        if not target.labels:
+            _tell_turn(source, path, name)
         with _place(path, folder=name == "zarr") as temporary:
             _write_counts(data, temporary, name, label_counts(frames, source))
         return
     if not target.bits:
+        # Counts tell their frames, and nothing else of a sensor.
+        if data.sensor not in (None, Sensor(frames=len(data))):
+            warn(f"{path}: counts have no place for the sensor, which is left out")
         counts = data.counts(1, progress=progress)
         write_capture(counts, path, name, frames=len(data), source=data.source)
         return
-    if data.sensor is not None and not target.keeps:
-        warn(f"{path}: {name} has no place for the sensor, which is left out")
+    if not target.keeps:
+        if data.sensor is not None:
+            warn(f"{path}: {name} has no place for the sensor, which is left out")
+        _tell_turn(data.source, path, name)
     _write_bits(_watched(data, progress), path, name)
+
+
+def _tell_turn(source: Source | None, path: Path, name: str) -> None:
+    """Warn that what is written will not tell how it was turned."""
+    if source is not None and source.turned != (0, False):
+        warn(
+            f"{path}: {name} has no place to tell that the capture is {source.how_turned()}, so a "
+            "calibration is applied to it unchecked"
+        )
 
 
 def _write_bits(bits: Bits, path: Path, name: str) -> None:
