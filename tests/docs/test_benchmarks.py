@@ -43,7 +43,8 @@ def test_all_rivals_were_there(found):
 def test_every_claim_has_a_row_with_its_verdict(found):
     rows = (DOCS / PAGE).read_text("utf-8").splitlines()
     for claim in claims(found):
-        assert claim.verdict in ("met", "not met")
+        busy = claim.bound.startswith("the machine was busy")
+        assert claim.verdict in (("not measured",) if busy else ("met", "not met"))
         (row,) = (row for row in rows if row.startswith(f"| {claim.said} |"))
         assert f"| {claim.verdict} |" in row
         assert claim.verdict == "met" or claim.bound

@@ -179,7 +179,7 @@ def timing_results(**milliseconds):
     [
         (600.0, 100.0, "better", "reproduced"),
         (500.0, 100.0, "not reproduced", "reproduced"),
-        (600.0, 60.0, "better", "not reproduced"),
+        (600.0, 60.0, "better", "better"),
         (900.0, 120.0, "better", "not reproduced"),
     ],
 )
