@@ -28,7 +28,7 @@ from jotlight.experiments.experiment import (
 from jotlight.experiments.fig7 import part_of
 from jotlight.experiments.learning import sensor_of
 from jotlight.experiments.names import UNTIED, title
-from jotlight.experiments.section import Claim, Column, Section, Table
+from jotlight.experiments.section import Claim, Column, Section, Table, Verdict
 from jotlight.methods import METHODS
 
 SETTINGS = {"bits": 16, "side": None, "rounds": 12, "seed": 0}
@@ -224,7 +224,7 @@ def _claims(cores: str, medians: dict[str, float]) -> list[Claim]:
     ]
 
 
-def _verdict(beside_mle: float) -> str:
+def _verdict(beside_mle: float) -> Verdict:
     if beside_mle < (1 - _NEAR) * _BESIDE_MLE:
         return "better"
     return "reproduced" if beside_mle <= (1 + _NEAR) * _BESIDE_MLE else "not reproduced"
