@@ -1,6 +1,8 @@
 """TIFF files whose directories do not lie as they should."""
 
+import base64
 import contextlib
+import zlib
 
 import numpy as np
 import pytest
@@ -82,3 +84,21 @@ def test_other_files_that_a_file_names_are_not_opened(tmp_path):
     )
     tifffile.imwrite(tmp_path / "a.ome.tif", COUNTS[0] * 0 + 7, description=words, metadata=None)
     np.testing.assert_array_equal(jl.open(tmp_path / "a.ome.tif"), 7)
+
+
+# Found by fuzzing: one of its pages tells of two thousand million rows.
+LARGE_PAGE = (
+    "eNq9k01LwzAYx9N2k1nKmDAV9FJ6EqEvaV2VYQfiC1RQD7KLJ0OXbMW1HWkL9iL4Afw6Cn46067D6uZBJ0v4P/k9kD"
+    "wJyT+uuw8aAIAmAFwNcIzWmbiS60w8JxTcYhJKzrVW4SbHgxM2vjJtlGvvWdiszNmq1Nwu+Y5ph6sXbLOwW3KPhb3K"
+    "WsjqS2y8YEnIA+AGaIgvHahBiEQ/T2LHEr0RCkM8znGUTTCNE+Q9OAlNsRhEA+wMKcpiD42xCJZs3DclPiHEH2Ntks"
+    "3NXF1/Xuluf+nSTy57AW/Tm2w9FS5rLHLZzFnvv3RWTfh0liR8dVZbmH9Naam/MDtlm/+/Uy7w3CTTIjrUb70RDlCs"
+    "31yd66YBbdWw9SjA2mM8UOR+3z1zlJSG3TT1B12DmASSDlJx5+BQhZBA9chCWDVM4hnTBhX5lGKURNRRKqaWTcO0NU"
+    "uzlN5x8ffkvHBBXUORr1GAixR8ANYfUnQ="
+)
+
+
+def test_a_page_larger_than_its_series_is_refused_before_memory_is_taken(tmp_path):
+    path = tmp_path / "a.tif"
+    path.write_bytes(zlib.decompress(base64.b64decode(LARGE_PAGE)))
+    with pytest.raises(ValueError, match=r"a\.tif: .*expected pages of shape"):
+        jl.open(path)

@@ -1,5 +1,6 @@
 """Images of counts in TIFF and PNG, one or many, and masks."""
 
+import math
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -83,6 +84,7 @@ def _tiff_frames(path: Path) -> tuple[Frames, str | None]:
                 out = np.empty((stop - start, *shape[1:]), dtype)
                 for index in range(start, stop):
                     page: Any = series.pages[index]
+                    _check_page(page, shape[1:], path)
                     out[index - start] = page.asarray()
                 return out
         except Exception as error:
@@ -90,6 +92,15 @@ def _tiff_frames(path: Path) -> tuple[Frames, str | None]:
 
     full = (1, *shape) if single else shape
     return Frames(full, read, dtype.newbyteorder("=")), told
+
+
+def _check_page(page: Any, shape: tuple[int, ...], path: Path) -> None:
+    """Raise ValueError unless a page is as its series says, and so are its tiles."""
+    if math.prod(page.shape) != math.prod(shape):
+        raise ValueError(f"expected pages of shape {shape}, got {page.shape}")
+    like = page.keyframe
+    tile = like.tilewidth * like.tilelength * max(1, like.tiledepth) * like.dtype.itemsize
+    check_expansion("a tile", tile, path.stat().st_size)
 
 
 def _png_frames(path: Path) -> tuple[Frames, None]:
