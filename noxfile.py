@@ -19,6 +19,7 @@ DATA = Path(os.environ.get("JOTLIGHT_DATA", "../shared/data"))
 EXTRAS = (
     "tests/unit/test_cli_convert.py",
     "tests/unit/test_cli_output.py",
+    "tests/unit/test_cli_stops.py",
     "tests/unit/test_film.py",
     "tests/unit/test_formats_arrays.py",
     "tests/property/test_hostile_files.py",

@@ -8,7 +8,6 @@ __all__ = [
     "__version__",
     "add_block_counts",
     "algebraic_inverse",
-    "block_sums",
     "choose_cpu_level",
     "cpu_level",
     "cpu_levels",
@@ -28,6 +27,7 @@ __all__ = [
     "likelihood_slopes",
     "likelihood_split",
     "log_likelihood",
+    "masked_sums",
     "mle_from_counts",
     "mle_from_jots",
     "mle_from_probability",
@@ -145,11 +145,11 @@ def algebraic_inverse(
 def exact_inverse(
     z: npt.NDArray[np.float32], bits: int, out: npt.NDArray[np.float32], threads: int | None
 ) -> None: ...
-def block_sums(
+def masked_sums(
     layer: _Layer,
     packed: npt.NDArray[np.uint8],
     width: int,
-    valid: npt.NDArray[np.uint8] | None,
+    valid: npt.NDArray[np.uint8],
     threads: int | None,
 ) -> npt.NDArray[np.float32]: ...
 def errors(

@@ -355,7 +355,7 @@ class Network:
         sums = np.empty((len(filters), height, width), np.float32)
         for _, part in slabs_of(1, height, width * filters.size):
             rows = slice(part.start, part.stop)
-            sums[:, rows] = _engine.block_sums(
+            sums[:, rows] = _engine.masked_sums(
                 self._layers[0],
                 jots(rows),
                 data.width,

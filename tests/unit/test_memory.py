@@ -117,3 +117,29 @@ def test_a_million_frames_are_written_and_reconstructed_in_little_memory(
     # 128 MB of packed bits, in four slabs of 32 MB.
     monkeypatch.chdir(tmp_path)
     assert bits_per_jot(MILLION.format(name=name, ending=ending, turn=turn)) < 64
+
+
+WHOLE = """
+import numpy as np
+import jotlight as jl
+
+# 20,000 frames in 328 MB, of which the disk holds next to nothing.
+shape = (20_000, 256, 64)
+with open("cube.npy", "wb") as file:
+    told = {"descr": "|u1", "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(file, told)
+    file.write(bytes([0b01010101]) * 64)
+    file.truncate(file.tell() - 64 + np.prod(shape))
+assert jl.open("cube.npy").counts().sum() == 4 * 64
+status = open("/proc/self/status").read()
+print(int(status.split("VmHWM:")[1].split()[0]) / 1024)
+"""
+
+
+def test_a_process_that_counts_twenty_thousand_frames_takes_less_than_200_mib(
+    tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    command = [sys.executable, "-W", "error", "-c", WHOLE]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    assert float(done.stdout) < 200

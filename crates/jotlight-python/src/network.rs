@@ -30,18 +30,18 @@ fn to_engine<F: Real + Element>(layers: &[PyLayer<'_, F>]) -> PyResult<Vec<Layer
 
 #[pyfunction]
 #[pyo3(signature = (layer, packed, width, valid, threads))]
-pub fn block_sums<'py>(
+pub fn masked_sums<'py>(
     py: Python<'py>,
     layer: PyLayer<'py, f32>,
     packed: PyReadonlyArray3<'_, u8>,
     width: usize,
-    valid: Option<PyReadonlyArray2<'_, u8>>,
+    valid: PyReadonlyArray2<'_, u8>,
     threads: Option<isize>,
 ) -> PyResult<Bound<'py, PyArray3<f32>>> {
     let (layers, packed) = (to_engine(&[layer])?, packed.as_array());
-    let valid = valid.as_ref().map(|valid| valid.as_array());
+    let valid = valid.as_array();
     let sums = run(py, threads, || {
-        network::block_sums(&layers[0], &PackedBits::new(packed, width)?, valid)
+        network::masked_sums(&layers[0], &PackedBits::new(packed, width)?, valid)
     })?;
     Ok(sums.into_pyarray(py))
 }

@@ -28,8 +28,8 @@ impl<'a, F: Real> Trace<'a, F> {
             let filtered = if index == 0 {
                 blocks.filtered(layer.filters())
             } else {
-                let mirrored = Padded::mirrored(planes.view(), &layer.taps);
-                let filtered = mirrored.convolved(&layer.taps);
+                let mirrored = Padded::mirrored(planes.view(), layer.taps());
+                let filtered = mirrored.convolved(layer.taps());
                 padded.push(mirrored);
                 filtered
             };
@@ -78,7 +78,7 @@ impl<'a, F: Real> Trace<'a, F> {
                 self.blocks.push_to_taps(gradient.view(), of_filters);
             } else {
                 self.padded[index - 1].push_to_taps(gradient.view(), of_filters);
-                gradient = push_to_planes(&layer.taps, gradient.view());
+                gradient = push_to_planes(layer.taps(), gradient.view());
             }
         }
     }

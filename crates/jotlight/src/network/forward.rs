@@ -4,7 +4,7 @@ use ndarray::{Array2, Array3, ArrayView2, ArrayView3};
 use rayon::prelude::*;
 
 use super::block::{check_block, masked_filter};
-use super::codes::{Tables, block_filter};
+use super::codes::Tables;
 use super::look_up::Table;
 use super::lsi::{Padded, Part, Place, in_one_piece};
 use super::{Layer, Real, check_chain};
@@ -16,23 +16,20 @@ const TILE: (usize, usize) = (64, 1024);
 /// Counts that are looked through at a time.
 const STRETCH: usize = 1 << 16;
 
-/// The linear part of a first layer, p of equation (11), one plane per filter. `valid` is a packed mask of the jots that count;
-/// where some do not, the others stand for them, and a pixel without any becomes NaN.
+/// The linear part of a first layer where some jots are dead, p of equation (11), one plane per filter. `valid` is a packed mask of the jots that
+/// count; these stand for the others, and a pixel without any becomes NaN.
 ///
 /// # Errors
 /// [`Error::Shape`] when bits, mask and the layer's filters `(C, T, K̂, K̂)` do not fit.
-pub fn block_sums<F: Real>(
+pub fn masked_sums<F: Real>(
     layer: &Layer<F>,
     bits: &PackedBits<'_>,
-    valid: Option<ArrayView2<'_, u8>>,
+    valid: ArrayView2<'_, u8>,
 ) -> Result<Array3<F>> {
     let pixels = check_block(layer.filters(), bits)?;
     let (_, rows, columns) = bits.shape();
-    check_mask(valid, rows, columns)?;
-    Ok(match valid {
-        None => block_filter(bits, layer.filters(), pixels),
-        Some(valid) => masked_filter(bits, valid, layer.filters(), pixels),
-    })
+    check_mask(Some(valid), rows, columns)?;
+    Ok(masked_filter(bits, valid, layer.filters(), pixels))
 }
 
 /// The network's picture from the sums p of its first layer, `(C, H, W)`: equations (10), (9), (8), and so on for further layers.
@@ -186,7 +183,7 @@ impl<F: Real> Scratch<F> {
         // The part that each layer has to give, found from the last one on.
         let mut wanted = Vec::with_capacity(layers.len());
         for layer in layers[1..].iter().rev() {
-            let read = layer.taps.read(&given, size);
+            let read = layer.taps().read(&given, size);
             wanted.push((layer, std::mem::replace(&mut given, read)));
         }
         planes.resize(layers[0].splines.len() * given.pixels(), F::zero());
@@ -197,9 +194,9 @@ impl<F: Real> Scratch<F> {
                 place: std::mem::replace(&mut given, wanted.clone()),
                 size,
             };
-            padded.fill(&part, &wanted, &layer.taps);
+            padded.fill(&part, &wanted, layer.taps());
             planes.resize(layer.splines.len() * wanted.pixels(), F::zero());
-            padded.convolve(&layer.taps, planes);
+            padded.convolve(layer.taps(), planes);
             layer.bend(planes);
         }
         planes

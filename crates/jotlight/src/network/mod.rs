@@ -14,6 +14,8 @@ mod real;
 mod spline;
 mod tangent;
 
+use std::sync::OnceLock;
+
 use lsi::Filters;
 use ndarray::{Array2, Array4, ArrayView4};
 
@@ -21,7 +23,7 @@ use crate::bits::contiguous;
 use crate::error::{Error, Result};
 
 pub use batch::{Batch, Gradient, NormalEquations, Patch};
-pub use forward::{block_sums, forward, forward_bits, forward_counts};
+pub use forward::{forward, forward_bits, forward_counts, masked_sums};
 pub use real::Real;
 pub use spline::Spline;
 
@@ -29,7 +31,8 @@ pub use spline::Spline;
 #[derive(Clone, Debug)]
 pub struct Layer<F> {
     filters: Array4<F>,
-    taps: Filters<F>,
+    /// The filters in the order of the loops, of layers that read planes: made when they are first needed.
+    taps: OnceLock<Filters<F>>,
     splines: Vec<Spline<F>>,
 }
 
@@ -78,7 +81,7 @@ impl<F: Real> Layer<F> {
             .map(|row| Spline::new(&contiguous(row), start, spacing))
             .collect();
         Ok(Self {
-            taps: Filters::new(filters.view()),
+            taps: OnceLock::new(),
             filters,
             splines,
         })
@@ -88,6 +91,10 @@ impl<F: Real> Layer<F> {
     #[must_use]
     pub fn filters(&self) -> ArrayView4<'_, F> {
         self.filters.view()
+    }
+
+    fn taps(&self) -> &Filters<F> {
+        self.taps.get_or_init(|| Filters::new(self.filters.view()))
     }
 
     /// The pointwise functions, one per output channel.

@@ -76,7 +76,7 @@ impl<F: Real> Trace<'_, F> {
             tangent = self.blocks.spread(tangent);
         }
         for (layer, inputs) in self.layers.iter().zip(&self.inputs).skip(depth + 1) {
-            tangent = Padded::mirrored(tangent.view(), &layer.taps).convolved(&layer.taps);
+            tangent = Padded::mirrored(tangent.view(), layer.taps()).convolved(layer.taps());
             let channels = layer.splines.iter().zip(inputs.outer_iter());
             for ((spline, input), mut tangent) in channels.zip(tangent.outer_iter_mut()) {
                 tangent.zip_mut_with(&input, |change, &z| *change *= spline.slope(z));
