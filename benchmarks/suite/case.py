@@ -101,7 +101,7 @@ def measure(case: Case, threads: Sequence[int], effort: Effort) -> dict[str, Any
         "differences": differences,
         "left_out": left_out,
         "probes": probes.work(threads, effort.words),
-        "seconds": race({**runs, **probes.runs(effort.words)}, threads, effort),
+        "seconds": race({**runs, **probes.runs(effort.words, case.ours)}, threads, effort),
     }
 
 

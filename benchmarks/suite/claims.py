@@ -13,7 +13,7 @@ from suite.paths.counting import SAME_BYTES
 from suite.paths.filtering import WITHOUT
 from suite.paths.reconstruction import BM3D, COMPILED, TORCH
 from suite.paths.training import DRAWN, PLAIN
-from suite.probes import STARTING
+from suite.probes import AS_LONG
 
 FAST_AS_CORES = 1.8
 """On two threads; on more in proportion."""
@@ -137,8 +137,7 @@ def with_threads(path: Path, most: int) -> Claim:
     bound = f"multiply-adds alone: {machine:.2f}, reading: {reading:.2f}"
     if machine < wanted:
         return Claim(said, wanted, None, "×", bound=f"the machine was busy: {bound}")
-    starting = figures.median(path, STARTING, most) / figures.median(path, "jotlight", most)
-    bound += f"; a call without work takes {starting:.0%} of its time"
+    bound += f"; multiply-adds as long as this: {speed_up(path, most, AS_LONG):.2f}"
     return Claim(said, wanted, speed_up(path, most), "×", bound=bound)
 
 

@@ -2,6 +2,7 @@
 
 import functools
 import time
+import timeit
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,16 +10,17 @@ import numpy as np
 from jotlight import _engine
 from suite.timing import Run
 
-MULTIPLY_ADDS, READING, STARTING = "multiply-adds", "reading", "starting threads"
+MULTIPLY_ADDS, READING, AS_LONG = "multiply-adds", "reading", "multiply-adds as long as ours"
 LEAST = 0.01
 """Seconds that the multiply-adds take at least, so that starting threads does not count."""
 
 
-def runs(size: int) -> dict[str, Run]:
+def runs(size: int, ours: Run) -> dict[str, Run]:
+    alike = as_long_as(ours)
     return {
         MULTIPLY_ADDS: lambda threads: multiply_adds(enough(), threads),
         READING: lambda threads: read_words(words(size), threads),
-        STARTING: lambda threads: multiply_adds(1, threads),
+        AS_LONG: lambda threads: multiply_adds(max(1, alike // threads), threads),
     }
 
 
@@ -43,6 +45,19 @@ def enough() -> int:
         if time.perf_counter() - begun > LEAST:
             return rounds
         rounds *= 2
+
+
+def as_long_as(run: Run) -> int:
+    """Rounds of multiply-adds that take one thread as long as this does.
+
+    Shared by several threads, they are as much faster as a call of that length can be, for the
+    threads have to be woken.
+    """
+    alone, ours = (
+        min(timeit.repeat(lambda call=call: call(1), number=1, repeat=3))
+        for call in (lambda threads: multiply_adds(enough(), threads), run)
+    )
+    return max(1, round(enough() * ours / alone))
 
 
 def multiply_adds(rounds: int, threads: int) -> int:

@@ -16,7 +16,7 @@ from suite.figures import (
     speed_up,
     spread,
 )
-from suite.probes import MULTIPLY_ADDS, READING, STARTING
+from suite.probes import AS_LONG, MULTIPLY_ADDS, READING
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], words: int = 1) -> list[str]:
@@ -60,7 +60,7 @@ def rivals_table(path: Path) -> list[str]:
         head += [f"{threads_in_head(number)}, ms", "spread", "ratio"]
     rows = []
     for name in path["seconds"]["1"]:
-        if name not in (MULTIPLY_ADDS, READING, STARTING):
+        if name not in (MULTIPLY_ADDS, READING, AS_LONG):
             row = [name]
             for number in numbers:
                 row += [

@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 BRIEF = Effort(rounds=2, few=1, least=0.0, words=1 << 10, pause=0.0)
 
 
-PROBES = ["multiply-adds", "reading", "starting threads"]
+PROBES = ["multiply-adds", "reading", "multiply-adds as long as ours"]
 
 
 def path(**seconds):
@@ -96,7 +96,9 @@ def test_two_threads_are_held_against_one(slow, verdict):
     one["seconds"]["2"] = path(jotlight=1.0)["seconds"]["1"]
     one["probes"]["operations"]["2"] = 3600.0
     claim = claims_of.with_threads(one, 2)
-    assert claim.bound.startswith("multiply-adds alone: 1.80, reading: 1.00; ")
+    assert claim.bound == (
+        "multiply-adds alone: 1.80, reading: 1.00; multiply-adds as long as this: 1.00"
+    )
     one["probes"]["operations"]["2"] = 3400.0
     assert claims_of.with_threads(one, 2).verdict == "not measured"
     assert claim.measured == pytest.approx(slow)

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use ndarray::{ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis};
+use ndarray::{ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis, s};
 use rayon::prelude::*;
 
 use super::planes::{GROUP, Planes};
@@ -83,32 +83,34 @@ fn add_blocks(
     valid: Option<ArrayView2<'_, u8>>,
     mut counts: ArrayViewMut2<'_, i32>,
 ) {
-    let mut row_bytes = Vec::new();
+    let rows = first * side..(first + counts.nrows()) * side;
     for frame in 0..frames {
-        for (pixel_row, mut counts) in counts.axis_iter_mut(Axis(0)).enumerate() {
-            for row in (first + pixel_row) * side..(first + pixel_row + 1) * side {
-                row_bytes.clear();
-                row_bytes.extend_from_slice(&bits.row(frame, row));
-                if let Some(valid) = valid {
-                    for (bits, valid) in row_bytes.iter_mut().zip(mask_row(valid, row).iter()) {
-                        *bits &= valid;
-                    }
-                }
-                // Room for eight bytes to be read at once up to the last pixel.
-                row_bytes.extend_from_slice(&[0; 8]);
-                add_row(&row_bytes, side, &mut counts);
+        let mut bytes = bits.rows(frame, rows.clone());
+        if let Some(valid) = valid {
+            let valid = valid.slice_move(s![rows.clone(), ..]);
+            for (bits, valid) in bytes.to_mut().iter_mut().zip(valid) {
+                *bits &= valid;
             }
         }
+        add_rows(&bytes, side, &mut counts);
     }
 }
 
 levels! {
-    /// Adds the ones of each pixel in one row of jots, which has eight bytes more than it needs.
-    fn add_row(bytes: &[u8], side: usize, counts: &mut ArrayViewMut1<'_, i32>) = add_row_inlined;
+    /// Adds the ones of each pixel in rows of jots.
+    fn add_rows(bytes: &[u8], side: usize, counts: &mut ArrayViewMut2<'_, i32>) = add_rows_inlined;
 }
 
 #[inline(always)]
-fn add_row_inlined(bytes: &[u8], side: usize, counts: &mut ArrayViewMut1<'_, i32>) {
+fn add_rows_inlined(bytes: &[u8], side: usize, counts: &mut ArrayViewMut2<'_, i32>) {
+    let width = packed_width(side * counts.ncols());
+    for (row, bytes) in bytes.chunks_exact(width.max(1)).enumerate() {
+        add_row(bytes, side, &mut counts.row_mut(row / side));
+    }
+}
+
+#[inline(always)]
+fn add_row(bytes: &[u8], side: usize, counts: &mut ArrayViewMut1<'_, i32>) {
     if let (2 | 4 | 8, Some(counts)) = (side, counts.as_slice_mut()) {
         return match side {
             2 => add_shares_of_bytes::<4>(bytes, counts),

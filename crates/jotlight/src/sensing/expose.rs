@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
-use ndarray::{ArrayViewMut1, ArrayViewMut2, ArrayViewMut3, Axis};
+use ndarray::{ArrayViewMut1, ArrayViewMut3, Axis};
 use rayon::prelude::*;
 
 use super::bound::{Bounds, exactly};
 use super::rate::Light;
 use super::{Image, Sensor, Window};
 use crate::bits::packed_width;
+use crate::cpu::levels;
 use crate::error::{Error, Result};
 use crate::likelihood::Threshold;
 use crate::rng::{ALIGNMENT, JotRandom, RowPlace, check_size};
@@ -47,43 +48,20 @@ pub fn expose(
         return Err(Error::shape("out", expected, out.dim()));
     }
 
-    // One task a row of pixels, with that row's bits of all frames: probabilities are found once for all frames.
-    let mut tasks: Vec<Vec<ArrayViewMut2<'_, u8>>> = window
-        .rows
-        .clone()
-        .map(|_| Vec::with_capacity(window.frames.len()))
-        .collect();
-    for frame in out.axis_iter_mut(Axis(0)) {
-        for (task, rows) in tasks.iter_mut().zip(split_rows(frame, side)) {
-            task.push(rows);
-        }
-    }
     let light = Light { sensor, image };
     let jots_per_row = window.frames.len() * side * side * window.columns.len();
-    tasks
+    // One task a row of pixels, with that row's bits of all frames: probabilities are found once for all frames.
+    out.axis_chunks_iter_mut(Axis(1), side)
         .into_par_iter()
-        .zip(window.rows.clone())
+        .enumerate()
         .with_min_len((TASK / jots_per_row.max(1)).max(1))
         .for_each_init(
             || Scratch::new(seed, sensor.threshold),
-            |scratch, (mut frames, pixel_row)| {
-                scratch.draw_pixels(&light, pixel_row, channel, window, &mut frames);
+            |scratch, (row, mut out)| {
+                scratch.draw_pixels(&light, window.rows.start + row, channel, window, &mut out);
             },
         );
     Ok(())
-}
-
-fn split_rows(
-    frame: ArrayViewMut2<'_, u8>,
-    side: usize,
-) -> impl Iterator<Item = ArrayViewMut2<'_, u8>> {
-    let mut rest = Some(frame);
-    std::iter::from_fn(move || {
-        let frame = rest.take().filter(|frame| frame.nrows() >= side)?;
-        let (rows, below) = frame.split_at(Axis(0), side);
-        rest = Some(below);
-        Some(rows)
-    })
 }
 
 /// What a thread needs for a stretch of a row.
@@ -99,6 +77,8 @@ struct Scratch {
     bounds: Vec<u16>,
     bytes: Vec<u8>,
     words: Vec<u64>,
+    /// Whether a draw of the word is close to its bound.
+    close: Vec<bool>,
 }
 
 impl Scratch {
@@ -113,6 +93,7 @@ impl Scratch {
             bounds: Vec::new(),
             bytes: Vec::new(),
             words: Vec::new(),
+            close: Vec::new(),
         }
     }
 
@@ -123,7 +104,7 @@ impl Scratch {
         pixel_row: usize,
         channel: usize,
         window: &Window,
-        out: &mut [ArrayViewMut2<'_, u8>],
+        out: &mut ArrayViewMut3<'_, u8>,
     ) {
         let side = light.sensor.kernel.oversampling();
         let end = window.columns.end * side;
@@ -138,9 +119,9 @@ impl Scratch {
                 if line == 0 || light.sensor.blockwise().is_none() {
                     self.prepare(light, row, stop);
                 }
-                for (frame, out) in window.frames.clone().zip(out.iter_mut()) {
+                let mut out = out.index_axis_mut(Axis(1), line);
+                for (frame, mut out) in window.frames.clone().zip(out.outer_iter_mut()) {
                     self.draw_words(RowPlace::new(channel, frame, row), &light.sensor.threshold);
-                    let mut out = out.row_mut(line);
                     write_bits(&self.words, start - self.base, stop - start, byte, &mut out);
                 }
             }
@@ -185,6 +166,7 @@ impl Scratch {
         self.bounds.resize(words * 64, 0);
         self.bytes.resize(words * 128, 0);
         self.words.resize(words, 0);
+        self.close.resize(words, false);
     }
 
     /// b = [U < P(b = 1)] with U uniform of 48 bits, of which the first 16 nearly always decide.
@@ -192,9 +174,10 @@ impl Scratch {
         self.random.draws(place, self.base, &mut self.bytes);
         let draws = self.bytes.as_chunks::<128>().0;
         let bounds = self.bounds.as_chunks::<64>().0;
+        compare(draws, bounds, &mut self.words, &mut self.close);
         for (index, (draws, bounds)) in draws.iter().zip(bounds).enumerate() {
-            let (mut word, close) = compare(draws, bounds);
-            if close {
+            if self.close[index] {
+                let mut word = self.words[index];
                 for (jot, (draw, &bound)) in draws.as_chunks().0.iter().zip(bounds).enumerate() {
                     let draw = u16::from_le_bytes(*draw);
                     if draw.abs_diff(bound) > Bounds::MARGIN {
@@ -215,26 +198,41 @@ impl Scratch {
                         word &= !bit;
                     }
                 }
+                self.words[index] = word;
             }
-            self.words[index] = word;
         }
     }
 }
 
-/// Which of 64 draws are below their bounds, the first in the most significant bit, and whether any is close to its bound.
-#[inline(never)]
-fn compare(draws: &[u8; 128], bounds: &[u16; 64]) -> (u64, bool) {
-    let mut below = [0u8; 64];
-    let mut close = 0;
-    for ((below, draw), &bound) in below.iter_mut().zip(draws.as_chunks::<2>().0).zip(bounds) {
-        let draw = u16::from_le_bytes(*draw);
-        *below = u8::from(draw < bound);
-        close |= u16::from(draw.abs_diff(bound) <= Bounds::MARGIN);
+levels! {
+    /// Which draws are below their bounds, 64 of them to a word, the first in the most significant bit, and whether any of them is close to
+    /// its bound.
+    fn compare(draws: &[[u8; 128]], bounds: &[[u16; 64]], words: &mut [u64], close: &mut [bool]) = compare_inlined;
+}
+
+#[inline(always)]
+fn compare_inlined(
+    draws: &[[u8; 128]],
+    bounds: &[[u16; 64]],
+    words: &mut [u64],
+    close: &mut [bool],
+) {
+    let out = words.iter_mut().zip(close);
+    for ((draws, bounds), (word, is_close)) in draws.iter().zip(bounds).zip(out) {
+        let mut below = [0u8; 64];
+        let mut close = 0;
+        for ((below, draw), &bound) in below.iter_mut().zip(draws.as_chunks::<2>().0).zip(bounds) {
+            let draw = u16::from_le_bytes(*draw);
+            *below = u8::from(draw < bound);
+            close |= u16::from(draw.abs_diff(bound) <= Bounds::MARGIN);
+        }
+        *word = pack(&below);
+        *is_close = close != 0;
     }
-    (pack(&below), close != 0)
 }
 
 /// 64 bytes of 0 or 1 into a word, the first byte into the most significant bit.
+#[inline(always)]
 fn pack(bits: &[u8; 64]) -> u64 {
     bits.as_chunks::<8>().0.iter().fold(0, |word, &eight| {
         // The multiplication gathers the lowest bit of each byte in the highest byte.
