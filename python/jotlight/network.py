@@ -15,7 +15,9 @@ import numpy.typing as npt
 from jotlight import _engine, vst
 from jotlight.bits import Bits, check_fits
 from jotlight.channels import by_channel
+from jotlight.deep import MEMBERS, Member, deeper, fitted, gaussian, told
 from jotlight.fill import fill_blind
+from jotlight.layer import Layer, halo_of, number_of_sets, scales, shares_of, step_of
 from jotlight.mle import equivalent_counts, from_probability, reference_jot
 from jotlight.observation import Observation, observe
 from jotlight.sensor import Sensor
@@ -23,63 +25,9 @@ from jotlight.slabs import slabs_of
 from jotlight.tensors import read_tensors, write_tensors
 
 _FORMAT = "jotlight network"
-_VERSION = "1"
+_VERSION = "2"
 _TAPS = 1 << 31
 """Products of a tap and a pixel that the engine forms between two looks at Ctrl-C."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Layer:
-    """A filter bank followed by one pointwise cubic B-spline per output channel.
-
-    Parameters
-    ----------
-    filters : ndarray of float32, shape (C_out, C_in, height, width)
-        The first layer reads bits with stride K̂: its shape is (C_out, T, K̂, K̂), or
-        (C_out, 1, 1, 1) when it is tied, one weight for the whole block. Later layers convolve
-        with stride 1.
-    coefficients : ndarray of float32, shape (C_out, N_w)
-        N_w of at least 4.
-    start, spacing : float
-        The spline φ(z) = Σ_k w_k β3((z - start)/spacing - (k - 1)) lives on
-        [start, start + (N_w - 3) spacing] and is constant outside of it.
-
-    Raises
-    ------
-    ValueError
-        When shapes or numbers do not fit.
-    """
-
-    filters: npt.NDArray[np.float32]
-    coefficients: npt.NDArray[np.float32]
-    start: float
-    spacing: float
-
-    def __post_init__(self) -> None:
-        for name, dimensions in (("filters", 4), ("coefficients", 2)):
-            array = np.asarray(getattr(self, name))
-            if array.dtype.kind != "f" or array.ndim != dimensions or array.size == 0:
-                raise ValueError(
-                    f"{name}: expected floats of {dimensions} dimensions, got {array.dtype} "
-                    f"of shape {array.shape}"
-                )
-            with np.errstate(over="ignore"):
-                array = np.require(array, np.float32, ["C", "A"])
-            if not np.isfinite(array).all():
-                raise ValueError(f"{name}: expected finite numbers in the range of float32")
-            object.__setattr__(self, name, array)
-        if len(self.coefficients) != len(self.filters) or self.coefficients.shape[1] < 4:
-            raise ValueError(
-                f"coefficients: expected {len(self.filters)} rows, one per filter, of at least 4, "
-                f"got shape {self.coefficients.shape}"
-            )
-        single = np.finfo(np.float32)
-        least, most = float(single.tiny), float(single.max)
-        if not (abs(self.start) <= most and least <= self.spacing <= most):
-            raise ValueError(
-                "start and spacing: expected finite numbers in the range of float32, the spacing "
-                f"above 0, got {self.start} and {self.spacing}"
-            )
 
 
 class Network:
@@ -112,30 +60,35 @@ class Network:
         layers: Sequence[Layer],
         sensor: Sensor,
         history: Mapping[str, Any] | None = None,
+        *,
+        bits: tuple[int, int] | None = None,
     ) -> None:
         self.layers = tuple(layers)
         self.sensor = sensor
+        self.bits = bits
         self.history = dict(history or {})
         if not self.layers:
             raise ValueError("layers: expected at least one, got none")
         block = (sensor.frames, sensor.oversampling, sensor.oversampling)
-        first = self.layers[0].filters.shape[1:]
+        first = self.layers[0].shape[1:]
         if first not in ((1, 1, 1), block):
             raise ValueError(
                 f"layers: expected filters of shape (C, {', '.join(map(str, block))}) in the first "
                 f"layer, or (C, 1, 1, 1) when it is tied, got {self.layers[0].filters.shape}"
             )
-        for index, (before, layer) in enumerate(zip(self.layers, self.layers[1:], strict=False), 1):
-            if layer.filters.shape[1] != before.filters.shape[0]:
-                raise ValueError(
-                    f"layers: expected {before.filters.shape[0]} input channels in layer {index}, "
-                    f"got filters of shape {layer.filters.shape}"
-                )
-        if len(self.layers[-1].filters) != 1:
+        scales(self.layers)
+        if bits is None and any(layer.sets for layer in self.layers):
             raise ValueError(
-                f"layers: expected one output channel of the last layer, "
-                f"got {len(self.layers[-1].filters)}"
+                "bits: expected a range of bits per pixel for layers with sets of parameters, got "
+                "none"
             )
+        if bits is not None:
+            number_of_sets(self.layers)
+            if not (self.tied and 1 <= bits[0] < bits[1]):
+                raise ValueError(
+                    "bits: expected the least and the most bits per pixel of a tied network, got "
+                    f"{bits}"
+                )
 
     @classmethod
     def initial(
@@ -197,33 +150,77 @@ class Network:
             return from_probability(counts / np.float32(bits), sensor, None).astype(np.float64)
 
         block = (1, 1, 1) if tied else (sensor.frames, sensor.oversampling, sensor.oversampling)
-        first = _fitted(
+        first = fitted(
             lambda counts: vst.stabilise(counts, bits).astype(np.float64), 0.0, bits, coefficients
         )
         # A spline stays in the hull of its coefficients, so u lies there, and r not far from there.
         least, most = float(first[0].min()), float(first[0].max())
         room = nu * (most - least)
-        second = _fitted(intensity, least - room, most + room, coefficients)
+        second = fitted(intensity, least - room, most + room, coefficients)
         # At the ends of [0, S] the fit swings a little; more light never gives less.
         rising = isotonic_regression(second[0][0]).x[None].astype(np.float32)
         second = (rising.clip(0, sensor.max_intensity), *second[1:])
-        line = np.exp(-0.5 * (np.arange(taps) - taps // 2) ** 2 / sigma**2)
-        gaussian = np.outer(line, line) / line.sum() ** 2
-        # Far below the rounding of the sum; smaller still, processors would take ages over them.
-        gaussian[gaussian < 1e-12] = 0
         return cls(
             [
                 Layer(np.ones((1, *block), np.float32), *first),
-                Layer(gaussian[None, None].astype(np.float32), *second),
+                Layer(gaussian(sigma, taps), *second),
             ],
             sensor,
             {"start": f"initial parameters of the paper, sigma = {sigma}"},
         )
 
+    @classmethod
+    def deep(cls, sensor: Sensor, member: str = "small", *, rng: int | None = None) -> Self:
+        """A deeper member of the family at its start, x0 = P⁻¹(G * L/K): a classical estimate.
+
+        Its filters are random, but for the last, which are 0; training with
+        :mod:`jotlight.torch` makes it better.
+
+        Parameters
+        ----------
+        sensor : Sensor
+            The sensor; maps enter by their medians.
+        member : {"small", "medium", "large"}
+            How many layers and channels: :data:`jotlight.deep.MEMBERS`.
+        rng : int, optional
+            The seed of the filters. Default: a new one.
+        """
+
+        def intensity(share: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+            share = share.clip(0, 1).astype(np.float32)
+            return from_probability(share, sensor, None).astype(np.float64)
+
+        bits, most = sensor.bits_per_pixel, float(sensor.max_intensity)
+        layers = deeper(_member(member), bits, intensity, most, np.random.default_rng(rng))
+        return cls(layers, sensor, {"start": f"{member}, from the counts, smoothed and inverted"})
+
+    @classmethod
+    def told(
+        cls,
+        member: str = "medium",
+        *,
+        bits: tuple[int, int] = (1, 256),
+        rng: int | None = None,
+    ) -> Self:
+        """A deeper member at its start, for any K of a range and any exposure: it is told K.
+
+        Parameters
+        ----------
+        member : {"small", "medium", "large"}
+            How many layers and channels: :data:`jotlight.deep.MEMBERS`.
+        bits : (int, int)
+            The least and the most bits per pixel.
+        rng : int, optional
+            The seed of the filters. Default: a new one.
+        """
+        layers = told(_member(member), bits, np.random.default_rng(rng))
+        history = {"start": f"{member}, told K, from the counts, smoothed and stabilised"}
+        return cls(layers, Sensor(), history, bits=bits)
+
     @property
     def tied(self) -> bool:
         """Whether the first layer has one weight for the whole block, and so takes counts too."""
-        return self.layers[0].filters.shape[1:] == (1, 1, 1)
+        return self.layers[0].shape[1:] == (1, 1, 1)
 
     @property
     def halo(self) -> int:
@@ -231,7 +228,7 @@ class Network:
 
         A tile with a border of this width has exactly the pixels of the whole inside of the border.
         """
-        return sum(max(layer.filters.shape[2:]) // 2 for layer in self.layers[1:])
+        return halo_of(self.layers)
 
     def reconstruct(
         self,
@@ -269,6 +266,9 @@ class Network:
         if sensor is None:
             sensor = (data.sensor if isinstance(data, Bits) else None) or self.sensor
         self._check_sensor(sensor)
+        if self.bits is not None:
+            shares = self._at(sensor).reconstruct(data, sensor, threads=threads)
+            return from_probability(shares, sensor, threads)
 
         def one_channel(data: Bits | npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
             if not self.tied:
@@ -283,6 +283,15 @@ class Network:
             return self._of_sums(sums, threads)
 
         return by_channel(one_channel, data)
+
+    def _at(self, sensor: Sensor) -> "Network":
+        """The network that was told the sensor's K; its picture is the share of bits that fire."""
+        assert self.bits is not None, "a network that is told K"
+        bits = sensor.bits_per_pixel
+        shares = shares_of(bits, self.bits, number_of_sets(self.layers))
+        first, *others = (layer.at(shares) for layer in self.layers)
+        first = dataclasses.replace(first, filters=first.filters / np.float32(bits))
+        return Network([first, *others], sensor)
 
     @property
     def _weights(self) -> npt.NDArray[np.float32]:
@@ -321,7 +330,7 @@ class Network:
 
     @property
     def _layers(self) -> list[Any]:
-        return [(x.filters, x.coefficients, x.start, x.spacing) for x in self.layers]
+        return [x.for_engine(x.filters, x.coefficients) for x in self.layers]
 
     def _of_jots(
         self, data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int | None
@@ -382,7 +391,9 @@ class Network:
         """The picture, some rows at a time: each part has a border of the halo's width."""
         height, width = shape
         taps = sum(layer.filters.size for layer in self.layers)
+        step = step_of(self.layers)
         rows = max(4 * self.halo, _TAPS // (taps * width), 1)
+        rows += -rows % step
         if rows >= height:
             return of_rows(slice(0, height))
         picture = np.empty((height, width), np.float32)
@@ -395,6 +406,11 @@ class Network:
     def _check_sensor(self, sensor: Sensor) -> None:
         """A tied network serves jots in space and frames in time alike."""
         mine, its = self.sensor, sensor
+        if self.bits is not None and not self.bits[0] <= its.bits_per_pixel <= self.bits[1]:
+            raise ValueError(
+                f"sensor: the network is for {self.bits[0]} to {self.bits[1]} bits per pixel, got "
+                f"{its.bits_per_pixel}"
+            )
         if not self.tied and (mine.oversampling, mine.frames) != (its.oversampling, its.frames):
             raise ValueError(
                 f"sensor: the network is for {mine.frames} frames of {mine.oversampling} x "
@@ -405,6 +421,8 @@ class Network:
             raise ValueError(
                 f"sensor: the network is for the {mine.kernel} kernel, got {its.kernel}"
             )
+        if self.bits is not None:
+            return
         pairs = zip(_detections(mine), _detections(its), strict=True)
         if mine.bits_per_pixel != its.bits_per_pixel or not all(
             math.isclose(a, b, rel_tol=1e-9) for a, b in pairs
@@ -419,15 +437,16 @@ class Network:
         tensors: dict[str, npt.NDArray[Any]] = {}
         for index, layer in enumerate(self.layers):
             tensors[f"layers.{index}.filters"] = layer.filters
-            tensors[f"layers.{index}.coefficients"] = layer.coefficients
+            if layer.coefficients is not None:
+                tensors[f"layers.{index}.coefficients"] = layer.coefficients
         for name, map_ in self.sensor.maps().items():
             tensors[f"sensor.{name}"] = np.ascontiguousarray(map_)
-        splines = [{"start": x.start, "spacing": x.spacing} for x in self.layers]
         metadata = {
             "format": _FORMAT,
             "version": _VERSION,
-            "splines": json.dumps(splines),
+            "layers": json.dumps([layer.numbers() for layer in self.layers]),
             "sensor": json.dumps(self.sensor.numbers()),
+            "bits": json.dumps(self.bits),
             "history": json.dumps(self.history),
         }
         write_tensors(path, tensors, metadata)
@@ -448,15 +467,13 @@ class Network:
             raise FileNotFoundError(f"there is no network file {path}")
         tensors, metadata = read_tensors(path, _FORMAT, _VERSION)
         try:
-            splines = json.loads(metadata["splines"])
             layers = [
                 Layer(
                     tensors[f"layers.{index}.filters"],
-                    tensors[f"layers.{index}.coefficients"],
-                    float(spline["start"]),
-                    float(spline["spacing"]),
+                    tensors[f"layers.{index}.coefficients"] if "start" in numbers else None,
+                    **numbers,
                 )
-                for index, spline in enumerate(splines)
+                for index, numbers in enumerate(json.loads(metadata["layers"]))
             ]
             maps = {
                 name.removeprefix("sensor."): tensor
@@ -464,34 +481,27 @@ class Network:
                 if name.startswith("sensor.")
             }
             sensor = Sensor.from_parts(json.loads(metadata["sensor"]), maps)
-            return cls(layers, sensor, json.loads(metadata["history"]))
+            bits = json.loads(metadata["bits"])
+            if bits is not None:
+                low, high = map(operator.index, bits)
+                bits = low, high
+            return cls(layers, sensor, json.loads(metadata["history"]), bits=bits)
         except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
             raise ValueError(f"{path}: damaged network file: {error}") from error
 
     def __repr__(self) -> str:
-        channels = " -> ".join(str(len(layer.filters)) for layer in self.layers)
-        parameters = sum(x.filters.size + x.coefficients.size for x in self.layers)
+        channels = " -> ".join(str(layer.channels) for layer in self.layers)
+        parameters = sum(layer.parameters for layer in self.layers)
         return f"<Network: channels {channels}, {parameters} parameters, for {self.sensor!r}>"
+
+
+def _member(name: str) -> Member:
+    if name not in MEMBERS:
+        raise ValueError(f"member: expected one of {', '.join(MEMBERS)}, got {name!r}")
+    return MEMBERS[name]
 
 
 def _detections(sensor: Sensor) -> tuple[int, float, float]:
     """q, detections per jot and frame at intensity 1, and S."""
     threshold, light, most = sensor._response()
     return threshold, reference_jot(sensor)[0] * light, most
-
-
-def _fitted(
-    function: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]],
-    low: float,
-    high: float,
-    number: int,
-) -> tuple[npt.NDArray[np.float32], float, float]:
-    """Coefficients (1, number), start and spacing of the least-squares spline on [low, high]."""
-    from scipy.interpolate import make_lsq_spline
-
-    spacing = (high - low) / (number - 3)
-    knots = low + spacing * (np.arange(number + 4) - 3)
-    # Eight samples to an interval, kept inside where rounding might put the last one out.
-    samples = np.linspace(low, high, 8 * (number - 3) + 1).clip(knots[3], knots[-4])
-    spline = make_lsq_spline(samples, function(samples), knots, k=3)
-    return spline.c[None].astype(np.float32), float(low), float(spacing)

@@ -391,7 +391,7 @@ def test_a_layer_of_numbers_that_do_not_fit_is_refused(arguments, message):
         ([(1, 2, 4, 4)], r"shape \(C, 1, 4, 4\) in the first layer, or \(C, 1, 1, 1\)"),
         ([(1, 1, 4, 3)], r"shape \(C, 1, 4, 4\)"),
         ([(2, 1, 1, 1), (1, 1, 3, 3)], "expected 2 input channels in layer 1"),
-        ([(1, 1, 1, 1), (2, 1, 3, 3)], "one output channel of the last layer, got 2"),
+        ([(1, 1, 1, 1), (2, 1, 3, 3)], "one output channel of the last layer.*got 2"),
     ],
 )
 def test_layers_that_do_not_fit_each_other_or_the_sensor_are_refused(filters, message):

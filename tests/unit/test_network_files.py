@@ -97,21 +97,37 @@ TWO = '[{{"start": {0}, "spacing": {1}}}, {{"start": 0, "spacing": 1}}]'
 @pytest.mark.parametrize(
     ("name", "text"),
     [
-        ("splines", "[]"),
-        ("splines", "null"),
-        ("splines", "[1, 2]"),
-        ("splines", '{"start": 1}'),
-        ("splines", '[{"start": 0}, {}]'),
-        ("splines", TWO.format('"a"', 1)),
-        ("splines", TWO.format("null", 1)),
-        ("splines", TWO.format("NaN", 1)),
-        ("splines", TWO.format("1e999", 1)),
-        ("splines", TWO.format("1" + "0" * 400, 1)),
-        ("splines", TWO.format(0, -1)),
-        ("splines", TWO.format(0, 1e-60)),
-        ("splines", '[{"start": 0, "spacing": 1}]' * 2),
-        ("splines", TWO.format(0, 1)[:-1] + ', {"start": 0, "spacing": 1}]'),
-        ("splines", DEEP),
+        ("layers", "[]"),
+        ("layers", "null"),
+        ("layers", "[1, 2]"),
+        ("layers", '{"start": 1}'),
+        ("layers", '[{"start": 0}, {"start": "a"}]'),
+        ("layers", TWO.format('"a"', 1)),
+        ("layers", TWO.format("null", 1)),
+        ("layers", TWO.format("NaN", 1)),
+        ("layers", TWO.format("1e999", 1)),
+        ("layers", TWO.format("1" + "0" * 400, 1)),
+        ("layers", TWO.format(0, -1)),
+        ("layers", TWO.format(0, 1e-60)),
+        ("layers", '[{"start": 0, "spacing": 1}]' * 2),
+        ("layers", TWO.format(0, 1)[:-1] + ', {"start": 0, "spacing": 1}]'),
+        ("layers", TWO.format(0, '1, "stride": 0')),
+        ("layers", TWO.format(0, '1, "stride": 1e9')),
+        ("layers", TWO.format(0, '1, "stride": 2')),
+        ("layers", TWO.format(0, '1, "upsampling": "a"')),
+        ("layers", TWO.format(0, '1, "reads": 5')),
+        ("layers", TWO.format(0, '1, "adds": [0]')),
+        ("layers", TWO.format(0, '1, "learns": "much"')),
+        ("layers", TWO.format(0, '1, "filters": 1')),
+        ("layers", TWO.format(0, '1, "colour": 1')),
+        ("layers", DEEP),
+        ("bits", "[]"),
+        ("bits", "[1]"),
+        ("bits", "[0, 4]"),
+        ("bits", "[9, 4]"),
+        ("bits", "[1.5, 4]"),
+        ("bits", '"ab"'),
+        ("bits", "{"),
         ("sensor", "null"),
         ("sensor", "{"),
         ("sensor", '{"oversampling": 0}'),
@@ -134,7 +150,7 @@ def test_damaged_metadata_are_refused(tmp_path, parts, name, text):
     refused(tmp_path / "net", content, "damaged network file")
 
 
-@pytest.mark.parametrize("name", ["splines", "sensor", "history"])
+@pytest.mark.parametrize("name", ["layers", "sensor", "bits", "history"])
 def test_missing_metadata_are_refused(tmp_path, parts, name):
     header, body = parts
     metadata = {key: value for key, value in header["__metadata__"].items() if key != name}
@@ -142,14 +158,14 @@ def test_missing_metadata_are_refused(tmp_path, parts, name):
     refused(tmp_path / "net", content, f"damaged network file: '{name}'")
 
 
-@pytest.mark.parametrize("version", ["2", "", None])
+@pytest.mark.parametrize("version", ["1", "", None])
 def test_other_versions_are_refused(tmp_path, parts, version):
     header, body = parts
     metadata = {key: value for key, value in header["__metadata__"].items() if key != "version"}
     if version is not None:
         metadata["version"] = version
     content = joined(header | {"__metadata__": metadata}, body)
-    refused(tmp_path / "net", content, "expected format version 1")
+    refused(tmp_path / "net", content, "expected format version 2")
 
 
 GOOD = {

@@ -1,5 +1,5 @@
 use jotlight::bits::PackedBits;
-use jotlight::network::{self, Batch, Layer, Patch, Real};
+use jotlight::network::{self, Batch, Layer, Patch, Real, Splines, Wiring};
 use numpy::{
     Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyArray3,
     PyReadonlyArray4,
@@ -10,18 +10,31 @@ use pyo3::prelude::*;
 use crate::sensing::PySensor;
 use crate::{run, to_python};
 
-/// (filters, coefficients, first knot, knot spacing).
-type PyLayer<'py, F> = (PyReadonlyArray4<'py, F>, PyReadonlyArray2<'py, F>, f64, f64);
+/// (filters, coefficients, first knot, knot spacing, (stride, upsampling, layer read, layer added)).
+type PyLayer<'py, F> = (
+    PyReadonlyArray4<'py, F>,
+    Option<PyReadonlyArray2<'py, F>>,
+    f64,
+    f64,
+    (usize, usize, Option<usize>, Option<usize>),
+);
 
 fn to_engine<F: Real + Element>(layers: &[PyLayer<'_, F>]) -> PyResult<Vec<Layer<F>>> {
     layers
         .iter()
-        .map(|(filters, coefficients, start, spacing)| {
+        .map(|(filters, coefficients, start, spacing, wiring)| {
+            let &(stride, upsampling, reads, adds) = wiring;
             Layer::new(
                 filters.as_array().to_owned(),
-                coefficients.as_array().to_owned(),
+                coefficients.as_ref().map(PyReadonlyArray2::as_array),
                 F::from_f64(*start),
                 F::from_f64(*spacing),
+                Wiring {
+                    stride,
+                    upsampling,
+                    reads,
+                    adds,
+                },
             )
             .map_err(to_python)
         })
@@ -243,4 +256,88 @@ pub fn normal_equations<'py>(
         gradient.gradient.into_pyarray(py),
         all.matrix.into_pyarray(py),
     ))
+}
+
+/// Planes (N, C, P) in either width, each with its splines' coefficients.
+#[derive(FromPyObject)]
+pub enum PyPlanes<'py> {
+    F32(PyReadonlyArray3<'py, f32>, PyReadonlyArray2<'py, f32>),
+    F64(PyReadonlyArray3<'py, f64>, PyReadonlyArray2<'py, f64>),
+}
+
+fn bent<'py, F: Real + Element>(
+    py: Python<'py>,
+    (planes, coefficients): (PyReadonlyArray3<'_, F>, PyReadonlyArray2<'_, F>),
+    (start, spacing): (f64, f64),
+    threads: Option<isize>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (planes, coefficients) = (planes.as_array(), coefficients.as_array());
+    let out = run(py, threads, || {
+        Splines::new(coefficients, F::from_f64(start), F::from_f64(spacing))?.bend(planes)
+    })?;
+    Ok(out.into_pyarray(py).into_any())
+}
+
+#[pyfunction]
+#[pyo3(signature = (planes, start, spacing, threads))]
+pub fn bend<'py>(
+    py: Python<'py>,
+    planes: PyPlanes<'py>,
+    start: f64,
+    spacing: f64,
+    threads: Option<isize>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let knots = (start, spacing);
+    match planes {
+        PyPlanes::F32(planes, coefficients) => bent(py, (planes, coefficients), knots, threads),
+        PyPlanes::F64(planes, coefficients) => bent(py, (planes, coefficients), knots, threads),
+    }
+}
+
+type Pushed<'py> = (Bound<'py, PyAny>, Bound<'py, PyArray2<f64>>);
+
+fn pushed<'py, F: Real + Element>(
+    py: Python<'py>,
+    (planes, coefficients): (PyReadonlyArray3<'_, F>, PyReadonlyArray2<'_, F>),
+    gradient: PyReadonlyArray3<'_, F>,
+    (start, spacing): (f64, f64),
+    threads: Option<isize>,
+) -> PyResult<Pushed<'py>> {
+    let (planes, coefficients) = (planes.as_array(), coefficients.as_array());
+    let gradient = gradient.as_array();
+    let (out, sums) = run(py, threads, || {
+        Splines::new(coefficients, F::from_f64(start), F::from_f64(spacing))?.push(planes, gradient)
+    })?;
+    Ok((out.into_pyarray(py).into_any(), sums.into_pyarray(py)))
+}
+
+/// Gradients in either width.
+#[derive(FromPyObject)]
+pub enum PyGradient<'py> {
+    F32(PyReadonlyArray3<'py, f32>),
+    F64(PyReadonlyArray3<'py, f64>),
+}
+
+#[pyfunction]
+#[pyo3(signature = (planes, gradient, start, spacing, threads))]
+pub fn push_bend<'py>(
+    py: Python<'py>,
+    planes: PyPlanes<'py>,
+    gradient: PyGradient<'py>,
+    start: f64,
+    spacing: f64,
+    threads: Option<isize>,
+) -> PyResult<Pushed<'py>> {
+    let knots = (start, spacing);
+    match (planes, gradient) {
+        (PyPlanes::F32(planes, coefficients), PyGradient::F32(gradient)) => {
+            pushed(py, (planes, coefficients), gradient, knots, threads)
+        }
+        (PyPlanes::F64(planes, coefficients), PyGradient::F64(gradient)) => {
+            pushed(py, (planes, coefficients), gradient, knots, threads)
+        }
+        _ => Err(PyValueError::new_err(
+            "gradient: expected numbers of the same width as the planes",
+        )),
+    }
 }

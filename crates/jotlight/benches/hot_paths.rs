@@ -5,7 +5,7 @@ use jotlight::bits::{PackedBits, add_block_counts};
 use jotlight::cpu::Level;
 use jotlight::error::Result;
 use jotlight::likelihood::Threshold;
-use jotlight::network::{Batch, Layer, Patch, forward, forward_bits, forward_counts};
+use jotlight::network::{Batch, Layer, Patch, Wiring, forward, forward_bits, forward_counts};
 use jotlight::sensing::{Image, Kernel, PerJot, Sensor, Window, expose};
 use jotlight::threads::install;
 use ndarray::{Array2, Array3, Array4};
@@ -32,7 +32,7 @@ fn at_every_level(c: &mut Criterion, name: &str, items: usize, mut work: impl Fn
 /// A layer whose φ is a smooth curve with as many knots as the pretrained ones have.
 fn layer(filters: Array4<f32>, range: f32) -> Result<Layer<f32>> {
     let bend = Array2::from_shape_fn((filters.dim().0, 150), |(_, k)| (k as f32 / 150.0).sqrt());
-    Layer::new(filters, bend, 0.0, range / 147.0)
+    Layer::new(filters, Some(bend.view()), 0.0, range / 147.0, Wiring::default())
 }
 
 fn sensor<'a>(side: usize) -> Result<Sensor<'a>> {

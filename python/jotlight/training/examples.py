@@ -81,13 +81,18 @@ class Examples:
 
     def fingerprint(self) -> str:
         """Give a word that tells these images from others."""
-        if callable(self.images):
-            return getattr(self.images, "__qualname__", type(self.images).__qualname__)
-        digest = hashlib.sha256()
-        for image in self.images:
-            digest.update(repr(image.shape).encode())
-            digest.update(np.ascontiguousarray(image).data)
-        return digest.hexdigest()
+        return fingerprint(self.images)
+
+
+def fingerprint(images: Scenes | Source) -> str:
+    """Give a word that tells these images from others; of callables it is their name."""
+    if callable(images):
+        return getattr(images, "__qualname__", type(images).__qualname__)
+    digest = hashlib.sha256()
+    for image in images:
+        digest.update(repr(image.shape).encode())
+        digest.update(np.ascontiguousarray(image).data)
+    return digest.hexdigest()
 
 
 def sensor_of_patches(sensor: Sensor) -> Sensor:

@@ -151,7 +151,7 @@ def train(
         tests = dataclasses.replace(examples, images=checked_scenes(test), side=None).every()
 
     run = {
-        "network": _fingerprint(network),
+        "network": fingerprint_of(network),
         "sensor": examples.sensor.numbers(),
         "images": examples.fingerprint(),
         "test": None
@@ -311,10 +311,11 @@ def _smallest(scenes: Scenes) -> str:
     return f"The smallest image, number {index}, is {height} x {width}; leave out what is too small"
 
 
-def _fingerprint(network: Network) -> str:
+def fingerprint_of(network: Network) -> str:
+    """Give a word that tells this network from others."""
     digest = hashlib.sha256(vector_of(network).tobytes())
     for layer in network.layers:
-        digest.update(repr((layer.filters.shape, layer.start, layer.spacing)).encode())
+        digest.update(repr((layer.filters.shape, layer.numbers())).encode())
     return digest.hexdigest()
 
 

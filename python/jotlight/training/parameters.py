@@ -1,11 +1,13 @@
 """All parameters of a network as one vector: a = vec({h1, w1, h2, w2}), equation (12)."""
 
+import dataclasses
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.network import Layer, Network
+from jotlight.network import Network
 
 Vector = npt.NDArray[np.float64]
 
@@ -20,7 +22,10 @@ def vector_of(network: Network) -> Vector:
     (526,)
     """
     arrays = [
-        array.ravel() for layer in network.layers for array in (layer.filters, layer.coefficients)
+        array.ravel()
+        for layer in network.layers
+        for array in (layer.filters, layer.coefficients)
+        if array is not None
     ]
     return np.concatenate(arrays).astype(np.float64)
 
@@ -41,8 +46,10 @@ def parts_of(network: Network, vector: Vector) -> Iterator[tuple[Vector, Vector]
 def network_of(network: Network, vector: Vector) -> Network:
     """Give a network like this one with other parameters."""
     layers = [
-        Layer(
-            filters.astype(np.float32), coefficients.astype(np.float32), layer.start, layer.spacing
+        dataclasses.replace(
+            layer,
+            filters=filters.astype(np.float32),
+            coefficients=coefficients.astype(np.float32),
         )
         for layer, (filters, coefficients) in zip(
             network.layers, parts_of(network, vector), strict=True
@@ -51,16 +58,11 @@ def network_of(network: Network, vector: Vector) -> Network:
     return Network(layers, network.sensor, network.history)
 
 
-def engine_layers(
-    network: Network, vector: Vector, dtype: npt.DTypeLike = np.float32
-) -> list[tuple[npt.NDArray[np.floating], npt.NDArray[np.floating], float, float]]:
+def engine_layers(network: Network, vector: Vector, dtype: npt.DTypeLike = np.float32) -> list[Any]:
     """Give the layers as the engine takes them, in 32 bits to work or in 64 to check."""
     return [
-        (
-            np.ascontiguousarray(filters, dtype),
-            np.ascontiguousarray(coefficients, dtype),
-            layer.start,
-            layer.spacing,
+        layer.for_engine(
+            np.ascontiguousarray(filters, dtype), np.ascontiguousarray(coefficients, dtype)
         )
         for layer, (filters, coefficients) in zip(
             network.layers, parts_of(network, vector), strict=True

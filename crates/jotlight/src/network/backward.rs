@@ -78,7 +78,7 @@ impl<'a, F: Real> Trace<'a, F> {
                 self.blocks.push_to_taps(gradient.view(), of_filters);
             } else {
                 self.padded[index - 1].push_to_taps(gradient.view(), of_filters);
-                gradient = push_to_planes(layer.taps(), gradient.view());
+                gradient = push_to_planes(layer.turned(), gradient.view());
             }
         }
     }

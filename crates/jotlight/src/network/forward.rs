@@ -5,11 +5,13 @@ use rayon::prelude::*;
 
 use super::block::{check_block, masked_filter};
 use super::codes::Tables;
+use super::graph::Graph;
 use super::look_up::Table;
 use super::lsi::{Padded, Part, Place, in_one_piece};
-use super::{Layer, Real, check_chain};
+use super::{Layer, Real};
 use crate::bits::{PackedBits, check_mask};
 use crate::error::{Error, Result};
+use crate::sensing::mirrored;
 
 /// Rows and columns of a tile, so that its planes stay near the core. Rows are fewer where there are many threads.
 const TILE: (usize, usize) = (64, 1024);
@@ -38,9 +40,9 @@ pub fn masked_sums<F: Real>(
 /// [`Error::Shape`] when layers, filters and sums do not fit.
 pub fn forward<F: Real>(layers: &[Layer<F>], sums: ArrayView3<'_, F>) -> Result<Array2<F>> {
     let (channels, height, width) = sums.dim();
-    check(layers, channels, (height, width))?;
+    let graph = check(layers, channels, (height, width))?;
     let sums = in_one_piece(sums);
-    Ok(picture(layers, (height, width), |place, out| {
+    Ok(picture(&graph, (height, width), |place, out| {
         let planes = sums.chunks_exact(height * width);
         for (out, sums) in out.chunks_exact_mut(place.pixels()).zip(planes) {
             for (out, sums) in rows_of(out, sums, place, width) {
@@ -61,7 +63,7 @@ pub fn forward_counts<F: Real>(
     sums: ArrayView2<'_, F>,
 ) -> Result<Array2<F>> {
     let (channels, number) = sums.dim();
-    check(layers, channels, counts.dim())?;
+    let graph = check(layers, channels, counts.dim())?;
     let (height, width) = counts.dim();
     let counts = in_one_piece(counts);
     // A negative count is a large one here.
@@ -76,7 +78,7 @@ pub fn forward_counts<F: Real>(
     let mut tables: Vec<F> = sums.iter().copied().collect();
     layers[0].bend(&mut tables);
     let tables: Vec<_> = tables.chunks_exact(number).map(Table::new).collect();
-    Ok(picture(layers, (height, width), |place, out| {
+    Ok(picture(&graph, (height, width), |place, out| {
         for (out, table) in out.chunks_exact_mut(place.pixels()).zip(&tables) {
             for (out, counts) in rows_of(out, &counts, place, width) {
                 table.look_up(counts, out);
@@ -90,12 +92,12 @@ pub fn forward_counts<F: Real>(
 /// # Errors
 /// [`Error::Shape`] when layers, filters and bits do not fit.
 pub fn forward_bits<F: Real>(layers: &[Layer<F>], bits: &PackedBits<'_>) -> Result<Array2<F>> {
-    check_chain(layers)?;
+    let graph = Graph::new(layers)?;
     let first = &layers[0];
     let (height, width) = check_block(first.filters(), bits)?;
     let mut tables = Tables::new(first.filters(), height * width);
     let bent = tables.bend(first.splines());
-    Ok(picture(layers, (height, width), |place, out| {
+    Ok(picture(&graph, (height, width), |place, out| {
         tables.fill(bits, place, out);
         if !bent {
             first.bend(out);
@@ -120,85 +122,233 @@ fn check<F: Real>(
     layers: &[Layer<F>],
     planes: usize,
     (height, width): (usize, usize),
-) -> Result<()> {
-    check_chain(layers)?;
-    let expected = layers[0].splines.len();
+) -> Result<Graph<'_, F>> {
+    let graph = Graph::new(layers)?;
+    let expected = layers[0].channels();
     if planes != expected || height * width == 0 {
         let given = (planes, height, width);
         return Err(Error::shape("planes of the first layer", expected, given));
     }
-    Ok(())
-}
-
-/// What a thread works on.
-#[derive(Default)]
-struct Scratch<F> {
-    planes: Vec<F>,
-    padded: Padded<F>,
+    Ok(graph)
 }
 
 /// The picture in tiles, each through all layers while it is near the core. `first` fills a part of the planes `(C, rows, columns)` that the
 /// first layer gives.
 fn picture<F: Real>(
-    layers: &[Layer<F>],
-    (height, width): (usize, usize),
+    graph: &Graph<'_, F>,
+    size: (usize, usize),
     first: impl Fn(&Place, &mut [F]) + Sync,
 ) -> Array2<F> {
+    let (height, width) = size;
     let mut picture = Array2::zeros((height, width));
     // Bands of tiles, as many for each thread.
-    let bands = height.div_ceil(TILE.0);
+    let (tile, least) = tile_of(graph);
+    let bands = height.div_ceil(tile.0);
     let bands = bands.next_multiple_of(rayon::current_num_threads());
-    let rows = height.div_ceil(bands).next_multiple_of(4);
+    let rows = height.div_ceil(bands).max(least);
+    let rows = rows.next_multiple_of(4.max(graph.step));
     let pixels = picture.as_slice_mut().unwrap_or_default();
     pixels
         .par_chunks_mut(rows * width)
         .enumerate()
         .for_each_init(Scratch::default, |scratch, (band, out)| {
             let start = band * rows;
-            for column in (0..width).step_by(TILE.1) {
+            for column in (0..width).step_by(tile.1) {
                 let wanted = Place {
                     rows: start..start + out.len() / width,
-                    columns: column..(column + TILE.1).min(width),
+                    columns: column..(column + tile.1).min(width),
                 };
-                let tile = scratch.tile(layers, (height, width), wanted.clone(), &first);
-                let tile = tile.chunks_exact(wanted.columns.len());
+                let (place, tile) = scratch.tile(graph, size, &wanted, &first);
+                let tile = tile.chunks_exact(place.columns.len());
                 for (out, tile) in out.chunks_exact_mut(width).zip(tile) {
-                    out[wanted.columns.clone()].copy_from_slice(tile);
+                    out[wanted.columns.clone()].copy_from_slice(&tile[..wanted.columns.len()]);
                 }
             }
         });
     picture
 }
 
+/// Rows and columns of a tile, which are many beside what it reads around it, and the rows that it has at least.
+fn tile_of<F: Real>(graph: &Graph<'_, F>) -> ((usize, usize), usize) {
+    let everything = Place {
+        rows: graph.step << 16..(graph.step << 16) + graph.step,
+        columns: 0..1,
+    };
+    let size = (graph.step << 17, graph.step << 17);
+    let around = wanted_of(graph, size, &everything)[0].rows.len();
+    let rows = TILE.0.max(4 * around).next_multiple_of(graph.step);
+    ((rows, TILE.1), around.min(rows))
+}
+
+/// The part of its planes that each layer has to give, found from the last one on.
+fn wanted_of<F: Real>(graph: &Graph<'_, F>, size: (usize, usize), last: &Place) -> Vec<Place> {
+    let mut wanted = vec![Place::default(); graph.layers.len()];
+    if let Some(place) = wanted.last_mut() {
+        *place = last.clone();
+    }
+    for (index, layer) in graph.layers.iter().enumerate().rev() {
+        let place = wanted[index].aligned(layer.wiring.upsampling);
+        wanted[index] = place.clone();
+        if index == 0 {
+            break;
+        }
+        if let Some(kept) = layer.wiring.adds {
+            wanted[kept].include(&place);
+        }
+        let source = graph.sources[index];
+        let before = place.divided(layer.wiring.upsampling);
+        let read = layer.taps().read(&before, graph.size(source, size));
+        wanted[source].include(&read);
+    }
+    wanted
+}
+
+/// What a thread works on.
+#[derive(Default)]
+struct Scratch<F> {
+    /// The planes of every layer, as long as they are used.
+    planes: Vec<Vec<F>>,
+    /// Room for the next ones.
+    free: Vec<Vec<F>>,
+    padded: Padded<F>,
+}
+
 impl<F: Real> Scratch<F> {
-    /// A part of the picture.
+    /// A part of the picture, and which: what is wanted or a little more.
     fn tile(
         &mut self,
-        layers: &[Layer<F>],
-        size: (usize, usize),
-        mut given: Place,
+        graph: &Graph<'_, F>,
+        picture: (usize, usize),
+        last: &Place,
         first: impl Fn(&Place, &mut [F]),
-    ) -> &[F] {
-        let Self { planes, padded } = self;
-        // The part that each layer has to give, found from the last one on.
-        let mut wanted = Vec::with_capacity(layers.len());
-        for layer in layers[1..].iter().rev() {
-            let read = layer.taps().read(&given, size);
-            wanted.push((layer, std::mem::replace(&mut given, read)));
-        }
-        planes.resize(layers[0].splines.len() * given.pixels(), F::zero());
-        first(&given, planes);
-        while let Some((layer, wanted)) = wanted.pop() {
+    ) -> (Place, &[F]) {
+        // Planes with a stride need rows and columns in multiples.
+        let size = (
+            picture.0.next_multiple_of(graph.step),
+            picture.1.next_multiple_of(graph.step),
+        );
+        let wanted = wanted_of(graph, size, last);
+        self.free.append(&mut self.planes);
+        for (index, layer) in graph.layers.iter().enumerate() {
+            let place = &wanted[index];
+            let mut out = self.free.pop().unwrap_or_default();
+            if index == 0 {
+                out.resize(layer.channels() * place.pixels(), F::zero());
+                continued(
+                    place,
+                    picture,
+                    layer.channels(),
+                    &mut out,
+                    &mut self.padded,
+                    &first,
+                );
+                self.planes.push(out);
+                continue;
+            }
+            let (source, up) = (graph.sources[index], layer.wiring.upsampling);
             let part = Part {
-                planes,
-                place: std::mem::replace(&mut given, wanted.clone()),
-                size,
+                planes: &self.planes[source],
+                place: wanted[source].clone(),
+                size: graph.size(source, size),
             };
-            padded.fill(&part, &wanted, layer.taps());
-            planes.resize(layer.splines.len() * wanted.pixels(), F::zero());
-            padded.convolve(layer.taps(), planes);
-            layer.bend(planes);
+            let before = place.divided(up);
+            self.padded.fill(&part, &before, layer.taps());
+            out.resize(layer.channels() * place.pixels(), F::zero());
+            if up == 1 {
+                self.padded.convolve(layer.taps(), &mut out);
+            } else {
+                let mut deep = self.free.pop().unwrap_or_default();
+                deep.resize(out.len(), F::zero());
+                self.padded.convolve(layer.taps(), &mut deep);
+                let size = (before.rows.len(), before.columns.len());
+                to_space(&deep, up, size, &mut out);
+                self.free.push(deep);
+            }
+            if let Some(kept) = layer.wiring.adds {
+                add(&self.planes[kept], &wanted[kept], place, &mut out);
+            }
+            layer.bend(&mut out);
+            self.planes.push(out);
+            for used in 0..index {
+                if graph.last_use[used] == index {
+                    self.free.push(std::mem::take(&mut self.planes[used]));
+                }
+            }
         }
-        planes
+        match (wanted.last(), self.planes.last()) {
+            (Some(place), Some(planes)) => (place.clone(), planes),
+            _ => (Place::default(), &[]),
+        }
+    }
+}
+
+/// The first layer's planes, past the picture's last row and column mirrored.
+fn continued<F: Real>(
+    place: &Place,
+    picture: (usize, usize),
+    channels: usize,
+    out: &mut [F],
+    spare: &mut Padded<F>,
+    first: impl Fn(&Place, &mut [F]),
+) {
+    if place.rows.end <= picture.0 && place.columns.end <= picture.1 {
+        return first(place, out);
+    }
+    let there = |place: &std::ops::Range<usize>, size: usize| {
+        let beyond = place.end.saturating_sub(size);
+        place.start.min(size.saturating_sub(beyond.max(1)))..place.end.min(size)
+    };
+    let known = Place {
+        rows: there(&place.rows, picture.0),
+        columns: there(&place.columns, picture.1),
+    };
+    let planes = spare.room(channels * known.pixels());
+    first(&known, planes);
+    let width = known.columns.len();
+    let sources = planes.chunks_exact(known.pixels());
+    for (source, out) in sources.zip(out.chunks_exact_mut(place.pixels())) {
+        let rows = out.chunks_exact_mut(place.columns.len());
+        for (row, out) in place.rows.clone().zip(rows) {
+            let row = mirrored(row as isize, picture.0) - known.rows.start;
+            for (column, out) in place.columns.clone().zip(out) {
+                let column = mirrored(column as isize, picture.1) - known.columns.start;
+                *out = source[row * width + column];
+            }
+        }
+    }
+}
+
+/// From depth to space: of every `up`² planes of `height` rows and `width` columns one that is `up` times as high and wide.
+fn to_space<F: Real>(deep: &[F], up: usize, (height, width): (usize, usize), out: &mut [F]) {
+    let planes = deep.chunks_exact(up * up * height * width);
+    for (deep, out) in planes.zip(out.chunks_exact_mut(up * up * height * width)) {
+        for (phase, deep) in deep.chunks_exact(height * width).enumerate() {
+            let rows = out
+                .chunks_exact_mut(up * width)
+                .skip(phase / up)
+                .step_by(up);
+            for (deep, out) in deep.chunks_exact(width).zip(rows) {
+                let places = out.iter_mut().skip(phase % up).step_by(up);
+                for (out, &value) in places.zip(deep) {
+                    *out = value;
+                }
+            }
+        }
+    }
+}
+
+/// Adds a part of kept planes.
+fn add<F: Real>(kept: &[F], from: &Place, place: &Place, out: &mut [F]) {
+    let (width, left) = (from.columns.len(), place.columns.start - from.columns.start);
+    let planes = kept.chunks_exact(from.pixels());
+    for (kept, out) in planes.zip(out.chunks_exact_mut(place.pixels())) {
+        let rows = kept
+            .chunks_exact(width)
+            .skip(place.rows.start - from.rows.start);
+        for (kept, out) in rows.zip(out.chunks_exact_mut(place.columns.len())) {
+            for (out, &kept) in out.iter_mut().zip(&kept[left..]) {
+                *out += kept;
+            }
+        }
     }
 }

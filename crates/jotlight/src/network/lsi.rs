@@ -6,6 +6,7 @@ use std::ops::Range;
 use ndarray::{Array3, ArrayView, ArrayView3, ArrayView4, ArrayViewMut4, Dimension};
 
 use super::Real;
+use super::bank::Bank;
 use super::correlate::{self, Planes, SPARE_COLUMNS, SPARE_ROWS, Taps};
 use crate::cpu::LANES;
 use crate::sensing::mirrored;
@@ -13,47 +14,98 @@ use crate::sensing::mirrored;
 /// Rows of weights whose gradients are summed in few bits.
 const BAND: usize = 64;
 
-/// The taps of a filter bank `(channels out, channels in, lines, columns)` as loops take them.
+/// The taps of a filter bank `(channels out, channels in, lines, columns)` as loops take them, turned around, so that they run forward in
+/// the taps and in what these read.
 #[derive(Clone, Debug)]
 pub(super) struct Filters<F> {
-    /// Of every output channel, turned around, so that loops run forward in both.
-    forward: Vec<Taps<F>>,
-    /// Of every input channel.
-    backward: Vec<Taps<F>>,
+    order: Order<F>,
+    inputs: usize,
+    /// Lines and columns of a filter, and of what loops see of it: of planes in phases where there is a stride.
+    size: (usize, usize),
     taps: (usize, usize),
+    stride: usize,
+}
+
+#[derive(Clone, Debug)]
+enum Order<F> {
+    One(Taps<F>),
+    Many(Bank<F>),
 }
 
 impl<F: Real> Filters<F> {
-    pub fn new(filters: ArrayView4<'_, F>) -> Self {
+    pub fn new(filters: ArrayView4<'_, F>, stride: usize) -> Self {
         let (outputs, inputs, lines, columns) = filters.dim();
-        let forward = (0..outputs).map(|output| {
-            Taps::new((inputs, lines, columns), |input, line, column| {
-                filters[[output, input, lines - 1 - line, columns - 1 - column]]
-            })
-        });
-        let backward = (0..inputs).map(|input| {
-            Taps::new((outputs, lines, columns), |output, line, column| {
-                filters[[output, input, line, column]]
-            })
-        });
+        let taps = (lines.div_ceil(stride), columns.div_ceil(stride));
+        let order = if outputs == 1 && stride == 1 {
+            Order::One(Taps::new(
+                (inputs, lines, columns),
+                |input, line, column| filters[[0, input, lines - 1 - line, columns - 1 - column]],
+            ))
+        } else {
+            let phases = stride * stride;
+            let shape = (outputs, inputs * phases, taps.0, taps.1);
+            Order::Many(Bank::new(shape, |output, plane, line, column| {
+                let phase = plane % phases;
+                let (line, column) = (
+                    line * stride + phase / stride,
+                    column * stride + phase % stride,
+                );
+                if line < lines && column < columns {
+                    filters[[
+                        output,
+                        plane / phases,
+                        lines - 1 - line,
+                        columns - 1 - column,
+                    ]]
+                } else {
+                    F::zero()
+                }
+            }))
+        };
         Self {
-            forward: forward.collect(),
-            backward: backward.collect(),
-            taps: (lines, columns),
+            order,
+            inputs,
+            size: (lines, columns),
+            taps,
+            stride,
         }
     }
 
     /// The part of planes of a size that a part of the output needs.
     pub fn read(&self, wanted: &Place, size: (usize, usize)) -> Place {
+        let needed = |wanted: &Range<usize>, taps: usize, size: usize| {
+            let before = before(taps, self.stride);
+            let end = (wanted.end.max(1) - 1) * self.stride + taps;
+            (wanted.start * self.stride).saturating_sub(before)
+                ..end.saturating_sub(before).min(size)
+        };
         Place {
-            rows: needed(&wanted.rows, self.taps.0, size.0),
-            columns: needed(&wanted.columns, self.taps.1, size.1),
+            rows: needed(&wanted.rows, self.size.0, size.0),
+            columns: needed(&wanted.columns, self.size.1, size.1),
         }
     }
 }
 
-fn needed(wanted: &Range<usize>, taps: usize, size: usize) -> Range<usize> {
-    wanted.start.saturating_sub(before(taps))..(wanted.end + taps / 2).min(size)
+/// The taps of every input channel over the outputs, for the adjoint.
+#[derive(Clone, Debug)]
+pub(super) struct Turned<F> {
+    inputs: Vec<Taps<F>>,
+    taps: (usize, usize),
+}
+
+impl<F: Real> Turned<F> {
+    pub fn new(filters: ArrayView4<'_, F>) -> Self {
+        let (outputs, inputs, lines, columns) = filters.dim();
+        let inputs = (0..inputs).map(|input| {
+            Taps::new((outputs, lines, columns), |output, line, column| {
+                filters[[output, input, line, column]]
+            })
+        });
+        Self {
+            inputs: inputs.collect(),
+            taps: (lines, columns),
+        }
+    }
 }
 
 /// A rectangle of pixels.
@@ -66,6 +118,35 @@ pub(super) struct Place {
 impl Place {
     pub fn pixels(&self) -> usize {
         self.rows.len() * self.columns.len()
+    }
+
+    /// The least place that has both.
+    pub fn include(&mut self, other: &Self) {
+        if self.pixels() == 0 {
+            *self = other.clone();
+            return;
+        }
+        let hull = |a: &Range<usize>, b: &Range<usize>| a.start.min(b.start)..a.end.max(b.end);
+        self.rows = hull(&self.rows, &other.rows);
+        self.columns = hull(&self.columns, &other.columns);
+    }
+
+    /// The rows and columns of which these are made by an upsampling.
+    pub fn divided(&self, up: usize) -> Self {
+        let divided = |range: &Range<usize>| range.start / up..range.end.div_ceil(up);
+        Self {
+            rows: divided(&self.rows),
+            columns: divided(&self.columns),
+        }
+    }
+
+    /// The rows and columns that are made of those.
+    pub fn aligned(&self, up: usize) -> Self {
+        let Self { rows, columns } = self.divided(up);
+        Self {
+            rows: rows.start * up..rows.end * up,
+            columns: columns.start * up..columns.end * up,
+        }
     }
 }
 
@@ -117,29 +198,57 @@ impl<F: Real> Padded<F> {
 
     /// What the filters need for a part of their output.
     pub fn fill(&mut self, part: &Part<'_, F>, wanted: &Place, filters: &Filters<F>) {
+        let stride = filters.stride;
         self.taps = filters.taps;
         (self.height, self.width) = (wanted.rows.len(), wanted.columns.len());
         let rows = self.height + self.taps.0 - 1;
         let columns = self.width + self.taps.1 - 1;
-        self.make_room(filters.backward.len(), (rows, columns));
+        self.make_room(filters.inputs * stride * stride, (rows, columns));
         let width = part.place.columns.len();
-        // Where the first column of the part comes to lie, behind those that are mirrored.
-        let inner = before(self.taps.1) + part.place.columns.start - wanted.columns.start;
-        let to = |place: usize, first: usize, taps: usize, size: usize| {
-            mirrored((first + place) as isize - before(taps) as isize, size)
-        };
+        // Where what is read of the planes begins, past the rim for some.
+        let first =
+            |wanted: usize, taps: usize| (wanted * stride) as isize - before(taps, stride) as isize;
+        let (top, left) = (
+            first(wanted.rows.start, filters.size.0),
+            first(wanted.columns.start, filters.size.1),
+        );
         let planes = part.planes.chunks_exact(part.place.pixels());
-        for (source, out) in planes.zip(self.data.chunks_exact_mut(self.plane)) {
+        let phases = (0..stride).flat_map(|line| (0..stride).map(move |column| (line, column)));
+        let sources = planes.flat_map(|plane| phases.clone().map(move |phase| (plane, phase)));
+        for ((source, phase), out) in sources.zip(self.data.chunks_exact_mut(self.plane)) {
+            let left = left + phase.1 as isize;
+            // The columns of the output that lie in the part.
+            let from = part.place.columns.start as isize - left;
+            let inner = (from.max(0) as usize).div_ceil(stride).min(columns);
+            let to = (part.place.columns.end as isize - left).max(0) as usize;
+            let inside = inner..to.div_ceil(stride).clamp(inner, columns);
+            let place = |column: usize| {
+                mirrored(left + (column * stride) as isize, part.size.1) - part.place.columns.start
+            };
             for (row, out) in out.chunks_exact_mut(self.stride).take(rows).enumerate() {
-                let row = to(row, wanted.rows.start, self.taps.0, part.size.0);
+                let row = mirrored(top + (row * stride + phase.0) as isize, part.size.0);
                 let source = &source[(row - part.place.rows.start) * width..][..width];
-                out[inner..inner + width].copy_from_slice(source);
-                for column in (0..inner).chain(inner + width..columns) {
-                    let from = to(column, wanted.columns.start, self.taps.1, part.size.1);
-                    out[column] = source[from - part.place.columns.start];
+                if stride == 1 {
+                    let start = (left + inside.start as isize - part.place.columns.start as isize)
+                        .max(0) as usize;
+                    out[inside.clone()].copy_from_slice(&source[start..][..inside.len()]);
+                } else if !inside.is_empty() {
+                    let source = source[place(inside.start)..].iter().step_by(stride);
+                    for (out, &value) in out[inside.clone()].iter_mut().zip(source) {
+                        *out = value;
+                    }
+                }
+                for column in (0..inside.start).chain(inside.end..columns) {
+                    out[column] = source[place(column)];
                 }
             }
         }
+    }
+
+    /// Room for so many numbers, of no use to filters.
+    pub fn room(&mut self, length: usize) -> &mut [F] {
+        self.data.resize(self.data.len().max(length), F::zero());
+        &mut self.data[..length]
     }
 
     fn planes(&self) -> Planes<'_, F> {
@@ -152,16 +261,22 @@ impl<F: Real> Padded<F> {
 
     /// (h * u), summed over the input channels, into the planes `(channels out, height, width)`.
     pub fn convolve(&self, filters: &Filters<F>, out: &mut [F]) {
-        let live = 0..self.height + self.taps.0 - 1;
-        let planes = out.chunks_exact_mut(self.height * self.width);
-        for (taps, out) in filters.forward.iter().zip(planes) {
-            taps.correlate(self.planes(), 0, live.clone(), self.width, out);
+        match &filters.order {
+            Order::One(taps) => {
+                let live = 0..self.height + self.taps.0 - 1;
+                taps.correlate(self.planes(), 0, live, self.width, out);
+            }
+            Order::Many(bank) => bank.correlate(self.planes(), (self.height, self.width), out),
         }
     }
 
     /// The same in an array of its own.
     pub fn convolved(&self, filters: &Filters<F>) -> Array3<F> {
-        let mut out = Array3::zeros((filters.forward.len(), self.height, self.width));
+        let outputs = match &filters.order {
+            Order::One(_) => 1,
+            Order::Many(bank) => bank.outputs(),
+        };
+        let mut out = Array3::zeros((outputs, self.height, self.width));
         if let Some(out) = out.as_slice_mut() {
             self.convolve(filters, out);
         }
@@ -226,11 +341,11 @@ impl<F: Real> Padded<F> {
 
 /// The adjoint of [`Padded::mirrored`] and [`Padded::convolve`]: from the gradient of the outputs to that of the planes.
 pub(super) fn push_to_planes<F: Real>(
-    filters: &Filters<F>,
+    turned: &Turned<F>,
     gradient: ArrayView3<'_, F>,
 ) -> Array3<F> {
     let (outputs, height, width) = gradient.dim();
-    let (lines, columns) = filters.taps;
+    let (lines, columns) = turned.taps;
     // Every place of the padded planes gathers from the outputs that read it; past the rim there are none.
     let size = (height + lines - 1, width + columns - 1);
     let mut padded = Padded::default();
@@ -245,15 +360,15 @@ pub(super) fn push_to_planes<F: Real>(
         }
     }
     let columns_back: Vec<usize> = (0..size.1)
-        .map(|column| mirrored(column as isize - before(columns) as isize, width))
+        .map(|column| mirrored(column as isize - before(columns, 1) as isize, width))
         .collect();
-    let mut planes = Array3::zeros((filters.backward.len(), height, width));
+    let mut planes = Array3::zeros((turned.inputs.len(), height, width));
     let mut sums = vec![F::zero(); size.0 * size.1];
-    for (taps, mut out) in filters.backward.iter().zip(planes.outer_iter_mut()) {
+    for (taps, mut out) in turned.inputs.iter().zip(planes.outer_iter_mut()) {
         let live = lines - 1..lines - 1 + height;
         taps.correlate(padded.planes(), 0, live, size.1, &mut sums);
         for (row, sums) in sums.chunks_exact(size.1).enumerate() {
-            let mut out = out.row_mut(mirrored(row as isize - before(lines) as isize, height));
+            let mut out = out.row_mut(mirrored(row as isize - before(lines, 1) as isize, height));
             for (&column, &sum) in columns_back.iter().zip(sums) {
                 out[column] += sum;
             }
@@ -262,9 +377,10 @@ pub(super) fn push_to_planes<F: Real>(
     planes
 }
 
-/// Places before a pixel that a convolution with so many taps reads: it reads from m − before to m + taps/2.
-pub(super) fn before(taps: usize) -> usize {
-    taps - 1 - taps / 2
+/// Rows before the first one that an output would read if it read `stride` alone: it reads from stride·m − before on, as many as there are
+/// taps.
+pub(super) fn before(taps: usize, stride: usize) -> usize {
+    (taps - stride) / 2
 }
 
 /// Planes as a slice, copied only where they are not one.
@@ -302,12 +418,12 @@ mod tests {
             for (lines, columns) in [(1, 1), (4, 2), (3, 5), (15, 15)] {
                 let planes = some((2, height, width));
                 let taps = some((3, 2, lines, columns));
-                let filters = Filters::new(taps.view());
+                let filters = Filters::new(taps.view(), 1);
                 let gradient = some((3, height, width)) * 2.0;
                 let padded = Padded::mirrored(planes.view(), &filters);
                 let direct = product(&padded.convolved(&filters), &gradient);
 
-                let back = push_to_planes(&filters, gradient.view());
+                let back = push_to_planes(&Turned::new(taps.view()), gradient.view());
                 assert!((product(&planes, &back) - direct).abs() < 1e-10);
 
                 let mut of_taps = Array4::zeros(taps.dim());

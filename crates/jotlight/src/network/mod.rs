@@ -3,11 +3,14 @@
 //! Everything is written for numbers of either width: `f32` does the work, and `f64` of the same code tells what it should give.
 
 mod backward;
+mod bank;
 mod batch;
+mod bend;
 mod block;
 mod codes;
 mod correlate;
 mod forward;
+mod graph;
 mod look_up;
 mod lsi;
 mod real;
@@ -16,88 +19,131 @@ mod tangent;
 
 use std::sync::OnceLock;
 
-use lsi::Filters;
-use ndarray::{Array2, Array4, ArrayView4};
+use lsi::{Filters, Turned};
+use ndarray::{Array4, ArrayView2, ArrayView4};
 
 use crate::bits::contiguous;
 use crate::error::{Error, Result};
 
 pub use batch::{Batch, Gradient, NormalEquations, Patch};
+pub use bend::Splines;
 pub use forward::{forward, forward_bits, forward_counts, masked_sums};
 pub use real::Real;
 pub use spline::Spline;
 
-/// A filter bank followed by one spline per output channel.
+/// A filter bank followed by one spline per output channel: φ(D(h * u) + v), with u the planes that it reads, D from depth to space, and v
+/// kept planes.
 #[derive(Clone, Debug)]
 pub struct Layer<F> {
     filters: Array4<F>,
     /// The filters in the order of the loops, of layers that read planes: made when they are first needed.
     taps: OnceLock<Filters<F>>,
+    turned: OnceLock<Turned<F>>,
+    /// None where the sums stay as they are.
     splines: Vec<Spline<F>>,
+    wiring: Wiring,
+}
+
+/// How a layer is put among the others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wiring {
+    /// Rows and columns of what is read from one output to the next.
+    pub stride: usize,
+    /// From depth to space: so many rows and columns in place of one, taken from the channels.
+    pub upsampling: usize,
+    /// The layer whose planes are read, if it is not the one before.
+    pub reads: Option<usize>,
+    /// The layer whose planes are added.
+    pub adds: Option<usize>,
+}
+
+impl Default for Wiring {
+    fn default() -> Self {
+        Self {
+            stride: 1,
+            upsampling: 1,
+            reads: None,
+            adds: None,
+        }
+    }
 }
 
 impl<F: Real> Layer<F> {
-    /// `filters` are `(C_out, C_in, height, width)`, for the first layer `(C_out, T, K̂, K̂)` or, tied, `(C_out, 1, 1, 1)`;
-    /// `coefficients` `(C_out, N_w)` belong to knots at `start` + k·`spacing`.
+    /// `filters` are `(C, C_in, height, width)`, for the first layer `(C, T, K̂, K̂)` or, tied, `(C, 1, 1, 1)`;
+    /// `coefficients` `(C / upsampling², N_w)` belong to knots at `start` + k·`spacing`.
     ///
     /// # Errors
     /// [`Error::Shape`] when the arrays do not fit, [`Error::Range`] for fewer than 4 coefficients, a spacing that is not positive,
-    /// and infinity or NaN.
-    pub fn new(filters: Array4<F>, coefficients: Array2<F>, start: F, spacing: F) -> Result<Self> {
+    /// infinity or NaN, and a stride that is larger than the filters.
+    pub fn new(
+        filters: Array4<F>,
+        coefficients: Option<ArrayView2<'_, F>>,
+        start: F,
+        spacing: F,
+        wiring: Wiring,
+    ) -> Result<Self> {
+        let (outputs, _, lines, columns) = filters.dim();
         if filters.is_empty() {
+            let given = format!("{:?}", filters.dim());
+            return Err(Error::range("filters", "at least one tap", given));
+        }
+        if !filters.iter().all(|x| x.is_finite()) {
+            return Err(Error::range("filters", "finite numbers", "infinity or NaN"));
+        }
+        let Wiring {
+            stride, upsampling, ..
+        } = wiring;
+        if !(1..=lines.min(columns)).contains(&stride) {
             return Err(Error::range(
-                "filters",
-                "at least one tap",
-                format!("{:?}", filters.dim()),
+                "stride",
+                "1 to the size of the filters",
+                stride,
             ));
         }
-        if coefficients.nrows() != filters.dim().0 {
-            return Err(Error::shape(
-                "rows of spline coefficients",
-                filters.dim().0,
-                coefficients.nrows(),
-            ));
+        if upsampling == 0 || !outputs.is_multiple_of(upsampling * upsampling) {
+            let expected = "one whose square divides the number of filters";
+            return Err(Error::range("upsampling", expected, upsampling));
         }
-        if coefficients.ncols() < 4 {
-            return Err(Error::range(
-                "spline coefficients",
-                "at least 4",
-                coefficients.ncols(),
-            ));
+        let splines = match coefficients {
+            None => Vec::new(),
+            Some(coefficients) => splines_of(coefficients, start, spacing)?,
+        };
+        let channels = outputs / (upsampling * upsampling);
+        if coefficients.is_some() && splines.len() != channels {
+            let given = splines.len();
+            return Err(Error::shape("rows of spline coefficients", channels, given));
         }
-        if !filters.iter().chain(&coefficients).all(|x| x.is_finite()) {
-            return Err(Error::range(
-                "filters and spline coefficients",
-                "finite numbers",
-                "infinity or NaN",
-            ));
-        }
-        if !(spacing > F::zero() && spacing.is_finite() && start.is_finite()) {
-            return Err(Error::range("knot spacing", "positive", spacing));
-        }
-        let splines = coefficients
-            .rows()
-            .into_iter()
-            .map(|row| Spline::new(&contiguous(row), start, spacing))
-            .collect();
         Ok(Self {
             taps: OnceLock::new(),
+            turned: OnceLock::new(),
             filters,
             splines,
+            wiring,
         })
     }
 
-    /// The filters `(C_out, C_in, height, width)`.
+    /// The filters `(C, C_in, height, width)`.
     #[must_use]
     pub fn filters(&self) -> ArrayView4<'_, F> {
         self.filters.view()
     }
 
     fn taps(&self) -> &Filters<F> {
-        self.taps.get_or_init(|| Filters::new(self.filters.view()))
+        self.taps
+            .get_or_init(|| Filters::new(self.filters.view(), self.wiring.stride))
     }
 
-    /// The pointwise functions, one per output channel.
+    fn turned(&self) -> &Turned<F> {
+        self.turned.get_or_init(|| Turned::new(self.filters.view()))
+    }
+
+    /// The planes that it gives.
+    #[must_use]
+    pub fn channels(&self) -> usize {
+        self.filters.dim().0 / (self.wiring.upsampling * self.wiring.upsampling)
+    }
+
+    /// The pointwise functions, one per channel, or none.
     #[must_use]
     pub fn splines(&self) -> &[Spline<F>] {
         &self.splines
@@ -111,11 +157,34 @@ impl<F: Real> Layer<F> {
 
     /// φ of planes `(C, H, W)`, in place: equations (8) and (10).
     fn bend(&self, planes: &mut [F]) {
-        let pixels = planes.len() / self.splines.len();
+        let pixels = planes.len() / self.channels();
         for (spline, plane) in self.splines.iter().zip(planes.chunks_exact_mut(pixels)) {
             spline.apply(plane);
         }
     }
+}
+
+/// One spline of each row of coefficients.
+fn splines_of<F: Real>(
+    coefficients: ArrayView2<'_, F>,
+    start: F,
+    spacing: F,
+) -> Result<Vec<Spline<F>>> {
+    if coefficients.ncols() < 4 {
+        let given = coefficients.ncols();
+        return Err(Error::range("spline coefficients", "at least 4", given));
+    }
+    if !coefficients.iter().all(|x| x.is_finite()) {
+        let given = "infinity or NaN";
+        return Err(Error::range("spline coefficients", "finite numbers", given));
+    }
+    if !(spacing > F::zero() && spacing.is_finite() && start.is_finite()) {
+        return Err(Error::range("knot spacing", "positive", spacing));
+    }
+    let rows = coefficients.rows().into_iter();
+    Ok(rows
+        .map(|row| Spline::new(&contiguous(row), start, spacing))
+        .collect())
 }
 
 /// Checks that each layer reads what the one before it gives, and that the last gives one plane.
@@ -123,6 +192,11 @@ fn check_chain<F: Real>(layers: &[Layer<F>]) -> Result<()> {
     let Some(last) = layers.last() else {
         return Err(Error::range("layers", "at least one", 0));
     };
+    let plain = |layer: &Layer<F>| layer.wiring == Wiring::default() && !layer.splines.is_empty();
+    if !layers.iter().all(plain) {
+        let expected = "each to read the one before, and splines in all of them";
+        return Err(Error::range("layers", expected, "others"));
+    }
     for (before, layer) in layers.iter().zip(&layers[1..]) {
         let (outputs, inputs) = (before.filters.dim().0, layer.filters.dim().1);
         if inputs != outputs {

@@ -1,0 +1,104 @@
+//! How layers are put together: what each reads and adds, and how large its planes are.
+
+use super::{Layer, Real};
+use crate::error::{Error, Result};
+
+/// Layers in order, checked.
+pub(super) struct Graph<'a, F> {
+    pub layers: &'a [Layer<F>],
+    /// Which layer each of them reads; the first reads the data.
+    pub sources: Vec<usize>,
+    /// The last layer that takes the planes of each.
+    pub last_use: Vec<usize>,
+    /// Rows of the picture for so many of a layer's planes: (picture, planes).
+    scales: Vec<(usize, usize)>,
+    /// What rows and columns of the planes of the first layer have to be a multiple of.
+    pub step: usize,
+}
+
+impl<'a, F: Real> Graph<'a, F> {
+    /// Checks that each layer reads and adds planes that fit, and that the last gives one plane of the picture's own size.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] and [`Error::Range`] when something does not fit.
+    pub fn new(layers: &'a [Layer<F>]) -> Result<Self> {
+        let mut graph = Self {
+            layers,
+            sources: vec![0],
+            last_use: vec![0; layers.len()],
+            scales: vec![(1, 1)],
+            step: 1,
+        };
+        let Some((first, last)) = layers.first().zip(layers.last()) else {
+            return Err(Error::range("layers", "at least one", 0));
+        };
+        if first.wiring != super::Wiring::default() {
+            let expected = "no stride, upsampling or kept planes in the first";
+            return Err(Error::range("layers", expected, "some"));
+        }
+        for (index, layer) in layers.iter().enumerate().skip(1) {
+            let source = layer.wiring.reads.unwrap_or(index - 1);
+            for number in [Some(source), layer.wiring.adds].into_iter().flatten() {
+                if number >= index {
+                    let expected = "one before the layer that reads it";
+                    return Err(Error::range("layer that is read", expected, number));
+                }
+                graph.last_use[number] = index;
+            }
+            let (inputs, channels) = (layer.filters.dim().1, layers[source].channels());
+            if inputs != channels {
+                return Err(Error::shape("input channels of a layer", channels, inputs));
+            }
+            let (above, below) = graph.scales[source];
+            let scale = reduced(above * layer.wiring.stride, below * layer.wiring.upsampling);
+            if let Some(kept) = layer.wiring.adds {
+                let expected = (layer.channels(), scale);
+                let given = (layers[kept].channels(), graph.scales[kept]);
+                if given != expected {
+                    return Err(Error::shape("kept planes", expected, given));
+                }
+            }
+            graph.step = graph.step / greatest_divisor(graph.step, scale.0) * scale.0;
+            graph.sources.push(source);
+            graph.scales.push(scale);
+        }
+        if let Some(unused) = graph.last_use[..layers.len() - 1]
+            .iter()
+            .position(|&by| by == 0)
+        {
+            return Err(Error::range(
+                "layers",
+                "planes that another one takes",
+                unused,
+            ));
+        }
+        if (last.channels(), graph.scales.last()) != (1, Some(&(1, 1))) {
+            let expected = "1, of the size of the picture";
+            return Err(Error::shape(
+                "output channels of the last layer",
+                expected,
+                last.channels(),
+            ));
+        }
+        Ok(graph)
+    }
+
+    /// Rows and columns of a layer's planes, for those of the picture, which are multiples of the step.
+    pub fn size(&self, layer: usize, (rows, columns): (usize, usize)) -> (usize, usize) {
+        let (above, below) = self.scales[layer];
+        (rows / above * below, columns / above * below)
+    }
+}
+
+fn reduced(above: usize, below: usize) -> (usize, usize) {
+    let divisor = greatest_divisor(above, below);
+    (above / divisor, below / divisor)
+}
+
+fn greatest_divisor(a: usize, b: usize) -> usize {
+    if b == 0 {
+        a
+    } else {
+        greatest_divisor(b, a % b)
+    }
+}

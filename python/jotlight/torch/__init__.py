@@ -1,0 +1,6 @@
+"""The networks of jotlight, their parts, and the sensor, for PyTorch (extra `torch`)."""
+
+from jotlight.torch.network import Network
+from jotlight.torch.spline import Spline, spline
+
+__all__ = ["Network", "Spline", "spline"]

@@ -1,0 +1,56 @@
+"""Several processes that learn together, as PyTorch's launcher `torchrun` starts them."""
+
+import contextlib
+import dataclasses
+import os
+from collections.abc import Iterator
+
+import torch
+import torch.distributed as group
+from torch import Tensor
+
+
+@dataclasses.dataclass(frozen=True)
+class Processes:
+    """One process among those that learn together."""
+
+    rank: int = 0
+    number: int = 1
+
+    @property
+    def first(self) -> bool:
+        """Whether this is the one that tells and writes."""
+        return self.rank == 0
+
+    @property
+    def share(self) -> slice:
+        """Which patches of a step are its own."""
+        return slice(self.rank, None, self.number)
+
+    def sum(self, tensor: Tensor) -> None:
+        """Add the tensors of all processes, in place."""
+        if self.number > 1:
+            group.all_reduce(tensor)
+
+    def spread(self, tensor: Tensor) -> None:
+        """Give all processes the tensor of the first, in place."""
+        if self.number > 1:
+            group.broadcast(tensor, 0)
+
+
+def rank() -> int:
+    """Give the number of this process among those that the launcher started; 0 without one."""
+    return int(os.environ.get("RANK", "0"))
+
+
+@contextlib.contextmanager
+def together(device: torch.device) -> Iterator[Processes]:
+    """Join the processes that the launcher started, if it did."""
+    if int(os.environ.get("WORLD_SIZE", "1")) == 1:
+        yield Processes()
+        return
+    group.init_process_group("nccl" if device.type == "cuda" else "gloo")
+    try:
+        yield Processes(group.get_rank(), group.get_world_size())
+    finally:
+        group.destroy_process_group()
