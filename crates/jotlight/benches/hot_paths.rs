@@ -32,7 +32,13 @@ fn at_every_level(c: &mut Criterion, name: &str, items: usize, mut work: impl Fn
 /// A layer whose φ is a smooth curve with as many knots as the pretrained ones have.
 fn layer(filters: Array4<f32>, range: f32) -> Result<Layer<f32>> {
     let bend = Array2::from_shape_fn((filters.dim().0, 150), |(_, k)| (k as f32 / 150.0).sqrt());
-    Layer::new(filters, Some(bend.view()), 0.0, range / 147.0, Wiring::default())
+    Layer::new(
+        filters,
+        Some(bend.view()),
+        0.0,
+        range / 147.0,
+        Wiring::default(),
+    )
 }
 
 fn sensor<'a>(side: usize) -> Result<Sensor<'a>> {

@@ -108,6 +108,14 @@ impl Level {
     }
 }
 
+/// The instructions of x86-64-v4, where these are in use.
+#[cfg(target_arch = "x86_64")]
+pub fn v4() -> Option<pulp::x86::V4> {
+    (Level::current() == Level::V4)
+        .then(pulp::x86::V4::try_new)
+        .flatten()
+}
+
 /// Runs work that is written in vectors, on those of the level in use.
 pub fn run<W: WithSimd>(work: W) -> W::Output {
     match Level::current() {

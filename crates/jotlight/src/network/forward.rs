@@ -1,5 +1,8 @@
 //! From the sums of the first layer to a picture.
 
+use std::any::Any;
+use std::cell::Cell;
+
 use ndarray::{Array2, Array3, ArrayView2, ArrayView3};
 use rayon::prelude::*;
 
@@ -151,7 +154,7 @@ fn picture<F: Real>(
     pixels
         .par_chunks_mut(rows * width)
         .enumerate()
-        .for_each_init(Scratch::default, |scratch, (band, out)| {
+        .for_each_init(Kept::default, |Kept(scratch), (band, out)| {
             let start = band * rows;
             for column in (0..width).step_by(tile.1) {
                 let wanted = Place {
@@ -211,6 +214,27 @@ struct Scratch<F> {
     /// Room for the next ones.
     free: Vec<Vec<F>>,
     padded: Padded<F>,
+}
+
+thread_local! {
+    /// What this thread worked on last: new memory takes longer than a small picture.
+    static KEPT: Cell<Option<Box<dyn Any>>> = const { Cell::new(None) };
+}
+
+/// What a thread works on, kept for its next picture.
+struct Kept<F: Real>(Scratch<F>);
+
+impl<F: Real> Default for Kept<F> {
+    fn default() -> Self {
+        let kept = KEPT.take().and_then(|kept| kept.downcast().ok());
+        Self(kept.map_or_else(Scratch::default, |kept| *kept))
+    }
+}
+
+impl<F: Real> Drop for Kept<F> {
+    fn drop(&mut self) {
+        KEPT.set(Some(Box::new(std::mem::take(&mut self.0))));
+    }
 }
 
 impl<F: Real> Scratch<F> {

@@ -14,6 +14,8 @@ mod graph;
 mod look_up;
 mod lsi;
 mod real;
+#[cfg(target_arch = "x86_64")]
+mod short;
 mod spline;
 mod tangent;
 

@@ -17,10 +17,12 @@ pub trait Real: NdFloat + Sum<Self> + Default + Lanes {
     /// The nearest whole number, of 0 to 2²², as a number and as an index. Quick, since processors convert many at once
     /// only where it need not be checked that they fit.
     fn nearest(self) -> (Self, u32);
+    /// The same numbers, if they are of 32 bits.
+    fn as_f32s(numbers: &mut [Self]) -> Option<&mut [f32]>;
 }
 
 macro_rules! real {
-    ($(($float:ty, $ones:expr)),*) => {$(
+    ($(($float:ty, $ones:expr, $as_f32s:expr)),*) => {$(
         impl Real for $float {
             #[inline(always)]
             fn from_f64(x: f64) -> Self {
@@ -42,7 +44,14 @@ macro_rules! real {
                 let shifted = self + ONES;
                 (shifted - ONES, shifted.to_bits() as u32 & 0x3f_ffff)
             }
+            #[inline(always)]
+            fn as_f32s(numbers: &mut [Self]) -> Option<&mut [f32]> {
+                ($as_f32s)(numbers)
+            }
         }
     )*};
 }
-real!((f32, 8_388_608.0), (f64, 4_503_599_627_370_496.0));
+real!(
+    (f32, 8_388_608.0, Some),
+    (f64, 4_503_599_627_370_496.0, |_| None)
+);

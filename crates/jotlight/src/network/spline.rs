@@ -1,6 +1,10 @@
 //! The pointwise nonlinearity: a cubic B-spline on even knots.
 
 use super::Real;
+#[cfg(target_arch = "x86_64")]
+use super::short::{INTERVALS, Short};
+#[cfg(target_arch = "x86_64")]
+use crate::cpu;
 use crate::cpu::levels;
 
 /// φ(z) = Σ_k w_k β3((z − start)/Δ − (k − 1)): equations (8) and (10), on \[start, start + (N_w − 3) Δ\]; constant outside of it.
@@ -100,6 +104,24 @@ impl<F: Real> Spline<F> {
 
     /// φ of many, in place.
     pub fn apply(&self, plane: &mut [F]) {
+        #[cfg(target_arch = "x86_64")]
+        if self.cubics.len() <= INTERVALS
+            && let Some(simd) = cpu::v4()
+            && let Some(plane) = F::as_f32s(plane)
+        {
+            return cpu::run(Short {
+                simd,
+                powers: self
+                    .powers
+                    .each_ref()
+                    .map(|powers| std::array::from_fn(|interval| powers[interval].as_f64() as f32)),
+                intervals: self.cubics.len() as f32,
+                start: self.start.as_f64() as f32,
+                inverse_spacing: self.inverse_spacing.as_f64() as f32,
+                hull: (self.hull.0.as_f64() as f32, self.hull.1.as_f64() as f32),
+                plane,
+            });
+        }
         apply(self, plane);
     }
 
@@ -203,7 +225,7 @@ levels! {
 
 /// `low` for NaN.
 #[inline(always)]
-fn clamp<F: Real>(x: F, low: F, high: F) -> F {
+pub(super) fn clamp<F: Real>(x: F, low: F, high: F) -> F {
     let x = if x > low { x } else { low };
     if x < high { x } else { high }
 }
