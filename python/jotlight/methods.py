@@ -29,10 +29,14 @@ def initial_network(
 
 
 def learned_network(
-    data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = None
+    data: Bits | npt.ArrayLike,
+    sensor: Sensor,
+    *,
+    quality: str = "medium",
+    threads: int | None = None,
 ) -> npt.NDArray[np.float32]:
     """Run the trained network that comes with jotlight for this sensor."""
-    return pretrained(sensor).reconstruct(data, sensor, threads=threads)
+    return pretrained(sensor, quality).reconstruct(data, sensor, threads=threads)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,6 +58,11 @@ class Method:
     def available(self) -> bool:
         """Whether the package that it needs is installed."""
         return self.needs is None or find_spec(self.needs) is not None
+
+
+def _learned(title: str, quality: str) -> Method:
+    run = partial(learned_network, quality=quality)
+    return Method(title, run, lacks=partial(lacking, quality=quality))
 
 
 METHODS: dict[str, Method] = {
@@ -78,9 +87,11 @@ METHODS: dict[str, Method] = {
     ),
     "admm-tv": Method("ADMM, total variation", admm_tv, iterative=True),
     "network-initial": Method("network, initial", initial_network),
-    "network": Method("network, learned", learned_network, lacks=lacking),
+    "network": _learned("network, learned", "fast"),
+    "network-small": _learned("network, small", "small"),
+    "network-medium": _learned("network, medium", "medium"),
 }
 """The methods that can be compared, in the order in which they are shown."""
 
-DEFAULT = "network"
+DEFAULT = "network-medium"
 """The method to take where none is asked for."""

@@ -392,7 +392,7 @@ class Network:
         height, width = shape
         taps = sum(layer.filters.size for layer in self.layers)
         step = step_of(self.layers)
-        rows = max(4 * self.halo, _TAPS // (taps * width), 1)
+        rows = max(8 * self.halo, _TAPS // (taps * width), 1)
         rows += -rows % step
         if rows >= height:
             return of_rows(slice(0, height))

@@ -45,8 +45,8 @@ def parts(lab: Lab) -> list[Part]:
 
     def one_sensor(axis: str, sensor: jl.Sensor) -> Callable[[Update], Outcome]:
         def run(update: Update) -> Outcome:
-            if lacking(sensor) is None:
-                network = jl.pretrained(sensor)
+            if lacking(sensor, "fast") is None:
+                network = jl.pretrained(sensor, "fast")
             else:
                 _, scenes = lab.data.photographs("train", settings["learning_images"])
                 network, _ = learn(

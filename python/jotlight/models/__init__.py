@@ -7,16 +7,22 @@ from jotlight.network import Network
 from jotlight.sensor import Sensor
 
 BITS_PER_PIXEL = tuple(side**2 for side in range(3, 11))
-"""K of the trained networks. All have α = K, q = 1, S = 1 and the box kernel."""
+"""K of the qualities "fast" and "small". All have α = K, q = 1, S = 1 and the box kernel."""
+
+QUALITIES = "fast", "small", "medium"
+"""The two-layer network of the paper, and deeper members of its family, each slower and better."""
 
 FOLDER = Path(__file__).parent
 """Where they are: `k16.safetensors`, say, with its card `k16.md`."""
+
+MOST_BITS = 256
+"""K of the network of quality "medium", at most."""
 
 _DARK = 0.05
 """Dark counts per jot and frame whose noise is small beside that of the light."""
 
 
-def pretrained(sensor: Sensor) -> Network:
+def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     """Give the trained network for a sensor.
 
     The networks are tied, so that each serves K jots in space, K frames in time, all between, and
@@ -25,8 +31,12 @@ def pretrained(sensor: Sensor) -> Network:
     Parameters
     ----------
     sensor : Sensor
-        With K = 9, 16, 25, 36, 49, 64, 81 or 100 bits per pixel, ηα = K, threshold 1, S = 1, the
-        box kernel and no more than weak dark counts. Dead jots are allowed.
+        With the box kernel. For "medium" 1 to 256 bits per pixel, at any exposure; for the others
+        K = 9, 16, 25, 36, 49, 64, 81 or 100 bits per pixel, ηα = K, threshold 1, S = 1, and no more
+        than weak dark counts. Dead jots are allowed.
+    quality : {"fast", "small", "medium"}
+        The paper's two layers; four layers of 12 channels; or eleven layers of up to 52, which are
+        told K.
 
     Returns
     -------
@@ -47,57 +57,79 @@ def pretrained(sensor: Sensor) -> Network:
     >>> import numpy as np
     >>> sensor = Sensor(oversampling=2, frames=4)
     >>> bits = sensor.expose(np.full((8, 8), 0.5), rng=0)
-    >>> pretrained(sensor).reconstruct(bits).shape
+    >>> pretrained(sensor, "fast").reconstruct(bits).shape
     (8, 8)
     """
-    if (reason := lacking(sensor)) is not None:
+    if (reason := lacking(sensor, quality)) is not None:
         raise ValueError(reason)
-    return Network.load(FOLDER / f"k{sensor.bits_per_pixel}.safetensors")
+    prefix = {"fast": "k", "small": "small-k"}.get(quality)
+    name = quality if prefix is None else f"{prefix}{sensor.bits_per_pixel}"
+    return Network.load(FOLDER / f"{name}.safetensors")
 
 
-def lacking(sensor: Sensor) -> str | None:
+def lacking(sensor: Sensor, quality: str = "medium") -> str | None:
     """Say why there is no trained network for a sensor and how to train one, or None if there is.
 
     Examples
     --------
     >>> lacking(Sensor(frames=16)) is None
     True
-    >>> lacking(Sensor(frames=20)).split(": ")[1]
+    >>> lacking(Sensor(frames=20), "fast").split(": ")[1]
     'jotlight train FOLDER_OF_PHOTOGRAPHS -o model.safetensors --oversampling 1 --frames 20'
     """
-    reason = unserved(sensor)
+    reason = unserved(sensor, quality)
     return reason and f"{reason}; train one: {training_command(sensor)}"
 
 
-def unserved(sensor: Sensor) -> str | None:
+def unserved(sensor: Sensor, quality: str = "medium") -> str | None:
     """Say why there is no trained network for a sensor, or None if there is.
+
+    Raises
+    ------
+    ValueError
+        For a quality that there is not.
 
     Examples
     --------
-    >>> print(unserved(Sensor(frames=16, threshold=2)))
+    >>> print(unserved(Sensor(frames=16, threshold=2), "fast"))
     there is no trained network for the threshold 2, only for 1
     """
+    if quality not in QUALITIES:
+        raise ValueError(f"quality: expected one of {', '.join(QUALITIES)}, got {quality!r}")
+    reason = _beyond_any(sensor) if quality == "medium" else _beyond_one(sensor)
+    return reason and f"there is no trained network for {reason}"
+
+
+def _beyond_any(sensor: Sensor) -> str | None:
+    """Why a network that is told K does not serve a sensor."""
+    if not 1 <= sensor.bits_per_pixel <= MOST_BITS:
+        return f"{sensor.bits_per_pixel} bits per pixel, only for 1 to {MOST_BITS}"
+    if sensor.kernel != "box":
+        return f"the {sensor.kernel} kernel, only for the box"
+    return None
+
+
+def _beyond_one(sensor: Sensor) -> str | None:
+    """Why networks for one K and exposure do not serve a sensor."""
     efficiency, dark = reference_jot(sensor)
     response = efficiency * sensor._gain / sensor.bits_per_pixel
     if sensor.bits_per_pixel not in BITS_PER_PIXEL:
         known = ", ".join(map(str, BITS_PER_PIXEL))
-        reason = f"{sensor.bits_per_pixel} bits per pixel, only for {known}"
-    elif sensor.threshold != 1:
-        reason = f"the threshold {sensor.threshold}, only for 1"
-    elif sensor.kernel != "box":
-        reason = f"the {sensor.kernel} kernel, only for the box"
-    elif abs(response - 1) > 1e-9:
-        reason = (
+        return f"{sensor.bits_per_pixel} bits per pixel, only for {known}"
+    if sensor.threshold != 1:
+        return f"the threshold {sensor.threshold}, only for 1"
+    if sensor.kernel != "box":
+        return f"the {sensor.kernel} kernel, only for the box"
+    if abs(response - 1) > 1e-9:
+        return (
             f"{response:.4g} detections per jot and frame at intensity 1 (efficiency * gain / "
             "bits per pixel), only for 1"
         )
-    elif sensor.max_intensity != 1:
-        reason = f"the largest intensity {sensor.max_intensity:g}, only for 1"
-    elif dark > _DARK:
-        reason = f"dark counts of {dark:.3g}, only up to {_DARK}"
-    else:
-        return None
-    return f"there is no trained network for {reason}"
+    if sensor.max_intensity != 1:
+        return f"the largest intensity {sensor.max_intensity:g}, only for 1"
+    if dark > _DARK:
+        return f"dark counts of {dark:.3g}, only up to {_DARK}"
+    return None
 
 
 def training_command(sensor: Sensor) -> str:

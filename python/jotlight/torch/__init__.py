@@ -2,5 +2,6 @@
 
 from jotlight.torch.network import Network
 from jotlight.torch.spline import Spline, spline
+from jotlight.torch.training import train
 
-__all__ = ["Network", "Spline", "spline"]
+__all__ = ["Network", "Spline", "spline", "train"]

@@ -156,7 +156,8 @@ def train(
         try:
             if threads is not None:
                 torch.set_num_threads(_at_least("threads", threads, 1))
-            course = Course(patches, run, rate, tests, place, processes)
+            module = Network(network).to(place)
+            course = Course(module, patches, run, rate, tests, processes)
             if resume:
                 if checkpoint is None:
                     raise ValueError("resume: expected a checkpoint to resume from, got none")
@@ -179,16 +180,15 @@ class Course:
 
     def __init__(
         self,
+        module: Network,
         patches: Patches,
         run: dict[str, object],
         rate: float,
         tests: Sequence[npt.NDArray[np.float32]] | None,
-        device: torch.device,
         processes: Processes,
     ) -> None:
         self.patches, self.run, self.rate, self.tests = patches, run, rate, tests
-        self.device, self.processes = device, processes
-        self.module = Network(patches.network).to(device)
+        self.module, self.processes = module, processes
         self.parameters = [p for p in self.module.parameters() if p.requires_grad]
         self.optimiser = torch.optim.Adam(self.parameters, lr=rate, betas=(0.9, 0.99))
         self.history = History()
@@ -233,7 +233,7 @@ class Course:
         if self.tests is not None and step % max(1, steps // _TESTS) == 0:
             found = self.test()
         views = self.patches.views(step, self.processes.share, torch.get_num_threads())
-        views = views.to(self.device)
+        views = views.to(self.parameters[0].device)
         for group in self.optimiser.param_groups:
             group["lr"] = self.rate * _course(step / steps)
         self.optimiser.zero_grad()

@@ -1,0 +1,87 @@
+"""How good the deeper networks are: PSNR on the Berkeley test images, for every K and exposure.
+
+    python benchmarks/deep.py path/to/data [--images 20] [--model FILE ...] [--output docs/results]
+
+The folder holds ``bsds300/test/*.jpg``. The bits of image i have the seed i. Besides the networks
+in the package it tries those of `--model`, where they are for the sensor.
+"""
+
+import argparse
+import csv
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import jotlight as jl
+from jotlight.files import written_whole
+from jotlight.image_sets import read_image_set
+from jotlight.models import BITS_PER_PIXEL, QUALITIES, lacking
+
+BITS = 1, 4, *BITS_PER_PIXEL, 256
+FLUX = 0.05, 0.2, 1.0, 4.0
+"""Photons per jot and frame at intensity 1; photographs have 0.44 of that in the mean."""
+EXPOSED = 4, 16, 64
+COLUMNS = "bits", "flux", "method", "images", "psnr_db"
+
+Reconstruct = Callable[[jl.Bits, jl.Sensor], np.ndarray]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("data", type=Path)
+    parser.add_argument("--images", type=int, default=20)
+    parser.add_argument("--model", type=Path, nargs="*", default=[])
+    parser.add_argument("--output", type=Path)
+    options = parser.parse_args()
+    _, images = read_image_set(options.data / "bsds300/test", first=options.images)
+    rows = [
+        (bits, flux, name, len(images), f"{psnr(run, sensor, images):.3f}")
+        for bits, flux in [*((bits, 1.0) for bits in BITS), *exposures()]
+        for sensor in [jl.Sensor(frames=bits, gain=flux * bits)]
+        for name, run in methods(sensor, options.model)
+    ]
+    if options.output is not None:
+        with (
+            written_whole(options.output / "deep.csv") as temporary,
+            temporary.open("w", newline="", encoding="utf-8") as file,
+        ):
+            csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
+        print(f"written: {options.output / 'deep.csv'}")
+
+
+def exposures() -> list[tuple[int, float]]:
+    return [(bits, flux) for bits in EXPOSED for flux in FLUX if flux != 1]
+
+
+def methods(sensor: jl.Sensor, models: list[Path]) -> list[tuple[str, Reconstruct]]:
+    """The networks that serve a sensor, and the best of the quick classical methods."""
+    found: list[tuple[str, Reconstruct]] = [
+        ("maximum likelihood", jl.mle),
+        ("total variation", lambda bits, sensor: jl.noniterative(bits, sensor, denoiser="tv")),
+    ]
+    found += [
+        (quality, jl.pretrained(sensor, quality).reconstruct)
+        for quality in QUALITIES
+        if lacking(sensor, quality) is None
+    ]
+    for path in models:
+        network = jl.Network.load(path)
+        try:
+            network.reconstruct(np.zeros((8, 8), np.int32), sensor)
+        except ValueError:
+            continue
+        found.append((path.stem, network.reconstruct))
+    return found
+
+
+def psnr(run: Reconstruct, sensor: jl.Sensor, images: list[np.ndarray]) -> float:
+    found = [
+        jl.metrics.psnr(run(sensor.expose(image, rng=number), sensor), image)
+        for number, image in enumerate(images)
+    ]
+    return float(np.mean(found))
+
+
+if __name__ == "__main__":
+    main()
