@@ -44,8 +44,8 @@ def evaluate(
 ) -> None:
     """Expose every image, reconstruct it, and tell how close the estimates come.
 
-    The sensor is the model's, changed by the options given here; without a model it has 4 x 4 jots
-    per pixel and one frame. Colour photographs are turned into grey.
+    The sensor is the model's, changed by the options given here; without a model, or with one for
+    any sensor, it has 4 x 4 jots per pixel and one frame. Colour photographs are turned into grey.
     """
     if model is not None and method not in (None, "network"):
         raise ValueError(f"model: is for the method network, not for {method}")
@@ -57,13 +57,16 @@ def evaluate(
             raise ValueError(f"{output}: expected a name that ends in .csv")
         pictures = list(images.iterdir()) if images.is_dir() else [images]
         spare_inputs(output, [model, *inputs, *pictures])
-    if model is not None:
-        network = Network.load(model)
-        title, run, sensor = str(model), network.reconstruct, network.sensor.replace(**given)
-    else:
+    network = None if model is None else Network.load(model)
+    if network is None or network.bits is not None:
         sensor = Sensor(**{"oversampling": 4, **given})
-        if (reason := METHODS[method].lacks(sensor)) is not None:
-            raise ValueError(reason)
+    else:
+        sensor = network.sensor.replace(**given)
+    if network is not None:
+        title, run = str(model), network.reconstruct
+    elif (reason := METHODS[method].lacks(sensor)) is not None:
+        raise ValueError(reason)
+    else:
         title, run = METHODS[method].title, METHODS[method].run
     with contextlib.ExitStack() as files:
         # Made now, so that a place that cannot be written to is found before any work is done.

@@ -179,10 +179,12 @@ def reconstruct(
         spare_inputs(known.record, [model, calibration, *inputs])
     found = known.calibration if known else None
     seen, sensor, told = opening.seen_by_sensor(capture, data, given, found)
-    if "model" in settings and "max_intensity" not in given:
+    network = settings.pop("model", None)
+    any_range = network is not None and network.bits is not None
+    if network is not None and not any_range and "max_intensity" not in given:
         # A network's outputs lie in its own range, whatever range others would be clipped to.
-        sensor = sensor.replace(max_intensity=settings["model"].sensor.max_intensity)
-    shipped = method in (None, DEFAULT) and "model" not in settings
+        sensor = sensor.replace(max_intensity=network.sensor.max_intensity)
+    shipped = method in (None, DEFAULT) and network is None
     if window is not None:
         if not isinstance(seen, Bits):
             raise ValueError(f"window: is for bits, and {data} holds counts")
@@ -203,11 +205,10 @@ def reconstruct(
     # Who asked for no method gets another one where the network's range is too small.
     yields = shipped and method is None and higher
     method = method or DEFAULT
-    # A network was trained for its own largest intensity.
-    raised = higher and not method.startswith("network")
+    # A network was trained for its own largest intensity, unless it is told K.
+    raised = higher and (any_range or not method.startswith("network"))
     if raised:
         sensor = sensor.replace(max_intensity=free)
-    network = settings.pop("model", None)
     run = METHODS[method].run if network is None else network.reconstruct
 
     def give_way() -> None:
