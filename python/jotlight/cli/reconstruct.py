@@ -156,6 +156,8 @@ def reconstruct(
         )
     if method is None and uncertainty is not None:
         method = "mle"
+    if method is None and model is not None:
+        method = "network"
     if method is None and inverse is not None:
         method = _OTHERWISE
     if method is None and any(value is not None for value in (weight, norm, tol, max_iter)):
