@@ -17,7 +17,7 @@ from jotlight.bits import Bits, check_fits
 from jotlight.channels import by_channel
 from jotlight.deep import MEMBERS, Member, deeper, told
 from jotlight.fill import fill_blind
-from jotlight.layer import Layer, halo_of, number_of_sets, scales, shares_of, step_of
+from jotlight.layer import Layer, halo_of, number_of_sets, scales, shares_of, step_of, work_of
 from jotlight.mle import equivalent_counts, from_probability, reference_jot
 from jotlight.observation import Observation, observe
 from jotlight.sensor import Sensor
@@ -27,8 +27,8 @@ from jotlight.two_layer import two_layers
 
 _FORMAT = "jotlight network"
 _VERSION = "2"
-_TAPS = 1 << 31
-"""Products of a tap and a pixel that the engine forms between two looks at Ctrl-C."""
+_WORK = 1 << 32
+"""Operations of the engine between two looks at Ctrl-C."""
 
 
 class Network:
@@ -355,9 +355,8 @@ class Network:
     ) -> npt.NDArray[np.float32]:
         """The picture, some rows at a time: each part has a border of the halo's width."""
         height, width = shape
-        taps = sum(layer.filters.size for layer in self.layers)
         step = step_of(self.layers)
-        rows = max(8 * self.halo, _TAPS // (taps * width), 1)
+        rows = max(8 * self.halo, int(_WORK / (work_of(self.layers) * width)), 1)
         rows += -rows % step
         if rows >= height:
             return of_rows(slice(0, height))
