@@ -14,7 +14,7 @@ from jotlight.evaluation import MEASURES, Evaluation
 from jotlight.evaluation import evaluate as measure
 from jotlight.files import spare_inputs, written_whole
 from jotlight.image_sets import read_image_set
-from jotlight.methods import METHODS
+from jotlight.methods import DEFAULT, METHODS
 from jotlight.network import Network
 from jotlight.sensor import Sensor
 
@@ -49,7 +49,7 @@ def evaluate(
     """
     if model is not None and method not in (None, "network"):
         raise ValueError(f"model: is for the method network, not for {method}")
-    method = method or "network"
+    method = method or (DEFAULT if model is None else "network")
     if method not in METHODS:
         raise ValueError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
     if output is not None:
