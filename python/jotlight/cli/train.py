@@ -193,8 +193,8 @@ def train(
         )
     if plot is not None:
         plots.check_figure(plot)
-    if start is not None and (untied or sigma is not None):
-        raise ValueError("start: a given network comes with its own sigma and weights")
+    if start is not None and (untied or sigma is not None or any_bits is not None):
+        raise ValueError("start: a given network comes with its own sigma, weights and bits")
     reading = opening.Reading(
         capture or Path(), format_, width, frame_range, rotate, flip, sensor_key, counts, unpacked
     )
