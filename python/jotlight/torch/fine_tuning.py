@@ -24,7 +24,7 @@ from jotlight.training.loop import fingerprint_of
 
 STEPS = 500
 BATCH, PATCH = 16, 48
-RATE = 1e-3
+RATE = 5e-4
 _CLIP = 0.1
 """The largest norm of a gradient that is followed as it is."""
 _LOOKS = 20
