@@ -20,6 +20,8 @@ class Record:
     """‖∇ε‖."""
     test_psnr: float | None
     """Mean PSNR of the test images in dB at the start of the step, where it was measured."""
+    held_out: float | None = None
+    """Negative log likelihood of the bits held out, in nats per bit, where it was measured."""
 
 
 class History:
@@ -54,6 +56,11 @@ class History:
     def test_psnr(self) -> npt.NDArray[np.float64]:
         """Mean PSNR of the test images in dB, NaN at steps without a test."""
         return np.array([record.test_psnr for record in self.records], np.float64)
+
+    @property
+    def held_out(self) -> npt.NDArray[np.float64]:
+        """Negative log likelihood of the bits held out, in nats per bit, NaN where not measured."""
+        return np.array([record.held_out for record in self.records], np.float64)
 
     def to_json(self) -> dict[str, list[Any]]:
         """Give columns that JSON can hold."""

@@ -1,0 +1,85 @@
+"""What a network gains by learning from the capture itself, without ground truth.
+
+    python benchmarks/fine_tuning.py path/to/data network.safetensors
+
+The network is one that is told K. Captures of the photograph "camera", drawn, are held against the
+photograph; the real one of ``real/swissspad2_bird/counts.npz`` against 48 further frames, as
+``real_counts.py`` does. The truth is only measured with.
+"""
+
+import argparse
+import time
+from pathlib import Path
+
+import numpy as np
+
+import jotlight as jl
+from jotlight.torch import fine_tune
+
+CAPTURES = (4, 1.0), (16, 1.0), (16, 0.1)
+"""Bits per pixel, and photons per bit at intensity 1."""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("data", type=Path)
+    parser.add_argument("network", type=Path)
+    parser.add_argument("--steps", type=int, default=500)
+    parser.add_argument("--threads", type=int)
+    given = parser.parse_args()
+    network = jl.Network.load(given.network)
+    scene = jl.datasets.photograph("camera")[:384, :384]
+
+    def tuned(data, sensor):
+        begun = time.perf_counter()
+        found, history = fine_tune(
+            network, data, sensor, steps=given.steps, rng=0, threads=given.threads
+        )
+        return found, history, time.perf_counter() - begun
+
+    print("| bits | photons per bit | before, dB | after, dB | held out, nats per bit | s |")
+    print("| ---: | ---: | ---: | ---: | ---: | ---: |")
+    for bits, light in CAPTURES:
+        sensor = jl.Sensor(frames=bits, gain=bits * light)
+        seen = sensor.expose(scene, rng=5)
+        found, history, seconds = tuned(seen, sensor)
+        before, after = (
+            jl.metrics.psnr(each.reconstruct(seen), scene, peak=1.0) for each in (network, found)
+        )
+        print(
+            f"| {bits} | {light:g} | {before:.2f} | {after:.2f} | {change(history)} "
+            f"| {seconds:.0f} |",
+            flush=True,
+        )
+
+    with np.load(given.data / "real/swissspad2_bird/counts.npz", allow_pickle=False) as counts:
+        captures = {frames: counts[f"k{frames}"].astype(np.int32) for frames in (16, 4, 1)}
+        further = counts["k64"].astype(int) - counts["k16"]
+    independent = further >= 0
+    reference = further[independent] / 48
+    noise = np.mean(reference * (1 - reference)) / 47
+
+    def figures(estimate):
+        error = np.mean((-np.expm1(-estimate[independent]) - reference) ** 2)
+        return " | ".join(f"{-10 * np.log10(x):.2f}" for x in (error, max(error - noise, 1e-9)))
+
+    print("\n| frames | network | PSNR, dB | without the reference's noise, dB | held out | s |")
+    print("| ---: | --- | ---: | ---: | ---: | ---: |")
+    for frames, image in captures.items():
+        sensor = jl.Sensor(frames=frames, max_intensity=4.0)
+        print(f"| {frames} | as it is | {figures(network.reconstruct(image, sensor))} | | |")
+        if frames > 1:
+            found, history, seconds = tuned(image, sensor)
+            print(
+                f"| {frames} | fine-tuned | {figures(found.reconstruct(image, sensor))} "
+                f"| {change(history)} | {seconds:.0f} |",
+                flush=True,
+            )
+
+
+def change(history):
+    return f"{history.held_out[0]:.5f} to {history.held_out[-1]:.5f}"
+
+
+if __name__ == "__main__":
+    main()
