@@ -34,7 +34,8 @@ def spline(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Ten
     Tensor, shape (N, C, ...)
     """
     if z.device.type == "cpu" and z.dtype in (torch.float32, torch.float64):
-        return _bend(z, coefficients.to(z.dtype), float(start), float(spacing))
+        bent: Tensor = _bend(z, coefficients.to(z.dtype), float(start), float(spacing))
+        return bent
     return formula(z, coefficients, start, spacing)
 
 

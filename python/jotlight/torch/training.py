@@ -20,6 +20,8 @@ from jotlight.torch.network import Network
 from jotlight.torch.processes import Processes, together
 from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.examples import (
+    Scenes,
+    Source,
     checked_scenes,
     fingerprint,
     sensor_of_patches,
@@ -128,12 +130,13 @@ def train(
         raise ValueError(f"rate: expected a number above 0, got {rate}")
     if seconds is not None and not seconds > 0:
         raise ValueError(f"seconds: expected a number above 0, got {seconds}")
-    scenes = images if callable(images) else checked_scenes(images)
-    side = PATCH if callable(images) else side_of_patches(scenes, None)
-    if patch is None:
-        patch = min(PATCH, side)
-    elif not callable(images):
-        patch = side_of_patches(scenes, patch)
+    scenes: Scenes | Source
+    if callable(images):
+        scenes, patch = images, PATCH if patch is None else patch
+    else:
+        scenes = checked_scenes(images)
+        least = side_of_patches(scenes, patch)
+        patch = min(PATCH, least) if patch is None else least
     tests = None if test is None else checked_scenes(test)
     with together(place) as processes:
         seed = torch.tensor(secrets.randbits(32) if rng is None else _at_least("rng", rng, 0))
@@ -141,7 +144,7 @@ def train(
         patches = Patches(
             scenes, network, sensor_of_patches(sensor), int(seed), batch, operator.index(patch)
         )
-        run = {
+        run: dict[str, object] = {
             "network": fingerprint_of(network),
             "sensor": patches.sensor.numbers(),
             "images": fingerprint(scenes),
@@ -184,7 +187,7 @@ class Course:
         patches: Patches,
         run: dict[str, object],
         rate: float,
-        tests: Sequence[npt.NDArray[np.float32]] | None,
+        tests: Scenes | None,
         processes: Processes,
     ) -> None:
         self.patches, self.run, self.rate, self.tests = patches, run, rate, tests
@@ -317,7 +320,7 @@ def _course(share: float) -> float:
 
 
 def _flat(tensors: Sequence[Tensor]) -> npt.NDArray[np.float64]:
-    return torch.cat([x.detach().flatten() for x in tensors]).double().cpu().numpy()
+    return np.asarray(torch.cat([x.detach().flatten() for x in tensors]).cpu(), np.float64)
 
 
 def _at_least(name: str, value: int, least: int) -> int:
