@@ -212,13 +212,15 @@ class Course:
                 if self._late(seconds is not None and now - begun > seconds):
                     break
                 record = self.step(len(self.history), steps)
-                if self.processes.first and callback is not None:
-                    callback(record)
-                if checkpoint is not None and self.processes.first:
+                if not self.processes.first:
+                    continue
+                if checkpoint is not None:
                     self.kept = self.checkpoint()
                     if now - saved > _SAVE_EVERY:
                         self.kept.save(checkpoint)
                         saved = now
+                if callback is not None:
+                    callback(record)
         finally:
             # Also when Ctrl-C or an error ended the loop: `kept` is always between two steps.
             if checkpoint is not None and self.processes.first and len(self.kept.history):
