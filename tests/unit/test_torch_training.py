@@ -2,7 +2,6 @@
 
 import json
 import os
-import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -153,26 +152,18 @@ if told:
 
 
 def test_two_processes_learn_what_one_does(tmp_path):
-    """As PyTorch's launcher would start them."""
     (tmp_path / "learn.py").write_text(SCRIPT, "utf-8")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    where = {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(port), "WORLD_SIZE": "2"}
-    folder = Path(jl.__file__).parents[1]
-    running = [
-        subprocess.Popen(
-            [sys.executable, tmp_path / "learn.py", tmp_path],
-            env={**os.environ, **where, "RANK": str(rank), "PYTHONPATH": str(folder)},
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        for rank in range(2)
-    ]
-    first, second = (process.communicate(timeout=120)[0] for process in running)
-    assert [process.returncode for process in running] == [0, 0]
-    assert second == ""
-    history, told = json.loads(first.splitlines()[-1])
+    launcher = [sys.executable, "-m", "torch.distributed.run", "--standalone"]
+    printed = subprocess.run(
+        [*launcher, "--nproc-per-node", "2", tmp_path / "learn.py", tmp_path],
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        env={**os.environ, "PYTHONPATH": str(Path(jl.__file__).parents[1])},
+    ).stdout
+    (first,) = printed.splitlines()
+    history, told = json.loads(first)
     assert told == 4
     assert (tmp_path / "run").is_file()
     alone, history_alone = learn(steps=4, batch=5, test=list(IMAGES[:1]))
