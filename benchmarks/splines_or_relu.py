@@ -3,8 +3,8 @@
     python benchmarks/splines_or_relu.py path/to/data [--steps 10000] [--seeds 3] [--output DIR]
 
 The folder holds ``bsds300/train/*.jpg`` to learn from and ``bsds300/test/*.jpg``, of which the
-first 20 are measured, K = 16. It needs the extra `torch`. ReLU has 13 channels in place of 12, since a
-spline costs as much as ten operations, and learns from the same patches and bits.
+first 20 are measured, K = 16. It needs the extra `torch`. ReLU has 13 channels in place of 12,
+since a spline costs as much as ten operations, and learns from the same patches and bits.
 """
 
 import argparse

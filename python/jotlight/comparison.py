@@ -3,7 +3,7 @@
 import dataclasses
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from jotlight import metrics
 from jotlight.bits import Bits
 from jotlight.errors import JotlightWarning
-from jotlight.methods import METHODS
+from jotlight.methods import METHODS, Method
 from jotlight.sensor import Sensor
 
 
@@ -59,6 +59,7 @@ def compare_methods(
     *,
     threads: int | None = None,
     begin: Callable[[str], object] = lambda title: None,
+    methods: Mapping[str, Method] = METHODS,
 ) -> list[Result]:
     """Run methods on the same bits and measure each against the image.
 
@@ -71,7 +72,7 @@ def compare_methods(
         np.ascontiguousarray(bits.packed[:, : 16 * sensor.oversampling, : 2 * sensor.oversampling]),
     )
     for name in names:
-        method = METHODS[name]
+        method = methods[name]
         update = begin(method.title)
         if min(image.shape[:2]) >= 16:
             with warnings.catch_warnings():

@@ -257,6 +257,36 @@ def step_of(layers: Sequence[Layer]) -> int:
     return math.lcm(*(x.numerator for x in every))
 
 
+def chained(layers: Sequence[Layer]) -> bool:
+    """Whether each layer filters and bends what the one before gave, and no more."""
+    plain = all(
+        layer.stride == layer.upsampling == 1
+        and layer.adds is None
+        and layer.coefficients is not None
+        and not layer.sets
+        for layer in layers
+    )
+    return plain and sources(layers) == list(range(-1, len(layers) - 1))
+
+
+def work_of(layers: Sequence[Layer]) -> float:
+    """Give the operations per pixel of a picture: 2 for each tap, 10 for each value of a spline.
+
+    Examples
+    --------
+    >>> tap, spline = np.ones((1, 1, 1, 1), np.float32), np.ones((1, 4), np.float32)
+    >>> work_of([Layer(tap, spline), Layer(np.ones((1, 1, 3, 3), np.float32), None)])  # 2 + 10 + 18
+    30.0
+    """
+    work = Fraction(0)
+    for layer, scale in zip(layers, scales(layers), strict=True):
+        # From depth to space comes after the filters.
+        work += 2 * math.prod(layer.shape) / (scale * layer.upsampling) ** 2
+        if layer.coefficients is not None:
+            work += 10 * layer.channels / scale**2
+    return float(work)
+
+
 def number_of_sets(layers: Sequence[Layer]) -> int:
     """Give M of layers that have sets of parameters, and the least that there can be for others.
 

@@ -12,22 +12,23 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import _engine, vst
+from jotlight import _engine
 from jotlight.bits import Bits, check_fits
 from jotlight.channels import by_channel
-from jotlight.deep import MEMBERS, Member, deeper, fitted, gaussian, told
+from jotlight.deep import MEMBERS, Member, deeper, told
 from jotlight.fill import fill_blind
-from jotlight.layer import Layer, halo_of, number_of_sets, scales, shares_of, step_of
+from jotlight.layer import Layer, halo_of, number_of_sets, scales, shares_of, step_of, work_of
 from jotlight.mle import equivalent_counts, from_probability, reference_jot
 from jotlight.observation import Observation, observe
 from jotlight.sensor import Sensor
 from jotlight.slabs import slabs_of
 from jotlight.tensors import read_tensors, write_tensors
+from jotlight.two_layer import two_layers
 
 _FORMAT = "jotlight network"
 _VERSION = "2"
-_TAPS = 1 << 31
-"""Products of a tap and a pixel that the engine forms between two looks at Ctrl-C."""
+_WORK = 1 << 32
+"""Operations of the engine between two looks at Ctrl-C."""
 
 
 class Network:
@@ -130,44 +131,8 @@ class Network:
         The spline coefficients are least-squares fits; those of φ2 are kept from falling and
         clipped to [0, S], so that every output lies there.
         """
-        if not (math.isfinite(sigma) and sigma > 0):
-            raise ValueError(f"sigma: expected a number above 0, got {sigma}")
-        taps, coefficients = operator.index(taps), operator.index(coefficients)
-        if taps < 1 or taps % 2 == 0:
-            raise ValueError(f"taps: expected an odd number, got {taps}")
-        if coefficients < 5:
-            raise ValueError(f"coefficients: expected at least 5, got {coefficients}")
-        if not (math.isfinite(nu) and nu >= 0):
-            raise ValueError(f"nu: expected a number of 0 or more, got {nu}")
-        bits = sensor.bits_per_pixel
-
-        from scipy.optimize import isotonic_regression
-
-        low, high = vst.stabilise([0, bits], bits).astype(float)
-
-        def intensity(z: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-            counts = vst.invert(z.clip(low, high), bits, inverse="algebraic")
-            return from_probability(counts / np.float32(bits), sensor, None).astype(np.float64)
-
-        block = (1, 1, 1) if tied else (sensor.frames, sensor.oversampling, sensor.oversampling)
-        first = fitted(
-            lambda counts: vst.stabilise(counts, bits).astype(np.float64), 0.0, bits, coefficients
-        )
-        # A spline stays in the hull of its coefficients, so u lies there, and r not far from there.
-        least, most = float(first[0].min()), float(first[0].max())
-        room = nu * (most - least)
-        second = fitted(intensity, least - room, most + room, coefficients)
-        # At the ends of [0, S] the fit swings a little; more light never gives less.
-        rising = isotonic_regression(second[0][0]).x[None].astype(np.float32)
-        second = (rising.clip(0, sensor.max_intensity), *second[1:])
-        return cls(
-            [
-                Layer(np.ones((1, *block), np.float32), *first),
-                Layer(gaussian(sigma, taps), *second),
-            ],
-            sensor,
-            {"start": f"initial parameters of the paper, sigma = {sigma}"},
-        )
+        layers = two_layers(sensor, sigma, tied, taps, coefficients, nu)
+        return cls(layers, sensor, {"start": f"initial parameters of the paper, sigma = {sigma}"})
 
     @classmethod
     def deep(cls, sensor: Sensor, member: str = "small", *, rng: int | None = None) -> Self:
@@ -390,9 +355,8 @@ class Network:
     ) -> npt.NDArray[np.float32]:
         """The picture, some rows at a time: each part has a border of the halo's width."""
         height, width = shape
-        taps = sum(layer.filters.size for layer in self.layers)
         step = step_of(self.layers)
-        rows = max(8 * self.halo, _TAPS // (taps * width), 1)
+        rows = max(8 * self.halo, int(_WORK / (work_of(self.layers) * width)), 1)
         rows += -rows % step
         if rows >= height:
             return of_rows(slice(0, height))
@@ -492,7 +456,10 @@ class Network:
     def __repr__(self) -> str:
         channels = " -> ".join(str(layer.channels) for layer in self.layers)
         parameters = sum(layer.parameters for layer in self.layers)
-        return f"<Network: channels {channels}, {parameters} parameters, for {self.sensor!r}>"
+        whose = repr(self.sensor)
+        if self.bits is not None:
+            whose = f"{self.bits[0]} to {self.bits[1]} bits per pixel"
+        return f"<Network: channels {channels}, {parameters} parameters, for {whose}>"
 
 
 def _member(name: str) -> Member:

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.bits import Bits
-from jotlight.network import Layer, Network
+from jotlight.layer import Layer
+from jotlight.network import Network
 from jotlight.planning import Plan
 from jotlight.training.history import History
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.patches import Rectangle
 
 _COLUMNS = 5
+_MOST = 12
+"""Splines or filters of a layer that are drawn, at most."""
 _SIDE, _TEXT, _GAP = 3.2, 0.5, 0.08
 """Inches: the width of a picture, the height of the words above it, the space between things."""
 _INK, _QUIET, _MARK = "#1d2733", "#5b6876", "#e4572e"
@@ -116,41 +119,39 @@ def bits_panel(bits: Bits, oversampling: int) -> Panel:
 
 
 def training(network: Network, history: History) -> "Figure":
-    """Draw how a run went above, and what was learned below: the splines and the second filter."""
+    """Draw how a run went above, and what was learned below: splines and filters."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11, 6.2), facecolor="white", layout="constrained")
     axes = figure.subplots(2, 3)
-    steps = np.arange(len(history))
     measured = np.isfinite(history.test_psnr)
     curves = [
-        ("cost ε", steps, history.loss, "log"),
-        ("gradient norm ‖∇ε‖", steps, history.gradient_norm, "log"),
-        ("test PSNR, dB", steps[measured], history.test_psnr[measured], "linear"),
+        ("cost ε", history.steps, history.loss, "log"),
+        ("gradient norm ‖∇ε‖", history.steps, history.gradient_norm, "log"),
+        ("test PSNR, dB", history.steps[measured], history.test_psnr[measured], "linear"),
     ]
     for place, (title, x, y, scale) in zip(axes[0], curves, strict=True):
-        place.set_title(title, fontsize=11, color=_INK, loc="left")
+        _title(place, title)
         place.set_xlabel("step", color=_QUIET)
         if len(x):
             place.set_yscale(scale)
-            place.plot(x, y, color=_MARK, linewidth=1)
+            # Costs of other patches in each step: their mean over a hundredth of the run as well.
+            span = max(1, len(y) // 100)
+            mean = np.convolve(y, np.full(span, 1 / span), "valid")
+            place.plot(x, y, color=_MARK, linewidth=1, alpha=1 if span == 1 else 0.3)
+            place.plot(x[span // 2 :][: len(mean)], mean, color=_MARK, linewidth=1)
         else:
             place.text(0.5, 0.5, "no test images", ha="center", transform=place.transAxes)
             place.set_axis_off()
-    for place, layer, name in (
-        (axes[1, 0], network.layers[0], "φ of the first layer"),
-        (axes[1, 2], network.layers[-1], "φ of the last layer"),
-    ):
-        _draw_splines(place, layer)
-        place.set_title(name, fontsize=11, color=_INK, loc="left")
-    later = network.layers[min(1, len(network.layers) - 1)].filters[0, 0]
-    largest = float(np.abs(later).max()) or 1.0
-    image = axes[1, 1].imshow(later, cmap="RdBu_r", vmin=-largest, vmax=largest)
-    axes[1, 1].set_title(
-        "filter h2" if len(network.layers) > 1 else "filter h1", fontsize=11, color=_INK, loc="left"
-    )
-    axes[1, 1].set_axis_off()
-    figure.colorbar(image, ax=axes[1, 1], shrink=0.9)
+    layers = list(enumerate(network.layers))
+    bent = [number for number, layer in layers if layer.coefficients is not None]
+    learned = [number for number in bent if network.layers[number].learns == "all"] or bent
+    for place, numbers in ((axes[1, 0], learned[:1]), (axes[1, 2], learned[-1:])):
+        for number in numbers:
+            _draw_splines(place, number, network.layers[number])
+    later = [number for number, layer in layers[1:] if layer.learns != "nothing"]
+    number = later[0] if later else 0
+    _draw_filters(figure, axes[1, 1], number, network.layers[number])
     return figure
 
 
@@ -184,15 +185,48 @@ def expectation(plan: Plan) -> "Figure":
     return figure
 
 
-def _draw_splines(axes: "Axes", layer: Layer) -> None:
+def _draw_splines(axes: "Axes", number: int, layer: Layer) -> None:
+    """Draw the splines of a layer, or the first ones; of many sets the middle one."""
     from scipy.interpolate import BSpline
 
-    number = layer.coefficients.shape[1]
-    knots = layer.start + layer.spacing * (np.arange(number + 4) - 3)
+    assert layer.coefficients is not None, "a layer with splines"
+    every = layer.coefficients
+    if every.ndim == 3:
+        every = every[len(every) // 2]
+    size = every.shape[1]
+    knots = layer.start + layer.spacing * (np.arange(size + 4) - 3)
     z = np.linspace(knots[3], knots[-4], 500)
-    for coefficients in layer.coefficients:
+    for coefficients in every[:_MOST]:
         axes.plot(z, BSpline(knots, coefficients.astype(np.float64), 3)(z), linewidth=1.5)
     axes.grid(alpha=0.3)
+    _title(axes, f"φ of layer {number}{_some(len(every))}")
+
+
+def _draw_filters(figure: "Figure", axes: "Axes", number: int, layer: Layer) -> None:
+    """Draw the filters of a layer on its first input, or the first ones, side by side."""
+    every = layer.filters[:, 0] if layer.filters.ndim == 4 else layer.filters[0, :, 0]
+    shown = every[:_MOST]
+    columns = math.ceil(math.sqrt(len(shown)))
+    rows = math.ceil(len(shown) / columns)
+    height, width = every.shape[1:]
+    # A pixel between two of them stays empty.
+    sheet = np.full((rows * (height + 1) - 1, columns * (width + 1) - 1), np.nan)
+    for index, taps in enumerate(shown):
+        top, left = (index // columns) * (height + 1), (index % columns) * (width + 1)
+        sheet[top : top + height, left : left + width] = taps
+    largest = float(np.abs(shown).max()) or 1.0
+    image = axes.imshow(sheet, cmap="RdBu_r", vmin=-largest, vmax=largest)
+    axes.set_axis_off()
+    _title(axes, f"filter{'' if len(every) == 1 else 's'} of layer {number}{_some(len(every))}")
+    figure.colorbar(image, ax=axes, shrink=0.9)
+
+
+def _some(number: int) -> str:
+    return f", {_MOST} of {number}" if number > _MOST else ""
+
+
+def _title(axes: "Axes", title: str) -> None:
+    axes.set_title(title, fontsize=11, color=_INK, loc="left")
 
 
 def most_detailed(picture: npt.NDArray[np.floating]) -> tuple[int, int, int, int]:

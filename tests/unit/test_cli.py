@@ -153,7 +153,7 @@ def test_info_on_every_kind_of_file(run, photo, tmp_path):
     for name, words in {
         "bits.npy": ["160 x 196", "oversampling=4", "ones", "40 x 49"],
         "counts.npy": ["counts", "2 x 3", "0 to 5"],
-        "model.safetensors": ["layer 1", "15 x 15", "150"],
+        "model.safetensors": ["kFLOP per pixel", "15 x 15", "150"],
         "photo.png": ["picture", "40 x 49"],
     }.items():
         status, said = run("info", name)

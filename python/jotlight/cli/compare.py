@@ -1,5 +1,6 @@
 """`jotlight compare`: every method on one photograph, as a figure and a table."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,7 +14,8 @@ from jotlight.cli import options
 from jotlight.cli.console import out, progress
 from jotlight.comparison import Result, chosen, compare_methods
 from jotlight.files import spare_inputs, written_whole
-from jotlight.methods import DEFAULT, METHODS
+from jotlight.methods import DEFAULT, METHODS, Method
+from jotlight.network import Network
 from jotlight.pictures import read_picture
 from jotlight.sensor import Sensor
 
@@ -39,6 +41,9 @@ def compare(
             "and serve the sensor; mle-iterative for smooth kernels only, being mle for the box.",
         ),
     ] = None,
+    model: Annotated[
+        Path | None, typer.Option(help="A network of your own beside them, .safetensors.")
+    ] = None,
     given: dict[str, Any],
     inputs: list[Path],
     seed: options.Seed = 0,
@@ -51,8 +56,14 @@ def compare(
     names = None if methods is None else [name.strip() for name in methods.split(",")]
     image = read_picture(photo, white=white, gray=gray)
     output = output or Path(f"{photo.stem}-compare.png")
-    spare_inputs(output, [photo, *inputs])
-    run_comparison(image, sensor, output, chosen(sensor, names), seed, threads)
+    spare_inputs(output, [photo, model, *inputs])
+    known, selected = dict(METHODS), chosen(sensor, names)
+    if model is not None:
+        network = Network.load(model)
+        network._check_sensor(sensor)
+        known[str(model)] = Method(str(model), network.reconstruct)
+        selected.append(str(model))
+    run_comparison(image, sensor, output, selected, seed, threads, known)
     if names is None and (reason := METHODS[DEFAULT].lacks(sensor)) is not None:
         out.print(f"[yellow]Without the learned network:[/] {escape(reason)}", soft_wrap=True)
 
@@ -64,6 +75,7 @@ def run_comparison(
     names: list[str],
     seed: int,
     threads: int | None = None,
+    methods: Mapping[str, Method] = METHODS,
 ) -> None:
     """Expose, reconstruct, draw and print; the figure appears whole or not at all."""
     from jotlight import plots
@@ -75,7 +87,9 @@ def run_comparison(
         )
     with written_whole(output) as temporary, progress(len(names) + 2) as begin:
         bits = sensor.expose(image, seed, threads=threads, progress=begin("drawing bits"))
-        results = compare_methods(image, bits, sensor, names, threads=threads, begin=begin)
+        results = compare_methods(
+            image, bits, sensor, names, threads=threads, begin=begin, methods=methods
+        )
         begin("drawing the figure")
         height, width = image.shape[:2]
         panels = [
@@ -84,7 +98,7 @@ def run_comparison(
         ]
         panels += [
             plots.Panel(
-                METHODS[result.method].title,
+                methods[result.method].title,
                 f"{result.psnr:.2f} dB   SSIM {_ssim(result)}   {_time(result.seconds)}",
                 result.picture,
             )
@@ -93,7 +107,7 @@ def run_comparison(
         heading = f"{sensor.bits_per_pixel} bits per pixel   {sensor!r}"
         figure = plots.comparison(panels, heading, white=sensor.max_intensity)
         figure.savefig(temporary, dpi=110)
-    out.print(_table(results))
+    out.print(_table(results, methods))
     missing = [method.needs for method in METHODS.values() if not method.available]
     if missing:
         extras = ", ".join(f"jotlight\\[{name}]" for name in missing)
@@ -104,7 +118,7 @@ def run_comparison(
     out.print(f"Look at [bold]{output}[/]", soft_wrap=True)
 
 
-def _table(results: list[Result]) -> Table:
+def _table(results: list[Result], methods: Mapping[str, Method]) -> Table:
     table = Table(box=None, header_style="bold", pad_edge=False)
     table.add_column("method")
     for column in ("PSNR", "SSIM", "time"):
@@ -112,7 +126,7 @@ def _table(results: list[Result]) -> Table:
     best = max(result.psnr for result in results)
     for result in results:
         table.add_row(
-            METHODS[result.method].title,
+            methods[result.method].title,
             f"{result.psnr:.2f} dB",
             _ssim(result),
             _time(result.seconds),

@@ -68,6 +68,17 @@ def show_warning(
 
 
 @contextlib.contextmanager
+def silent(wanted: bool) -> Iterator[None]:
+    """Print nothing while the block runs, if so wanted; an error that ends it is said."""
+    before = out.quiet, err.quiet
+    out.quiet = err.quiet = wanted
+    try:
+        yield
+    finally:
+        out.quiet, err.quiet = before
+
+
+@contextlib.contextmanager
 def progress(total: float | None, *, remaining: bool = False) -> Iterator[Begin]:
     """Show a bar over a number of steps while the block runs, on a terminal only.
 

@@ -14,7 +14,7 @@ from jotlight.evaluation import MEASURES, Evaluation
 from jotlight.evaluation import evaluate as measure
 from jotlight.files import spare_inputs, written_whole
 from jotlight.image_sets import read_image_set
-from jotlight.methods import METHODS
+from jotlight.methods import DEFAULT, METHODS
 from jotlight.network import Network
 from jotlight.sensor import Sensor
 
@@ -44,12 +44,12 @@ def evaluate(
 ) -> None:
     """Expose every image, reconstruct it, and tell how close the estimates come.
 
-    The sensor is the model's, changed by the options given here; without a model it has 4 x 4 jots
-    per pixel and one frame. Colour photographs are turned into grey.
+    The sensor is the model's, changed by the options given here; without a model, or with one for
+    any sensor, it has 4 x 4 jots per pixel and one frame. Colour photographs are turned into grey.
     """
     if model is not None and method not in (None, "network"):
         raise ValueError(f"model: is for the method network, not for {method}")
-    method = method or "network"
+    method = method or (DEFAULT if model is None else "network")
     if method not in METHODS:
         raise ValueError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
     if output is not None:
@@ -57,13 +57,16 @@ def evaluate(
             raise ValueError(f"{output}: expected a name that ends in .csv")
         pictures = list(images.iterdir()) if images.is_dir() else [images]
         spare_inputs(output, [model, *inputs, *pictures])
-    if model is not None:
-        network = Network.load(model)
-        title, run, sensor = str(model), network.reconstruct, network.sensor.replace(**given)
-    else:
+    network = None if model is None else Network.load(model)
+    if network is None or network.bits is not None:
         sensor = Sensor(**{"oversampling": 4, **given})
-        if (reason := METHODS[method].lacks(sensor)) is not None:
-            raise ValueError(reason)
+    else:
+        sensor = network.sensor.replace(**given)
+    if network is not None:
+        title, run = str(model), network.reconstruct
+    elif (reason := METHODS[method].lacks(sensor)) is not None:
+        raise ValueError(reason)
+    else:
         title, run = METHODS[method].title, METHODS[method].run
     with contextlib.ExitStack() as files:
         # Made now, so that a place that cannot be written to is found before any work is done.

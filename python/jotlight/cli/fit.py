@@ -63,14 +63,6 @@ def too_dim(brightest: float, learn: str) -> str | None:
     )
 
 
-def too_bright(most: float, learn: str) -> str:
-    """Say why the network that comes with jotlight was not taken."""
-    return (
-        f"the scene comes up to the largest intensity {most:g} that the network that comes with "
-        f"jotlight gives; {learn}"
-    )
-
-
 def held_down(most: float, otherwise: str, further: float, learn: str | None) -> str:
     """Say that a network holds the brightest parts of a scene down."""
     return (

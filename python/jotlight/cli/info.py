@@ -1,5 +1,6 @@
 """`jotlight info`: what is in a file."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,6 +20,7 @@ from jotlight.formats.capture import Capture, Stack, is_single
 from jotlight.formats.description import read_counts_label
 from jotlight.formats.recognise import recognise
 from jotlight.formats.tiff import tiff_file
+from jotlight.layer import Layer, work_of
 from jotlight.network import Network
 from jotlight.pictures import read_picture
 from jotlight.tensors import told_format
@@ -60,6 +62,8 @@ def info(
     for name, value in _facts(file, reading):
         table.add_row(name, value)
     out.print(table)
+    if file.suffix.lower() == ".safetensors" and told_format(file) != CALIBRATION:
+        out.print(_layers(Network.load(file).layers))
 
 
 def _draw(file: Path, plot: Path) -> None:
@@ -195,26 +199,62 @@ def _calibration_facts(calibration: Calibration) -> list[tuple[str, str]]:
 
 
 def _network_facts(network: Network) -> list[tuple[str, str]]:
-    facts = [("kind", "network"), ("sensor", repr(network.sensor))]
-    for index, layer in enumerate(network.layers):
-        facts.append(
-            (
-                f"layer {index}",
-                f"filters {_by(layer.filters.shape)}, splines of {layer.coefficients.shape[1]} "
-                f"coefficients on [{layer.start:.3g}, "
-                f"{layer.start + layer.spacing * (layer.coefficients.shape[1] - 3):.3g}]",
-            )
+    layers, history = network.layers, network.history
+    if network.bits is None:
+        served = ("sensor", repr(network.sensor))
+    else:
+        low, high = network.bits
+        served = (
+            "sensor",
+            f"any of {low} to {high} bits per pixel, {network.sensor.kernel} kernel",
         )
-    history = network.history
+    facts = [
+        ("kind", "network"),
+        served,
+        ("parameters", f"{sum(layer.parameters for layer in layers):,}"),
+        ("work", f"{work_of(layers) / 1000:.3g} kFLOP per pixel"),
+        ("halo", f"{network.halo} pixels"),
+    ]
     facts += [(name, str(history[name])) for name in ("start", "trained on") if name in history]
     if "run" in history and "records" in history:
         facts.append(("learned", _course(history["run"], History.from_json(history["records"]))))
     return facts
 
 
+def _layers(layers: Sequence[Layer]) -> Table:
+    """A row for each layer; what is as in a plain chain stays empty."""
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for name in ("layer", "reads", "adds", "stride", "up"):
+        table.add_column(name, justify="right")
+    for name in ("filters", "splines", "on"):
+        table.add_column(name)
+    for index, layer in enumerate(layers):
+        wiring = [
+            None if layer.reads == index - 1 else layer.reads,
+            layer.adds,
+            None if layer.stride == 1 else layer.stride,
+            None if layer.upsampling == 1 else layer.upsampling,
+        ]
+        table.add_row(
+            str(index),
+            *("" if number is None else str(number) for number in wiring),
+            _by(layer.filters.shape),
+            *_splines(layer),
+        )
+    return table
+
+
+def _splines(layer: Layer) -> tuple[str, str]:
+    """The shape of the coefficients, and where they bend."""
+    if layer.coefficients is None:
+        return "none", ""
+    end = layer.start + layer.spacing * (layer.coefficients.shape[-1] - 3)
+    return _by(layer.coefficients.shape), f"{layer.start:.3g} to {end:.3g}"
+
+
 def _course(run: dict[str, Any], history: History) -> str:
     course = (
-        f"{len(history) - 1} steps of {run.get('optimiser')}, seed {run.get('seed')}; cost "
+        f"{history.steps[-1]} steps of {run.get('optimiser')}, seed {run.get('seed')}; cost "
         f"{history.loss[0]:.4g} to {history.loss[-1]:.4g}"
     )
     measured = history.test_psnr[np.isfinite(history.test_psnr)]

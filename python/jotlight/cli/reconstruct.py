@@ -15,12 +15,12 @@ from jotlight.cli import fit, opening, options
 from jotlight.cli import output as output_
 from jotlight.cli.calibrated import Calibrated, recorded
 from jotlight.cli.console import err, live_iterations, out, progress
-from jotlight.cli.film import check_film, film, some_windows, spare_folder
+from jotlight.cli.film import check_film, film, spare_folder
 from jotlight.exposure import BRIGHT
 from jotlight.files import spare_inputs
 from jotlight.film import windows
 from jotlight.methods import DEFAULT, METHODS
-from jotlight.models import unserved
+from jotlight.models import pretrained, unserved
 from jotlight.network import Network
 from jotlight.pictures import picture_writer
 from jotlight.problems import Histories
@@ -33,6 +33,9 @@ _OTHERWISE = "noniterative-tv"
 
 _SMOOTH = "admm-tv"
 """What knows how a smooth kernel spreads the light."""
+
+_SHIPPED = {"network": "fast", "network-small": "small", "network-medium": "medium"}
+"""The qualities of the networks that come with jotlight."""
 
 _RAISED = "the largest intensity is half a count from saturation, so that nothing else is clipped"
 
@@ -59,9 +62,8 @@ def reconstruct(
         typer.Option(
             "--method",
             "-m",
-            help=f"One of {', '.join(METHODS)}. Default: {DEFAULT}, where there is one for the "
-            f"sensor and the scene is not brighter than it gives, and else {_OTHERWISE}, or "
-            f"{_SMOOTH} where the kernel is smooth.",
+            help=f"One of {', '.join(METHODS)}. Default: {DEFAULT}, where it serves the "
+            f"sensor, and else {_OTHERWISE}, or {_SMOOTH} where the kernel is smooth.",
         ),
     ] = None,
     inverse: Annotated[
@@ -156,6 +158,8 @@ def reconstruct(
         )
     if method is None and uncertainty is not None:
         method = "mle"
+    if method is None and model is not None:
+        method = "network"
     if method is None and inverse is not None:
         method = _OTHERWISE
     if method is None and any(value is not None for value in (weight, norm, tol, max_iter)):
@@ -179,10 +183,10 @@ def reconstruct(
         spare_inputs(known.record, [model, calibration, *inputs])
     found = known.calibration if known else None
     seen, sensor, told = opening.seen_by_sensor(capture, data, given, found)
-    if "model" in settings and "max_intensity" not in given:
+    network = settings.pop("model", None)
+    if network is not None and network.bits is None and "max_intensity" not in given:
         # A network's outputs lie in its own range, whatever range others would be clipped to.
-        sensor = sensor.replace(max_intensity=settings["model"].sensor.max_intensity)
-    shipped = method in (None, DEFAULT) and "model" not in settings
+        sensor = sensor.replace(max_intensity=network.sensor.max_intensity)
     if window is not None:
         if not isinstance(seen, Bits):
             raise ValueError(f"window: is for bits, and {data} holds counts")
@@ -191,30 +195,25 @@ def reconstruct(
         sensor = sensor.replace(frames=window)
     learn = fit.to_learn(reading, calibration, words, window=window, bits=isinstance(seen, Bits))
     advice = []
-    if shipped and (reason := unserved(sensor)) is not None:
+    shipped = network is None and (method is None or method in _SHIPPED)
+    if shipped and (reason := unserved(sensor, _SHIPPED[method or DEFAULT])) is not None:
         advice.append(f"{reason}; {learn}")
         if method is not None:
             raise ValueError(advice[0])
         shipped = False
         method = _SMOOTH if sensor.kernel != "box" and isinstance(seen, Bits) else _OTHERWISE
+    method = method or DEFAULT
+    if shipped:
+        network = pretrained(sensor, _SHIPPED[method])
     white, free = sensor.max_intensity, unclipped(sensor)
     assumed = told != "sensor" and "max_intensity" not in given and sensor.kernel == "box"
     higher = assumed and free > white
-    # Who asked for no method gets another one where the network's range is too small.
-    yields = shipped and method is None and higher
-    method = method or DEFAULT
-    # A network was trained for its own largest intensity.
-    raised = higher and not method.startswith("network")
+    # A network was trained for its own largest intensity, unless it is told K.
+    one_range = network is not None and network.bits is None
+    raised = higher and not one_range
     if raised:
         sensor = sensor.replace(max_intensity=free)
-    network = settings.pop("model", None)
     run = METHODS[method].run if network is None else network.reconstruct
-
-    def give_way() -> None:
-        nonlocal method, run, sensor, raised
-        advice.append(fit.too_bright(white, learn))
-        method, run, raised = _OTHERWISE, METHODS[_OTHERWISE].run, True
-        sensor = sensor.replace(max_intensity=free)
 
     def tell(largest: float, brightest: float) -> None:
         """Say what was assumed, and what is not as good as it could be."""
@@ -224,19 +223,14 @@ def reconstruct(
         if raised:
             out.print(f"{_RAISED}; --max-intensity sets another", soft_wrap=True)
         if higher and not raised and fit.comes_up(largest, white):
-            advice.append(fit.held_down(white, _OTHERWISE, free, learn if shipped else None))
-        elif shipped and method == DEFAULT and (dim := fit.too_dim(brightest, learn)) is not None:
+            advice.append(fit.held_down(white, DEFAULT, free, learn if shipped else None))
+        elif shipped and one_range and (dim := fit.too_dim(brightest, learn)) is not None:
             advice.append(dim)
         for line in advice:
             err.print(f"[yellow]by {method}:[/] {escape(line)}", soft_wrap=True)
 
     if window is not None and isinstance(seen, Bits):
         once = functools.partial(run, threads=threads, **settings)
-        if yields and any(
-            fit.comes_up(once(part, sensor), white) for part in some_windows(seen, window, step)
-        ):
-            give_way()
-            once = functools.partial(run, threads=threads)
         title = METHODS[method].title
         with recorded(known) as record:
             levels = film(
@@ -263,10 +257,6 @@ def reconstruct(
             with progress(None) as begin:
                 begin(METHODS[method].title)
                 picture = run(seen, sensor, threads=threads, **settings)
-                if yields and fit.comes_up(picture, white):
-                    give_way()
-                    begin(METHODS[method].title)
-                    picture = run(seen, sensor, threads=threads)
         seconds = time.perf_counter() - start
         title = METHODS[method].title
         note = wanted.note(sensor, title, capture.source)

@@ -2,7 +2,9 @@
 
 import contextlib
 import dataclasses
+import functools
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,8 +14,8 @@ import typer
 from jotlight import plots
 from jotlight.bits import Bits
 from jotlight.calibration import Calibration
-from jotlight.cli import opening, options
-from jotlight.cli.console import err, live_training, out, progress
+from jotlight.cli import deep, opening, options
+from jotlight.cli.console import err, live_training, out, progress, silent
 from jotlight.datasets import PHOTOGRAPHS, photograph, uniform_scenes
 from jotlight.exposure import sensor_for
 from jotlight.files import spare_inputs, written_whole
@@ -26,6 +28,7 @@ from jotlight.training.examples import sensor_of_patches
 
 _SYNTHETIC = "synthetic"
 _TEST_SCENES = 512
+_OPTIMISER = "gauss-newton"
 _PHOTOGRAPHS = "photographs of scikit-image"
 
 _SECONDS = 45.0
@@ -62,6 +65,21 @@ def train(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="The learned network, .safetensors.")
     ],
+    kind: Annotated[
+        str | None,
+        typer.Option(
+            "--network",
+            help=f"One of {', '.join(deep.NETWORKS)}: how many layers and channels. All but the "
+            f"first take PyTorch to learn, the extra torch, and longer. Default: {deep.TWO_LAYER}.",
+        ),
+    ] = None,
+    any_bits: Annotated[
+        str | None,
+        typer.Option(
+            help="LEAST:MOST, such as 1:256: a deep network for any sensor of so many bits per "
+            "pixel and any exposure. The sensor given is that of the tests."
+        ),
+    ] = None,
     test: Annotated[
         Path | None,
         typer.Option(help="A folder or array of other images, to see the progress on."),
@@ -71,19 +89,20 @@ def train(
         typer.Option(
             help="Default: "
             + ", ".join(f"{kind.steps} for {name}" for name, kind in OPTIMISERS.items())
-            + "."
+            + ", 20000 for deep networks."
         ),
     ] = None,
     seconds: Annotated[
         float | None,
         typer.Option(
             help="Stop before the step that would pass them. Default, with --sensor and without "
-            f"--steps: {_SECONDS:g}."
+            f"--steps: {_SECONDS:g}; deep networks take their time."
         ),
     ] = None,
     optimiser: Annotated[
-        str, typer.Option(help=f"One of {', '.join(OPTIMISERS)}.")
-    ] = "gauss-newton",
+        str | None,
+        typer.Option(help=f"One of {', '.join(OPTIMISERS)}. Default: {_OPTIMISER}."),
+    ] = None,
     step_size: Annotated[
         float | None,
         typer.Option(help="Of adam (default 0.01) or projected-gradient (default 5e-6)."),
@@ -91,14 +110,30 @@ def train(
     damping: Annotated[
         float | None, typer.Option(help="The first damping of gauss-newton. Default: 0.1.")
     ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            help="Of deep networks: the largest step of a parameter, about. Default: 0.003."
+        ),
+    ] = None,
+    device: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Of deep networks: {' or '.join(deep.DEVICES)}. Default: cuda, if there is a GPU."
+        ),
+    ] = None,
     batch: Annotated[
         int | None,
         typer.Option(
-            help="Patches a step. Default: 2^20 pixels' worth for gauss-newton, else 2^17."
+            help="Patches a step. Default: 2^20 pixels' worth for gauss-newton, else 2^17; 16 for "
+            "deep networks."
         ),
     ] = None,
     patch: Annotated[
-        int | None, typer.Option(help="Side of a patch. Default: 64, or the smallest image's.")
+        int | None,
+        typer.Option(
+            help="Side of a patch. Default: 64, for deep networks 48, or the smallest image's."
+        ),
     ] = None,
     sigma: Annotated[
         float | None,
@@ -143,6 +178,8 @@ def train(
     Ctrl-C stops it; with --resume it goes on as if it had not been stopped.
 
     The cost that it shows is half the square error of a patch.
+
+    Deep networks can be learned by several processes: torchrun --nproc-per-node 2 -m jotlight train
     """
     if output.suffix.lower() != ".safetensors" or output.stem.endswith(".checkpoint"):
         raise ValueError(
@@ -156,78 +193,116 @@ def train(
         )
     if plot is not None:
         plots.check_figure(plot)
-    if start is not None and (untied or sigma is not None):
-        raise ValueError("start: a given network comes with its own sigma and weights")
+    if start is not None and (untied or sigma is not None or any_bits is not None):
+        raise ValueError("start: a given network comes with its own sigma, weights and bits")
     reading = opening.Reading(
         capture or Path(), format_, width, frame_range, rotate, flip, sensor_key, counts, unpacked
     )
     if capture is None:
         _refuse_without_capture(reading.words(), calibration)
-    elif steps is None and seconds is None:
-        seconds = _SECONDS
+    elif any_bits is not None:
+        raise ValueError("any-bits: such a network is for any sensor; leave out --sensor")
     checkpoint = output.with_suffix(".checkpoint.safetensors")
     for file in filter(None, (output, plot, checkpoint)):
         spare_inputs(file, [start, calibration, *inputs, *_files(images), *_files(test)])
         if capture is not None:
             opening.spare_capture(file, capture)
-    _check_checkpoint(checkpoint, resume, restart)
-    scale = 1.0
-    if start is not None:
-        if capture is not None:
-            raise ValueError("start: a given network comes with its own sensor; leave out --sensor")
-        network = Network.load(start)
-        sensor = network.sensor.replace(**given)
+    earlier = None if start is None else Network.load(start)
+    is_deep = deep.is_deep(kind, earlier)
+    deep.refuse_others(
+        is_deep,
+        optimiser=optimiser,
+        step_size=step_size,
+        damping=damping,
+        sigma=sigma,
+        untied=untied,
+        device=device,
+        rate=rate,
+        any_bits=any_bits,
+    )
+    kind = kind or deep.TWO_LAYER
+    if is_deep:
+        learner = deep.learner(device, rate)
     else:
-        if capture is not None:
-            sensor, scale = _sensor_of(reading, calibration, given, threads)
+        learner = _two_layer(optimiser or _OPTIMISER, step_size=step_size, damping=damping)
+    if learner.first:
+        _check_checkpoint(checkpoint, resume, restart)
+    with silent(not learner.first):
+        scale = 1.0
+        if earlier is not None:
+            if capture is not None:
+                raise ValueError(
+                    "start: a given network comes with its own sensor; leave out --sensor"
+                )
+            network = earlier
+            sensor = network.sensor.replace(**given)
         else:
-            sensor = Sensor(**{"oversampling": 4, **given})
-        network = Network.initial(sensor, sigma=0.7 if sigma is None else sigma, tied=not untied)
-    chosen = _optimiser(optimiser, step_size=step_size, damping=damping)
-    steps = chosen.steps if steps is None else steps
-    scenes, tests = _images(images, test, key, test_key, white, seed)
-    if scale != 1.0:
-        scenes, tests = _brighter(scenes, scale), _brighter(tests, scale)
+            if capture is not None:
+                sensor, scale = _sensor_of(reading, calibration, given, threads)
+                if steps is None and seconds is None and not is_deep:
+                    seconds = _SECONDS
+            else:
+                sensor = Sensor(**{"oversampling": 4, **given})
+            if any_bits is not None:
+                network = Network.told(kind, bits=deep.bits_of(any_bits), rng=seed)
+            elif is_deep:
+                network = Network.deep(sensor, kind, rng=seed)
+            else:
+                wide = 0.7 if sigma is None else sigma
+                network = Network.initial(sensor, sigma=wide, tied=not untied)
+        steps = learner.steps if steps is None else steps
+        scenes, tests = _images(images, test, key, test_key, white, seed)
+        if scale != 1.0:
+            scenes, tests = _brighter(scenes, scale), _brighter(tests, scale)
+        run = functools.partial(
+            learner.learn,
+            network,
+            scenes,
+            sensor,
+            **learner.settings,
+            steps=steps,
+            seconds=seconds,
+            batch=batch,
+            patch=patch,
+            rng=seed,
+            test=tests,
+            checkpoint=checkpoint,
+            resume=resume,
+            threads=threads,
+        )
+        if not learner.first:
+            run()
+            return
     begun = time.perf_counter()
     # Made now, so that a place that cannot be written to is found before any work is done.
     with contextlib.ExitStack() as files:
         temporary = files.enter_context(written_whole(output))
         figure = files.enter_context(written_whole(plot)) if plot is not None else None
-        try:
-            with live_training(steps) as show:
-                learned, history = learn(
-                    network,
-                    scenes,
-                    sensor,
-                    optimiser=chosen,
-                    steps=steps,
-                    seconds=seconds,
-                    batch=batch,
-                    patch=patch,
-                    rng=seed,
-                    test=tests,
-                    checkpoint=checkpoint,
-                    resume=resume,
-                    callback=show,
-                    threads=threads,
-                )
-        except (KeyboardInterrupt, OSError):
-            if checkpoint.exists():
-                err.print(
-                    f"\nThe run so far is kept in [bold]{checkpoint}[/]: the same command with "
-                    "--resume goes on",
-                    soft_wrap=True,
-                )
-            raise
-        except FloatingPointError as error:
-            option = "--damping" if optimiser == "gauss-newton" else "--step-size"
-            raise FloatingPointError(f"{error}. Begin anew with --restart and {option}") from error
+        with _kept(checkpoint, learner.remedy), live_training(steps) as show:
+            learned, history = run(callback=show)
         learned.history["trained on"] = images or _PHOTOGRAPHS
         learned.save(temporary)
         if figure is not None:
             plots.training(learned, history).savefig(figure, dpi=110)
     checkpoint.unlink(missing_ok=True)
     _tell(output, history, time.perf_counter() - begun, steps, plot)
+
+
+@contextlib.contextmanager
+def _kept(checkpoint: Path, remedy: str) -> Iterator[None]:
+    """Say how to go on where a run ended early."""
+    try:
+        yield
+    except (KeyboardInterrupt, OSError):
+        if checkpoint.exists():
+            err.print(
+                f"\nThe run so far is kept in [bold]{checkpoint}[/]: the same command with "
+                "--resume goes on",
+                soft_wrap=True,
+            )
+        raise
+    except FloatingPointError as error:
+        raise FloatingPointError(f"{error}. Begin anew with --restart and {remedy}") from error
 
 
 def _refuse_without_capture(words: list[str], calibration: Path | None) -> None:
@@ -304,7 +379,7 @@ def _check_checkpoint(checkpoint: Path, resume: bool, restart: bool) -> None:
         raise FileNotFoundError(f"there is no stopped run to resume: no file {checkpoint}")
 
 
-def _optimiser(name: str, *, step_size: float | None, damping: float | None) -> Optimiser:
+def _two_layer(name: str, *, step_size: float | None, damping: float | None) -> deep.Learner:
     if name not in OPTIMISERS:
         raise ValueError(f"optimiser: expected one of {', '.join(OPTIMISERS)}, got {name!r}")
     if name == "gauss-newton" and step_size is not None:
@@ -313,7 +388,9 @@ def _optimiser(name: str, *, step_size: float | None, damping: float | None) -> 
         raise ValueError(f"damping: is for gauss-newton, not for {name}")
     settings = {"step_size": step_size, "damping": damping}
     kind: Any = OPTIMISERS[name]
-    return kind(**{key: value for key, value in settings.items() if value is not None})  # type: ignore[no-any-return]
+    chosen: Optimiser = kind(**{key: value for key, value in settings.items() if value is not None})
+    remedy = "--damping" if name == "gauss-newton" else "--step-size"
+    return deep.Learner(learn, chosen.steps, {"optimiser": chosen}, remedy)
 
 
 def _images(

@@ -12,6 +12,15 @@ Examples
 torch.Size([1, 1, 24, 32])
 """
 
+try:
+    import torch  # noqa: F401
+except ImportError as error:
+    from jotlight.errors import MissingExtraError
+
+    raise MissingExtraError(
+        "deep networks are learned with PyTorch: pip install 'jotlight[torch]'"
+    ) from error
+
 from jotlight.torch.network import Network
 from jotlight.torch.sensing import Sensing
 from jotlight.torch.spline import Spline, spline

@@ -43,6 +43,23 @@ def rank() -> int:
     return int(os.environ.get("RANK", "0"))
 
 
+def place(device: str | torch.device | None) -> torch.device:
+    """Give the device of this process: of several GPUs each process has its own.
+
+    Raises
+    ------
+    ValueError
+        When it is a GPU, and there is none.
+    """
+    found = torch.device(device or ("cuda" if torch.cuda.is_available() else "cpu"))
+    if found.type != "cuda":
+        return found
+    if not torch.cuda.is_available():
+        raise ValueError("device: expected cpu, since PyTorch finds no GPU, got cuda")
+    own = int(os.environ.get("LOCAL_RANK", "0")) if found.index is None else found.index
+    return torch.device("cuda", own)
+
+
 @contextlib.contextmanager
 def together(device: torch.device) -> Iterator[Processes]:
     """Join the processes that the launcher started, if it did."""

@@ -13,17 +13,18 @@ import torch
 from torch import Tensor, nn
 
 import jotlight
-from jotlight.metrics import psnr
+from jotlight import metrics
 from jotlight.sensor import Sensor
 from jotlight.torch.examples import Patches
 from jotlight.torch.network import Network
-from jotlight.torch.processes import Processes, together
+from jotlight.torch.processes import Processes, place, together
 from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.examples import (
     Scenes,
     Source,
     checked_scenes,
     fingerprint,
+    made_scenes,
     sensor_of_patches,
     side_of_patches,
 )
@@ -99,7 +100,8 @@ def train(
     -------
     network : jotlight.Network
     history : History
-        One record of each step, of its cost before it.
+        As of :func:`jotlight.train`: the last record belongs to the result. The network's own
+        `history` has about 500 of the records.
 
     Raises
     ------
@@ -119,31 +121,27 @@ def train(
     >>> start = jotlight.Network.deep(jotlight.Sensor(oversampling=4), "small", rng=0)
     >>> learned, history = train(start, jotlight.datasets.uniform_scenes, steps=3, patch=32, rng=0)
     >>> len(history)
-    3
+    4
     """
     sensor = network.sensor if sensor is None else sensor
     network._check_sensor(sensor)
-    place = torch.device(device or ("cuda" if torch.cuda.is_available() else "cpu"))
+    here = place(device)
     steps = _at_least("steps", STEPS if steps is None else steps, 1)
     batch = _at_least("batch", BATCH if batch is None else batch, 1)
     if not rate > 0:
         raise ValueError(f"rate: expected a number above 0, got {rate}")
     if seconds is not None and not seconds > 0:
         raise ValueError(f"seconds: expected a number above 0, got {seconds}")
-    scenes: Scenes | Source
-    if callable(images):
-        scenes, patch = images, PATCH if patch is None else patch
-    else:
-        scenes = checked_scenes(images)
-        least = side_of_patches(scenes, patch)
-        patch = min(PATCH, least) if patch is None else least
+    scenes: Scenes | Source = images if callable(images) else checked_scenes(images)
+    seen = made_scenes(scenes, np.random.default_rng(0), 1) if callable(scenes) else scenes
+    side = side_of_patches(seen, patch)
+    if patch is None:
+        side = min(PATCH, side)
     tests = None if test is None else checked_scenes(test)
-    with together(place) as processes:
+    with together(here) as processes:
         seed = torch.tensor(secrets.randbits(32) if rng is None else _at_least("rng", rng, 0))
         processes.spread(seed)
-        patches = Patches(
-            scenes, network, sensor_of_patches(sensor), int(seed), batch, operator.index(patch)
-        )
+        patches = Patches(scenes, network, sensor_of_patches(sensor), int(seed), batch, side)
         run: dict[str, object] = {
             "network": fingerprint_of(network),
             "sensor": patches.sensor.numbers(),
@@ -159,7 +157,7 @@ def train(
         try:
             if threads is not None:
                 torch.set_num_threads(_at_least("threads", threads, 1))
-            module = Network(network).to(place)
+            module = Network(network).to(here)
             course = Course(module, patches, run, rate, tests, processes)
             if resume:
                 if checkpoint is None:
@@ -168,14 +166,18 @@ def train(
             elif checkpoint is not None:
                 Checkpoint.spare_others(checkpoint)
             course.follow(steps, seconds, checkpoint, callback)
+            last = course.measure(len(course.history), tested=True)
+            if processes.first and callback is not None:
+                callback(last)
         finally:
             torch.set_num_threads(before)
-    told = {**network.history, "run": run, "records": course.history.to_json()}
+    history = History([*course.history.records, last])
+    told = {**network.history, "run": run, "records": history.thinned().to_json()}
     learned = course.module.network()
     if network.bits is None:
         learned = jotlight.Network(learned.layers, sensor)
     learned.history = told
-    return learned, course.history
+    return learned, history
 
 
 class Course:
@@ -234,13 +236,18 @@ class Course:
 
     def step(self, step: int, steps: int) -> Record:
         """Take one step; gives what it found before it walked on."""
-        found = None
-        if self.tests is not None and step % max(1, steps // _TESTS) == 0:
-            found = self.test()
-        views = self.patches.views(step, self.processes.share, torch.get_num_threads())
-        views = views.to(self.parameters[0].device)
+        record = self.measure(step, tested=step % max(1, steps // _TESTS) == 0)
         for group in self.optimiser.param_groups:
             group["lr"] = self.rate * _course(step / steps)
+        self.optimiser.step()
+        self.history.records.append(record)
+        return record
+
+    def measure(self, step: int, *, tested: bool) -> Record:
+        """Find cost and gradient on the patches of a step."""
+        psnr = self.test() if tested and self.tests is not None else None
+        views = self.patches.views(step, self.processes.share, torch.get_num_threads())
+        views = views.to(self.parameters[0].device)
         self.optimiser.zero_grad()
         loss = views.errors(self.module).sum() / self.patches.batch
         loss.backward()
@@ -248,13 +255,10 @@ class Course:
         norm = float(nn.utils.clip_grad_norm_(self.parameters, _CLIP))
         if not (math.isfinite(total) and math.isfinite(norm)):
             raise FloatingPointError(
-                f"the cost is {total} in step {step}: expected a finite one; begin anew with a "
-                "lower rate"
+                f"step {step}: not a number any more (cost {total:.4g}, gradient norm "
+                f"{norm:.4g}); lower the rate, now {self.rate:g}"
             )
-        self.optimiser.step()
-        record = Record(step, 0.5 * self.patches.side**2 * total, norm, found)
-        self.history.records.append(record)
-        return record
+        return Record(step, 0.5 * self.patches.side**2 * total, norm, psnr)
 
     def _gathered(self, loss: Tensor) -> float:
         """Add the gradients and costs of all processes; gives the cost."""
@@ -276,7 +280,7 @@ class Course:
         for number, image in enumerate(self.tests):
             seed = np.random.SeedSequence(self.patches.seed, spawn_key=(2**32 - 1, number))
             estimate = network.reconstruct(sensor.expose(image, seed), sensor)
-            found.append(psnr(estimate, image, peak=1.0))
+            found.append(metrics.psnr(estimate, image, peak=1.0))
         return float(np.mean(found))
 
     def checkpoint(self) -> Checkpoint:

@@ -1,6 +1,7 @@
 """How a run went, step by step."""
 
 import dataclasses
+import operator
 from typing import Any, Self
 
 import numpy as np
@@ -35,6 +36,11 @@ class History:
         self.records = list(records or [])
 
     @property
+    def steps(self) -> npt.NDArray[np.int64]:
+        """The number of each step."""
+        return np.array([record.step for record in self.records], np.int64)
+
+    @property
     def loss(self) -> npt.NDArray[np.float64]:
         """ε of each step."""
         return np.array([record.loss for record in self.records])
@@ -52,6 +58,7 @@ class History:
     def to_json(self) -> dict[str, list[Any]]:
         """Give columns that JSON can hold."""
         return {
+            "step": [record.step for record in self.records],
             "loss": [record.loss for record in self.records],
             "gradient_norm": [record.gradient_norm for record in self.records],
             "test_psnr": [record.test_psnr for record in self.records],
@@ -67,15 +74,39 @@ class History:
             When these are not such columns.
         """
         try:
-            rows = zip(columns["loss"], columns["gradient_norm"], columns["test_psnr"], strict=True)
+            # Older files have a record of every step, and do not number them.
+            steps = columns.get("step", range(len(columns["loss"])))
+            values = columns["loss"], columns["gradient_norm"], columns["test_psnr"]
             return cls(
                 [
-                    Record(step, float(loss), float(norm), None if psnr is None else float(psnr))
-                    for step, (loss, norm, psnr) in enumerate(rows)
+                    Record(
+                        operator.index(step),
+                        float(loss),
+                        float(norm),
+                        None if psnr is None else float(psnr),
+                    )
+                    for step, loss, norm, psnr in zip(steps, *values, strict=True)
                 ]
             )
-        except (KeyError, TypeError, ValueError) as error:
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise ValueError(f"history: expected the records of a run, got {columns!r}") from error
+
+    def thinned(self, most: int = 500) -> Self:
+        """Give about so many records: of every so many steps one, the tested ones and the last.
+
+        Examples
+        --------
+        >>> History([Record(step, 1.0, 1.0, None) for step in range(1001)]).thinned(3).steps
+        array([   0,  334,  668, 1000])
+        """
+        every = -(-len(self) // most)
+        return type(self)(
+            [
+                record
+                for number, record in enumerate(self.records)
+                if number % every == 0 or record.test_psnr is not None or number == len(self) - 1
+            ]
+        )
 
     def __len__(self) -> int:
         return len(self.records)

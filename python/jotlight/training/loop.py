@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.layer import chained
 from jotlight.network import Network
 from jotlight.sensor import Sensor
 from jotlight.training.admissible import AdmissibleSet, SafeSet
@@ -137,6 +138,11 @@ def train(
     """
     sensor = network.sensor if sensor is None else sensor
     network._check_sensor(sensor)
+    if not chained(network.layers):
+        raise ValueError(
+            "network: expected layers that each filter and bend what the one before gave; others "
+            "learn with PyTorch, jotlight.torch.train"
+        )
     chosen = _optimiser(optimiser)
     steps = _at_least("steps", chosen.steps if steps is None else steps, 0)
     seed = secrets.randbits(32) if rng is None else _at_least("rng", rng, 0)

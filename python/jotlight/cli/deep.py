@@ -1,0 +1,86 @@
+"""What `jotlight train` does for deep networks, which PyTorch learns."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+from jotlight.deep import MEMBERS
+from jotlight.layer import chained
+from jotlight.network import Network
+from jotlight.training import History
+
+TWO_LAYER = "two-layer"
+NETWORKS = TWO_LAYER, *MEMBERS
+DEVICES = "cpu", "cuda"
+
+_OF_DEEP = "device", "rate", "any_bits"
+"""Options that do not serve the two-layer network; others that are not shared serve it alone."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Learner:
+    """What learns a network."""
+
+    learn: Callable[..., tuple[Network, History]]
+    steps: int
+    """How many it takes unless told."""
+    settings: dict[str, Any]
+    """Its own, beside those that all have."""
+    remedy: str
+    """The option to lower when a run diverges."""
+    first: bool = True
+    """Whether this process tells and writes, of several that learn together."""
+
+
+def is_deep(network: str | None, start: Network | None) -> bool:
+    """Whether a network is deep: the one to start from, or the one of this name."""
+    if start is not None:
+        if network is not None:
+            raise ValueError(
+                "start: a given network comes with its own layers; leave out --network"
+            )
+        return not chained(start.layers)
+    if network not in (None, *NETWORKS):
+        raise ValueError(f"network: expected one of {', '.join(NETWORKS)}, got {network!r}")
+    return network not in (None, TWO_LAYER)
+
+
+def refuse_others(deep: bool, **given: object) -> None:
+    """Raise ValueError for an option that is for the other kind of networks."""
+    kinds = f"the network {TWO_LAYER}", f"the networks {', '.join(MEMBERS)}"
+    for name, value in given.items():
+        if value is not None and value is not False and (name in _OF_DEEP) != deep:
+            raise ValueError(
+                f"{name.replace('_', '-')}: is for {kinds[not deep]}, not for {kinds[deep]}"
+            )
+
+
+def learner(device: str | None, rate: float | None) -> Learner:
+    """PyTorch, on a device.
+
+    Raises
+    ------
+    MissingExtraError
+        When PyTorch is not installed.
+    """
+    from jotlight.torch import processes, training
+
+    if device not in (None, *DEVICES):
+        raise ValueError(f"device: expected one of {', '.join(DEVICES)}, got {device!r}")
+    return Learner(
+        training.train,
+        training.STEPS,
+        {"device": device, "rate": training.RATE if rate is None else rate},
+        "--rate",
+        processes.rank() == 0,
+    )
+
+
+def bits_of(text: str) -> tuple[int, int]:
+    """The least and the most bits per pixel of LEAST:MOST."""
+    least, colon, most = text.partition(":")
+    if not (colon and least.isdecimal() and most.isdecimal() and 1 <= int(least) < int(most)):
+        raise ValueError(
+            f"any-bits: expected LEAST:MOST in whole numbers from 1, such as 1:256, got {text!r}"
+        )
+    return int(least), int(most)
