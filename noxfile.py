@@ -11,7 +11,7 @@ nox.needs_version = ">=2024.10.9"
 nox.options.default_venv_backend = "venv"
 nox.options.reuse_existing_virtualenvs = True
 nox.options.sessions = [
-    "lint", "rust", "wheel", "types", "stubs", "tests", "docs", "browser", "reproduce",
+    "lint", "rust", "wheel", "types", "stubs", "tests", "torch", "docs", "browser", "reproduce",
 ]  # fmt: skip
 
 DIST = Path("dist")
@@ -83,6 +83,19 @@ def extras(session: nox.Session) -> None:
     """What the default suite skips for want of a package."""
     install_wheel(session, extra="test,hdf5,zarr,exr,video")
     session.run("pytest", *EXTRAS, *session.posargs)
+
+
+@nox.session
+def torch(session: nox.Session) -> None:
+    """The modules of PyTorch and what deepinv takes of them; arguments go to pytest.
+
+    Where pip is told of an index with builds for the CPU alone (PIP_EXTRA_INDEX_URL), it takes
+    those; else it installs gigabytes of CUDA libraries that the tests do not use.
+    """
+    install_wheel(session, extra="test,deepinv")
+    examples = ("tests/docs/test_documents.py", "-k", "test_torch or (docstring and torch)")
+    modules = sorted(str(path) for path in Path("tests/unit").glob("test_torch_*.py"))
+    session.run("pytest", *modules, *examples, *session.posargs)
 
 
 @nox.session

@@ -8,6 +8,7 @@ __all__ = [
     "__version__",
     "add_block_counts",
     "algebraic_inverse",
+    "bend",
     "choose_cpu_level",
     "cpu_level",
     "cpu_levels",
@@ -34,6 +35,7 @@ __all__ = [
     "multiply_adds",
     "normal_equations",
     "probability",
+    "push_bend",
     "rate",
     "read_words",
     "shrink",
@@ -52,8 +54,11 @@ DEBUG_BUILD: bool
 
 _Floats: TypeAlias = npt.NDArray[np.floating]
 _Image: TypeAlias = npt.NDArray[np.float32] | npt.NDArray[np.float64]
-_Layer: TypeAlias = tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], float, float]
-_AnyLayer: TypeAlias = tuple[_Floats, _Floats, float, float]
+_Wiring: TypeAlias = tuple[int, int, int | None, int | None]
+_Layer: TypeAlias = tuple[
+    npt.NDArray[np.float32], npt.NDArray[np.float32] | None, float, float, _Wiring
+]
+_AnyLayer: TypeAlias = tuple[_Floats, _Floats | None, float, float, _Wiring]
 _Response: TypeAlias = tuple[int, float, float]
 _Span: TypeAlias = tuple[int, int]
 _Floats64: TypeAlias = float | npt.NDArray[np.float64]
@@ -177,6 +182,16 @@ def forward_counts(
     sums: npt.NDArray[np.float32],
     threads: int | None,
 ) -> npt.NDArray[np.float32]: ...
+def bend(
+    planes: tuple[_Floats, _Floats], start: float, spacing: float, threads: int | None
+) -> _Floats: ...
+def push_bend(
+    planes: tuple[_Floats, _Floats],
+    gradient: _Floats,
+    start: float,
+    spacing: float,
+    threads: int | None,
+) -> tuple[_Floats, npt.NDArray[np.float64]]: ...
 def log_likelihood(seen: _Seen, light: npt.NDArray[np.float64], threads: int | None) -> float: ...
 def likelihood_slopes(
     seen: _Seen,

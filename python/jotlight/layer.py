@@ -236,6 +236,13 @@ def scales(layers: Sequence[Layer]) -> list[Fraction]:
                 f"layers: expected layer {index} to add planes like its own, of {layer.channels} "
                 f"channels, got those of layer {layer.adds}"
             )
+    taken = {*sources(layers), *(layer.adds for layer in layers)}
+    for index in range(len(layers) - 1):
+        if index not in taken:
+            raise ValueError(
+                f"layers: expected the planes of layer {index} to be read or added, got no layer "
+                "that does"
+            )
     if layers[-1].channels != 1 or found[-1] != 1:
         raise ValueError(
             f"layers: expected one output channel of the last layer, in the picture's own size, "

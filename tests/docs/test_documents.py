@@ -29,10 +29,14 @@ def blocks(page: Path, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", page.read_text("utf-8"), re.S | re.M)
 
 
+NEEDS = {"jotlight.torch": "torch", "jotlight.torch.deepinv": "deepinv"}
+
+
 @pytest.mark.parametrize("name", MODULES)
 def test_docstring_examples_run(name):
-    if name.startswith("jotlight.torch"):
-        pytest.importorskip("torch")
+    for module, package in NEEDS.items():
+        if name == module or name.startswith(f"{module}."):
+            pytest.importorskip(package)
     result = doctest.testmod(importlib.import_module(name), optionflags=doctest.ELLIPSIS)
     assert result.failed == 0
 

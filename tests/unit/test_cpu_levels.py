@@ -8,6 +8,7 @@ from jotlight import _engine
 from jotlight.training.cost import Cost
 from jotlight.training.examples import Examples
 from jotlight.training.parameters import vector_of
+from reference import deep
 
 SENSOR = jl.Sensor(oversampling=4)
 IMAGE = jl.datasets.uniform_scene((1, 45, 83), rng=0)[0]
@@ -80,6 +81,26 @@ def test_pictures_of_networks_that_weigh_jots_singly(level, frames, side):
     network = untied(frames, side)
     bits = network.sensor.expose(IMAGE, 0)
     same(level, lambda threads=1: network.reconstruct(bits, threads=threads), 1e-6)
+
+
+@pytest.mark.parametrize("member", ["small", "medium"])
+@pytest.mark.parametrize("width", [1, 16, 83])
+def test_pictures_of_deep_networks(level, member, width):
+    rng = np.random.default_rng(3)
+    bits = SENSOR.expose(IMAGE[:, :width], 0)
+    for network in (jl.Network.deep(SENSOR, member, rng=0), jl.Network.told(member, rng=0)):
+        alive = deep.lively(network, rng)
+        same(
+            level,
+            lambda threads=1, alive=alive: alive.reconstruct(bits, SENSOR, threads=threads),
+            1e-5,
+        )
+
+
+def test_pictures_of_networks_of_any_wiring(level):
+    network = deep.wired(np.random.default_rng(0), jl.Sensor(oversampling=4, frames=2), tied=False)
+    bits = network.sensor.expose(IMAGE, 0)
+    same(level, lambda threads=1: network.reconstruct(bits, threads=threads), 1e-5)
 
 
 def test_gradients(level):

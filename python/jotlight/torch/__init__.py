@@ -1,4 +1,16 @@
-"""The networks of jotlight, their parts, and the sensor, for PyTorch (extra `torch`)."""
+"""The networks of jotlight, their parts, and the sensor, for PyTorch (extra `torch`).
+
+What deepinv needs of them is in :mod:`jotlight.torch.deepinv` (extra `deepinv`).
+
+Examples
+--------
+>>> import jotlight, torch
+>>> sensor = jotlight.Sensor(oversampling=4)
+>>> network = Network(jotlight.Network.deep(sensor, "small", rng=0))
+>>> image = torch.full((1, 1, 24, 32), 0.5)
+>>> network(Sensing(sensor)(image)).shape
+torch.Size([1, 1, 24, 32])
+"""
 
 try:
     import torch  # noqa: F401
@@ -11,7 +23,8 @@ except ImportError as error:
 
 from jotlight.torch.fine_tuning import fine_tune
 from jotlight.torch.network import Network
+from jotlight.torch.sensing import Sensing
 from jotlight.torch.spline import Spline, spline
 from jotlight.torch.training import train
 
-__all__ = ["Network", "Spline", "fine_tune", "spline", "train"]
+__all__ = ["Network", "Sensing", "Spline", "fine_tune", "spline", "train"]

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -42,7 +42,7 @@ class Views:
 
     def to(self, device: torch.device) -> "Views":
         """Give them on another device."""
-        moved = {
+        moved: dict[str, Any] = {
             field.name: value.to(device)
             for field in dataclasses.fields(self)
             if isinstance(value := getattr(self, field.name), Tensor)
@@ -57,7 +57,8 @@ class Views:
         to reach with as many bits and as much light.
         """
         if self.bits is None:
-            return ((module(self.data) - self.truth) ** 2).mean((1, 2, 3))
+            squares: Tensor = (module(self.data) - self.truth) ** 2
+            return squares.mean((1, 2, 3))
         assert self.light is not None
         assert self.dark is not None
         light, dark = self.light.view(-1, 1, 1, 1), self.dark.view(-1, 1, 1, 1)
@@ -65,10 +66,11 @@ class Views:
         wanted = torch.asin(torch.sqrt(-torch.expm1(-rates)))
         # dc/dz = 2 √(exp(s) - 1) / light
         middle = torch.expm1(_MIDDLE * light + dark)
-        squares = torch.expm1(rates).minimum(_BRIGHT * middle)
-        errors = squares * (module.sums(self.data, self.bits) - wanted) ** 2
+        weights = torch.expm1(rates).minimum(_BRIGHT * middle)
+        errors = weights * (module.sums(self.data, self.bits) - wanted) ** 2
         reached = light**2 * (middle / (self.bits * light**2)) ** _EASE
-        return 4 * (errors / reached).mean((1, 2, 3))
+        relative: Tensor = 4 * errors / reached
+        return relative.mean((1, 2, 3))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,9 +88,8 @@ class Patches:
     def views(self, step: int, mine: slice, threads: int) -> Views:
         """Give those of a step, or some of them."""
         choice = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(step, 0)))
-        images: Sequence[npt.NDArray[np.float32]]
         if callable(self.images):
-            images = made_scenes(self.images, choice, self.batch)
+            images: Scenes = made_scenes(self.images, choice, self.batch)
             chosen = np.arange(len(images))
         else:
             images = self.images
@@ -135,8 +136,10 @@ class Patches:
             return None
         low, high = self.network.bits
         bits = round(math.exp(choice.uniform(math.log(low), math.log(high))))
-        flux = np.exp(choice.uniform(*np.log(FLUX), self.batch))
-        dark = np.exp(choice.uniform(*np.log(_DARK), self.batch))
+        flux, dark = (
+            np.exp(choice.uniform(math.log(low), math.log(high), self.batch))
+            for low, high in (FLUX, _DARK)
+        )
         return bits, flux, np.where(choice.random(self.batch) < 0.5, 0, dark)
 
     def _seen(

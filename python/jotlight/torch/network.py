@@ -64,7 +64,7 @@ class Network(nn.Module):
         side = 1 if self.origin.tied else self.origin.sensor.oversampling
         sums = functional.conv2d(data.to(filters[0].dtype), filters[0], stride=side)
         height, width = sums.shape[-2:]
-        sums = _continued(sums, (0, -height % self._step), (0, -width % self._step))
+        sums = continued(sums, (0, -height % self._step), (0, -width % self._step))
         planes: list[Tensor] = []
         for index, layer in enumerate(self.origin.layers):
             if index:
@@ -128,12 +128,12 @@ def _filtered(planes: Tensor, filters: Tensor, layer: Layer) -> Tensor:
     )
     # PyTorch's filters are turned around.
     sums = functional.conv2d(
-        _continued(planes, rows, columns), filters.flip(2, 3), stride=layer.stride
+        continued(planes, rows, columns), filters.flip(2, 3), stride=layer.stride
     )
     return functional.pixel_shuffle(sums, layer.upsampling) if layer.upsampling > 1 else sums
 
 
-def _continued(planes: Tensor, rows: tuple[int, int], columns: tuple[int, int]) -> Tensor:
+def continued(planes: Tensor, rows: tuple[int, int], columns: tuple[int, int]) -> Tensor:
     """Continue planes past the rim by mirroring."""
     if not any((*rows, *columns)):
         return planes
@@ -152,4 +152,4 @@ def _parameter(array: npt.NDArray[np.float32], learns: bool) -> nn.Parameter:
 
 
 def _array(parameter: Tensor) -> npt.NDArray[np.float32]:
-    return parameter.detach().cpu().numpy().astype(np.float32)
+    return np.asarray(parameter.detach().cpu(), np.float32)

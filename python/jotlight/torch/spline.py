@@ -1,5 +1,6 @@
 """The cubic B-spline nonlinearity, differentiable in its input and its coefficients."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -33,8 +34,10 @@ def spline(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Ten
     -------
     Tensor, shape (N, C, ...)
     """
-    if z.device.type == "cpu" and z.dtype in (torch.float32, torch.float64):
-        return _bend(z, coefficients.to(z.dtype), float(start), float(spacing))
+    if z.device.type == "cpu":
+        wide = torch.promote_types(z.dtype, torch.float32)
+        bent: Tensor = _bend(z.to(wide), coefficients.to(wide), float(start), float(spacing))
+        return bent.to(z.dtype)
     return formula(z, coefficients, start, spacing)
 
 
@@ -44,7 +47,9 @@ def formula(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Te
     intervals = number - 3
     basis = torch.as_tensor(_BASIS, dtype=coefficients.dtype, device=coefficients.device)
     cubics = (coefficients.unfold(1, 4, 1) @ basis).reshape(-1, 4)
-    place = ((z.to(coefficients.dtype) - start) / spacing).clamp(0, intervals)
+    place = (z.to(coefficients.dtype) - start) / spacing
+    # Clamping would take away the slope on the outermost knots, too.
+    place = torch.where(place < 0, 0, torch.where(place > intervals, intervals, place))
     first = place.detach().floor().clamp(max=intervals - 1)
     through = place - first
     offset = torch.arange(channels, device=z.device).view(-1, *[1] * (z.dim() - 2)) * intervals
@@ -107,7 +112,7 @@ def _array(tensor: Tensor) -> Any:
 
 def _planes(tensor: Tensor) -> Any:
     """Channels in rows, (N, C, P)."""
-    return _array(tensor).reshape(*tensor.shape[:2], -1)
+    return _array(tensor).reshape(*tensor.shape[:2], math.prod(tensor.shape[2:]))
 
 
 class Spline(nn.Module):

@@ -20,6 +20,8 @@ from jotlight.torch.network import Network
 from jotlight.torch.processes import Processes, place, together
 from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.examples import (
+    Scenes,
+    Source,
     checked_scenes,
     fingerprint,
     made_scenes,
@@ -130,7 +132,7 @@ def train(
         raise ValueError(f"rate: expected a number above 0, got {rate}")
     if seconds is not None and not seconds > 0:
         raise ValueError(f"seconds: expected a number above 0, got {seconds}")
-    scenes = images if callable(images) else checked_scenes(images)
+    scenes: Scenes | Source = images if callable(images) else checked_scenes(images)
     seen = made_scenes(scenes, np.random.default_rng(0), 1) if callable(scenes) else scenes
     side = side_of_patches(seen, patch)
     if patch is None:
@@ -140,7 +142,7 @@ def train(
         seed = torch.tensor(secrets.randbits(32) if rng is None else _at_least("rng", rng, 0))
         processes.spread(seed)
         patches = Patches(scenes, network, sensor_of_patches(sensor), int(seed), batch, side)
-        run = {
+        run: dict[str, object] = {
             "network": fingerprint_of(network),
             "sensor": patches.sensor.numbers(),
             "images": fingerprint(scenes),
@@ -187,7 +189,7 @@ class Course:
         patches: Patches,
         run: dict[str, object],
         rate: float,
-        tests: Sequence[npt.NDArray[np.float32]] | None,
+        tests: Scenes | None,
         processes: Processes,
     ) -> None:
         self.patches, self.run, self.rate, self.tests = patches, run, rate, tests
@@ -212,13 +214,15 @@ class Course:
                 if self._late(seconds is not None and now - begun > seconds):
                     break
                 record = self.step(len(self.history), steps)
-                if self.processes.first and callback is not None:
-                    callback(record)
-                if checkpoint is not None and self.processes.first:
+                if not self.processes.first:
+                    continue
+                if checkpoint is not None:
                     self.kept = self.checkpoint()
                     if now - saved > _SAVE_EVERY:
                         self.kept.save(checkpoint)
                         saved = now
+                if callback is not None:
+                    callback(record)
         finally:
             # Also when Ctrl-C or an error ended the loop: `kept` is always between two steps.
             if checkpoint is not None and self.processes.first and len(self.kept.history):
@@ -322,7 +326,7 @@ def _course(share: float) -> float:
 
 
 def _flat(tensors: Sequence[Tensor]) -> npt.NDArray[np.float64]:
-    return torch.cat([x.detach().flatten() for x in tensors]).double().cpu().numpy()
+    return np.asarray(torch.cat([x.detach().flatten() for x in tensors]).cpu(), np.float64)
 
 
 def _at_least(name: str, value: int, least: int) -> int:
