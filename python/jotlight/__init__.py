@@ -19,11 +19,12 @@ from jotlight.calibration import Calibration, calibrate
 from jotlight.errors import JotlightWarning, MissingExtraError
 from jotlight.evaluation import evaluate
 from jotlight.formats import open
+from jotlight.layer import Layer
 from jotlight.likelihood import Likelihood, Problem
 from jotlight.mle import mle
 from jotlight.mle_iterative import mle_iterative
 from jotlight.models import pretrained
-from jotlight.network import Layer, Network
+from jotlight.network import Network
 from jotlight.noniterative import noniterative
 from jotlight.planning import Plan, plan
 from jotlight.sensor import Sensor

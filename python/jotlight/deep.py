@@ -75,7 +75,8 @@ def rectifier() -> Array:
     places = np.linspace(_LOW, _HIGH, _KNOTS - 2)
     spacing = places[1] - places[0]
     every = np.concatenate([[places[0] - spacing], places, [places[-1] + spacing]])
-    return np.maximum(every, 0)[None].astype(np.float32)
+    coefficients: Array = np.maximum(every, 0)[None].astype(np.float32)
+    return coefficients
 
 
 def grow(build: Builder, member: Member, reads: int) -> None:
@@ -107,7 +108,8 @@ def gaussian(sigma: float, taps: int) -> Array:
     found = np.outer(line, line) / line.sum() ** 2
     # Far below the rounding of the sum; smaller still, processors would take ages over them.
     found[found < 1e-12] = 0
-    return found[None, None].astype(np.float32)
+    filters: Array = found[None, None].astype(np.float32)
+    return filters
 
 
 def line(most: float) -> tuple[Array, float, float]:
@@ -140,14 +142,15 @@ def told(member: Member, bits: tuple[int, int], rng: np.random.Generator) -> lis
     sigmas = np.geomspace(_WIDEST, _NARROWEST, _SETS)
     one = np.ones((1, 1, 1, 1), np.float32)
     smooth = np.stack([gaussian(float(sigma), _WIDE_TAPS) for sigma in sigmas])
-    coefficients, *knots = fitted(
+    coefficients, low, spacing = fitted(
         lambda share: np.arcsin(np.sqrt(share.clip(0, 1))), 0.0, 1.0, _INVERSE
     )
+    centred = coefficients - np.float32(np.pi / 4)
     build = Builder(
         [
             Layer(one, *line(1.0), learns="nothing"),
-            Layer(smooth, coefficients, *knots, learns="nothing"),
-            Layer(one, coefficients - np.float32(np.pi / 4), *knots, reads=0, learns="nothing"),
+            Layer(smooth, coefficients, low, spacing, learns="nothing"),
+            Layer(one, centred, low, spacing, reads=0, learns="nothing"),
         ],
         rng,
     )

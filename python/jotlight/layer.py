@@ -105,6 +105,12 @@ class Layer:
         return self.shape[0] // self.upsampling**2
 
     @property
+    def bend(self) -> npt.NDArray[np.float32]:
+        """The coefficients of a layer that has splines."""
+        assert self.coefficients is not None, "a layer with splines"
+        return self.coefficients
+
+    @property
     def sets(self) -> set[int]:
         """M of the arrays that have so many sets."""
         found = {len(self.filters)} if self.filters.ndim == 5 else set()

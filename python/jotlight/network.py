@@ -152,8 +152,8 @@ class Network:
         """
 
         def intensity(share: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-            share = share.clip(0, 1).astype(np.float32)
-            return from_probability(share, sensor, None).astype(np.float64)
+            clipped = share.clip(0, 1).astype(np.float32)
+            return from_probability(clipped, sensor, None).astype(np.float64)
 
         bits, most = sensor.bits_per_pixel, float(sensor.max_intensity)
         layers = deeper(_member(member), bits, intensity, most, np.random.default_rng(rng))

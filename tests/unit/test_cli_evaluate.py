@@ -66,7 +66,7 @@ def test_the_default_is_the_trained_network_for_4_x_4_jots(run, pictures):
     status, said = run("evaluate", pictures)
     assert status == 0
     sensor = jl.Sensor(oversampling=4)
-    assert "network, learned, 3 images, Sensor(oversampling=4)" in said
+    assert "network, medium, 3 images, Sensor(oversampling=4)" in said
     assert_table(said, jl.evaluate(jl.pretrained(sensor), read_image_set(pictures)[1], sensor))
 
 
@@ -146,7 +146,7 @@ def test_colour_pictures_are_turned_into_grey(run, tmp_path):
 
 
 def test_a_sensor_without_a_trained_network_says_why_and_how_to_train_one(run, pictures):
-    status, said = run("evaluate", pictures, "-k", 2, "-q", 3)
+    status, said = run("evaluate", pictures, "-k", 2, "-q", 3, "-m", "network")
     assert status == 1
     assert said.startswith("error: there is no trained network for 4 bits per pixel")
     assert all(str(bits) in said for bits in BITS_PER_PIXEL)

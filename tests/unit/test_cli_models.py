@@ -11,7 +11,7 @@ from jotlight.models import lacking, pretrained, unserved
 from jotlight.pictures import read_picture
 
 SERVED = jl.Sensor(oversampling=4)
-OTHER = jl.Sensor(oversampling=2, frames=3)
+OTHER = jl.Sensor(oversampling=2, frames=100)
 DEFAULT_ELSEWHERE = "non-iterative, total variation"
 
 
@@ -25,11 +25,14 @@ def test_reconstruct_takes_the_learned_network_where_there_is_one_and_says_so(ru
     bits = expose(pictures, SERVED)
     status, said = run("reconstruct", "bits.npy", "-o", "out.npy")
     assert status == 0
-    assert "by network, learned in" in said
+    assert "by network, medium in" in said
     assert "trained network" not in said
     np.testing.assert_array_equal(np.load("out.npy"), pretrained(SERVED).reconstruct(bits))
-    assert run("reconstruct", "bits.npy", "-o", "same.npy", "-m", "network")[0] == 0
-    np.testing.assert_array_equal(np.load("same.npy"), np.load("out.npy"))
+    names = {"network": "fast", "network-small": "small", "network-medium": "medium"}
+    for method, quality in names.items():
+        assert run("reconstruct", "bits.npy", "-o", "same.npy", "-m", method)[0] == 0
+        expected = pretrained(SERVED, quality).reconstruct(bits)
+        np.testing.assert_array_equal(np.load("same.npy"), expected)
 
 
 def test_reconstruct_says_what_it_takes_instead_and_why_and_how_to_train(run, pictures):
@@ -37,7 +40,7 @@ def test_reconstruct_says_what_it_takes_instead_and_why_and_how_to_train(run, pi
     status, said = run("reconstruct", "bits.npy", "-o", "out.npy")
     assert status == 0
     assert "noniterative-tv" in said
-    assert "there is no trained network for 12 bits per pixel" in said
+    assert "there is no trained network for 400 bits per pixel" in said
     assert said.endswith(": jotlight train --sensor bits.npy -o model.safetensors\n")
     assert f"by {DEFAULT_ELSEWHERE} in" in said
     expected = METHODS["noniterative-tv"].run(bits, OTHER)
@@ -48,7 +51,7 @@ def test_reconstruct_by_the_network_fails_where_there_is_none(run, pictures, tmp
     expose(pictures, OTHER)
     status, said = run("reconstruct", "bits.npy", "-o", "out.npy", "-m", "network")
     assert status == 1
-    assert said.startswith(f"error: {unserved(OTHER)}; learn one for this capture")
+    assert said.startswith(f"error: {unserved(OTHER, 'fast')}; learn one for this capture")
     assert said.endswith(": jotlight train --sensor bits.npy -o model.safetensors\n")
     assert not (tmp_path / "out.npy").exists()
 
@@ -77,10 +80,13 @@ def test_an_inverse_asks_for_the_non_iterative_method(run, pictures):
 
 def test_options_that_change_the_sensor_decide_whether_there_is_a_network(run, pictures):
     expose(pictures, SERVED)
-    status, said = run("reconstruct", "bits.npy", "-o", "out.npy", "--gain", 8)
+    words = ["reconstruct", "bits.npy", "-o", "out.npy", "--gain", 8]
+    status, said = run(*words)
     assert status == 0
+    assert "by network, medium in" in said
+    status, said = run(*words, "-m", "network")
+    assert status == 1
     assert "0.5 detections per jot" in said
-    assert f"by {DEFAULT_ELSEWHERE} in" in said
 
 
 def test_counts_are_reconstructed_by_the_network_too(run, pictures):
@@ -89,7 +95,7 @@ def test_counts_are_reconstructed_by_the_network_too(run, pictures):
     for words in (["-t", 16], ["-k", 4]):
         status, said = run("reconstruct", "counts.npy", "-o", "out.npy", *words)
         assert status == 0
-        assert "by network, learned in" in said
+        assert "by network, medium in" in said
         expected = pretrained(SERVED).reconstruct(counts, SERVED)
         np.testing.assert_array_equal(np.load("out.npy"), expected)
 
@@ -106,8 +112,12 @@ def test_compare_leaves_the_learned_network_out_where_there_is_none_and_says_so(
     status, said = run("compare", pictures / "0.png", "-k", 2, "-t", 3)
     assert status == 0
     assert "network, learned" not in said
+    assert "network, medium" in said
+    status, said = run("compare", pictures / "0.png", "-k", 2, "-t", 100)
+    assert status == 0
+    assert "network, medium" not in said
     assert "network, initial" in said
-    assert "Without the learned network: there is no trained network for 12 bits" in said
+    assert "Without the learned network: there is no trained network for 400 bits" in said
     status, said = run("compare", pictures / "0.png", "-k", 2, "-t", 3, "-m", "mle")
     assert status == 0
     assert "trained network" not in said
@@ -154,9 +164,9 @@ def test_a_sensor_without_a_network_gets_the_reason_and_a_command_that_makes_one
     run, pictures, reason, sensor
 ):
     with pytest.raises(ValueError, match="there is no trained network for") as caught:
-        pretrained(sensor)
+        pretrained(sensor, "fast")
     message = str(caught.value)
-    assert lacking(sensor) == message
+    assert lacking(sensor, "fast") == message
     assert reason in message
     words = shlex.split(message[message.index("jotlight train ") :])[1:]
     words[words.index("FOLDER_OF_PHOTOGRAPHS")] = str(pictures)

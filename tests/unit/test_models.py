@@ -59,8 +59,8 @@ def test_the_counts_of_bits_are_those_that_are_promised():
 
 @pytest.mark.parametrize("sensor", [*SPACE, *TIME, *MIXED], ids=repr)
 def test_jots_in_space_and_frames_in_time_are_served_by_one_tied_network(sensor):
-    assert lacking(sensor) is None
-    network = pretrained(sensor)
+    assert lacking(sensor, "fast") is None
+    network = pretrained(sensor, "fast")
     assert network.tied
     np.testing.assert_array_equal(vector_of(network), vector_of(model(sensor.bits_per_pixel)))
     image = camera()[100:130, 180:220]
@@ -153,7 +153,7 @@ def test_a_network_beats_maximum_likelihood_and_its_own_start(sensor):
     quality = {
         name: jl.metrics.psnr(picture, camera())
         for name, picture in {
-            "learned": pretrained(sensor).reconstruct(bits),
+            "learned": pretrained(sensor, "fast").reconstruct(bits),
             "likelihood": jl.mle(bits, sensor),
             "start": jl.Network.initial(sensor).reconstruct(bits),
         }.items()
@@ -177,7 +177,7 @@ def test_on_photographs_like_those_of_the_training_a_network_errs_least(data, se
 
     for sigma in (0.7, 1.0):
         smoother = jl.Network.initial(sensor, sigma=sigma)
-        assert quality(pretrained(sensor)) > quality(smoother) + 0.1
+        assert quality(pretrained(sensor, "fast")) > quality(smoother) + 0.1
 
 
 # From K = 49 on smoothing with σ = 1 is better there.
@@ -186,7 +186,7 @@ def test_with_few_bits_a_network_beats_smoothing_on_other_photographs_too(side, 
     sensor = jl.Sensor(oversampling=side)
     bits = sensor.expose(camera(), rng=0)
     smooth = jl.Network.initial(sensor, sigma=1.0).reconstruct(bits)
-    learned = jl.metrics.psnr(pretrained(sensor).reconstruct(bits), camera())
+    learned = jl.metrics.psnr(pretrained(sensor, "fast").reconstruct(bits), camera())
     assert learned > jl.metrics.psnr(smooth, camera()) + gain
 
 
@@ -194,7 +194,7 @@ def test_more_bits_give_a_better_picture():
     image = camera()[100:300, 100:300]
     quality = []
     for sensor in SPACE:
-        picture = pretrained(sensor).reconstruct(sensor.expose(image, rng=0))
+        picture = pretrained(sensor, "fast").reconstruct(sensor.expose(image, rng=0))
         quality.append(jl.metrics.psnr(picture, image))
     assert (np.diff(quality) > 0.1).all()
 
@@ -204,9 +204,11 @@ def test_dead_jots_are_served():
     mask = np.random.default_rng(0).random((200, 200)) < 0.1
     sensor = jl.Sensor(oversampling=4, mask=mask)
     bits = sensor.expose(image, rng=0)
-    masked = jl.metrics.psnr(pretrained(sensor).reconstruct(bits), image)
+    masked = jl.metrics.psnr(pretrained(sensor, "fast").reconstruct(bits), image)
     whole = jl.Sensor(oversampling=4)
-    unmasked = jl.metrics.psnr(pretrained(whole).reconstruct(whole.expose(image, rng=0)), image)
+    unmasked = jl.metrics.psnr(
+        pretrained(whole, "fast").reconstruct(whole.expose(image, rng=0)), image
+    )
     # A tenth less of light costs a tenth of the noise's power at most, 0.5 dB.
     assert unmasked - 0.6 < masked < unmasked + 0.6
 
@@ -215,13 +217,13 @@ def test_colour_is_served_channel_by_channel():
     image = jl.datasets.photograph("coffee")[100:140, 180:229]
     sensor = jl.Sensor(oversampling=4)
     bits = sensor.expose(image, rng=0)
-    picture = pretrained(sensor).reconstruct(bits)
+    picture = pretrained(sensor, "fast").reconstruct(bits)
     assert picture.shape == image.shape
     assert jl.metrics.psnr(picture, image) > jl.metrics.psnr(jl.mle(bits, sensor), image) + 3
     for channel in range(3):
         counts = bits.counts(4)[..., channel]
         np.testing.assert_array_equal(
-            pretrained(sensor).reconstruct(counts, sensor), picture[..., channel]
+            pretrained(sensor, "fast").reconstruct(counts, sensor), picture[..., channel]
         )
 
 
@@ -229,18 +231,65 @@ def test_weak_dark_counts_are_served():
     image = camera()[100:200, 100:200]
     sensor = jl.Sensor(oversampling=4, dark_counts=0.05)
     bits = sensor.expose(image, rng=0)
-    assert lacking(sensor) is None
-    picture = pretrained(sensor).reconstruct(bits)
+    assert lacking(sensor, "fast") is None
+    picture = pretrained(sensor, "fast").reconstruct(bits)
     assert jl.metrics.psnr(picture, image) > jl.metrics.psnr(jl.mle(bits, sensor), image) + 5
     assert abs(picture.mean() - image.mean()) < 0.02
 
 
 def test_efficiency_and_gain_may_share_the_exposure():
-    assert lacking(jl.Sensor(frames=16, gain=32, efficiency=0.5)) is None
-    assert lacking(jl.Sensor(frames=16, efficiency=0.5)) is not None
+    assert lacking(jl.Sensor(frames=16, gain=32, efficiency=0.5), "fast") is None
+    assert lacking(jl.Sensor(frames=16, efficiency=0.5), "fast") is not None
 
 
 def test_the_promised_quality_is_met_on_photographs(data):
     sensor = jl.Sensor(oversampling=4)
     images = photographs(data)
-    assert jl.evaluate(pretrained(sensor), images, sensor).mean("psnr") >= 24.30
+    assert jl.evaluate(pretrained(sensor, "fast"), images, sensor).mean("psnr") >= 24.30
+
+
+# Least PSNR over total variation, in dB, of the network that is told K.
+TOLD = {
+    "one bit": (jl.Sensor(), 3.5),
+    "four frames": (jl.Sensor(frames=4), 2.5),
+    "sixteen jots": (jl.Sensor(oversampling=4), 1.8),
+    "many frames": (jl.Sensor(frames=256), 1.0),
+    "dim": (jl.Sensor(frames=16, gain=0.8), 2.5),
+    "bright": (jl.Sensor(frames=64, gain=256), 1.2),
+    "dark counts": (jl.Sensor(frames=16, dark_counts=0.2), 1.0),
+    "a higher threshold": (jl.Sensor(frames=16, gain=48, threshold=2), 1.0),
+}
+
+
+@pytest.mark.parametrize(("sensor", "gain"), TOLD.values(), ids=TOLD)
+def test_the_medium_network_serves_any_exposure_better_than_total_variation(sensor, gain):
+    image = camera()
+    bits = sensor.expose(image, rng=1)
+    ours = jl.metrics.psnr(pretrained(sensor).reconstruct(bits), image)
+    assert ours > jl.metrics.psnr(jl.noniterative(bits, sensor, denoiser="tv"), image) + gain
+
+
+@by_bits
+def test_the_small_network_is_better_than_the_fast_one(bits):
+    sensor, image = jl.Sensor(frames=bits), camera()[64:192, 160:288]
+    seen = sensor.expose(image, rng=1)
+    small, fast = (
+        jl.metrics.psnr(pretrained(sensor, quality).reconstruct(seen), image)
+        for quality in ("small", "fast")
+    )
+    assert small > fast + 0.5
+
+
+def test_no_file_of_a_network_is_large():
+    assert (FOLDER / "medium.safetensors").stat().st_size < 600_000
+    for bits in BITS_PER_PIXEL:
+        assert (FOLDER / f"small-k{bits}.safetensors").stat().st_size < 60_000
+
+
+def test_there_is_no_other_quality():
+    with pytest.raises(
+        ValueError, match="quality: expected one of fast, small, medium, got 'best'"
+    ):
+        pretrained(jl.Sensor(oversampling=4), "best")
+    assert "only for 1 to 256" in lacking(jl.Sensor(frames=300))
+    assert "the cubic kernel" in lacking(jl.Sensor(oversampling=4, kernel="cubic"))

@@ -78,9 +78,7 @@ class SafeSet:
             When 0 is not in the domain of the first splines, which then cannot be safe.
         """
         projected = np.array(vector, np.float64)
-        domains = [
-            (x.start, x.start + x.spacing * (x.coefficients.shape[1] - 3)) for x in network.layers
-        ]
+        domains = [(x.start, x.start + x.spacing * (x.bend.shape[1] - 3)) for x in network.layers]
         if not domains[0][0] <= 0 < domains[0][1]:
             raise ValueError(
                 f"network: expected a first spline that starts at 0, got the domain {domains[0]}"

@@ -133,12 +133,12 @@ class Adam:
     @staticmethod
     def _ranges(network: Network) -> Vector:
         """How far each parameter can be expected to go."""
-        ranges = np.empty(sum(x.filters.size + x.coefficients.size for x in network.layers))
+        ranges = np.empty(sum(x.parameters for x in network.layers))
         for index, (filters, coefficients) in enumerate(parts_of(network, ranges)):
             filters[...] = 0.2
             if index + 1 < len(network.layers):
                 after = network.layers[index + 1]
-                coefficients[...] = after.spacing * (after.coefficients.shape[1] - 3)
+                coefficients[...] = after.spacing * (after.bend.shape[1] - 3)
             else:
                 coefficients[...] = network.sensor.max_intensity
         return ranges
@@ -217,7 +217,7 @@ def _groups(network: Network) -> list[tuple[slice, bool]]:
     groups = []
     start = 0
     for layer in network.layers:
-        rows, number = layer.coefficients.shape
+        rows, number = layer.bend.shape
         for size, spline in [(layer.filters.size, False), *[(number, True)] * rows]:
             groups.append((slice(start, start + size), spline))
             start += size

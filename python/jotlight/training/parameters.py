@@ -35,7 +35,7 @@ def parts_of(network: Network, vector: Vector) -> Iterator[tuple[Vector, Vector]
     start = 0
     for layer in network.layers:
         parts = []
-        for array in (layer.filters, layer.coefficients):
+        for array in (layer.filters, layer.bend):
             parts.append(vector[start : start + array.size].reshape(array.shape))
             start += array.size
         yield parts[0], parts[1]
