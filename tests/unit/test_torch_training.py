@@ -106,9 +106,7 @@ def test_a_checkpoint_of_another_run_is_refused(tmp_path):
 
 
 def test_a_rate_that_leads_nowhere_is_an_error():
-    with pytest.raises(
-        FloatingPointError, match=r"step \d+: not a number .* lower the rate"
-    ):
+    with pytest.raises(FloatingPointError, match=r"step \d+: not a number .* lower the rate"):
         learn(STARTS["told"], rate=1e30, steps=30)
 
 
