@@ -137,7 +137,7 @@ def test_large_pictures_in_parts_are_those_in_one(monkeypatch, tied):
     height = 17 * network.halo + 11
     bits = jl.Bits.from_array(random_bits(rng, sensor, height, 25))
     whole = network.reconstruct(bits)
-    monkeypatch.setattr(networks, "_TAPS", 1)
+    monkeypatch.setattr(networks, "_WORK", 1)
     np.testing.assert_array_equal(network.reconstruct(bits), whole)
     if tied:
         counts = bits.counts(sensor.oversampling)
