@@ -93,5 +93,8 @@ METHODS: dict[str, Method] = {
 }
 """The methods that can be compared, in the order in which they are shown."""
 
+DEEPER = "network-small", "network-medium"
+"""Those that go beyond the paper."""
+
 DEFAULT = "network-medium"
 """The method to take where none is asked for."""

@@ -170,7 +170,7 @@ def test_the_default_method_serves_a_calibrated_sensor(run, captures, calibrated
     told = json.loads((captures / "a.npy.json").read_text())
     scene = np.linspace(0.1, 0.8, SHAPE[1])
     assert np.sqrt(np.mean((np.load("a.npy") - scene) ** 2)) < 0.1
-    assert told["method"] == "network"
+    assert told["method"] == "network-medium"
 
 
 def test_bits_that_carry_a_sensor_keep_its_other_parameters(run, captures, calibrated):

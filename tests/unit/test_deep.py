@@ -61,7 +61,6 @@ def test_the_picture_of_any_wiring_is_the_twins(tied, size, seed):
     np.testing.assert_allclose(picture, twin(network, bits), atol=2e-5)
 
 
-@pytest.mark.xfail(reason="the engine's tiles lack what such filters read", raises=BaseException)
 def test_filters_that_the_stride_does_not_divide():
     rng = np.random.default_rng(0)
     network = deep.wired(rng, SENSOR, odd=True)

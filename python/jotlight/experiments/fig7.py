@@ -31,7 +31,7 @@ from jotlight.experiments.section import (
     Table,
     Verdict,
 )
-from jotlight.methods import METHODS
+from jotlight.methods import DEEPER, METHODS
 
 NETWORK = "network.safetensors"
 
@@ -100,7 +100,7 @@ def methods(network: jl.Network) -> dict[str, Callable[..., Image]]:
     runs = {
         name: method.run
         for name, method in METHODS.items()
-        if method.available and name not in ("mle-iterative", "network")
+        if method.available and name not in ("mle-iterative", "network", *DEEPER)
     }
     if "noniterative-bm3d" in runs:
         kept: list[Image] = []

@@ -29,7 +29,7 @@ from jotlight.experiments.fig7 import part_of
 from jotlight.experiments.learning import sensor_of
 from jotlight.experiments.names import UNTIED, title
 from jotlight.experiments.section import Claim, Column, Section, Table, Verdict
-from jotlight.methods import METHODS
+from jotlight.methods import DEEPER, METHODS
 
 SETTINGS = {"bits": 16, "side": None, "rounds": 12, "seed": 0}
 
@@ -57,7 +57,9 @@ def parts(lab: Lab) -> list[Part]:
         sensor = sensor_of(lab.settings["bits"])
         packed = sensor.expose(image, lab.settings["seed"]).packed
         methods = [
-            name for name, method in METHODS.items() if method.available and name != "mle-iterative"
+            name
+            for name, method in METHODS.items()
+            if method.available and name not in ("mle-iterative", *DEEPER)
         ] + [UNTIED]
         rows: list[Row] = []
         rounds = lab.settings["rounds"]

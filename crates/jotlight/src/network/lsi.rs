@@ -73,15 +73,16 @@ impl<F: Real> Filters<F> {
 
     /// The part of planes of a size that a part of the output needs.
     pub fn read(&self, wanted: &Place, size: (usize, usize)) -> Place {
-        let needed = |wanted: &Range<usize>, taps: usize, size: usize| {
+        let needed = |wanted: &Range<usize>, (taps, loops): (usize, usize), size: usize| {
             let before = before(taps, self.stride);
-            let end = (wanted.end.max(1) - 1) * self.stride + taps;
+            // Loops read whole strides, with taps of 0 where the filter has none.
+            let end = (wanted.end.max(1) - 1 + loops) * self.stride;
             (wanted.start * self.stride).saturating_sub(before)
                 ..end.saturating_sub(before).min(size)
         };
         Place {
-            rows: needed(&wanted.rows, self.size.0, size.0),
-            columns: needed(&wanted.columns, self.size.1, size.1),
+            rows: needed(&wanted.rows, (self.size.0, self.taps.0), size.0),
+            columns: needed(&wanted.columns, (self.size.1, self.taps.1), size.1),
         }
     }
 }
