@@ -3,11 +3,15 @@
 import contextlib
 import dataclasses
 import os
+import time
 from collections.abc import Iterator
 
 import torch
 import torch.distributed as group
 from torch import Tensor
+
+_LETTING_GO = 0.2
+"""Seconds."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,3 +75,6 @@ def together(device: torch.device) -> Iterator[Processes]:
         yield Processes(group.get_rank(), group.get_world_size())
     finally:
         group.destroy_process_group()
+        # Its threads still let go of the last tensors, for which they need the interpreter: were it
+        # on its way out by then, the process would be aborted.
+        time.sleep(_LETTING_GO)
