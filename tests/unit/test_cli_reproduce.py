@@ -16,7 +16,7 @@ from jotlight.experiments.limit import posterior_mean_psnr
 from jotlight.experiments.markdown import markdown
 from jotlight.experiments.reporting import read_report
 from jotlight.experiments.section import Verdict
-from jotlight.methods import METHODS
+from jotlight.methods import DEEPER, METHODS
 from reference.datasets import TEST, make_data
 
 
@@ -43,7 +43,9 @@ def rows_of(folder, name):
 
 def installed():
     return {
-        name for name, method in METHODS.items() if method.available and name != "mle-iterative"
+        name
+        for name, method in METHODS.items()
+        if method.available and name not in ("mle-iterative", *DEEPER)
     }
 
 
