@@ -25,7 +25,6 @@ Stages = tuple[tuple[int, float], ...]
 
 FIRST: Stages = ((40_000, 3e-3),)
 FURTHER: Stages = ((8_000, 1.5e-3),)
-TOLD: Stages = ((20_000, 3e-3), (20_000, 1.5e-3))
 ALONE: Stages = ((20_000, 3e-3),)
 COMPARED = "medium-k16", "large-k16"
 SMALL = [f"small-k{bits}" for bits in (16, *(bits for bits in BITS_PER_PIXEL if bits != 16))]
@@ -62,7 +61,7 @@ def start_of(name: str) -> tuple[jl.Network, Stages]:
     """Where a network begins, and its stages."""
     sensor, member = sensor_of(name), name.split("-")[0]
     if name == "medium":
-        return jl.Network.told(member, rng=0), TOLD
+        return jl.Network.told(member, rng=0), ALONE
     start = jl.Network.deep(sensor, member, rng=0)
     if name == "small-k16":
         return start, FIRST
