@@ -176,3 +176,12 @@ def test_what_is_known_exactly_does_not_learn():
     for index, coefficients in module.coefficients.items():
         learns = module.origin.layers[int(index)].learns
         assert coefficients.requires_grad == (learns == "all")
+
+
+def test_what_is_learned_further_does_not_change_a_network_that_was_given():
+    module = Network(jl.Network.deep(jl.Sensor(frames=4), "small", rng=0))
+    given = module.network()
+    before = given.layers[2].filters.copy()
+    with torch.no_grad():
+        module.filters[2].add_(1)
+    np.testing.assert_array_equal(given.layers[2].filters, before)

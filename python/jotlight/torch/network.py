@@ -152,4 +152,5 @@ def _parameter(array: npt.NDArray[np.float32], learns: bool) -> nn.Parameter:
 
 
 def _array(parameter: Tensor) -> npt.NDArray[np.float32]:
-    return np.asarray(parameter.detach().cpu(), np.float32)
+    # A copy: what is learned further does not change it.
+    return np.array(parameter.detach().cpu().numpy(), np.float32)
