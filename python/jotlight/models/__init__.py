@@ -35,7 +35,7 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
         K = 9, 16, 25, 36, 49, 64, 81 or 100 bits per pixel, ηα = K, threshold 1, S = 1, and no more
         than weak dark counts. Dead jots are allowed.
     quality : {"fast", "small", "medium"}
-        The paper's two layers; four layers of 12 channels; or eleven layers of up to 52, which are
+        The paper's two layers; six layers of up to 12 channels; or thirteen of up to 52, which are
         told K.
 
     Returns

@@ -17,6 +17,7 @@ from jotlight.channels import channels_of
 from jotlight.observation import Observation, observe
 from jotlight.sensor import Sensor
 from jotlight.torch.network import Network
+from jotlight.torch.processes import place
 from jotlight.torch.splitting import Splits
 from jotlight.torch.training import _at_least, _course
 from jotlight.training.history import History, Record
@@ -136,8 +137,7 @@ def fine_tune(
         if threads is not None:
             torch.set_num_threads(_at_least("threads", threads, 1))
         splits = Splits(network, sensor, seen, _generator(seed, 0))
-        place = torch.device(device or ("cuda" if torch.cuda.is_available() else "cpu"))
-        tuning = _Tuning(network, splits, run, place)
+        tuning = _Tuning(network, splits, run, place(device))
         tuning.follow(rate, callback)
     finally:
         torch.set_num_threads(before)
@@ -185,11 +185,11 @@ class _Tuning:
         network: jotlight.Network,
         splits: Splits,
         run: Mapping[str, Any],
-        place: torch.device,
+        device: torch.device,
     ) -> None:
-        self.splits, self.run, self.place = splits, run, place
+        self.splits, self.run, self.device = splits, run, device
         self.best, self.least = network, math.inf
-        self.module = Network(network).to(place)
+        self.module = Network(network).to(device)
         self.history = History()
 
     def follow(self, rate: float, callback: Callable[[Record], object] | None) -> None:
@@ -206,7 +206,7 @@ class _Tuning:
             optimiser.step()
             self._keep_in_range()
         self._look()
-        self.module = Network(self.best).to(self.place)
+        self.module = Network(self.best).to(self.device)
         self._note(self._measure(steps, self.least), callback)
 
     def _measure(self, step: int, held_out: float | None) -> Record:
@@ -214,7 +214,7 @@ class _Tuning:
         rng = _generator(self.run["seed"], 1, step)
         split = self.splits.draw(rng, self.run["batch"], self.run["patch"])
         self.module.zero_grad()
-        loss = self.splits.surprise(self.module(split.counts.to(self.place), split.told), split)
+        loss = self.splits.surprise(self.module(split.counts.to(self.device), split.told), split)
         loss.backward()
         norm = float(nn.utils.clip_grad_norm_(self.module.parameters(), _CLIP))
         cost = float(loss.detach())

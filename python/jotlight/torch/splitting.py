@@ -14,6 +14,7 @@ from jotlight import response
 from jotlight.mle import equivalent_counts, reference_jot
 from jotlight.observation import Observation
 from jotlight.sensor import Sensor
+from jotlight.torch.response import fires
 
 Whole = npt.NDArray[np.int64]
 
@@ -196,7 +197,7 @@ class Splits:
             detected = (_rates(threshold, pictures) - own_dark) / own_efficiency
         else:
             detected = light * pictures
-        chances = _chances(threshold, (efficiency * detected + dark).clamp(min=0))
+        chances = fires(threshold, (efficiency * detected + dark).clamp(min=0))
         floor = _FLOOR / self.whole
         chances = floor + (1 - 2 * floor) * chances
         told = ones * chances.log() + (trials - ones) * torch.log1p(-chances)
@@ -223,13 +224,6 @@ def _rates(threshold: int, chances: Tensor) -> Tensor:
         slopes = 1 / np.maximum(response.density(threshold, found), 1e-6)
         rates, slope = (torch.from_numpy(x).to(chances) for x in (found, slopes))
     return rates + slope * (chances - chances.detach())
-
-
-def _chances(threshold: int, rates: Tensor) -> Tensor:
-    """P(q, s)."""
-    if threshold == 1:
-        return -torch.expm1(-rates)
-    return torch.special.gammainc(torch.full_like(rates, threshold), rates)
 
 
 def _part(
