@@ -5,7 +5,7 @@
 The folder holds ``bsds300/train/*.jpg`` to learn from and ``bsds300/test/*.jpg`` to measure on. The
 networks go to ``python/jotlight/models``. Runs that are stopped go on where they were. It needs the
 extra `torch`. `medium-k16` and `large-k16`, for K = 16 alone, are to compare with and go to
-`--elsewhere`; the small networks begin at `small-k16`, which comes first.
+`--elsewhere`; the small networks begin at the first stage of `small-k16`, which comes first.
 """
 
 import argparse
@@ -23,9 +23,14 @@ from jotlight.torch import train
 Stages = tuple[tuple[int, float], ...]
 """Steps and rates of runs that begin where the one before ended, with seeds 1, 2 and so on."""
 
-FIRST: Stages = ((40_000, 3e-3),)
+STAGES: dict[str, Stages] = {
+    "small-k16": ((40_000, 3e-3), (20_000, 1.5e-3)),
+    "medium": ((36_000, 3e-3),),
+    "medium-k16": ((25_000, 3e-3),),
+    "large-k16": ((24_000, 3e-3),),
+}
 FURTHER: Stages = ((8_000, 1.5e-3),)
-ALONE: Stages = ((20_000, 3e-3),)
+"""Of the small networks for other K, from the first stage of `small-k16`."""
 COMPARED = "medium-k16", "large-k16"
 SMALL = [f"small-k{bits}" for bits in (16, *(bits for bits in BITS_PER_PIXEL if bits != 16))]
 NAMES = [*SMALL, "medium", *COMPARED]
@@ -57,24 +62,22 @@ def sensor_of(name: str) -> jl.Sensor:
     return jl.Sensor(frames=bits)
 
 
-def start_of(name: str) -> tuple[jl.Network, Stages]:
-    """Where a network begins, and its stages."""
+def start_of(name: str, elsewhere: Path) -> jl.Network:
+    """Where a network begins."""
     sensor, member = sensor_of(name), name.split("-")[0]
     if name == "medium":
-        return jl.Network.told(member, rng=0), ALONE
+        return jl.Network.told(member, rng=0)
     start = jl.Network.deep(sensor, member, rng=0)
-    if name == "small-k16":
-        return start, FIRST
-    if member != "small":
-        return start, ALONE
+    if name in STAGES:
+        return start
     # The counts and x0 of its own K, and all else of the network for 16.
-    other = jl.Network.load(FOLDER / "small-k16.safetensors")
-    return jl.Network([*start.layers[:2], *other.layers[2:]], sensor), FURTHER
+    other = jl.Network.load(elsewhere / "small-k16.1.safetensors")
+    return jl.Network([*start.layers[:2], *other.layers[2:]], sensor)
 
 
 def learned(name: str, scenes: list[np.ndarray], options: argparse.Namespace) -> jl.Network:
-    network, stages = start_of(name)
-    for seed, (steps, rate) in enumerate(stages, 1):
+    network = start_of(name, options.elsewhere)
+    for seed, (steps, rate) in enumerate(STAGES.get(name, FURTHER), 1):
         done = options.elsewhere / f"{name}.{seed}.safetensors"
         if done.exists():
             network = jl.Network.load(done)
@@ -102,10 +105,10 @@ def tell(name: str, steps: int, record: jl.training.Record) -> None:
 
 
 def card_of(name: str, network: jl.Network, tests: list[np.ndarray]) -> str:
-    stages = start_of(name)[1]
+    stages = STAGES.get(name, FURTHER)
     course = ", then ".join(f"{steps:,} steps at rate {rate:g}" for steps, rate in stages)
     if name in SMALL[1:]:
-        course += ", from small-k16"
+        course += ", from the first stage of small-k16"
     if network.bits is None:
         bits = sensor_of(name).bits_per_pixel
         scores = scored(network, bits, tests)
