@@ -30,10 +30,10 @@ COLUMNS = "nonlinearity", "channels", "steps", "seed", "psnr_db"
 class Rectified(Network):
     """The same with max(z, 0) for every spline that is learned."""
 
-    def _bent(self, index: int, sums: Tensor, coefficients: Tensor | None) -> Tensor:
+    def bent(self, index: int, sums: Tensor, coefficients: Tensor | None) -> Tensor:
         if coefficients is not None and coefficients.requires_grad:
             return sums.relu()
-        return super()._bent(index, sums, coefficients)
+        return super().bent(index, sums, coefficients)
 
 
 def main() -> None:

@@ -10,6 +10,7 @@ from suite.case import OF_SCALAR
 from suite.figures import Path, of_bound, paired, ratio, speed_up
 from suite.latency import HELP, NUMPY, RECONSTRUCT
 from suite.paths.counting import SAME_BYTES
+from suite.paths.deep import OUR_SPLINES
 from suite.paths.filtering import WITHOUT
 from suite.paths.reconstruction import BM3D, COMPILED, TORCH
 from suite.paths.training import DRAWN, PLAIN
@@ -71,6 +72,25 @@ def network_and_denoiser(path: Path) -> Iterator[Claim]:
     yield Claim(said, 2000, rival_ratio(path, BM3D, 1), "×", bound=near(path, 1))
 
 
+def deep(path: Path) -> Iterator[Claim]:
+    of_torch, of_denoiser = DEEP[path["name"].removeprefix("deep-")]
+    title, numbers = path["title"], [int(number) for number in path["seconds"]]
+    for threads in numbers if of_torch else ():
+        ratios = [rival_ratio(path, name, threads) for name in (TORCH, COMPILED)]
+        least = min((ratio for ratio in ratios if ratio is not None), default=None)
+        said = (
+            f"{title}: times as fast as PyTorch, the faster of eager and compiled, "
+            f"{words_of(threads)}"
+        )
+        module = rival_ratio(path, OUR_SPLINES, threads)
+        bound = near(path, threads)
+        if module is not None:
+            bound += f"; {module:.1f} times as fast as PyTorch with our splines"
+        yield Claim(said, of_torch, least, "×", bound=bound)
+    said = f"{title}: times as fast as {BM3D}, two threads"
+    yield Claim(said, of_denoiser, rival_ratio(path, BM3D, 2), "×", bound=near(path, 2))
+
+
 def filtering(path: Path) -> Iterator[Claim]:
     whole = figures.bounds(path, 1)[0] / figures.median(path, "jotlight", 1)
     said = "15 × 15 filter: share of the peak of multiply-adds, one thread"
@@ -99,9 +119,17 @@ def counting(path: Path) -> Iterator[Claim]:
     yield Claim(said, 0.5, rival_ratio(path, SAME_BYTES, 1), "%", bound=near(path, 1))
 
 
+DEEP: dict[str, tuple[float | None, float]] = {
+    "small": (3, 600),
+    "medium": (2, 100),
+    "large": (None, 40),
+}
+"""Times as fast as PyTorch, and as BM3D."""
+
 SPEED: dict[str, Callable[[Path], Iterator[Claim]]] = {
     "network": network_and_denoiser,
     "network-untied": network,
+    **{f"deep-{member}": deep for member in DEEP},
     "filter": filtering,
     "training": training,
     "sampling": sampling,

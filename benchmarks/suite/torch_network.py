@@ -1,4 +1,4 @@
-"""The two-layer network in PyTorch."""
+"""Networks in PyTorch alone."""
 
 from collections.abc import Callable
 
@@ -6,6 +6,7 @@ import numpy as np
 import torch
 
 import jotlight as jl
+from jotlight.torch import Network
 from suite.paths.scene import unpacked
 
 Spline = Callable[[torch.Tensor, torch.Tensor, float, float], torch.Tensor]
@@ -36,11 +37,9 @@ class TorchNetwork:
 
     def sums(self, bits: jl.Bits) -> torch.Tensor:
         """Give p, or of a tied network the counts."""
-        jots = torch.from_numpy(unpacked(bits))[None].float()
         if self.tied:
-            # The quickest of PyTorch's ways to add up a block.
-            return torch.nn.functional.avg_pool2d(jots, self.side, divisor_override=1)
-        return torch.nn.functional.conv2d(jots, self.first, stride=self.side)
+            return counts_of(bits, self.side)
+        return torch.nn.functional.conv2d(jots_of(bits), self.first, stride=self.side)
 
     def picture(self, sums: torch.Tensor) -> torch.Tensor:
         p = self.first * sums if self.tied else sums
@@ -52,6 +51,32 @@ class TorchNetwork:
     def reconstruct(self, bits: jl.Bits) -> np.ndarray:
         with torch.inference_mode():
             return self.picture(self.sums(bits))[0, 0].numpy()
+
+
+class DeepNetwork(Network):
+    """The module, with splines in the quickest of PyTorch's ways forwards."""
+
+    def bent(
+        self, index: int, sums: torch.Tensor, coefficients: torch.Tensor | None
+    ) -> torch.Tensor:
+        if coefficients is None:
+            return sums
+        place, intervals = self.places[index], coefficients.shape[1] - 3
+        first, f = place_of(sums, intervals, place.start, place.spacing)
+        cubics = coefficients.unfold(1, 4, 1) @ BASIS
+        channel = torch.arange(len(cubics), dtype=torch.int32).view(1, -1, 1, 1) * cubics.shape[1]
+        first = (first.view(sums.shape) + channel).view(-1)
+        a, b, c, d = cubics.view(-1, 4).index_select(0, first).view(*sums.shape, 4).unbind(-1)
+        return ((d * f + c) * f + b) * f + a
+
+
+def jots_of(bits: jl.Bits) -> torch.Tensor:
+    return torch.from_numpy(unpacked(bits))[None].float()
+
+
+def counts_of(bits: jl.Bits, side: int) -> torch.Tensor:
+    # The quickest of PyTorch's ways to add up a block.
+    return torch.nn.functional.avg_pool2d(jots_of(bits), side, divisor_override=1)
 
 
 def mirrored(size: int, halo: int) -> torch.Tensor:

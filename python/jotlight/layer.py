@@ -173,13 +173,14 @@ def shares_of(bits: float, between: tuple[float, float], number: int) -> npt.NDA
     low, high = (math.log2(x) for x in between)
     place = (math.log2(bits) - low) / (high - low) * (number - 3)
     first = min(max(math.floor(place), 0), number - 4)
-    shares = np.zeros(number)
-    shares[first : first + 4] = _CUBICS @ (place - first) ** np.arange(4)
-    return shares
+    through = place - first
+    cubics = [(((d * through + c) * through + b) * through + a) / 6 for a, b, c, d in _CUBICS]
+    return np.array([0.0] * first + cubics + [0.0] * (number - 4 - first))
 
 
-_CUBICS = np.array([[1, -3, 3, -1], [4, 0, -6, 3], [1, 3, 3, -3], [0, 0, 0, 1]]) / 6
-"""The four cubic B-splines that are not zero past a knot, in powers of the distance past it."""
+# No array: torch.compile would take it for a tensor.
+_CUBICS = (1, -3, 3, -1), (4, 0, -6, 3), (1, 3, 3, -3), (0, 0, 0, 1)
+"""Six times the four cubic B-splines past a knot, in powers of the distance past it."""
 
 
 def _checked(name: str, value: Any, dimensions: int) -> npt.NDArray[np.float32]:

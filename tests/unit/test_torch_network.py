@@ -167,6 +167,8 @@ def test_compiling_changes_nothing():
         torch.autograd.grad(x.square().sum(), module.coefficients["4"]) for x in (given, expected)
     ]
     torch.testing.assert_close(*slopes, atol=1e-4, rtol=1e-4)
+    with torch.inference_mode():
+        torch.testing.assert_close(compiled(tensor, 16), expected.detach(), atol=1e-5, rtol=0)
 
 
 def test_what_is_known_exactly_does_not_learn():

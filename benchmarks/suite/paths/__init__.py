@@ -1,7 +1,11 @@
 """The hot paths by name; each gives its cases, smaller ones where `quick` is true."""
 
+from functools import partial
+
+from jotlight.deep import MEMBERS
 from suite.paths import (
     counting,
+    deep,
     filtering,
     first_layer,
     reconstruction,
@@ -16,6 +20,7 @@ PATHS = {
     "filter": filtering.cases,
     "splines": splines.cases,
     "network": reconstruction.cases,
+    **{f"deep-{member}": partial(deep.cases, member) for member in MEMBERS},
     "training": training.cases,
     "sampling": sampling.cases,
 }

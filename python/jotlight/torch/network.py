@@ -1,6 +1,8 @@
 """The network as a module of PyTorch, built from and written back to the same file."""
 
 import dataclasses
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +13,43 @@ from torch.nn import functional
 import jotlight
 from jotlight.layer import Layer, number_of_sets, shares_of, sources, step_of
 from jotlight.torch.spline import spline
+
+
+class Place(NamedTuple):
+    """Where a layer stands in a network, and how it filters: all but what it learns."""
+
+    reads: int
+    adds: int | None
+    stride: int
+    upsampling: int
+    rows: tuple[int, int]
+    """By how many the planes that it reads are continued, above and below."""
+    columns: tuple[int, int]
+    start: float
+    spacing: float
+
+
+def places_of(layers: Sequence[Layer]) -> list[Place]:
+    """Give the place of each layer."""
+    found = []
+    for layer, source in zip(layers, sources(layers), strict=True):
+        rows, columns = (
+            (before, size - layer.stride - before)
+            for before, size in zip(layer.before, layer.shape[2:], strict=True)
+        )
+        found.append(
+            Place(
+                source,
+                layer.adds,
+                layer.stride,
+                layer.upsampling,
+                rows,
+                columns,
+                layer.start,
+                layer.spacing,
+            )
+        )
+    return found
 
 
 class Network(nn.Module):
@@ -33,7 +72,10 @@ class Network(nn.Module):
         super().__init__()
         self.origin = network
         layers = network.layers
-        self._sources, self._step = sources(layers), step_of(layers)
+        # Arrays of NumPy would be tensors to torch.compile, which fails in its inference mode.
+        self.places = places_of(layers)
+        self._step, self._sets = step_of(layers), number_of_sets(layers)
+        self._between, self._side = network.bits, 1 if network.tied else network.sensor.oversampling
         self.filters = nn.ParameterList(
             _parameter(layer.filters, layer.learns != "nothing") for layer in layers
         )
@@ -56,46 +98,41 @@ class Network(nn.Module):
         bits : int, optional
             K, which a network for many K has to be told; it gives shares of ones then, P(b = 1).
         """
-        return self._bent(-1, self.sums(data, bits), self._parameters_at(bits)[1][-1])
+        return self.bent(-1, self.sums(data, bits), self._parameters_at(bits)[1][-1])
 
     def sums(self, data: Tensor, bits: int | None = None) -> Tensor:
         """Give what the last spline makes the pictures of, (N, 1, H, W)."""
         filters, coefficients = self._parameters_at(bits)
-        side = 1 if self.origin.tied else self.origin.sensor.oversampling
-        sums = functional.conv2d(data.to(filters[0].dtype), filters[0], stride=side)
+        sums = functional.conv2d(data.to(filters[0].dtype), filters[0], stride=self._side)
         height, width = sums.shape[-2:]
         sums = continued(sums, (0, -height % self._step), (0, -width % self._step))
         planes: list[Tensor] = []
-        for index, layer in enumerate(self.origin.layers):
+        for index, place in enumerate(self.places):
             if index:
-                planes.append(self._bent(index - 1, sums, coefficients[index - 1]))
-                sums = _filtered(planes[self._sources[index]], filters[index], layer)
-            if layer.adds is not None:
-                sums = sums + planes[layer.adds]
+                planes.append(self.bent(index - 1, sums, coefficients[index - 1]))
+                sums = _filtered(planes[place.reads], filters[index], place)
+            if place.adds is not None:
+                sums = sums + planes[place.adds]
         return sums[..., :height, :width]
 
-    def _bent(self, index: int, sums: Tensor, coefficients: Tensor | None) -> Tensor:
+    def bent(self, index: int, sums: Tensor, coefficients: Tensor | None) -> Tensor:
+        """Give φ of the sums of a layer: what a network with other nonlinearities replaces."""
         if coefficients is None:
             return sums
-        layer = self.origin.layers[index]
-        return spline(sums, coefficients, layer.start, layer.spacing)
+        return spline(sums, coefficients, self.places[index].start, self.places[index].spacing)
 
     def _parameters_at(self, bits: int | None) -> tuple[list[Tensor], list[Tensor | None]]:
         """Filters and coefficients of the layers, where the network is told K."""
-        between, layers = self.origin.bits, self.origin.layers
-        if (between is None) != (bits is None):
+        if (self._between is None) != (bits is None):
             raise ValueError(
                 "bits: expected K for a network that is told it, and only for such a network, got "
                 f"{bits}"
             )
         filters: list[Tensor] = list(self.filters)
-        coefficients = [
-            None if layer.coefficients is None else self.coefficients[str(index)]
-            for index, layer in enumerate(layers)
-        ]
-        if between is None or bits is None:
+        coefficients = [self.coefficients.get(str(index), None) for index in range(len(filters))]
+        if self._between is None or bits is None:
             return filters, coefficients
-        shares = torch.as_tensor(shares_of(bits, between, number_of_sets(layers))).to(filters[0])
+        shares = torch.as_tensor(shares_of(bits, self._between, self._sets)).to(filters[0])
 
         def at(sets: Tensor, dimensions: int) -> Tensor:
             return sets if sets.dim() == dimensions else torch.tensordot(shares, sets, 1)
@@ -120,17 +157,13 @@ class Network(nn.Module):
         return jotlight.Network(layers, origin.sensor, origin.history, bits=origin.bits)
 
 
-def _filtered(planes: Tensor, filters: Tensor, layer: Layer) -> Tensor:
+def _filtered(planes: Tensor, filters: Tensor, place: Place) -> Tensor:
     """D(h * u): equation (9), with a stride, and from depth to space."""
-    rows, columns = (
-        (before, size - layer.stride - before)
-        for before, size in zip(layer.before, layer.shape[2:], strict=True)
-    )
     # PyTorch's filters are turned around.
     sums = functional.conv2d(
-        continued(planes, rows, columns), filters.flip(2, 3), stride=layer.stride
+        continued(planes, place.rows, place.columns), filters.flip(2, 3), stride=place.stride
     )
-    return functional.pixel_shuffle(sums, layer.upsampling) if layer.upsampling > 1 else sums
+    return functional.pixel_shuffle(sums, place.upsampling) if place.upsampling > 1 else sums
 
 
 def continued(planes: Tensor, rows: tuple[int, int], columns: tuple[int, int]) -> Tensor:
@@ -141,9 +174,8 @@ def continued(planes: Tensor, rows: tuple[int, int], columns: tuple[int, int]) -
         return functional.pad(planes, (*columns, *rows), mode="replicate")
     for dimension, (before, after) in ((2, rows), (3, columns)):
         size = planes.shape[dimension]
-        places = np.arange(-before, size + after) % (2 * size)
-        places = np.minimum(places, 2 * size - 1 - places)
-        planes = planes.index_select(dimension, torch.from_numpy(places).to(planes.device))
+        places = torch.arange(-before, size + after, device=planes.device) % (2 * size)
+        planes = planes.index_select(dimension, places.minimum(2 * size - 1 - places))
     return planes
 
 
