@@ -191,7 +191,7 @@ class Network:
     def halo(self) -> int:
         """Pixels around a pixel that its estimate depends on.
 
-        A tile with a border of this width has exactly the pixels of the whole inside of the border.
+        Inside of a border of this width a tile has the pixels of the whole, but for rounding.
         """
         return halo_of(self.layers)
 

@@ -35,27 +35,17 @@ impl<F: Real> Bank<F> {
         tap: impl Fn(usize, usize, usize, usize) -> F,
     ) -> Self {
         let many = cpu::run(Registers) >= 32;
-        let at = |first: usize, place: usize, number: usize| {
-            let (input, line, column) = (
-                place / (lines * columns),
-                place / columns % lines,
-                place % columns,
-            );
-            match first + number {
-                output if output < outputs => tap(output, input, line, column),
-                _ => F::zero(),
-            }
-        };
         let (mut blocks, mut first) = (Vec::new(), 0);
         while first < outputs {
-            let places = 0..inputs * lines * columns;
+            let at = |output: usize, input, line, column| match first + output {
+                output if output < outputs => tap(output, input, line, column),
+                _ => F::zero(),
+            };
             if many && outputs - first > FEW {
-                let taps = places.map(|place| std::array::from_fn(|o| at(first, place, o)));
-                blocks.push(Block::Many(taps.collect()));
+                blocks.push(Block::Many(in_order((inputs, lines, columns), at)));
                 first += MANY;
             } else {
-                let taps = places.map(|place| std::array::from_fn(|o| at(first, place, o)));
-                blocks.push(Block::Few(taps.collect()));
+                blocks.push(Block::Few(in_order((inputs, lines, columns), at)));
                 first += FEW;
             }
         }
@@ -82,6 +72,24 @@ impl<F: Real> Bank<F> {
             out,
         });
     }
+}
+
+/// `tap(output, input, line, column)` of some outputs, side by side.
+fn in_order<F, const O: usize>(
+    (inputs, lines, columns): (usize, usize, usize),
+    tap: impl Fn(usize, usize, usize, usize) -> F,
+) -> Vec<[F; O]> {
+    let mut taps = Vec::with_capacity(inputs * lines * columns);
+    for input in 0..inputs {
+        for line in 0..lines {
+            for column in 0..columns {
+                taps.push(std::array::from_fn(|output| {
+                    tap(output, input, line, column)
+                }));
+            }
+        }
+    }
+    taps
 }
 
 struct Registers;

@@ -8,9 +8,10 @@ use rayon::prelude::*;
 
 use super::block::{check_block, masked_filter};
 use super::codes::Tables;
+use super::fast;
 use super::graph::Graph;
 use super::look_up::Table;
-use super::lsi::{Padded, Part, Place, in_one_piece};
+use super::lsi::{Padded, Part, Place, in_one_piece, read};
 use super::{Layer, Real};
 use crate::bits::{PackedBits, check_mask};
 use crate::error::{Error, Result};
@@ -149,7 +150,7 @@ fn picture<F: Real>(
     let bands = height.div_ceil(tile.0);
     let bands = bands.next_multiple_of(rayon::current_num_threads());
     let rows = height.div_ceil(bands).max(least);
-    let rows = rows.next_multiple_of(4.max(graph.step));
+    let rows = rows.next_multiple_of(fast::ROWS * graph.step);
     let pixels = picture.as_slice_mut().unwrap_or_default();
     pixels
         .par_chunks_mut(rows * width)
@@ -190,17 +191,22 @@ fn wanted_of<F: Real>(graph: &Graph<'_, F>, size: (usize, usize), last: &Place) 
         *place = last.clone();
     }
     for (index, layer) in graph.layers.iter().enumerate().rev() {
-        let place = wanted[index].aligned(layer.wiring.upsampling);
-        wanted[index] = place.clone();
         if index == 0 {
             break;
         }
+        let up = layer.wiring.upsampling;
+        let place = wanted[index].aligned(up);
+        let group = layer.fast().map_or(1, |_| fast::ROWS);
+        let place = place.with_rows(group * up, graph.size(index, size).0);
+        wanted[index] = place.clone();
         if let Some(kept) = layer.wiring.adds {
             wanted[kept].include(&place);
         }
         let source = graph.sources[index];
-        let before = place.divided(layer.wiring.upsampling);
-        let read = layer.taps().read(&before, graph.size(source, size));
+        let before = place.divided(up);
+        let (_, _, lines, columns) = layer.filters.dim();
+        let planes = graph.size(source, size);
+        let read = read((lines, columns), layer.wiring.stride, &before, planes);
         wanted[source].include(&read);
     }
     wanted
@@ -214,6 +220,8 @@ struct Scratch<F> {
     /// Room for the next ones.
     free: Vec<Vec<F>>,
     padded: Padded<F>,
+    /// What quick filters work on.
+    between: Vec<F>,
 }
 
 thread_local! {
@@ -238,6 +246,22 @@ impl<F: Real> Drop for Kept<F> {
 }
 
 impl<F: Real> Scratch<F> {
+    /// Room for so many numbers: the least that is enough, or else the most, so that little is asked for anew.
+    fn room(&mut self, length: usize) -> Vec<F> {
+        let order = |room: &Vec<F>| match room.capacity() {
+            enough if enough >= length => (false, enough),
+            little => (true, usize::MAX - little),
+        };
+        let best = (0..self.free.len()).min_by_key(|&index| order(&self.free[index]));
+        let mut room = best.map_or_else(Vec::new, |index| self.free.swap_remove(index));
+        if room.capacity() < length {
+            // Nothing has to be copied.
+            room.clear();
+        }
+        room.resize(length, F::zero());
+        room
+    }
+
     /// A part of the picture, and which: what is wanted or a little more.
     fn tile(
         &mut self,
@@ -255,9 +279,8 @@ impl<F: Real> Scratch<F> {
         self.free.append(&mut self.planes);
         for (index, layer) in graph.layers.iter().enumerate() {
             let place = &wanted[index];
-            let mut out = self.free.pop().unwrap_or_default();
+            let mut out = self.room(layer.channels() * place.pixels());
             if index == 0 {
-                out.resize(layer.channels() * place.pixels(), F::zero());
                 continued(
                     place,
                     picture,
@@ -270,20 +293,24 @@ impl<F: Real> Scratch<F> {
                 continue;
             }
             let (source, up) = (graph.sources[index], layer.wiring.upsampling);
+            let mut deep = match up {
+                1 => Vec::new(),
+                _ => self.room(out.len()),
+            };
             let part = Part {
                 planes: &self.planes[source],
                 place: wanted[source].clone(),
                 size: graph.size(source, size),
             };
             let before = place.divided(up);
-            self.padded.fill(&part, &before, layer.taps());
-            out.resize(layer.channels() * place.pixels(), F::zero());
-            if up == 1 {
-                self.padded.convolve(layer.taps(), &mut out);
+            let sums = if up == 1 { &mut out } else { &mut deep };
+            if let Some(fast) = layer.fast() {
+                fast.correlate(&part, &before, &mut self.between, sums);
             } else {
-                let mut deep = self.free.pop().unwrap_or_default();
-                deep.resize(out.len(), F::zero());
-                self.padded.convolve(layer.taps(), &mut deep);
+                self.padded.fill(&part, &before, layer.taps());
+                self.padded.convolve(layer.taps(), sums);
+            }
+            if up != 1 {
                 let size = (before.rows.len(), before.columns.len());
                 to_space(&deep, up, size, &mut out);
                 self.free.push(deep);

@@ -70,20 +70,24 @@ impl<F: Real> Filters<F> {
             stride,
         }
     }
+}
 
-    /// The part of planes of a size that a part of the output needs.
-    pub fn read(&self, wanted: &Place, size: (usize, usize)) -> Place {
-        let needed = |wanted: &Range<usize>, (taps, loops): (usize, usize), size: usize| {
-            let before = before(taps, self.stride);
-            // Loops read whole strides, with taps of 0 where the filter has none.
-            let end = (wanted.end.max(1) - 1 + loops) * self.stride;
-            (wanted.start * self.stride).saturating_sub(before)
-                ..end.saturating_sub(before).min(size)
-        };
-        Place {
-            rows: needed(&wanted.rows, (self.size.0, self.taps.0), size.0),
-            columns: needed(&wanted.columns, (self.size.1, self.taps.1), size.1),
-        }
+/// The part of planes of a size that a part of the output needs, by filters of so many lines and columns.
+pub(super) fn read(
+    (lines, columns): (usize, usize),
+    stride: usize,
+    wanted: &Place,
+    (height, width): (usize, usize),
+) -> Place {
+    let needed = |wanted: &Range<usize>, taps: usize, size: usize| {
+        let before = before(taps, stride);
+        // Loops read whole strides, with taps of 0 where the filter has none.
+        let end = (wanted.end.max(1) - 1 + taps.div_ceil(stride)) * stride;
+        (wanted.start * stride).saturating_sub(before)..end.saturating_sub(before).min(size)
+    };
+    Place {
+        rows: needed(&wanted.rows, lines, height),
+        columns: needed(&wanted.columns, columns, width),
     }
 }
 
@@ -138,6 +142,15 @@ impl Place {
         Self {
             rows: divided(&self.rows),
             columns: divided(&self.columns),
+        }
+    }
+
+    /// With all rows of each group of so many that it has some of, up to the last row of all.
+    pub fn with_rows(&self, group: usize, rows: usize) -> Self {
+        let end = self.rows.end.next_multiple_of(group).min(rows);
+        Self {
+            rows: self.rows.start / group * group..end,
+            columns: self.columns.clone(),
         }
     }
 

@@ -9,6 +9,7 @@ mod bend;
 mod block;
 mod codes;
 mod correlate;
+mod fast;
 mod forward;
 mod graph;
 mod look_up;
@@ -21,6 +22,7 @@ mod tangent;
 
 use std::sync::OnceLock;
 
+use fast::Fast;
 use lsi::{Filters, Turned};
 use ndarray::{Array4, ArrayView2, ArrayView4};
 
@@ -41,6 +43,8 @@ pub struct Layer<F> {
     /// The filters in the order of the loops, of layers that read planes: made when they are first needed.
     taps: OnceLock<Filters<F>>,
     turned: OnceLock<Turned<F>>,
+    /// The filters of those that are quicker in another way.
+    fast: OnceLock<Option<Fast<F>>>,
     /// None where the sums stay as they are.
     splines: Vec<Spline<F>>,
     wiring: Wiring,
@@ -118,6 +122,7 @@ impl<F: Real> Layer<F> {
         Ok(Self {
             taps: OnceLock::new(),
             turned: OnceLock::new(),
+            fast: OnceLock::new(),
             filters,
             splines,
             wiring,
@@ -133,6 +138,11 @@ impl<F: Real> Layer<F> {
     fn taps(&self) -> &Filters<F> {
         self.taps
             .get_or_init(|| Filters::new(self.filters.view(), self.wiring.stride))
+    }
+
+    fn fast(&self) -> Option<&Fast<F>> {
+        let made = || Fast::new(self.filters.view(), self.wiring.stride);
+        self.fast.get_or_init(made).as_ref()
     }
 
     fn turned(&self) -> &Turned<F> {
