@@ -39,7 +39,7 @@ def fine_tune(
     sensor: Sensor | None = None,
     *,
     steps: int = STEPS,
-    batch: int = BATCH,
+    batch: int | None = None,
     patch: int | None = None,
     rate: float = RATE,
     rng: int | None = None,
@@ -125,7 +125,8 @@ def fine_tune(
         sensor = (data.sensor if isinstance(data, Bits) else None) or network.sensor
     seen = _seen(network, data, sensor, threads)
     here = place(device)
-    steps, batch = at_least("steps", steps, 1), at_least("batch", batch, 1)
+    steps = at_least("steps", steps, 1)
+    batch = at_least("batch", BATCH if batch is None else batch, 1)
     above_0("rate", rate)
     most = min(seen[0].counts.shape)
     side = min(PATCH, most) if patch is None else operator.index(patch)
