@@ -238,7 +238,7 @@ NO_NUMBER = np.full((99, 16, 16), np.nan)
         ({"images": lambda rng, n: NO_NUMBER[:n]}, ValueError, "finite intensities"),
         ({"patch": 0}, ValueError, "patch: expected at least 1"),
         ({"patch": 2}, ValueError, "patch"),
-        ({"batch": 0}, ValueError, "batch: expected 1 or more"),
+        ({"batch": 0}, ValueError, "batch: expected at least 1"),
         ({"steps": -1}, ValueError, "steps: expected at least 0, got -1"),
         ({"optimiser": "sgd"}, ValueError, "gauss-newton, adam, projected-gradient, got 'sgd'"),
         ({"sensor": jl.Sensor(oversampling=2)}, ValueError, "sensor: the network needs data with"),
