@@ -87,7 +87,7 @@ def extras(session: nox.Session) -> None:
 
 @nox.session
 def torch(session: nox.Session) -> None:
-    """The modules of PyTorch and what deepinv takes of them; arguments go to pytest.
+    """The modules of PyTorch, their commands, what deepinv takes of them; arguments go to pytest.
 
     Where pip is told of an index with builds for the CPU alone (PIP_EXTRA_INDEX_URL), it takes
     those; else it installs gigabytes of CUDA libraries that the tests do not use.
@@ -95,6 +95,7 @@ def torch(session: nox.Session) -> None:
     install_wheel(session, extra="test,deepinv")
     examples = ("tests/docs/test_documents.py", "-k", "test_torch or (docstring and torch)")
     modules = sorted(str(path) for path in Path("tests/unit").glob("test_torch_*.py"))
+    modules += ["tests/unit/test_cli_train_deep.py", "tests/unit/test_cli_self_supervised.py"]
     session.run("pytest", *modules, *examples, *session.posargs)
 
 

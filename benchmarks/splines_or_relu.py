@@ -73,7 +73,7 @@ def learned(
     network = jl.Network.deep(SENSOR, "small", rng=seed)
     module = kind(network)
     patches = Patches(scenes, network, SENSOR, seed, training.BATCH, training.PATCH)
-    course = training.Course(module, patches, {}, training.RATE, None, Processes())
+    course = training.Learning(module, patches, {}, training.RATE, None, Processes())
     for step in range(options.steps):
         course.step(step, options.steps)
     found = []

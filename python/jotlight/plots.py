@@ -124,11 +124,14 @@ def training(network: Network, history: History) -> "Figure":
 
     figure = Figure(figsize=(11, 6.2), facecolor="white", layout="constrained")
     axes = figure.subplots(2, 3)
-    measured = np.isfinite(history.test_psnr)
+    tests, told = ("test PSNR, dB", history.test_psnr), ""
+    if np.isfinite(history.held_out).any():
+        tests, told = ("held out, nats per bit", history.held_out), ", nats per bit"
+    measured = np.isfinite(tests[1])
     curves = [
-        ("cost ε", history.steps, history.loss, "log"),
+        (f"cost ε{told}", history.steps, history.loss, "log"),
         ("gradient norm ‖∇ε‖", history.steps, history.gradient_norm, "log"),
-        ("test PSNR, dB", history.steps[measured], history.test_psnr[measured], "linear"),
+        (tests[0], history.steps[measured], tests[1][measured], "linear"),
     ]
     for place, (title, x, y, scale) in zip(axes[0], curves, strict=True):
         _title(place, title)

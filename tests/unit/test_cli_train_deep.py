@@ -121,7 +121,7 @@ def test_a_run_without_time_for_all_its_steps_says_so(run, pictures):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["--rate", 0], "rate: expected a number above 0"),
+        (["--rate", 0], "rate: expected a finite number above 0"),
         (["--device", "tpu"], "device: expected one of cpu, cuda, got 'tpu'"),
         (["--steps", 0], "steps: expected at least 1"),
         (["--patch", 25], "25; image number 0 is 24 x 24"),
@@ -171,7 +171,7 @@ def test_another_process_of_several_tells_and_writes_nothing(run, pictures, tmp_
     assert files(tmp_path) == [CHECKPOINT, "pictures"]
     status, said = run("train", pictures, "-o", NETWORK, *SMALL, "--rate", -1)
     assert status == 1
-    assert said.startswith("error: rate: expected a number above 0")
+    assert said.startswith("error: rate: expected a finite number above 0")
 
 
 def test_files_keep_some_of_the_records():

@@ -1,7 +1,10 @@
 """A capture's own bits as the target: what is drawn, what is likely, and what is learned."""
 
+import contextlib
+
 import numpy as np
 import pytest
+import safetensors.numpy
 from scipy import stats
 
 import jotlight as jl
@@ -9,9 +12,11 @@ import jotlight as jl
 torch = pytest.importorskip("torch")
 
 from jotlight.observation import observe  # noqa: E402
-from jotlight.torch import fine_tune  # noqa: E402
+from jotlight.torch import fine_tune, fine_tuning  # noqa: E402
 from jotlight.torch.fine_tuning import _generator  # noqa: E402
+from jotlight.torch.processes import Processes  # noqa: E402
 from jotlight.torch.splitting import Splits, drawn  # noqa: E402
+from jotlight.training import History  # noqa: E402
 
 SCENE = np.kron([[0.1, 0.7, 0.3], [0.9, 0.2, 0.5], [0.4, 0.8, 0.1]], np.ones((16, 16)))
 SENSOR = jl.Sensor(frames=8)
@@ -199,8 +204,92 @@ def test_the_file_keeps_how_it_was_tuned(tmp_path):
     tuned, history = tune()
     tuned.save(tmp_path / "own.safetensors")
     kept = jl.Network.load(tmp_path / "own.safetensors").history["fine tuning"]
-    assert kept["held out"][0] == [0, history.held_out[0]]
+    assert History.from_json(kept["records"]).records == history.records
     assert kept["run"]["seed"] == 3
+
+
+def stopped(path, step, **options):
+    """A run that Ctrl-C ended at the end of a step."""
+
+    def stop(record):
+        if record.step == step:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        tune(checkpoint=path, callback=stop, **options)
+
+
+@pytest.mark.parametrize("step", [0, 2, 5, 6])
+@pytest.mark.parametrize("rate", [1e-3, 30.0])
+def test_a_run_that_was_stopped_goes_on_as_if_it_had_not(tmp_path, step, rate):
+    """Also where the best parameters lie before the stop."""
+    options = {"steps": 6, "rate": rate}
+    whole, history = tune(**options)
+    assert rate < 1 or history.held_out[:-1].argmin() == 0
+    path = tmp_path / "run"
+    stopped(path, step, **options)
+    told = []
+    again, its = tune(**options, checkpoint=path, resume=True, callback=told.append)
+    assert [record.step for record in told] == list(range(min(step + 1, 6), 7))
+    assert its.records == history.records
+    assert again.history == whole.history
+    np.testing.assert_array_equal(parameters(again), parameters(whole))
+
+
+def test_a_checkpoint_of_another_run_is_refused(tmp_path):
+    path = tmp_path / "run"
+    stopped(path, 1)
+    other = SENSOR.expose(SCENE, rng=1)
+    mapped = SENSOR.replace(dark_counts=np.full(SCENE.shape, 1e-3))
+    for change, words in (
+        ({"data": other}, "the capture is another one"),
+        ({"sensor": mapped}, "the capture is another one"),
+        ({"network": jl.Network.told("small", rng=1)}, "the network is another one"),
+        ({"rng": 4}, "seed is 3 there and 4 here"),
+        ({"rate": 1e-4}, "Adam"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            tune(**change, checkpoint=path, resume=True)
+    learned = tmp_path / "network"
+    TOLD.save(learned)
+    with pytest.raises(ValueError, match="this file is no checkpoint"):
+        tune(checkpoint=learned)
+    with pytest.raises(ValueError, match="resume: expected a checkpoint"):
+        tune(resume=True)
+    with pytest.raises(FileNotFoundError, match="no checkpoint"):
+        tune(resume=True, checkpoint=tmp_path / "none")
+
+
+@pytest.mark.parametrize("part", ["state.best", "state.exp_avg"])
+def test_a_checkpoint_without_all_its_parts_is_refused(tmp_path, part):
+    path = tmp_path / "run"
+    stopped(path, 1)
+    with safetensors.safe_open(path, framework="np") as kept:
+        tensors = {name: kept.get_tensor(name) for name in kept.keys() if name != part}  # noqa: SIM118
+        safetensors.numpy.save_file(tensors, path, kept.metadata())
+    with pytest.raises(ValueError, match="damaged checkpoint: it does not fit the network"):
+        tune(checkpoint=path, resume=True)
+
+
+def test_processes_share_the_patches_of_a_step(monkeypatch):
+    """What the gradients of two processes, one after the other, add up to."""
+    losses, gradients = [], []
+
+    class Part(Processes):
+        def sum(self, tensor):
+            losses.append(float(tensor[0]))
+            gradients.append(tensor[1:].clone())
+
+    for part in (Part(0, 1), Part(0, 2), Part(1, 2)):
+        monkeypatch.setattr(
+            fine_tuning, "together", lambda _, part=part: contextlib.nullcontext(part)
+        )
+        monkeypatch.setattr(Processes, "spread", lambda *_: None)
+        tune(steps=1, batch=5)
+    whole, one, other = range(0, 6, 2)
+    assert losses[one] + losses[other] == pytest.approx(losses[whole], rel=1e-5)
+    added = gradients[one] + gradients[other]
+    torch.testing.assert_close(added, gradients[whole], rtol=1e-3, atol=1e-6)
 
 
 def test_colours_and_maps_and_few_bits_can_be_tuned():

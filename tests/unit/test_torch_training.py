@@ -115,8 +115,8 @@ def test_a_rate_that_leads_nowhere_is_an_error():
     [
         ({"steps": 0}, "steps: expected at least 1, got 0"),
         ({"batch": 0}, "batch: expected at least 1, got 0"),
-        ({"rate": 0.0}, "rate: expected a number above 0, got 0.0"),
-        ({"rate": float("nan")}, "rate: expected a number above 0, got nan"),
+        ({"rate": 0.0}, "rate: expected a finite number above 0, got 0.0"),
+        ({"rate": float("nan")}, "rate: expected a finite number above 0, got nan"),
         ({"seconds": -1.0}, "seconds: expected a number above 0, got -1.0"),
         ({"rng": -1}, "rng: expected at least 0, got -1"),
         ({"threads": 0}, "threads: expected at least 1, got 0"),

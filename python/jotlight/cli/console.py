@@ -162,6 +162,8 @@ def live_training(steps: int) -> Iterator[Callable[[Record], None]]:
             nonlocal test
             if record.test_psnr is not None:
                 test = f"  test {record.test_psnr:.2f} dB"
+            if record.held_out is not None:
+                test = f"  held out {record.held_out:.5f} nats per bit"
             words = f"cost {record.loss:.4g}  gradient {record.gradient_norm:.3g}{test}"
             bar.update(task, completed=record.step, description=words)
             every = max(1, steps // 10)

@@ -65,8 +65,7 @@ def learner(device: str | None, rate: float | None) -> Learner:
     """
     from jotlight.torch import processes, training
 
-    if device not in (None, *DEVICES):
-        raise ValueError(f"device: expected one of {', '.join(DEVICES)}, got {device!r}")
+    check_device(device)
     return Learner(
         training.train,
         training.STEPS,
@@ -74,6 +73,12 @@ def learner(device: str | None, rate: float | None) -> Learner:
         "--rate",
         processes.rank() == 0,
     )
+
+
+def check_device(device: str | None) -> None:
+    """Raise ValueError for a device that there is not."""
+    if device not in (None, *DEVICES):
+        raise ValueError(f"device: expected one of {', '.join(DEVICES)}, got {device!r}")
 
 
 def bits_of(text: str) -> tuple[int, int]:

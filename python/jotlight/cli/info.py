@@ -79,11 +79,12 @@ def _draw(file: Path, plot: Path) -> None:
             page(calibration).savefig(temporary, dpi=110)
         return
     network = Network.load(file)
-    if "records" not in network.history:
+    last = network.history.get("fine tuning", network.history)
+    if "records" not in last:
         raise ValueError(f"{file}: this network has no history of a run to draw")
     spare_inputs(plot, [file])
     with written_whole(plot) as temporary:
-        history = History.from_json(network.history["records"])
+        history = History.from_json(last["records"])
         plots.training(network, history).savefig(temporary, dpi=110)
 
 
@@ -215,9 +216,11 @@ def _network_facts(network: Network) -> list[tuple[str, str]]:
         ("work", f"{work_of(layers) / 1000:.3g} kFLOP per pixel"),
         ("halo", f"{network.halo} pixels"),
     ]
-    facts += [(name, str(history[name])) for name in ("start", "trained on") if name in history]
-    if "run" in history and "records" in history:
-        facts.append(("learned", _course(history["run"], History.from_json(history["records"]))))
+    told = [name for name in ("start", "trained on", "fine-tuned on") if name in history]
+    facts += [(name, str(history[name])) for name in told]
+    for name, part in (("learned", history), ("fine-tuned", history.get("fine tuning", {}))):
+        if "run" in part and "records" in part:
+            facts.append((name, _course(part["run"], History.from_json(part["records"]))))
     return facts
 
 
@@ -260,6 +263,9 @@ def _course(run: dict[str, Any], history: History) -> str:
     measured = history.test_psnr[np.isfinite(history.test_psnr)]
     if len(measured):
         course += f", test PSNR {measured[0]:.2f} to {measured[-1]:.2f} dB"
+    told = history.held_out[np.isfinite(history.held_out)]
+    if len(told):
+        course += f", held out {told[0]:.5f} to {told[-1]:.5f} nats per bit"
     return course
 
 

@@ -11,7 +11,7 @@ import typer
 
 from jotlight.bits import Bits
 from jotlight.calibration import Calibration
-from jotlight.cli.console import progress
+from jotlight.cli.console import out, progress
 from jotlight.files import spare_inputs
 from jotlight.formats import FORMATS, open_capture
 from jotlight.formats.capture import Capture, Stack
@@ -97,15 +97,18 @@ class Reading:
             unpacked=self.unpacked,
         )
 
-    def words(self) -> list[str]:
-        """The options that were given, as `jotlight train --sensor` takes them."""
+    def words(self, key: str = "--sensor-key") -> list[str]:
+        """The options that were given, as `jotlight train --sensor` takes them.
+
+        Other commands name the array by another option.
+        """
         values = {
             "--format": self.format,
             "--width": self.width,
             "--frame-range": self.frame_range,
             "--rotate": self.rotate or None,
             "--flip": self.flip,
-            "--sensor-key": self.key,
+            key: self.key,
         }
         given = [(name, str(value)) for name, value in values.items() if value is not None]
         words = [word for pair in given for word in pair]
@@ -190,3 +193,14 @@ def seen_by_sensor(
     side = given.get("oversampling", 1)
     calibration.check_capture(tuple(side * size for size in counts.shape[:2]), capture.source)
     return counts, calibration.sensor(**given), "assumed"
+
+
+def seen_and_told(
+    capture: Capture, path: Path, given: dict[str, Any], calibration: Path | None
+) -> tuple[Bits | npt.NDArray[np.int32], Sensor]:
+    """The data and their sensor, once it is said where that is from."""
+    found = None if calibration is None else Calibration.load(calibration)
+    seen, sensor, where = seen_by_sensor(capture, path, given, found)
+    for line in (*told(capture.source), f"{where}: {sensor!r}"):
+        out.print(line, soft_wrap=True, markup=False)
+    return seen, sensor

@@ -1,10 +1,7 @@
 """`jotlight train`: a network for a sensor, learned from images."""
 
-import contextlib
 import dataclasses
 import functools
-import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,12 +10,12 @@ import typer
 
 from jotlight import plots
 from jotlight.bits import Bits
-from jotlight.calibration import Calibration
-from jotlight.cli import deep, opening, options
-from jotlight.cli.console import err, live_training, out, progress, silent
+from jotlight.cli import deep, learning, opening, options
+from jotlight.cli import self_supervised as own_bits
+from jotlight.cli.console import out, progress, silent
 from jotlight.datasets import PHOTOGRAPHS, photograph, uniform_scenes
 from jotlight.exposure import sensor_for
-from jotlight.files import spare_inputs, written_whole
+from jotlight.files import spare_inputs
 from jotlight.image_sets import read_image_set
 from jotlight.network import Network
 from jotlight.sensor import Sensor
@@ -54,11 +51,19 @@ def train(
             "bright as it shows. With bits --frames is that of a film's windows.",
         ),
     ] = None,
+    self_supervised: Annotated[
+        Path | None,
+        typer.Option(
+            help="A capture: learn from its own bits, without images or a true scene, where "
+            "--start ends. With PyTorch, the extra torch."
+        ),
+    ] = None,
     calibration: Annotated[
         Path | None,
         typer.Option(
-            help="Of the sensor of --sensor, from `jotlight calibrate`. The network learns for its "
-            "median jot; `jotlight reconstruct --calibration` takes each for what it is.",
+            help="Of the capture's sensor, from `jotlight calibrate`. With --sensor the network "
+            "learns for its median jot; `jotlight reconstruct --calibration` takes each for what "
+            "it is.",
             rich_help_panel="Sensor",
         ),
     ] = None,
@@ -89,7 +94,7 @@ def train(
         typer.Option(
             help="Default: "
             + ", ".join(f"{kind.steps} for {name}" for name, kind in OPTIMISERS.items())
-            + ", 20000 for deep networks."
+            + ", 20000 for deep networks, 500 with --self-supervised."
         ),
     ] = None,
     seconds: Annotated[
@@ -113,7 +118,8 @@ def train(
     rate: Annotated[
         float | None,
         typer.Option(
-            help="Of deep networks: the largest step of a parameter, about. Default: 0.003."
+            help="Of deep networks: the largest step of a parameter, about. Default: 0.003; 0.0005 "
+            "with --self-supervised."
         ),
     ] = None,
     device: Annotated[
@@ -144,7 +150,11 @@ def train(
         typer.Option("--untied", help="Learn a weight for each jot of a pixel, not one for all."),
     ] = False,
     start: Annotated[
-        Path | None, typer.Option(help="A network to start from, instead of the initial one.")
+        Path | None,
+        typer.Option(
+            help="A network to start from, instead of the initial one; with --self-supervised "
+            "instead of the one that comes with jotlight."
+        ),
     ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with a run that was stopped.")
@@ -163,17 +173,24 @@ def train(
     rotate: opening.Rotate = 0,
     flip: opening.Flip = None,
     unpacked: opening.Unpacked = None,
-    key: options.Key = None,
+    key: Annotated[
+        str | None,
+        typer.Option(
+            help="Name of the array of images in a .npz, or of that of --self-supervised, as of "
+            "`jotlight reconstruct`."
+        ),
+    ] = None,
     test_key: Annotated[
         str | None, typer.Option(help="Name of the array in the .npz of --test.")
     ] = None,
     given: dict[str, Any],
     inputs: list[Path],
+    words: dict[str, list[str]],
     seed: options.Seed = 0,
     white: options.White = None,
     threads: options.Threads = None,
 ) -> None:
-    """Learn the best network for a sensor from images.
+    """Learn the best network for a sensor from images, or make one better for a very capture.
 
     Ctrl-C stops it; with --resume it goes on as if it had not been stopped.
 
@@ -181,32 +198,66 @@ def train(
 
     Deep networks can be learned by several processes: torchrun --nproc-per-node 2 -m jotlight train
     """
-    if output.suffix.lower() != ".safetensors" or output.stem.endswith(".checkpoint"):
-        raise ValueError(
-            f"{output}: expected a name that ends in .safetensors, and not in "
-            ".checkpoint.safetensors, which is for stopped runs"
+    checkpoint = learning.checkpoint_of(output)
+    if self_supervised is not None:
+        own_bits.refuse_others(
+            images=images,
+            sensor=capture,
+            network=kind,
+            any_bits=any_bits,
+            test=test,
+            seconds=seconds,
+            optimiser=optimiser,
+            step_size=step_size,
+            damping=damping,
+            sigma=sigma,
+            untied=untied,
+            sensor_key=sensor_key,
+            test_key=test_key,
+            white=white,
         )
-    if images is None and capture is None:
+    elif images is None and capture is None:
         raise ValueError(
             "images: expected a folder of photographs, an array, or the word synthetic; only with "
-            "--sensor they may be left out"
+            "--sensor or --self-supervised they may be left out"
         )
     if plot is not None:
         plots.check_figure(plot)
     if start is not None and (untied or sigma is not None or any_bits is not None):
         raise ValueError("start: a given network comes with its own sigma, weights and bits")
+    seen = capture or self_supervised
+    array = sensor_key if self_supervised is None else key
     reading = opening.Reading(
-        capture or Path(), format_, width, frame_range, rotate, flip, sensor_key, counts, unpacked
+        seen or Path(), format_, width, frame_range, rotate, flip, array, counts, unpacked
     )
-    if capture is None:
+    if seen is None:
         _refuse_without_capture(reading.words(), calibration)
     elif any_bits is not None:
         raise ValueError("any-bits: such a network is for any sensor; leave out --sensor")
-    checkpoint = output.with_suffix(".checkpoint.safetensors")
     for file in filter(None, (output, plot, checkpoint)):
         spare_inputs(file, [start, calibration, *inputs, *_files(images), *_files(test)])
-        if capture is not None:
-            opening.spare_capture(file, capture)
+        if seen is not None:
+            opening.spare_capture(file, seen)
+    if self_supervised is not None:
+        own_bits.learn(
+            reading,
+            output=output,
+            start=start,
+            calibration=calibration,
+            steps=steps,
+            rate=rate,
+            batch=batch,
+            patch=patch,
+            seed=seed,
+            device=device,
+            threads=threads,
+            resume=resume,
+            restart=restart,
+            plot=plot,
+            given=given,
+            words=words,
+        )
+        return
     earlier = None if start is None else Network.load(start)
     is_deep = deep.is_deep(kind, earlier)
     deep.refuse_others(
@@ -226,7 +277,7 @@ def train(
     else:
         learner = _two_layer(optimiser or _OPTIMISER, step_size=step_size, damping=damping)
     if learner.first:
-        _check_checkpoint(checkpoint, resume, restart)
+        learning.check_checkpoint(checkpoint, resume, restart)
     with silent(not learner.first):
         scale = 1.0
         if earlier is not None:
@@ -273,42 +324,24 @@ def train(
         if not learner.first:
             run()
             return
-    begun = time.perf_counter()
-    # Made now, so that a place that cannot be written to is found before any work is done.
-    with contextlib.ExitStack() as files:
-        temporary = files.enter_context(written_whole(output))
-        figure = files.enter_context(written_whole(plot)) if plot is not None else None
-        with _kept(checkpoint, learner.remedy), live_training(steps) as show:
-            learned, history = run(callback=show)
-        learned.history["trained on"] = images or _PHOTOGRAPHS
-        learned.save(temporary)
-        if figure is not None:
-            plots.training(learned, history).savefig(figure, dpi=110)
-    checkpoint.unlink(missing_ok=True)
-    _tell(output, history, time.perf_counter() - begun, steps, plot)
-
-
-@contextlib.contextmanager
-def _kept(checkpoint: Path, remedy: str) -> Iterator[None]:
-    """Say how to go on where a run ended early."""
-    try:
-        yield
-    except (KeyboardInterrupt, OSError):
-        if checkpoint.exists():
-            err.print(
-                f"\nThe run so far is kept in [bold]{checkpoint}[/]: the same command with "
-                "--resume goes on",
-                soft_wrap=True,
-            )
-        raise
-    except FloatingPointError as error:
-        raise FloatingPointError(f"{error}. Begin anew with --restart and {remedy}") from error
+    history, taken = learning.learn(
+        run,
+        output,
+        plot,
+        steps=steps,
+        remedy=learner.remedy,
+        about={"trained on": images or _PHOTOGRAPHS},
+    )
+    _tell(output, history, taken, steps, plot)
 
 
 def _refuse_without_capture(words: list[str], calibration: Path | None) -> None:
     given = [*words, *([] if calibration is None else ["--calibration"])]
     if given:
-        raise ValueError(f"{given[0][2:]}: is for the capture of --sensor, and there is none")
+        raise ValueError(
+            f"{given[0][2:]}: is for a capture, and there is none; give it with --sensor or with "
+            "--self-supervised"
+        )
 
 
 def _sensor_of(
@@ -330,14 +363,11 @@ def _sensor_of(
             )
         reading = dataclasses.replace(reading, path=data)
     capture = reading.open()
-    found = None if calibration is None else Calibration.load(calibration)
     numbers = dict(given)
     if isinstance(capture, Bits):
         # The capture tells its own; those that are given are of a film's windows.
         numbers.pop("frames", None)
-    seen, own, told = opening.seen_by_sensor(capture, reading.path, numbers, found)
-    for line in (*opening.told(capture.source), f"{told}: {own!r}"):
-        out.print(line, soft_wrap=True, markup=False)
+    seen, own = opening.seen_and_told(capture, reading.path, numbers, calibration)
     sensor, scale = sensor_for(seen, own, threads=threads)
     chosen = {name: given[name] for name in ("frames", "max_intensity") if name in given}
     sensor = sensor_of_patches(sensor.replace(**chosen))
@@ -365,18 +395,6 @@ def _files(images: str | Path | None) -> list[Path]:
     if images is None or not Path(images).exists():
         return []
     return list(Path(images).iterdir()) if Path(images).is_dir() else [Path(images)]
-
-
-def _check_checkpoint(checkpoint: Path, resume: bool, restart: bool) -> None:
-    if resume and restart:
-        raise ValueError("--resume and --restart: expected one of them, got both")
-    if checkpoint.exists() and not (resume or restart):
-        raise ValueError(
-            f"{checkpoint}: a run to this output was stopped; add --resume to go on with it, or "
-            "--restart to forget it"
-        )
-    if resume and not checkpoint.exists():
-        raise FileNotFoundError(f"there is no stopped run to resume: no file {checkpoint}")
 
 
 def _two_layer(name: str, *, step_size: float | None, damping: float | None) -> deep.Learner:

@@ -1,35 +1,36 @@
 """Learning from a capture itself, without ground truth: some of its bits tell of the others."""
 
+import dataclasses
 import math
 import operator
+import os
 import secrets
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 import torch
-from torch import nn
+from torch import Tensor
 
 import jotlight
 from jotlight.bits import Bits
 from jotlight.channels import channels_of
 from jotlight.observation import Observation, observe
 from jotlight.sensor import Sensor
+from jotlight.torch.course import Course
 from jotlight.torch.network import Network
-from jotlight.torch.processes import place
-from jotlight.torch.splitting import Splits
-from jotlight.torch.training import _at_least, _course
+from jotlight.torch.processes import Processes, place, together, with_threads
+from jotlight.torch.splitting import Splits, check_kernel
+from jotlight.training.checkpoint import Checkpoint
+from jotlight.training.checks import above_0, at_least
+from jotlight.training.examples import fingerprint
 from jotlight.training.history import History, Record
 from jotlight.training.loop import fingerprint_of
+from jotlight.training.optimisers import State
 
 STEPS = 500
 BATCH, PATCH = 16, 48
 RATE = 5e-4
-_CLIP = 0.1
-"""The largest norm of a gradient that is followed as it is."""
-_LOOKS = 20
-"""How often the bits that are held out are looked at, about."""
 
 
 def fine_tune(
@@ -38,10 +39,12 @@ def fine_tune(
     sensor: Sensor | None = None,
     *,
     steps: int = STEPS,
-    batch: int = BATCH,
+    batch: int | None = None,
     patch: int | None = None,
     rate: float = RATE,
     rng: int | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
+    resume: bool = False,
     callback: Callable[[Record], object] | None = None,
     device: str | torch.device | None = None,
     threads: int | None = None,
@@ -74,8 +77,8 @@ def fine_tune(
     rng : int, optional
         The seed: the same one gives the same network for the same number of threads. Default: a new
         one.
-    callback : callable, optional
-        Called with the :class:`Record` of each step.
+    checkpoint, resume, callback :
+        As in :func:`jotlight.train`.
     device : str or torch.device, optional
         Default: a GPU, if there is one, and else the CPU.
     threads : int, optional
@@ -94,7 +97,8 @@ def fine_tune(
     Raises
     ------
     TypeError, ValueError
-        When network, data, sensor and settings do not fit, and when no pixel has two bits.
+        When network, data, sensor and settings do not fit, no pixel has two bits, or the checkpoint
+        is of another run.
     FloatingPointError
         When the likelihood is not a number.
 
@@ -102,6 +106,11 @@ def fine_tune(
     -----
     JotlightWarning
         When pixels without a valid jot were filled from their neighbours.
+
+    Notes
+    -----
+    Under PyTorch's launcher several processes share the patches of each step, as in
+    :func:`jotlight.torch.train`.
 
     Examples
     --------
@@ -115,36 +124,41 @@ def fine_tune(
     if sensor is None:
         sensor = (data.sensor if isinstance(data, Bits) else None) or network.sensor
     seen = _seen(network, data, sensor, threads)
-    steps, batch = _at_least("steps", steps, 1), _at_least("batch", batch, 1)
-    if not (math.isfinite(rate) and rate > 0):
-        raise ValueError(f"rate: expected a finite number above 0, got {rate}")
+    here = place(device)
+    steps = at_least("steps", steps, 1)
+    batch = at_least("batch", BATCH if batch is None else batch, 1)
+    above_0("rate", rate)
     most = min(seen[0].counts.shape)
     side = min(PATCH, most) if patch is None else operator.index(patch)
     if not 1 <= side <= most:
         raise ValueError(f"patch: expected 1 to the {most} pixels of the image, got {side}")
-    seed = secrets.randbits(32) if rng is None else _at_least("rng", rng, 0)
-    run = {
-        "network": fingerprint_of(network),
-        "sensor": sensor.numbers(),
-        "optimiser": f"Adam(rate={rate})",
-        "steps": steps,
-        "batch": batch,
-        "patch": side,
-        "seed": seed,
-    }
-    before = torch.get_num_threads()
-    try:
-        if threads is not None:
-            torch.set_num_threads(_at_least("threads", threads, 1))
+    with together(here) as processes, with_threads(threads):
+        drawn = torch.tensor(secrets.randbits(32) if rng is None else at_least("rng", rng, 0))
+        processes.spread(drawn)
+        seed = int(drawn)
+        run: dict[str, object] = {
+            "network": fingerprint_of(network),
+            "sensor": sensor.numbers(),
+            "capture": _fingerprint(seen),
+            "optimiser": f"Adam(rate={rate})",
+            "steps": steps,
+            "batch": batch,
+            "patch": side,
+            "seed": seed,
+        }
         splits = Splits(network, sensor, seen, _generator(seed, 0))
-        tuning = _Tuning(network, splits, run, place(device))
-        tuning.follow(rate, callback)
-    finally:
-        torch.set_num_threads(before)
-    looks = [[r.step, r.held_out] for r in tuning.history.records if r.held_out is not None]
-    own = tuning.best
-    told = {**network.history, "fine tuning": {"run": run, "held out": looks}}
-    return jotlight.Network(own.layers, own.sensor, told, bits=own.bits), tuning.history
+        module = Network(network).to(here)
+        course = _Tuning(module, splits, run, rate, seed, batch, side, processes)
+        course.begin(checkpoint, resume)
+        course.follow(steps, checkpoint, callback)
+        last = course.settle()
+        if processes.first and callback is not None:
+            callback(last)
+    history = History([*course.history.records, last])
+    own = module.network()
+    told = {"run": run, "records": history.thinned().to_json()}
+    own.history = {**network.history, "fine tuning": told}
+    return own, history
 
 
 def _seen(
@@ -157,11 +171,7 @@ def _seen(
             "network: expected a tied one, which takes counts: only where all jots of a pixel "
             "count the same can its bits be split at random"
         )
-    if sensor.kernel != "box":
-        raise ValueError(
-            f"sensor: expected the box kernel, got {sensor.kernel}: the jots of a pixel see "
-            "different light, so that its bits cannot be split at random"
-        )
+    check_kernel(sensor)
     seen = [observe(channel, sensor, threads) for channel in channels_of(data)]
     if any(plane.jots_differ for plane in seen):
         raise ValueError(
@@ -177,60 +187,76 @@ def _seen(
     return seen
 
 
-class _Tuning:
-    """A run: the parameters, and the best so far."""
+def _fingerprint(seen: Sequence[Observation]) -> str:
+    """A word that tells what was seen, and by which jots, from others."""
+    told = [(x.counts, x.trials, x.efficiency, x.dark_counts) for x in seen]
+    return fingerprint([np.asarray(array) for arrays in told for array in arrays])
+
+
+class _Tuning(Course):
+    """A run on the bits of a capture, and the best parameters so far."""
+
+    remembers = (*Course.remembers, "best")
 
     def __init__(
         self,
-        network: jotlight.Network,
+        module: Network,
         splits: Splits,
-        run: Mapping[str, Any],
-        device: torch.device,
+        run: dict[str, object],
+        rate: float,
+        seed: int,
+        batch: int,
+        side: int,
+        processes: Processes,
     ) -> None:
-        self.splits, self.run, self.device = splits, run, device
-        self.best, self.least = network, math.inf
-        self.module = Network(network).to(device)
-        self.history = History()
+        super().__init__(module, run, rate, processes)
+        self.splits, self.seed, self.batch, self.side = splits, seed, batch, side
+        self.best, self.least = self.vector(), math.inf
 
-    def follow(self, rate: float, callback: Callable[[Record], object] | None) -> None:
-        """Take all steps, and look at where they led."""
-        steps = self.run["steps"]
-        every = max(1, steps // _LOOKS)
-        parameters = [p for p in self.module.parameters() if p.requires_grad]
-        optimiser = torch.optim.Adam(parameters, betas=(0.9, 0.99))
-        for step in range(steps):
-            found = self._look() if step % every == 0 else None
-            self._note(self._measure(step, found), callback)
-            for group in optimiser.param_groups:
-                group["lr"] = rate * _course(step / steps)
-            optimiser.step()
-            self._keep_in_range()
+    def loss(self, step: int) -> Tensor:
+        """Give the negative log likelihood of the bits to be told, in nats per bit."""
+        split = self.splits.draw(_generator(self.seed, 1, step), self.batch, self.side)
+        own = split.of(self.processes.share)
+        device = self.parameters[0].device
+        surprise = self.splits.surprise(self.module(own.counts.to(device), own.told), own)
+        return surprise * (own.number / max(split.number, 1))
+
+    def record(self, step: int, cost: float, norm: float, *, tested: bool) -> Record:
+        """Give the record of a step."""
+        return Record(step, cost, norm, None, self._look() if tested else None)
+
+    def step(self, step: int, steps: int) -> Record:
+        """Take one step, and stay in range."""
+        record = super().step(step, steps)
+        self._keep_in_range()
+        return record
+
+    def settle(self) -> Record:
+        """Go back to the best parameters; gives what a step would find there."""
         self._look()
-        self.module = Network(self.best).to(self.device)
-        self._note(self._measure(steps, self.least), callback)
+        self.take(self.best)
+        last = self.measure(len(self.history), tested=False)
+        return dataclasses.replace(last, held_out=self.least)
 
-    def _measure(self, step: int, held_out: float | None) -> Record:
-        """Find how likely other bits are, and the gradient."""
-        rng = _generator(self.run["seed"], 1, step)
-        split = self.splits.draw(rng, self.run["batch"], self.run["patch"])
-        self.module.zero_grad()
-        loss = self.splits.surprise(self.module(split.counts.to(self.device), split.told), split)
-        loss.backward()
-        norm = float(nn.utils.clip_grad_norm_(self.module.parameters(), _CLIP))
-        cost = float(loss.detach())
-        if not (math.isfinite(cost) and math.isfinite(norm)):
-            raise FloatingPointError(
-                f"step {step}: not a number any more (cost {cost:.4g}, gradient norm {norm:.4g}); "
-                f"lower the rate, now {self.run['optimiser']}"
-            )
-        return Record(step, cost, norm, None, held_out)
+    def state(self) -> State:
+        """Give what is remembered between two steps, the best parameters among it."""
+        return {**super().state(), "best": self.best}
+
+    def restore(self, kept: Checkpoint, path: str | os.PathLike[str]) -> None:
+        """Go on from what a checkpoint keeps."""
+        super().restore(kept, path)
+        self.best = kept.state["best"]
+        self.least = float(np.nanmin(self.history.held_out, initial=math.inf))
 
     def _look(self) -> float:
         """Find how likely the bits held out are, and remember the best."""
-        network = self.module.network()
-        found = self.splits.surprise_held_out(network, torch.get_num_threads())
+        found = self.splits.surprise_held_out(self.module.network(), torch.get_num_threads())
+        # Processes on unlike machines could come to other last digits, and to another best.
+        shared = torch.tensor(found, dtype=torch.float64)
+        self.processes.spread(shared)
+        found = float(shared)
         if found < self.least:
-            self.best, self.least = network, found
+            self.best, self.least = self.vector(), found
         return found
 
     def _keep_in_range(self) -> None:
@@ -244,11 +270,6 @@ class _Tuning:
         low, high = min(0.0, float(start.min())), origin.sensor.max_intensity
         with torch.no_grad():
             self.module.coefficients[str(last)].clamp_(low, max(high, float(start.max())))
-
-    def _note(self, record: Record, callback: Callable[[Record], object] | None) -> None:
-        self.history.records.append(record)
-        if callback is not None:
-            callback(record)
 
 
 def _generator(seed: int, *place: int) -> np.random.Generator:

@@ -10,6 +10,8 @@ import torch
 import torch.distributed as group
 from torch import Tensor
 
+from jotlight.training.checks import at_least
+
 _LETTING_GO = 0.2
 """Seconds."""
 
@@ -78,3 +80,15 @@ def together(device: torch.device) -> Iterator[Processes]:
         # Its threads still let go of the last tensors, for which they need the interpreter: were it
         # on its way out by then, the process would be aborted.
         time.sleep(_LETTING_GO)
+
+
+@contextlib.contextmanager
+def with_threads(number: int | None) -> Iterator[None]:
+    """Let PyTorch use so many threads of the CPU, or as many as it does, while the block runs."""
+    before = torch.get_num_threads()
+    try:
+        if number is not None:
+            torch.set_num_threads(at_least("threads", number, 1))
+        yield
+    finally:
+        torch.set_num_threads(before)

@@ -53,6 +53,20 @@ def drawn(
     return np.random.default_rng(rng).hypergeometric(ones, zeros, np.asarray(taken, np.int64))
 
 
+def check_kernel(sensor: Sensor) -> None:
+    """Raise ValueError where the jots of a pixel see different light.
+
+    Examples
+    --------
+    >>> check_kernel(Sensor(frames=8))
+    """
+    if sensor.kernel != "box":
+        raise ValueError(
+            f"sensor: expected the box kernel, got {sensor.kernel}: the jots of a pixel see "
+            "different light, so that its bits cannot be split at random"
+        )
+
+
 @dataclasses.dataclass(frozen=True)
 class Split:
     """What a network sees of some pixels, and what it has to tell."""
@@ -68,6 +82,15 @@ class Split:
     def counts(self) -> Tensor:
         """What the network sees, (N, 1, H, W)."""
         return self.planes[:, :1]
+
+    @property
+    def number(self) -> float:
+        """How many bits it has to tell."""
+        return float(self.planes[:, 2].double().sum())
+
+    def of(self, some: slice) -> "Split":
+        """Give some of the patches."""
+        return dataclasses.replace(self, planes=self.planes[some])
 
 
 class Splits:
@@ -210,9 +233,8 @@ class Splits:
             ready = network._at(self.sensor_at(split.bits)) if self.told else network
             sums = ready._weights[:, None] * split.counts[0].numpy()
             picture = torch.from_numpy(ready._of_sums(sums, threads)).double()[None, None]
-            trials = float(split.planes[:, 2].double().sum())
-            total += trials * float(self.surprise(picture, split))
-            number += trials
+            total += split.number * float(self.surprise(picture, split))
+            number += split.number
         return total / max(number, 1)
 
 

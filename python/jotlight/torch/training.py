@@ -1,24 +1,22 @@
 """Learning the parameters of deep members with PyTorch."""
 
-import math
-import operator
 import os
 import secrets
-import time
 from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 import jotlight
 from jotlight import metrics
 from jotlight.sensor import Sensor
+from jotlight.torch.course import Course
 from jotlight.torch.examples import Patches
 from jotlight.torch.network import Network
-from jotlight.torch.processes import Processes, place, together
-from jotlight.training.checkpoint import Checkpoint
+from jotlight.torch.processes import Processes, place, together, with_threads
+from jotlight.training.checks import above_0, at_least
 from jotlight.training.examples import (
     Scenes,
     Source,
@@ -34,14 +32,6 @@ from jotlight.training.loop import Images, fingerprint_of
 STEPS = 20_000
 BATCH, PATCH = 16, 48
 RATE = 3e-3
-_CLIP = 0.1
-"""The largest norm of a gradient that is followed as it is."""
-_WARM = 0.1
-"""The share of the steps over which the rate rises."""
-_TESTS = 20
-"""Tests of a run, at most."""
-_SAVE_EVERY = 20.0
-"""Seconds between two checkpoints."""
 
 
 def train(
@@ -126,10 +116,9 @@ def train(
     sensor = network.sensor if sensor is None else sensor
     network._check_sensor(sensor)
     here = place(device)
-    steps = _at_least("steps", STEPS if steps is None else steps, 1)
-    batch = _at_least("batch", BATCH if batch is None else batch, 1)
-    if not rate > 0:
-        raise ValueError(f"rate: expected a number above 0, got {rate}")
+    steps = at_least("steps", STEPS if steps is None else steps, 1)
+    batch = at_least("batch", BATCH if batch is None else batch, 1)
+    above_0("rate", rate)
     if seconds is not None and not seconds > 0:
         raise ValueError(f"seconds: expected a number above 0, got {seconds}")
     scenes: Scenes | Source = images if callable(images) else checked_scenes(images)
@@ -139,7 +128,7 @@ def train(
         side = min(PATCH, side)
     tests = None if test is None else checked_scenes(test)
     with together(here) as processes:
-        seed = torch.tensor(secrets.randbits(32) if rng is None else _at_least("rng", rng, 0))
+        seed = torch.tensor(secrets.randbits(32) if rng is None else at_least("rng", rng, 0))
         processes.spread(seed)
         patches = Patches(scenes, network, sensor_of_patches(sensor), int(seed), batch, side)
         run: dict[str, object] = {
@@ -153,24 +142,14 @@ def train(
             "patch": patches.side,
             "seed": int(seed),
         }
-        before = torch.get_num_threads()
-        try:
-            if threads is not None:
-                torch.set_num_threads(_at_least("threads", threads, 1))
+        with with_threads(threads):
             module = Network(network).to(here)
-            course = Course(module, patches, run, rate, tests, processes)
-            if resume:
-                if checkpoint is None:
-                    raise ValueError("resume: expected a checkpoint to resume from, got none")
-                course.restore(Checkpoint.load(checkpoint, run), checkpoint)
-            elif checkpoint is not None:
-                Checkpoint.spare_others(checkpoint)
-            course.follow(steps, seconds, checkpoint, callback)
+            course = Learning(module, patches, run, rate, tests, processes)
+            course.begin(checkpoint, resume)
+            course.follow(steps, checkpoint, callback, seconds)
             last = course.measure(len(course.history), tested=True)
             if processes.first and callback is not None:
                 callback(last)
-        finally:
-            torch.set_num_threads(before)
     history = History([*course.history.records, last])
     told = {**network.history, "run": run, "records": history.thinned().to_json()}
     learned = course.module.network()
@@ -180,8 +159,8 @@ def train(
     return learned, history
 
 
-class Course:
-    """A run: the parameters, what the optimiser remembers, and the records so far."""
+class Learning(Course):
+    """A run on patches of images."""
 
     def __init__(
         self,
@@ -192,87 +171,21 @@ class Course:
         tests: Scenes | None,
         processes: Processes,
     ) -> None:
-        self.patches, self.run, self.rate, self.tests = patches, run, rate, tests
-        self.module, self.processes = module, processes
-        self.parameters = [p for p in self.module.parameters() if p.requires_grad]
-        self.optimiser = torch.optim.Adam(self.parameters, lr=rate, betas=(0.9, 0.99))
-        self.history = History()
-        self.kept = self.checkpoint()
+        super().__init__(module, run, rate, processes)
+        self.patches, self.tests = patches, tests
 
-    def follow(
-        self,
-        steps: int,
-        seconds: float | None,
-        checkpoint: str | os.PathLike[str] | None,
-        callback: Callable[[Record], object] | None,
-    ) -> None:
-        """Take the steps that are left."""
-        begun = saved = time.monotonic()
-        try:
-            while len(self.history) < steps:
-                now = time.monotonic()
-                if self._late(seconds is not None and now - begun > seconds):
-                    break
-                record = self.step(len(self.history), steps)
-                if not self.processes.first:
-                    continue
-                if checkpoint is not None:
-                    self.kept = self.checkpoint()
-                    if now - saved > _SAVE_EVERY:
-                        self.kept.save(checkpoint)
-                        saved = now
-                if callback is not None:
-                    callback(record)
-        finally:
-            # Also when Ctrl-C or an error ended the loop: `kept` is always between two steps.
-            if checkpoint is not None and self.processes.first and len(self.kept.history):
-                self.kept.save(checkpoint)
-
-    def _late(self, late: bool) -> bool:
-        """Whether the first process is out of time."""
-        flag = torch.tensor(float(late))
-        self.processes.spread(flag)
-        return bool(flag)
-
-    def step(self, step: int, steps: int) -> Record:
-        """Take one step; gives what it found before it walked on."""
-        record = self.measure(step, tested=step % max(1, steps // _TESTS) == 0)
-        for group in self.optimiser.param_groups:
-            group["lr"] = self.rate * _course(step / steps)
-        self.optimiser.step()
-        self.history.records.append(record)
-        return record
-
-    def measure(self, step: int, *, tested: bool) -> Record:
-        """Find cost and gradient on the patches of a step."""
-        psnr = self.test() if tested and self.tests is not None else None
+    def loss(self, step: int) -> Tensor:
+        """Give the mean square error of a patch, of this process's patches."""
         views = self.patches.views(step, self.processes.share, torch.get_num_threads())
         views = views.to(self.parameters[0].device)
-        self.optimiser.zero_grad()
-        loss = views.errors(self.module).sum() / self.patches.batch
-        loss.backward()
-        total = self._gathered(loss.detach())
-        norm = float(nn.utils.clip_grad_norm_(self.parameters, _CLIP))
-        if not (math.isfinite(total) and math.isfinite(norm)):
-            raise FloatingPointError(
-                f"step {step}: not a number any more (cost {total:.4g}, gradient norm "
-                f"{norm:.4g}); lower the rate, now {self.rate:g}"
-            )
-        return Record(step, 0.5 * self.patches.side**2 * total, norm, psnr)
+        return views.errors(self.module).sum() / self.patches.batch
 
-    def _gathered(self, loss: Tensor) -> float:
-        """Add the gradients and costs of all processes; gives the cost."""
-        gradients = [p.grad if p.grad is not None else torch.zeros_like(p) for p in self.parameters]
-        flat = torch.cat([loss.view(1), *(gradient.flatten() for gradient in gradients)])
-        self.processes.sum(flat)
-        start = 1
-        for parameter in self.parameters:
-            part = flat[start : start + parameter.numel()]
-            parameter.grad = part.view_as(parameter).clone()
-            start += parameter.numel()
-        return float(flat[0])
+    def record(self, step: int, cost: float, norm: float, *, tested: bool) -> Record:
+        """Give the record of a step: ε of a whole patch."""
+        psnr = self._test() if tested and self.tests is not None else None
+        return Record(step, 0.5 * self.patches.side**2 * cost, norm, psnr)
 
-    def test(self) -> float:
+    def _test(self) -> float:
         """Mean PSNR of the test images in dB, for a peak of 1, always with the same bits."""
         assert self.tests is not None
         network, sensor = self.module.network(), self.patches.sensor
@@ -282,55 +195,3 @@ class Course:
             estimate = network.reconstruct(sensor.expose(image, seed), sensor)
             found.append(metrics.psnr(estimate, image, peak=1.0))
         return float(np.mean(found))
-
-    def checkpoint(self) -> Checkpoint:
-        """Give the state between two steps."""
-        state = {
-            name: _flat([self.optimiser.state[p][name] for p in self.parameters])
-            for name in ("exp_avg", "exp_avg_sq")
-            if self.optimiser.state
-        }
-        return Checkpoint(
-            self.run, _flat(self.parameters), state, History(list(self.history.records))
-        )
-
-    def restore(self, kept: Checkpoint, path: str | os.PathLike[str]) -> None:
-        """Go on from a state."""
-        arrays = {"parameters": kept.vector, **kept.state}
-        size = sum(p.numel() for p in self.parameters)
-        if sorted(arrays) != ["exp_avg", "exp_avg_sq", "parameters"] or any(
-            array.shape != (size,) for array in arrays.values()
-        ):
-            raise ValueError(f"{path}: damaged checkpoint: it does not fit the network")
-        start = 0
-        for parameter in self.parameters:
-            part = slice(start, start + parameter.numel())
-            start = part.stop
-            values = {
-                name: torch.from_numpy(array[part]).to(parameter).view_as(parameter)
-                for name, array in arrays.items()
-            }
-            with torch.no_grad():
-                parameter.copy_(values.pop("parameters"))
-            step = torch.tensor(float(len(kept.history)))
-            self.optimiser.state[parameter] = {"step": step, **values}
-        self.history = History(list(kept.history.records))
-        self.kept = kept
-
-
-def _course(share: float) -> float:
-    """The rate over a run, as a share of its largest: a rise, and half a cosine down to 0."""
-    if share < _WARM:
-        return 0.04 + 0.96 * share / _WARM
-    return 0.5 * (1 + math.cos(math.pi * (share - _WARM) / (1 - _WARM)))
-
-
-def _flat(tensors: Sequence[Tensor]) -> npt.NDArray[np.float64]:
-    return np.asarray(torch.cat([x.detach().flatten() for x in tensors]).cpu(), np.float64)
-
-
-def _at_least(name: str, value: int, least: int) -> int:
-    value = operator.index(value)
-    if value < least:
-        raise ValueError(f"{name}: expected at least {least}, got {value}")
-    return value

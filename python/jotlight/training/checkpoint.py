@@ -74,7 +74,7 @@ class Checkpoint:
             its = dict(json.loads(metadata["run"]).items())
             differences = [
                 f"the {name} is another one"
-                if name in ("images", "test", "network")
+                if name in ("images", "test", "network", "capture")
                 else f"{name} is {its.get(name)!r} there and {run.get(name)!r} here"
                 for name in {**run, **its}
                 if its.get(name) != run.get(name)

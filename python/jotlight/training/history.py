@@ -15,7 +15,8 @@ class Record:
     step: int
     """From 0."""
     loss: float
-    """ε: ½‖ĉ - c‖² of a patch in the mean."""
+    """ε: ½‖ĉ - c‖² of a patch in the mean; where bits are told, their negative log likelihood in
+    nats per bit."""
     gradient_norm: float
     """‖∇ε‖."""
     test_psnr: float | None
@@ -69,6 +70,7 @@ class History:
             "loss": [record.loss for record in self.records],
             "gradient_norm": [record.gradient_norm for record in self.records],
             "test_psnr": [record.test_psnr for record in self.records],
+            "held_out": [record.held_out for record in self.records],
         }
 
     @classmethod
@@ -81,18 +83,20 @@ class History:
             When these are not such columns.
         """
         try:
-            # Older files have a record of every step, and do not number them.
-            steps = columns.get("step", range(len(columns["loss"])))
-            values = columns["loss"], columns["gradient_norm"], columns["test_psnr"]
+            # Older files have a record of every step and do not number them, and held no bits out.
+            number = len(columns["loss"])
+            steps = columns.get("step", range(number))
+            held_out = columns.get("held_out", [None] * number)
+            values = columns["loss"], columns["gradient_norm"], columns["test_psnr"], held_out
             return cls(
                 [
                     Record(
                         operator.index(step),
                         float(loss),
                         float(norm),
-                        None if psnr is None else float(psnr),
+                        *(None if found is None else float(found) for found in tests),
                     )
-                    for step, loss, norm, psnr in zip(steps, *values, strict=True)
+                    for step, loss, norm, *tests in zip(steps, *values, strict=True)
                 ]
             )
         except (AttributeError, KeyError, TypeError, ValueError) as error:
@@ -111,7 +115,10 @@ class History:
             [
                 record
                 for number, record in enumerate(self.records)
-                if number % every == 0 or record.test_psnr is not None or number == len(self) - 1
+                if number % every == 0
+                or record.test_psnr is not None
+                or record.held_out is not None
+                or number == len(self) - 1
             ]
         )
 

@@ -3,7 +3,6 @@
 import dataclasses
 import hashlib
 import math
-import operator
 import os
 import secrets
 import time
@@ -17,6 +16,7 @@ from jotlight.network import Network
 from jotlight.sensor import Sensor
 from jotlight.training.admissible import AdmissibleSet, SafeSet
 from jotlight.training.checkpoint import Checkpoint
+from jotlight.training.checks import at_least
 from jotlight.training.cost import Cost, mean_psnr
 from jotlight.training.examples import (
     Examples,
@@ -144,11 +144,11 @@ def train(
             "learn with PyTorch, jotlight.torch.train"
         )
     chosen = _optimiser(optimiser)
-    steps = _at_least("steps", chosen.steps if steps is None else steps, 0)
-    seed = secrets.randbits(32) if rng is None else _at_least("rng", rng, 0)
+    steps = at_least("steps", chosen.steps if steps is None else steps, 0)
+    seed = secrets.randbits(32) if rng is None else at_least("rng", rng, 0)
     admissible = SafeSet() if admissible is None else admissible
     if threads is not None:
-        _at_least("threads", threads, 1)
+        at_least("threads", threads, 1)
     if seconds is not None and not seconds > 0:
         raise ValueError(f"seconds: expected a number above 0, got {seconds}")
     examples = _examples(network, sensor, images, patch, batch, chosen.pixels, seed)
@@ -293,7 +293,7 @@ def _examples(
     seen = sensor_of_patches(sensor)
     # A smooth kernel brings light from two pixels away, which a patch does not know.
     border = network.halo + (0 if seen.kernel == "box" else 2)
-    batch = None if batch is None else _at_least("batch", batch, 1)
+    batch = None if batch is None else at_least("batch", batch, 1)
     if callable(images):
         if patch is not None:
             raise ValueError("patch: is for images; what a callable makes is seen whole")
@@ -323,13 +323,3 @@ def fingerprint_of(network: Network) -> str:
     for layer in network.layers:
         digest.update(repr((layer.filters.shape, layer.numbers())).encode())
     return digest.hexdigest()
-
-
-def _at_least(name: str, value: int, least: int) -> int:
-    try:
-        value = operator.index(value)
-    except TypeError:
-        raise TypeError(f"{name}: expected a whole number, got {value!r}") from None
-    if value < least:
-        raise ValueError(f"{name}: expected {least} or more, got {value}")
-    return value

@@ -1,0 +1,248 @@
+"""`jotlight train --self-supervised capture.npy`."""
+
+import shlex
+import sys
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.training import History, vector_of
+
+torch = pytest.importorskip("torch")
+
+from jotlight.torch import fine_tuning, processes  # noqa: E402
+
+SENSOR = jl.Sensor(frames=8)
+SCENE = jl.datasets.photograph("camera")[100:164, 180:244]
+OWN, CHECKPOINT = "own.safetensors", "own.checkpoint.safetensors"
+FEW = ["--steps", 3, "--batch", 2, "--patch", 24, "--device", "cpu", "--threads", 1]
+
+
+@pytest.fixture
+def learn(run, tmp_path):
+    """Learn from a capture of a photograph, from a network that is told K."""
+    SENSOR.expose(SCENE, rng=0).save(tmp_path / "seen.npy")
+    jl.Network.told("small", rng=0).save(tmp_path / "start.safetensors")
+
+    def learn(*words, capture="seen.npy", start="start.safetensors"):
+        begin = [] if start is None else ["--start", start]
+        return run("train", "--self-supervised", capture, "-o", OWN, *begin, *FEW, *words)
+
+    return learn
+
+
+def files(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def held_out(name=OWN):
+    return History.from_json(jl.Network.load(name).history["fine tuning"]["records"]).held_out
+
+
+def test_the_held_out_bits_of_a_capture_become_more_likely(learn, run, tmp_path):
+    status, said = learn("--steps", 60, "--batch", 8, "--rate", 3e-3, "--plot", "run.png")
+    assert status == 0
+    before, after = held_out()[0], held_out()[-1]
+    assert after < before - 1e-4
+    assert "starts from start.safetensors" in said
+    assert "step 60/60  cost 0." in said
+    assert f"held out {after:.5f} nats per bit" in said
+    assert f"{OWN}: learned in 60 steps" in said
+    assert f"{before:.5f} to {after:.5f} nats per bit held out" in said
+    assert (tmp_path / "run.png").stat().st_size > 10_000
+    assert CHECKPOINT not in files(tmp_path)
+    # The command that it gives makes a picture.
+    command = shlex.split(said.split("Reconstruct with it: jotlight ")[1].splitlines()[0])
+    assert run(*command)[0] == 0
+    assert (tmp_path / "picture.png").is_file()
+    told = run("info", OWN, "--plot", "later.png")[1] + run("info", OWN)[1]
+    assert "60 steps of Adam(rate=0.003), seed 0" in told
+    assert "fine-tuned on seen.npy" in " ".join(told.split())
+    assert f"held out {before:.5f} to {after:.5f} nats per bit" in " ".join(told.split())
+
+
+def test_it_is_the_network_that_python_gives(learn):
+    assert learn("--seed", 7, "--rate", 0.002)[0] == 0
+    own, history = jl.torch.fine_tune(
+        jl.Network.load("start.safetensors"), jl.open("seen.npy"), steps=3, batch=2, patch=24,
+        rate=0.002, rng=7, device="cpu", threads=1,
+    )  # fmt: skip
+    np.testing.assert_array_equal(vector_of(jl.Network.load(OWN)), vector_of(own))
+    np.testing.assert_array_equal(held_out(), history.held_out)
+
+
+def test_the_defaults_are_those_of_python(learn, run):
+    start = ["--start", "start.safetensors"]
+    words = ["train", "--self-supervised", "seen.npy", "-o", OWN, *start, "--steps", 1]
+    assert run(*words)[0] == 0
+    own, _ = jl.torch.fine_tune(
+        jl.Network.load("start.safetensors"), jl.open("seen.npy"), steps=1, rng=0
+    )
+    told = jl.Network.load(OWN).history["fine tuning"]["run"]
+    assert told == own.history["fine tuning"]["run"]
+    assert (told["batch"], told["patch"]) == (16, 48)
+
+
+def test_without_a_start_it_says_which_network_it_takes(learn, monkeypatch):
+    small = jl.Network.told("small", rng=0)
+    asked = []
+
+    def pretrained(*arguments):
+        asked.append(arguments)
+        return small
+
+    monkeypatch.setattr(sys.modules["jotlight.cli.self_supervised"], "pretrained", pretrained)
+    status, said = learn(start=None)
+    assert status == 0
+    assert asked == [(SENSOR, "medium")]
+    assert "starts from the network of quality medium that comes with jotlight" in said
+
+
+def test_captures_open_as_for_reconstruct(learn, run, tmp_path):
+    """Counts in an archive, a part of a film turned, a sensor that options tell."""
+    counts = SENSOR.expose(SCENE, rng=0).counts()
+    np.savez(tmp_path / "sets.npz", a=counts, b=counts[:40])
+    capture = {"capture": "sets.npz"}
+    words = ["--key", "b", "--frames", 8, "--rotate", 90, "--dark-counts", 0.01]
+    status, said = learn(*words, **capture)
+    assert status == 0
+    assert "Sensor(frames=8, dark_counts=0.01)" in said
+    again = "reconstruct sets.npz --rotate 90 --key b --frames 8 --dark-counts 0.01"
+    assert f"jotlight {again} --model {OWN} -o picture.png" in said
+    assert run(*again.split(), "--model", OWN, "-o", "out.npy")[0] == 0
+    assert np.load("out.npy").shape == (64, 40)
+    status, said = learn("--frame-range", "2:6", "--flip", "horizontal", "--restart")
+    assert status == 0
+    assert "frames 2:6 of 8" in said
+    assert jl.Network.load(OWN).history["fine tuning"]["run"]["sensor"]["frames"] == 4
+
+
+def test_a_network_for_one_sensor_keeps_its_range(learn, tmp_path):
+    jl.Network.initial(SENSOR.replace(max_intensity=2.0)).save("two.safetensors")
+    assert learn(start="two.safetensors")[0] == 0
+    assert jl.Network.load(OWN).sensor.max_intensity == 2
+
+
+def test_a_calibration_is_of_the_likelihood(learn, run, tmp_path):
+    dark = jl.Sensor(frames=200, dark_counts=0.05).expose(np.zeros((64, 64)), rng=1)
+    dark.save(tmp_path / "dark.npy")
+    assert run("calibrate", "dark.npy", "-o", "c.safetensors")[0] == 0
+    status, said = learn("--calibration", "c.safetensors")
+    assert status == 0
+    assert "--calibration c.safetensors" in said.split("Reconstruct with it")[1]
+    other = jl.Network.load(OWN).history["fine tuning"]["run"]["capture"]
+    assert learn()[0] == 0
+    assert jl.Network.load(OWN).history["fine tuning"]["run"]["capture"] != other
+
+
+@pytest.mark.parametrize("step", [0, 2])
+def test_a_stopped_run_goes_on_as_if_it_had_not_been(learn, tmp_path, monkeypatch, step):
+    tune = fine_tuning.fine_tune
+
+    def stopped(*arguments, callback, **options):
+        def interrupt(record):
+            callback(record)
+            if record.step == step:
+                raise KeyboardInterrupt
+
+        return tune(*arguments, callback=interrupt, **options)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(fine_tuning, "fine_tune", stopped)
+        status, said = learn()
+    assert status == 130
+    assert f"The run so far is kept in {CHECKPOINT}" in said
+    assert OWN not in files(tmp_path)
+    status, said = learn()
+    assert status == 1
+    assert "add --resume" in said
+    status, said = learn("--resume", "--seed", 1)
+    assert status == 1
+    assert "seed is 0 there and 1 here" in said
+    assert learn("--resume")[0] == 0
+    resumed = jl.Network.load(OWN)
+    assert learn()[0] == 0
+    whole = jl.Network.load(OWN)
+    np.testing.assert_array_equal(vector_of(resumed), vector_of(whole))
+    assert resumed.history == whole.history
+    assert CHECKPOINT not in files(tmp_path)
+
+
+def test_what_learned_nothing_says_so(learn):
+    status, said = learn("--rate", 30)
+    assert status == 0
+    assert "nothing learned" in said
+    start, own = (vector_of(jl.Network.load(name)) for name in ("start.safetensors", OWN))
+    np.testing.assert_array_equal(start, own)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["pictures"], "images: does not go with --self-supervised, where it learns from the"),
+        (["--sensor", "seen.npy"], "sensor: does not go with --self-supervised, where give"),
+        (["--sensor-key", "a"], "--key names the array of the capture; leave it out"),
+        (["--network", "small"], "layers and bits are those of the network of --start"),
+        (["--any-bits", "1:8"], "any-bits: does not go with --self-supervised"),
+        (["--sigma", 1], "sigma: does not go"),
+        (["--untied"], "untied: does not go"),
+        (["--test", "pictures"], "a tenth of the capture's bits is what it is tested on"),
+        (["--seconds", 9], "--steps says how long it takes"),
+        (["--optimiser", "adam"], "--rate says how large they are"),
+        (["--step-size", 0.1], "step-size: does not go"),
+        (["--white", 9], "white: does not go"),
+        (["--device", "tpu"], "device: expected one of cpu, cuda, got 'tpu'"),
+        (["--resume"], "there is no stopped run to resume"),
+        (["-o", "own.npy"], "expected a name that ends in .safetensors"),
+        (["--plot", "run.gif"], "run.gif"),
+        (["-o", "start.safetensors"], "start.safetensors: this file is read"),
+    ],
+)
+def test_bad_input_gets_one_line(learn, tmp_path, words, expected):
+    status, said = learn(*words)
+    assert status == 1
+    assert expected in said
+    assert len(said.splitlines()) == 1
+    assert OWN not in files(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "words", "expected"),
+    [
+        ({"frames": 1}, [], "data: expected pixels of two bits or more"),
+        ({"frames": 300}, [], "or some of the frames with --frame-range"),
+        ({"frames": 4, "kernel": "cubic"}, [], "expected the box kernel, got cubic"),
+        ({"frames": 4}, ["--steps", 0], "steps: expected at least 1, got 0"),
+        ({"frames": 4}, ["--rate", 0], "rate: expected a finite number above 0"),
+        ({"frames": 4}, ["--patch", 65], "patch: expected 1 to the 64 pixels"),
+    ],
+)
+def test_a_capture_that_cannot_be_learned_from_says_why(learn, tmp_path, sensor, words, expected):
+    jl.Sensor(**sensor).expose(SCENE, rng=0).save(tmp_path / "other.npy")
+    status, said = learn(*words, capture="other.npy", start=None)
+    assert status == 1
+    assert expected in said
+    assert said.splitlines()[-1].startswith("error: ")
+    assert OWN not in files(tmp_path)
+
+
+def test_options_of_a_capture_need_one(run, pictures):
+    status, said = run("train", pictures, "-o", OWN, "--rotate", 90)
+    assert status == 1
+    assert "is for a capture, and there is none; give it with --sensor" in said
+
+
+def test_another_process_of_several_tells_and_writes_nothing(learn, tmp_path, monkeypatch):
+    tune, seen = fine_tuning.fine_tune, {}
+
+    def tuned(*arguments, **options):
+        seen.update(options)
+        return tune(*arguments, **{**options, "checkpoint": None})
+
+    (tmp_path / CHECKPOINT).write_bytes(b"of the first")
+    monkeypatch.setattr(fine_tuning, "fine_tune", tuned)
+    monkeypatch.setattr(processes, "rank", lambda: 1)
+    assert learn() == (0, "")
+    assert "callback" not in seen
+    assert OWN not in files(tmp_path)
