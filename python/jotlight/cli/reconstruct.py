@@ -34,7 +34,12 @@ _OTHERWISE = "noniterative-tv"
 _SMOOTH = "admm-tv"
 """What knows how a smooth kernel spreads the light."""
 
-_SHIPPED = {"network": "fast", "network-small": "small", "network-medium": "medium"}
+_SHIPPED = {
+    "network": "fast",
+    "network-small": "small",
+    "network-medium": "medium",
+    "network-large": "large",
+}
 """The qualities of the networks that come with jotlight."""
 
 _RAISED = "the largest intensity is half a count from saturation, so that nothing else is clipped"
