@@ -25,7 +25,7 @@ Stages = tuple[tuple[int, float], ...]
 
 STAGES: dict[str, Stages] = {
     "small-k16": ((40_000, 3e-3), (20_000, 1.5e-3)),
-    "medium": ((36_000, 3e-3), (20_000, 1.5e-3)),
+    "medium": ((36_000, 3e-3), (24_000, 2e-3)),
     "medium-k16": ((25_000, 3e-3),),
     "large-k16": ((24_000, 3e-3), (12_000, 1.5e-3)),
 }

@@ -156,21 +156,15 @@ def told(member: Member, bits: tuple[int, int], rng: np.random.Generator) -> lis
     )
     grow(build, member, reads=2)
     layers = finished(build, fitted(lambda z: np.sin(z) ** 2, 0.0, np.pi / 2, _INVERSE), adds=1)
-    return [
-        layer if layer.learns == "nothing" else _told(layer, member.channels[0]) for layer in layers
-    ]
+    return [layer if layer.learns == "nothing" else _told(layer) for layer in layers]
 
 
-def _told(layer: Layer, finest: int) -> Layer:
-    """The layer with equal sets of coefficients, and of filters where there are few of them.
-
-    The many of coarse planes are the same for every K.
-    """
+def _told(layer: Layer) -> Layer:
+    """The layer with as many equal sets of all that it learns."""
     filters, coefficients = layer.filters, layer.coefficients
-    if max(filters.shape[:2]) <= finest:
-        filters = np.repeat(filters[None], _SETS, axis=0)
     if coefficients is not None and layer.learns == "all":
         coefficients = np.repeat(coefficients[None], _SETS, axis=0)
+    filters = np.repeat(filters[None], _SETS, axis=0)
     return dataclasses.replace(layer, filters=filters, coefficients=coefficients)
 
 

@@ -16,6 +16,8 @@ from jotlight.training.examples import Scenes, Source, made_scenes
 
 FLUX = 0.02, 3.0
 """Photons per jot and frame, in the mean of an image, that a network for many K is for."""
+_USUAL = 0.15, 1.0
+"""That of half of the patches: photographs have it where α = K."""
 _DARK = 1e-3, 0.3
 """Dark counts per jot and frame, in half of the patches of such a network."""
 _MIDDLE, _BRIGHT = 0.44, 4.0
@@ -136,11 +138,15 @@ class Patches:
             return None
         low, high = self.network.bits
         bits = round(math.exp(choice.uniform(math.log(low), math.log(high))))
-        flux, dark = (
+        flux, usual, dark = (
             np.exp(choice.uniform(math.log(low), math.log(high), self.batch))
-            for low, high in (FLUX, _DARK)
+            for low, high in (FLUX, _USUAL, _DARK)
         )
-        return bits, flux, np.where(choice.random(self.batch) < 0.5, 0, dark)
+        flux, dark = (
+            np.where(choice.random(self.batch) < 0.5, often, other)
+            for often, other in ((usual, flux), (0, dark))
+        )
+        return bits, flux, dark
 
     def _seen(
         self, truth: npt.NDArray[np.float32], seeds: list[np.random.SeedSequence], threads: int
