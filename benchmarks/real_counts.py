@@ -78,6 +78,7 @@ def estimates(image, frames):
         }
     if METHODS["noniterative-bm3d"].available:
         yield {"noniterative-bm3d": jl.noniterative(image, sensor, denoiser="bm3d")}
+    yield {"network-medium": jl.pretrained(sensor, "medium").reconstruct(image, sensor)}
     begun = time.perf_counter()
     fitted, scale = sensor_for(image, sensor)
     photographs = [jl.datasets.photograph(name, gray=True) for name in jl.datasets.PHOTOGRAPHS]

@@ -11,6 +11,7 @@ import argparse
 import csv
 import statistics
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import torch
@@ -18,6 +19,7 @@ from torch import Tensor
 
 import jotlight as jl
 from jotlight import deep
+from jotlight.files import written_whole
 from jotlight.image_sets import read_image_set
 from jotlight.torch import Network, training
 from jotlight.torch.examples import Patches
@@ -57,7 +59,10 @@ def main() -> None:
         values = [float(row[-1]) for row in rows if row[0] == name]
         print(f"{name}: {statistics.mean(values):.3f} dB, {min(values)} to {max(values)}")
     if options.output is not None:
-        with (options.output / "splines.csv").open("w", newline="", encoding="utf-8") as file:
+        with (
+            written_whole(options.output / "splines.csv") as temporary,
+            temporary.open("w", newline="", encoding="utf-8") as file,
+        ):
             csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
 
 
@@ -69,8 +74,8 @@ def learned(
     tests: list[np.ndarray],
     options: argparse.Namespace,
 ) -> float:
-    deep.MEMBERS["small"] = deep.Member((channels,), (3,))
-    network = jl.Network.deep(SENSOR, "small", rng=seed)
+    with patch.dict(deep.MEMBERS, small=deep.Member((channels,), (3,))):
+        network = jl.Network.deep(SENSOR, "small", rng=seed)
     module = kind(network)
     patches = Patches(scenes, network, SENSOR, seed, training.BATCH, training.PATCH)
     course = training.Learning(module, patches, {}, training.RATE, None, Processes())

@@ -158,6 +158,8 @@ LEARNS = "all", "filters", "nothing"
 
 _STEPS = 16
 """The largest stride and upsampling."""
+_LARGEST_STEP = 256
+"""Rows of a picture that one row of planes stands for, at most."""
 
 
 def shares_of(bits: float, between: tuple[float, float], number: int) -> npt.NDArray[np.float64]:
@@ -259,9 +261,25 @@ def scales(layers: Sequence[Layer]) -> list[Fraction]:
 
 
 def step_of(layers: Sequence[Layer]) -> int:
-    """Give what rows and columns of a picture have to be a multiple of."""
+    """Give what rows and columns of a picture have to be a multiple of.
+
+    Raises
+    ------
+    ValueError
+        When that is more than 256, or a pixel has more than 256 rows in some planes.
+    """
     every = scales(layers)
-    return math.lcm(*(x.numerator for x in every))
+    # What filters with a stride give has whole rows, before any are made of its depth.
+    step = math.lcm(
+        *((scale * layer.upsampling).numerator for layer, scale in zip(layers, every, strict=True))
+    )
+    largest = max(step, *(scale.denominator for scale in every))
+    if largest > _LARGEST_STEP:
+        raise ValueError(
+            f"layers: expected strides and upsamplings of at most {_LARGEST_STEP} together, got "
+            f"{largest}"
+        )
+    return step
 
 
 def chained(layers: Sequence[Layer]) -> bool:

@@ -17,7 +17,7 @@ from jotlight.bits import Bits, check_fits
 from jotlight.channels import by_channel
 from jotlight.deep import MEMBERS, Member, deeper, told
 from jotlight.fill import fill_blind
-from jotlight.layer import Layer, halo_of, number_of_sets, scales, shares_of, step_of, work_of
+from jotlight.layer import Layer, halo_of, number_of_sets, shares_of, step_of, work_of
 from jotlight.mle import equivalent_counts, from_probability, reference_jot
 from jotlight.observation import Observation, observe
 from jotlight.sensor import Sensor
@@ -77,7 +77,7 @@ class Network:
                 f"layers: expected filters of shape (C, {', '.join(map(str, block))}) in the first "
                 f"layer, or (C, 1, 1, 1) when it is tied, got {self.layers[0].filters.shape}"
             )
-        scales(self.layers)
+        step_of(self.layers)
         if bits is None and any(layer.sets for layer in self.layers):
             raise ValueError(
                 "bits: expected a range of bits per pixel for layers with sets of parameters, got "

@@ -70,6 +70,38 @@ def test_filters_that_the_stride_does_not_divide():
     np.testing.assert_allclose(picture, twin(network, bits), atol=2e-5)
 
 
+@pytest.mark.parametrize(("stride", "upsampling", "step"), [(2, 2, 2), (4, 2, 4), (3, 3, 3)])
+@pytest.mark.parametrize("size", [(5, 7), (13, 110), (61, 50)])
+def test_a_layer_that_filters_with_a_stride_and_goes_from_depth_to_space(
+    stride, upsampling, step, size
+):
+    rng = np.random.default_rng(5)
+    one = np.ones((1, 1, 1, 1), np.float32)
+    both = rng.normal(0, 0.3, (2 * upsampling**2, 1, stride, stride)).astype(np.float32)
+    back = rng.normal(0, 0.3, ((stride // upsampling) ** 2, 2, 1, 1)).astype(np.float32)
+    layers = [
+        jl.Layer(one / 16, None),
+        jl.Layer(both, None, stride=stride, upsampling=upsampling),
+        jl.Layer(back, None, upsampling=stride // upsampling),
+    ]
+    assert step_of(layers) == step
+    network = jl.Network(layers, SENSOR)
+    counts = counts_of(SENSOR, *size)
+    picture = network.reconstruct(counts, threads=1)
+    expected = deep.picture(layers, counts[None] / 16, step)
+    np.testing.assert_allclose(picture, expected, atol=1e-5)
+    np.testing.assert_array_equal(network.reconstruct(counts, threads=3), picture)
+
+
+def test_strides_that_are_too_many_together_are_refused():
+    one = np.ones((1, 1, 1, 1), np.float32)
+    down, up = np.ones((1, 1, 16, 16), np.float32), np.ones((256, 1, 1, 1), np.float32)
+    layers = [jl.Layer(one, None), *[jl.Layer(down, None, stride=16)] * 3]
+    layers += [jl.Layer(up, None, upsampling=16)] * 3
+    with pytest.raises(ValueError, match="at most 256 together, got 4096"):
+        jl.Network(layers, SENSOR)
+
+
 def test_dead_jots_of_a_deep_network_that_weighs_jots_singly():
     rng = np.random.default_rng(4)
     sensor = jl.Sensor(oversampling=3)

@@ -88,6 +88,12 @@ def test_both_ways_agree_on_the_slope_on_knots():
     torch.testing.assert_close(*slopes)
 
 
+def test_what_is_not_a_number_leads_to_no_other_place():
+    z = torch.tensor([[[float("nan"), 0.5]]])
+    bent = formula(z, torch.arange(7.0)[None], 0.0, 0.5)
+    assert torch.isfinite(bent).tolist() == [[[False, True]]]
+
+
 @pytest.mark.parametrize("dtype", [torch.bfloat16, torch.float16])
 def test_few_digits_in_are_few_digits_out(dtype):
     z, coefficients = drawn((2, 3, 8, 9), *KNOTS[2], torch.float32)

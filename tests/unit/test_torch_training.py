@@ -105,6 +105,13 @@ def test_a_checkpoint_of_another_run_is_refused(tmp_path):
         learn(resume=True)
 
 
+def test_dark_images_with_a_bright_spot_have_a_finite_cost():
+    dark = np.full((1, 32, 32), 1e-4, np.float32)
+    dark[0, 3:6, 3:6] = 1.0
+    _, history = learn(jl.Network.told("small", rng=0), dark, steps=6, batch=4, patch=32)
+    assert np.isfinite(history.loss).all()
+
+
 def test_a_rate_that_leads_nowhere_is_an_error():
     with pytest.raises(FloatingPointError, match=r"step \d+: not a number .* lower the rate"):
         learn(STARTS["told"], rate=1e30, steps=30)

@@ -23,6 +23,8 @@ _DARK = 1e-3, 0.3
 _MIDDLE, _BRIGHT = 0.44, 4.0
 """The mean intensity of photographs; pixels whose noise has so many times its variance, as those of
 intensity 1 have where an image is seen well, count no more than that."""
+_MOST = 20.0
+"""Photons per bit from which on none tells anything."""
 _EASE = 0.6
 """How the error of a good estimate grows with that of the counts, as a power."""
 
@@ -64,10 +66,10 @@ class Views:
         assert self.light is not None
         assert self.dark is not None
         light, dark = self.light.view(-1, 1, 1, 1), self.dark.view(-1, 1, 1, 1)
-        rates = self.truth * light + dark
+        rates = (self.truth * light + dark).clamp(max=_MOST)
         wanted = torch.asin(torch.sqrt(-torch.expm1(-rates)))
         # dc/dz = 2 √(exp(s) - 1) / light
-        middle = torch.expm1(_MIDDLE * light + dark)
+        middle = torch.expm1((_MIDDLE * light + dark).clamp(max=_MOST))
         weights = torch.expm1(rates).minimum(_BRIGHT * middle)
         errors = weights * (module.sums(self.data, self.bits) - wanted) ** 2
         reached = light**2 * (middle / (self.bits * light**2)) ** _EASE

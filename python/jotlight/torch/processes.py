@@ -72,7 +72,8 @@ def together(device: torch.device) -> Iterator[Processes]:
     if int(os.environ.get("WORLD_SIZE", "1")) == 1:
         yield Processes()
         return
-    group.init_process_group("nccl" if device.type == "cuda" else "gloo")
+    # Numbers about the run are on the CPU, gradients where the network is.
+    group.init_process_group("cpu:gloo,cuda:nccl" if device.type == "cuda" else "gloo")
     try:
         yield Processes(group.get_rank(), group.get_world_size())
     finally:

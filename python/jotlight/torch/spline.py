@@ -53,7 +53,9 @@ def formula(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Te
     first = place.detach().floor().clamp(max=intervals - 1)
     through = place - first
     offset = torch.arange(channels, device=z.device).view(-1, *[1] * (z.dim() - 2)) * intervals
-    a, b, c, d = cubics[first.long() + offset].unbind(-1)
+    # NaN has no place; it goes on through `through`.
+    index = first.long().clamp(0, intervals - 1) + offset
+    a, b, c, d = cubics[index].unbind(-1)
     return (((d * through + c) * through + b) * through + a).to(z.dtype)
 
 

@@ -128,6 +128,11 @@ def train(
         side = min(PATCH, side)
     tests = None if test is None else checked_scenes(test)
     with together(here) as processes:
+        if batch < processes.number:
+            raise ValueError(
+                f"batch: expected at least a patch for each of the {processes.number} processes, "
+                f"got {batch}"
+            )
         seed = torch.tensor(secrets.randbits(32) if rng is None else at_least("rng", rng, 0))
         processes.spread(seed)
         patches = Patches(scenes, network, sensor_of_patches(sensor), int(seed), batch, side)

@@ -15,8 +15,9 @@ pub(super) const LINES: usize = 3;
 pub(super) const ROWS: usize = 4;
 const SUMS: usize = 6;
 
-/// Inputs from which on what is saved is more than what the sums cost.
+/// Inputs and outputs from which on what is saved is more than what the sums cost.
 const INPUTS: usize = 16;
+const OUTPUTS: usize = 4;
 /// Columns at a time, so that the sums of all planes stay near the core.
 const STRETCH: usize = 96;
 /// Numbers in a row of sums: loops read whole registers past the end.
@@ -45,7 +46,8 @@ impl<F: Real> Fast<F> {
     /// Of filters `(outputs, inputs, lines, columns)`, if it is worth it.
     pub fn new(filters: ArrayView4<'_, F>, stride: usize) -> Option<Self> {
         let (outputs, inputs, lines, columns) = filters.dim();
-        if lines != LINES || inputs < INPUTS || columns > LANES || stride != 1 {
+        let many = inputs >= INPUTS && outputs >= OUTPUTS;
+        if lines != LINES || columns > LANES || stride != 1 || !many {
             return None;
         }
         // Turned around, so that loops run forward.
@@ -351,8 +353,13 @@ mod tests {
 
     #[test]
     fn filters_that_it_is_not_for_are_left_to_others() {
-        for (inputs, lines, stride) in [(INPUTS, 5, 1), (INPUTS - 1, 3, 1), (INPUTS, 3, 2)] {
-            let filters = Array4::<f32>::zeros((2, inputs, lines, 3));
+        for (outputs, inputs, lines, stride) in [
+            (OUTPUTS, INPUTS, 5, 1),
+            (OUTPUTS, INPUTS - 1, 3, 1),
+            (OUTPUTS - 1, INPUTS, 3, 1),
+            (OUTPUTS, INPUTS, 3, 2),
+        ] {
+            let filters = Array4::<f32>::zeros((outputs, inputs, lines, 3));
             assert!(Fast::new(filters.view(), stride).is_none());
         }
     }

@@ -276,7 +276,8 @@ impl<F: Real> Scratch<F> {
             picture.1.next_multiple_of(graph.step),
         );
         let wanted = wanted_of(graph, size, last);
-        self.free.append(&mut self.planes);
+        let used = self.planes.drain(..);
+        self.free.extend(used.filter(|room| room.capacity() > 0));
         for (index, layer) in graph.layers.iter().enumerate() {
             let place = &wanted[index];
             let mut out = self.room(layer.channels() * place.pixels());
@@ -401,5 +402,37 @@ fn add<F: Real>(kept: &[F], from: &Place, place: &Place, out: &mut [F]) {
                 *out += kept;
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::Array4;
+
+    use super::*;
+    use crate::network::Wiring;
+
+    #[test]
+    fn a_threads_room_does_not_grow_from_tile_to_tile() -> Result<()> {
+        let layer = || {
+            let one = Array4::from_elem((1, 1, 3, 3), 1f32);
+            Layer::new(one, None, 0.0, 1.0, Wiring::default())
+        };
+        let layers = [layer()?, layer()?, layer()?, layer()?];
+        let graph = Graph::new(&layers)?;
+        let place = Place {
+            rows: 0..8,
+            columns: 0..8,
+        };
+        let mut scratch = Scratch::default();
+        let mut rooms = || {
+            scratch.tile(&graph, (8, 8), &place, |_, out| out.fill(1.0));
+            scratch.free.len() + scratch.planes.len()
+        };
+        let first = rooms();
+        for _ in 0..20 {
+            assert!(rooms() <= first + 1);
+        }
+        Ok(())
     }
 }

@@ -3,6 +3,9 @@
 use super::{Layer, Real};
 use crate::error::{Error, Result};
 
+/// Rows of a picture that one row of a network's planes may stand for, and the other way round: parts of pictures are no smaller.
+const LARGEST_STEP: usize = 256;
+
 /// Layers in order, checked.
 pub(super) struct Graph<'a, F> {
     pub layers: &'a [Layer<F>],
@@ -50,7 +53,14 @@ impl<'a, F: Real> Graph<'a, F> {
                 return Err(Error::shape("input channels of a layer", channels, inputs));
             }
             let (above, below) = graph.scales[source];
-            let scale = reduced(above * layer.wiring.stride, below * layer.wiring.upsampling);
+            // What filters with a stride give has whole rows, before any are made of its depth.
+            let (above, below) = reduced(above * layer.wiring.stride, below);
+            graph.step = graph.step / greatest_divisor(graph.step, above) * above;
+            let scale = reduced(above, below * layer.wiring.upsampling);
+            if graph.step.max(scale.1) > LARGEST_STEP {
+                let expected = "strides and upsamplings of at most 256 together";
+                return Err(Error::range("layers", expected, graph.step.max(scale.1)));
+            }
             if let Some(kept) = layer.wiring.adds {
                 let expected = (layer.channels(), scale);
                 let given = (layers[kept].channels(), graph.scales[kept]);
@@ -58,7 +68,6 @@ impl<'a, F: Real> Graph<'a, F> {
                     return Err(Error::shape("kept planes", expected, given));
                 }
             }
-            graph.step = graph.step / greatest_divisor(graph.step, scale.0) * scale.0;
             graph.sources.push(source);
             graph.scales.push(scale);
         }
