@@ -13,7 +13,7 @@ from suite.paths.scene import HEIGHT, PIXELS, SENSOR, WIDTH, bits, unpacked, unt
 
 
 def cases(quick: bool) -> Iterator[Case]:
-    layer = untied(jl.pretrained(SENSOR)).layers[0]
+    layer = untied(jl.pretrained(SENSOR, "fast")).layers[0]
     side = SENSOR.oversampling
     # Gives what it is given: φ of a line of coefficients is that line.
     most = float(layer.filters.sum())

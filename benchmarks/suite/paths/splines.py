@@ -17,7 +17,7 @@ SLOTS = 8
 
 def cases(quick: bool) -> Iterator[Case]:
     side = 512 if quick else 2048
-    first = jl.pretrained(SENSOR).layers[0]
+    first = jl.pretrained(SENSOR, "fast").layers[0]
     layer = dataclasses.replace(first, filters=np.ones((1, 1, 1, 1), np.float32))
     z = np.random.default_rng(0).uniform(0, 16, (side, side)).astype(np.float32)
 
