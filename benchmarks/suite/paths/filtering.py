@@ -1,6 +1,5 @@
 """The 15 x 15 filter of the second layer."""
 
-import dataclasses
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -52,7 +51,7 @@ def cases(quick: bool) -> Iterator[Case]:
 
 def forward(image: np.ndarray, taps: np.ndarray) -> Callable[[int], np.ndarray]:
     layers = [same_again(np.ones((1, 1), np.float32)), same_again(taps)]
-    tuples = [dataclasses.astuple(layer) for layer in layers]
+    tuples = [layer.for_engine(layer.filters, layer.coefficients) for layer in layers]
     return lambda threads: _engine.forward(tuples, image[None], threads)
 
 

@@ -1,6 +1,5 @@
 """The first layer of a network whose weights differ from jot to jot."""
 
-import dataclasses
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -18,7 +17,8 @@ def cases(quick: bool) -> Iterator[Case]:
     # Gives what it is given: φ of a line of coefficients is that line.
     most = float(layer.filters.sum())
     line = np.linspace(-most / 4, 5 * most / 4, 7)[None]
-    engine = [dataclasses.astuple(jl.Layer(layer.filters, line, 0.0, most / 4))]
+    given = jl.Layer(layer.filters, line, 0.0, most / 4)
+    engine = [given.for_engine(given.filters, given.coefficients)]
 
     def ours(threads: int) -> np.ndarray:
         packed, width = bits().packed, bits().width

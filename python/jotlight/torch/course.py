@@ -53,7 +53,8 @@ class Course:
         self.parameters = [p for p in module.parameters() if p.requires_grad]
         self.optimiser = torch.optim.Adam(self.parameters, lr=rate, betas=(0.9, 0.99))
         self.history = History()
-        self.kept: Checkpoint | None = None
+        self.walking = False
+        """Whether parameters and records do not belong together just now."""
 
     def loss(self, step: int) -> Tensor:
         """Give this process's part of the cost on what a step draws; those of all add up."""
@@ -87,25 +88,27 @@ class Course:
     ) -> None:
         """Take the steps that are left."""
         begun = saved = time.monotonic()
+        place = checkpoint if self.processes.first else None
         try:
             while len(self.history) < steps:
                 now = time.monotonic()
                 if self._late(seconds is not None and now - begun > seconds):
                     break
                 record = self.step(len(self.history), steps)
-                if not self.processes.first:
-                    continue
-                if checkpoint is not None:
-                    self.kept = self.checkpoint()
-                    if now - saved > _SAVE_EVERY:
-                        self.kept.save(checkpoint)
-                        saved = now
-                if callback is not None:
+                if place is not None and now - saved > _SAVE_EVERY:
+                    self._save(place)
+                    saved = now
+                if self.processes.first and callback is not None:
                     callback(record)
         finally:
-            # Also when Ctrl-C or an error ended the loop: `kept` is always between two steps.
-            if checkpoint is not None and self.kept is not None:
-                self.kept.save(checkpoint)
+            # Also when Ctrl-C or an error ended the loop.
+            if place is not None:
+                self._save(place)
+
+    def _save(self, checkpoint: str | os.PathLike[str]) -> None:
+        """Write what there is between two steps; amid one, what was written last stays."""
+        if not self.walking and len(self.history):
+            self.checkpoint().save(checkpoint)
 
     def _late(self, late: bool) -> bool:
         """Whether the first process is out of time."""
@@ -118,9 +121,15 @@ class Course:
         record = self.measure(step, tested=step % max(1, steps // _LOOKS) == 0)
         for group in self.optimiser.param_groups:
             group["lr"] = self.rate * _share_of_rate(step / steps)
-        self.optimiser.step()
+        self.walking = True
+        self.walk()
         self.history.records.append(record)
+        self.walking = False
         return record
+
+    def walk(self) -> None:
+        """Change the parameters."""
+        self.optimiser.step()
 
     def measure(self, step: int, *, tested: bool) -> Record:
         """Find cost and gradient on what a step draws.
@@ -201,7 +210,6 @@ class Course:
             own = {name: parts[number] for name, parts in moments.items()}
             self.optimiser.state[parameter] = {"step": step, **own}
         self.history = History(list(kept.history.records))
-        self.kept = kept
 
 
 def _share_of_rate(share: float) -> float:

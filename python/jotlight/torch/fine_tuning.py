@@ -225,11 +225,10 @@ class _Tuning(Course):
         """Give the record of a step."""
         return Record(step, cost, norm, None, self._look() if tested else None)
 
-    def step(self, step: int, steps: int) -> Record:
-        """Take one step, and stay in range."""
-        record = super().step(step, steps)
+    def walk(self) -> None:
+        """Change the parameters, and stay in range."""
+        super().walk()
         self._keep_in_range()
-        return record
 
     def settle(self) -> Record:
         """Go back to the best parameters; gives what a step would find there."""
