@@ -26,9 +26,9 @@ Stages = tuple[tuple[int, float], ...]
 
 STAGES: dict[str, Stages] = {
     "small-k16": ((40_000, 3e-3), (20_000, 1.5e-3)),
-    "medium": ((36_000, 3e-3), (24_000, 2e-3)),
+    "medium": ((36_000, 3e-3), (24_000, 2e-3), (70_000, 2.5e-3)),
     "medium-k16": ((25_000, 3e-3),),
-    "large-k16": ((24_000, 3e-3), (12_000, 1.5e-3), (5_000, 1e-3)),
+    "large-k16": ((24_000, 3e-3), (12_000, 1.5e-3), (5_000, 1e-3), (10_000, 1.2e-3)),
 }
 FURTHER: Stages = ((8_000, 1.5e-3),)
 """Of the small networks for other K, from the first stage of `small-k16`."""

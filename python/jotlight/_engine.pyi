@@ -5,6 +5,7 @@ import numpy.typing as npt
 
 __all__ = [
     "DEBUG_BUILD",
+    "Layer",
     "__version__",
     "add_block_counts",
     "algebraic_inverse",
@@ -55,10 +56,7 @@ DEBUG_BUILD: bool
 _Floats: TypeAlias = npt.NDArray[np.floating]
 _Image: TypeAlias = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 _Wiring: TypeAlias = tuple[int, int, int | None, int | None]
-_Layer: TypeAlias = tuple[
-    npt.NDArray[np.float32], npt.NDArray[np.float32] | None, float, float, _Wiring
-]
-_AnyLayer: TypeAlias = tuple[_Floats, _Floats | None, float, float, _Wiring]
+_Layer: TypeAlias = tuple[_Floats, _Floats | None, float, float, _Wiring]
 _Response: TypeAlias = tuple[int, float, float]
 _Span: TypeAlias = tuple[int, int]
 _Floats64: TypeAlias = float | npt.NDArray[np.float64]
@@ -150,34 +148,37 @@ def algebraic_inverse(
 def exact_inverse(
     z: npt.NDArray[np.float32], bits: int, out: npt.NDArray[np.float32], threads: int | None
 ) -> None: ...
+class Layer:
+    def __new__(cls, layer: _Layer) -> Layer: ...
+
 def masked_sums(
-    layer: _Layer,
+    layer: Layer,
     packed: npt.NDArray[np.uint8],
     width: int,
     valid: npt.NDArray[np.uint8],
     threads: int | None,
 ) -> npt.NDArray[np.float32]: ...
 def errors(
-    layers: list[_AnyLayer], batch: dict[str, Any], threads: int | None
+    layers: list[_Layer], batch: dict[str, Any], threads: int | None
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]: ...
 def gradient(
-    layers: list[_AnyLayer], batch: dict[str, Any], threads: int | None
+    layers: list[_Layer], batch: dict[str, Any], threads: int | None
 ) -> tuple[tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]], npt.NDArray[np.float64]]: ...
 def normal_equations(
-    layers: list[_AnyLayer], batch: dict[str, Any], threads: int | None
+    layers: list[_Layer], batch: dict[str, Any], threads: int | None
 ) -> tuple[
     tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]],
     npt.NDArray[np.float64],
     npt.NDArray[np.float64],
 ]: ...
 def forward(
-    layers: list[_Layer], sums: npt.NDArray[np.float32], threads: int | None
+    layers: list[Layer], sums: npt.NDArray[np.float32], threads: int | None
 ) -> npt.NDArray[np.float32]: ...
 def forward_bits(
-    layers: list[_Layer], packed: npt.NDArray[np.uint8], width: int, threads: int | None
+    layers: list[Layer], packed: npt.NDArray[np.uint8], width: int, threads: int | None
 ) -> npt.NDArray[np.float32]: ...
 def forward_counts(
-    layers: list[_Layer],
+    layers: list[Layer],
     counts: npt.NDArray[np.int32],
     sums: npt.NDArray[np.float32],
     threads: int | None,

@@ -1,6 +1,7 @@
 """What networks are made of: filter banks, each followed by pointwise cubic B-splines."""
 
 import dataclasses
+import functools
 import math
 import operator
 from collections.abc import Sequence
@@ -9,6 +10,8 @@ from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
+
+from jotlight import _engine
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -142,6 +145,16 @@ class Layer:
         wiring = self.stride, self.upsampling, self.reads, self.adds
         return filters, coefficients, self.start, self.spacing, wiring
 
+    @functools.cached_property
+    def prepared(self) -> _engine.Layer:
+        """The layer in the engine, which brings its filters into order once."""
+        return _engine.Layer(self.for_engine(self.filters, self.coefficients))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Leave out what the engine made, for `pickle` and `copy`."""
+        fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        return functools.partial(type(self), **fields), ()
+
     @property
     def parameters(self) -> int:
         """Taps and coefficients."""
@@ -193,9 +206,10 @@ def _checked(name: str, value: Any, dimensions: int) -> npt.NDArray[np.float32]:
             f"of shape {array.shape}"
         )
     with np.errstate(over="ignore"):
-        array = np.require(array, np.float32, ["C", "A"])
+        array = np.array(array, np.float32, order="C")
     if not np.isfinite(array).all():
         raise ValueError(f"{name}: expected finite numbers in the range of float32")
+    array.flags.writeable = False
     return array
 
 

@@ -68,6 +68,8 @@ class Network:
         self.sensor = sensor
         self.bits = bits
         self.history = dict(history or {})
+        # The layers for the K that was told last: films have one.
+        self._last: tuple[int, tuple[Layer, ...]] | None = None
         if not self.layers:
             raise ValueError("layers: expected at least one, got none")
         block = (sensor.frames, sensor.oversampling, sensor.oversampling)
@@ -252,11 +254,13 @@ class Network:
     def _at(self, sensor: Sensor) -> "Network":
         """The network that was told the sensor's K; its picture is the share of bits that fire."""
         assert self.bits is not None, "a network that is told K"
-        bits = sensor.bits_per_pixel
-        shares = shares_of(bits, self.bits, number_of_sets(self.layers))
-        first, *others = (layer.at(shares) for layer in self.layers)
-        first = dataclasses.replace(first, filters=first.filters / np.float32(bits))
-        return Network([first, *others], sensor)
+        bits, last = sensor.bits_per_pixel, self._last
+        if last is None or last[0] != bits:
+            shares = shares_of(bits, self.bits, number_of_sets(self.layers))
+            first, *others = (layer.at(shares) for layer in self.layers)
+            first = dataclasses.replace(first, filters=first.filters / np.float32(bits))
+            self._last = last = bits, (first, *others)
+        return Network(last[1], sensor)
 
     @property
     def _weights(self) -> npt.NDArray[np.float32]:
@@ -294,8 +298,8 @@ class Network:
         return self._in_parts(shape, of_rows)
 
     @property
-    def _layers(self) -> list[Any]:
-        return [x.for_engine(x.filters, x.coefficients) for x in self.layers]
+    def _layers(self) -> list[_engine.Layer]:
+        return [layer.prepared for layer in self.layers]
 
     def _of_jots(
         self, data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int | None
@@ -330,7 +334,7 @@ class Network:
         for _, part in slabs_of(1, height, width * filters.size):
             rows = slice(part.start, part.stop)
             sums[:, rows] = _engine.masked_sums(
-                self._layers[0],
+                self.layers[0].prepared,
                 jots(rows),
                 data.width,
                 valid[rows.start * side : rows.stop * side],

@@ -51,8 +51,8 @@ def cases(quick: bool) -> Iterator[Case]:
 
 def forward(image: np.ndarray, taps: np.ndarray) -> Callable[[int], np.ndarray]:
     layers = [same_again(np.ones((1, 1), np.float32)), same_again(taps)]
-    tuples = [layer.for_engine(layer.filters, layer.coefficients) for layer in layers]
-    return lambda threads: _engine.forward(tuples, image[None], threads)
+    prepared = [layer.prepared for layer in layers]
+    return lambda threads: _engine.forward(prepared, image[None], threads)
 
 
 def same_again(taps: np.ndarray) -> jl.Layer:

@@ -18,7 +18,7 @@ def cases(quick: bool) -> Iterator[Case]:
     most = float(layer.filters.sum())
     line = np.linspace(-most / 4, 5 * most / 4, 7)[None]
     given = jl.Layer(layer.filters, line, 0.0, most / 4)
-    engine = [given.for_engine(given.filters, given.coefficients)]
+    engine = [given.prepared]
 
     def ours(threads: int) -> np.ndarray:
         packed, width = bits().packed, bits().width

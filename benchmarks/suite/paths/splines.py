@@ -28,9 +28,7 @@ def cases(quick: bool) -> Iterator[Case]:
         f"{side} numbers.",
         items=side**2,
         unit="numbers",
-        ours=lambda threads: _engine.forward(
-            [layer.for_engine(layer.filters, layer.coefficients)], z[None], threads
-        ),
+        ours=lambda threads: _engine.forward([layer.prepared], z[None], threads),
         rivals=[
             Rival("NumPy", lambda _: lambda: of_numpy(layer, z)),
             Rival(

@@ -33,7 +33,7 @@ mod _engine {
     use super::mle::{equivalent_counts, mle_from_counts, mle_from_jots, mle_from_probability};
     #[pymodule_export]
     use super::network::{
-        bend, errors, forward, forward_bits, forward_counts, gradient, masked_sums,
+        Prepared, bend, errors, forward, forward_bits, forward_counts, gradient, masked_sums,
         normal_equations, push_bend,
     };
     #[pymodule_export]

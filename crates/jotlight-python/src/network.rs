@@ -20,41 +20,58 @@ type PyLayer<'py, F> = (
 );
 
 fn to_engine<F: Real + Element>(layers: &[PyLayer<'_, F>]) -> PyResult<Vec<Layer<F>>> {
-    layers
-        .iter()
-        .map(|(filters, coefficients, start, spacing, wiring)| {
-            let &(stride, upsampling, reads, adds) = wiring;
-            Layer::new(
-                filters.as_array().to_owned(),
-                coefficients.as_ref().map(PyReadonlyArray2::as_array),
-                F::from_f64(*start),
-                F::from_f64(*spacing),
-                Wiring {
-                    stride,
-                    upsampling,
-                    reads,
-                    adds,
-                },
-            )
-            .map_err(to_python)
-        })
-        .collect()
+    layers.iter().map(one_to_engine).collect()
+}
+
+fn one_to_engine<F: Real + Element>(layer: &PyLayer<'_, F>) -> PyResult<Layer<F>> {
+    let (filters, coefficients, start, spacing, wiring) = layer;
+    let &(stride, upsampling, reads, adds) = wiring;
+    let wiring = Wiring {
+        stride,
+        upsampling,
+        reads,
+        adds,
+    };
+    Layer::new(
+        filters.as_array().to_owned(),
+        coefficients.as_ref().map(PyReadonlyArray2::as_array),
+        F::from_f64(*start),
+        F::from_f64(*spacing),
+        wiring,
+    )
+    .map_err(to_python)
+}
+
+/// A layer whose filters are brought into order once.
+#[pyclass(frozen, name = "Layer")]
+pub struct Prepared(Layer<f32>);
+
+#[pymethods]
+impl Prepared {
+    #[new]
+    fn new(layer: PyLayer<'_, f32>) -> PyResult<Self> {
+        Ok(Self(one_to_engine(&layer)?))
+    }
+}
+
+/// What they hold, also for threads that do not have Python's lock.
+fn prepared(layers: &[Py<Prepared>]) -> Vec<&Layer<f32>> {
+    layers.iter().map(|layer| &layer.get().0).collect()
 }
 
 #[pyfunction]
 #[pyo3(signature = (layer, packed, width, valid, threads))]
 pub fn masked_sums<'py>(
     py: Python<'py>,
-    layer: PyLayer<'py, f32>,
+    layer: Py<Prepared>,
     packed: PyReadonlyArray3<'_, u8>,
     width: usize,
     valid: PyReadonlyArray2<'_, u8>,
     threads: Option<isize>,
 ) -> PyResult<Bound<'py, PyArray3<f32>>> {
-    let (layers, packed) = (to_engine(&[layer])?, packed.as_array());
-    let valid = valid.as_array();
+    let (packed, valid) = (packed.as_array(), valid.as_array());
     let sums = run(py, threads, || {
-        network::masked_sums(&layers[0], &PackedBits::new(packed, width)?, valid)
+        network::masked_sums(&layer.get().0, &PackedBits::new(packed, width)?, valid)
     })?;
     Ok(sums.into_pyarray(py))
 }
@@ -63,11 +80,11 @@ pub fn masked_sums<'py>(
 #[pyo3(signature = (layers, sums, threads))]
 pub fn forward<'py>(
     py: Python<'py>,
-    layers: Vec<PyLayer<'py, f32>>,
+    layers: Vec<Py<Prepared>>,
     sums: PyReadonlyArray3<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-    let layers = to_engine(&layers)?;
+    let layers = prepared(&layers);
     let sums = sums.as_array();
     let picture = run(py, threads, || network::forward(&layers, sums))?;
     Ok(picture.into_pyarray(py))
@@ -77,12 +94,12 @@ pub fn forward<'py>(
 #[pyo3(signature = (layers, counts, sums, threads))]
 pub fn forward_counts<'py>(
     py: Python<'py>,
-    layers: Vec<PyLayer<'py, f32>>,
+    layers: Vec<Py<Prepared>>,
     counts: PyReadonlyArray2<'_, i32>,
     sums: PyReadonlyArray2<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-    let layers = to_engine(&layers)?;
+    let layers = prepared(&layers);
     let (counts, sums) = (counts.as_array(), sums.as_array());
     let picture = run(py, threads, || {
         network::forward_counts(&layers, counts, sums)
@@ -94,12 +111,12 @@ pub fn forward_counts<'py>(
 #[pyo3(signature = (layers, packed, width, threads))]
 pub fn forward_bits<'py>(
     py: Python<'py>,
-    layers: Vec<PyLayer<'py, f32>>,
+    layers: Vec<Py<Prepared>>,
     packed: PyReadonlyArray3<'_, u8>,
     width: usize,
     threads: Option<isize>,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-    let (layers, packed) = (to_engine(&layers)?, packed.as_array());
+    let (layers, packed) = (prepared(&layers), packed.as_array());
     let picture = run(py, threads, || {
         network::forward_bits(&layers, &PackedBits::new(packed, width)?)
     })?;

@@ -123,17 +123,19 @@ fn hot_paths(c: &mut Criterion) -> Result<()> {
         .map(|k| (k * 7919 % 1600) as f32 * 0.01)
         .collect();
     at_every_level(c, "spline", pixels, || tied.splines()[0].apply(&mut plane));
-    let one = [untied.clone()];
+    let one = [&untied];
     at_every_level(c, "first layer", pixels, || {
         drop(forward_bits(&one, &block));
     });
     let of_eight = self::bits(&self::sensor(8)?, 8, 1)?;
     let large = PackedBits::new(of_eight.view(), WIDTH * 8)?;
-    let one = [layer(Array4::ones((1, 1, 8, 8)), 64.0)?];
+    let eight = layer(Array4::ones((1, 1, 8, 8)), 64.0)?;
+    let one = [&eight];
     at_every_level(c, "first layer, K = 64", pixels, || {
         drop(forward_bits(&one, &large));
     });
-    let filter = [layer(Array4::ones((1, 1, 1, 1)), 16.0)?, second.clone()];
+    let given = layer(Array4::ones((1, 1, 1, 1)), 16.0)?;
+    let filter = [&given, &second];
     let planes = Array3::from_shape_fn((1, HEIGHT, WIDTH), |(_, row, column)| {
         ((row + column) % 16) as f32
     });
@@ -141,11 +143,11 @@ fn hot_paths(c: &mut Criterion) -> Result<()> {
         drop(forward(&filter, planes.view()));
     });
     let table = Array2::from_shape_fn((1, 17), |(_, count)| count as f32);
-    let network = [tied, second.clone()];
+    let network = [&tied, &second];
     at_every_level(c, "tied network from counts", pixels, || {
         drop(forward_counts(&network, counts.view(), table.view()));
     });
-    let weighing = [untied, second];
+    let weighing = [&untied, &second];
     at_every_level(c, "untied network from bits", pixels, || {
         drop(forward_bits(&weighing, &block));
     });
@@ -165,7 +167,7 @@ fn hot_paths(c: &mut Criterion) -> Result<()> {
         seed: [3; 32],
     };
     at_every_level(c, "gradient of 16 patches", 16 * 32 * 32, || {
-        drop(batch.gradient(&network));
+        drop(batch.gradient(&network.map(Layer::clone)));
     });
     Ok(())
 }

@@ -17,7 +17,9 @@ from jotlight.training.examples import Scenes, Source, made_scenes
 FLUX = 0.02, 3.0
 """Photons per jot and frame, in the mean of an image, that a network for many K is for."""
 _USUAL = 0.15, 1.0
-"""That of half of the patches: photographs have it where α = K."""
+"""What most patches have: photographs have it where α = K."""
+_OFTEN = 3 / 4
+"""The share of patches that have it."""
 _DARK = 1e-3, 0.3
 """Dark counts per jot and frame, in half of the patches of such a network."""
 _MIDDLE, _BRIGHT = 0.44, 4.0
@@ -25,6 +27,11 @@ _MIDDLE, _BRIGHT = 0.44, 4.0
 intensity 1 have where an image is seen well, count no more than that."""
 _MOST = 20.0
 """Photons per bit from which on none tells anything."""
+_SELDOM = 1 / 16
+"""The share of patches of a network for one K that are far too bright or too dark, so that it knows
+black and what is past its range, which photographs seldom have."""
+_FAR = 1 / 50, 50.0
+"""How many times as bright they are."""
 _EASE = 0.6
 """How the error of a good estimate grows with that of the counts, as a power."""
 
@@ -101,7 +108,7 @@ class Patches:
         sizes = np.array([images[index].shape for index in chosen])
         first = choice.integers(sizes - self.side + 1)
         turns = choice.integers(8, size=self.batch)
-        exposures = self._exposures(choice)
+        exposures, factors = self._exposures(choice), self._factors(choice)
         seeds = [
             np.random.SeedSequence(self.seed, spawn_key=(step, 1, n)) for n in range(len(chosen))
         ]
@@ -111,9 +118,12 @@ class Patches:
                 for index, (y, x), turn in zip(chosen[mine], first[mine], turns[mine], strict=True)
             ]
         )
-        whole = torch.from_numpy(truth)[:, None]
         if exposures is None:
-            return Views(self._seen(truth, seeds[mine], threads), whole)
+            seen = self._seen(truth, factors[mine], seeds[mine], threads)
+            most = np.float32(self.sensor.max_intensity)
+            truth = np.minimum(truth * factors[mine, None, None], most)
+            return Views(seen, torch.from_numpy(truth)[:, None])
+        whole = torch.from_numpy(truth)[:, None]
         bits, flux, dark = exposures
         means = np.array([images[index].mean() for index in chosen[mine]])
         light = (flux[mine] / np.maximum(means, 1e-6)).astype(np.float32)
@@ -144,19 +154,29 @@ class Patches:
             np.exp(choice.uniform(math.log(low), math.log(high), self.batch))
             for low, high in (FLUX, _USUAL, _DARK)
         )
-        flux, dark = (
-            np.where(choice.random(self.batch) < 0.5, often, other)
-            for often, other in ((usual, flux), (0, dark))
-        )
+        flux = np.where(choice.random(self.batch) < _OFTEN, usual, flux)
+        dark = np.where(choice.random(self.batch) < 1 / 2, 0, dark)
         return bits, flux, dark
 
+    def _factors(self, choice: np.random.Generator) -> npt.NDArray[np.float32]:
+        """How many times as bright as its image each patch of a step is."""
+        low, high = _FAR
+        factors = np.exp(choice.uniform(math.log(low), math.log(high), self.batch))
+        seldom = choice.random(self.batch) < _SELDOM
+        return np.where(seldom, factors, 1).astype(np.float32)
+
     def _seen(
-        self, truth: npt.NDArray[np.float32], seeds: list[np.random.SeedSequence], threads: int
+        self,
+        truth: npt.NDArray[np.float32],
+        factors: npt.NDArray[np.float32],
+        seeds: list[np.random.SeedSequence],
+        threads: int,
     ) -> Tensor:
         side, tied = self.sensor.oversampling, self.network.tied
         seen = []
-        for patch, seed in zip(truth, seeds, strict=True):
-            bits = self.sensor.expose(patch, seed, threads=threads)
+        for patch, factor, seed in zip(truth, factors, seeds, strict=True):
+            sensor = dataclasses.replace(self.sensor, gain=self.sensor.gain * float(factor))
+            bits = sensor.expose(patch, seed, threads=threads)
             counts = bits.counts(side, threads=threads)[None] if tied else bits.to_array()
             seen.append(counts.astype(np.float32))
         return torch.from_numpy(np.stack(seen))

@@ -3,7 +3,7 @@
 use ndarray::{Array3, ArrayView3, ArrayView4};
 use rayon::prelude::*;
 
-use super::lsi::Place;
+use super::place::Place;
 use super::{Real, Spline};
 use crate::bits::{PackedBits, field};
 use crate::cpu::levels;

@@ -6,7 +6,8 @@ use ndarray::{ArrayView4, Axis};
 use super::Real;
 use super::bank::Bank;
 use super::correlate::Planes;
-use super::lsi::{Part, Place, before};
+use super::lsi::before;
+use super::place::{Part, Place, Row};
 use crate::cpu::{self, LANES, Simd, WithSimd};
 use crate::sensing::mirrored;
 
@@ -144,28 +145,29 @@ impl<F: Real> WithSimd for Gather<'_, F> {
         let length = self.length.next_multiple_of(lanes);
         let width = place.columns.len();
         let start = self.left - place.columns.start as isize;
-        // Where each row begins, of a plane.
-        let begins: [_; SUMS] = std::array::from_fn(|row| {
-            let row = mirrored(self.top + row.min(self.rows - 1) as isize, size.0);
-            (row - place.rows.start) * width
+        let lines: [_; SUMS] = std::array::from_fn(|row| {
+            let row = row.min(self.rows - 1) as isize;
+            self.source.row(mirrored(self.top + row, size.0))
         });
         // The columns that need no mirroring.
         let known = (-start).max(0) as usize..self.length.min((width as isize - start) as usize);
-        let last = begins.iter().max().unwrap_or(&0) + start.max(0) as usize + length;
-        let whole = known == (0..self.length) && self.rows == SUMS && last <= place.pixels();
-        let mut copies = [[F::zero(); STRIDE]; SUMS];
         let of_sum = self.sums.len() / SUMS;
-        let planes = self.source.planes.chunks_exact(place.pixels());
-        for (input, plane) in planes.enumerate() {
+        let inputs = of_sum / STRIDE;
+        // Loops read whole registers, where they can without leaving the strip.
+        let room = |line: &Row<'_, F>| line.of(inputs - 1).len() >= start.max(0) as usize + length;
+        let whole = known == (0..self.length) && self.rows == SUMS && lines.iter().all(room);
+        let mut copies = [[F::zero(); STRIDE]; SUMS];
+        for input in 0..inputs {
             let rows: [&[F]; SUMS] = if whole {
-                begins.map(|begin| &plane[begin + start as usize..][..length])
+                lines.map(|line| &line.of(input)[start as usize..][..length])
             } else {
-                for (copy, begin) in copies.iter_mut().zip(begins).take(self.rows) {
-                    let from = begin + (start + known.start as isize) as usize;
-                    copy[known.clone()].copy_from_slice(&plane[from..][..known.len()]);
+                for (copy, line) in copies.iter_mut().zip(lines).take(self.rows) {
+                    let line = line.of(input);
+                    let from = (start + known.start as isize) as usize;
+                    copy[known.clone()].copy_from_slice(&line[from..][..known.len()]);
                     for column in (0..known.start).chain(known.end..self.length) {
                         let source = mirrored(self.left + column as isize, size.1);
-                        copy[column] = plane[begin + source - place.columns.start];
+                        copy[column] = line[source - place.columns.start];
                     }
                 }
                 std::array::from_fn(|row| &copies[row][..length])
@@ -291,14 +293,11 @@ mod tests {
     }
 
     fn found(fast: &Fast<f32>, planes: &[f32], size: (usize, usize), wanted: &Place) -> Vec<f32> {
-        let source = Part {
-            planes,
-            place: Place {
-                rows: 0..size.0,
-                columns: 0..size.1,
-            },
-            size,
+        let whole = Place {
+            rows: 0..size.0,
+            columns: 0..size.1,
         };
+        let source = Part::whole(planes, whole, size);
         let mut out = vec![f32::NAN; fast.outputs * wanted.pixels()];
         fast.correlate(&source, wanted, &mut Vec::new(), &mut out);
         out

@@ -8,7 +8,7 @@ const LARGEST_STEP: usize = 256;
 
 /// Layers in order, checked.
 pub(super) struct Graph<'a, F> {
-    pub layers: &'a [Layer<F>],
+    pub layers: Vec<&'a Layer<F>>,
     /// Which layer each of them reads; the first reads the data.
     pub sources: Vec<usize>,
     /// The last layer that takes the planes of each.
@@ -24,9 +24,9 @@ impl<'a, F: Real> Graph<'a, F> {
     ///
     /// # Errors
     /// [`Error::Shape`] and [`Error::Range`] when something does not fit.
-    pub fn new(layers: &'a [Layer<F>]) -> Result<Self> {
+    pub fn new(layers: &[&'a Layer<F>]) -> Result<Self> {
         let mut graph = Self {
-            layers,
+            layers: layers.to_vec(),
             sources: vec![0],
             last_use: vec![0; layers.len()],
             scales: vec![(1, 1)],

@@ -8,6 +8,7 @@ use ndarray::{Array3, ArrayView, ArrayView3, ArrayView4, ArrayViewMut4, Dimensio
 use super::Real;
 use super::bank::Bank;
 use super::correlate::{self, Planes, SPARE_COLUMNS, SPARE_ROWS, Taps};
+use super::place::{Part, Place};
 use crate::cpu::LANES;
 use crate::sensing::mirrored;
 
@@ -113,65 +114,6 @@ impl<F: Real> Turned<F> {
     }
 }
 
-/// A rectangle of pixels.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Place {
-    pub rows: Range<usize>,
-    pub columns: Range<usize>,
-}
-
-impl Place {
-    pub fn pixels(&self) -> usize {
-        self.rows.len() * self.columns.len()
-    }
-
-    /// The least place that has both.
-    pub fn include(&mut self, other: &Self) {
-        if self.pixels() == 0 {
-            *self = other.clone();
-            return;
-        }
-        let hull = |a: &Range<usize>, b: &Range<usize>| a.start.min(b.start)..a.end.max(b.end);
-        self.rows = hull(&self.rows, &other.rows);
-        self.columns = hull(&self.columns, &other.columns);
-    }
-
-    /// The rows and columns of which these are made by an upsampling.
-    pub fn divided(&self, up: usize) -> Self {
-        let divided = |range: &Range<usize>| range.start / up..range.end.div_ceil(up);
-        Self {
-            rows: divided(&self.rows),
-            columns: divided(&self.columns),
-        }
-    }
-
-    /// With all rows of each group of so many that it has some of, up to the last row of all.
-    pub fn with_rows(&self, group: usize, rows: usize) -> Self {
-        let end = self.rows.end.next_multiple_of(group).min(rows);
-        Self {
-            rows: self.rows.start / group * group..end,
-            columns: self.columns.clone(),
-        }
-    }
-
-    /// The rows and columns that are made of those.
-    pub fn aligned(&self, up: usize) -> Self {
-        let Self { rows, columns } = self.divided(up);
-        Self {
-            rows: rows.start * up..rows.end * up,
-            columns: columns.start * up..columns.end * up,
-        }
-    }
-}
-
-/// Part of a stack of planes, `(channels, rows, columns)`.
-pub(super) struct Part<'a, F> {
-    pub planes: &'a [F],
-    /// Which part, of planes of which size.
-    pub place: Place,
-    pub size: (usize, usize),
-}
-
 /// A stack of planes with a border, in rows with room to read past their end.
 #[derive(Default)]
 pub(super) struct Padded<F> {
@@ -201,11 +143,8 @@ impl<F: Real> Padded<F> {
             rows: 0..height,
             columns: 0..width,
         };
-        let all = Part {
-            planes: &in_one_piece(planes),
-            place: whole.clone(),
-            size: (height, width),
-        };
+        let planes = in_one_piece(planes);
+        let all = Part::whole(&planes, whole.clone(), (height, width));
         padded.fill(&all, &whole, filters);
         padded
     }
@@ -218,7 +157,6 @@ impl<F: Real> Padded<F> {
         let rows = self.height + self.taps.0 - 1;
         let columns = self.width + self.taps.1 - 1;
         self.make_room(filters.inputs * stride * stride, (rows, columns));
-        let width = part.place.columns.len();
         // Where what is read of the planes begins, past the rim for some.
         let first =
             |wanted: usize, taps: usize| (wanted * stride) as isize - before(taps, stride) as isize;
@@ -226,10 +164,10 @@ impl<F: Real> Padded<F> {
             first(wanted.rows.start, filters.size.0),
             first(wanted.columns.start, filters.size.1),
         );
-        let planes = part.planes.chunks_exact(part.place.pixels());
         let phases = (0..stride).flat_map(|line| (0..stride).map(move |column| (line, column)));
+        let planes = 0..filters.inputs;
         let sources = planes.flat_map(|plane| phases.clone().map(move |phase| (plane, phase)));
-        for ((source, phase), out) in sources.zip(self.data.chunks_exact_mut(self.plane)) {
+        for ((plane, phase), out) in sources.zip(self.data.chunks_exact_mut(self.plane)) {
             let left = left + phase.1 as isize;
             // The columns of the output that lie in the part.
             let from = part.place.columns.start as isize - left;
@@ -241,7 +179,7 @@ impl<F: Real> Padded<F> {
             };
             for (row, out) in out.chunks_exact_mut(self.stride).take(rows).enumerate() {
                 let row = mirrored(top + (row * stride + phase.0) as isize, part.size.0);
-                let source = &source[(row - part.place.rows.start) * width..][..width];
+                let source = &part.row(row).of(plane)[..part.place.columns.len()];
                 if stride == 1 {
                     let start = (left + inside.start as isize - part.place.columns.start as isize)
                         .max(0) as usize;

@@ -14,11 +14,13 @@ mod forward;
 mod graph;
 mod look_up;
 mod lsi;
+mod place;
 mod real;
 #[cfg(target_arch = "x86_64")]
 mod short;
 mod spline;
 mod tangent;
+mod tiles;
 
 use std::sync::OnceLock;
 
