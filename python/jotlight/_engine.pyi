@@ -148,6 +148,7 @@ def algebraic_inverse(
 def exact_inverse(
     z: npt.NDArray[np.float32], bits: int, out: npt.NDArray[np.float32], threads: int | None
 ) -> None: ...
+
 class Layer:
     def __new__(cls, layer: _Layer) -> Layer: ...
 

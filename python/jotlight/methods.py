@@ -90,10 +90,11 @@ METHODS: dict[str, Method] = {
     "network": _learned("network, learned", "fast"),
     "network-small": _learned("network, small", "small"),
     "network-medium": _learned("network, medium", "medium"),
+    "network-large": _learned("network, large", "large"),
 }
 """The methods that can be compared, in the order in which they are shown."""
 
-DEEPER = "network-small", "network-medium"
+DEEPER = "network-small", "network-medium", "network-large"
 """Those that go beyond the paper."""
 
 DEFAULT = "network-medium"

@@ -61,7 +61,7 @@ def test_a_picture_of_float32_comes_out_and_the_bits_stay(name):
 
 @pytest.mark.parametrize("pattern", ["none", "all", "checkerboard", "halves", "noise"])
 def test_no_bits_lead_out_of_the_range(name, run, pattern):
-    sensor = first_served(name, jl.Sensor(frames=6, max_intensity=0.7), jl.Sensor(frames=9))
+    sensor = first_served(name, jl.Sensor(frames=6, max_intensity=0.7), jl.Sensor(frames=16))
     bits, most = sensor.bits_per_pixel, sensor.max_intensity
     rows, columns = np.mgrid[:SIZE, :SIZE]
     share = {

@@ -28,7 +28,7 @@ def test_reconstruct_takes_the_learned_network_where_there_is_one_and_says_so(ru
     assert "by network, medium in" in said
     assert "trained network" not in said
     np.testing.assert_array_equal(np.load("out.npy"), pretrained(SERVED).reconstruct(bits))
-    names = {"network": "fast"} | {f"network-{name}": name for name in ("small", "medium")}
+    names = {"network": "fast"} | {f"network-{name}": name for name in ("small", "medium", "large")}
     for method, quality in names.items():
         assert run("reconstruct", "bits.npy", "-o", "same.npy", "-m", method)[0] == 0
         expected = pretrained(SERVED, quality).reconstruct(bits)

@@ -280,15 +280,28 @@ def test_the_small_network_is_better_than_the_fast_one(bits):
     assert small > fast + 0.5
 
 
+def test_the_large_network_is_better_than_the_medium_one_and_for_16_bits_alone():
+    sensor, image = jl.Sensor(frames=16), camera()
+    seen = sensor.expose(image, rng=1)
+    large, medium = (
+        jl.metrics.psnr(pretrained(sensor, quality).reconstruct(seen), image)
+        for quality in ("large", "medium")
+    )
+    assert large > medium + 0.1
+    with pytest.raises(ValueError, match="25 bits per pixel, only for 16;"):
+        pretrained(jl.Sensor(frames=25), "large")
+
+
 def test_no_file_of_a_network_is_large():
     assert (FOLDER / "medium.safetensors").stat().st_size < 2_600_000
+    assert (FOLDER / "large-k16.safetensors").stat().st_size < 2_000_000
     for bits in BITS_PER_PIXEL:
         assert (FOLDER / f"small-k{bits}.safetensors").stat().st_size < 60_000
 
 
 def test_there_is_no_other_quality():
     with pytest.raises(
-        ValueError, match="quality: expected one of fast, small, medium, got 'best'"
+        ValueError, match="quality: expected one of fast, small, medium, large, got 'best'"
     ):
         pretrained(jl.Sensor(oversampling=4), "best")
     assert "only for 1 to 256" in lacking(jl.Sensor(frames=300))

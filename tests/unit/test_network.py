@@ -1,3 +1,6 @@
+import copy
+import pickle
+
 import numpy as np
 import pytest
 from scipy.ndimage import convolve
@@ -411,3 +414,37 @@ def test_a_network_tells_what_it_is():
 def test_a_network_for_another_kernel_is_refused():
     with pytest.raises(ValueError, match="for the box kernel, got cubic"):
         TIED.reconstruct(BITS, SPACE.replace(kernel="cubic"))
+
+
+def test_a_layer_keeps_what_it_was_made_of():
+    filters = np.ones((1, 1, 3, 3), np.float32)
+    layer = jl.Layer(filters, None)
+    filters[:] = 2
+    assert (layer.filters == 1).all()
+    with pytest.raises(ValueError, match="read-only"):
+        layer.filters[:] = 2
+
+
+def pickled(network):
+    return pickle.loads(pickle.dumps(network))
+
+
+@pytest.mark.parametrize("again", [copy.copy, copy.deepcopy, pickled])
+def test_a_network_that_has_run_is_copied_and_pickled(again):
+    rng = np.random.default_rng(6)
+    sensor = jl.Sensor(oversampling=2, frames=3)
+    network = random_network(rng, sensor, [2, 1], [(3, 3)], tied=False)
+    bits = jl.Bits.from_array(random_bits(rng, sensor, 20, 30))
+    expected = network.reconstruct(bits)
+    copied = again(network)
+    np.testing.assert_array_equal(copied.reconstruct(bits), expected)
+    assert not copied.layers[0].filters.flags.writeable
+
+
+def test_a_network_that_is_told_another_k_forgets_the_last_one():
+    network = jl.Network.told("small", bits=(2, 32), rng=0)
+    counts = np.random.default_rng(7).integers(0, 3, (20, 30))
+    four, nine = jl.Sensor(frames=4), jl.Sensor(frames=9)
+    first, other = network.reconstruct(counts, four), network.reconstruct(counts, nine)
+    assert (first != other).any()
+    np.testing.assert_array_equal(network.reconstruct(counts, four), first)

@@ -38,6 +38,7 @@ _SHIPPED = {
     "network": "fast",
     "network-small": "small",
     "network-medium": "medium",
+    "network-large": "large",
 }
 """The qualities of the networks that come with jotlight."""
 

@@ -9,7 +9,10 @@ from jotlight.sensor import Sensor
 BITS_PER_PIXEL = tuple(side**2 for side in range(3, 11))
 """K of the qualities "fast" and "small". All have α = K, q = 1, S = 1 and the box kernel."""
 
-QUALITIES = "fast", "small", "medium"
+LARGE_BITS_PER_PIXEL = (16,)
+"""K of the quality "large", which is alike in all else."""
+
+QUALITIES = "fast", "small", "medium", "large"
 """The two-layer network of the paper, and deeper members of its family, each slower and better."""
 
 FOLDER = Path(__file__).parent
@@ -32,11 +35,11 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     ----------
     sensor : Sensor
         With the box kernel. For "medium" 1 to 256 bits per pixel, at any exposure; for the others
-        K = 9, 16, 25, 36, 49, 64, 81 or 100 bits per pixel, ηα = K, threshold 1, S = 1, and no more
-        than weak dark counts. Dead jots are allowed.
-    quality : {"fast", "small", "medium"}
-        The paper's two layers; six layers of up to 12 channels; or thirteen of up to 52, which are
-        told K.
+        K = 9, 16, 25, 36, 49, 64, 81 or 100 bits per pixel, for "large" 16 alone, ηα = K,
+        threshold 1, S = 1, and no more than weak dark counts. Dead jots are allowed.
+    quality : {"fast", "small", "medium", "large"}
+        The paper's two layers; six layers of up to 12 channels; thirteen of up to 52, which are
+        told K; or fourteen of up to 80.
 
     Returns
     -------
@@ -62,7 +65,7 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     """
     if (reason := lacking(sensor, quality)) is not None:
         raise ValueError(reason)
-    prefix = {"fast": "k", "small": "small-k"}.get(quality)
+    prefix = {"fast": "k", "small": "small-k", "large": "large-k"}.get(quality)
     name = quality if prefix is None else f"{prefix}{sensor.bits_per_pixel}"
     return Network.load(FOLDER / f"{name}.safetensors")
 
@@ -96,7 +99,11 @@ def unserved(sensor: Sensor, quality: str = "medium") -> str | None:
     """
     if quality not in QUALITIES:
         raise ValueError(f"quality: expected one of {', '.join(QUALITIES)}, got {quality!r}")
-    reason = _beyond_any(sensor) if quality == "medium" else _beyond_one(sensor)
+    if quality == "medium":
+        reason = _beyond_any(sensor)
+    else:
+        known = LARGE_BITS_PER_PIXEL if quality == "large" else BITS_PER_PIXEL
+        reason = _beyond_one(sensor, known)
     return reason and f"there is no trained network for {reason}"
 
 
@@ -109,13 +116,13 @@ def _beyond_any(sensor: Sensor) -> str | None:
     return None
 
 
-def _beyond_one(sensor: Sensor) -> str | None:
+def _beyond_one(sensor: Sensor, known: tuple[int, ...]) -> str | None:
     """Why networks for one K and exposure do not serve a sensor."""
     efficiency, dark = reference_jot(sensor)
     response = efficiency * sensor._gain / sensor.bits_per_pixel
-    if sensor.bits_per_pixel not in BITS_PER_PIXEL:
-        known = ", ".join(map(str, BITS_PER_PIXEL))
-        return f"{sensor.bits_per_pixel} bits per pixel, only for {known}"
+    if sensor.bits_per_pixel not in known:
+        numbers = ", ".join(map(str, known))
+        return f"{sensor.bits_per_pixel} bits per pixel, only for {numbers}"
     if sensor.threshold != 1:
         return f"the threshold {sensor.threshold}, only for 1"
     if sensor.kernel != "box":
