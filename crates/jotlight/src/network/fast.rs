@@ -20,7 +20,7 @@ const SUMS: usize = 6;
 const INPUTS: usize = 16;
 const OUTPUTS: usize = 4;
 /// Columns at a time, so that the sums of all planes stay near the core.
-const STRETCH: usize = 96;
+const STRETCH: usize = 144;
 /// Numbers in a row of sums: loops read whole registers past the end.
 const STRIDE: usize = STRETCH + 2 * LANES;
 
