@@ -39,6 +39,7 @@ __all__ = [
     "push_bend",
     "rate",
     "read_words",
+    "rows_needed",
     "shrink",
     "spread_adjoint",
     "spread_forward",
@@ -175,6 +176,7 @@ def normal_equations(
 def forward(
     layers: list[Layer], sums: npt.NDArray[np.float32], threads: int | None
 ) -> npt.NDArray[np.float32]: ...
+def rows_needed(layers: list[Layer], height: int, rows: _Span) -> _Span: ...
 def forward_bits(
     layers: list[Layer], packed: npt.NDArray[np.uint8], width: int, threads: int | None
 ) -> npt.NDArray[np.float32]: ...

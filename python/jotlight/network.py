@@ -357,17 +357,17 @@ class Network:
     def _in_parts(
         self, shape: tuple[int, ...], of_rows: Callable[[slice], npt.NDArray[np.float32]]
     ) -> npt.NDArray[np.float32]:
-        """The picture, some rows at a time: each part has a border of the halo's width."""
+        """The picture, some rows at a time, each with the rows around it that it is made of."""
         height, width = shape
-        step = step_of(self.layers)
-        rows = max(8 * self.halo, int(_WORK / (work_of(self.layers) * width)), 1)
-        rows += -rows % step
+        top, bottom = _engine.rows_needed(self._layers, height, (height // 2, height // 2 + 1))
+        rows = max(4 * (bottom - top), int(_WORK / (work_of(self.layers) * width)))
         if rows >= height:
             return of_rows(slice(0, height))
         picture = np.empty((height, width), np.float32)
         for start in range(0, height, rows):
-            top, stop = max(0, start - self.halo), min(start + rows, height)
-            part = of_rows(slice(top, min(stop + self.halo, height)))
+            stop = min(start + rows, height)
+            top, bottom = _engine.rows_needed(self._layers, height, (start, stop))
+            part = of_rows(slice(top, bottom))
             picture[start:stop] = part[start - top : stop - top]
         return picture
 

@@ -34,7 +34,7 @@ mod _engine {
     #[pymodule_export]
     use super::network::{
         Prepared, bend, errors, forward, forward_bits, forward_counts, gradient, masked_sums,
-        normal_equations, push_bend,
+        normal_equations, push_bend, rows_needed,
     };
     #[pymodule_export]
     use super::sensing::{

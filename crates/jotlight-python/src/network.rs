@@ -123,6 +123,19 @@ pub fn forward_bits<'py>(
     Ok(picture.into_pyarray(py))
 }
 
+/// The rows of the data that rows of a picture are made of, first and last.
+#[pyfunction]
+#[pyo3(signature = (layers, height, rows))]
+pub fn rows_needed(
+    layers: Vec<Py<Prepared>>,
+    height: usize,
+    rows: (usize, usize),
+) -> PyResult<(usize, usize)> {
+    let needed = network::rows_needed(&prepared(&layers), height, rows.0..rows.1);
+    let needed = needed.map_err(to_python)?;
+    Ok((needed.start, needed.end))
+}
+
 /// Layers in either width.
 #[derive(FromPyObject)]
 pub enum PyLayers<'py> {

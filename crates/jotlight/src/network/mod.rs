@@ -36,6 +36,7 @@ pub use bend::Splines;
 pub use forward::{forward, forward_bits, forward_counts, masked_sums};
 pub use real::Real;
 pub use spline::Spline;
+pub use tiles::rows_needed;
 
 /// A filter bank followed by one spline per output channel: φ(D(h * u) + v), with u the planes that it reads, D from depth to space, and v
 /// kept planes.

@@ -2,6 +2,7 @@
 
 use std::any::Any;
 use std::cell::Cell;
+use std::ops::Range;
 
 use ndarray::Array2;
 use rayon::prelude::*;
@@ -11,6 +12,7 @@ use super::graph::Graph;
 use super::lsi::{Padded, read};
 use super::place::{Part, Place};
 use super::{Layer, Real};
+use crate::error::Result;
 use crate::sensing::mirrored;
 
 /// Rows and columns of a tile, so that its planes stay near the core.
@@ -70,6 +72,27 @@ fn shares<F: Real>(graph: &Graph<'_, F>, height: usize) -> (usize, usize) {
         }
         many => (many / threads * threads, 1),
     }
+}
+
+/// The rows of the data that some rows of a picture are made of: alone they give the same as among all others.
+///
+/// # Errors
+/// [`crate::Error`] when the layers do not fit each other.
+pub fn rows_needed<F: Real>(
+    layers: &[&Layer<F>],
+    height: usize,
+    rows: Range<usize>,
+) -> Result<Range<usize>> {
+    let graph = Graph::new(layers)?;
+    // So that rows are grouped as in the whole.
+    let group = fast::ROWS * graph.step;
+    let wanted = Place {
+        rows: rows.start / group * group..rows.end.min(height).next_multiple_of(graph.step),
+        columns: 0..graph.step,
+    };
+    let size = (height.next_multiple_of(graph.step), graph.step);
+    let Range { start, end } = wanted_of(&graph, size, &wanted)[0].rows;
+    Ok(start / group * group..end.next_multiple_of(group).min(height))
 }
 
 /// The part of its planes that each layer has to give, found from the last one on.
@@ -369,7 +392,6 @@ mod tests {
     use ndarray::Array4;
 
     use super::*;
-    use crate::error::Result;
     use crate::network::Wiring;
 
     #[test]
