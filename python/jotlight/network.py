@@ -27,7 +27,7 @@ from jotlight.two_layer import two_layers
 
 _FORMAT = "jotlight network"
 _VERSION = "2"
-_WORK = 1 << 32
+_WORK = 1 << 35
 """Operations of the engine between two looks at Ctrl-C."""
 
 
@@ -360,7 +360,7 @@ class Network:
         """The picture, some rows at a time, each with the rows around it that it is made of."""
         height, width = shape
         top, bottom = _engine.rows_needed(self._layers, height, (height // 2, height // 2 + 1))
-        rows = max(4 * (bottom - top), int(_WORK / (work_of(self.layers) * width)))
+        rows = max(8 * (bottom - top), int(_WORK / (work_of(self.layers) * width)))
         if rows >= height:
             return of_rows(slice(0, height))
         picture = np.empty((height, width), np.float32)

@@ -167,7 +167,7 @@ def test_large_pictures_in_parts_are_those_in_one(monkeypatch, tied):
     sensor = jl.Sensor(oversampling=3)
     network = deep.wired(rng, sensor, tied=tied) if not tied else member("small")
     sensor = network.sensor
-    height = 33 * network.halo + 11
+    height = 65 * network.halo + 11
     bits = jl.Bits.from_array(random_bits(rng, sensor, height, 25))
     whole = network.reconstruct(bits)
     monkeypatch.setattr(networks, "_WORK", 1)

@@ -140,11 +140,11 @@ impl<F: Real> WithSimd for Gather<'_, F> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Part { place, size, .. } = self.source;
+        let Part { columns, size, .. } = self.source;
         let lanes = F::lanes::<S>();
         let length = self.length.next_multiple_of(lanes);
-        let width = place.columns.len();
-        let start = self.left - place.columns.start as isize;
+        let width = columns.len();
+        let start = self.left - columns.start as isize;
         let lines: [_; SUMS] = std::array::from_fn(|row| {
             let row = row.min(self.rows - 1) as isize;
             self.source.row(mirrored(self.top + row, size.0))
@@ -167,7 +167,7 @@ impl<F: Real> WithSimd for Gather<'_, F> {
                     copy[known.clone()].copy_from_slice(&line[from..][..known.len()]);
                     for column in (0..known.start).chain(known.end..self.length) {
                         let source = mirrored(self.left + column as isize, size.1);
-                        copy[column] = line[source - place.columns.start];
+                        copy[column] = line[source - columns.start];
                     }
                 }
                 std::array::from_fn(|row| &copies[row][..length])

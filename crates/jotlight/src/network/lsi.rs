@@ -170,19 +170,19 @@ impl<F: Real> Padded<F> {
         for ((plane, phase), out) in sources.zip(self.data.chunks_exact_mut(self.plane)) {
             let left = left + phase.1 as isize;
             // The columns of the output that lie in the part.
-            let from = part.place.columns.start as isize - left;
+            let from = part.columns.start as isize - left;
             let inner = (from.max(0) as usize).div_ceil(stride).min(columns);
-            let to = (part.place.columns.end as isize - left).max(0) as usize;
+            let to = (part.columns.end as isize - left).max(0) as usize;
             let inside = inner..to.div_ceil(stride).clamp(inner, columns);
             let place = |column: usize| {
-                mirrored(left + (column * stride) as isize, part.size.1) - part.place.columns.start
+                mirrored(left + (column * stride) as isize, part.size.1) - part.columns.start
             };
             for (row, out) in out.chunks_exact_mut(self.stride).take(rows).enumerate() {
                 let row = mirrored(top + (row * stride + phase.0) as isize, part.size.0);
-                let source = &part.row(row).of(plane)[..part.place.columns.len()];
+                let source = &part.row(row).of(plane)[..part.columns.len()];
                 if stride == 1 {
-                    let start = (left + inside.start as isize - part.place.columns.start as isize)
-                        .max(0) as usize;
+                    let start = (left + inside.start as isize - part.columns.start as isize).max(0)
+                        as usize;
                     out[inside.clone()].copy_from_slice(&source[start..][..inside.len()]);
                 } else if !inside.is_empty() {
                     let source = source[place(inside.start)..].iter().step_by(stride);

@@ -53,36 +53,44 @@ impl Place {
     }
 }
 
-/// Part of a stack of planes, in strips of rows `(channels, rows, columns)`.
+/// Some rows of a stack of planes, `(channels, rows, columns)`.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Strip<D> {
+    pub rows: Range<usize>,
+    pub data: D,
+}
+
+/// Part of a stack of planes, in strips one below the other.
 pub(super) struct Part<'a, F> {
-    pub strips: Vec<&'a [F]>,
-    /// Rows of every strip but the last.
-    pub height: usize,
-    /// Which part, of planes of which size.
-    pub place: Place,
+    pub strips: Vec<Strip<&'a [F]>>,
+    pub columns: Range<usize>,
+    /// Of all planes.
     pub size: (usize, usize),
 }
 
 impl<'a, F> Part<'a, F> {
     /// In one strip.
     pub fn whole(planes: &'a [F], place: Place, size: (usize, usize)) -> Self {
+        let strip = Strip {
+            rows: place.rows,
+            data: planes,
+        };
         Self {
-            strips: vec![planes],
-            height: place.rows.len(),
-            place,
+            strips: vec![strip],
+            columns: place.columns,
             size,
         }
     }
 
-    /// One of the rows of the planes.
+    /// One of the rows of the planes, which it has.
     pub fn row(&self, row: usize) -> Row<'a, F> {
-        let (row, width) = (row - self.place.rows.start, self.place.columns.len());
-        let (strip, row) = (row / self.height, row % self.height);
-        let height = (self.place.rows.len() - strip * self.height).min(self.height);
+        let above = self.strips.partition_point(|strip| strip.rows.end <= row);
+        let Strip { rows, data } = &self.strips[above];
+        let width = self.columns.len();
         Row {
-            strip: self.strips[strip],
-            start: row * width,
-            plane: height * width,
+            strip: data,
+            start: (row - rows.start) * width,
+            plane: rows.len() * width,
         }
     }
 }

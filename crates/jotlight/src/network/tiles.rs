@@ -1,4 +1,5 @@
-//! A picture in tiles, each through all layers while it is near the core.
+//! A picture in tiles, one below the other, each through all layers while it is near the core. Of every layer they keep the rows that the
+//! next tile still needs, so that none is found twice.
 
 use std::any::Any;
 use std::cell::Cell;
@@ -10,16 +11,19 @@ use rayon::prelude::*;
 use super::fast;
 use super::graph::Graph;
 use super::lsi::{Padded, read};
-use super::place::{Part, Place};
+use super::place::{Part, Place, Strip};
 use super::{Layer, Real};
 use crate::error::Result;
 use crate::sensing::mirrored;
 
-/// Rows and columns of a tile, so that its planes stay near the core.
-const TILE: (usize, usize) = (64, 1024);
-/// How many times as many rows as are read for a single one, so that little is found twice.
+/// Pixels of a tile, or of each strip of it, so that its planes stay near the core.
+const PIXELS: usize = 1 << 16;
+/// Columns of a tile, which are many beside those that it reads around it.
+const COLUMNS: usize = 1024;
+/// How many times as many rows a band has as are read for a single one, for what bands find twice.
 const AROUND: usize = 4;
-/// Strips for each thread where these share a tile, so that none waits long for another.
+/// Bands for each thread, and strips for each where threads share a tile, so that none waits long for another.
+const BANDS: usize = 4;
 const STRIPS: usize = 2;
 
 /// The picture that the layers give. `first` fills a part of the planes `(C, rows, columns)` of the first one.
@@ -31,46 +35,51 @@ pub(super) fn picture<F: Real>(
     let (height, width) = size;
     let mut picture = Array2::zeros((height, width));
     let (bands, strips) = shares(graph, height);
-    let rows = height
-        .div_ceil(bands)
-        .next_multiple_of(fast::ROWS * graph.step);
+    let group = fast::ROWS * graph.step;
+    let rows = height.div_ceil(bands).next_multiple_of(group);
     let pixels = picture.as_slice_mut().unwrap_or_default();
     pixels
         .par_chunks_mut(rows * width)
         .enumerate()
         .for_each_init(Kept::default, |Kept(scratch), (band, out)| {
-            let start = band * rows;
-            for column in (0..width).step_by(TILE.1) {
-                let wanted = Place {
-                    rows: start..start + out.len() / width,
-                    columns: column..(column + TILE.1).min(width),
-                };
-                let tile = scratch.tile(graph, size, &wanted, strips, &first);
-                for (row, out) in wanted.rows.clone().zip(out.chunks_exact_mut(width)) {
-                    let row = &tile.row(row).of(0)[..wanted.columns.len()];
-                    out[wanted.columns.clone()].copy_from_slice(row);
-                }
+            let rows = band * rows..(band * rows + rows).min(height);
+            for left in (0..width).step_by(COLUMNS) {
+                let columns = left..(left + COLUMNS).min(width);
+                let tile = (strips * PIXELS / columns.len()).next_multiple_of(group);
+                let tiles = rows.clone().step_by(tile).map(|top| Place {
+                    rows: top..(top + tile).min(rows.end),
+                    columns: columns.clone(),
+                });
+                scratch.column(graph, size, tiles, strips, &first, |place, tile| {
+                    let out = &mut out[(place.rows.start - rows.start) * width..];
+                    for (row, out) in place.rows.clone().zip(out.chunks_exact_mut(width)) {
+                        let row = &tile.row(row).of(0)[..columns.len()];
+                        out[columns.clone()].copy_from_slice(row);
+                    }
+                });
             }
         });
     picture
 }
 
-/// Bands of tiles, one thread for each, and where there are too few of them strips of each tile, for the threads to share.
+/// Bands, one thread for each, and where there are too few of them strips of each tile, for the threads to share.
 fn shares<F: Real>(graph: &Graph<'_, F>, height: usize) -> (usize, usize) {
     let threads = rayon::current_num_threads();
+    if threads == 1 {
+        return (1, 1);
+    }
     let start = graph.step << 16;
     let one = Place {
         rows: start..start + graph.step,
         columns: 0..1,
     };
-    let around = wanted_of(graph, (2 * start, 2 * start), &one)[0].rows.len();
-    match height / TILE.0.max(AROUND * around) {
+    let needed = &wanted_of(graph, (2 * start, 2 * start), &one)[0].rows;
+    match height / (AROUND * needed.len()) {
         few if few < threads => {
             let bands = few.max(1);
-            let strips = if threads == 1 { 1 } else { STRIPS * threads };
-            (bands, strips.div_ceil(bands))
+            (bands, (STRIPS * threads).div_ceil(bands))
         }
-        many => (many / threads * threads, 1),
+        many => (threads * (many / threads).min(BANDS), 1),
     }
 }
 
@@ -122,22 +131,22 @@ fn wanted_of<F: Real>(graph: &Graph<'_, F>, size: (usize, usize), last: &Place) 
     wanted
 }
 
-/// The planes of a layer, in strips of rows.
-#[derive(Default)]
+/// The planes of a layer, in strips one below the other.
 struct Planes<F> {
-    strips: Vec<Vec<F>>,
-    /// Rows of every strip but the last.
-    height: usize,
-    place: Place,
+    strips: Vec<Strip<Vec<F>>>,
+    columns: Range<usize>,
 }
 
 impl<F: Real> Planes<F> {
     /// To be read, as part of planes of a size.
     fn part(&self, size: (usize, usize)) -> Part<'_, F> {
+        let strips = self.strips.iter().map(|strip| Strip {
+            rows: strip.rows.clone(),
+            data: &strip.data[..],
+        });
         Part {
-            strips: self.strips.iter().map(Vec::as_slice).collect(),
-            height: self.height,
-            place: self.place.clone(),
+            strips: strips.collect(),
+            columns: self.columns.clone(),
             size,
         }
     }
@@ -202,73 +211,122 @@ impl<F: Real> Scratch<F> {
         room
     }
 
-    /// Room for the planes of a layer, in strips that hold `group` rows or a multiple of it.
-    fn rooms(&mut self, channels: usize, place: &Place, strips: usize, group: usize) -> Planes<F> {
-        let rows = place.rows.len();
-        let height = rows.div_ceil(strips).next_multiple_of(group);
-        let heights = (0..rows)
+    /// Strips for rows of a layer's planes, each of `group` rows or a multiple of it.
+    fn strips(
+        &mut self,
+        channels: usize,
+        place: &Place,
+        strips: usize,
+        group: usize,
+    ) -> Vec<Strip<Vec<F>>> {
+        let Range { start, end } = place.rows;
+        let height = (end - start).div_ceil(strips).next_multiple_of(group);
+        let rows = (start..end)
             .step_by(height)
-            .map(|start| height.min(rows - start));
-        let length = |rows: usize| channels * rows * place.columns.len();
-        Planes {
-            strips: heights.map(|rows| self.room(length(rows))).collect(),
-            height,
-            place: place.clone(),
-        }
+            .map(|top| top..(top + height).min(end));
+        let strip = |rows: Range<usize>| Strip {
+            data: self.room(channels * rows.len() * place.columns.len()),
+            rows,
+        };
+        rows.map(strip).collect()
     }
 
-    /// A part of the picture: what is wanted or a little more.
-    fn tile(
+    /// The rows of a layer above one are not needed any more.
+    fn forget(&mut self, layer: usize, row: usize) {
+        let strips = &mut self.planes[layer].strips;
+        let above = strips.partition_point(|strip| strip.rows.end <= row);
+        self.free
+            .extend(strips.drain(..above).map(|strip| strip.data));
+    }
+
+    /// Parts of the picture one below the other: `done` is told each as it is found.
+    fn column(
         &mut self,
         graph: &Graph<'_, F>,
         picture: (usize, usize),
-        last: &Place,
+        tiles: impl Iterator<Item = Place>,
         strips: usize,
         first: impl Fn(&Place, &mut [F]) + Sync,
-    ) -> Part<'_, F> {
+        mut done: impl FnMut(&Place, &Part<'_, F>),
+    ) {
         // Planes with a stride need rows and columns in multiples.
         let size = (
             picture.0.next_multiple_of(graph.step),
             picture.1.next_multiple_of(graph.step),
         );
-        let wanted = wanted_of(graph, size, last);
-        let used = self.planes.drain(..).flat_map(|planes| planes.strips);
-        self.free.extend(used);
         self.rooms
             .resize_with(self.rooms.len().max(strips), Room::default);
-        for (index, layer) in graph.layers.iter().enumerate() {
-            let (channels, place) = (layer.channels(), &wanted[index]);
-            let mut out = self.rooms(channels, place, strips, group_of(layer));
-            let source = &self.planes.get(graph.sources[index]);
-            let source = source.map(|planes| planes.part(graph.size(graph.sources[index], size)));
-            let kept = layer
-                .wiring
-                .adds
-                .map(|kept| self.planes[kept].part(graph.size(kept, size)));
-            let height = out.height;
-            let rooms = self.rooms.par_iter_mut();
-            let strips = out.strips.par_iter_mut().zip(rooms).enumerate();
-            strips.for_each(|(number, (out, room))| {
-                let start = place.rows.start + number * height;
-                let place = Place {
-                    rows: start..(start + height).min(place.rows.end),
-                    columns: place.columns.clone(),
-                };
-                match &source {
-                    None => continued(&place, picture, channels, out, &mut room.padded, &first),
-                    Some(source) => room.give(layer, source, kept.as_ref(), &place, out),
-                }
-            });
-            self.planes.push(out);
-            for used in 0..index {
-                if graph.last_use[used] == index {
-                    let used = std::mem::take(&mut self.planes[used]);
-                    self.free.extend(used.strips);
+        self.planes.clear();
+        let wanted = |tile: Place| (wanted_of(graph, size, &tile), tile);
+        let mut tiles = tiles.map(wanted).peekable();
+        while let Some((wanted, tile)) = tiles.next() {
+            let planes = |place: &Place| Planes {
+                strips: Vec::new(),
+                columns: place.columns.clone(),
+            };
+            if self.planes.is_empty() {
+                self.planes.extend(wanted.iter().map(planes));
+            }
+            // Where the rows begin that the next tile needs of a layer.
+            let next = tiles.peek().map(|(wanted, _)| wanted);
+            let next = |layer: usize| next.map_or(usize::MAX, |wanted| wanted[layer].rows.start);
+            for (index, wanted) in wanted.iter().enumerate() {
+                self.extend(graph, index, wanted, (picture, size), strips, &first);
+                for used in (0..index).filter(|&used| graph.last_use[used] == index) {
+                    self.forget(used, next(used));
                 }
             }
+            let last = graph.layers.len() - 1;
+            done(&tile, &self.planes[last].part(size));
+            self.forget(last, next(last));
         }
-        let planes = self.planes.last().map(|planes| planes.part(size));
-        planes.unwrap_or_else(|| Part::whole(&[], Place::default(), size))
+    }
+
+    /// Those rows of a layer that are wanted and not known yet. `first` fills a part of the first one.
+    fn extend(
+        &mut self,
+        graph: &Graph<'_, F>,
+        index: usize,
+        wanted: &Place,
+        (picture, size): ((usize, usize), (usize, usize)),
+        strips: usize,
+        first: &(impl Fn(&Place, &mut [F]) + Sync),
+    ) {
+        let layer = graph.layers[index];
+        let known = self.planes[index].strips.last();
+        let known = known.map_or(0, |strip| strip.rows.end);
+        let new = Place {
+            rows: known.max(wanted.rows.start)..wanted.rows.end,
+            columns: wanted.columns.clone(),
+        };
+        if new.rows.is_empty() {
+            return;
+        }
+        let mut new = self.strips(layer.channels(), &new, strips, group_of(layer));
+        let part = |layer: usize| self.planes[layer].part(graph.size(layer, size));
+        let source = part(graph.sources[index]);
+        let kept = layer.wiring.adds.map(part);
+        let rooms = self.rooms.par_iter_mut();
+        new.par_iter_mut().zip(rooms).for_each(|(strip, room)| {
+            let place = Place {
+                rows: strip.rows.clone(),
+                columns: wanted.columns.clone(),
+            };
+            let out = &mut strip.data;
+            if index == 0 {
+                continued(
+                    &place,
+                    picture,
+                    layer.channels(),
+                    out,
+                    &mut room.padded,
+                    first,
+                );
+            } else {
+                room.give(layer, &source, kept.as_ref(), &place, out);
+            }
+        });
+        self.planes[index].strips.extend(new);
     }
 }
 
@@ -375,7 +433,7 @@ fn to_space<F: Real>(deep: &[F], up: usize, (height, width): (usize, usize), out
 
 /// Adds a part of kept planes.
 fn add<F: Real>(kept: &Part<'_, F>, place: &Place, out: &mut [F]) {
-    let left = place.columns.start - kept.place.columns.start;
+    let left = place.columns.start - kept.columns.start;
     let width = place.columns.len();
     for (plane, out) in out.chunks_exact_mut(place.pixels()).enumerate() {
         for (row, out) in place.rows.clone().zip(out.chunks_exact_mut(width)) {
@@ -408,8 +466,10 @@ mod tests {
         };
         let mut scratch = Scratch::default();
         let mut rooms = || {
-            scratch.tile(&graph, (8, 8), &place, 2, |_, out| out.fill(1.0));
-            scratch.free.len() + scratch.planes.len()
+            let tiles = [place.clone()].into_iter();
+            let ones = |_: &Place, out: &mut [f32]| out.fill(1.0);
+            scratch.column(&graph, (8, 8), tiles, 2, ones, |_, _| ());
+            scratch.free.len()
         };
         let first = rooms();
         for _ in 0..20 {
