@@ -157,8 +157,9 @@ impl<F: Real> Planes<F> {
 struct Scratch<F> {
     /// The planes of every layer, as long as they are used.
     planes: Vec<Planes<F>>,
-    /// Room for the next ones.
+    /// Room for the next ones, and how much of it, from the first on, was free before this tile.
     free: Vec<Vec<F>>,
+    idle: usize,
     /// What each strip is worked on in.
     rooms: Vec<Room<F>>,
 }
@@ -195,20 +196,25 @@ impl<F: Real> Drop for Kept<F> {
 }
 
 impl<F: Real> Scratch<F> {
-    /// Room for so many numbers: the least that is enough, or else the most, so that little is asked for anew.
+    /// Room for so many numbers, of what is free or new.
     fn room(&mut self, length: usize) -> Vec<F> {
-        let order = |room: &Vec<F>| match room.capacity() {
-            enough if enough >= length => (false, enough),
-            little => (true, usize::MAX - little),
+        let enough = length..=2 * length;
+        let best = (0..self.free.len())
+            .filter(|&index| enough.contains(&self.free[index].capacity()))
+            .min_by_key(|&index| self.free[index].capacity());
+        let Some(best) = best else {
+            return vec![F::zero(); length];
         };
-        let best = (0..self.free.len()).min_by_key(|&index| order(&self.free[index]));
-        let mut room = best.map_or_else(Vec::new, |index| self.free.swap_remove(index));
-        if room.capacity() < length {
-            // Nothing has to be copied.
-            room.clear();
-        }
+        self.idle -= usize::from(best < self.idle);
+        let mut room = self.free.remove(best);
         room.resize(length, F::zero());
         room
+    }
+
+    /// Gives back what no tile has needed since the last call.
+    fn give_back(&mut self) {
+        self.free.drain(..self.idle);
+        self.idle = self.free.len();
     }
 
     /// Strips for rows of a layer's planes, each of `group` rows or a multiple of it.
@@ -279,6 +285,7 @@ impl<F: Real> Scratch<F> {
             let last = graph.layers.len() - 1;
             done(&tile, &self.planes[last].part(size));
             self.forget(last, next(last));
+            self.give_back();
         }
     }
 
