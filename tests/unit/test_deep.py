@@ -50,6 +50,14 @@ def test_the_picture_of_a_member_is_the_twins(name, size):
     np.testing.assert_array_equal(network.reconstruct(counts), picture)
 
 
+def test_a_picture_of_many_tiles_is_the_twins():
+    network, counts = member("medium"), counts_of(SENSOR, 150, 1060)
+    sums = network.layers[0].filters[:, 0] * counts[None]
+    picture = network.reconstruct(counts, threads=1)
+    np.testing.assert_allclose(picture, deep.picture(network.layers, sums, 4), atol=1e-5)
+    np.testing.assert_array_equal(network.reconstruct(counts, threads=3), picture)
+
+
 @pytest.mark.parametrize("tied", [True, False])
 @pytest.mark.parametrize("size", [(1, 1), (7, 5), (24, 36), (61, 50)])
 @pytest.mark.parametrize("seed", range(3))
