@@ -1,4 +1,4 @@
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, final
 
 import numpy as np
 import numpy.typing as npt
@@ -150,6 +150,7 @@ def exact_inverse(
     z: npt.NDArray[np.float32], bits: int, out: npt.NDArray[np.float32], threads: int | None
 ) -> None: ...
 
+@final
 class Layer:
     def __new__(cls, layer: _Layer) -> Layer: ...
 
