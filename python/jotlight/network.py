@@ -69,7 +69,7 @@ class Network:
         self.bits = bits
         self.history = dict(history or {})
         # The layers for the K that was told last: films have one.
-        self._last: tuple[int, tuple[Layer, ...]] | None = None
+        self._last: tuple[int, tuple[Layer, ...], tuple[Layer, ...]] | None = None
         if not self.layers:
             raise ValueError("layers: expected at least one, got none")
         block = (sensor.frames, sensor.oversampling, sensor.oversampling)
@@ -255,12 +255,12 @@ class Network:
         """The network that was told the sensor's K; its picture is the share of bits that fire."""
         assert self.bits is not None, "a network that is told K"
         bits, last = sensor.bits_per_pixel, self._last
-        if last is None or last[0] != bits:
+        if last is None or last[0] != bits or last[1] is not self.layers:
             shares = shares_of(bits, self.bits, number_of_sets(self.layers))
             first, *others = (layer.at(shares) for layer in self.layers)
             first = dataclasses.replace(first, filters=first.filters / np.float32(bits))
-            self._last = last = bits, (first, *others)
-        return Network(last[1], sensor)
+            self._last = last = bits, self.layers, (first, *others)
+        return Network(last[2], sensor)
 
     @property
     def _weights(self) -> npt.NDArray[np.float32]:

@@ -102,6 +102,56 @@ def test_a_layer_that_filters_with_a_stride_and_goes_from_depth_to_space(
     np.testing.assert_array_equal(network.reconstruct(counts, threads=3), picture)
 
 
+@pytest.mark.parametrize("times", [2, 3, 5])
+def test_columns_of_tiles_that_the_upsampling_does_not_divide(times):
+    rng = np.random.default_rng(8)
+    one = np.ones((1, 1, 1, 1), np.float32)
+    down = rng.normal(0, 0.3, (times**2, 1, times, times)).astype(np.float32)
+    depth = np.eye(times**2, dtype=np.float32)[:, :, None, None]
+    layers = [
+        jl.Layer(one / 16, None),
+        jl.Layer(down, None, stride=times),
+        jl.Layer(depth, None, upsampling=times),
+    ]
+    counts = counts_of(SENSOR, 12, 2100)
+    picture = jl.Network(layers, SENSOR).reconstruct(counts)
+    np.testing.assert_allclose(picture, deep.picture(layers, counts[None] / 16, times), atol=1e-5)
+
+
+def test_rows_past_the_last_one_need_those_above():
+    rng = np.random.default_rng(9)
+    one = np.ones((1, 1, 1, 1), np.float32)
+    layers = [
+        jl.Layer(one / 16, None),
+        jl.Layer(rng.normal(0, 0.3, (16, 1, 4, 4)).astype(np.float32), None, stride=4),
+        jl.Layer(rng.normal(0, 0.3, (16, 16, 1, 1)).astype(np.float32), None, upsampling=4),
+    ]
+    network = jl.Network(layers, SENSOR)
+    counts = counts_of(SENSOR, 65, 9)
+    prepared = [layer.prepared for layer in layers]
+    top, bottom = _engine.rows_needed(prepared, 65, (64, 65))
+    part = network.reconstruct(counts[top:bottom])
+    np.testing.assert_array_equal(part[64 - top :], network.reconstruct(counts)[64:])
+
+
+def test_layers_that_need_too_much_at_a_pixel_are_refused():
+    one = np.ones((1, 1, 1, 1), np.float32)
+    up, down = np.ones((256, 1, 1, 1), np.float32), np.ones((1, 1, 16, 16), np.float32)
+    many = np.ones((17, 1, 1, 1), np.float32)
+    layers = [
+        jl.Layer(one, None),
+        *[jl.Layer(up, None, upsampling=16)] * 2,
+        jl.Layer(many, None),
+        jl.Layer(np.ones((1, 17, 16, 16), np.float32), None, stride=16),
+        jl.Layer(down, None, stride=16),
+    ]
+    with pytest.raises(ValueError, match="at most 2\\^20 numbers at a pixel"):
+        jl.Network(layers, SENSOR).reconstruct(counts_of(SENSOR, 5, 5))
+    # As many planes as are allowed, in a tile of a few rows.
+    layers[3], layers[4] = jl.Layer(one, None), jl.Layer(down, None, stride=16)
+    assert jl.Network(layers, SENSOR).reconstruct(counts_of(SENSOR, 5, 5)).shape == (5, 5)
+
+
 def test_strides_that_are_too_many_together_are_refused():
     one = np.ones((1, 1, 1, 1), np.float32)
     down, up = np.ones((1, 1, 16, 16), np.float32), np.ones((256, 1, 1, 1), np.float32)

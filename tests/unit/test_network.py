@@ -448,3 +448,14 @@ def test_a_network_that_is_told_another_k_forgets_the_last_one():
     first, other = network.reconstruct(counts, four), network.reconstruct(counts, nine)
     assert (first != other).any()
     np.testing.assert_array_equal(network.reconstruct(counts, four), first)
+
+
+def test_parts_of_a_picture_whose_jots_are_weighed_singly_are_those_of_the_whole(monkeypatch):
+    rng = np.random.default_rng(9)
+    sensor = jl.Sensor(oversampling=4)
+    network = random_network(rng, sensor, [2, 1], [(3, 3)], tied=False)
+    # Enough pixels for one table of all blocks, which the parts are too small for.
+    bits = jl.Bits.from_array(random_bits(rng, sensor, 960, 140))
+    whole = network.reconstruct(bits)
+    monkeypatch.setattr("jotlight.network._WORK", 1)
+    np.testing.assert_array_equal(network.reconstruct(bits), whole)

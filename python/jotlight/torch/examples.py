@@ -20,6 +20,8 @@ _USUAL = 0.15, 1.0
 """What most patches have: photographs have it where α = K."""
 _OFTEN = 3 / 4
 """The share of patches that have it."""
+_USUAL_BITS = 9, 100
+"""K of half of the steps, where the network is for so many: the paper's."""
 _DARK = 1e-3, 0.3
 """Dark counts per jot and frame, in half of the patches of such a network."""
 _MIDDLE, _BRIGHT = 0.44, 4.0
@@ -149,6 +151,9 @@ class Patches:
         if self.network.bits is None:
             return None
         low, high = self.network.bits
+        if choice.random() < 1 / 2:
+            low, high = max(low, _USUAL_BITS[0]), min(high, _USUAL_BITS[1])
+            low, high = (low, high) if low < high else self.network.bits
         bits = round(math.exp(choice.uniform(math.log(low), math.log(high))))
         flux, usual, dark = (
             np.exp(choice.uniform(math.log(low), math.log(high), self.batch))

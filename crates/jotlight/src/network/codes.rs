@@ -35,23 +35,34 @@ struct Group<F> {
     tables: Vec<Vec<F>>,
 }
 
+impl<F: Real> Group<F> {
+    /// One for the bits of both, with the sums that both would have, to the last place: pictures and their parts have the same.
+    fn with(mut self, other: Self) -> Self {
+        for (table, other) in self.tables.iter_mut().zip(&other.tables) {
+            let sums = |&first: &F| other.iter().map(move |&second| first + second);
+            *table = table.iter().flat_map(sums).collect();
+        }
+        self.fields.extend(other.fields);
+        self
+    }
+}
+
 impl<F: Real> Tables<F> {
     /// For so many pixels.
     pub fn new(filters: ArrayView4<'_, F>, pixels: usize) -> Self {
         let (_, frames, side, _) = filters.dim();
         let whole = frames * side * side;
         let worth = whole <= WHOLE && pixels >= 2 << whole;
-        let groups = groups(frames, side, if worth { whole } else { PART })
-            .into_iter()
-            .map(|fields| {
-                let tables = filters.outer_iter().map(|taps| table(&fields, taps));
-                let tables = tables.collect();
-                Group { fields, tables }
-            });
-        Self {
-            side,
-            groups: groups.collect(),
+        let groups = groups(frames, side).into_iter().map(|fields| {
+            let tables = filters.outer_iter().map(|taps| table(&fields, taps));
+            let tables = tables.collect();
+            Group { fields, tables }
+        });
+        let mut groups: Vec<_> = groups.collect();
+        if worth {
+            groups = groups.into_iter().reduce(Group::with).into_iter().collect();
         }
+        Self { side, groups }
     }
 
     /// Puts φ(p) in the place of p, where one table holds it whole; tells whether it did.
@@ -111,17 +122,17 @@ pub(super) fn block_filter<F: Real>(
     planes
 }
 
-/// The fields of a block, in groups of at most so many bits.
-fn groups(frames: usize, side: usize, most: usize) -> Vec<Vec<Field>> {
+/// The fields of a block, in groups of at most [`PART`] bits.
+fn groups(frames: usize, side: usize) -> Vec<Vec<Field>> {
     let mut groups: Vec<Vec<Field>> = Vec::new();
     let mut room = 0;
     for frame in 0..frames {
         for line in 0..side {
-            for first in (0..side).step_by(most) {
-                let length = most.min(side - first);
+            for first in (0..side).step_by(PART) {
+                let length = PART.min(side - first);
                 if room < length {
                     groups.push(Vec::new());
-                    room = most;
+                    room = PART;
                 }
                 room -= length;
                 if let Some(group) = groups.last_mut() {

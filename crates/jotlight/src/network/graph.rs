@@ -6,6 +6,9 @@ use crate::error::{Error, Result};
 /// Rows of a picture that one row of a network's planes may stand for, and the other way round: parts of pictures are no smaller.
 const LARGEST_STEP: usize = 256;
 
+/// Numbers of planes at a pixel, times the step: 256 times as many are the least that a part of a picture takes, 1 GiB.
+const LARGEST_PART: usize = 1 << 20;
+
 /// Layers in order, checked.
 pub(super) struct Graph<'a, F> {
     pub layers: Vec<&'a Layer<F>>,
@@ -17,6 +20,8 @@ pub(super) struct Graph<'a, F> {
     scales: Vec<(usize, usize)>,
     /// What rows and columns of the planes of the first layer have to be a multiple of.
     pub step: usize,
+    /// Numbers of the largest planes for a pixel.
+    pub numbers: usize,
 }
 
 impl<'a, F: Real> Graph<'a, F> {
@@ -31,6 +36,7 @@ impl<'a, F: Real> Graph<'a, F> {
             last_use: vec![0; layers.len()],
             scales: vec![(1, 1)],
             step: 1,
+            numbers: layers.first().map_or(0, |layer| layer.channels()),
         };
         let Some((first, last)) = layers.first().zip(layers.last()) else {
             return Err(Error::range("layers", "at least one", 0));
@@ -68,8 +74,15 @@ impl<'a, F: Real> Graph<'a, F> {
                     return Err(Error::shape("kept planes", expected, given));
                 }
             }
+            let numbers = layer.channels() * scale.1 * scale.1;
+            graph.numbers = graph.numbers.max(numbers.div_ceil(scale.0 * scale.0));
             graph.sources.push(source);
             graph.scales.push(scale);
+        }
+        if graph.numbers * graph.step > LARGEST_PART {
+            let expected = "at most 2^20 numbers at a pixel, times the strides";
+            let given = graph.numbers * graph.step;
+            return Err(Error::range("layers", expected, given));
         }
         if let Some(unused) = graph.last_use[..layers.len() - 1]
             .iter()

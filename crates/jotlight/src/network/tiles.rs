@@ -18,8 +18,11 @@ use crate::sensing::mirrored;
 
 /// Pixels of a tile, or of each strip of it, so that its planes stay near the core.
 const PIXELS: usize = 1 << 16;
-/// Columns of a tile, which are many beside those that it reads around it.
+/// Numbers of planes of a tile.
+const NUMBERS: usize = 1 << 22;
+/// Columns of a tile, at most and at least, which are many beside those that it reads around it.
 const COLUMNS: usize = 1024;
+const LEAST: usize = 64;
 /// How many times as many rows a band has as are read for a single one, for what bands find twice.
 const AROUND: usize = 4;
 /// Bands for each thread, and strips for each where threads share a tile, so that none waits long for another.
@@ -37,15 +40,17 @@ pub(super) fn picture<F: Real>(
     let (bands, strips) = shares(graph, height);
     let group = fast::ROWS * graph.step;
     let rows = height.div_ceil(bands).next_multiple_of(group);
-    let pixels = picture.as_slice_mut().unwrap_or_default();
-    pixels
-        .par_chunks_mut(rows * width)
-        .enumerate()
-        .for_each_init(Kept::default, |Kept(scratch), (band, out)| {
+    let pixels = PIXELS.min(NUMBERS / graph.numbers);
+    let wide = (pixels / group).clamp(LEAST, COLUMNS);
+    let out = picture.as_slice_mut().unwrap_or_default();
+    out.par_chunks_mut(rows * width).enumerate().for_each_init(
+        Kept::default,
+        |Kept(scratch), (band, out)| {
             let rows = band * rows..(band * rows + rows).min(height);
-            for left in (0..width).step_by(COLUMNS) {
-                let columns = left..(left + COLUMNS).min(width);
-                let tile = (strips * PIXELS / columns.len()).next_multiple_of(group);
+            for left in (0..width).step_by(wide) {
+                let columns = left..(left + wide).min(width);
+                let tile = strips * pixels / columns.len().max(LEAST);
+                let tile = tile.max(1).next_multiple_of(group);
                 let tiles = rows.clone().step_by(tile).map(|top| Place {
                     rows: top..(top + tile).min(rows.end),
                     columns: columns.clone(),
@@ -53,12 +58,13 @@ pub(super) fn picture<F: Real>(
                 scratch.column(graph, size, tiles, strips, &first, |place, tile| {
                     let out = &mut out[(place.rows.start - rows.start) * width..];
                     for (row, out) in place.rows.clone().zip(out.chunks_exact_mut(width)) {
-                        let row = &tile.row(row).of(0)[..columns.len()];
-                        out[columns.clone()].copy_from_slice(row);
+                        let row = &tile.row(row).of(0)[left - tile.columns.start..];
+                        out[columns.clone()].copy_from_slice(&row[..columns.len()]);
                     }
                 });
             }
-        });
+        },
+    );
     picture
 }
 
@@ -101,6 +107,8 @@ pub fn rows_needed<F: Real>(
     };
     let size = (height.next_multiple_of(graph.step), graph.step);
     let Range { start, end } = wanted_of(&graph, size, &wanted)[0].rows;
+    // What goes on past the last row is made of rows above it.
+    let start = start.min(height.saturating_sub(end.saturating_sub(height)));
     Ok(start / group * group..end.next_multiple_of(group).min(height))
 }
 
