@@ -50,6 +50,22 @@ def test_a_process_sees_its_part_of_the_patches_of_all():
     np.testing.assert_array_equal(whole.truth[16:32], part.truth)
 
 
+@pytest.mark.parametrize(
+    ("between", "share"),
+    [((1, 256), 1 / 2 + np.log(100 / 9) / np.log(256) / 2), ((1, 8), 0), ((20, 50), 1)],
+)
+def test_half_of_the_steps_have_a_usual_k(between, share):
+    network = jl.Network.told("small", bits=between, rng=0)
+    batch = Patches([np.full((9, 9), LEVEL)], network, SENSOR, 0, 1, 8)
+    found = np.array([batch.views(step, slice(0, 1), 1).bits for step in range(NUMBER)])
+    assert between[0] <= found.min() < np.sqrt(between[0] * between[1]) < found.max() <= between[1]
+    low, high = (
+        binom.ppf([1e-6, 1 - 1e-6], NUMBER, share) if 0 < share < 1 else [share * NUMBER] * 2
+    )
+    # Whole numbers are found from up to half below and above.
+    assert low - 6 <= ((found >= 9) & (found <= 100)).sum() <= high + 6
+
+
 def test_networks_that_are_told_k_see_the_light_of_photographs_most_often():
     network = jl.Network.told("small", rng=0)
     seen = patches(network)

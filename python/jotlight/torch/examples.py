@@ -151,9 +151,9 @@ class Patches:
         if self.network.bits is None:
             return None
         low, high = self.network.bits
-        if choice.random() < 1 / 2:
-            low, high = max(low, _USUAL_BITS[0]), min(high, _USUAL_BITS[1])
-            low, high = (low, high) if low < high else self.network.bits
+        least, most = max(low, _USUAL_BITS[0]), min(high, _USUAL_BITS[1])
+        if least < most and choice.random() < 1 / 2:
+            low, high = least, most
         bits = round(math.exp(choice.uniform(math.log(low), math.log(high))))
         flux, usual, dark = (
             np.exp(choice.uniform(math.log(low), math.log(high), self.batch))
