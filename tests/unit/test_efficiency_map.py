@@ -87,10 +87,11 @@ def test_an_even_map_is_a_number(name):
 def test_the_pattern_of_the_map_does_not_show(name):
     """An even scene through jots that differ by a factor of two comes out even."""
     share = np.float32(np.where(RNG.random((64, 64)) < 0.5, 0.5, 1.0))
-    truth = jl.Sensor(frames=64, gain=64 / 0.75, efficiency=share)
+    frames = 64 if METHODS[name].lacks(jl.Sensor(frames=64)) is None else 16
+    truth = jl.Sensor(frames=frames, gain=frames / 0.75, efficiency=share)
     scene = np.full((64, 64), 0.4, np.float32)
     bits = truth.expose(scene, rng=3)
-    sensor = truth.replace(gain=64 / float(np.median(share)))
+    sensor = truth.replace(gain=frames / float(np.median(share)))
     # In units in which the median jot is the network's.
     estimate = METHODS[name].run(bits, sensor) * (sensor.gain / truth.gain)
     by_share = [float(estimate[share == value].mean()) for value in (0.5, 1.0)]
