@@ -16,8 +16,8 @@ from jotlight.training.examples import Scenes, Source, made_scenes
 
 FLUX = 0.02, 3.0
 """Photons per jot and frame, in the mean of an image, that a network for many K is for."""
-_USUAL = 0.15, 1.0
-"""What most patches have: photographs have it where α = K."""
+_USUAL = 0.08, 1.0
+"""What most patches have: photographs where α = K, and dim captures."""
 _OFTEN = 3 / 4
 """The share of patches that have it."""
 _USUAL_BITS = 9, 100
