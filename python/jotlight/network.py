@@ -21,7 +21,7 @@ from jotlight.layer import Layer, halo_of, number_of_sets, shares_of, step_of, w
 from jotlight.mle import equivalent_counts, from_probability, reference_jot
 from jotlight.observation import Observation, observe
 from jotlight.sensor import Sensor
-from jotlight.slabs import slabs_of
+from jotlight.slabs import parts_of, slabs_of
 from jotlight.tensors import read_tensors, write_tensors
 from jotlight.two_layer import two_layers
 
@@ -29,6 +29,8 @@ _FORMAT = "jotlight network"
 _VERSION = "2"
 _WORK = 1 << 35
 """Operations of the engine between two looks at Ctrl-C."""
+_AT_ONCE = 1 << 21
+"""Pixels whose intensities are found at a time."""
 
 
 class Network:
@@ -234,8 +236,11 @@ class Network:
             sensor = (data.sensor if isinstance(data, Bits) else None) or self.sensor
         self._check_sensor(sensor)
         if self.bits is not None:
-            shares = self._at(sensor).reconstruct(data, sensor, threads=threads)
-            return from_probability(shares, sensor, threads)
+            picture = self._at(sensor).reconstruct(data, sensor, threads=threads)
+            # In its own place, since memory may not hold it twice.
+            for rows in parts_of(len(picture), max(1, _AT_ONCE * len(picture) // picture.size)):
+                picture[rows] = from_probability(picture[rows], sensor, threads)
+            return picture
 
         def one_channel(data: Bits | npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
             if not self.tied:

@@ -143,3 +143,20 @@ def test_a_process_that_counts_twenty_thousand_frames_takes_less_than_200_mib(
     command = [sys.executable, "-W", "error", "-c", WHOLE]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     assert float(done.stdout) < 200
+
+
+PICTURE = """
+sensor = jl.Sensor(frames=16)
+network = jl.pretrained(sensor, {quality!r})
+counts = np.full(({rows}, 1024), 8, np.int32)
+network.reconstruct(counts[:512], sensor, threads=1)
+grown, picture = growth(lambda: network.reconstruct(counts, sensor, threads=1))
+print((grown - picture.nbytes) / (1 << 20))
+"""
+
+
+@pytest.mark.parametrize("quality", ["small", "medium"])
+def test_deep_networks_take_no_more_memory_for_larger_pictures(quality):
+    least, more = (bits_per_jot(PICTURE.format(quality=quality, rows=n)) for n in (8192, 16_384))
+    # A second picture would be 32 MiB more of them.
+    assert more - least < 16
