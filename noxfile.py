@@ -17,12 +17,12 @@ nox.options.sessions = [
 DIST = Path("dist")
 DATA = Path(os.environ.get("JOTLIGHT_DATA", "../shared/data"))
 EXTRAS = (
-    "tests/unit/test_cli_convert.py",
-    "tests/unit/test_cli_output.py",
-    "tests/unit/test_cli_stops.py",
-    "tests/unit/test_film.py",
-    "tests/unit/test_formats_arrays.py",
-    "tests/property/test_hostile_files.py",
+    "tests/cli/test_convert.py",
+    "tests/cli/test_output_options.py",
+    "tests/cli/test_signals.py",
+    "tests/images/test_video.py",
+    "tests/formats/test_arrays.py",
+    "tests/formats/test_hostile_files.py",
 )
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
@@ -95,7 +95,7 @@ def torch(session: nox.Session) -> None:
     install_wheel(session, extra="test,deepinv")
     examples = ("tests/docs/test_documents.py", "-k", "test_torch or (docstring and torch)")
     modules = sorted(str(path) for path in Path("tests/unit").glob("test_torch_*.py"))
-    modules += ["tests/unit/test_cli_train_deep.py", "tests/unit/test_cli_self_supervised.py"]
+    modules += ["tests/cli/test_train_deep.py", "tests/cli/test_fine_tune.py"]
     session.run("pytest", *modules, *examples, *session.posargs)
 
 

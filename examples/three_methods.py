@@ -7,7 +7,7 @@ import argparse
 from pathlib import Path
 
 import jotlight as jl
-from jotlight.pictures import picture_writer
+from jotlight.images.io import picture_writer
 
 
 def main() -> None:

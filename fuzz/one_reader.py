@@ -94,5 +94,5 @@ def _places(value: Any) -> Iterator[tuple[Any, Any]]:
 
 
 if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
     main(sys.argv[1])

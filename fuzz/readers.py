@@ -5,7 +5,7 @@
 
 A reader reads what it is given, or refuses it with a ValueError or OSError that names the file.
 Another exception, a crash, or an input that takes too much time or memory ends the run of its
-format and is saved in fuzz/found. The formats are READERS in tests/examples.py.
+format and is saved in fuzz/found. The formats are READERS in tests/support/examples.py.
 """
 
 import argparse
@@ -21,7 +21,7 @@ FOUND = HERE / "found"
 SECONDS_PER_INPUT = 10
 MOST_MIB = 2048
 
-sys.path.insert(0, str(HERE.parent / "tests"))
+sys.path.insert(0, str(HERE.parent / "tests" / "support"))
 
 from examples import READERS, Reader, read_or_refused  # noqa: E402
 

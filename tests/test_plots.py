@@ -3,8 +3,8 @@ import pytest
 
 import jotlight as jl
 from jotlight import plots
-from jotlight.comparison import chosen, compare_methods
-from jotlight.methods import METHODS
+from jotlight.evaluation.compare import chosen, compare_methods
+from jotlight.evaluation.methods import METHODS
 
 
 def test_the_crop_lies_on_the_edges_and_inside_of_the_picture():

@@ -1,9 +1,9 @@
 """Train the deep networks that come with jotlight, and write their cards.
 
-    python tools/train_deep_models.py path/to/data [--only small-k16 medium ...] [--threads 2]
+    python tools/train_networks.py path/to/data [--only small-k16 medium ...] [--threads 2]
 
 The folder holds ``bsds300/train/*.jpg`` to learn from and ``bsds300/test/*.jpg`` to measure on. The
-networks go to ``python/jotlight/models``. Runs that are stopped go on where they were. It needs the
+networks go to ``python/jotlight/networks/weights``. Runs that are stopped go on where they were. It needs the
 extra `torch`. `medium-k16`, for K = 16 alone, is to compare with and goes to `--elsewhere`; the
 small networks begin at the first stage of `small-k16`, which comes first.
 """
@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 import jotlight as jl
-from jotlight.image_sets import read_image_set
-from jotlight.layer import work_of
-from jotlight.models import BITS_PER_PIXEL, FOLDER
+from jotlight.images.sets import read_image_set
+from jotlight.networks.layer import work_of
+from jotlight.networks.pretrained import BITS_PER_PIXEL, FOLDER
 from jotlight.torch import train
 from jotlight.training.loop import fingerprint_of
 

@@ -1,9 +1,9 @@
 """Train the networks that come with jotlight, and write their cards.
 
-    python tools/train_models.py path/to/data [--bits 16]
+    python tools/train_two_layer.py path/to/data [--bits 16]
 
 The folder holds ``bsds300/train/*.jpg`` to learn from and ``bsds300/test/*.jpg`` to measure on. The
-networks go to ``python/jotlight/models``. All eight take some ten minutes on two cores.
+networks go to ``python/jotlight/networks/weights``. All eight take some ten minutes on two cores.
 """
 
 import argparse
@@ -11,9 +11,9 @@ import time
 from pathlib import Path
 
 import jotlight as jl
-from jotlight.evaluation import Evaluation
-from jotlight.image_sets import read_image_set
-from jotlight.models import BITS_PER_PIXEL, FOLDER
+from jotlight.evaluation.evaluate import Evaluation
+from jotlight.images.sets import read_image_set
+from jotlight.networks.pretrained import BITS_PER_PIXEL, FOLDER
 
 STEPS, BATCH, PATCH, SEED = 60, 512, 64, 0
 

@@ -1,4 +1,4 @@
-"""Write the page and its figures anew from the JSON of a run: python benchmarks/remake.py docs."""
+"""Write the page and its figures anew from the JSON of a run: python benchmarks/speed/remake.py docs."""
 
 import sys
 from pathlib import Path

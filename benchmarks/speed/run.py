@@ -1,6 +1,6 @@
 """Measure every hot path beside its rivals, and write raw JSON and a page of Markdown.
 
-    python benchmarks/run.py [--quick] [--only NAME ...] [--threads 1 2] [--output docs]
+    python benchmarks/speed/run.py [--quick] [--only NAME ...] [--threads 1 2] [--output docs]
 
 The names are those of the hot paths, `scaling` and `latency`. Rivals are in the extra `bench`, but
 for BM3D, which is in `bm3d`; one that is not installed is left out, and the page says so.
@@ -9,7 +9,7 @@ for BM3D, which is in `bm3d`; one that is not installed is left out, and the pag
 import argparse
 from pathlib import Path
 
-from jotlight import _engine
+import jotlight._engine as engine
 from suite import latency, record, scaling
 from suite.case import measure
 from suite.machine import ROOT, cores, facts
@@ -21,7 +21,7 @@ OTHERS = ("scaling", "latency")
 
 def main() -> None:
     options = arguments()
-    if _engine.DEBUG_BUILD:
+    if engine.DEBUG_BUILD:
         raise SystemExit("this is a debug build of jotlight; build it with --release")
     effort = QUICK if options.quick else FULL
     names = options.only or [*PATHS, *OTHERS]

@@ -1,6 +1,6 @@
 """A network learned for a capture with a calibration, beside what else one could do.
 
-    python benchmarks/calibrated_network.py
+    python benchmarks/studies/calibrated_network.py
 
 A simulated camera of 512 x 512 jots with dark counts (gamma, 1.6 % of the jots hot) and a response
 that varies by 5 % takes a dark and a flat capture of 2000 frames, and 16 frames of a dim
@@ -13,8 +13,8 @@ import warnings
 import numpy as np
 
 import jotlight as jl
-from jotlight.exposure import sensor_for
-from jotlight.methods import METHODS
+from jotlight.estimators.brightness import sensor_for
+from jotlight.evaluation.methods import METHODS
 
 LEVEL = 0.3
 """Of the photograph's white, in photons per jot and frame."""

@@ -1,6 +1,6 @@
 """What calibration promises and what was chosen in it, measured on maps whose truth is known.
 
-    python benchmarks/calibration.py [path/to/data] [--maps 30]
+    python benchmarks/studies/calibration.py [path/to/data] [--maps 30]
 
 False positives: how many jots of clean dark maps are taken for hot ones, at a stated rate of 1e-4.
 Outliers: the error of the response of ordinary jots and of outliers, by the limit beyond which a
@@ -21,8 +21,8 @@ import jotlight as jl
 from jotlight.calibration.flat import drawn_in
 from jotlight.calibration.rates import detections, variance
 from jotlight.datasets.scenes import PHOTOGRAPHS
-from jotlight.fill import fill_blind
-from jotlight.methods import METHODS
+from jotlight.estimators.inpaint import fill_blind
+from jotlight.evaluation.methods import METHODS
 
 SHAPE, RATE = (240, 320), 1e-4
 

@@ -1,6 +1,6 @@
 """How good the deeper networks are: PSNR on the Berkeley test images, for every K and exposure.
 
-    python benchmarks/deep.py path/to/data [--images 100] [--model FILE ...] [--output docs/results]
+    python benchmarks/studies/deep.py path/to/data [--images 100] [--model FILE ...] [--output docs/results]
 
 The folder holds ``bsds300/test/*.jpg``. The bits of image i have the seed i. Every K is measured on
 all of them and on the first 20, other exposures on the first 20 alone. Besides the networks in the
@@ -16,8 +16,8 @@ import numpy as np
 
 import jotlight as jl
 from jotlight.files import written_whole
-from jotlight.image_sets import read_image_set
-from jotlight.models import BITS_PER_PIXEL, QUALITIES, lacking
+from jotlight.images.sets import read_image_set
+from jotlight.networks.pretrained import BITS_PER_PIXEL, QUALITIES, lacking
 
 BITS = 1, 4, *BITS_PER_PIXEL, 256
 FLUX = 0.05, 0.2, 1.0, 4.0

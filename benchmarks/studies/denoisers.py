@@ -1,6 +1,6 @@
 """Choose the strengths of the denoisers: mean PSNR on training images, K = 16.
 
-python benchmarks/denoisers.py path/to/bsds300/train [--images 20]
+python benchmarks/studies/denoisers.py path/to/bsds300/train [--images 20]
 """
 
 import argparse
@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import jotlight as jl
-from jotlight.pictures import read_picture
+from jotlight.images.io import read_picture
 
 SETTINGS = {
     "gaussian": (jl.denoise.gaussian, "sigma", (1.0, 1.2, 1.4, 1.5, 1.6, 1.8)),

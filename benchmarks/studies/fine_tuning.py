@@ -1,6 +1,6 @@
 """What a network gains by learning from the capture itself, without ground truth.
 
-    python benchmarks/fine_tuning.py path/to/data network.safetensors
+    python benchmarks/studies/fine_tuning.py path/to/data network.safetensors
 
 The network is one that is told K. Captures of the photograph "camera", drawn, are held against the
 photograph; the real one of ``real/swissspad2_bird/counts.npz`` against 48 further frames, as

@@ -1,6 +1,6 @@
 """The iterative estimators: how good, how near to the optimum, and how fast.
 
-    python benchmarks/iterative.py path/to/data [cubic] [lbfgs] [small] [speed]
+    python benchmarks/studies/iterative.py path/to/data [cubic] [lbfgs] [small] [speed]
 
 The folder holds ``bsds300/test/*.jpg``. Without names all parts run.
 """
@@ -13,9 +13,9 @@ import numpy as np
 from scipy.optimize import minimize
 
 import jotlight as jl
-from jotlight import _engine
-from jotlight.pictures import read_picture
-from jotlight.problems import problem_of
+import jotlight._engine as engine
+from jotlight.estimators.problem import problem_of
+from jotlight.images.io import read_picture
 
 
 def main() -> None:
@@ -23,7 +23,7 @@ def main() -> None:
     parser.add_argument("data", type=Path)
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []])
     options = parser.parse_args()
-    if _engine.DEBUG_BUILD:
+    if engine.DEBUG_BUILD:
         parser.error("this is a debug build of the engine: measure a release build")
     paths = sorted((options.data / "bsds300/test").glob("*.jpg"))[:20]
     if not paths:

@@ -1,6 +1,6 @@
 """The optimisers beside each other; the paper's own descent is in ``jotlight reproduce fig5``.
 
-    python benchmarks/optimisers.py path/to/data [curves] [recipe] [sets] [limits]
+    python benchmarks/studies/optimisers.py path/to/data [curves] [recipe] [sets] [limits]
 
 ``curves``: photographs, K = 16, PSNR of 20 test images against time, some ten minutes on two cores.
 ``recipe``: how far the default recipe is from a run of five times as many steps.
@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import jotlight as jl
-from jotlight.image_sets import read_image_set
+from jotlight.images.sets import read_image_set
 from jotlight.training import Adam, GaussNewton, ProjectedGradient, Record, SafeSet
 
 # The paper's 5e-8 for 481 x 321 pixels is this for the 50 x 50 that count in a patch of 64 x 64.

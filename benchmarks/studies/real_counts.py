@@ -1,6 +1,6 @@
 """Accuracy on real counts: from 16, 4 and 1 frames, against 48 further frames of the same scene.
 
-    python benchmarks/real_counts.py path/to/data
+    python benchmarks/studies/real_counts.py path/to/data
 
 The folder holds ``real/swissspad2_bird/counts.npz``. The denoisers' strengths are chosen with the
 reference in hand, which nobody has in earnest: that is the best that they can do. The network is
@@ -18,8 +18,8 @@ import numpy as np
 from skimage.restoration import denoise_tv_chambolle
 
 import jotlight as jl
-from jotlight.exposure import sensor_for
-from jotlight.methods import METHODS
+from jotlight.estimators.brightness import sensor_for
+from jotlight.evaluation.methods import METHODS
 
 
 def converged_tv(image: np.ndarray, weight: float) -> np.ndarray:

@@ -1,6 +1,6 @@
 """What splines gain: the small network with them, and with ReLU at no less cost, three seeds each.
 
-    python benchmarks/splines_or_relu.py path/to/data [--steps 10000] [--seeds 3] [--output DIR]
+    python benchmarks/studies/splines_or_relu.py path/to/data [--steps 10000] [--seeds 3] [--output DIR]
 
 The folder holds ``bsds300/train/*.jpg`` to learn from and ``bsds300/test/*.jpg``, of which the
 first 20 are measured, K = 16. It needs the extra `torch`. ReLU has 13 channels in place of 12,
@@ -18,12 +18,12 @@ import torch
 from torch import Tensor
 
 import jotlight as jl
-from jotlight import deep
 from jotlight.files import written_whole
-from jotlight.image_sets import read_image_set
+from jotlight.images.sets import read_image_set
+from jotlight.networks import architectures as deep
 from jotlight.torch import Network, training
-from jotlight.torch.examples import Patches
-from jotlight.torch.processes import Processes
+from jotlight.torch.distributed import Processes
+from jotlight.torch.patches import Patches
 
 SENSOR = jl.Sensor(frames=16)
 COLUMNS = "nonlinearity", "channels", "steps", "seed", "psnr_db"

@@ -1,8 +1,8 @@
 """Choose the numbers in the automatic weight of total variation, on training images.
 
-    python benchmarks/weights.py path/to/bsds300/train [--images 12]
+    python benchmarks/studies/weights.py path/to/bsds300/train [--images 12]
 
-The rule is λ = strength · √I · (√Ī γ)^-power (``jotlight.tv.automatic_weight``). For each image and
+The rule is λ = strength · √I · (√Ī γ)^-power (``jotlight.estimators.tv.automatic_weight``). For each image and
 exposure the pictures of a range of weights are made once; what each strength and power loses
 against the best weight for that very picture is read off between them.
 """
@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 import jotlight as jl
-from jotlight import tv
-from jotlight.pictures import read_picture
-from jotlight.problems import problem_of
+from jotlight.estimators import tv
+from jotlight.estimators.problem import problem_of
+from jotlight.images.io import read_picture
 
 EXPOSURES = ((2, 1.0), (4, 0.1), (4, 0.3), (4, 1.0), (4, 3.0), (8, 1.0))
 """K̂, and photons per jot at intensity 1."""

@@ -11,25 +11,27 @@ arrive? jotlight simulates such sensors and estimates the picture behind the bit
 (8, 8)
 """
 
-from jotlight import datasets, denoise, metrics, operators, training, tv, vst
+from jotlight import datasets, metrics, training
 from jotlight._engine import __version__
-from jotlight.admm import admm_tv
-from jotlight.bits import Bits
 from jotlight.calibration import Calibration, calibrate
 from jotlight.errors import JotlightWarning, MissingExtraError
-from jotlight.evaluation import evaluate
+from jotlight.estimators import denoise, tv, vst
+from jotlight.estimators.admm import admm_tv
+from jotlight.estimators.mle import mle
+from jotlight.estimators.mle_iterative import mle_iterative
+from jotlight.estimators.noniterative import noniterative
+from jotlight.estimators.planning import Plan, plan
+from jotlight.estimators.uncertainty import Uncertainty, uncertainty
+from jotlight.evaluation.evaluate import evaluate
 from jotlight.formats import open
-from jotlight.layer import Layer
-from jotlight.likelihood import Likelihood, Problem
-from jotlight.mle import mle
-from jotlight.mle_iterative import mle_iterative
-from jotlight.models import pretrained
-from jotlight.network import Network
-from jotlight.noniterative import noniterative
-from jotlight.planning import Plan, plan
-from jotlight.sensor import Sensor
+from jotlight.networks.layer import Layer
+from jotlight.networks.network import Network
+from jotlight.networks.pretrained import pretrained
+from jotlight.sensing import operators
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.likelihood import Likelihood, Problem
+from jotlight.sensing.sensor import Sensor
 from jotlight.training import train
-from jotlight.uncertainty import Uncertainty, uncertainty
 
 __all__ = [
     "Bits",

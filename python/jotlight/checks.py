@@ -1,5 +1,7 @@
-"""Images of intensities, checked before anything is done with them."""
+"""Checks of arguments: images of intensities, and numbers."""
 
+import math
+import operator
 from typing import Any
 
 import numpy as np
@@ -64,3 +66,43 @@ def luma(image: npt.NDArray[Any]) -> npt.NDArray[Any]:
     (2, 3)
     """
     return np.asarray(image @ np.array([0.299, 0.587, 0.114]))
+
+
+def at_least(name: str, value: int, least: int) -> int:
+    """Give a whole number that is not less than `least`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When it is no whole number, or less.
+
+    Examples
+    --------
+    >>> at_least("steps", 3, 1)
+    3
+    """
+    try:
+        value = operator.index(value)
+    except TypeError:
+        raise TypeError(f"{name}: expected a whole number, got {value!r}") from None
+    if value < least:
+        raise ValueError(f"{name}: expected at least {least}, got {value}")
+    return value
+
+
+def above_0(name: str, value: float) -> float:
+    """Give a finite number above 0.
+
+    Raises
+    ------
+    ValueError
+        When it is another one.
+
+    Examples
+    --------
+    >>> above_0("rate", 1e-3)
+    0.001
+    """
+    if not (math.isfinite(value) and value > 0):
+        raise ValueError(f"{name}: expected a finite number above 0, got {value}")
+    return value

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits
-from jotlight.layer import Layer
-from jotlight.network import Network
-from jotlight.planning import Plan
+from jotlight.estimators.planning import Plan
+from jotlight.networks.layer import Layer
+from jotlight.networks.network import Network
+from jotlight.sensing.bits import Bits
 from jotlight.training.history import History
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import jotlight as jl
 from jotlight.calibration import fit_bulk
 from jotlight.calibration.flat import LEAST_RESPONSE
 from jotlight.calibration.rates import detections, variance
-from jotlight.source import Source
+from jotlight.sensing.provenance import Source
 
 SHAPE = (160, 160)
 

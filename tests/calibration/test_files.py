@@ -7,7 +7,7 @@ import pytest
 from safetensors.numpy import load_file, save_file
 
 import jotlight as jl
-from jotlight.source import Source
+from jotlight.sensing.provenance import Source
 
 
 @pytest.fixture(scope="module")

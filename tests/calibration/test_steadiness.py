@@ -8,7 +8,7 @@ from scipy.stats import binom, norm
 
 import jotlight as jl
 from jotlight.calibration import steadiness
-from jotlight.frames import Frames
+from jotlight.sensing.frames import Frames
 
 
 @pytest.mark.parametrize(("chance", "frames"), [(0.02, 100), (0.3, 64), (0.9, 35), (0.2, 9)])

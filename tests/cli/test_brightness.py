@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.network import Network
+from jotlight.networks.network import Network
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no valid jot")
 

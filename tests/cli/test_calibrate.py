@@ -9,7 +9,7 @@ import tifffile
 
 import jotlight as jl
 from jotlight.formats.writing import write_capture
-from jotlight.pictures import read_picture
+from jotlight.images.io import read_picture
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no valid jot")
 

@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 import jotlight as jl
-from jotlight.pictures import read_picture
+from jotlight.images.io import read_picture
 
 
 @pytest.fixture

@@ -224,7 +224,7 @@ def test_what_cannot_be_converted_gets_one_line_and_leaves_nothing(run, tmp_path
 @pytest.mark.parametrize("name", BITS)
 def test_an_interrupted_conversion_leaves_nothing(tmp_path, name):
     pytest.importorskip(NEEDS.get(name, "numpy"))
-    from jotlight.frames import Frames
+    from jotlight.sensing.frames import Frames
 
     def read(start, stop):
         if start > 0:

@@ -5,8 +5,8 @@ import pytest
 from PIL import Image
 
 import jotlight as jl
-from jotlight.image_sets import read_image_set
-from jotlight.models import BITS_PER_PIXEL
+from jotlight.images.sets import read_image_set
+from jotlight.networks.pretrained import BITS_PER_PIXEL
 
 MODEL = "model.safetensors"
 SENSOR = jl.Sensor(oversampling=3, frames=2)

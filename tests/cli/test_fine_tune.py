@@ -92,7 +92,7 @@ def test_without_a_start_it_says_which_network_it_takes(learn, monkeypatch):
         asked.append(arguments)
         return small
 
-    monkeypatch.setattr(sys.modules["jotlight.cli.self_supervised"], "pretrained", pretrained)
+    monkeypatch.setattr(sys.modules["jotlight.cli.fine_tune"], "pretrained", pretrained)
     status, said = learn(start=None)
     assert status == 0
     assert asked == [(SENSOR, "medium")]

@@ -7,7 +7,7 @@ import tifffile
 from PIL import Image
 
 from jotlight.formats.writing import write_capture
-from jotlight.source import Source
+from jotlight.sensing.provenance import Source
 
 COUNTS = np.random.default_rng(0).integers(0, 5, (6, 9), np.uint8)
 COUNTS[0, :2] = 0, 4

@@ -12,9 +12,9 @@ from PIL import Image
 
 import jotlight as jl
 from jotlight.cli import console
-from jotlight.image_sets import read_image_set
-from jotlight.methods import METHODS
-from jotlight.pictures import read_picture
+from jotlight.evaluation.methods import METHODS
+from jotlight.images.io import read_picture
+from jotlight.images.sets import read_image_set
 
 FUNCTIONS = {"admm-tv": jl.admm_tv, "mle-iterative": jl.mle_iterative}
 TITLES = {name: METHODS[name].title for name in FUNCTIONS}

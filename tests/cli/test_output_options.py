@@ -7,7 +7,7 @@ import pytest
 import tifffile
 
 import jotlight as jl
-from jotlight.pictures import read_picture
+from jotlight.images.io import read_picture
 
 SENSOR = jl.Sensor(frames=40, gain=10.0, max_intensity=14.0)
 SCENE = np.linspace(0.2, 12, 24 * 30).reshape(24, 30)

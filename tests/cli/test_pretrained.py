@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.methods import METHODS
-from jotlight.models import lacking, pretrained, unserved
-from jotlight.pictures import read_picture
+from jotlight.evaluation.methods import METHODS
+from jotlight.images.io import read_picture
+from jotlight.networks.pretrained import lacking, pretrained, unserved
 
 SERVED = jl.Sensor(oversampling=4)
 OTHER = jl.Sensor(oversampling=2, frames=100)

@@ -9,14 +9,14 @@ from PIL import Image
 
 import jotlight as jl
 from jotlight import cli
+from jotlight.evaluation.methods import DEEPER, METHODS
 from jotlight.experiments import EXPERIMENTS
 from jotlight.experiments.experiment import Data
 from jotlight.experiments.fig7 import part_of
 from jotlight.experiments.limit import posterior_mean_psnr
-from jotlight.experiments.markdown import markdown
-from jotlight.experiments.reporting import read_report
-from jotlight.experiments.section import Verdict
-from jotlight.methods import DEEPER, METHODS
+from jotlight.experiments.report.markdown import markdown
+from jotlight.experiments.report.report import read_report
+from jotlight.experiments.report.section import Verdict
 from reference.datasets import TEST, make_data
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.image_sets import read_image_set
+from jotlight.images.sets import read_image_set
 from jotlight.training import Adam, vector_of
 
 # The module; the package's attribute of this name is the command.

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.image_sets import read_image_set
+from jotlight.images.sets import read_image_set
 from jotlight.training import History, vector_of
 
 torch = pytest.importorskip("torch")
 
-from jotlight.torch import processes, training  # noqa: E402
-from jotlight.torch.examples import Views  # noqa: E402
+from jotlight.torch import distributed, training  # noqa: E402
+from jotlight.torch.patches import Views  # noqa: E402
 
 SMALL = ["--network", "small", "--batch", 2, "--steps", 3, "--device", "cpu", "--threads", 1]
 NETWORK, CHECKPOINT = "net.safetensors", "net.checkpoint.safetensors"
@@ -163,7 +163,7 @@ def test_another_process_of_several_tells_and_writes_nothing(run, pictures, tmp_
 
     (tmp_path / CHECKPOINT).write_bytes(b"of the first")
     monkeypatch.setattr(training, "train", learned)
-    monkeypatch.setattr(processes, "rank", lambda: 1)
+    monkeypatch.setattr(distributed, "rank", lambda: 1)
     status, said = run("train", pictures, "-o", NETWORK, *SMALL, "--plot", "run.png")
     assert (status, said) == (0, "")
     assert seen["checkpoint"].name == CHECKPOINT

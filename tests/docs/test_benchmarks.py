@@ -1,4 +1,4 @@
-"""docs/benchmarks.md follows from the JSON beside it."""
+"""docs/results/speed.md follows from the JSON beside it."""
 
 from pathlib import Path
 

@@ -113,7 +113,7 @@ def test_import_loads_nothing_heavy():
 
 
 def test_the_paper_map_names_functions_and_tests_that_exist():
-    rows = (ROOT / "docs/paper_map.md").read_text("utf-8")
+    rows = (ROOT / "docs/theory/paper_map.md").read_text("utf-8")
     for module, name in re.findall(r"`jotlight\.(\w+)\.(\w+)`", rows):
         assert hasattr(importlib.import_module(f"jotlight.{module}"), name), (module, name)
     tests = re.findall(r"`(tests/[\w/]+\.py)`", rows)

@@ -1,4 +1,4 @@
-"""docs/reproduction.md follows from the tables in docs/results."""
+"""docs/results/reproduction.md follows from the tables in docs/results."""
 
 import re
 from pathlib import Path
@@ -7,8 +7,8 @@ import matplotlib as mpl
 import pytest
 
 from jotlight.experiments import EXPERIMENTS
-from jotlight.experiments.markdown import markdown
-from jotlight.experiments.reporting import read_report
+from jotlight.experiments.report.markdown import markdown
+from jotlight.experiments.report.report import read_report
 from jotlight.experiments.running import read_results
 
 DOCS = Path(__file__).parents[2] / "docs"

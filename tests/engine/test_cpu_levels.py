@@ -4,25 +4,25 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight import _engine
+import jotlight._engine as engine
 from jotlight.training.cost import Cost
-from jotlight.training.examples import Examples
 from jotlight.training.parameters import vector_of
+from jotlight.training.patches import Examples
 from reference import deep
 
 SENSOR = jl.Sensor(oversampling=4)
 IMAGE = jl.datasets.uniform_scene((1, 45, 83), rng=0)[0]
 
 
-@pytest.fixture(params=_engine.cpu_levels())
+@pytest.fixture(params=engine.cpu_levels())
 def level(request):
     yield request.param
-    _engine.choose_cpu_level(None)
+    engine.choose_cpu_level(None)
 
 
 def on(level, call):
-    _engine.choose_cpu_level(level)
-    assert _engine.cpu_level() == level
+    engine.choose_cpu_level(level)
+    assert engine.cpu_level() == level
     return call()
 
 
@@ -51,13 +51,13 @@ def same(level, call, tolerance):
 
 
 def test_the_best_level_is_the_default(level):
-    _engine.choose_cpu_level(None)
-    assert _engine.cpu_level() == _engine.cpu_levels()[-1]
+    engine.choose_cpu_level(None)
+    assert engine.cpu_level() == engine.cpu_levels()[-1]
 
 
 def test_unknown_levels_are_refused():
     with pytest.raises(ValueError, match=r"instruction set: expected .*scalar.*, got .*mmx"):
-        _engine.choose_cpu_level("mmx")
+        engine.choose_cpu_level("mmx")
 
 
 @pytest.mark.parametrize("side", [1, 2, 3, 4, 8, 10])

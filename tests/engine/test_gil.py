@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight import _engine
+import jotlight._engine as engine_module
 
 SENSOR = jl.Sensor(oversampling=4, kernel="cubic")
 IMAGE = np.full((256, 256), 0.5, np.float32)
@@ -44,14 +44,14 @@ def ticks():
 @pytest.mark.parametrize("name", CALLS)
 def test_other_threads_run_while_the_engine_works(name, ticks, monkeypatch):
     """While the engine holds the GIL, only its look at the arguments may let a tick or two in."""
-    engine, during = getattr(_engine, name), []
+    engine, during = getattr(engine_module, name), []
 
     def watched(*arguments):
         before = ticks[0]
         engine(*arguments)
         during.append(ticks[0] - before)
 
-    monkeypatch.setattr(_engine, name, watched)
+    monkeypatch.setattr(engine_module, name, watched)
     for _ in range(100):
         CALLS[name]()
         if max(during) > 10:

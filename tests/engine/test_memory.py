@@ -83,7 +83,7 @@ import contextlib
 import sys
 from jotlight import cli
 from jotlight.formats.writing import write_capture
-from jotlight.frames import Frames
+from jotlight.sensing.frames import Frames
 
 shape = (1_000_000, 16, 8)
 frames = Frames(shape, lambda a, b: np.full((b - a, *shape[1:]), 0x55, np.uint8))

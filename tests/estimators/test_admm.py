@@ -3,8 +3,8 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 import jotlight as jl
-from jotlight import admm
-from jotlight.pictures import read_picture
+from jotlight.estimators import admm
+from jotlight.images.io import read_picture
 from reference import iterative
 
 NORMS = ["isotropic", "anisotropic"]

@@ -3,8 +3,8 @@ import pytest
 from scipy.stats import poisson
 
 import jotlight as jl
-from jotlight.exposure import HEADROOM, brightest_measurable, brightness, sensor_for
-from jotlight.network import Network
+from jotlight.estimators.brightness import HEADROOM, brightest_measurable, brightness, sensor_for
+from jotlight.networks.network import Network
 
 
 @pytest.mark.parametrize("threshold", [1, 3])

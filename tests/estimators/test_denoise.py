@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight import denoise
-from jotlight.methods import METHODS
+from jotlight.estimators import denoise
+from jotlight.evaluation.methods import METHODS
 
 needs_bm3d = pytest.mark.skipif(
     importlib.util.find_spec("bm3d") is None, reason="the package bm3d is not installed"
@@ -107,7 +107,7 @@ def test_methods_are_the_same_in_parts_of_any_size(monkeypatch):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", jl.JotlightWarning)
         whole = pictures()
-        monkeypatch.setattr("jotlight.slabs._PIXELS", 7)
-        monkeypatch.setattr("jotlight.network._WORK", 1)
+        monkeypatch.setattr("jotlight.chunks._PIXELS", 7)
+        monkeypatch.setattr("jotlight.networks.network._WORK", 1)
         for one, other in zip(whole, pictures(), strict=True):
             np.testing.assert_array_equal(one, other)

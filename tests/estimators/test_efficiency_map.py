@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 import jotlight as jl
-from jotlight.methods import METHODS
+from jotlight.evaluation.methods import METHODS
 from reference import methods as twin
 from reference import sensing
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.fill import fill_blind
+from jotlight.estimators.inpaint import fill_blind
 
 
 def twin(image, blind):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.pictures import read_picture
+from jotlight.images.io import read_picture
 from reference import iterative
 
 SOLVERS = ["newton", "gradient"]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight import planning
-from jotlight.response import fires, unclipped
+from jotlight.estimators import planning
+from jotlight.sensing.response import fires, unclipped
 
 SENSORS = [
     {},

@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 import jotlight as jl
-from jotlight.response import fires, unclipped
+from jotlight.sensing.response import fires, unclipped
 
 FLUXES = [0.0, 0.003, 0.05, 0.4, 1.5, 4.0, 9.0]
 

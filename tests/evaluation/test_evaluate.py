@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.evaluation import MEASURES, Evaluation, Score
+from jotlight.evaluation.evaluate import MEASURES, Evaluation, Score
 
 SENSOR = jl.Sensor(oversampling=2, frames=2)
 IMAGES = [np.random.default_rng(i).random((12 + i, 14), np.float32) for i in range(4)]

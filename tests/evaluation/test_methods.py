@@ -8,7 +8,7 @@ from scipy.special import gammainc
 from scipy.stats import poisson
 
 import jotlight as jl
-from jotlight.methods import METHODS
+from jotlight.evaluation.methods import METHODS
 
 SENSOR = jl.Sensor(oversampling=2, frames=4)
 SIZE = 12

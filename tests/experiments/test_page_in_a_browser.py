@@ -6,7 +6,7 @@ import shutil
 
 import pytest
 
-from jotlight.experiments.page import page
+from jotlight.experiments.report.page import page
 from reference.reports import realistic
 
 playwright = pytest.importorskip(

@@ -5,8 +5,8 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from jotlight.experiments.page import page
-from jotlight.experiments.section import (
+from jotlight.experiments.report.page import page
+from jotlight.experiments.report.section import (
     Claim,
     Column,
     Curves,

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from jotlight.experiments import running
 from jotlight.experiments.experiment import Data, Experiment, Outcome, Part, Results
-from jotlight.experiments.section import Section
+from jotlight.experiments.report.section import Section
 
 
 class Counting:

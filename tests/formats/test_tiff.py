@@ -10,7 +10,7 @@ import tifffile
 
 import jotlight as jl
 from jotlight.formats.tiff import check_directories
-from jotlight.pictures import read_picture
+from jotlight.images.io import read_picture
 
 COUNTS = np.random.default_rng(0).integers(0, 2, (5, 17, 21), np.uint8)
 

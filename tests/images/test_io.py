@@ -8,7 +8,7 @@ import pytest
 import tifffile
 from PIL import Image
 
-from jotlight.pictures import picture_writer, read_picture
+from jotlight.images.io import picture_writer, read_picture
 
 GREY = np.linspace(0, 1, 35, dtype=np.float32).reshape(5, 7)
 COLOUR = np.stack([GREY, GREY[::-1], 1 - GREY], axis=-1)

@@ -3,7 +3,7 @@ import pytest
 import tifffile
 from PIL import Image
 
-from jotlight.image_sets import ENDINGS, read_image_set
+from jotlight.images.sets import ENDINGS, read_image_set
 
 LEVELS = np.random.default_rng(0).integers(0, 256, (12, 15), np.uint8)
 COLOUR = np.random.default_rng(1).integers(0, 256, (12, 15, 3), np.uint8)

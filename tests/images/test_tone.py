@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jotlight.tone import CURVES, Tone
+from jotlight.images.tone import CURVES, Tone
 
 
 @pytest.mark.parametrize("curve", CURVES)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.film import film_writer, windows
-from jotlight.frames import Frames
-from jotlight.pictures import read_picture
-from jotlight.tone import Tone
+from jotlight.images.io import read_picture
+from jotlight.images.tone import Tone
+from jotlight.images.video import film_writer, windows
+from jotlight.sensing.frames import Frames
 
 RAMP = np.linspace(0, 1, 35, dtype=np.float32).reshape(5, 7)
 
@@ -94,7 +94,7 @@ def test_without_the_package_mp4_says_what_to_install(tmp_path):
         "import sys, importlib.machinery; sys.modules['imageio_ffmpeg'] = None\n"
         "import importlib.util as u; real = u.find_spec\n"
         "u.find_spec = lambda n, *a: None if n == 'imageio_ffmpeg' else real(n, *a)\n"
-        "from pathlib import Path; from jotlight.film import is_floats; is_floats(Path('a.mp4'))"
+        "from pathlib import Path; from jotlight.images.video import is_floats; is_floats(Path('a.mp4'))"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight import _engine
-from jotlight import network as networks
-from jotlight.layer import halo_of, number_of_sets, shares_of, step_of
+import jotlight._engine as engine
+from jotlight.networks import network as networks
+from jotlight.networks.layer import halo_of, number_of_sets, shares_of, step_of
 from reference import deep, methods
 from reference.networks import random_bits
 
@@ -129,7 +129,7 @@ def test_rows_past_the_last_one_need_those_above():
     network = jl.Network(layers, SENSOR)
     counts = counts_of(SENSOR, 65, 9)
     prepared = [layer.prepared for layer in layers]
-    top, bottom = _engine.rows_needed(prepared, 65, (64, 65))
+    top, bottom = engine.rows_needed(prepared, 65, (64, 65))
     part = network.reconstruct(counts[top:bottom])
     np.testing.assert_array_equal(part[64 - top :], network.reconstruct(counts)[64:])
 
@@ -241,7 +241,7 @@ def test_rows_are_made_of_the_rows_that_they_need(name, rows):
     network, (start, stop) = member(name), rows
     counts = counts_of(SENSOR, 403, 20)
     layers = [layer.prepared for layer in network.layers]
-    top, bottom = _engine.rows_needed(layers, 403, rows)
+    top, bottom = engine.rows_needed(layers, 403, rows)
     part = network.reconstruct(counts[top:bottom])[start - top : stop - top]
     np.testing.assert_array_equal(part, network.reconstruct(counts)[start:stop])
     # Not many more of them than what one pixel depends on.

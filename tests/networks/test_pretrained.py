@@ -8,8 +8,8 @@ import pytest
 from scipy.interpolate import BSpline
 
 import jotlight as jl
-from jotlight.models import BITS_PER_PIXEL, FOLDER, lacking, pretrained
-from jotlight.pictures import read_picture
+from jotlight.images.io import read_picture
+from jotlight.networks.pretrained import BITS_PER_PIXEL, FOLDER, lacking, pretrained
 from jotlight.training import SafeSet, vector_of
 
 SPACE = [jl.Sensor(oversampling=round(bits**0.5)) for bits in BITS_PER_PIXEL]
@@ -86,7 +86,7 @@ def test_the_card_names_data_command_seed_and_quality(bits):
     card = (FOLDER / f"k{bits}.md").read_text(encoding="utf-8")
     assert f"K = {bits} " in card
     assert "BSDS300" in card
-    assert f"tools/train_models.py DATA --bits {bits}`" in card
+    assert f"tools/train_two_layer.py DATA --bits {bits}`" in card
     run = model(bits).history["run"]
     assert f"seed {run['seed']};" in card
     assert f"{run['steps']} steps of {run['batch']} patches of {run['patch']}" in card

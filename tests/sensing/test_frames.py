@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.formats.turning import transposed, turned_packed
-from jotlight.frames import Frames, joined, parts_of_frames
-from jotlight.source import Source
+from jotlight.formats.orientation import transposed, turned_packed
+from jotlight.sensing.frames import Frames, joined, parts_of_frames
+from jotlight.sensing.provenance import Source
 from reference import formats as twin
 
 
@@ -87,7 +87,7 @@ def test_bits_in_files_do_what_bits_in_memory_do(shape, tmp_path):
 
 @pytest.mark.parametrize("method", ["mle-iterative", "admm-tv", "network-initial"])
 def test_every_kind_of_method_takes_bits_in_files(method):
-    from jotlight.methods import METHODS
+    from jotlight.evaluation.methods import METHODS
 
     sensor = jl.Sensor(oversampling=2, frames=3, kernel="box")
     kept = sensor.expose(np.full((8, 9), 0.4), rng=0)

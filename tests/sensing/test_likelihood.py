@@ -333,7 +333,7 @@ def test_very_many_cells_are_handled_in_parts(threshold, monkeypatch):
     cells, light = cells_of(20_000, threshold)
     whole = [*cells.slopes(light), cells.information(light), cells.proximal(light, 2.0, most=5.0)]
     value = cells.value(light)
-    monkeypatch.setattr("jotlight.likelihood._AT_ONCE", 7001)
+    monkeypatch.setattr("jotlight.sensing.likelihood._AT_ONCE", 7001)
     parts = [*cells.slopes(light), cells.information(light), cells.proximal(light, 2.0, most=5.0)]
     np.testing.assert_array_equal(parts, whole)
     assert cells.value(light) == pytest.approx(value, rel=1e-13)

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jotlight as jl
-from jotlight.operators import Operator, check_adjoint, differences, scaling, spread
-from jotlight.sensor import KERNELS
+from jotlight.sensing.operators import Operator, check_adjoint, differences, scaling, spread
+from jotlight.sensing.sensor import KERNELS
 from reference import sensing
 
 RANDOM = np.random.default_rng(0)

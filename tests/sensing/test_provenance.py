@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from jotlight.formats.turning import FLIPS, turned_image
-from jotlight.source import Source
+from jotlight.formats.orientation import FLIPS, turned_image
+from jotlight.sensing.provenance import Source
 
 TURNS = list(itertools.product(range(4), (None, *FLIPS)))
 

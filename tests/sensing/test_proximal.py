@@ -9,7 +9,7 @@ from mpmath import mp
 from scipy.optimize import minimize
 
 import jotlight as jl
-from jotlight.tv import NORMS, shrink, total_variation
+from jotlight.estimators.tv import NORMS, shrink, total_variation
 
 RANDOM = np.random.default_rng(0)
 TRIALS = 9

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight import _engine
-from jotlight.sensor import KERNELS
+import jotlight._engine as engine
+from jotlight.sensing.sensor import KERNELS
 from reference import sensing
 
 RANDOM = np.random.default_rng(0)
@@ -19,7 +19,7 @@ def random_map(height, width, most=0.4):
 @pytest.mark.parametrize("degree", range(4))
 def test_taps_are_the_integrals_of_the_spline(degree, oversampling):
     np.testing.assert_allclose(
-        _engine.kernel_taps(degree, oversampling),
+        engine.kernel_taps(degree, oversampling),
         sensing.kernel_taps(degree, oversampling),
         rtol=0,
         atol=1e-15,

@@ -18,13 +18,13 @@ import tifffile
 from PIL import Image
 
 import jotlight as jl
-from jotlight.calibration.page import facts
+from jotlight.calibration.figure import facts
 from jotlight.datasets.cifar10_files import from_archive
 from jotlight.experiments.running import read_results, write_facts, write_table
-from jotlight.formats.stacks import read_mask
+from jotlight.formats.image_files import read_mask
 from jotlight.formats.writing import write_capture
-from jotlight.image_sets import read_image_set
-from jotlight.pictures import picture_writer, read_picture
+from jotlight.images.io import picture_writer, read_picture
+from jotlight.images.sets import read_image_set
 from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.history import History, Record
 

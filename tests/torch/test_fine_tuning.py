@@ -11,11 +11,11 @@ import jotlight as jl
 
 torch = pytest.importorskip("torch")
 
-from jotlight.observation import observe  # noqa: E402
+from jotlight.sensing.pixel_counts import observe  # noqa: E402
 from jotlight.torch import fine_tune, fine_tuning  # noqa: E402
+from jotlight.torch.bit_splitting import Splits, drawn  # noqa: E402
+from jotlight.torch.distributed import Processes  # noqa: E402
 from jotlight.torch.fine_tuning import _generator  # noqa: E402
-from jotlight.torch.processes import Processes  # noqa: E402
-from jotlight.torch.splitting import Splits, drawn  # noqa: E402
 from jotlight.training import History  # noqa: E402
 
 SCENE = np.kron([[0.1, 0.7, 0.3], [0.9, 0.2, 0.5], [0.4, 0.8, 0.1]], np.ones((16, 16)))

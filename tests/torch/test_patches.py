@@ -7,7 +7,7 @@ from scipy.stats import binom
 import jotlight as jl
 
 pytest.importorskip("torch")
-from jotlight.torch.examples import Patches
+from jotlight.torch.patches import Patches
 
 NUMBER = 400
 SENSOR = jl.Sensor(oversampling=4, max_intensity=0.8)

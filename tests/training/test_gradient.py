@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight import _engine
+import jotlight._engine as engine
 from jotlight.seeds import seed_bytes
 from jotlight.training.parameters import engine_layers, vector_of
 from reference import training as twins
@@ -92,16 +92,16 @@ def test_every_derivative_is_that_of_central_differences(case, sensor, tied):
     batch = batch_of(sensor)
 
     def cost(vector):
-        errors, _ = _engine.errors(double(network, vector), batch, None)
+        errors, _ = engine.errors(double(network, vector), batch, None)
         return np.array([0.5 * errors.mean()])
 
-    (errors, pixels), gradient = _engine.gradient(double(network, vector), batch, None)
+    (errors, pixels), gradient = engine.gradient(double(network, vector), batch, None)
     expected = twins.jacobian(cost, vector)[0]
     np.testing.assert_allclose(gradient, expected, rtol=1e-6, atol=1e-8 * np.abs(expected).max())
-    again, same = _engine.errors(double(network, vector), batch, None)
+    again, same = engine.errors(double(network, vector), batch, None)
     np.testing.assert_array_equal(errors, again)
     np.testing.assert_array_equal(pixels, same)
-    (_, _), single = _engine.gradient(engine_layers(network, vector), batch, None)
+    (_, _), single = engine.gradient(engine_layers(network, vector), batch, None)
     # How far 32 bits may be off depends on the parameter; together they are as near as this.
     assert np.linalg.norm(single - gradient) < 2e-5 * np.linalg.norm(gradient)
 
@@ -112,7 +112,7 @@ def test_every_derivative_is_that_of_central_differences(case, sensor, tied):
 def test_errors_are_the_twins_over_the_pixels_that_count(sensor, border, tied):
     network = random_network(np.random.default_rng(3), sensor, *CASES["three layers"], tied=tied)
     vector = vector_of(network)
-    errors, pixels = _engine.errors(double(network, vector), batch_of(sensor, border=border), None)
+    errors, pixels = engine.errors(double(network, vector), batch_of(sensor, border=border), None)
     parts = zip(bits_of(sensor), crops(), kept(border=border), strict=True)
     expected = [
         np.sum((twins.output(network, vector, bits) - crop)[inside] ** 2)
@@ -138,14 +138,14 @@ def test_the_matrix_is_the_mean_of_jacobians_squared(case, sensor, tied):
         jacobian = twins.jacobian(estimate, vector)
         expected = expected + jacobian.T @ jacobian / len(PATCHES)
         slope = slope + jacobian.T @ (estimate(vector) - crop[inside]) / len(PATCHES)
-    both = _engine.normal_equations(double(network, vector), batch, None)
+    both = engine.normal_equations(double(network, vector), batch, None)
     (errors, pixels), gradient, matrix = both
     np.testing.assert_allclose(matrix, expected, rtol=1e-6, atol=1e-7 * np.abs(expected).max())
     np.testing.assert_allclose(gradient, slope, rtol=1e-6, atol=1e-7 * np.abs(slope).max())
     np.testing.assert_array_equal(matrix, matrix.T)
-    single = _engine.normal_equations(engine_layers(network, vector), batch, None)[2]
+    single = engine.normal_equations(engine_layers(network, vector), batch, None)[2]
     assert np.linalg.norm(single - matrix) < 2e-5 * np.linalg.norm(matrix)
-    alone = _engine.gradient(double(network, vector), batch, None)
+    alone = engine.gradient(double(network, vector), batch, None)
     np.testing.assert_array_equal(gradient, alone[1])
     np.testing.assert_array_equal(errors, alone[0][0])
     np.testing.assert_array_equal(pixels, alone[0][1])
@@ -156,7 +156,7 @@ def test_a_whole_image_is_a_patch_whose_rim_counts():
     network = random_network(np.random.default_rng(4), sensor, *CASES["two layers"], tied=True)
     whole = [(0, 0, 12, 0, 13)]
     batch = batch_of(sensor, patches=whole, border=5)
-    (error,), (pixels,) = _engine.errors(engine_layers(network, vector_of(network)), batch, None)
+    (error,), (pixels,) = engine.errors(engine_layers(network, vector_of(network)), batch, None)
     picture = network.reconstruct(sensor.expose(IMAGES[0], SEED)).astype(float)
     assert pixels == 12 * 13
     assert error == pytest.approx(np.sum((picture - IMAGES[0]) ** 2), rel=1e-5)
@@ -167,7 +167,7 @@ def test_a_patch_that_is_all_border_counts_for_nothing():
     network = random_network(np.random.default_rng(4), sensor, *CASES["two layers"], tied=True)
     layers = engine_layers(network, vector_of(network))
     batch = batch_of(sensor, patches=[(0, 2, 6, 3, 7)], border=2)
-    (errors, pixels), gradient, matrix = _engine.normal_equations(layers, batch, None)
+    (errors, pixels), gradient, matrix = engine.normal_equations(layers, batch, None)
     assert (errors[0], pixels[0]) == (0, 0)
     assert not gradient.any()
     assert not matrix.any()
@@ -184,9 +184,9 @@ def test_threads_change_nothing(dtype, tied):
     results = []
     for threads in (1, 2, 3, None):
         batch = batch_of(sensor, images=scenes, patches=patches)
-        (errors, _), gradient, matrix = _engine.normal_equations(layers, batch, threads)
-        alone = _engine.gradient(layers, batch, threads)[1]
-        value = _engine.errors(layers, batch, threads)[0]
+        (errors, _), gradient, matrix = engine.normal_equations(layers, batch, threads)
+        alone = engine.gradient(layers, batch, threads)[1]
+        value = engine.errors(layers, batch, threads)[0]
         results.append(np.concatenate([errors, gradient, matrix.ravel(), alone, value]))
     for other in results[1:]:
         np.testing.assert_array_equal(results[0], other)
@@ -199,7 +199,7 @@ def test_a_stack_of_images_is_as_good_as_a_list():
     scenes = np.random.default_rng(7).random((3, 9, 11), np.float32)
     patches = [(2, 0, 9, 0, 11), (0, 1, 8, 2, 9), (1, 0, 5, 6, 11)]
     stack, each = (
-        _engine.gradient(layers, batch_of(sensor, images=images, patches=patches), None)
+        engine.gradient(layers, batch_of(sensor, images=images, patches=patches), None)
         for images in (scenes, list(scenes))
     )
     np.testing.assert_array_equal(stack[0], each[0])
@@ -208,7 +208,7 @@ def test_a_stack_of_images_is_as_good_as_a_list():
 
 PLAIN = SENSORS["box"]
 ONE = random_network(np.random.default_rng(8), PLAIN, *CASES["two layers"], tied=False)
-CALLS = [_engine.errors, _engine.gradient, _engine.normal_equations]
+CALLS = [engine.errors, engine.gradient, engine.normal_equations]
 
 
 @pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__name__)

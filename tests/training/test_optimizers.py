@@ -6,12 +6,12 @@ import pytest
 from scipy.optimize import LinearConstraint, lsq_linear, minimize
 
 import jotlight as jl
-from jotlight import _engine
+import jotlight._engine as engine
 from jotlight.training import Adam, GaussNewton, ProjectedGradient, SafeSet, Step, vector_of
 from jotlight.training.cost import Cost
-from jotlight.training.examples import Examples
-from jotlight.training.optimisers import _constrained_minimum
+from jotlight.training.optimizers import _constrained_minimum
 from jotlight.training.parameters import engine_layers
+from jotlight.training.patches import Examples
 from reference import training as twins
 
 SENSOR = jl.Sensor(oversampling=3)
@@ -91,7 +91,7 @@ def test_projected_gradient_takes_just_the_step_of_equation_13():
     step = ProjectedGradient(size).take_step(cost, start, {})
     layers = engine_layers(SMALL, start, np.float64)
     examples = Examples(scenes, SENSOR, 0, 16, None, SMALL.halo)
-    (errors, _), gradient = _engine.gradient(layers, examples.batch(0), None)
+    (errors, _), gradient = engine.gradient(layers, examples.batch(0), None)
     expected = SafeSet().project(SMALL, start - size * gradient)
     assert np.linalg.norm(step.vector - expected) < 1e-4 * np.linalg.norm(expected - start)
     np.testing.assert_allclose(step.gradient, gradient, atol=1e-4 * np.abs(gradient).max())

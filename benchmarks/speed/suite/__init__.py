@@ -1,1 +1,1 @@
-"""Measure jotlight's hot paths beside their rivals: `python benchmarks/run.py`."""
+"""Measure jotlight's hot paths beside their rivals: `python benchmarks/speed/run.py`."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from jotlight import _engine
+import jotlight._engine as engine
 from suite import probes
 from suite.threads import limited
 from suite.timing import Effort, Run, race
@@ -109,11 +109,11 @@ def at_every_level(case: Case) -> dict[str, float]:
     """How far the result of each instruction set is from that of scalar code."""
     try:
         results = {}
-        for level in _engine.cpu_levels():
-            _engine.choose_cpu_level(level)
+        for level in engine.cpu_levels():
+            engine.choose_cpu_level(level)
             results[level] = np.array(case.ours(1))
     finally:
-        _engine.choose_cpu_level(None)
+        engine.choose_cpu_level(None)
     scalar = results.pop("scalar")
     allowed = 0 if scalar.dtype.kind in "biu" else OF_SCALAR
     levels = {level: largest(result, scalar) for level, result in results.items()}

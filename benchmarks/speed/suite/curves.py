@@ -3,7 +3,7 @@
 import statistics
 from typing import Any
 
-from jotlight.experiments.curves import Axes, Line, draw
+from jotlight.experiments.report.curves import Axes, Line, draw
 from suite.figures import speed_up
 
 COLOURS = ("#d55e00", "#2f6fb7", "#0f9d74", "#b865a3", "#c98a00", "#8a8f98", "#3f9fdc", "#1d2733")

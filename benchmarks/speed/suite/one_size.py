@@ -1,6 +1,6 @@
 """One size in a process of its own: seconds, and peak memory beyond input and output.
 
-    python benchmarks/suite/one_size.py reconstruct|expose SIDE
+    python benchmarks/speed/suite/one_size.py reconstruct|expose SIDE
 
 Prints JSON. The peak is Linux's own (VmHWM), and 0 elsewhere.
 """

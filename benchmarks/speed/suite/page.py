@@ -17,7 +17,7 @@ from suite.tables import (
     table,
 )
 
-COMMAND = "python benchmarks/run.py"
+COMMAND = "python benchmarks/speed/run.py"
 LARGE = 512
 """Pixels along a side from which on what a call does at any size matters little."""
 

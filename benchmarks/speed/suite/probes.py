@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jotlight import _engine
+import jotlight._engine as engine
 from suite.timing import Run
 
 MULTIPLY_ADDS, READING, AS_LONG = "multiply-adds", "reading", "multiply-adds as long as ours"
@@ -62,9 +62,9 @@ def as_long_as(run: Run) -> int:
 
 def multiply_adds(rounds: int, threads: int) -> int:
     """Fused multiply-adds in registers; gives the operations, two for each."""
-    return _engine.multiply_adds(rounds, threads)
+    return engine.multiply_adds(rounds, threads)
 
 
 def read_words(array: np.ndarray, threads: int) -> int:
     """The sum of many words, which takes as long as reading them."""
-    return _engine.read_words(array, threads)
+    return engine.read_words(array, threads)

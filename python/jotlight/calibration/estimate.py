@@ -6,18 +6,18 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits
 from jotlight.calibration.bulk import fit_bulk
 from jotlight.calibration.flat import response
 from jotlight.calibration.rates import Counts, detections, variance
 from jotlight.calibration.result import Calibration, check_alike
 from jotlight.calibration.steadiness import Steadiness, steadiness
 from jotlight.errors import warn
-from jotlight.observation import as_counts
-from jotlight.source import Source
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.pixel_counts import as_counts
+from jotlight.sensing.provenance import Source
 
 MOST_DARK = 0.1
-"""Dark counts per frame above which a hot jot is masked: measured, see docs/calibration.md."""
+"""Dark counts per frame above which a hot jot is masked: measured, see docs/guide/calibration.md."""
 
 _LEAST_JOTS = 64
 

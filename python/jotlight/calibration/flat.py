@@ -16,7 +16,7 @@ it is stuck."""
 
 CLEAR = 4.0
 """Standard deviations from 1 beyond which a response is taken as it was counted: measured, see
-docs/calibration.md."""
+docs/guide/calibration.md."""
 
 _LEAST_LIGHT = 0.1
 """Of the light in a flat capture, in standard deviations of one jot."""

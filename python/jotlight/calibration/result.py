@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from jotlight.calibration.bulk import Bulk
 from jotlight.calibration.steadiness import Steadiness
-from jotlight.sensor import Sensor
-from jotlight.source import Source
+from jotlight.sensing.provenance import Source
+from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import Tensors, read_tensors, write_tensors
 
 FORMAT = "jotlight calibration"

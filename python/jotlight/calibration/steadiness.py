@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits
-from jotlight.frames import Frames
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames
 
 BLOCKS = 16
 """Blocks of frames whose counts are compared."""

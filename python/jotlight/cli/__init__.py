@@ -18,8 +18,8 @@ from jotlight.cli.info import info
 from jotlight.cli.plan import plan
 from jotlight.cli.reconstruct import reconstruct
 from jotlight.cli.reproduce import reproduce
+from jotlight.cli.signals import quiet_tasks, stop_by_exceptions
 from jotlight.cli.simulate import simulate
-from jotlight.cli.stopping import quiet_tasks, stop_by_exceptions
 from jotlight.cli.train import train
 
 app = typer.Typer(

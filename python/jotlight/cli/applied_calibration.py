@@ -13,8 +13,8 @@ import numpy as np
 from jotlight._engine import __version__
 from jotlight.calibration import Calibration
 from jotlight.files import written_whole
-from jotlight.sensor import Sensor
-from jotlight.source import Source
+from jotlight.sensing.provenance import Source
+from jotlight.sensing.sensor import Sensor
 
 _FORMAT = "jotlight picture"
 _MOST_JSON = 1 << 20

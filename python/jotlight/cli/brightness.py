@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.cli.opening import Reading
+from jotlight.cli.capture_options import Reading
 
 _DIM = 0.7
 """A scene whose brightest parts have less intensity is not what the shipped networks are for."""

@@ -6,13 +6,13 @@ from typing import Annotated
 
 import typer
 
-from jotlight.bits import Bits
 from jotlight.calibration import calibrate as calibrated
 from jotlight.calibration.estimate import MOST_DARK
-from jotlight.cli import opening, options
+from jotlight.cli import capture_options, sensor_options
 from jotlight.cli.console import out, progress
 from jotlight.files import spare_inputs, written_whole
 from jotlight.formats.capture import Capture, Stack
+from jotlight.sensing.bits import Bits
 
 
 def calibrate(
@@ -44,7 +44,7 @@ def calibrate(
         ),
     ] = MOST_DARK,
     plot: Annotated[Path | None, typer.Option(help="A page of plots: .png, .pdf or .svg.")] = None,
-    key: opening.Key = None,
+    key: capture_options.Key = None,
     flat_key: Annotated[
         str | None,
         typer.Option(
@@ -52,14 +52,14 @@ def calibrate(
             rich_help_panel="Capture",
         ),
     ] = None,
-    counts: opening.Counts = None,
-    unpacked: opening.Unpacked = None,
-    width: opening.Width = None,
-    format_: opening.Format = None,
-    frame_range: opening.FrameRange = None,
-    rotate: opening.Rotate = 0,
-    flip: opening.Flip = None,
-    threads: options.Threads = None,
+    counts: capture_options.Counts = None,
+    unpacked: capture_options.Unpacked = None,
+    width: capture_options.Width = None,
+    format_: capture_options.Format = None,
+    frame_range: capture_options.FrameRange = None,
+    rotate: capture_options.Rotate = 0,
+    flip: capture_options.Flip = None,
+    threads: sensor_options.Threads = None,
 ) -> None:
     """Find dark counts, hot and dead jots, and the response of each jot.
 
@@ -72,13 +72,13 @@ def calibrate(
     for file in (output, plot):
         for path in inputs:
             if file is not None:
-                opening.spare_capture(file, path)
+                capture_options.spare_capture(file, path)
     if plot is not None:
         from jotlight import plots
 
         plots.check_figure(plot)
         spare_inputs(plot, [output])
-    reading = opening.Reading(
+    reading = capture_options.Reading(
         dark, format_, width, frame_range, rotate, flip, key, counts, unpacked
     )
     captures = [reading.open()]
@@ -115,14 +115,14 @@ def calibrate(
         )
         found.save(temporary)
         if plot is not None:
-            from jotlight.calibration.page import page
+            from jotlight.calibration.figure import page
 
             with written_whole(plot) as temporary_plot:
                 page(found).savefig(temporary_plot, dpi=110)
     for capture in captures:
-        for line in opening.told(capture.source):
+        for line in capture_options.told(capture.source):
             out.print(line, soft_wrap=True, markup=False)
-    from jotlight.calibration.page import facts
+    from jotlight.calibration.figure import facts
 
     for name, value in facts(found):
         out.print(f"{name}: {value}", soft_wrap=True, markup=False)
@@ -137,6 +137,6 @@ def _frames_of(
         # Those of --frames are for the other capture.
         return given if option == "--flat-frames" else None
     if given is not None:
-        opening.check_told(path, capture.all_frames, given, option)
+        capture_options.check_told(path, capture.all_frames, given, option)
         return given
     return capture.all_frames or otherwise

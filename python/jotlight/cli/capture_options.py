@@ -9,16 +9,16 @@ import numpy as np
 import numpy.typing as npt
 import typer
 
-from jotlight.bits import Bits
 from jotlight.calibration import Calibration
 from jotlight.cli.console import out, progress
 from jotlight.files import spare_inputs
 from jotlight.formats import FORMATS, open_capture
 from jotlight.formats.capture import Capture, Stack
 from jotlight.formats.description import maps_beside
-from jotlight.formats.turning import FLIPS
-from jotlight.sensor import Sensor
-from jotlight.source import Source
+from jotlight.formats.orientation import FLIPS
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.provenance import Source
+from jotlight.sensing.sensor import Sensor
 
 
 def _option(help_: str, *names: str) -> object:

@@ -10,17 +10,17 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from jotlight.cli import options
+from jotlight.cli import sensor_options
 from jotlight.cli.console import out, progress
-from jotlight.comparison import Result, chosen, compare_methods
+from jotlight.evaluation.compare import Result, chosen, compare_methods
+from jotlight.evaluation.methods import DEFAULT, METHODS, Method
 from jotlight.files import spare_inputs, written_whole
-from jotlight.methods import DEFAULT, METHODS, Method
-from jotlight.network import Network
-from jotlight.pictures import read_picture
-from jotlight.sensor import Sensor
+from jotlight.images.io import read_picture
+from jotlight.networks.network import Network
+from jotlight.sensing.sensor import Sensor
 
 
-@options.takes_sensor(oversampling=4, frames=1)
+@sensor_options.takes_sensor(oversampling=4, frames=1)
 def compare(
     photo: Annotated[Path, typer.Argument(help="PNG, JPEG, TIFF or .npy.")],
     *,
@@ -46,10 +46,10 @@ def compare(
     ] = None,
     given: dict[str, Any],
     inputs: list[Path],
-    seed: options.Seed = 0,
-    gray: options.Gray = False,
-    white: options.White = None,
-    threads: options.Threads = None,
+    seed: sensor_options.Seed = 0,
+    gray: sensor_options.Gray = False,
+    white: sensor_options.White = None,
+    threads: sensor_options.Threads = None,
 ) -> None:
     """Turn a photograph into bits, reconstruct it by every method, and show all side by side."""
     sensor = Sensor(**given)

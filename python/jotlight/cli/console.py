@@ -18,8 +18,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from jotlight.convergence import Iteration
 from jotlight.errors import JotlightWarning
+from jotlight.estimators.convergence import Iteration
 from jotlight.training import Record
 
 # What stands between colons, as in a range of frames, is no emoji.

@@ -5,11 +5,11 @@ from typing import Annotated
 
 import typer
 
-from jotlight.bits import Bits
-from jotlight.cli import opening
+from jotlight.cli import capture_options
 from jotlight.cli.console import out, progress
 from jotlight.formats.description import maps_beside
 from jotlight.formats.writing import TARGETS, target_of, write_capture
+from jotlight.sensing.bits import Bits
 
 
 def convert(
@@ -25,14 +25,14 @@ def convert(
             help=f"Format to write: {', '.join(TARGETS)}. Default: what the output's name tells."
         ),
     ] = None,
-    format_: opening.Format = None,
-    frame_range: opening.FrameRange = None,
-    rotate: opening.Rotate = 0,
-    flip: opening.Flip = None,
-    width: opening.Width = None,
-    key: opening.Key = None,
-    counts: opening.Counts = None,
-    unpacked: opening.Unpacked = None,
+    format_: capture_options.Format = None,
+    frame_range: capture_options.FrameRange = None,
+    rotate: capture_options.Rotate = 0,
+    flip: capture_options.Flip = None,
+    width: capture_options.Width = None,
+    key: capture_options.Key = None,
+    counts: capture_options.Counts = None,
+    unpacked: capture_options.Unpacked = None,
 ) -> None:
     """Convert a capture from one format into another, in constant memory.
 
@@ -43,8 +43,8 @@ def convert(
     if name in ("npy", "npy.gz"):
         made |= maps_beside(output)
     for file in made:
-        opening.spare_capture(file, data)
-    reading = opening.Reading(
+        capture_options.spare_capture(file, data)
+    reading = capture_options.Reading(
         data, format_, width, frame_range, rotate, flip, key, counts, unpacked
     )
     capture = reading.open()
@@ -62,5 +62,5 @@ def convert(
             size = " x ".join(map(str, image.shape))
             what = f"<counts: {size}, {image.min()} to {image.max()}>"
     out.print(f"{output}: {name}, {what}", soft_wrap=True, markup=False)
-    for line in opening.told(source):
+    for line in capture_options.told(source):
         out.print(line, soft_wrap=True, markup=False)

@@ -7,10 +7,10 @@ import typer
 
 from jotlight.cli.compare import run_comparison
 from jotlight.cli.console import out
-from jotlight.comparison import chosen
 from jotlight.datasets import PHOTOGRAPHS, photograph
-from jotlight.methods import METHODS
-from jotlight.sensor import Sensor
+from jotlight.evaluation.compare import chosen
+from jotlight.evaluation.methods import METHODS
+from jotlight.sensing.sensor import Sensor
 
 
 def demo(

@@ -8,18 +8,18 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from jotlight.cli import options
+from jotlight.cli import sensor_options
 from jotlight.cli.console import out, progress
-from jotlight.evaluation import MEASURES, Evaluation
-from jotlight.evaluation import evaluate as measure
+from jotlight.evaluation.evaluate import MEASURES, Evaluation
+from jotlight.evaluation.evaluate import evaluate as measure
+from jotlight.evaluation.methods import DEFAULT, METHODS
 from jotlight.files import spare_inputs, written_whole
-from jotlight.image_sets import read_image_set
-from jotlight.methods import DEFAULT, METHODS
-from jotlight.network import Network
-from jotlight.sensor import Sensor
+from jotlight.images.sets import read_image_set
+from jotlight.networks.network import Network
+from jotlight.sensing.sensor import Sensor
 
 
-@options.takes_sensor()
+@sensor_options.takes_sensor()
 def evaluate(
     images: Annotated[
         Path,
@@ -35,12 +35,12 @@ def evaluate(
         Path | None, typer.Option("--output", "-o", help="A .csv with a row for each image.")
     ] = None,
     first: Annotated[int | None, typer.Option(help="Only so many images, by name.")] = None,
-    key: options.Key = None,
+    key: sensor_options.Key = None,
     given: dict[str, Any],
     inputs: list[Path],
-    seed: options.Seed = 0,
-    white: options.White = None,
-    threads: options.Threads = None,
+    seed: sensor_options.Seed = 0,
+    white: sensor_options.White = None,
+    threads: sensor_options.Threads = None,
 ) -> None:
     """Expose every image, reconstruct it, and tell how close the estimates come.
 

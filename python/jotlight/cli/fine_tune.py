@@ -5,11 +5,11 @@ import shlex
 from pathlib import Path
 from typing import Any
 
-from jotlight.cli import deep, learning, opening
+from jotlight.cli import capture_options, networks, training_run
 from jotlight.cli.console import err, out, silent
-from jotlight.models import pretrained, unserved
-from jotlight.network import Network
-from jotlight.sensor import Sensor
+from jotlight.networks.network import Network
+from jotlight.networks.pretrained import pretrained, unserved
+from jotlight.sensing.sensor import Sensor
 from jotlight.training import History
 
 _QUALITY = "medium"
@@ -48,7 +48,7 @@ def refuse_others(**given: object) -> None:
 
 
 def learn(
-    reading: opening.Reading,
+    reading: capture_options.Reading,
     *,
     output: Path,
     start: Path | None,
@@ -68,7 +68,7 @@ def learn(
 
     Parameters
     ----------
-    reading : opening.Reading
+    reading : capture_options.Reading
         The capture.
     given, words
         The options of its sensor, by parameter: as values and as words of a command.
@@ -80,17 +80,19 @@ def learn(
     MissingExtraError
         When PyTorch is not installed.
     """
-    from jotlight.torch import fine_tuning, processes
-    from jotlight.torch.splitting import check_kernel
+    from jotlight.torch import distributed, fine_tuning
+    from jotlight.torch.bit_splitting import check_kernel
 
-    deep.check_device(device)
-    checkpoint = learning.checkpoint_of(output)
-    first = processes.rank() == 0
+    networks.check_device(device)
+    checkpoint = training_run.checkpoint_of(output)
+    first = distributed.rank() == 0
     if first:
-        learning.check_checkpoint(checkpoint, resume, restart)
+        training_run.check_checkpoint(checkpoint, resume, restart)
     steps = fine_tuning.STEPS if steps is None else steps
     with silent(not first):
-        seen, sensor = opening.seen_and_told(reading.open(), reading.path, given, calibration)
+        seen, sensor = capture_options.seen_and_told(
+            reading.open(), reading.path, given, calibration
+        )
         check_kernel(sensor)
         network = _start(start, sensor)
         if network.bits is None and "max_intensity" not in given:
@@ -113,7 +115,9 @@ def learn(
             run()
             return
     about = {"fine-tuned on": str(reading.path)}
-    history, seconds = learning.learn(run, output, plot, steps=steps, remedy="--rate", about=about)
+    history, seconds = training_run.learn(
+        run, output, plot, steps=steps, remedy="--rate", about=about
+    )
     command = ["jotlight", "reconstruct", str(reading.path), *reading.words("--key")]
     if calibration is not None:
         command += ["--calibration", str(calibration)]

@@ -8,21 +8,21 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from jotlight.bits import Bits
 from jotlight.calibration import Calibration
 from jotlight.calibration.result import FORMAT as CALIBRATION
-from jotlight.cli import opening
+from jotlight.cli import capture_options
 from jotlight.cli.console import out, progress
 from jotlight.files import spare_inputs, written_whole
 from jotlight.formats import open_capture
 from jotlight.formats.arrays import npz_label, npz_names, read_npy, read_npz
 from jotlight.formats.capture import Capture, Stack, is_single
 from jotlight.formats.description import read_counts_label
-from jotlight.formats.recognise import recognise
+from jotlight.formats.detect import recognise
 from jotlight.formats.tiff import tiff_file
-from jotlight.layer import Layer, work_of
-from jotlight.network import Network
-from jotlight.pictures import read_picture
+from jotlight.images.io import read_picture
+from jotlight.networks.layer import Layer, work_of
+from jotlight.networks.network import Network
+from jotlight.sensing.bits import Bits
 from jotlight.tensors import told_format
 from jotlight.training import History
 
@@ -35,14 +35,14 @@ def info(
             "(.safetensors); or a picture."
         ),
     ],
-    width: opening.Width = None,
-    format_: opening.Format = None,
-    frame_range: opening.FrameRange = None,
-    rotate: opening.Rotate = 0,
-    flip: opening.Flip = None,
-    key: opening.Key = None,
-    counts: opening.Counts = None,
-    unpacked: opening.Unpacked = None,
+    width: capture_options.Width = None,
+    format_: capture_options.Format = None,
+    frame_range: capture_options.FrameRange = None,
+    rotate: capture_options.Rotate = 0,
+    flip: capture_options.Flip = None,
+    key: capture_options.Key = None,
+    counts: capture_options.Counts = None,
+    unpacked: capture_options.Unpacked = None,
     plot: Annotated[
         Path | None,
         typer.Option(
@@ -56,7 +56,7 @@ def info(
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")
-    reading = opening.Reading(
+    reading = capture_options.Reading(
         file, format_, width, frame_range, rotate, flip, key, counts, unpacked
     )
     for name, value in _facts(file, reading):
@@ -71,7 +71,7 @@ def _draw(file: Path, plot: Path) -> None:
 
     plots.check_figure(plot)
     if told_format(file) == CALIBRATION:
-        from jotlight.calibration.page import page
+        from jotlight.calibration.figure import page
 
         spare_inputs(plot, [file])
         calibration = Calibration.load(file)
@@ -92,13 +92,13 @@ _PICTURES = (".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".ppm", ".gif")
 """Endings of what is a picture and no capture."""
 
 
-def _facts(file: Path, reading: opening.Reading) -> list[tuple[str, str]]:
+def _facts(file: Path, reading: capture_options.Reading) -> list[tuple[str, str]]:
     ending = file.suffix.lower()
     if ending == ".safetensors":
         if told_format(file) == CALIBRATION:
             return _calibration_facts(Calibration.load(file))
         return _network_facts(Network.load(file))
-    if reading == opening.Reading(file) and file.is_file():
+    if reading == capture_options.Reading(file) and file.is_file():
         if ending == ".npz" and npz_label(file) is None:
             facts = [("kind", "archive of arrays")]
             for name in npz_names(file):
@@ -193,7 +193,7 @@ def _bits_facts(bits: Bits) -> list[tuple[str, str]]:
 
 
 def _calibration_facts(calibration: Calibration) -> list[tuple[str, str]]:
-    from jotlight.calibration.page import facts
+    from jotlight.calibration.figure import facts
 
     sources = [(name, str(source)) for name, source in calibration.sources.items()]
     return [("kind", "calibration"), *sources, *facts(calibration)]

@@ -4,9 +4,9 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from jotlight.deep import MEMBERS
-from jotlight.layer import chained
-from jotlight.network import Network
+from jotlight.networks.architectures import MEMBERS
+from jotlight.networks.layer import chained
+from jotlight.networks.network import Network
 from jotlight.training import History
 
 TWO_LAYER = "two-layer"
@@ -63,7 +63,7 @@ def learner(device: str | None, rate: float | None) -> Learner:
     MissingExtraError
         When PyTorch is not installed.
     """
-    from jotlight.torch import processes, training
+    from jotlight.torch import distributed, training
 
     check_device(device)
     return Learner(
@@ -71,7 +71,7 @@ def learner(device: str | None, rate: float | None) -> Learner:
         training.STEPS,
         {"device": device, "rate": training.RATE if rate is None else rate},
         "--rate",
-        processes.rank() == 0,
+        distributed.rank() == 0,
     )
 
 

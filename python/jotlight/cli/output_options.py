@@ -11,15 +11,15 @@ import numpy.typing as npt
 import typer
 
 from jotlight import __version__
-from jotlight.bits import Bits
-from jotlight.exposure import detected
+from jotlight.estimators.brightness import detected
+from jotlight.estimators.uncertainty import uncertainty
 from jotlight.files import written_whole
-from jotlight.pictures import DISPLAYED, FLOATS, picture_writer
-from jotlight.planes import planes_writer
-from jotlight.sensor import Sensor
-from jotlight.source import Source
-from jotlight.tone import CURVES, Tone, check_curve
-from jotlight.uncertainty import uncertainty
+from jotlight.images.image_stack import planes_writer
+from jotlight.images.io import DISPLAYED, FLOATS, picture_writer
+from jotlight.images.tone import CURVES, Tone, check_curve
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.provenance import Source
+from jotlight.sensing.sensor import Sensor
 
 UNITS = {"intensity": "intensity", "photons": "detected photons per pixel and frame"}
 """The units that floats may have, and what a file says of them."""

@@ -7,18 +7,18 @@ import typer
 from rich.table import Table
 
 from jotlight.calibration import Calibration
-from jotlight.cli import options
+from jotlight.cli import sensor_options
 from jotlight.cli.console import out
+from jotlight.estimators.planning import Plan
+from jotlight.estimators.planning import plan as expect
 from jotlight.files import spare_inputs, written_whole
-from jotlight.planning import Plan
-from jotlight.planning import plan as expect
-from jotlight.sensor import Sensor
+from jotlight.sensing.sensor import Sensor
 
 _ROWS = 13
 """Of the table, each for twice the frames of the one before."""
 
 
-@options.takes_sensor()
+@sensor_options.takes_sensor()
 def plan(
     light: Annotated[
         str,

@@ -10,23 +10,23 @@ import numpy as np
 import typer
 from rich.markup import escape
 
-from jotlight.bits import Bits, check_fits
-from jotlight.cli import fit, opening, options
-from jotlight.cli import output as output_
-from jotlight.cli.calibrated import Calibrated, recorded
+from jotlight.cli import brightness, capture_options, sensor_options
+from jotlight.cli import output_options as output_
+from jotlight.cli.applied_calibration import Calibrated, recorded
 from jotlight.cli.console import err, live_iterations, out, progress
-from jotlight.cli.film import check_film, film, spare_folder
-from jotlight.exposure import BRIGHT
+from jotlight.cli.video import check_film, film, spare_folder
+from jotlight.estimators.brightness import BRIGHT
+from jotlight.estimators.problem import Histories
+from jotlight.estimators.tv import NORMS
+from jotlight.estimators.vst import INVERSES
+from jotlight.evaluation.methods import DEFAULT, METHODS
 from jotlight.files import spare_inputs
-from jotlight.film import windows
-from jotlight.methods import DEFAULT, METHODS
-from jotlight.models import pretrained, unserved
-from jotlight.network import Network
-from jotlight.pictures import picture_writer
-from jotlight.problems import Histories
-from jotlight.response import unclipped
-from jotlight.tv import NORMS
-from jotlight.vst import INVERSES
+from jotlight.images.io import picture_writer
+from jotlight.images.video import windows
+from jotlight.networks.network import Network
+from jotlight.networks.pretrained import pretrained, unserved
+from jotlight.sensing.bits import Bits, check_fits
+from jotlight.sensing.response import unclipped
 
 _OTHERWISE = "noniterative-tv"
 """What serves every sensor, and is the best where the kernel is a box."""
@@ -45,7 +45,7 @@ _SHIPPED = {
 _RAISED = "the largest intensity is half a count from saturation, so that nothing else is clipped"
 
 
-@options.takes_sensor()
+@sensor_options.takes_sensor()
 def reconstruct(
     data: Annotated[
         Path,
@@ -113,14 +113,14 @@ def reconstruct(
             rich_help_panel="Sensor",
         ),
     ] = None,
-    key: opening.Key = None,
-    counts: opening.Counts = None,
-    unpacked: opening.Unpacked = None,
-    width: opening.Width = None,
-    format_: opening.Format = None,
-    frame_range: opening.FrameRange = None,
-    rotate: opening.Rotate = 0,
-    flip: opening.Flip = None,
+    key: capture_options.Key = None,
+    counts: capture_options.Counts = None,
+    unpacked: capture_options.Unpacked = None,
+    width: capture_options.Width = None,
+    format_: capture_options.Format = None,
+    frame_range: capture_options.FrameRange = None,
+    rotate: capture_options.Rotate = 0,
+    flip: capture_options.Flip = None,
     given: dict[str, Any],
     inputs: list[Path],
     words: dict[str, list[str]],
@@ -133,7 +133,7 @@ def reconstruct(
     step: output_.Step = None,
     fps: output_.Fps = 25.0,
     depth: Annotated[int, typer.Option(help="Bits of a .png: 8 or 16.")] = 8,
-    threads: options.Threads = None,
+    threads: sensor_options.Threads = None,
 ) -> None:
     """Estimate the picture behind bits or counts.
 
@@ -143,7 +143,7 @@ def reconstruct(
     wanted = output_.Wanted(output, preview, uncertainty, units, curve, level, depth)
     for path in wanted.paths():
         spare_inputs(path, [model, calibration, *inputs])
-        opening.spare_capture(path, data)
+        capture_options.spare_capture(path, data)
     if window is not None:
         check_film(wanted, fps)
         if "frames" in given:
@@ -178,16 +178,16 @@ def reconstruct(
         tol=tol,
         max_iter=max_iter,
     )
-    reading = opening.Reading(
+    reading = capture_options.Reading(
         data, format_, width, frame_range, rotate, flip, key, counts, unpacked
     )
     capture = reading.open()
     known = None if calibration is None else Calibrated.read(calibration, output)
     if known is not None:
-        opening.spare_capture(known.record, data)
+        capture_options.spare_capture(known.record, data)
         spare_inputs(known.record, [model, calibration, *inputs])
     found = known.calibration if known else None
-    seen, sensor, told = opening.seen_by_sensor(capture, data, given, found)
+    seen, sensor, told = capture_options.seen_by_sensor(capture, data, given, found)
     network = settings.pop("model", None)
     if network is not None and network.bits is None and "max_intensity" not in given:
         # A network's outputs lie in its own range, whatever range others would be clipped to.
@@ -198,7 +198,9 @@ def reconstruct(
         check_fits(seen, sensor)
         windows(seen, window, step)
         sensor = sensor.replace(frames=window)
-    learn = fit.to_learn(reading, calibration, words, window=window, bits=isinstance(seen, Bits))
+    learn = brightness.to_learn(
+        reading, calibration, words, window=window, bits=isinstance(seen, Bits)
+    )
     advice = []
     shipped = network is None and (method is None or method in _SHIPPED)
     if shipped and (reason := unserved(sensor, _SHIPPED[method or DEFAULT])) is not None:
@@ -223,13 +225,13 @@ def reconstruct(
     def tell(largest: float, brightest: float) -> None:
         """Say what was assumed, and what is not as good as it could be."""
         applied = [] if known is None else known.told(sensor, capture.source)
-        for line in (*opening.told(capture.source), *applied, f"{told}: {sensor!r}"):
+        for line in (*capture_options.told(capture.source), *applied, f"{told}: {sensor!r}"):
             out.print(line, soft_wrap=True, markup=False)
         if raised:
             out.print(f"{_RAISED}; --max-intensity sets another", soft_wrap=True)
-        if higher and not raised and fit.comes_up(largest, white):
-            advice.append(fit.held_down(white, DEFAULT, free, learn if shipped else None))
-        elif shipped and one_range and (dim := fit.too_dim(brightest, learn)) is not None:
+        if higher and not raised and brightness.comes_up(largest, white):
+            advice.append(brightness.held_down(white, DEFAULT, free, learn if shipped else None))
+        elif shipped and one_range and (dim := brightness.too_dim(brightest, learn)) is not None:
             advice.append(dim)
         for line in advice:
             err.print(f"[yellow]by {method}:[/] {escape(line)}", soft_wrap=True)

@@ -7,11 +7,11 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from jotlight.cli import options
+from jotlight.cli import sensor_options
 from jotlight.cli.console import err, out, progress
 
 if TYPE_CHECKING:
-    from jotlight.experiments.section import Section
+    from jotlight.experiments.report.section import Section
 
 _NAMES = ("fig5", "fig6a", "fig6b", "fig7", "timing", "gain")
 _ALL = "all"
@@ -49,7 +49,7 @@ def reproduce(
     restart: Annotated[
         bool, typer.Option("--restart", help="Forget what earlier runs left in the folder.")
     ] = False,
-    threads: options.Threads = None,
+    threads: sensor_options.Threads = None,
 ) -> None:
     """Run the paper's experiments, and show them beside its claims.
 
@@ -61,7 +61,7 @@ def reproduce(
     # Not sooner: nothing else needs them.
     from jotlight.experiments import EXPERIMENTS, running
     from jotlight.experiments.experiment import Data
-    from jotlight.experiments.reporting import write_report
+    from jotlight.experiments.report.report import write_report
 
     if name != _ALL and name not in EXPERIMENTS:
         raise ValueError(

@@ -11,8 +11,8 @@ import numpy.typing as npt
 import typer
 
 from jotlight.formats.arrays import read_npy
-from jotlight.formats.stacks import read_mask
-from jotlight.sensor import KERNELS, MAPS
+from jotlight.formats.image_files import read_mask
+from jotlight.sensing.sensor import KERNELS, MAPS
 
 
 def _sensor_option(help_: str, *names: str) -> Any:

@@ -6,17 +6,17 @@ from typing import Annotated, Any
 
 import typer
 
-from jotlight.cli import options
+from jotlight.checks import as_image
+from jotlight.cli import sensor_options
 from jotlight.cli.console import out, progress
 from jotlight.files import spare_inputs
 from jotlight.formats.description import maps_beside
 from jotlight.formats.npy import created_bits
-from jotlight.image import as_image
-from jotlight.pictures import read_picture
-from jotlight.sensor import Sensor
+from jotlight.images.io import read_picture
+from jotlight.sensing.sensor import Sensor
 
 
-@options.takes_sensor(oversampling=4, frames=1)
+@sensor_options.takes_sensor(oversampling=4, frames=1)
 def simulate(
     photo: Annotated[Path, typer.Argument(help="PNG, JPEG, TIFF or .npy.")],
     *,
@@ -25,10 +25,10 @@ def simulate(
     ],
     given: dict[str, Any],
     inputs: list[Path],
-    seed: options.Seed = 0,
-    gray: options.Gray = False,
-    white: options.White = None,
-    threads: options.Threads = None,
+    seed: sensor_options.Seed = 0,
+    gray: sensor_options.Gray = False,
+    white: sensor_options.White = None,
+    threads: sensor_options.Threads = None,
 ) -> None:
     """Draw the bits that a quanta image sensor would report of a photograph."""
     sensor = Sensor(**given)

@@ -9,19 +9,19 @@ import numpy as np
 import typer
 
 from jotlight import plots
-from jotlight.bits import Bits
-from jotlight.cli import deep, learning, opening, options
-from jotlight.cli import self_supervised as own_bits
+from jotlight.cli import capture_options, networks, sensor_options, training_run
+from jotlight.cli import fine_tune as own_bits
 from jotlight.cli.console import out, progress, silent
 from jotlight.datasets import PHOTOGRAPHS, photograph, uniform_scenes
-from jotlight.exposure import sensor_for
+from jotlight.estimators.brightness import sensor_for
 from jotlight.files import spare_inputs
-from jotlight.image_sets import read_image_set
-from jotlight.network import Network
-from jotlight.sensor import Sensor
+from jotlight.images.sets import read_image_set
+from jotlight.networks.network import Network
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.sensor import Sensor
 from jotlight.training import OPTIMISERS, History, Optimiser, Record
 from jotlight.training import train as learn
-from jotlight.training.examples import sensor_of_patches
+from jotlight.training.patches import sensor_of_patches
 
 _SYNTHETIC = "synthetic"
 _TEST_SCENES = 512
@@ -32,7 +32,7 @@ _SECONDS = 45.0
 """Of learning for a capture, so that all of it takes no more than a minute."""
 
 
-@options.takes_sensor()
+@sensor_options.takes_sensor()
 def train(
     images: Annotated[
         str | None,
@@ -74,8 +74,8 @@ def train(
         str | None,
         typer.Option(
             "--network",
-            help=f"One of {', '.join(deep.NETWORKS)}: how many layers and channels. All but the "
-            f"first take PyTorch to learn, the extra torch, and longer. Default: {deep.TWO_LAYER}.",
+            help=f"One of {', '.join(networks.NETWORKS)}: how many layers and channels. All but the "
+            f"first take PyTorch to learn, the extra torch, and longer. Default: {networks.TWO_LAYER}.",
         ),
     ] = None,
     any_bits: Annotated[
@@ -125,7 +125,7 @@ def train(
     device: Annotated[
         str | None,
         typer.Option(
-            help=f"Of deep networks: {' or '.join(deep.DEVICES)}. Default: cuda, if there is a GPU."
+            help=f"Of deep networks: {' or '.join(networks.DEVICES)}. Default: cuda, if there is a GPU."
         ),
     ] = None,
     batch: Annotated[
@@ -165,14 +165,14 @@ def train(
     plot: Annotated[
         Path | None, typer.Option(help="A figure of the run and the network: .png, .pdf or .svg.")
     ] = None,
-    sensor_key: opening.Key = None,
-    counts: opening.Counts = None,
-    width: opening.Width = None,
-    format_: opening.Format = None,
-    frame_range: opening.FrameRange = None,
-    rotate: opening.Rotate = 0,
-    flip: opening.Flip = None,
-    unpacked: opening.Unpacked = None,
+    sensor_key: capture_options.Key = None,
+    counts: capture_options.Counts = None,
+    width: capture_options.Width = None,
+    format_: capture_options.Format = None,
+    frame_range: capture_options.FrameRange = None,
+    rotate: capture_options.Rotate = 0,
+    flip: capture_options.Flip = None,
+    unpacked: capture_options.Unpacked = None,
     key: Annotated[
         str | None,
         typer.Option(
@@ -186,9 +186,9 @@ def train(
     given: dict[str, Any],
     inputs: list[Path],
     words: dict[str, list[str]],
-    seed: options.Seed = 0,
-    white: options.White = None,
-    threads: options.Threads = None,
+    seed: sensor_options.Seed = 0,
+    white: sensor_options.White = None,
+    threads: sensor_options.Threads = None,
 ) -> None:
     """Learn the best network for a sensor from images, or make one better for a very capture.
 
@@ -198,7 +198,7 @@ def train(
 
     Deep networks can be learned by several processes: torchrun --nproc-per-node 2 -m jotlight train
     """
-    checkpoint = learning.checkpoint_of(output)
+    checkpoint = training_run.checkpoint_of(output)
     if self_supervised is not None:
         own_bits.refuse_others(
             images=images,
@@ -227,7 +227,7 @@ def train(
         raise ValueError("start: a given network comes with its own sigma, weights and bits")
     seen = capture or self_supervised
     array = sensor_key if self_supervised is None else key
-    reading = opening.Reading(
+    reading = capture_options.Reading(
         seen or Path(), format_, width, frame_range, rotate, flip, array, counts, unpacked
     )
     if seen is None:
@@ -237,7 +237,7 @@ def train(
     for file in filter(None, (output, plot, checkpoint)):
         spare_inputs(file, [start, calibration, *inputs, *_files(images), *_files(test)])
         if seen is not None:
-            opening.spare_capture(file, seen)
+            capture_options.spare_capture(file, seen)
     if self_supervised is not None:
         own_bits.learn(
             reading,
@@ -259,8 +259,8 @@ def train(
         )
         return
     earlier = None if start is None else Network.load(start)
-    is_deep = deep.is_deep(kind, earlier)
-    deep.refuse_others(
+    is_deep = networks.is_deep(kind, earlier)
+    networks.refuse_others(
         is_deep,
         optimiser=optimiser,
         step_size=step_size,
@@ -271,13 +271,13 @@ def train(
         rate=rate,
         any_bits=any_bits,
     )
-    kind = kind or deep.TWO_LAYER
+    kind = kind or networks.TWO_LAYER
     if is_deep:
-        learner = deep.learner(device, rate)
+        learner = networks.learner(device, rate)
     else:
         learner = _two_layer(optimiser or _OPTIMISER, step_size=step_size, damping=damping)
     if learner.first:
-        learning.check_checkpoint(checkpoint, resume, restart)
+        training_run.check_checkpoint(checkpoint, resume, restart)
     with silent(not learner.first):
         scale = 1.0
         if earlier is not None:
@@ -295,7 +295,7 @@ def train(
             else:
                 sensor = Sensor(**{"oversampling": 4, **given})
             if any_bits is not None:
-                network = Network.told(kind, bits=deep.bits_of(any_bits), rng=seed)
+                network = Network.told(kind, bits=networks.bits_of(any_bits), rng=seed)
             elif is_deep:
                 network = Network.deep(sensor, kind, rng=seed)
             else:
@@ -324,7 +324,7 @@ def train(
         if not learner.first:
             run()
             return
-    history, taken = learning.learn(
+    history, taken = training_run.learn(
         run,
         output,
         plot,
@@ -345,7 +345,7 @@ def _refuse_without_capture(words: list[str], calibration: Path | None) -> None:
 
 
 def _sensor_of(
-    reading: opening.Reading,
+    reading: capture_options.Reading,
     calibration: Path | None,
     given: dict[str, Any],
     threads: int | None,
@@ -367,7 +367,7 @@ def _sensor_of(
     if isinstance(capture, Bits):
         # The capture tells its own; those that are given are of a film's windows.
         numbers.pop("frames", None)
-    seen, own = opening.seen_and_told(capture, reading.path, numbers, calibration)
+    seen, own = capture_options.seen_and_told(capture, reading.path, numbers, calibration)
     sensor, scale = sensor_for(seen, own, threads=threads)
     chosen = {name: given[name] for name in ("frames", "max_intensity") if name in given}
     sensor = sensor_of_patches(sensor.replace(**chosen))
@@ -397,7 +397,7 @@ def _files(images: str | Path | None) -> list[Path]:
     return list(Path(images).iterdir()) if Path(images).is_dir() else [Path(images)]
 
 
-def _two_layer(name: str, *, step_size: float | None, damping: float | None) -> deep.Learner:
+def _two_layer(name: str, *, step_size: float | None, damping: float | None) -> networks.Learner:
     if name not in OPTIMISERS:
         raise ValueError(f"optimiser: expected one of {', '.join(OPTIMISERS)}, got {name!r}")
     if name == "gauss-newton" and step_size is not None:
@@ -408,7 +408,7 @@ def _two_layer(name: str, *, step_size: float | None, damping: float | None) -> 
     kind: Any = OPTIMISERS[name]
     chosen: Optimiser = kind(**{key: value for key, value in settings.items() if value is not None})
     remedy = "--damping" if name == "gauss-newton" else "--step-size"
-    return deep.Learner(learn, chosen.steps, {"optimiser": chosen}, remedy)
+    return networks.Learner(learn, chosen.steps, {"optimiser": chosen}, remedy)
 
 
 def _images(

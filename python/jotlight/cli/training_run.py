@@ -8,7 +8,7 @@ from pathlib import Path
 from jotlight import plots
 from jotlight.cli.console import err, live_training
 from jotlight.files import written_whole
-from jotlight.network import Network
+from jotlight.networks.network import Network
 from jotlight.training import History
 
 

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits
 from jotlight.cli.console import out, progress
-from jotlight.cli.output import UNITS, Wanted
-from jotlight.exposure import BRIGHT
-from jotlight.film import film_writer, is_floats, windows
-from jotlight.pictures import picture_writer
-from jotlight.sensor import Sensor
+from jotlight.cli.output_options import UNITS, Wanted
+from jotlight.estimators.brightness import BRIGHT
+from jotlight.images.io import picture_writer
+from jotlight.images.video import film_writer, is_floats, windows
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.sensor import Sensor
 
 
 def check_film(wanted: Wanted, fps: float) -> None:

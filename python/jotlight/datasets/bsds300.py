@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.datasets.fetch import Progress, Source, fetched, halves
-from jotlight.image_sets import check_first, read_image_set
+from jotlight.images.sets import check_first, read_image_set
 
 SITE = (
     "https://raw.githubusercontent.com/BIDS/BSDS500/"

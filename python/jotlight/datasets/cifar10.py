@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from jotlight.datasets import cifar10_files
 from jotlight.datasets.fetch import Progress, Source, fetched, halves
-from jotlight.image_sets import check_first
+from jotlight.images.sets import check_first
 
 SITE = "https://www.cs.toronto.edu/~kriz"
 SHA256 = "c4a38c50a1bc5f3a1c5537f2155ab9d68f9f25eb1ed8d9ddda3db29a59bca1dd"

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.image import luma
+from jotlight.checks import luma
 
 PHOTOGRAPHS = ("camera", "coins", "moon", "astronaut", "coffee", "chelsea", "rocket")
 """Photographs that come with scikit-image: three in grey, four in colour."""

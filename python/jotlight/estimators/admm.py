@@ -9,14 +9,14 @@ from typing import Literal, overload
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import _engine
-from jotlight.bits import Bits
-from jotlight.convergence import Callback, History, Watch
-from jotlight.likelihood import Array, Problem
-from jotlight.operators import Operator, Scaling, Spread, differences, dot, spread
-from jotlight.problems import Histories, solve_each
-from jotlight.sensor import Sensor
-from jotlight.tv import automatic_weight, checked, per_pixel, total_variation
+import jotlight._engine as engine
+from jotlight.estimators.convergence import Callback, History, Watch
+from jotlight.estimators.problem import Histories, solve_each
+from jotlight.estimators.tv import automatic_weight, checked, per_pixel, total_variation
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.likelihood import Array, Problem
+from jotlight.sensing.operators import Operator, Scaling, Spread, differences, dot, spread
+from jotlight.sensing.sensor import Sensor
 
 Picture = npt.NDArray[np.float32]
 
@@ -108,7 +108,7 @@ def admm_tv(
         What made the data.
     weight : float or array_like of float, optional
         λ ≥ 0 in nats per unit of intensity, a number or one for each pixel. Default: chosen from
-        the data by :func:`jotlight.tv.automatic_weight`, which says how.
+        the data by :func:`jotlight.estimators.tv.automatic_weight`, which says how.
     norm : {"isotropic", "anisotropic"}
         TV is the sum over pixels of √(down² + right²), or of abs(down) + abs(right).
     start : array_like of float, optional
@@ -120,10 +120,10 @@ def admm_tv(
         The run ends when the primal residual is at most `tol` and the dual one at most 10 `tol`,
         each as a share of what it is the difference of.
     callback : callable, optional
-        Called with a :class:`jotlight.convergence.Iteration` after each; raises StopIteration to
+        Called with a :class:`jotlight.estimators.convergence.Iteration` after each; raises StopIteration to
         end the run.
     return_history : bool
-        Give a :class:`jotlight.convergence.History` too, or a list of them, one for each channel.
+        Give a :class:`jotlight.estimators.convergence.History` too, or a list of them, one for each channel.
     threads : int, optional
         Threads to use. Default: all.
 
@@ -260,14 +260,14 @@ class _Variation(_Term):
         planes = self._differences.forward(image.reshape(self._rows))
         # The part of each difference that shrinking takes away.
         dual = planes.copy()
-        _engine.shrink(dual, self._weight / penalty, self._isotropic, threads)
+        engine.shrink(dual, self._weight / penalty, self._isotropic, threads)
         super().__init__(penalty, planes, planes - dual)
 
     def adjoint(self, array: Array) -> Array:
         return self._differences.adjoint(array).reshape(self._shape)
 
     def split(self, image: Array) -> float:
-        return _engine.variation_split(
+        return engine.variation_split(
             (self.penalty, _RELAXATION),
             self._weight,
             self._isotropic,

@@ -5,11 +5,12 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import _engine, denoise
-from jotlight.bits import Bits
-from jotlight.mle import reference_jot
-from jotlight.noniterative import noniterative
-from jotlight.sensor import Sensor
+import jotlight._engine as engine
+from jotlight.estimators import denoise
+from jotlight.estimators.mle import reference_jot
+from jotlight.estimators.noniterative import noniterative
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.sensor import Sensor
 
 _BLUR = 3.0
 """Pixels; so that noise does not make the brightest parts brighter."""
@@ -48,7 +49,7 @@ def brightest_measurable(sensor: Sensor) -> float:
     bits = sensor.bits_per_pixel
     threshold, light, _ = sensor._response()
     efficiency, dark = reference_jot(sensor)
-    rate = _engine.threshold_rate(threshold, 1 - 0.5 / bits)
+    rate = engine.threshold_rate(threshold, 1 - 0.5 / bits)
     return max(rate - dark, 1e-12) / (efficiency * light)
 
 

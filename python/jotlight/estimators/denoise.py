@@ -1,7 +1,7 @@
 """Denoisers for the stabilised counts, whose noise has a standard deviation of 1/2.
 
 Each takes and gives an image (H, W) of float32 and is a thin cover over a library. Strengths were
-chosen on the BSDS training images at K = 16 (``python benchmarks/denoisers.py``).
+chosen on the BSDS training images at K = 16 (``python benchmarks/studies/denoisers.py``).
 """
 
 import contextvars
@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import MissingExtraError
-from jotlight.vst import NOISE
+from jotlight.estimators.vst import NOISE
 
 Image = npt.NDArray[np.float32]
 Denoiser = Callable[[Image], npt.ArrayLike]

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.observation import Observation
-from jotlight.response import Array, density, fires, light_per_intensity, rate_of
-from jotlight.sensor import Sensor
+from jotlight.sensing.pixel_counts import Observation
+from jotlight.sensing.response import Array, density, fires, light_per_intensity, rate_of
+from jotlight.sensing.sensor import Sensor
 
 _STEPS = 60
 """Of Newton's method between bounds at most."""

@@ -5,13 +5,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import _engine
-from jotlight.bits import Bits
-from jotlight.channels import by_channel
-from jotlight.fill import fill_blind
-from jotlight.observation import Observation, observe, warn_of_smooth_kernel
-from jotlight.sensor import Sensor
-from jotlight.slabs import parts_of
+import jotlight._engine as engine
+from jotlight.chunks import parts_of
+from jotlight.estimators.inpaint import fill_blind
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.channels import by_channel
+from jotlight.sensing.pixel_counts import Observation, observe, warn_of_smooth_kernel
+from jotlight.sensing.sensor import Sensor
 
 _ROWS = 64
 """Rows of pixels whose likelihood equations are solved between two looks at Ctrl-C."""
@@ -70,7 +70,7 @@ def mle(
             _jot_by_jot(data, seen, out, threads)
         else:
             for part in parts_of(out.size):
-                _engine.mle_from_counts(
+                engine.mle_from_counts(
                     sensor._response(),
                     _part(seen.counts, part),
                     _part(seen.trials, part),
@@ -100,7 +100,7 @@ def _jot_by_jot(
     # Some rows at a time, so that Ctrl-C need not wait for all of them.
     for start in range(0, len(out), _ROWS):
         jots = slice(start * sensor.oversampling, (start + _ROWS) * sensor.oversampling)
-        _engine.mle_from_jots(
+        engine.mle_from_jots(
             sensor._response(),
             ones[jots].ravel(),
             (_rows(sensor.efficiency, jots), _rows(sensor.dark_counts, jots)),
@@ -140,7 +140,7 @@ def equivalent_counts(
         return seen.counts.astype(np.float32)
     out = np.empty(seen.counts.shape, np.float32)
     for part in parts_of(out.size):
-        _engine.equivalent_counts(
+        engine.equivalent_counts(
             seen.sensor._response(),
             _part(seen.counts, part),
             _part(seen.trials, part),
@@ -174,7 +174,7 @@ def from_probability(
     """
     out = np.empty(probability.shape, np.float32)
     for part in parts_of(out.size):
-        _engine.mle_from_probability(
+        engine.mle_from_probability(
             sensor._response(),
             _part(probability, part),
             reference_jot(sensor),

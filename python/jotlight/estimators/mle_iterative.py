@@ -6,13 +6,13 @@ from typing import Literal, overload
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits
-from jotlight.convergence import Callback, History, Watch
-from jotlight.fill import fill_blind
-from jotlight.likelihood import Array, Problem
-from jotlight.operators import dot
-from jotlight.problems import Histories, solve_each
-from jotlight.sensor import Sensor
+from jotlight.estimators.convergence import Callback, History, Watch
+from jotlight.estimators.inpaint import fill_blind
+from jotlight.estimators.problem import Histories, solve_each
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.likelihood import Array, Problem
+from jotlight.sensing.operators import dot
+from jotlight.sensing.sensor import Sensor
 
 Picture = npt.NDArray[np.float32]
 
@@ -99,10 +99,10 @@ def mle_iterative(
         step ``c - proj(c - ∇/h)``, h an upper bound of the curvature, pixel by pixel. That step is
         0 at the maximum and nowhere else.
     callback : callable, optional
-        Called with a :class:`jotlight.convergence.Iteration` after each; raises StopIteration to
+        Called with a :class:`jotlight.estimators.convergence.Iteration` after each; raises StopIteration to
         end the run.
     return_history : bool
-        Give a :class:`jotlight.convergence.History` too, or a list of them, one for each channel.
+        Give a :class:`jotlight.estimators.convergence.History` too, or a list of them, one for each channel.
     threads : int, optional
         Threads to use. Default: all.
 

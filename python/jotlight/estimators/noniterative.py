@@ -3,13 +3,13 @@
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import vst
-from jotlight.bits import Bits
-from jotlight.channels import by_channel
-from jotlight.denoise import Denoiser, pick
-from jotlight.mle import equivalent_counts, from_probability, reference_jot
-from jotlight.observation import observe, warn_of_smooth_kernel
-from jotlight.sensor import Sensor
+from jotlight.estimators import vst
+from jotlight.estimators.denoise import Denoiser, pick
+from jotlight.estimators.mle import equivalent_counts, from_probability, reference_jot
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.channels import by_channel
+from jotlight.sensing.pixel_counts import observe, warn_of_smooth_kernel
+from jotlight.sensing.sensor import Sensor
 
 
 def noniterative(
@@ -30,9 +30,9 @@ def noniterative(
         With the box kernel. Bits of a smooth kernel are taken as if their kernel were the box.
     denoiser : {"tv", "gaussian", "nlm", "bm3d"} or callable
         A callable takes an image (H, W) of float32 with white noise of standard deviation
-        `jotlight.vst.NOISE` = 1/2 and gives one of the same shape.
+        `jotlight.estimators.vst.NOISE` = 1/2 and gives one of the same shape.
     inverse : {"exact", "algebraic"}
-        See :func:`jotlight.vst.invert`.
+        See :func:`jotlight.estimators.vst.invert`.
     threads : int, optional
         Threads for the engine's part; a denoiser has its own ways. Default: all.
 

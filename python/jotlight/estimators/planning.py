@@ -6,11 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.likelihood import Likelihood
-from jotlight.mle import reference_jot
-from jotlight.observation import warn_of_smooth_kernel
-from jotlight.response import fires, light_per_intensity, rate_of
-from jotlight.sensor import Sensor
+from jotlight.estimators.mle import reference_jot
+from jotlight.sensing.likelihood import Likelihood
+from jotlight.sensing.pixel_counts import warn_of_smooth_kernel
+from jotlight.sensing.response import fires, light_per_intensity, rate_of
+from jotlight.sensing.sensor import Sensor
 
 Array = npt.NDArray[np.float64]
 

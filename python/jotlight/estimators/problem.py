@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits
-from jotlight.channels import Picture, by_channel
-from jotlight.convergence import History
-from jotlight.likelihood import Array, Likelihood, Problem
-from jotlight.observation import Observation, observe
-from jotlight.operators import scaling, spread
-from jotlight.sensor import Sensor
+from jotlight.estimators.convergence import History
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.channels import Picture, by_channel
+from jotlight.sensing.likelihood import Array, Likelihood, Problem
+from jotlight.sensing.operators import scaling, spread
+from jotlight.sensing.pixel_counts import Observation, observe
+from jotlight.sensing.sensor import Sensor
 
 Histories = History | list[History]
 """Of one channel, or of each channel of a colour image."""

@@ -5,15 +5,15 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import _engine
-from jotlight.likelihood import Array, Likelihood, Problem
-from jotlight.operators import differences
+import jotlight._engine as engine
+from jotlight.sensing.likelihood import Array, Likelihood, Problem
+from jotlight.sensing.operators import differences
 
 NORMS = ("isotropic", "anisotropic")
 """How the two differences of a pixel make its share of the total variation."""
 
 _STRENGTH, _POWER = 0.62, 0.4
-"""Chosen on BSDS training images over six exposures: ``benchmarks/weights.py``."""
+"""Chosen on BSDS training images over six exposures: ``benchmarks/studies/weights.py``."""
 
 _BLOCK = 4
 """Pixels along the side of the blocks by which roughness is measured."""
@@ -45,7 +45,7 @@ def total_variation(
     rows = values.reshape((1, -1) if values.ndim == 1 else values.shape)
     planes = differences(rows.shape).forward(rows)
     weights = per_pixel("weight", weight, values.shape)
-    return _engine.total_variation(planes, weights, checked(norm) == "isotropic", None)
+    return engine.total_variation(planes, weights, checked(norm) == "isotropic", None)
 
 
 def shrink(
@@ -69,7 +69,7 @@ def shrink(
         raise ValueError("planes: expected numbers, got NaN")
     whole = values if values.ndim == 3 else np.stack([np.zeros_like(values), values])
     thresholds = per_pixel("threshold", threshold, values.shape[1:])
-    _engine.shrink(whole, thresholds, checked(norm) == "isotropic", None)
+    engine.shrink(whole, thresholds, checked(norm) == "isotropic", None)
     return whole if values.ndim == 3 else whole[1]
 
 
@@ -106,7 +106,7 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
 
     Examples
     --------
-    >>> from jotlight.operators import scaling
+    >>> from jotlight.sensing.operators import scaling
     >>> ones = np.random.default_rng(0).binomial(16, 0.3, (64, 64))
     >>> even = automatic_weight(Problem(scaling((64, 64), 1.0), Likelihood(ones, trials=16)))
     >>> even.shape, bool(even.mean() > 5)  # nothing but noise: smooth it all

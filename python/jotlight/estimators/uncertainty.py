@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits
 from jotlight.errors import JotlightWarning
-from jotlight.likelihood import Likelihood
-from jotlight.mle import mle
-from jotlight.observation import Observation, as_counts, observe, warn_of_smooth_kernel
-from jotlight.pixel_light import Distinct, Inverse, light_of, maps_of
-from jotlight.response import Array, light_per_intensity
-from jotlight.sensor import Sensor
+from jotlight.estimators.light_inversion import Distinct, Inverse, light_of, maps_of
+from jotlight.estimators.mle import mle
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.likelihood import Likelihood
+from jotlight.sensing.pixel_counts import Observation, as_counts, observe, warn_of_smooth_kernel
+from jotlight.sensing.response import Array, light_per_intensity
+from jotlight.sensing.sensor import Sensor
 
 
 @dataclasses.dataclass(frozen=True)

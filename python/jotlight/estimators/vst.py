@@ -9,8 +9,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import _engine
-from jotlight.slabs import parts_of
+import jotlight._engine as engine
+from jotlight.chunks import parts_of
 
 NOISE = 0.5
 """Standard deviation of the noise after :func:`stabilise`."""
@@ -48,7 +48,7 @@ def stabilise(
         raise ValueError(
             f"counts: expected 0 to {bits_per_pixel}, got {values.min()} to {values.max()}"
         )
-    return _apply(_engine.stabilise, values, bits_per_pixel, threads)
+    return _apply(engine.stabilise, values, bits_per_pixel, threads)
 
 
 def invert(
@@ -92,7 +92,7 @@ def invert(
     values = np.asarray(z, np.float32)
     if np.isnan(values).any():
         raise ValueError("z: expected numbers, got NaN")
-    function = _engine.exact_inverse if inverse == "exact" else _engine.algebraic_inverse
+    function = engine.exact_inverse if inverse == "exact" else engine.algebraic_inverse
     return _apply(function, values, bits_per_pixel, threads)
 
 

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight import metrics
-from jotlight.bits import Bits
 from jotlight.errors import JotlightWarning
-from jotlight.methods import METHODS, Method
-from jotlight.sensor import Sensor
+from jotlight.evaluation.methods import METHODS, Method
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.sensor import Sensor
 
 
 @dataclasses.dataclass(frozen=True)

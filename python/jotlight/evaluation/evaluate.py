@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight import metrics
-from jotlight.network import Network
-from jotlight.sensor import Sensor
+from jotlight.networks.network import Network
+from jotlight.sensing.sensor import Sensor
 
 MEASURES = ("psnr", "snr", "ssim")
 

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.admm import admm_tv
-from jotlight.bits import Bits
-from jotlight.mle import mle
-from jotlight.mle_iterative import mle_iterative
-from jotlight.models import lacking, pretrained
-from jotlight.network import Network
-from jotlight.noniterative import noniterative
-from jotlight.sensor import Sensor
+from jotlight.estimators.admm import admm_tv
+from jotlight.estimators.mle import mle
+from jotlight.estimators.mle_iterative import mle_iterative
+from jotlight.estimators.noniterative import noniterative
+from jotlight.networks.network import Network
+from jotlight.networks.pretrained import lacking, pretrained
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.sensor import Sensor
 
 Run = Callable[..., npt.NDArray[np.float32]]
 

@@ -7,11 +7,11 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight as jl
-from jotlight.experiments.curves import Axes, Line, draw
 from jotlight.experiments.experiment import Lab, Outcome, Part, Results, Row, Update
 from jotlight.experiments.learning import Scenes, descend, learn, sensor_of
-from jotlight.experiments.section import Claim, Column, Curves, Table, Verdict
-from jotlight.models import BITS_PER_PIXEL
+from jotlight.experiments.report.curves import Axes, Line, draw
+from jotlight.experiments.report.section import Claim, Column, Curves, Table, Verdict
+from jotlight.networks.pretrained import BITS_PER_PIXEL
 from jotlight.training import GaussNewton
 
 SETTINGS = {

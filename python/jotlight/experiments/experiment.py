@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight import datasets
-from jotlight.experiments.section import Section, Value
+from jotlight.experiments.report.section import Section, Value
 
 Row = dict[str, Value]
 Image = npt.NDArray[np.float32]

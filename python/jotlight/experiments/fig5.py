@@ -7,10 +7,10 @@ import numpy.typing as npt
 
 from jotlight import datasets
 from jotlight.experiments.by_bits import verdict_of
-from jotlight.experiments.curves import Axes, Line, draw
 from jotlight.experiments.experiment import Experiment, Lab, Outcome, Part, Results, Update
 from jotlight.experiments.learning import descend
-from jotlight.experiments.section import Claim, Column, Curves, Section, Table
+from jotlight.experiments.report.curves import Axes, Line, draw
+from jotlight.experiments.report.section import Claim, Column, Curves, Section, Table
 
 SETTINGS = {
     "bits": 36,

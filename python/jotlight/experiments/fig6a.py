@@ -10,7 +10,7 @@ from jotlight import datasets
 from jotlight.experiments import by_bits
 from jotlight.experiments.experiment import Experiment, Lab, Outcome, Part, Results, Update
 from jotlight.experiments.limit import posterior_mean_psnr
-from jotlight.experiments.section import Claim, Section
+from jotlight.experiments.report.section import Claim, Section
 
 
 def parts(lab: Lab) -> list[Part]:

@@ -6,7 +6,7 @@ from typing import Any
 import jotlight as jl
 from jotlight.experiments import by_bits
 from jotlight.experiments.experiment import Experiment, Lab, Part, Results
-from jotlight.experiments.section import Claim, Section
+from jotlight.experiments.report.section import Claim, Section
 
 
 def parts(lab: Lab) -> list[Part]:

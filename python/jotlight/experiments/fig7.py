@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 import jotlight as jl
 from jotlight import plots
+from jotlight.evaluation.methods import DEEPER, METHODS
 from jotlight.experiments.by_bits import TOLERANCE
 from jotlight.experiments.experiment import (
     Experiment,
@@ -22,7 +23,7 @@ from jotlight.experiments.experiment import (
 )
 from jotlight.experiments.learning import learn, sensor_of
 from jotlight.experiments.names import ALGEBRAIC, title
-from jotlight.experiments.section import (
+from jotlight.experiments.report.section import (
     Claim,
     Column,
     Picture,
@@ -31,7 +32,6 @@ from jotlight.experiments.section import (
     Table,
     Verdict,
 )
-from jotlight.methods import DEEPER, METHODS
 
 NETWORK = "network.safetensors"
 

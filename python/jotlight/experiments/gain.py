@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 import jotlight as jl
+from jotlight.evaluation.methods import METHODS
 from jotlight.experiments import fig7
-from jotlight.experiments.curves import COLOURS, Axes, Line, draw
 from jotlight.experiments.experiment import (
     Experiment,
     Lab,
@@ -19,9 +19,9 @@ from jotlight.experiments.experiment import (
 )
 from jotlight.experiments.learning import learn, sensor_of
 from jotlight.experiments.names import ALGEBRAIC
-from jotlight.experiments.section import Column, Curves, Section, Table
-from jotlight.methods import METHODS
-from jotlight.models import BITS_PER_PIXEL, lacking
+from jotlight.experiments.report.curves import COLOURS, Axes, Line, draw
+from jotlight.experiments.report.section import Column, Curves, Section, Table
+from jotlight.networks.pretrained import BITS_PER_PIXEL, lacking
 
 SETTINGS = {
     "bits": 16,

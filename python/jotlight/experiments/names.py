@@ -1,6 +1,6 @@
 """How methods are called in tables and curves, those included that only experiments have."""
 
-from jotlight.methods import METHODS
+from jotlight.evaluation.methods import METHODS
 
 ALGEBRAIC = "noniterative-bm3d-algebraic"
 """The paper's own: BM3D with the inverse of its equation (7)."""

@@ -17,7 +17,7 @@ from typing import Any
 
 from jotlight.errors import warn
 from jotlight.experiments.experiment import Data, Experiment, Lab, Part, Results, Row
-from jotlight.experiments.section import Value
+from jotlight.experiments.report.section import Value
 from jotlight.files import written_whole
 
 Facts = dict[str, str]

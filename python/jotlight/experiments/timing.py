@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 import jotlight as jl
-from jotlight import _engine
+import jotlight._engine as engine
+from jotlight.evaluation.methods import DEEPER, METHODS
 from jotlight.experiments.experiment import (
     Experiment,
     Image,
@@ -28,8 +29,7 @@ from jotlight.experiments.experiment import (
 from jotlight.experiments.fig7 import part_of
 from jotlight.experiments.learning import sensor_of
 from jotlight.experiments.names import UNTIED, title
-from jotlight.experiments.section import Claim, Column, Section, Table, Verdict
-from jotlight.methods import DEEPER, METHODS
+from jotlight.experiments.report.section import Claim, Column, Section, Table, Verdict
 
 SETTINGS = {"bits": 16, "side": None, "rounds": 12, "seed": 0}
 
@@ -50,7 +50,7 @@ def parts(lab: Lab) -> list[Part]:
     """One: the rounds belong together."""
 
     def run(update: Update) -> Outcome:
-        if _engine.DEBUG_BUILD:
+        if engine.DEBUG_BUILD:
             raise ValueError("timing: this is a debug build of jotlight; build it with --release")
         _, images = lab.data.photographs("test", 1)
         image = part_of(images[0], lab.settings["side"])

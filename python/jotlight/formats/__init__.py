@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits
 from jotlight.errors import warn
 from jotlight.formats.arrays import npz_label, read_npy
 from jotlight.formats.capture import (
@@ -18,18 +17,19 @@ from jotlight.formats.capture import (
     packed_on_reading,
     unpacked_bits,
 )
+from jotlight.formats.compressed import gzipped_npy, zipped_npy
+from jotlight.formats.detect import FORMATS, RAW, recognise
 from jotlight.formats.hdf5 import open_hdf5
+from jotlight.formats.image_files import open_png, open_tiff
 from jotlight.formats.matlab import open_matlab
 from jotlight.formats.npy import described_bits, load_bits
-from jotlight.formats.recognise import FORMATS, RAW, recognise
 from jotlight.formats.spad512s import open_spad512s
-from jotlight.formats.stacks import open_png, open_tiff
-from jotlight.formats.streamed import gzipped_npy, zipped_npy
 from jotlight.formats.swissspad import open_swissspad
 from jotlight.formats.visionsim import open_visionsim
 from jotlight.formats.zarr import open_zarr
-from jotlight.frames import Frames
-from jotlight.source import Source
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames
+from jotlight.sensing.provenance import Source
 
 _KEYED = ("npz", "matlab", "hdf5", "zarr")
 

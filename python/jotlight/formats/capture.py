@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits
 from jotlight.errors import warn
 from jotlight.formats.description import read_counts_label
-from jotlight.formats.turning import check_turn, turned_image, turned_packed
-from jotlight.frames import Frames, parts_of_frames, range_of
-from jotlight.sensor import Sensor
-from jotlight.source import Source
+from jotlight.formats.orientation import check_turn, turned_image, turned_packed
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames, parts_of_frames, range_of
+from jotlight.sensing.provenance import Source
+from jotlight.sensing.sensor import Sensor
 
 Counts = npt.NDArray[np.int32]
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from jotlight.formats.arrays import BAD_ARCHIVE, DAMAGED, check_header, npz_names, read_npz
 from jotlight.formats.capture import check_expansion
-from jotlight.frames import Frames
+from jotlight.sensing.frames import Frames
 
 _SKIP = 1 << 20
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from jotlight.errors import warn
 from jotlight.formats.arrays import read_npy
-from jotlight.sensor import MAPS, Sensor
-from jotlight.source import Source
+from jotlight.sensing.provenance import Source
+from jotlight.sensing.sensor import MAPS, Sensor
 
 BITS = "jotlight bits"
 COUNTS = "jotlight counts"

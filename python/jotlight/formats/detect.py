@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from jotlight.formats.beginnings import beginning_of
+from jotlight.formats.magic import beginning_of
 from jotlight.formats.raw import ENDINGS as RAW_ENDINGS
 from jotlight.formats.raw import natural
 from jotlight.formats.spad512s import has_trailer, looks_sparse

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits
 from jotlight.errors import MissingExtraError, warn
 from jotlight.formats.capture import Capture, check_expansion
 from jotlight.formats.labelled import Item, capture_of, label
-from jotlight.frames import Frames, parts_of_frames
-from jotlight.source import Source
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames, parts_of_frames
+from jotlight.sensing.provenance import Source
 
 _MOST_SETS = 1000
 _MOST_CHUNK = 1 << 28

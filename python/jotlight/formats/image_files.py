@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits
 from jotlight.errors import warn
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.capture import (
@@ -21,8 +20,9 @@ from jotlight.formats.capture import (
 )
 from jotlight.formats.raw import files_of
 from jotlight.formats.tiff import tiff_file
-from jotlight.frames import Frames, joined
-from jotlight.source import Source
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames, joined
+from jotlight.sensing.provenance import Source
 
 _EXPANDED = {2: 85, 4: 17}
 """By what Pillow multiplies grey levels of so many bits, to fill eight."""

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from jotlight.bits import Bits
 from jotlight.formats.capture import Capture, as_stack, check_packed, packed_on_reading
 from jotlight.formats.description import BITS, describe, parsed
-from jotlight.frames import Frames
-from jotlight.sensor import MAPS, Sensor
-from jotlight.source import Source
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames
+from jotlight.sensing.provenance import Source
+from jotlight.sensing.sensor import MAPS, Sensor
 
 
 @dataclasses.dataclass(frozen=True)

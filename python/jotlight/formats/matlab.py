@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits
 from jotlight.errors import warn
 from jotlight.formats.capture import Capture, as_stack, check_expansion, packed_on_reading
 from jotlight.formats.hdf5 import open_file
 from jotlight.formats.mat_sizes import check_sizes
 from jotlight.formats.raw import natural
-from jotlight.frames import Frames, joined
-from jotlight.source import Source
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames, joined
+from jotlight.sensing.provenance import Source
 
 VARIABLE = "OUTPUT"
 FRAMES_PER_PART = 256

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits
 from jotlight.files import written_whole
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.capture import check_packed
@@ -22,10 +21,11 @@ from jotlight.formats.description import (
     parse_ours,
     read_description,
 )
-from jotlight.frames import Frames, parts_of_frames
-from jotlight.mapped import release
-from jotlight.sensor import Sensor
-from jotlight.source import Source
+from jotlight.memory_maps import release
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames, parts_of_frames
+from jotlight.sensing.provenance import Source
+from jotlight.sensing.sensor import Sensor
 
 
 def is_cube(array: npt.NDArray[Any]) -> bool:

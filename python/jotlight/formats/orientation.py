@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.frames import Frames, parts_of_frames
+from jotlight.sensing.frames import Frames, parts_of_frames
 
 FLIPS = ("horizontal", "vertical")
 

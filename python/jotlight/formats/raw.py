@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
-from jotlight.formats.beginnings import beginning_of
-from jotlight.formats.streamed import Stream, gunzipped, said
-from jotlight.frames import Frames, joined
+from jotlight.formats.compressed import Stream, gunzipped, said
+from jotlight.formats.magic import beginning_of
+from jotlight.sensing.frames import Frames, joined
 
 Decode = Callable[[npt.NDArray[np.uint8]], npt.NDArray[np.uint8]]
 

@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits
 from jotlight.errors import warn
+from jotlight.formats.orientation import transposed
 from jotlight.formats.raw import ENDINGS, RawFile, files_of, raw_frames
-from jotlight.formats.turning import transposed
-from jotlight.frames import Frames, joined
-from jotlight.source import Source
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames, joined
+from jotlight.sensing.provenance import Source
 
 Packed = npt.NDArray[np.uint8]
 

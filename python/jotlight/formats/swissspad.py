@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits
 from jotlight.errors import warn
 from jotlight.formats.raw import ENDINGS, files_of, raw_frames
-from jotlight.source import Source
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.provenance import Source
 
 Packed = npt.NDArray[np.uint8]
 

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits
 from jotlight.errors import warn
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.capture import packed_on_reading
 from jotlight.formats.description import inside
-from jotlight.formats.turning import transposed
-from jotlight.frames import Frames, joined, parts_of_frames
-from jotlight.mapped import release
-from jotlight.source import Source
+from jotlight.formats.orientation import transposed
+from jotlight.memory_maps import release
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames, joined, parts_of_frames
+from jotlight.sensing.provenance import Source
 
 NAME = "transforms.json"
 

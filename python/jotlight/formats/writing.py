@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits
 from jotlight.errors import warn
 from jotlight.files import written_folder, written_whole
 from jotlight.formats import spad512s, swissspad
@@ -21,9 +20,10 @@ from jotlight.formats.matlab import write_matlab
 from jotlight.formats.npy import described, save_bits
 from jotlight.formats.visionsim import write_visionsim
 from jotlight.formats.zarr import write_zarr
-from jotlight.frames import Frames, parts_of_frames
-from jotlight.sensor import Sensor
-from jotlight.source import Source
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames, parts_of_frames
+from jotlight.sensing.provenance import Source
+from jotlight.sensing.sensor import Sensor
 
 Counts = npt.NDArray[np.int32]
 

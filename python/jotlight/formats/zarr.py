@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits
 from jotlight.errors import MissingExtraError
 from jotlight.formats.capture import Capture, check_expansion
 from jotlight.formats.labelled import Item, capture_of, label
-from jotlight.frames import Frames
-from jotlight.sensor import MAPS
-from jotlight.source import Source
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames
+from jotlight.sensing.provenance import Source
+from jotlight.sensing.sensor import MAPS
 
 DESCRIPTIONS = ("zarr.json", ".zarray", ".zgroup")
 

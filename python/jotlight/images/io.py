@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.exr import check_exr, write_exr
+from jotlight.checks import luma
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.capture import check_expansion
 from jotlight.formats.tiff import tiff_file
-from jotlight.image import luma
+from jotlight.images.exr import check_exr, write_exr
 
 Picture = npt.NDArray[np.floating[Any]]
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from jotlight.errors import warn
 from jotlight.formats.arrays import read_npy, read_npz
-from jotlight.pictures import read_picture
+from jotlight.images.io import read_picture
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".npy")
 """Of the files in a folder that are taken for pictures."""

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits
 from jotlight.errors import MissingExtraError
 from jotlight.files import written_folder, written_whole
-from jotlight.pictures import Picture, picture_writer
-from jotlight.tone import Tone
+from jotlight.images.io import Picture, picture_writer
+from jotlight.images.tone import Tone
+from jotlight.sensing.bits import Bits
 
 Add = Callable[[npt.NDArray[np.float32]], None]
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.layer import Layer
+from jotlight.networks.layer import Layer
 
 Array = npt.NDArray[np.float32]
 Function = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]]

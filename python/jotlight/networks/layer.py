@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import _engine
+import jotlight._engine as engine
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -146,9 +146,9 @@ class Layer:
         return filters, coefficients, self.start, self.spacing, wiring
 
     @functools.cached_property
-    def prepared(self) -> _engine.Layer:
+    def prepared(self) -> engine.Layer:
         """The layer in the engine, which brings its filters into order once."""
-        return _engine.Layer(self.for_engine(self.filters, self.coefficients))
+        return engine.Layer(self.for_engine(self.filters, self.coefficients))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Leave out what the engine made, for `pickle` and `copy`."""

@@ -12,18 +12,18 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import _engine
-from jotlight.bits import Bits, check_fits
-from jotlight.channels import by_channel
-from jotlight.deep import MEMBERS, Member, deeper, told
-from jotlight.fill import fill_blind
-from jotlight.layer import Layer, halo_of, number_of_sets, shares_of, step_of, work_of
-from jotlight.mle import equivalent_counts, from_probability, reference_jot
-from jotlight.observation import Observation, observe
-from jotlight.sensor import Sensor
-from jotlight.slabs import parts_of, slabs_of
+import jotlight._engine as engine
+from jotlight.chunks import parts_of, slabs_of
+from jotlight.estimators.inpaint import fill_blind
+from jotlight.estimators.mle import equivalent_counts, from_probability, reference_jot
+from jotlight.networks.architectures import MEMBERS, Member, deeper, told
+from jotlight.networks.layer import Layer, halo_of, number_of_sets, shares_of, step_of, work_of
+from jotlight.networks.two_layer import two_layers
+from jotlight.sensing.bits import Bits, check_fits
+from jotlight.sensing.channels import by_channel
+from jotlight.sensing.pixel_counts import Observation, observe
+from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import read_tensors, write_tensors
-from jotlight.two_layer import two_layers
 
 _FORMAT = "jotlight network"
 _VERSION = "2"
@@ -150,7 +150,7 @@ class Network:
         sensor : Sensor
             The sensor; maps enter by their medians.
         member : {"small", "medium", "large"}
-            How many layers and channels: :data:`jotlight.deep.MEMBERS`.
+            How many layers and channels: :data:`jotlight.networks.architectures.MEMBERS`.
         rng : int, optional
             The seed of the filters. Default: a new one.
         """
@@ -176,7 +176,7 @@ class Network:
         Parameters
         ----------
         member : {"small", "medium", "large"}
-            How many layers and channels: :data:`jotlight.deep.MEMBERS`.
+            How many layers and channels: :data:`jotlight.networks.architectures.MEMBERS`.
         bits : (int, int)
             The least and the most bits per pixel.
         rng : int, optional
@@ -298,12 +298,12 @@ class Network:
                 counts = part.counts(side, threads=threads)
             else:
                 counts = data[rows]
-            return _engine.forward_counts(self._layers, counts, sums, threads)
+            return engine.forward_counts(self._layers, counts, sums, threads)
 
         return self._in_parts(shape, of_rows)
 
     @property
-    def _layers(self) -> list[_engine.Layer]:
+    def _layers(self) -> list[engine.Layer]:
         return [layer.prepared for layer in self.layers]
 
     def _of_jots(
@@ -332,13 +332,13 @@ class Network:
         if mask is None or not mask.any():
             return self._in_parts(
                 (height, width),
-                lambda rows: _engine.forward_bits(self._layers, jots(rows), data.width, threads),
+                lambda rows: engine.forward_bits(self._layers, jots(rows), data.width, threads),
             )
         valid = np.packbits(~mask, axis=1)
         sums = np.empty((len(filters), height, width), np.float32)
         for _, part in slabs_of(1, height, width * filters.size):
             rows = slice(part.start, part.stop)
-            sums[:, rows] = _engine.masked_sums(
+            sums[:, rows] = engine.masked_sums(
                 self.layers[0].prepared,
                 jots(rows),
                 data.width,
@@ -356,7 +356,7 @@ class Network:
     ) -> npt.NDArray[np.float32]:
         """The picture from p, (C, H, W)."""
         return self._in_parts(
-            sums.shape[1:], lambda rows: _engine.forward(self._layers, sums[:, rows], threads)
+            sums.shape[1:], lambda rows: engine.forward(self._layers, sums[:, rows], threads)
         )
 
     def _in_parts(
@@ -364,14 +364,14 @@ class Network:
     ) -> npt.NDArray[np.float32]:
         """The picture, some rows at a time, each with the rows around it that it is made of."""
         height, width = shape
-        top, bottom = _engine.rows_needed(self._layers, height, (height // 2, height // 2 + 1))
+        top, bottom = engine.rows_needed(self._layers, height, (height // 2, height // 2 + 1))
         rows = max(8 * (bottom - top), int(_WORK / (work_of(self.layers) * width)))
         if rows >= height:
             return of_rows(slice(0, height))
         picture = np.empty((height, width), np.float32)
         for start in range(0, height, rows):
             stop = min(start + rows, height)
-            top, bottom = _engine.rows_needed(self._layers, height, (start, stop))
+            top, bottom = engine.rows_needed(self._layers, height, (start, stop))
             part = of_rows(slice(top, bottom))
             picture[start:stop] = part[start - top : stop - top]
         return picture

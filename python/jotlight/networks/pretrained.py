@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from jotlight.mle import reference_jot
-from jotlight.network import Network
-from jotlight.sensor import Sensor
+from jotlight.estimators.mle import reference_jot
+from jotlight.networks.network import Network
+from jotlight.sensing.sensor import Sensor
 
 BITS_PER_PIXEL = tuple(side**2 for side in range(3, 11))
 """K of the qualities "fast" and "small". All have α = K, q = 1, S = 1 and the box kernel."""
@@ -15,7 +15,7 @@ LARGE_BITS_PER_PIXEL = (16,)
 QUALITIES = "fast", "small", "medium", "large"
 """The two-layer network of the paper, and deeper members of its family, each slower and better."""
 
-FOLDER = Path(__file__).parent
+FOLDER = Path(__file__).parent / "weights"
 """Where they are: `k16.safetensors`, say, with its card `k16.md`."""
 
 MOST_BITS = 256

@@ -6,11 +6,11 @@ import operator
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import vst
-from jotlight.deep import fitted, gaussian
-from jotlight.layer import Layer
-from jotlight.mle import from_probability
-from jotlight.sensor import Sensor
+from jotlight.estimators import vst
+from jotlight.estimators.mle import from_probability
+from jotlight.networks.architectures import fitted, gaussian
+from jotlight.networks.layer import Layer
+from jotlight.sensing.sensor import Sensor
 
 
 def two_layers(

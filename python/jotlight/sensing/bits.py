@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import _engine
-from jotlight.frames import Frames, range_of
-from jotlight.image import refuse_masked
-from jotlight.mapped import release
-from jotlight.slabs import COUNTED, slabs_of
-from jotlight.source import Source
+import jotlight._engine as engine
+from jotlight.checks import refuse_masked
+from jotlight.chunks import COUNTED, slabs_of
+from jotlight.memory_maps import release
+from jotlight.sensing.frames import Frames, range_of
+from jotlight.sensing.provenance import Source
 
 if TYPE_CHECKING:
-    from jotlight.sensor import Sensor
+    from jotlight.sensing.sensor import Sensor
 
 
 class Bits:
@@ -26,13 +26,13 @@ class Bits:
     ----------
     packed : ndarray of uint8 or Frames, shape (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C)
         The layout of ``numpy.packbits`` along the width, most significant bit first, as photon
-        cubes have it. May be a memory map, or :class:`jotlight.frames.Frames` that are read from
+        cubes have it. May be a memory map, or :class:`jotlight.sensing.frames.Frames` that are read from
         files as they are needed; it is never unpacked whole.
     width : int, optional
         The true width W in jots. Default: ``8 * packed.shape[2]``.
     sensor : Sensor, optional
         What made the bits, where it is known.
-    source : jotlight.source.Source, optional
+    source : jotlight.sensing.provenance.Source, optional
         The file they are from and what was assumed of it, which :func:`jotlight.open` tells.
 
     Raises
@@ -186,7 +186,7 @@ class Bits:
             # Read once for all channels, where it comes from files.
             part = self.packed[f.start : f.stop, jots]
             for channel, plane in enumerate(planes):
-                _engine.add_block_counts(
+                engine.add_block_counts(
                     part[..., channel] if channels else part,
                     width,
                     oversampling,

@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits
-from jotlight.observation import as_counts
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.pixel_counts import as_counts
 
 Picture = npt.NDArray[np.float32]
 

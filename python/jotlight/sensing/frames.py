@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.mapped import release
+from jotlight.memory_maps import release
 
 _PART = 1 << 23
 """Bytes of frames that are read at once."""

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import _engine
-from jotlight.image import refuse_masked
-from jotlight.operators import Operator
-from jotlight.slabs import parts_of
+import jotlight._engine as engine
+from jotlight.checks import refuse_masked
+from jotlight.chunks import parts_of
+from jotlight.sensing.operators import Operator
 
 Array = npt.NDArray[np.float64]
 
@@ -104,7 +104,7 @@ class Likelihood:
         """ℓ, in nats, at the light s of all cells."""
         flat = self._light(light).reshape(-1)
         return sum(
-            _engine.log_likelihood(self._seen(part), flat[part], self._threads)
+            engine.log_likelihood(self._seen(part), flat[part], self._threads)
             for part in parts_of(flat.size, _AT_ONCE)
         )
 
@@ -113,7 +113,7 @@ class Likelihood:
         flat = self._light(light).reshape(-1)
         gradient, curvature = np.empty(flat.size), np.empty(flat.size)
         for part in parts_of(flat.size, _AT_ONCE):
-            _engine.likelihood_slopes(
+            engine.likelihood_slopes(
                 self._seen(part), flat[part], gradient[part], curvature[part], self._threads
             )
         return gradient.reshape(self.shape), curvature.reshape(self.shape)
@@ -132,7 +132,7 @@ class Likelihood:
         flat = self._light(light).reshape(-1)
         information = np.empty(flat.size)
         for part in parts_of(flat.size, _AT_ONCE):
-            _engine.likelihood_information(
+            engine.likelihood_information(
                 self._seen(part), flat[part], information[part], self._threads
             )
         return information.reshape(self.shape)
@@ -164,7 +164,7 @@ class Likelihood:
             raise ValueError("point: expected numbers, got NaN")
         start = flat.copy() if guess is None else self._light(guess, "guess").reshape(-1)
         for part in parts_of(flat.size, _AT_ONCE):
-            _engine.likelihood_proximal(
+            engine.likelihood_proximal(
                 self._seen(part), penalty, most, start[part], flat[part], self._threads
             )
         return flat.reshape(self.shape)
@@ -175,7 +175,7 @@ class Likelihood:
         """Make a step of ADMM, (penalty, relaxation), on x and its dual; give ‖light - x‖²."""
         x, dual = x.reshape(-1), dual.reshape(-1)
         return sum(
-            _engine.likelihood_split(
+            engine.likelihood_split(
                 self._seen(part), step, most, light[part], x[part], dual[part], self._threads
             )
             for part in parts_of(x.size, _AT_ONCE)
@@ -214,7 +214,7 @@ class Problem:
     ----------
     operator : Operator
         A, from the image to the light of the likelihood's cells, without negative entries;
-        :func:`jotlight.operators.spread` or one of your own.
+        :func:`jotlight.sensing.operators.spread` or one of your own.
     likelihood : Likelihood
         Of what the cells saw.
     max_intensity : float
@@ -264,7 +264,7 @@ class Problem:
         seen = self.likelihood
         trials = np.broadcast_to(np.asarray(seen.trials, np.float64), seen.shape)
         share = float(seen.ones.sum() / max(trials.sum(), 1.0))
-        rate = _engine.threshold_rate(int(seen.threshold), share)
+        rate = engine.threshold_rate(int(seen.threshold), share)
         if not trials.any():
             trials = np.ones(seen.shape)
         dark = np.average(np.broadcast_to(seen.dark_counts, seen.shape), weights=trials)

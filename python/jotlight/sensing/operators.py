@@ -12,9 +12,9 @@ from operator import index
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import _engine
+import jotlight._engine as engine
 from jotlight.seeds import SeedLike
-from jotlight.sensor import KERNELS
+from jotlight.sensing.sensor import KERNELS
 
 Array = npt.NDArray[np.float64]
 Function = Callable[[Array], Array]
@@ -168,20 +168,20 @@ def spread(
     def forward(image: Array) -> Array:
         out = np.empty(jots)
         plane = _fitting("image", image, shape).reshape(pixels)
-        _engine.spread_forward(description, plane, out, threads)
+        engine.spread_forward(description, plane, out, threads)
         return out.reshape(output_shape)
 
     def adjoint(light: Array) -> Array:
         out = np.empty(pixels)
         plane = _fitting("jots", light, output_shape).reshape(jots)
-        _engine.spread_adjoint(description, plane, out, threads)
+        engine.spread_adjoint(description, plane, out, threads)
         return out.reshape(shape)
 
     def normal(weights: Array, image: Array) -> Array:
         out = np.empty(pixels)
         plane = _fitting("image", image, shape).reshape(pixels)
         weights = _fitting("weights", weights, output_shape).reshape(jots)
-        _engine.spread_normal(description, weights, plane, out, threads)
+        engine.spread_normal(description, weights, plane, out, threads)
         return out.reshape(shape)
 
     return Spread(
@@ -215,7 +215,7 @@ def differences(shape: Sequence[int], *, threads: int | None = None) -> Operator
 
     def forward(image: Array) -> Array:
         out = np.empty((2, *pixels))
-        _engine.differences(_fitting("image", image, shape).reshape(pixels), out, threads)
+        engine.differences(_fitting("image", image, shape).reshape(pixels), out, threads)
         return out if len(shape) == 2 else out[1]
 
     def adjoint(planes: Array) -> Array:
@@ -223,7 +223,7 @@ def differences(shape: Sequence[int], *, threads: int | None = None) -> Operator
         if len(shape) == 1:
             planes = np.stack([np.zeros_like(planes), planes])
         out = np.empty(pixels)
-        _engine.differences_adjoint(planes, out, threads)
+        engine.differences_adjoint(planes, out, threads)
         return out.reshape(shape)
 
     return Operator(forward, adjoint, shape, output_shape)

@@ -5,10 +5,10 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.bits import Bits, check_fits
+from jotlight.checks import refuse_masked
 from jotlight.errors import warn
-from jotlight.image import refuse_masked
-from jotlight.sensor import Sensor
+from jotlight.sensing.bits import Bits, check_fits
+from jotlight.sensing.sensor import Sensor
 
 
 @dataclasses.dataclass(frozen=True)

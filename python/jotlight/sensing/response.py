@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.sensor import Sensor
+from jotlight.sensing.sensor import Sensor
 
 Array = npt.NDArray[np.float64]
 

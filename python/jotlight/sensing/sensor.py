@@ -8,12 +8,12 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import _engine
-from jotlight.bits import Bits
-from jotlight.image import as_image
-from jotlight.mapped import release
+import jotlight._engine as engine
+from jotlight.checks import as_image
+from jotlight.chunks import slabs_of
+from jotlight.memory_maps import release
 from jotlight.seeds import SeedLike, seed_bytes
-from jotlight.slabs import slabs_of
+from jotlight.sensing.bits import Bits
 
 MAPS = ("dark_counts", "efficiency", "mask")
 """The parameters of a sensor that may have a value for each jot."""
@@ -154,7 +154,7 @@ class Sensor:
         array([[0.375, 0.375],
                [0.375, 0.375]], dtype=float32)
         """
-        return self._jot_map(_engine.rate, image, threads)
+        return self._jot_map(engine.rate, image, threads)
 
     def probability(
         self, image: npt.ArrayLike, *, threads: int | None = None
@@ -166,7 +166,7 @@ class Sensor:
         >>> np.allclose(Sensor().probability(np.ones((1, 1))), 1 - np.exp(-1))
         True
         """
-        return self._jot_map(_engine.probability, image, threads)
+        return self._jot_map(engine.probability, image, threads)
 
     def expose(
         self,
@@ -261,7 +261,7 @@ class Sensor:
             for index, (f, r) in enumerate(slabs):
                 jots = slice(r.start * self.oversampling, r.stop * self.oversampling)
                 part = packed[f.start : f.stop, jots]
-                _engine.expose(
+                engine.expose(
                     description,
                     plane,
                     seed,

@@ -10,10 +10,10 @@ import torch
 from torch import Tensor
 
 import jotlight
-from jotlight import response
-from jotlight.mle import equivalent_counts, reference_jot
-from jotlight.observation import Observation
-from jotlight.sensor import Sensor
+from jotlight.estimators.mle import equivalent_counts, reference_jot
+from jotlight.sensing import response
+from jotlight.sensing.pixel_counts import Observation
+from jotlight.sensing.sensor import Sensor
 from jotlight.torch.response import fires
 
 Whole = npt.NDArray[np.int64]

@@ -11,9 +11,9 @@ from deepinv.physics import Physics
 from torch import Tensor
 
 import jotlight
-from jotlight.likelihood import Likelihood
-from jotlight.mle import mle
-from jotlight.sensor import Sensor
+from jotlight.estimators.mle import mle
+from jotlight.sensing.likelihood import Likelihood
+from jotlight.sensing.sensor import Sensor
 from jotlight.torch.network import Network
 from jotlight.torch.sensing import Sensing
 

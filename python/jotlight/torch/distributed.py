@@ -10,7 +10,7 @@ import torch
 import torch.distributed as group
 from torch import Tensor
 
-from jotlight.training.checks import at_least
+from jotlight.checks import at_least
 
 _LETTING_GO = 0.2
 """Seconds."""

@@ -13,20 +13,20 @@ import torch
 from torch import Tensor
 
 import jotlight
-from jotlight.bits import Bits
-from jotlight.channels import channels_of
-from jotlight.observation import Observation, observe
-from jotlight.sensor import Sensor
-from jotlight.torch.course import Course
+from jotlight.checks import above_0, at_least
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.channels import channels_of
+from jotlight.sensing.pixel_counts import Observation, observe
+from jotlight.sensing.sensor import Sensor
+from jotlight.torch.bit_splitting import Splits, check_kernel
+from jotlight.torch.distributed import Processes, place, together, with_threads
 from jotlight.torch.network import Network
-from jotlight.torch.processes import Processes, place, together, with_threads
-from jotlight.torch.splitting import Splits, check_kernel
+from jotlight.torch.trainer import Course
 from jotlight.training.checkpoint import Checkpoint
-from jotlight.training.checks import above_0, at_least
-from jotlight.training.examples import fingerprint
 from jotlight.training.history import History, Record
 from jotlight.training.loop import fingerprint_of
-from jotlight.training.optimisers import State
+from jotlight.training.optimizers import State
+from jotlight.training.patches import fingerprint
 
 STEPS = 500
 BATCH, PATCH = 16, 48

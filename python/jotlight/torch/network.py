@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 import jotlight
-from jotlight.layer import Layer, number_of_sets, shares_of, sources, step_of
+from jotlight.networks.layer import Layer, number_of_sets, shares_of, sources, step_of
 from jotlight.torch.spline import spline
 
 

@@ -9,10 +9,10 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from jotlight.network import Network
-from jotlight.sensor import Sensor
+from jotlight.networks.network import Network
+from jotlight.sensing.sensor import Sensor
 from jotlight.torch.network import Network as Module
-from jotlight.training.examples import Scenes, Source, made_scenes
+from jotlight.training.patches import Scenes, Source, made_scenes
 
 FLUX = 0.02, 3.0
 """Photons per jot and frame, in the mean of an image, that a network for many K is for."""

@@ -4,8 +4,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from jotlight import _engine
-from jotlight.sensor import KERNELS, Sensor
+import jotlight._engine as engine
+from jotlight.sensing.sensor import KERNELS, Sensor
 from jotlight.torch.network import continued
 from jotlight.torch.response import fires, logarithms
 
@@ -58,7 +58,7 @@ class Sensing(nn.Module):
                 raise ValueError(f"{name}: expected one of {', '.join(known)}, got {value!r}")
         self.sensor, self.output, self.gradient = sensor, output, gradient
         degree = KERNELS.index(sensor.kernel)
-        self._degree, self._taps = degree, _engine.kernel_taps(degree, sensor.oversampling)
+        self._degree, self._taps = degree, engine.kernel_taps(degree, sensor.oversampling)
         maps = sensor.maps()
         for name, map_ in maps.items():
             self.register_buffer(name, torch.from_numpy(map_.astype("float32")), persistent=False)

@@ -9,11 +9,11 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from jotlight.torch.distributed import Processes
 from jotlight.torch.network import Network
-from jotlight.torch.processes import Processes
 from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.history import History, Record
-from jotlight.training.optimisers import State
+from jotlight.training.optimizers import State
 from jotlight.training.parameters import Vector
 
 _CLIP = 0.1

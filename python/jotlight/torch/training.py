@@ -11,13 +11,15 @@ from torch import Tensor
 
 import jotlight
 from jotlight import metrics
-from jotlight.sensor import Sensor
-from jotlight.torch.course import Course
-from jotlight.torch.examples import Patches
+from jotlight.checks import above_0, at_least
+from jotlight.sensing.sensor import Sensor
+from jotlight.torch.distributed import Processes, place, together, with_threads
 from jotlight.torch.network import Network
-from jotlight.torch.processes import Processes, place, together, with_threads
-from jotlight.training.checks import above_0, at_least
-from jotlight.training.examples import (
+from jotlight.torch.patches import Patches
+from jotlight.torch.trainer import Course
+from jotlight.training.history import History, Record
+from jotlight.training.loop import Images, fingerprint_of
+from jotlight.training.patches import (
     Scenes,
     Source,
     checked_scenes,
@@ -26,8 +28,6 @@ from jotlight.training.examples import (
     sensor_of_patches,
     side_of_patches,
 )
-from jotlight.training.history import History, Record
-from jotlight.training.loop import Images, fingerprint_of
 
 STEPS = 20_000
 BATCH, PATCH = 16, 48

@@ -4,7 +4,7 @@ from jotlight.training.admissible import AdmissibleSet, SafeSet
 from jotlight.training.cost import Cost
 from jotlight.training.history import History, Record
 from jotlight.training.loop import train
-from jotlight.training.optimisers import (
+from jotlight.training.optimizers import (
     OPTIMISERS,
     Adam,
     GaussNewton,

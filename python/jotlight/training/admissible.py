@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from jotlight.network import Network
+from jotlight.networks.network import Network
 from jotlight.training.parameters import Vector, parts_of
 
 
@@ -47,7 +47,7 @@ class SafeSet:
 
     Notes
     -----
-    The paper does not say what its 𝒜 is. `docs/theory.md` has the proof. That the sums of taps are
+    The paper does not say what its 𝒜 is. `docs/theory/learning.md` has the proof. That the sums of taps are
     fixed takes nothing away from filters whose sum is above 0, since the spline that follows can
     stretch its range instead.
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from jotlight.tensors import read_tensors, write_tensors
 from jotlight.training.history import History
-from jotlight.training.optimisers import State
+from jotlight.training.optimizers import State
 from jotlight.training.parameters import Vector
 
 _FORMAT = "jotlight checkpoint"

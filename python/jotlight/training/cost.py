@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import _engine
-from jotlight.network import Network
+import jotlight._engine as engine
+from jotlight.networks.network import Network
 from jotlight.training.admissible import AdmissibleSet
-from jotlight.training.examples import Examples
 from jotlight.training.parameters import Vector, engine_layers
+from jotlight.training.patches import Examples
 
 _LARGE = 96
 """Pixels: the side of a patch past which JᵀJ looks at a part of it."""
@@ -42,12 +42,12 @@ class Cost:
 
     def value(self, vector: Vector) -> float:
         """Give ε."""
-        errors, _ = _engine.errors(self._layers(vector), self._batch, self._threads)
+        errors, _ = engine.errors(self._layers(vector), self._batch, self._threads)
         return 0.5 * float(errors.mean())
 
     def gradient(self, vector: Vector) -> tuple[float, Vector]:
         """Give ε and ∇ε: equations (14) to (19)."""
-        (errors, _), gradient = _engine.gradient(self._layers(vector), self._batch, self._threads)
+        (errors, _), gradient = engine.gradient(self._layers(vector), self._batch, self._threads)
         return 0.5 * float(errors.mean()), gradient
 
     def normal_equations(self, vector: Vector) -> tuple[float, Vector, npt.NDArray[np.float64]]:
@@ -58,9 +58,9 @@ class Cost:
         brought to the size of all.
         """
         layers = self._layers(vector)
-        (errors, pixels), gradient = _engine.gradient(layers, self._batch, self._threads)
+        (errors, pixels), gradient = engine.gradient(layers, self._batch, self._threads)
         part = {**self._batch, "patches": self._cut_patches()}
-        (_, few), _, matrix = _engine.normal_equations(layers, part, self._threads)
+        (_, few), _, matrix = engine.normal_equations(layers, part, self._threads)
         scale = pixels.mean() / max(few.mean(), 1)
         return 0.5 * float(errors.mean()), gradient, scale * matrix
 
@@ -87,5 +87,5 @@ def mean_psnr(
     network: Network, vector: Vector, images: dict[str, Any], threads: int | None
 ) -> float:
     """Mean PSNR in dB, for a peak of 1, of the images of :meth:`Examples.every`."""
-    errors, pixels = _engine.errors(engine_layers(network, vector), images, threads)
+    errors, pixels = engine.errors(engine_layers(network, vector), images, threads)
     return float(np.mean(10 * np.log10(pixels / np.maximum(errors, 1e-300))))

@@ -11,14 +11,17 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.layer import chained
-from jotlight.network import Network
-from jotlight.sensor import Sensor
+from jotlight.checks import at_least
+from jotlight.networks.layer import chained
+from jotlight.networks.network import Network
+from jotlight.sensing.sensor import Sensor
 from jotlight.training.admissible import AdmissibleSet, SafeSet
 from jotlight.training.checkpoint import Checkpoint
-from jotlight.training.checks import at_least
 from jotlight.training.cost import Cost, mean_psnr
-from jotlight.training.examples import (
+from jotlight.training.history import History, Record
+from jotlight.training.optimizers import OPTIMISERS, Optimiser, Step
+from jotlight.training.parameters import Vector, network_of, vector_of
+from jotlight.training.patches import (
     Examples,
     Scenes,
     Source,
@@ -27,9 +30,6 @@ from jotlight.training.examples import (
     sensor_of_patches,
     side_of_patches,
 )
-from jotlight.training.history import History, Record
-from jotlight.training.optimisers import OPTIMISERS, Optimiser, Step
-from jotlight.training.parameters import Vector, network_of, vector_of
 
 Images = npt.NDArray[np.floating] | Sequence[npt.ArrayLike] | Source
 

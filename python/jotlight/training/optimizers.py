@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.network import Network
+from jotlight.networks.network import Network
 from jotlight.training.cost import Cost
 from jotlight.training.parameters import Vector, parts_of
 

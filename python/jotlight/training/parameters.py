@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.network import Network
+from jotlight.networks.network import Network
 
 Vector = npt.NDArray[np.float64]
 

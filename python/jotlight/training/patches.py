@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.image import as_image
-from jotlight.mle import reference_jot
+from jotlight.checks import as_image
+from jotlight.estimators.mle import reference_jot
 from jotlight.seeds import seed_bytes
-from jotlight.sensor import Sensor
+from jotlight.sensing.sensor import Sensor
 
 Stack = npt.NDArray[np.float32]
 Scenes = Stack | list[Stack]

@@ -7,7 +7,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from PIL import Image
 
-from jotlight.experiments.section import (
+from jotlight.experiments.report.section import (
     Claim,
     Column,
     Curves,

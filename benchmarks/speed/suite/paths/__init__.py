@@ -2,7 +2,7 @@
 
 from functools import partial
 
-from jotlight.deep import MEMBERS
+from jotlight.networks.architectures import MEMBERS
 from suite.paths import (
     counting,
     deep,

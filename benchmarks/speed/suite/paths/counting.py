@@ -71,7 +71,7 @@ def unpack_and_sum(packed: np.ndarray) -> np.ndarray:
 
 def means(package: Any, path: Path, frames: int, folder: Path) -> Callable[[], None]:
     """photoncube's means, after a look at whether they are those of our counts."""
-    from jotlight.pictures import read_picture
+    from jotlight.images.io import read_picture
 
     cube = package.PhotonCube.open(str(path))
     cube.set_range(0, None, frames)

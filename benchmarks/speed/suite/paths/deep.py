@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 import jotlight as jl
-from jotlight.layer import scales
-from jotlight.mle import from_probability
+from jotlight.estimators.mle import from_probability
+from jotlight.networks.layer import scales
 from suite.case import CannotRunError, Case, Rival, largest
 from suite.paths.reconstruction import BM3D, COMPILED, TORCH, noniterative
 from suite.paths.scene import HEIGHT, PIXELS, SENSOR, WIDTH, bits

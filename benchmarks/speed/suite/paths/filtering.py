@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 import jotlight as jl
-from jotlight import _engine
+import jotlight._engine as engine
 from suite.case import Case, Rival, largest
 from suite.paths.scene import HEIGHT, PIXELS, WIDTH
 
@@ -52,7 +52,7 @@ def cases(quick: bool) -> Iterator[Case]:
 def forward(image: np.ndarray, taps: np.ndarray) -> Callable[[int], np.ndarray]:
     layers = [same_again(np.ones((1, 1), np.float32)), same_again(taps)]
     prepared = [layer.prepared for layer in layers]
-    return lambda threads: _engine.forward(prepared, image[None], threads)
+    return lambda threads: engine.forward(prepared, image[None], threads)
 
 
 def same_again(taps: np.ndarray) -> jl.Layer:

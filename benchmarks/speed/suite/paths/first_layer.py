@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 import jotlight as jl
-from jotlight import _engine
 from suite.case import Case, Rival, largest
 from suite.paths.scene import HEIGHT, PIXELS, SENSOR, WIDTH, bits, unpacked, untied
 
@@ -22,7 +21,7 @@ def cases(quick: bool) -> Iterator[Case]:
 
     def ours(threads: int) -> np.ndarray:
         packed, width = bits().packed, bits().width
-        return _engine.forward_bits(engine, packed, width, threads)[None]
+        return engine.forward_bits(engine, packed, width, threads)[None]
 
     def numpy_sums() -> np.ndarray:
         blocks = unpacked(bits()).reshape(HEIGHT, side, WIDTH, side).astype(np.float32)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 import jotlight as jl
-from jotlight import _engine
+import jotlight._engine as engine
 from suite.case import Case, Rival, largest
 from suite.paths.scene import SENSOR
 
@@ -28,7 +28,7 @@ def cases(quick: bool) -> Iterator[Case]:
         f"{side} numbers.",
         items=side**2,
         unit="numbers",
-        ours=lambda threads: _engine.forward([layer.prepared], z[None], threads),
+        ours=lambda threads: engine.forward([layer.prepared], z[None], threads),
         rivals=[
             Rival("NumPy", lambda _: lambda: of_numpy(layer, z)),
             Rival(

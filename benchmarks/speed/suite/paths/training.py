@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 import jotlight as jl
-from jotlight import _engine
+import jotlight._engine as engine
 from jotlight.training.cost import Cost
-from jotlight.training.examples import Examples
 from jotlight.training.parameters import vector_of
+from jotlight.training.patches import Examples
 from suite.case import Case, Rival
 from suite.paths.filtering import TAPS
 from suite.paths.sampling import SLOTS as DRAWING
@@ -82,7 +82,7 @@ def counted(batch: dict[str, Any], scenes: np.ndarray) -> np.ndarray:
     for index, scene in enumerate(scenes):
         packed = np.empty((1, jots, jots // 8), np.uint8)
         frames, pixels = (index, index + 1), (0, SIDE)
-        _engine.expose(sensor, scene, batch["seed"], 0, frames, pixels, pixels, packed, None)
+        engine.expose(sensor, scene, batch["seed"], 0, frames, pixels, pixels, packed, None)
         counts[index] = jl.Bits(packed, jots).counts(SENSOR.oversampling)
     return counts
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from jotlight.experiments.section import Claim, Report, Section, Table
+from jotlight.experiments.report.section import Claim, Report, Section, Table
 
 _MOST_ROWS = 20
 """Of a table that is shown; longer ones are in the CSV."""

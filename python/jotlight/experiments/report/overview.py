@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from jotlight.experiments.curves import COLOURS, Axes, Line, draw
+from jotlight.evaluation.methods import METHODS
 from jotlight.experiments.experiment import Results
-from jotlight.experiments.section import Column, Curves, Section, Table
-from jotlight.methods import METHODS
+from jotlight.experiments.report.curves import COLOURS, Axes, Line, draw
+from jotlight.experiments.report.section import Column, Curves, Section, Table
 
 
 def section(results: Mapping[str, Results]) -> Section | None:

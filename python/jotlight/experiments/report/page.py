@@ -9,8 +9,16 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from jotlight.experiments.curves import INK, QUIET
-from jotlight.experiments.section import Curves, Picture, Report, Scene, Section, Table, Value
+from jotlight.experiments.report.curves import INK, QUIET
+from jotlight.experiments.report.section import (
+    Curves,
+    Picture,
+    Report,
+    Scene,
+    Section,
+    Table,
+    Value,
+)
 
 _LONG = 15
 """Rows; a table with more is folded up at first."""

@@ -8,13 +8,14 @@ from pathlib import Path
 
 from jotlight import plots
 from jotlight.errors import warn
-from jotlight.experiments import EXPERIMENTS, overview, running
+from jotlight.experiments import EXPERIMENTS, running
 from jotlight.experiments.experiment import Results
 from jotlight.experiments.fig7 import decoded
-from jotlight.experiments.markdown import markdown
-from jotlight.experiments.page import page
+from jotlight.experiments.report import overview
+from jotlight.experiments.report.markdown import markdown
+from jotlight.experiments.report.page import page
+from jotlight.experiments.report.section import Report, Scene, Section
 from jotlight.experiments.running import Folder
-from jotlight.experiments.section import Report, Scene, Section
 from jotlight.files import written_whole
 
 TITLE = "The paper, reproduced"
