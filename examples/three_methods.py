@@ -7,7 +7,7 @@ import argparse
 from pathlib import Path
 
 import jotlight as jl
-from jotlight.images.io import picture_writer
+from jotlight.images.io import image_writer
 
 
 def main() -> None:
@@ -26,7 +26,7 @@ def main() -> None:
         "network": jl.pretrained(sensor).reconstruct(bits),
     }.items():
         path = Path(f"coffee-{name}.png")
-        picture_writer(path)(path, estimate)
+        image_writer(path)(path, estimate)
         print(
             f"{path}: {jl.metrics.psnr(estimate, image):.2f} dB, "
             f"SSIM {jl.metrics.ssim(estimate, image):.3f}"

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from jotlight.files import written_folder, written_whole
+from jotlight.files import atomic_folder, atomic_write
 
 
 def names(folder):
@@ -17,7 +17,7 @@ def permissions(path):
 
 def test_the_file_appears_when_the_block_ends_and_not_before(tmp_path):
     path = tmp_path / "note.txt"
-    with written_whole(path) as temporary:
+    with atomic_write(path) as temporary:
         temporary.write_text("all")
         assert not path.exists()
         assert (temporary.parent, temporary.suffix) == (tmp_path, ".txt")
@@ -27,7 +27,7 @@ def test_the_file_appears_when_the_block_ends_and_not_before(tmp_path):
 
 def test_a_path_may_be_a_string_in_the_current_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with written_whole("note.txt") as temporary:
+    with atomic_write("note.txt") as temporary:
         temporary.write_text("all")
     assert (tmp_path / "note.txt").read_text() == "all"
 
@@ -40,7 +40,7 @@ def test_an_interrupted_block_leaves_what_was_there(tmp_path, error, before):
         path.write_text(before)
 
     def interrupted():
-        with written_whole(path) as temporary:
+        with atomic_write(path) as temporary:
             temporary.write_text("half")
             raise error
 
@@ -53,7 +53,7 @@ def test_an_interrupted_block_leaves_what_was_there(tmp_path, error, before):
 def test_an_old_file_is_whole_until_the_block_ends(tmp_path):
     path = tmp_path / "note.txt"
     path.write_text("old")
-    with written_whole(path) as temporary:
+    with atomic_write(path) as temporary:
         temporary.write_text("new")
         assert path.read_text() == "old"
     assert path.read_text() == "new"
@@ -62,7 +62,7 @@ def test_an_old_file_is_whole_until_the_block_ends(tmp_path):
 def test_a_temporary_file_that_was_removed_is_an_error_and_leaves_the_old_file(tmp_path):
     path = tmp_path / "note.txt"
     path.write_text("old")
-    with pytest.raises(FileNotFoundError), written_whole(path) as temporary:
+    with pytest.raises(FileNotFoundError), atomic_write(path) as temporary:
         temporary.unlink()
     assert names(tmp_path) == ["note.txt"]
 
@@ -71,7 +71,7 @@ def test_a_temporary_file_that_was_removed_is_an_error_and_leaves_the_old_file(t
 def test_a_new_file_has_the_permissions_that_open_would_give(tmp_path, mask):
     before = os.umask(mask)
     try:
-        with written_whole(tmp_path / "ours") as temporary:
+        with atomic_write(tmp_path / "ours") as temporary:
             temporary.write_text("x")
         (tmp_path / "plain").write_text("x")
         assert os.umask(mask) == mask
@@ -84,13 +84,13 @@ def test_a_replaced_file_keeps_its_permissions(tmp_path):
     path = tmp_path / "note.txt"
     path.write_text("old")
     path.chmod(0o640)
-    with written_whole(path) as temporary:
+    with atomic_write(path) as temporary:
         temporary.write_text("new")
     assert permissions(path) == 0o640
 
 
 def enter(path):
-    with written_whole(path):
+    with atomic_write(path):
         pytest.fail("the block was entered")
 
 
@@ -112,7 +112,7 @@ def test_a_place_that_cannot_be_written_to_is_found_before_any_work(tmp_path, na
 
 def test_a_name_as_long_as_the_system_allows_is_written(tmp_path):
     path = tmp_path / ("n" * 251 + ".txt")
-    with written_whole(path) as temporary:
+    with atomic_write(path) as temporary:
         temporary.write_text("x")
     assert names(tmp_path) == [path.name]
 
@@ -137,18 +137,18 @@ def test_a_read_only_file_or_folder_is_refused(tmp_path):
 
 
 def test_a_folder_appears_when_the_block_ends_and_not_before(tmp_path):
-    with written_folder(tmp_path / "set") as temporary:
+    with atomic_folder(tmp_path / "set") as temporary:
         (temporary / "a").write_text("all")
         assert not (tmp_path / "set").exists()
     assert names(tmp_path) == ["set"]
     assert permissions(tmp_path / "set") & 0o700 == 0o700
-    with pytest.raises(FileExistsError, match="is there already"), written_folder(tmp_path / "set"):
+    with pytest.raises(FileExistsError, match="is there already"), atomic_folder(tmp_path / "set"):
         pass
 
 
 def test_a_folder_of_which_half_is_written_goes(tmp_path):
     def interrupted():
-        with written_folder(tmp_path / "set") as temporary:
+        with atomic_folder(tmp_path / "set") as temporary:
             (temporary / "a").write_text("half")
             raise KeyboardInterrupt
 

@@ -16,7 +16,7 @@ import numpy as np
 
 import jotlight as jl
 from jotlight.images.sets import read_image_set
-from jotlight.networks.layer import work_of
+from jotlight.networks.layer import flops_per_pixel
 from jotlight.networks.pretrained import BITS_PER_PIXEL, FOLDER
 from jotlight.torch import train
 from jotlight.training.loop import fingerprint_of
@@ -71,7 +71,7 @@ def start_of(name: str, elsewhere: Path) -> jl.Network:
     """Where a network begins."""
     sensor, member = sensor_of(name), name.split("-")[0]
     if name == "medium":
-        return jl.Network.told(member, rng=0)
+        return jl.Network.conditional(member, rng=0)
     start = jl.Network.deep(sensor, member, rng=0)
     if name in STAGES:
         return start
@@ -115,10 +115,10 @@ def tell(name: str, steps: int, record: jl.training.Record) -> None:
 
 def card_of(name: str, network: jl.Network, tests: list[np.ndarray]) -> str:
     stages = STAGES.get(name, FURTHER)
-    course = ", then ".join(f"{steps:,} steps at rate {rate:g}" for steps, rate in stages)
+    trainer = ", then ".join(f"{steps:,} steps at rate {rate:g}" for steps, rate in stages)
     if name in SMALL[1:]:
-        course += ", from the first stage of small-k16"
-    if network.bits is None:
+        trainer += ", from the first stage of small-k16"
+    if network.trials_range is None:
         bits = sensor_of(name).bits_per_pixel
         scores = scored(network, bits, tests)
         purpose = (
@@ -127,7 +127,7 @@ def card_of(name: str, network: jl.Network, tests: list[np.ndarray]) -> str:
         )
         measured = f"PSNR {np.mean(scores):.2f} dB, first 20 {np.mean(scores[:20]):.2f} dB"
     else:
-        low, high = network.bits
+        low, high = network.trials_range
         purpose = (
             f"any K from {low} to {high}, which it is told; any exposure with 0.02 to 3 detections "
             "per jot and frame in\n  the mean, dark counts among them; any threshold, through P; "
@@ -141,9 +141,9 @@ def card_of(name: str, network: jl.Network, tests: list[np.ndarray]) -> str:
         name=name,
         title=f"Layers of {' → '.join(str(layer.channels) for layer in network.layers)} channels",
         parameters=sum(layer.parameters for layer in network.layers),
-        work=work_of(network.layers) / 1000,
+        work=flops_per_pixel(network.layers) / 1000,
         purpose=purpose,
-        course=course,
+        trainer=trainer,
         measured=measured,
     )
 

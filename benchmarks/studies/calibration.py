@@ -21,7 +21,7 @@ import jotlight as jl
 from jotlight.calibration.flat import drawn_in
 from jotlight.calibration.rates import detections, variance
 from jotlight.datasets.scenes import PHOTOGRAPHS
-from jotlight.estimators.inpaint import fill_blind
+from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.evaluation.methods import METHODS
 
 SHAPE, RATE = (240, 320), 1e-4
@@ -139,7 +139,7 @@ def limits(name: str, dark: np.ndarray) -> None:
         scenes = [(scene, camera.expose(scene, seed)) for seed, scene in enumerate(photographs())]
         for method in ("mle", "noniterative-gaussian", "noniterative-tv", "admm-tv", "network"):
             run = METHODS[method]
-            if run.lacks(known[0].sensor(frames, gain=camera.gain)) is not None:
+            if run.unsupported_reason(known[0].sensor(frames, gain=camera.gain)) is not None:
                 continue
             scores = []
             for one in known:
@@ -155,7 +155,7 @@ def clusters() -> None:
         "nearest": nearest,
         "mean of the rim": lambda image, blind: of_rim(image, blind, np.mean),
         "median of the rim": lambda image, blind: of_rim(image, blind, np.median),
-        "membrane": fill_blind,
+        "membrane": inpaint_dead_pixels,
         "biharmonic": inpaint_biharmonic,
     }
     table("holes", "noise", *ways)

@@ -1,4 +1,4 @@
-"""How good the deeper networks are: PSNR on the Berkeley test images, for every K and exposure.
+"""How good the build_residual networks are: PSNR on the Berkeley test images, for every K and exposure.
 
     python benchmarks/studies/deep.py path/to/data [--images 100] [--model FILE ...] [--output docs/results]
 
@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 import jotlight as jl
-from jotlight.files import written_whole
+from jotlight.files import atomic_write
 from jotlight.images.sets import read_image_set
-from jotlight.networks.pretrained import BITS_PER_PIXEL, QUALITIES, lacking
+from jotlight.networks.pretrained import BITS_PER_PIXEL, QUALITIES, unsupported_reason
 
 BITS = 1, 4, *BITS_PER_PIXEL, 256
 FLUX = 0.05, 0.2, 1.0, 4.0
@@ -48,7 +48,7 @@ def main() -> None:
                 print(*rows[-1], flush=True)
     if options.output is not None:
         with (
-            written_whole(options.output / "deep.csv") as temporary,
+            atomic_write(options.output / "deep.csv") as temporary,
             temporary.open("w", newline="", encoding="utf-8") as file,
         ):
             csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
@@ -68,7 +68,7 @@ def methods(sensor: jl.Sensor, models: list[Path]) -> list[tuple[str, Reconstruc
     found += [
         (quality, jl.pretrained(sensor, quality).reconstruct)
         for quality in QUALITIES
-        if lacking(sensor, quality) is None
+        if unsupported_reason(sensor, quality) is None
     ]
     for path in models:
         network = jl.Network.load(path)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import jotlight as jl
-from jotlight.images.io import read_picture
+from jotlight.images.io import read_image
 
 SETTINGS = {
     "gaussian": (jl.denoise.gaussian, "sigma", (1.0, 1.2, 1.4, 1.5, 1.6, 1.8)),
@@ -25,7 +25,7 @@ def main() -> None:
     parser.add_argument("--images", type=int, default=20)
     options = parser.parse_args()
     sensor = jl.Sensor(oversampling=4)
-    images = [read_picture(path, gray=True) for path in sorted(options.folder.glob("*.jpg"))][
+    images = [read_image(path, gray=True) for path in sorted(options.folder.glob("*.jpg"))][
         : options.images
     ]
     if not images:

@@ -15,7 +15,7 @@ from scipy.optimize import minimize
 import jotlight as jl
 import jotlight._engine as engine
 from jotlight.estimators.problem import problem_of
-from jotlight.images.io import read_picture
+from jotlight.images.io import read_image
 
 
 def main() -> None:
@@ -28,7 +28,7 @@ def main() -> None:
     paths = sorted((options.data / "bsds300/test").glob("*.jpg"))[:20]
     if not paths:
         parser.error(f"{options.data}: expected bsds300/test/*.jpg")
-    images = [read_picture(path, gray=True) for path in paths]
+    images = [read_image(path, gray=True) for path in paths]
     for name in options.parts or PARTS:
         PARTS[name](images)
 
@@ -87,7 +87,7 @@ def by_lbfgs(bits: jl.Bits, sensor: jl.Sensor) -> float:
     def cost(flat: np.ndarray) -> tuple[float, np.ndarray]:
         # Without the bound below a trial step to no light at all would cost infinity.
         light = np.maximum(problem.operator.forward(flat.reshape(shape)), 1e-12)
-        gradient, _ = problem.likelihood.slopes(light)
+        gradient, _ = problem.likelihood.gradient_and_curvature(light)
         return -problem.likelihood.value(light), -problem.operator.adjoint(gradient).ravel()
 
     found = minimize(

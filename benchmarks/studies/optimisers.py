@@ -1,6 +1,6 @@
-"""The optimisers beside each other; the paper's own descent is in ``jotlight reproduce fig5``.
+"""The optimizers beside each other; the paper's own descent is in ``jotlight reproduce fig5``.
 
-    python benchmarks/studies/optimisers.py path/to/data [curves] [recipe] [sets] [limits]
+    python benchmarks/studies/optimizers.py path/to/data [curves] [recipe] [sets] [limits]
 
 ``curves``: photographs, K = 16, PSNR of 20 test images against time, some ten minutes on two cores.
 ``recipe``: how far the default recipe is from a run of five times as many steps.
@@ -49,25 +49,25 @@ class Clock:
 
 
 def curves(data: Path, figures: Path) -> None:
-    """Every optimiser with its own number of steps."""
+    """Every optimizer with its own number of steps."""
     _, scenes = read_image_set(data / "bsds300/train")
     _, tests = read_image_set(data / "bsds300/test", first=20)
     start = jl.Network.initial(jl.Sensor(oversampling=4))
     figure = Figure(figsize=(7, 4), layout="constrained")
     axes = figure.subplots()
-    print("\n| optimiser | steps | seconds | start, dB | end, dB | seconds to 24.25 dB |")
+    print("\n| optimizer | steps | seconds | start, dB | end, dB | seconds to 24.25 dB |")
     print("| --- | ---: | ---: | ---: | ---: | ---: |")
-    for name, optimiser in {
+    for name, optimizer in {
         "Gauss-Newton": GaussNewton(),
         "projected Adam": Adam(),
         "projected gradient, the paper's step": ProjectedGradient(PAPERS_STEP),
     }.items():
         clock = Clock()
-        jl.train(start, scenes, optimiser=optimiser, rng=0, test=tests, callback=clock)
+        jl.train(start, scenes, optimizer=optimizer, rng=0, test=tests, callback=clock)
         there = [s for s, psnr in zip(clock.seconds, clock.psnr, strict=True) if psnr >= 24.25]
         first = f"{there[0]:.1f}" if there else "not reached"
         print(
-            f"| {name} | {optimiser.steps} | {clock.seconds[-1]:.0f} | {clock.psnr[0]:.2f} "
+            f"| {name} | {optimizer.steps} | {clock.seconds[-1]:.0f} | {clock.psnr[0]:.2f} "
             f"| {clock.psnr[-1]:.2f} | {first} |",
             flush=True,
         )
@@ -77,7 +77,7 @@ def curves(data: Path, figures: Path) -> None:
     axes.set_ylabel("PSNR of 20 test images, dB")
     axes.grid(alpha=0.3)
     axes.legend(loc="lower right")
-    figure.savefig(figures / "optimisers.png", dpi=100)
+    figure.savefig(figures / "optimizers.png", dpi=100)
 
 
 def recipe(data: Path, _: Path) -> None:
@@ -106,7 +106,7 @@ def sets(data: Path, _: Path) -> None:
     print("| --- | ---: | ---: | ---: |")
     for rising in (True, False):
         learned, _ = jl.train(
-            jl.Network.initial(sensor), scenes, admissible=SafeSet(rising=rising), rng=0
+            jl.Network.initial(sensor), scenes, admissible=SafeSet(monotone=monotone), rng=0
         )
         psnr = jl.evaluate(learned, tests, sensor).mean("psnr")
         falls = [fall_of(layer.coefficients[0]) for layer in learned.layers]
@@ -118,12 +118,12 @@ def sets(data: Path, _: Path) -> None:
 def limits(_: Path, __: Path) -> None:
     """Synthetic scenes: PSNR of the mean square error below that of the posterior mean."""
     scenes = jl.datasets.uniform_scenes(np.random.default_rng(99), 2048)
-    print("\n| K | optimiser | seconds | from the limit, dB |\n| ---: | --- | ---: | ---: |")
+    print("\n| K | optimizer | seconds | from the limit, dB |\n| ---: | --- | ---: | ---: |")
     for side, limit in ((3, 14.816), (10, 22.636)):
         start = jl.Network.initial(jl.Sensor(oversampling=side))
         for name in ("adam", "gauss-newton"):
             begun = time.perf_counter()
-            learned, _ = jl.train(start, jl.datasets.uniform_scenes, optimiser=name, rng=0)
+            learned, _ = jl.train(start, jl.datasets.uniform_scenes, optimizer=name, rng=0)
             seconds = time.perf_counter() - begun
             errors = [
                 np.mean((learned.reconstruct(start.sensor.expose(scene, rng=index)) - scene) ** 2)

@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 
 import jotlight as jl
-from jotlight.files import written_whole
+from jotlight.files import atomic_write
 from jotlight.images.sets import read_image_set
 from jotlight.networks import architectures as deep
 from jotlight.torch import Network, training
@@ -60,7 +60,7 @@ def main() -> None:
         print(f"{name}: {statistics.mean(values):.3f} dB, {min(values)} to {max(values)}")
     if options.output is not None:
         with (
-            written_whole(options.output / "splines.csv") as temporary,
+            atomic_write(options.output / "splines.csv") as temporary,
             temporary.open("w", newline="", encoding="utf-8") as file,
         ):
             csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
@@ -74,13 +74,13 @@ def learned(
     tests: list[np.ndarray],
     options: argparse.Namespace,
 ) -> float:
-    with patch.dict(deep.MEMBERS, small=deep.Member((channels,), (3,))):
+    with patch.dict(deep.ARCHITECTURES, small=deep.Architecture((channels,), (3,))):
         network = jl.Network.deep(SENSOR, "small", rng=seed)
     module = kind(network)
     patches = Patches(scenes, network, SENSOR, seed, training.BATCH, training.PATCH)
-    course = training.Learning(module, patches, {}, training.RATE, None, Processes())
+    trainer = training.Learning(module, patches, {}, training.RATE, None, Processes())
     for step in range(options.steps):
-        course.step(step, options.steps)
+        trainer.step(step, options.steps)
     found = []
     with torch.inference_mode():
         for number, image in enumerate(tests):

@@ -15,7 +15,7 @@ import numpy as np
 import jotlight as jl
 from jotlight.estimators import tv
 from jotlight.estimators.problem import problem_of
-from jotlight.images.io import read_picture
+from jotlight.images.io import read_image
 
 EXPOSURES = ((2, 1.0), (4, 0.1), (4, 0.3), (4, 1.0), (4, 3.0), (8, 1.0))
 """K̂, and photons per jot at intensity 1."""
@@ -46,7 +46,7 @@ def main() -> None:
 
 def measured(sensor: jl.Sensor, path: Path, seed: int) -> tuple[float, np.ndarray]:
     """The scene's roughness in units of the noise, and the PSNR for each factor."""
-    image = read_picture(path, gray=True)[40:280, 40:280]
+    image = read_image(path, gray=True)[40:280, 40:280]
     counts = sensor.expose(image, rng=seed).counts()
     problem = problem_of(counts, sensor, None)
     automatic = tv.automatic_weight(problem)

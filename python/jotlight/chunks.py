@@ -5,7 +5,7 @@ from collections.abc import Iterator
 _SLAB = 1 << 26
 """Jots that the engine handles between two looks at Ctrl-C: some tens of milliseconds."""
 
-COUNTED = 1 << 28
+JOTS_PER_COUNT = 1 << 28
 """Jots that it counts between two such looks: counting is faster."""
 
 _PIXELS = 1 << 18
@@ -15,7 +15,7 @@ _SHORT_ROW = 1 << 9
 """A row of pixels with fewer jots takes as much time and memory as one with so many."""
 
 
-def slabs_of(
+def frame_chunks(
     frames: int, rows: int, jots_per_row: int, at_once: int | None = None
 ) -> Iterator[tuple[range, range]]:
     """Cut frames and rows into parts of which each takes well under a second."""
@@ -31,7 +31,7 @@ def slabs_of(
             )
 
 
-def parts_of(pixels: int, at_once: int | None = None) -> Iterator[slice]:
+def pixel_chunks(pixels: int, at_once: int | None = None) -> Iterator[slice]:
     """Cut pixels into parts; unless told otherwise each may take a few microseconds."""
     at_once = at_once or _PIXELS
     for start in range(0, pixels, at_once):

@@ -12,7 +12,7 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """What the system says when there is no room for a file."""
 
 
-def spare_inputs(output: str | os.PathLike[str], inputs: Iterable[Path | None]) -> None:
+def refuse_overwrite(output: str | os.PathLike[str], inputs: Iterable[Path | None]) -> None:
     """Raise ValueError when a file to be written is one of those that are read."""
     output = Path(output)
     for path in inputs:
@@ -23,7 +23,7 @@ def spare_inputs(output: str | os.PathLike[str], inputs: Iterable[Path | None]) 
 
 
 @contextlib.contextmanager
-def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
+def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give a temporary path beside `path` to write to; it becomes `path` when the block ends.
 
     The temporary file is made on entry, so that a place that cannot be written to is found before
@@ -39,7 +39,7 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     --------
     >>> import pathlib, tempfile
     >>> folder = pathlib.Path(tempfile.mkdtemp())
-    >>> with written_whole(folder / "note.txt") as temporary:
+    >>> with atomic_write(folder / "note.txt") as temporary:
     ...     _ = temporary.write_text("all of it")
     >>> (folder / "note.txt").read_text()
     'all of it'
@@ -78,7 +78,7 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def written_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give a temporary folder beside `path` to fill; it becomes `path` when the block ends.
 
     Raises

@@ -148,11 +148,11 @@ def training(network: Network, history: History) -> "Figure":
             place.set_axis_off()
     layers = list(enumerate(network.layers))
     bent = [number for number, layer in layers if layer.coefficients is not None]
-    learned = [number for number in bent if network.layers[number].learns == "all"] or bent
+    learned = [number for number in bent if network.layers[number].trainable == "all"] or bent
     for place, numbers in ((axes[1, 0], learned[:1]), (axes[1, 2], learned[-1:])):
         for number in numbers:
             _draw_splines(place, number, network.layers[number])
-    later = [number for number, layer in layers[1:] if layer.learns != "nothing"]
+    later = [number for number, layer in layers[1:] if layer.trainable != "nothing"]
     number = later[0] if later else 0
     _draw_filters(figure, axes[1, 1], number, network.layers[number])
     return figure

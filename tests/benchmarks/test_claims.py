@@ -121,7 +121,14 @@ def test_the_descent_falls(norms, verdict):
         for w, value in enumerate(values)
         for i in range(4)
     ]
-    settings = {"sigmas": SIGMAS, "steps": 12, "window": 4, "step_size": 1, "batch": 1, "bits": 36}
+    settings = {
+        "sigmas": SIGMAS,
+        "steps": 12,
+        "window": 4,
+        "learning_rate": 1,
+        "batch": 1,
+        "bits": 36,
+    }
     section = fig5.section(Results(settings, rows))
     assert section.claims[0].verdict == verdict
     assert "9.00 to 7.00" in section.claims[0].found
@@ -232,7 +239,7 @@ def test_the_papers_descent_is_the_papers(tmp_path, monkeypatch):
         return start, None
 
     monkeypatch.setattr(jl, "train", train)
-    lab = Lab({"steps": 7, "batch": 128, "step_size": 5e-6, "seed": 0}, tmp_path, Data())
+    lab = Lab({"steps": 7, "batch": 128, "learning_rate": 5e-6, "seed": 0}, tmp_path, Data())
     descend(lab, "name", jl.datasets.uniform_scenes, lambda share: None, 16, 0.5)
     assert not seen["start"].tied
     assert seen["start"].sensor.bits_per_pixel == 16
@@ -240,7 +247,7 @@ def test_the_papers_descent_is_the_papers(tmp_path, monkeypatch):
     assert all(layer.coefficients.shape == (1, 150) for layer in seen["start"].layers)
     expected = jl.Network.initial(jl.Sensor(oversampling=4), sigma=0.5, tied=False)
     np.testing.assert_array_equal(seen["start"].layers[1].filters, expected.layers[1].filters)
-    assert seen["optimiser"] == ProjectedGradient(5e-6)
+    assert seen["optimizer"] == ProjectedGradient(5e-6)
     assert (seen["steps"], seen["batch"]) == (7, 128)
 
 

@@ -207,7 +207,13 @@ def test_nothing_is_timed_where_results_differ():
 
 
 def test_the_command_writes_json_and_a_page(tmp_path):
-    command = [sys.executable, str(ROOT / "benchmarks/speed/run.py"), "--quick", "--only", "counting"]
+    command = [
+        sys.executable,
+        str(ROOT / "benchmarks/speed/run.py"),
+        "--quick",
+        "--only",
+        "counting",
+    ]
     subprocess.run([*command, "--output", str(tmp_path)], check=True, capture_output=True)
     record = json.loads((tmp_path / "benchmarks/run.json").read_text("utf-8"))
     assert page(record) == (tmp_path / "benchmarks.md").read_text("utf-8")

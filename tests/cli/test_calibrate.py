@@ -9,7 +9,7 @@ import tifffile
 
 import jotlight as jl
 from jotlight.formats.writing import write_capture
-from jotlight.images.io import read_picture
+from jotlight.images.io import read_image
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no valid jot")
 
@@ -153,7 +153,7 @@ def test_photons_are_those_of_the_median_jot_whatever_the_brightest_is(run, tmp_
     given = ("reconstruct", "seen.npy", "-m", "mle", "--calibration", "c.safetensors")
     words = ("-o", "a.tif", "--units", "photons", "--uncertainty", "u.npz")
     assert run(*given, *words)[0] == 0
-    picture = read_picture(tmp_path / "a.tif")
+    picture = read_image(tmp_path / "a.tif")
     assert np.median(picture) == pytest.approx(0.4, rel=0.01)
     with np.load("u.npz") as known:
         inside = (known["low"] <= 0.4) & (known["high"] >= 0.4)

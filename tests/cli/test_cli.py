@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 import jotlight as jl
-from jotlight.images.io import read_picture
+from jotlight.images.io import read_image
 
 
 @pytest.fixture
@@ -41,7 +41,7 @@ def test_simulate_then_reconstruct_gives_what_the_python_interface_gives(run, ph
     status, said = run("simulate", photo, "-o", "bits.npy", "-k", 3, "-t", 2, "--seed", 5)
     assert status == 0
     assert "2 frames of 120 x 147 jots" in said
-    image = read_picture(photo)
+    image = read_image(photo)
     sensor = jl.Sensor(oversampling=3, frames=2)
     bits = jl.open(tmp_path / "bits.npy")
     assert bits.sensor == sensor
@@ -57,7 +57,7 @@ def test_simulate_then_reconstruct_gives_what_the_python_interface_gives(run, ph
 def test_every_method_reconstructs_colour(run, colour, tmp_path, method):
     assert run("simulate", colour, "-o", "bits.npy", "-k", 4)[0] == 0
     assert run("reconstruct", "bits.npy", "-o", "out.tif", "-m", method)[0] == 0
-    assert read_picture(tmp_path / "out.tif").shape == (40, 49, 3)
+    assert read_image(tmp_path / "out.tif").shape == (40, 49, 3)
 
 
 def test_gray_turns_colour_into_luma(run, colour, tmp_path):

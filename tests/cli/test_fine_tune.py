@@ -23,7 +23,7 @@ FEW = ["--steps", 3, "--batch", 2, "--patch", 24, "--device", "cpu", "--threads"
 def learn(run, tmp_path):
     """Learn from a capture of a photograph, from a network that is told K."""
     SENSOR.expose(SCENE, rng=0).save(tmp_path / "seen.npy")
-    jl.Network.told("small", rng=0).save(tmp_path / "start.safetensors")
+    jl.Network.conditional("small", rng=0).save(tmp_path / "start.safetensors")
 
     def learn(*words, capture="seen.npy", start="start.safetensors"):
         begin = [] if start is None else ["--start", start]
@@ -41,7 +41,7 @@ def held_out(name=OWN):
 
 
 def test_the_held_out_bits_of_a_capture_become_more_likely(learn, run, tmp_path):
-    status, said = learn("--steps", 60, "--batch", 8, "--rate", 3e-3, "--plot", "run.png")
+    status, said = learn("--steps", 60, "--batch", 8, "--learning-rate", 3e-3, "--plot", "run.png")
     assert status == 0
     before, after = held_out()[0], held_out()[-1]
     assert after < before - 1e-4
@@ -63,7 +63,7 @@ def test_the_held_out_bits_of_a_capture_become_more_likely(learn, run, tmp_path)
 
 
 def test_it_is_the_network_that_python_gives(learn):
-    assert learn("--seed", 7, "--rate", 0.002)[0] == 0
+    assert learn("--seed", 7, "--learning-rate", 0.002)[0] == 0
     own, history = jl.torch.fine_tune(
         jl.Network.load("start.safetensors"), jl.open("seen.npy"), steps=3, batch=2, patch=24,
         rate=0.002, rng=7, device="cpu", threads=1,
@@ -85,7 +85,7 @@ def test_the_defaults_are_those_of_python(learn, run):
 
 
 def test_without_a_start_it_says_which_network_it_takes(learn, monkeypatch):
-    small = jl.Network.told("small", rng=0)
+    small = jl.Network.conditional("small", rng=0)
     asked = []
 
     def pretrained(*arguments):
@@ -170,7 +170,7 @@ def test_a_stopped_run_goes_on_as_if_it_had_not_been(learn, tmp_path, monkeypatc
 
 
 def test_what_learned_nothing_says_so(learn):
-    status, said = learn("--rate", 30)
+    status, said = learn("--learning-rate", 30)
     assert status == 0
     assert "nothing learned" in said
     start, own = (vector_of(jl.Network.load(name)) for name in ("start.safetensors", OWN))
@@ -189,8 +189,8 @@ def test_what_learned_nothing_says_so(learn):
         (["--untied"], "untied: does not go"),
         (["--test", "pictures"], "a tenth of the capture's bits is what it is tested on"),
         (["--seconds", 9], "--steps says how long it takes"),
-        (["--optimiser", "adam"], "--rate says how large they are"),
-        (["--step-size", 0.1], "step-size: does not go"),
+        (["--optimizer", "adam"], "--learning-rate says how large they are"),
+        (["--learning-rate", 0.1], "step-size: does not go"),
         (["--white", 9], "white: does not go"),
         (["--device", "tpu"], "device: expected one of cpu, cuda, got 'tpu'"),
         (["--resume"], "there is no stopped run to resume"),
@@ -214,7 +214,7 @@ def test_bad_input_gets_one_line(learn, tmp_path, words, expected):
         ({"frames": 300}, [], "or some of the frames with --frame-range"),
         ({"frames": 4, "kernel": "cubic"}, [], "expected the box kernel, got cubic"),
         ({"frames": 4}, ["--steps", 0], "steps: expected at least 1, got 0"),
-        ({"frames": 4}, ["--rate", 0], "rate: expected a finite number above 0"),
+        ({"frames": 4}, ["--learning-rate", 0], "rate: expected a finite number above 0"),
         ({"frames": 4}, ["--patch", 65], "patch: expected 1 to the 64 pixels"),
     ],
 )

@@ -13,7 +13,7 @@ from PIL import Image
 import jotlight as jl
 from jotlight.cli import console
 from jotlight.evaluation.methods import METHODS
-from jotlight.images.io import read_picture
+from jotlight.images.io import read_image
 from jotlight.images.sets import read_image_set
 
 FUNCTIONS = {"admm-tv": jl.admm_tv, "mle-iterative": jl.mle_iterative}
@@ -161,7 +161,7 @@ def test_pictures_of_every_kind_are_written(run, bits, tmp_path, method, ending)
     assert run("reconstruct", "box.npy", "-o", f"out.{ending}", "-m", method)[0] == 0
     picture = FUNCTIONS[method](bits["box"], BOX)
     within = {"png": 0.5 / 255 + 1e-4, "jpg": 0.2, "tif": 1e-5}[ending]
-    np.testing.assert_allclose(read_picture(tmp_path / f"out.{ending}"), picture, atol=within)
+    np.testing.assert_allclose(read_image(tmp_path / f"out.{ending}"), picture, atol=within)
 
 
 @pytest.mark.parametrize("option", ["--weight", "--norm", "--tol", "--max-iter"])
@@ -282,7 +282,7 @@ def on_a_terminal(folder, *words):
 def shown(leader):
     """Everything up to now, again and again, until the other end is closed."""
     text = b""
-    # Reading from a pseudo-terminal whose other end is closed fails.
+    # CaptureOptions from a pseudo-terminal whose other end is closed fails.
     with contextlib.suppress(OSError):
         while part := os.read(leader, 4096):
             text += part

@@ -16,7 +16,7 @@ TWO_LAYER = "the network two-layer"
 def networks(run):
     """A deep network and one that is told K, in files."""
     jl.Network.deep(jl.Sensor(oversampling=4), "small", rng=0).save("deep.safetensors")
-    jl.Network.told("small", bits=(1, 64), rng=0).save("told.safetensors")
+    jl.Network.conditional("small", trials_range=(1, 64), rng=0).save("told.safetensors")
 
 
 def lines(run, *words):
@@ -28,13 +28,13 @@ def lines(run, *words):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["--network", "small", "--optimiser", "adam"], f"optimiser: is for {TWO_LAYER}, not for"),
-        (["--network", "small", "--step-size", 0], f"step-size: is for {TWO_LAYER}"),
+        (["--network", "small", "--optimizer", "adam"], f"optimizer: is for {TWO_LAYER}, not for"),
+        (["--network", "small", "--learning-rate", 0], f"step-size: is for {TWO_LAYER}"),
         (["--network", "medium", "--damping", 1], f"damping: is for {TWO_LAYER}"),
         (["--network", "large", "--sigma", 1], f"sigma: is for {TWO_LAYER}"),
         (["--network", "small", "--untied"], f"untied: is for {TWO_LAYER}"),
         (["--device", "cpu"], f"device: is for {DEEP}, not for {TWO_LAYER}"),
-        (["--network", "two-layer", "--rate", 0], f"rate: is for {DEEP}"),
+        (["--network", "two-layer", "--learning-rate", 0], f"rate: is for {DEEP}"),
         (["--any-bits", "1:256"], f"any-bits: is for {DEEP}"),
         (["--network", "huge"], "one of two-layer, small, medium, large, got 'huge'"),
         (["--network", "small", "--start", "deep.safetensors"], "leave out --network"),

@@ -7,7 +7,7 @@ import pytest
 import tifffile
 
 import jotlight as jl
-from jotlight.images.io import read_picture
+from jotlight.images.io import read_image
 
 SENSOR = jl.Sensor(frames=40, gain=10.0, max_intensity=14.0)
 SCENE = np.linspace(0.2, 12, 24 * 30).reshape(24, 30)
@@ -40,7 +40,7 @@ def test_floats_come_in_photons_and_say_so(run, capture, tmp_path, ending):
         with exr.File(str(path)) as file:
             found, note = file.channels()["Y"].pixels, file.header()["comments"]
     else:
-        found = read_picture(path)
+        found = read_image(path)
         if ending == "tif":
             with tifffile.TiffFile(path) as file:
                 note = file.pages[0].description
@@ -56,7 +56,7 @@ def test_a_capture_of_an_unknown_sensor_is_not_clipped(run, capture, tmp_path):
     status, said = run("reconstruct", "cube.npy", "--width", 30, "-o", "a.tif", "-m", "mle")
     assert status == 0
     assert "half a count from saturation" in said
-    picture = read_picture(tmp_path / "a.tif")
+    picture = read_image(tmp_path / "a.tif")
     bits = jl.open(tmp_path / "cube.npy", width=30)
     assert ((picture == picture.max()) == (bits.counts() == 40)).all()
     assert picture.max() == np.float32(np.log(80))
@@ -67,7 +67,7 @@ def test_a_preview_stands_beside_the_floats(run, capture, tmp_path):
     status, said = run(*words, "--curve", "log")
     assert status == 0
     assert "a.png: to look at" in said
-    shown = read_picture(tmp_path / "a.png")
+    shown = read_image(tmp_path / "a.png")
     assert shown.shape == (24, 30)
     assert shown.max() > 0.99
     assert np.median(shown) > 0.8

@@ -7,8 +7,8 @@ import pytest
 
 import jotlight as jl
 from jotlight.evaluation.methods import METHODS
-from jotlight.images.io import read_picture
-from jotlight.networks.pretrained import lacking, pretrained, unserved
+from jotlight.images.io import read_image
+from jotlight.networks.pretrained import pretrained, unsupported_bits_reason, unsupported_reason
 
 SERVED = jl.Sensor(oversampling=4)
 OTHER = jl.Sensor(oversampling=2, frames=100)
@@ -16,7 +16,7 @@ DEFAULT_ELSEWHERE = "non-iterative, total variation"
 
 
 def expose(pictures, sensor):
-    bits = sensor.expose(read_picture(pictures / "0.png"), rng=0)
+    bits = sensor.expose(read_image(pictures / "0.png"), rng=0)
     bits.save("bits.npy")
     return bits
 
@@ -51,7 +51,9 @@ def test_reconstruct_by_the_network_fails_where_there_is_none(run, pictures, tmp
     expose(pictures, OTHER)
     status, said = run("reconstruct", "bits.npy", "-o", "out.npy", "-m", "network")
     assert status == 1
-    assert said.startswith(f"error: {unserved(OTHER, 'fast')}; learn one for this capture")
+    assert said.startswith(
+        f"error: {unsupported_bits_reason(OTHER, 'fast')}; learn one for this capture"
+    )
     assert said.endswith(": jotlight train --sensor bits.npy -o model.safetensors\n")
     assert not (tmp_path / "out.npy").exists()
 
@@ -166,15 +168,15 @@ def test_a_sensor_without_a_network_gets_the_reason_and_a_command_that_makes_one
     with pytest.raises(ValueError, match="there is no trained network for") as caught:
         pretrained(sensor, "fast")
     message = str(caught.value)
-    assert lacking(sensor, "fast") == message
+    assert unsupported_reason(sensor, "fast") == message
     assert reason in message
     words = shlex.split(message[message.index("jotlight train ") :])[1:]
     words[words.index("FOLDER_OF_PHOTOGRAPHS")] = str(pictures)
-    small = ["--steps", 1, "--patch", 24, "--batch", 2, "--optimiser", "adam"]
+    small = ["--steps", 1, "--patch", 24, "--batch", 2, "--optimizer", "adam"]
     status, said = run(*words, *small)
     assert status == 0, said
     side = 96 if sensor.oversampling == 4 else 24
-    sensor.expose(read_picture(pictures / "0.png"), rng=0).save("bits.npy")
+    sensor.expose(read_image(pictures / "0.png"), rng=0).save("bits.npy")
     assert jl.open("bits.npy").shape[1] == side
     status, said = run("reconstruct", "bits.npy", "-o", "out.npy", "--model", "model.safetensors")
     assert status == 0, said

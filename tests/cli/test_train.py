@@ -12,7 +12,7 @@ from jotlight.training import Adam, vector_of
 # The module; the package's attribute of this name is the command.
 train_module = sys.modules["jotlight.cli.train"]
 
-SMALL = ["--patch", 24, "--batch", 4, "--steps", 3, "--optimiser", "adam"]
+SMALL = ["--patch", 24, "--batch", 4, "--steps", 3, "--optimizer", "adam"]
 NETWORK = "net.safetensors"
 
 
@@ -35,7 +35,7 @@ def test_a_folder_of_pictures_gives_the_network_that_python_gives(run, pictures,
     sensor = jl.Sensor(oversampling=4, frames=2)
     learned, history = jl.train(
         jl.Network.initial(sensor), read_image_set(pictures)[1],
-        optimiser="adam", steps=3, batch=4, patch=24, rng=7,
+        optimizer="adam", steps=3, batch=4, patch=24, rng=7,
     )  # fmt: skip
     network = jl.Network.load(NETWORK)
     assert network.sensor == sensor
@@ -47,7 +47,7 @@ def test_a_folder_of_pictures_gives_the_network_that_python_gives(run, pictures,
 
 def test_the_default_optimiser_is_gauss_newton(run, pictures):
     assert run("train", pictures, "-o", NETWORK, "--batch", 4, "--steps", 1)[0] == 0
-    assert "GaussNewton" in jl.Network.load(NETWORK).history["run"]["optimiser"]
+    assert "GaussNewton" in jl.Network.load(NETWORK).history["run"]["optimizer"]
 
 
 def test_the_network_serves_the_other_commands(run, pictures):
@@ -67,7 +67,7 @@ def test_the_network_serves_the_other_commands(run, pictures):
 
 
 def test_synthetic_scenes_are_made_and_tested_on(run):
-    words = ["--batch", 4, "--steps", 2, "--optimiser", "adam"]
+    words = ["--batch", 4, "--steps", 2, "--optimizer", "adam"]
     status, said = run("train", "synthetic", "-o", NETWORK, *words)
     assert status == 0
     assert "test PSNR" in said
@@ -77,7 +77,7 @@ def test_synthetic_scenes_are_made_and_tested_on(run):
 
 
 def test_what_learns_from_synthetic_scenes_is_tested_on_the_pictures_given(run, pictures):
-    words = ["--batch", 4, "--steps", 1, "--optimiser", "adam", "--test", pictures]
+    words = ["--batch", 4, "--steps", 1, "--optimizer", "adam", "--test", pictures]
     assert run("train", "synthetic", "-o", NETWORK, *words)[0] == 0
     assert run("train", pictures, "-o", "same.safetensors", *SMALL, "--test", pictures)[0] == 0
     first = [
@@ -138,14 +138,14 @@ def test_every_option_reaches_the_run(run, pictures, monkeypatch):
     monkeypatch.setattr(train_module, "learn", learn)
     options = ["-k", 2, "-t", 3, "--gain", 6, "-q", 2, "--kernel", "cubic", "--sigma", 1.5]
     options += ["--dark-counts", 0.1, "--efficiency", 0.5, "--max-intensity", 2, "--untied"]
-    options += ["--step-size", 0.125, "--threads", 1, "--seed", 9]
+    options += ["--learning-rate", 0.125, "--threads", 1, "--seed", 9]
     assert run("train", pictures, "-o", NETWORK, *SMALL, *options)[0] == 1
     assert seen["sensor"] == jl.Sensor(
         oversampling=2, frames=3, gain=6, threshold=2, kernel="cubic", dark_counts=0.1,
         efficiency=0.5, max_intensity=2,
     )  # fmt: skip
     assert_same(seen["network"], jl.Network.initial(seen["sensor"], sigma=1.5, tied=False))
-    assert seen["optimiser"] == Adam(step_size=0.125)
+    assert seen["optimizer"] == Adam(learning_rate=0.125)
     names = ("steps", "batch", "patch", "rng", "threads", "resume")
     assert [seen[name] for name in names] == [3, 4, 24, 9, 1, False]
 
@@ -214,12 +214,15 @@ def test_on_a_terminal_a_live_line_shows_the_run(pictures, tmp_path):
         (["pictures", "-o", NETWORK, "--patch", 25], "25; image number 0 is 24 x 24"),
         (["pictures", "-o", "net.onnx"], "ends in .safetensors"),
         (["pictures", "-o", "nowhere/net.safetensors"], "there is no folder nowhere"),
-        (["pictures", "-o", NETWORK, "--optimiser", "sgd"], "one of gauss-newton, adam"),
+        (["pictures", "-o", NETWORK, "--optimizer", "sgd"], "one of gauss-newton, adam"),
         (
-            ["pictures", "-o", NETWORK, "--optimiser", "gauss-newton", "--step-size", 0.1],
+            ["pictures", "-o", NETWORK, "--optimizer", "gauss-newton", "--learning-rate", 0.1],
             "step-size: is for adam and projected-gradient",
         ),
-        (["pictures", "-o", NETWORK, "--step-size", 0], "step_size: expected a number above 0"),
+        (
+            ["pictures", "-o", NETWORK, "--learning-rate", 0],
+            "learning_rate: expected a number above 0",
+        ),
         (["pictures", "-o", NETWORK, "--steps", -1], "steps: expected at least 0"),
         (["pictures", "-o", NETWORK, "--batch", 0], "batch: expected at least 1"),
         (["pictures", "-o", NETWORK, "--sigma", 0], "sigma: expected a number above 0"),
@@ -280,7 +283,7 @@ def test_tests_have_an_array_of_their_own_and_a_run_can_be_drawn_later(run, tmp_
     [
         (["-o", "m.checkpoint.safetensors"], "which is for stopped runs"),
         (["-o", "m.safetensors", "--start", "m.checkpoint.safetensors"], "is read, so it is not"),
-        (["-o", "m.safetensors", "--damping", 1, "--optimiser", "adam"], "damping: is for gauss"),
+        (["-o", "m.safetensors", "--damping", 1, "--optimizer", "adam"], "damping: is for gauss"),
         (["-o", "m.safetensors", "--test-key", "a"], "test-key: names an array of --test"),
     ],
 )

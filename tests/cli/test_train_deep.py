@@ -10,7 +10,7 @@ from jotlight.training import History, vector_of
 torch = pytest.importorskip("torch")
 
 from jotlight.torch import distributed, training  # noqa: E402
-from jotlight.torch.patches import Views  # noqa: E402
+from jotlight.torch.patches import Batch  # noqa: E402
 
 SMALL = ["--network", "small", "--batch", 2, "--steps", 3, "--device", "cpu", "--threads", 1]
 NETWORK, CHECKPOINT = "net.safetensors", "net.checkpoint.safetensors"
@@ -42,7 +42,18 @@ def stop(monkeypatch, run, *words, step):
 
 
 def test_a_folder_of_pictures_gives_the_network_that_python_gives(run, pictures, tmp_path):
-    words = ["--rate", 0.002, "--seed", 7, "-t", 2, "--test", pictures, "--plot", "run.png"]
+    words = [
+        "--learning-rate",
+        0.002,
+        "--seed",
+        7,
+        "-t",
+        2,
+        "--test",
+        pictures,
+        "--plot",
+        "run.png",
+    ]
     status, said = run("train", pictures, "-o", NETWORK, *SMALL, *words)
     assert status == 0
     assert f"{NETWORK}: learned in 3 steps" in said
@@ -69,7 +80,7 @@ def test_a_network_for_any_bits_is_learned_and_improved(run, pictures, tmp_path)
     words = [*SMALL, "--any-bits", "2:64", "--test", pictures, "--plot", "run.png"]
     assert run("train", pictures, "-o", NETWORK, *words)[0] == 0
     network = jl.Network.load(NETWORK)
-    assert network.bits == (2, 64)
+    assert network.trials_range == (2, 64)
     assert (tmp_path / "run.png").stat().st_size > 10_000
     words = ["--start", NETWORK, *SMALL[2:], "--frames", 4]
     assert run("train", pictures, "-o", "more.safetensors", *words)[0] == 0
@@ -121,7 +132,7 @@ def test_a_run_without_time_for_all_its_steps_says_so(run, pictures):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["--rate", 0], "rate: expected a finite number above 0"),
+        (["--learning-rate", 0], "rate: expected a finite number above 0"),
         (["--device", "tpu"], "device: expected one of cpu, cuda, got 'tpu'"),
         (["--steps", 0], "steps: expected at least 1"),
         (["--patch", 25], "25; image number 0 is 24 x 24"),
@@ -138,10 +149,10 @@ def test_bad_input_gets_one_line(run, pictures, words, expected):
 
 
 def test_a_run_that_diverges_says_what_to_lower(run, pictures, tmp_path, monkeypatch):
-    monkeypatch.setattr(Views, "errors", lambda _, module: module.filters[2].sum() / 0)
+    monkeypatch.setattr(Batch, "errors", lambda _, module: module.filters[2].sum() / 0)
     status, said = run("train", pictures, "-o", NETWORK, *SMALL)
     assert status == 1
-    assert "lower the rate, now 0.003. Begin anew with --restart and --rate" in said
+    assert "lower the rate, now 0.003. Begin anew with --restart and --learning-rate" in said
     assert files(tmp_path) == ["pictures"]
 
 
@@ -169,7 +180,7 @@ def test_another_process_of_several_tells_and_writes_nothing(run, pictures, tmp_
     assert seen["checkpoint"].name == CHECKPOINT
     assert "callback" not in seen
     assert files(tmp_path) == [CHECKPOINT, "pictures"]
-    status, said = run("train", pictures, "-o", NETWORK, *SMALL, "--rate", -1)
+    status, said = run("train", pictures, "-o", NETWORK, *SMALL, "--learning-rate", -1)
     assert status == 1
     assert said.startswith("error: rate: expected a finite number above 0")
 

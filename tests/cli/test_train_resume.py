@@ -14,8 +14,8 @@ from jotlight.training import vector_of
 # The module; the package's attribute of this name is the command.
 train_module = sys.modules["jotlight.cli.train"]
 
-SMALL = ["--patch", 24, "--batch", 4, "--steps", 3, "--optimiser", "adam"]
-LONG = ["--patch", 24, "--batch", 4, "--steps", 600, "--optimiser", "adam"]
+SMALL = ["--patch", 24, "--batch", 4, "--steps", 3, "--optimizer", "adam"]
+LONG = ["--patch", 24, "--batch", 4, "--steps", 600, "--optimizer", "adam"]
 NETWORK, CHECKPOINT = "net.safetensors", "net.checkpoint.safetensors"
 
 
@@ -94,15 +94,15 @@ def test_terminating_keeps_the_run_and_leaves_nothing_else(pictures, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("optimiser", "step"),
+    ("optimizer", "step"),
     [("adam", 0), ("adam", 3), ("projected-gradient", 2), ("gauss-newton", 0)],
 )
 def test_a_run_stopped_at_any_step_is_resumed(
-    run, pictures, tmp_path, monkeypatch, step, optimiser
+    run, pictures, tmp_path, monkeypatch, step, optimizer
 ):
     words = [
-        "--optimiser",
-        optimiser,
+        "--optimizer",
+        optimizer,
         "--steps",
         3 if step else 1,
         "--test",
@@ -162,7 +162,7 @@ def test_restart_without_a_stopped_run_just_begins(run, pictures):
 
 
 @pytest.mark.parametrize(
-    "mistake", [["--optimiser", "sgd"], ["--start", "none.safetensors"], ["--patch", 99]], ids=str
+    "mistake", [["--optimizer", "sgd"], ["--start", "none.safetensors"], ["--patch", 99]], ids=str
 )
 def test_restart_with_a_mistake_keeps_the_stopped_run(
     run, pictures, tmp_path, monkeypatch, mistake
@@ -180,8 +180,8 @@ def test_restart_with_a_mistake_keeps_the_stopped_run(
         (["--batch", 5], "batch is 4 there and 5 here"),
         (["--seed", 5], "seed is 0 there and 5 here"),
         (["--steps", 5], "steps is 3 there and 5 here"),
-        (["--step-size", 0.5], "step_size=0.01"),
-        (["--optimiser", "gauss-newton"], "optimiser is 'Adam("),
+        (["--learning-rate", 0.5], "learning_rate=0.01"),
+        (["--optimizer", "gauss-newton"], "optimizer is 'Adam("),
         (["--sigma", 0.5], "the network is another one"),
         (["-k", 3], "sensor is"),
         (["--test", "pictures"], "the test is another one"),
@@ -224,17 +224,17 @@ def test_a_damaged_checkpoint_is_named_and_kept(run, pictures, tmp_path, monkeyp
 def test_a_run_that_diverges_says_what_to_lower_and_keeps_its_last_checkpoint(
     run, pictures, tmp_path
 ):
-    words = [*SMALL, "--steps", 300, "--optimiser", "projected-gradient"]
-    status, said = run("train", pictures, "-o", NETWORK, *words, "--step-size", 1000)
+    words = [*SMALL, "--steps", 300, "--optimizer", "projected-gradient"]
+    status, said = run("train", pictures, "-o", NETWORK, *words, "--learning-rate", 1000)
     assert status == 1
     *steps, line = said.splitlines()
     assert all(step.startswith("step ") for step in steps)
     assert line.startswith("error: step ")
     assert "diverges" in line
-    assert "lower its step_size" in line
+    assert "lower its learning_rate" in line
     assert files(tmp_path) == [CHECKPOINT, "pictures"]
     assert np.isfinite(load_file(tmp_path / CHECKPOINT)["vector"]).all()
-    again = [*words, "--step-size", 1e-6, "--steps", 3, "--restart"]
+    again = [*words, "--learning-rate", 1e-6, "--steps", 3, "--restart"]
     assert run("train", pictures, "-o", NETWORK, *again)[0] == 0
     assert files(tmp_path) == [NETWORK, "pictures"]
 

@@ -88,7 +88,7 @@ def test_pictures_of_networks_that_weigh_jots_singly(level, frames, side):
 def test_pictures_of_deep_networks(level, member, width):
     rng = np.random.default_rng(3)
     bits = SENSOR.expose(IMAGE[:, :width], 0)
-    for network in (jl.Network.deep(SENSOR, member, rng=0), jl.Network.told(member, rng=0)):
+    for network in (jl.Network.deep(SENSOR, member, rng=0), jl.Network.conditional(member, rng=0)):
         alive = deep.lively(network, rng)
         same(
             level,

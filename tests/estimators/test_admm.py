@@ -4,7 +4,7 @@ from scipy.optimize import minimize_scalar
 
 import jotlight as jl
 from jotlight.estimators import admm
-from jotlight.images.io import read_picture
+from jotlight.images.io import read_image
 from reference import iterative
 
 NORMS = ["isotropic", "anisotropic"]
@@ -411,7 +411,7 @@ def test_the_automatic_weight_serves_where_jots_are_dead(kernel):
 def photographs(data):
     files = sorted((data / "bsds300" / "test").glob("*.jpg"))[:20]
     assert len(files) == 20
-    return [read_picture(file, gray=True) for file in files]
+    return [read_image(file, gray=True) for file in files]
 
 
 def test_photographs_at_16_bits_a_pixel(photographs):

@@ -87,7 +87,7 @@ def test_an_even_map_is_a_number(name):
 def test_the_pattern_of_the_map_does_not_show(name):
     """An even scene through jots that differ by a factor of two comes out even."""
     share = np.float32(np.where(RNG.random((64, 64)) < 0.5, 0.5, 1.0))
-    frames = 64 if METHODS[name].lacks(jl.Sensor(frames=64)) is None else 16
+    frames = 64 if METHODS[name].unsupported_reason(jl.Sensor(frames=64)) is None else 16
     truth = jl.Sensor(frames=frames, gain=frames / 0.75, efficiency=share)
     scene = np.full((64, 64), 0.4, np.float32)
     bits = truth.expose(scene, rng=3)
@@ -111,8 +111,8 @@ def test_the_likelihood_is_that_of_the_light_that_is_detected(threshold):
     with_map = jl.Likelihood(ones, 8, efficiency=eta, **options)
     without = jl.Likelihood(ones, 8, **options)
     assert with_map.value(s) == pytest.approx(without.value(eta * s), rel=1e-12)
-    gradient, curvature = with_map.slopes(s)
-    g, h = without.slopes(eta * s)
+    gradient, curvature = with_map.gradient_and_curvature(s)
+    g, h = without.gradient_and_curvature(eta * s)
     np.testing.assert_allclose(gradient, eta * g, rtol=1e-10)
     np.testing.assert_allclose(curvature, eta**2 * h, rtol=1e-10)
     np.testing.assert_allclose(

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.estimators.inpaint import fill_blind
+from jotlight.estimators.inpaint import inpaint_dead_pixels
 
 
 def twin(image, blind):
@@ -50,7 +50,7 @@ def test_each_blind_pixel_is_the_mean_of_its_neighbours(share):
     blind = rng.random(image.shape) < share
     assert blind.any()
     with pytest.warns(jl.JotlightWarning, match=f"{blind.sum()} of 437 pixels"):
-        filled = fill_blind(np.where(blind, np.float32("nan"), image), blind)
+        filled = inpaint_dead_pixels(np.where(blind, np.float32("nan"), image), blind)
     assert filled.dtype == np.float32
     np.testing.assert_allclose(filled, twin(image, blind), rtol=1e-4)
 
@@ -67,7 +67,7 @@ def test_clusters_are_filled_better_than_from_their_rim_inwards(side, noise):
     seen = photo + np.float32(noise) * rng.standard_normal(photo.shape, np.float32)
     errors = [np.sqrt(np.mean((grown(seen, blind) - photo)[blind] ** 2))]
     with pytest.warns(jl.JotlightWarning):
-        errors.append(np.sqrt(np.mean((fill_blind(seen, blind) - photo)[blind] ** 2)))
+        errors.append(np.sqrt(np.mean((inpaint_dead_pixels(seen, blind) - photo)[blind] ** 2)))
     assert errors[1] < 0.97 * errors[0]
 
 
@@ -75,7 +75,7 @@ def test_known_pixels_stay_to_the_bit():
     image = np.random.default_rng(1).random((9, 9), np.float32)
     blind = np.eye(9, dtype=bool)
     with pytest.warns(jl.JotlightWarning):
-        filled = fill_blind(image, blind)
+        filled = inpaint_dead_pixels(image, blind)
     np.testing.assert_array_equal(filled[~blind], image[~blind])
 
 
@@ -87,19 +87,19 @@ def test_filled_pixels_are_never_below_or_above_the_known_ones():
         blind = np.zeros(image.shape, bool)
         blind[8:12, 12:15] = True
         with pytest.warns(jl.JotlightWarning):
-            assert (fill_blind(image, blind)[blind] == 0).all()
+            assert (inpaint_dead_pixels(image, blind)[blind] == 0).all()
         with pytest.warns(jl.JotlightWarning):
-            assert (fill_blind(1 - image, blind)[blind] == 1).all()
+            assert (inpaint_dead_pixels(1 - image, blind)[blind] == 1).all()
 
 
 def test_nothing_is_done_and_said_without_blind_pixels():
     image = np.ones((2, 2), np.float32)
-    assert fill_blind(image, None) is image
+    assert inpaint_dead_pixels(image, None) is image
 
 
 def test_a_picture_of_blind_pixels_alone_is_refused():
     with pytest.raises(ValueError, match="at least one jot that is alive, got none"):
-        fill_blind(np.ones((2, 2), np.float32), np.ones((2, 2), bool))
+        inpaint_dead_pixels(np.ones((2, 2), np.float32), np.ones((2, 2), bool))
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.images.io import read_picture
+from jotlight.images.io import read_image
 from reference import iterative
 
 SOLVERS = ["newton", "gradient"]
@@ -329,7 +329,7 @@ def test_blind_pixels_are_filled_from_their_neighbours(kernel, reach):
 def photographs(data):
     files = sorted((data / "bsds300" / "test").glob("*.jpg"))[:3]
     assert len(files) == 3
-    return [read_picture(file, gray=True)[100:196, 100:196] for file in files]
+    return [read_image(file, gray=True)[100:196, 100:196] for file in files]
 
 
 def test_it_knows_the_light_on_the_jots_better_than_the_closed_form(photographs):

@@ -40,7 +40,7 @@ def test_the_steps_are_those_of_the_paper(counts, inverse, threshold):
     sensor = jl.Sensor(
         frames=16, threshold=threshold, dark_counts=0.1, efficiency=0.8, max_intensity=2.0
     )
-    z = blur(methods.stabilise(counts, 16))
+    z = blur(methods.anscombe(counts, 16))
     if inverse == "exact":
         denoised = np.vectorize(lambda value: methods.exact_inverse(value, 16))(z)
     else:

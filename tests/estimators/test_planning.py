@@ -5,7 +5,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.estimators import planning
-from jotlight.sensing.response import fires, unclipped
+from jotlight.sensing.response import detection_probability, saturation_intensity
 
 SENSORS = [
     {},
@@ -22,7 +22,7 @@ def test_bias_and_error_are_those_of_simulated_pictures(options, frames):
     base = jl.Sensor(**options)
     expected = jl.plan(base, light, frames=[frames])
     sensor = base.replace(frames=frames)
-    sensor = sensor.replace(max_intensity=unclipped(sensor))
+    sensor = sensor.replace(max_intensity=saturation_intensity(sensor))
     unit = sensor.gain / sensor.bits_per_pixel
     bits = sensor.expose(np.full((150, 150), light / unit), rng=frames)
     error = jl.mle(bits, sensor).astype(np.float64) * unit - light
@@ -66,7 +66,7 @@ def test_the_psnr_is_that_of_a_scene_spread_over_the_range():
     estimates = np.minimum(-np.log(np.maximum(1 - counts / 40, 1e-300)), np.log(80))
     from scipy.stats import binom
 
-    pmf = binom.pmf(counts, 40, fires(1, levels)[:, None])
+    pmf = binom.pmf(counts, 40, detection_probability(1, levels)[:, None])
     square = (pmf * (estimates - levels[:, None]) ** 2).sum(1)
     mean = (square[1:] + square[:-1]).mean() / 2
     assert expected.psnr[0] == pytest.approx(10 * np.log10(4 / mean), abs=1e-3)
@@ -87,7 +87,7 @@ def test_saturation_begins_where_one_pixel_in_a_hundred_is_full():
     sensor = jl.Sensor(threshold=2, dark_counts=0.1, efficiency=0.6, oversampling=2)
     expected = jl.plan(sensor, 1.0, frames=[1, 9, 10**6])
     bits = 4 * expected.frames
-    chances = fires(2, 0.6 * expected.saturation + 0.1)
+    chances = detection_probability(2, 0.6 * expected.saturation + 0.1)
     np.testing.assert_allclose(chances[:2] ** bits[:2], 0.01, rtol=1e-9)
     np.testing.assert_allclose(chances[2] ** bits[2], 0.01, rtol=1e-6)
 

@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 import jotlight as jl
-from jotlight.sensing.response import fires, unclipped
+from jotlight.sensing.response import detection_probability, saturation_intensity
 
 FLUXES = [0.0, 0.003, 0.05, 0.4, 1.5, 4.0, 9.0]
 
@@ -15,7 +15,9 @@ def coverage(sensor, light, level=0.95):
     bits = sensor.bits_per_pixel
     counts = np.arange(bits + 1)
     known = jl.uncertainty(counts[None], sensor, level=level)
-    chance = float(fires(sensor.threshold, sensor.efficiency * light + sensor.dark_counts))
+    chance = float(
+        detection_probability(sensor.threshold, sensor.efficiency * light + sensor.dark_counts)
+    )
     truth = np.float32(light * bits / sensor.gain)
     holds = (known.low[0] <= truth) & (truth <= known.high[0])
     return float(stats.binom.pmf(counts, bits, chance)[holds].sum())
@@ -62,7 +64,7 @@ def test_the_standard_error_is_the_spread_of_estimates_of_many_bits(threshold):
     sensor = jl.Sensor(
         frames=4000, threshold=threshold, dark_counts=0.1, efficiency=0.7, max_intensity=30.0
     )
-    chance = float(fires(threshold, 0.7 * 2.0 + 0.1))
+    chance = float(detection_probability(threshold, 0.7 * 2.0 + 0.1))
     number = 8000
     counts = np.random.default_rng(threshold).binomial(4000, chance, (1, number))
     spread = jl.mle(counts, sensor).std()
@@ -152,6 +154,6 @@ def test_counts_of_jots_that_differ_are_refused():
 @pytest.mark.parametrize("options", [{}, {"threshold": 3}, {"dark_counts": 0.3, "gain": 2.0}])
 def test_the_largest_intensity_that_clips_nothing(options):
     sensor = jl.Sensor(frames=50, **options)
-    sensor = sensor.replace(max_intensity=unclipped(sensor))
+    sensor = sensor.replace(max_intensity=saturation_intensity(sensor))
     estimates = jl.mle(np.array([[48, 49, 50]]), sensor)[0]
     assert estimates[0] < estimates[1] < estimates[2] == np.float32(sensor.max_intensity)

@@ -28,16 +28,16 @@ def run(name):
 
 
 def skip_unless_served(name, sensor):
-    if (reason := METHODS[name].lacks(sensor)) is not None:
+    if (reason := METHODS[name].unsupported_reason(sensor)) is not None:
         pytest.skip(f"{name} does not serve this sensor: {reason}")
 
 
 def first_served(name, *sensors):
-    return next(sensor for sensor in sensors if METHODS[name].lacks(sensor) is None)
+    return next(sensor for sensor in sensors if METHODS[name].unsupported_reason(sensor) is None)
 
 
 def test_the_sensor_of_these_tests_is_served_by_every_method(name):
-    assert METHODS[name].lacks(SENSOR) is None
+    assert METHODS[name].unsupported_reason(SENSOR) is None
 
 
 @functools.cache

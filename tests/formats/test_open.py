@@ -262,8 +262,8 @@ def test_what_a_file_was_converted_from_is_remembered_for_some_steps(tmp_path):
     for _ in range(40):
         jl.open(tmp_path / "cube.npy").save(tmp_path / "cube.npy")
     source = jl.open(tmp_path / "cube.npy").source
-    assert source.told()[0] == "npy: converted from cube.npy"
-    assert 10 < len(source.told()) < 20
+    assert source.describe()[0] == "npy: converted from cube.npy"
+    assert 10 < len(source.describe()) < 20
 
 
 @pytest.fixture

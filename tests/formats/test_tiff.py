@@ -10,7 +10,7 @@ import tifffile
 
 import jotlight as jl
 from jotlight.formats.tiff import check_directories
-from jotlight.images.io import read_picture
+from jotlight.images.io import read_image
 
 COUNTS = np.random.default_rng(0).integers(0, 2, (5, 17, 21), np.uint8)
 
@@ -25,7 +25,7 @@ def test_inserted_bytes_end_in_an_error_or_a_picture_and_soon(tmp_path, fill):
     whole = written(tmp_path / "a.tif")
     for place in range(4, 60):
         (tmp_path / "a.tif").write_bytes(whole[:place] + fill + whole[place:])
-        for read in (jl.open, read_picture):
+        for read in (jl.open, read_image):
             with contextlib.suppress(ValueError):
                 read(tmp_path / "a.tif")
 
@@ -38,7 +38,7 @@ def test_a_chain_that_leads_back_is_refused(tmp_path, run):
     end = last + 2 + 12 * tags
     content = whole[:end] + first.to_bytes(4, "little") + whole[end + 4 :]
     (tmp_path / "a.tif").write_bytes(content)
-    for read in (jl.open, read_picture):
+    for read in (jl.open, read_image):
         with pytest.raises(ValueError, match="overlap, lead back"):
             read(tmp_path / "a.tif")
     status, said = run("info", "a.tif")

@@ -8,7 +8,7 @@ import pytest
 import tifffile
 from PIL import Image
 
-from jotlight.images.io import picture_writer, read_picture
+from jotlight.images.io import image_writer, read_image
 
 GREY = np.linspace(0, 1, 35, dtype=np.float32).reshape(5, 7)
 COLOUR = np.stack([GREY, GREY[::-1], 1 - GREY], axis=-1)
@@ -27,8 +27,8 @@ COLOUR = np.stack([GREY, GREY[::-1], 1 - GREY], axis=-1)
 )
 def test_what_is_written_is_read_again(tmp_path, picture, name, depth, error):
     path = tmp_path / name
-    picture_writer(path, depth=depth)(path, picture)
-    again = read_picture(path)
+    image_writer(path, depth=depth)(path, picture)
+    again = read_image(path)
     assert again.shape == picture.shape
     assert np.abs(again - picture).max() <= error + 1e-6
 
@@ -36,7 +36,7 @@ def test_what_is_written_is_read_again(tmp_path, picture, name, depth, error):
 @pytest.mark.parametrize("picture", [GREY, COLOUR], ids=["grey", "colour"])
 def test_a_16_bit_png_holds_all_its_levels(tmp_path, picture):
     path = tmp_path / "a.png"
-    picture_writer(path, depth=16)(path, picture)
+    image_writer(path, depth=16)(path, picture)
     _, _, rows, information = png.Reader(bytes=path.read_bytes()).read()
     assert information["bitdepth"] == 16
     levels = np.vstack([np.asarray(row) for row in rows]).reshape(picture.shape)
@@ -46,13 +46,13 @@ def test_a_16_bit_png_holds_all_its_levels(tmp_path, picture):
 @pytest.mark.parametrize("name", ["a.tif", "a.npy"])
 def test_floats_are_never_clipped(tmp_path, name):
     bright = (GREY * 1000).astype(np.float32)
-    picture_writer(tmp_path / name, white=1.0)(tmp_path / name, bright)
-    assert (read_picture(tmp_path / name) == bright).all()
+    image_writer(tmp_path / name, white=1.0)(tmp_path / name, bright)
+    assert (read_image(tmp_path / name) == bright).all()
 
 
 def test_white_is_the_brightest_level_of_a_picture_to_look_at(tmp_path):
     path = tmp_path / "a.png"
-    picture_writer(path, white=2.0)(path, np.array([[0.0, 1.0, 2.0, 3.0]]))
+    image_writer(path, white=2.0)(path, np.array([[0.0, 1.0, 2.0, 3.0]]))
     assert np.asarray(Image.open(path)).tolist() == [[0, 128, 255, 255]]
 
 
@@ -72,16 +72,16 @@ def test_integers_of_unknown_scale_need_the_white_level(tmp_path, dtype, known):
             Image.fromarray(levels).save(path)
         if scale is None:
             with pytest.raises(ValueError, match="--white"):
-                read_picture(path)
+                read_image(path)
         else:
-            assert np.allclose(read_picture(path), levels / scale)
-        assert np.allclose(read_picture(path, white=100), levels / 100)
+            assert np.allclose(read_image(path), levels / scale)
+        assert np.allclose(read_image(path, white=100), levels / 100)
 
 
 def test_16_bit_grey_png_has_its_full_scale(tmp_path):
     path = tmp_path / "a.png"
     Image.fromarray(np.array([[0, 65535, 1000]], np.uint16)).save(path)
-    assert np.allclose(read_picture(path), [[0, 1, 1000 / 65535]])
+    assert np.allclose(read_image(path), [[0, 1, 1000 / 65535]])
 
 
 def test_gray_is_the_luma_of_bt_601_rounded_to_a_level(tmp_path):
@@ -89,7 +89,7 @@ def test_gray_is_the_luma_of_bt_601_rounded_to_a_level(tmp_path):
     levels = np.array([[[255, 0, 0], [0, 255, 0], [0, 0, 255], [10, 20, 30]]], np.uint8)
     Image.fromarray(levels).save(path)
     expected = np.rint(levels @ [0.299, 0.587, 0.114]) / 255
-    assert np.allclose(read_picture(path, gray=True), expected)
+    assert np.allclose(read_image(path, gray=True), expected)
 
 
 @pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGB", "RGBA", "CMYK"])
@@ -97,7 +97,7 @@ def test_every_mode_of_pillow_becomes_grey_or_colour(tmp_path, mode):
     path = tmp_path / ("a.tiff" if mode == "CMYK" else "a.png")
     path = path.with_suffix(".jpg") if mode == "CMYK" else path
     Image.new("RGB", (6, 4), (200, 100, 50)).convert(mode).save(path)
-    assert read_picture(path).shape in ((4, 6), (4, 6, 3))
+    assert read_image(path).shape in ((4, 6), (4, 6, 3))
 
 
 def test_the_orientation_that_the_camera_noted_is_applied(tmp_path):
@@ -105,7 +105,7 @@ def test_the_orientation_that_the_camera_noted_is_applied(tmp_path):
     exif = Image.Exif()
     exif[0x0112] = 6
     Image.new("L", (8, 4)).save(path, exif=exif)
-    assert read_picture(path).shape == (8, 4)
+    assert read_image(path).shape == (8, 4)
 
 
 def test_a_picture_that_would_fill_the_memory_is_refused(tmp_path, monkeypatch):
@@ -113,7 +113,7 @@ def test_a_picture_that_would_fill_the_memory_is_refused(tmp_path, monkeypatch):
     path = tmp_path / "bomb.png"
     Image.new("L", (40, 40)).save(path)
     with pytest.raises(ValueError, match=r"bomb\.png.*pixels"):
-        read_picture(path)
+        read_image(path)
 
 
 def test_damaged_files_are_named(tmp_path):
@@ -126,7 +126,7 @@ def test_damaged_files_are_named(tmp_path):
     }.items():
         (tmp_path / name).write_bytes(content)
         with pytest.raises(ValueError, match=name):
-            read_picture(tmp_path / name)
+            read_image(tmp_path / name)
 
 
 def test_transparency_is_left_out_of_a_16_bit_png(tmp_path):
@@ -135,17 +135,17 @@ def test_transparency_is_left_out_of_a_16_bit_png(tmp_path):
     with path.open("wb") as file:
         writer = png.Writer(5, 4, greyscale=False, alpha=True, bitdepth=16)
         writer.write(file, values.reshape(4, -1))
-    assert np.allclose(read_picture(path), values[..., :3] / 65535, atol=1e-6)
+    assert np.allclose(read_image(path), values[..., :3] / 65535, atol=1e-6)
     path.write_bytes(path.read_bytes()[:60])
     with pytest.raises(ValueError, match=r"a\.png: the picture is damaged"):
-        read_picture(path)
+        read_image(path)
 
 
 @pytest.mark.parametrize("white", [0, -1, np.inf, np.nan])
 def test_a_white_level_that_is_none_is_refused(tmp_path, white):
     np.save(tmp_path / "a.npy", GREY)
     with pytest.raises(ValueError, match="white"):
-        read_picture(tmp_path / "a.npy", white=white)
+        read_image(tmp_path / "a.npy", white=white)
 
 
 def png16(path, values, *, before_data=b"", **options):
@@ -173,13 +173,13 @@ VALUES = np.random.default_rng(0).integers(0, 65536, (4, 6, 3), dtype=np.uint16)
 def test_significant_bits_do_not_change_the_scale(tmp_path):
     path = tmp_path / "a.png"
     png16(path, VALUES, greyscale=False, before_data=chunk(b"sBIT", bytes([10, 10, 10])))
-    assert np.allclose(read_picture(path), VALUES / 65535, atol=1e-6)
+    assert np.allclose(read_image(path), VALUES / 65535, atol=1e-6)
 
 
 def test_grey_with_transparency_keeps_its_16_bits(tmp_path):
     path = tmp_path / "a.png"
     png16(path, VALUES[..., :2], greyscale=True, alpha=True)
-    assert np.allclose(read_picture(path), VALUES[..., 0] / 65535, atol=1e-6)
+    assert np.allclose(read_image(path), VALUES[..., 0] / 65535, atol=1e-6)
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
@@ -191,8 +191,8 @@ def test_a_16_bit_png_is_turned_as_pillow_turns_8_bits(tmp_path, orientation):
     # What Pillow writes for a PNG begins without the marker that a JPEG has before it.
     content = exif.tobytes().removeprefix(b"Exif\x00\x00")
     png16(tmp_path / "a.png", VALUES, greyscale=False, before_data=chunk(b"eXIf", content))
-    turned = read_picture(tmp_path / "a.png")
-    expected = read_picture(tmp_path / "eight.png")
+    turned = read_image(tmp_path / "a.png")
+    expected = read_image(tmp_path / "eight.png")
     assert turned.shape == expected.shape
     assert np.abs(turned - expected).max() < 1 / 200
 
@@ -203,4 +203,4 @@ def test_a_16_bit_png_that_is_cut_is_named(tmp_path, length):
     png16(path, VALUES, greyscale=False)
     path.write_bytes(path.read_bytes()[:length])
     with pytest.raises(ValueError, match=r"a\.png"):
-        read_picture(path)
+        read_image(path)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.images.io import read_picture
+from jotlight.images.io import read_image
 from jotlight.images.tone import Tone
 from jotlight.images.video import film_writer, windows
 from jotlight.sensing.frames import Frames
@@ -40,7 +40,7 @@ def test_a_folder_of_pictures_has_one_curve(tmp_path):
         add(RAMP)
         add(2 * RAMP)
     assert sorted(path.name for path in (tmp_path / "a").iterdir()) == ["00000.png", "00001.png"]
-    one, two = (read_picture(tmp_path / "a" / f"0000{n}.png") for n in range(2))
+    one, two = (read_image(tmp_path / "a" / f"0000{n}.png") for n in range(2))
     np.testing.assert_allclose(one, (RAMP / 2) ** (1 / 2.2), atol=1e-5)
     np.testing.assert_allclose(two, RAMP ** (1 / 2.2), atol=1e-5)
 

@@ -8,12 +8,12 @@ import pytest
 import jotlight as jl
 import jotlight._engine as engine
 from jotlight.networks import network as networks
-from jotlight.networks.layer import halo_of, number_of_sets, shares_of, step_of
+from jotlight.networks.layer import conditioning_weights, count_sets, halo_radius, size_divisor
 from reference import deep, methods
 from reference.networks import random_bits
 
 SENSOR = jl.Sensor(oversampling=4)
-MEMBERS = ("small", "medium")
+ARCHITECTURES = ("small", "medium")
 SIZES = [(1, 1), (2, 3), (5, 1), (30, 47), (33, 64)]
 BETWEEN = (1, 256)
 ROUNDING = 1e-6
@@ -25,19 +25,19 @@ def member(name, seed=0, **options):
 
 
 def told(name="small", seed=0):
-    return deep.lively(jl.Network.told(name, rng=seed), np.random.default_rng(seed))
+    return deep.lively(jl.Network.conditional(name, rng=seed), np.random.default_rng(seed))
 
 
 def twin(network, bits):
     sums = methods.block_sums(network.layers[0].filters, bits, network.sensor.oversampling)
-    return deep.picture(network.layers, sums, step_of(network.layers))
+    return deep.picture(network.layers, sums, size_divisor(network.layers))
 
 
 def counts_of(sensor, height, width, seed=0):
     return np.random.default_rng(seed).integers(0, sensor.bits_per_pixel + 1, (height, width))
 
 
-@pytest.mark.parametrize("name", MEMBERS)
+@pytest.mark.parametrize("name", ARCHITECTURES)
 @pytest.mark.parametrize("size", SIZES)
 def test_the_picture_of_a_member_is_the_twins(name, size):
     network = member(name)
@@ -65,7 +65,7 @@ def test_the_picture_of_any_wiring_is_the_twins(tied, size, seed):
     rng = np.random.default_rng(seed)
     sensor = jl.Sensor(oversampling=3, frames=2)
     network = deep.wired(rng, sensor, tied=tied)
-    assert (step_of(network.layers), network.halo % 6) == (6, 0)
+    assert (size_divisor(network.layers), network.halo % 6) == (6, 0)
     bits = random_bits(rng, sensor, *size)
     picture = network.reconstruct(jl.Bits.from_array(bits))
     np.testing.assert_allclose(picture, twin(network, bits), atol=2e-5)
@@ -93,7 +93,7 @@ def test_a_layer_that_filters_with_a_stride_and_goes_from_depth_to_space(
         jl.Layer(both, None, stride=stride, upsampling=upsampling),
         jl.Layer(back, None, upsampling=stride // upsampling),
     ]
-    assert step_of(layers) == step
+    assert size_divisor(layers) == step
     network = jl.Network(layers, SENSOR)
     counts = counts_of(SENSOR, *size)
     picture = network.reconstruct(counts, threads=1)
@@ -129,7 +129,7 @@ def test_rows_past_the_last_one_need_those_above():
     network = jl.Network(layers, SENSOR)
     counts = counts_of(SENSOR, 65, 9)
     prepared = [layer.prepared for layer in layers]
-    top, bottom = engine.rows_needed(prepared, 65, (64, 65))
+    top, bottom = engine.input_rows(prepared, 65, (64, 65))
     part = network.reconstruct(counts[top:bottom])
     np.testing.assert_array_equal(part[64 - top :], network.reconstruct(counts)[64:])
 
@@ -179,10 +179,10 @@ def test_dead_jots_of_a_deep_network_that_weighs_jots_singly():
 def test_the_picture_of_a_network_that_is_told_k_is_the_twins(bits, size):
     network, sensor = told(), jl.Sensor(frames=bits, max_intensity=5.0)
     counts = counts_of(sensor, *size)
-    layers = deep.told(network.layers, bits, BETWEEN, number_of_sets(network.layers))
+    layers = deep.told(network.layers, bits, BETWEEN, count_sets(network.layers))
     # Trained filters are kept in float32.
     sums = counts[None] * np.float64(layers[0].filters.reshape(()))
-    expected = deep.picture(layers, sums, step_of(layers))
+    expected = deep.picture(layers, sums, size_divisor(layers))
     shares = network._at(sensor).reconstruct(counts, sensor)
     np.testing.assert_allclose(shares, expected, atol=1e-5)
     light = (-np.log1p(-expected.clip(0, 1 - 1e-9))).clip(0, 5)
@@ -195,22 +195,22 @@ def test_the_picture_of_a_network_that_is_told_k_is_the_twins(bits, size):
 @pytest.mark.parametrize("number", [4, 5, 6, 9])
 def test_shares_are_those_of_splines(number):
     for bits in (1, 1.5, 2, 16, 99, 255.9, 256):
-        found = shares_of(bits, BETWEEN, number)
+        found = conditioning_weights(bits, BETWEEN, number)
         assert found.min() >= 0
         assert abs(found.sum() - 1) < 1e-12
         np.testing.assert_allclose(found, deep.shares(bits, BETWEEN, number), atol=1e-10)
 
 
 def test_a_network_of_equal_sets_is_the_same_for_every_k():
-    network = jl.Network.told("small", rng=0)
+    network = jl.Network.conditional("small", rng=0)
     layer = network.layers[5]
     assert layer.sets
     for bits in (1, 7, 256):
-        at = layer.at(shares_of(bits, BETWEEN, 6))
+        at = layer.at(conditioning_weights(bits, BETWEEN, 6))
         np.testing.assert_allclose(at.coefficients, layer.coefficients[0], atol=1e-6)
 
 
-@pytest.mark.parametrize("name", MEMBERS)
+@pytest.mark.parametrize("name", ARCHITECTURES)
 @pytest.mark.parametrize("size", [(1, 7), (150, 300), (261, 130)])
 def test_threads_change_nothing(name, size):
     network, counts = member(name), counts_of(SENSOR, *size)
@@ -235,13 +235,13 @@ def test_large_pictures_in_parts_are_those_in_one(monkeypatch, tied):
         np.testing.assert_array_equal(network.reconstruct(counts), whole)
 
 
-@pytest.mark.parametrize("name", MEMBERS)
+@pytest.mark.parametrize("name", ARCHITECTURES)
 @pytest.mark.parametrize("rows", [(0, 1), (3, 4), (199, 200), (200, 207), (402, 403)])
 def test_rows_are_made_of_the_rows_that_they_need(name, rows):
     network, (start, stop) = member(name), rows
     counts = counts_of(SENSOR, 403, 20)
     layers = [layer.prepared for layer in network.layers]
-    top, bottom = engine.rows_needed(layers, 403, rows)
+    top, bottom = engine.input_rows(layers, 403, rows)
     part = network.reconstruct(counts[top:bottom])[start - top : stop - top]
     np.testing.assert_array_equal(part, network.reconstruct(counts)[start:stop])
     # Not many more of them than what one pixel depends on.
@@ -251,7 +251,7 @@ def test_rows_are_made_of_the_rows_that_they_need(name, rows):
 @pytest.mark.parametrize("make", [lambda: member("small"), lambda: deep.wired(RNG, SENSOR)])
 def test_a_tile_with_a_border_of_the_halo_has_the_pixels_of_the_whole(make):
     network = make()
-    halo, step = network.halo, step_of(network.layers)
+    halo, step = network.halo, size_divisor(network.layers)
     height, width = 4 * halo + 5 * step, 3 * halo + 7 * step
     counts = counts_of(SENSOR, height, width)
     whole = network.reconstruct(counts)
@@ -273,7 +273,7 @@ RNG = np.random.default_rng(9)
 def test_the_halo_is_no_wider_than_it_has_to_be():
     """A pixel outside of the halo changes nothing, and one a step inside of it does."""
     network = deep.wired(np.random.default_rng(3), SENSOR)
-    halo, step = network.halo, step_of(network.layers)
+    halo, step = network.halo, size_divisor(network.layers)
     size = 4 * halo // step * step
     counts = counts_of(SENSOR, size, size)
     one = network.reconstruct(counts)
@@ -289,7 +289,7 @@ def test_the_halo_is_no_wider_than_it_has_to_be():
     assert halo - 2 * step < reach <= halo
 
 
-@pytest.mark.parametrize("name", MEMBERS)
+@pytest.mark.parametrize("name", ARCHITECTURES)
 def test_a_member_starts_as_a_classical_estimate(name):
     image = np.full((40, 40), 0.5)
     bits = SENSOR.expose(image, 0)
@@ -298,7 +298,7 @@ def test_a_member_starts_as_a_classical_estimate(name):
     assert picture.std() < 0.1
     for frames in (1, 16, 256):
         sensor = jl.Sensor(frames=frames, max_intensity=4.0)
-        picture = jl.Network.told(name, rng=0).reconstruct(sensor.expose(image, 0), sensor)
+        picture = jl.Network.conditional(name, rng=0).reconstruct(sensor.expose(image, 0), sensor)
         assert abs(picture.mean() - 0.5) < 0.1
 
 
@@ -314,12 +314,12 @@ def test_every_output_lies_between_0_and_the_largest_intensity(most):
         assert picture.std() > 0.01 * most
 
 
-@pytest.mark.parametrize("make", [*(lambda n=n: member(n) for n in MEMBERS), told])
+@pytest.mark.parametrize("make", [*(lambda n=n: member(n) for n in ARCHITECTURES), told])
 def test_a_file_keeps_everything(tmp_path, make):
     network = make()
     network.save(tmp_path / "deep.safetensors")
     loaded = jl.Network.load(tmp_path / "deep.safetensors")
-    assert (loaded.sensor, loaded.bits) == (network.sensor, network.bits)
+    assert (loaded.sensor, loaded.trials_range) == (network.sensor, network.trials_range)
     for one, other in zip(network.layers, loaded.layers, strict=True):
         assert one.numbers() == other.numbers()
         np.testing.assert_array_equal(one.filters, other.filters)
@@ -340,21 +340,21 @@ LAST = layer(1, 2)
 @pytest.mark.parametrize(
     ("layers", "message"),
     [
-        ([layer(1, 1, 1, reads=0)], "the first one to read the data"),
-        ([layer(1, 1, 1, adds=0)], "the first one to read the data"),
+        ([layer(1, 1, 1, input=0)], "the first one to read the data"),
+        ([layer(1, 1, 1, skip=0)], "the first one to read the data"),
         ([layer(4, 1, 1, upsampling=2)], "the first one to read the data"),
-        ([FIRST, layer(1, 2, reads=1)], "layer 1 to take planes of 0 to 0, got reads 1"),
-        ([FIRST, layer(1, 2, adds=-1)], "layer 1 to take planes of 0 to 0, got adds -1"),
+        ([FIRST, layer(1, 2, input=1)], "layer 1 to take planes of 0 to 0, got reads 1"),
+        ([FIRST, layer(1, 2, skip=-1)], "layer 1 to take planes of 0 to 0, got adds -1"),
         ([FIRST, layer(3, 2), layer(1, 2)], "expected 3 input channels in layer 2"),
-        ([FIRST, layer(3, 2), layer(1, 3, adds=1)], "layer 2 to add planes like its own, of 1"),
+        ([FIRST, layer(3, 2), layer(1, 3, skip=1)], "layer 2 to add planes like its own, of 1"),
         (
-            [FIRST, layer(2, 2, stride=2), layer(2, 2, adds=0), LAST],
+            [FIRST, layer(2, 2, stride=2), layer(2, 2, skip=0), LAST],
             "layer 2 to add planes like its own, of 2 channels, got those of layer 0",
         ),
         ([FIRST, layer(2, 2)], "one output channel of the last layer"),
         ([FIRST, layer(1, 2, stride=2)], "one output channel of the last layer, in the pict"),
         ([FIRST, layer(4, 2, upsampling=2)], "one output channel of the last layer, in the pict"),
-        ([FIRST, layer(3, 2), layer(1, 2, reads=0)], "layer 1 to be read or added, got no layer"),
+        ([FIRST, layer(3, 2), layer(1, 2, input=0)], "layer 1 to be read or added, got no layer"),
     ],
 )
 def test_layers_that_do_not_fit_each_other_are_refused(layers, message):
@@ -412,6 +412,6 @@ def test_a_k_out_of_range_is_refused():
 
 
 def test_the_halo_of_members():
-    for name in MEMBERS:
+    for name in ARCHITECTURES:
         layers = jl.Network.deep(SENSOR, name, rng=0).layers
-        assert halo_of(layers) % step_of(layers) == 0
+        assert halo_radius(layers) % size_divisor(layers) == 0

@@ -180,8 +180,8 @@ def test_initial_is_the_noniterative_method_with_a_gaussian(sensor, sigma):
     # The only errors are those of the splines; h2 is an average and does not make them larger.
     first, second = network.layers
     counts = np.arange(bits + 1)
-    z = np.linspace(*methods.stabilise(np.array([0, bits]), bits), 20_001)
-    first_error = np.abs(curve(first, counts) - methods.stabilise(counts, bits)).max()
+    z = np.linspace(*methods.anscombe(np.array([0, bits]), bits), 20_001)
+    first_error = np.abs(curve(first, counts) - methods.anscombe(counts, bits)).max()
     second_error = np.abs(curve(second, z) - intensity(z)).max()
     steepest = np.abs(np.diff(intensity(z)) / np.diff(z)).max()
     bound = steepest * first_error + second_error + 1e-5
@@ -442,7 +442,7 @@ def test_a_network_that_has_run_is_copied_and_pickled(again):
 
 
 def test_a_network_that_is_told_another_k_forgets_the_last_one():
-    network = jl.Network.told("small", bits=(2, 32), rng=0)
+    network = jl.Network.conditional("small", trials_range=(2, 32), rng=0)
     counts = np.random.default_rng(7).integers(0, 3, (20, 30))
     four, nine = jl.Sensor(frames=4), jl.Sensor(frames=9)
     first, other = network.reconstruct(counts, four), network.reconstruct(counts, nine)

@@ -8,8 +8,8 @@ import pytest
 from scipy.interpolate import BSpline
 
 import jotlight as jl
-from jotlight.images.io import read_picture
-from jotlight.networks.pretrained import BITS_PER_PIXEL, FOLDER, lacking, pretrained
+from jotlight.images.io import read_image
+from jotlight.networks.pretrained import BITS_PER_PIXEL, FOLDER, pretrained, unsupported_reason
 from jotlight.training import SafeSet, vector_of
 
 SPACE = [jl.Sensor(oversampling=round(bits**0.5)) for bits in BITS_PER_PIXEL]
@@ -50,7 +50,7 @@ def photographs(data):
         pytest.skip(f"no BSDS300 in {data}")
     paths = sorted(folder.glob("*.jpg"))[:20]
     assert len(paths) == 20
-    return [read_picture(path, gray=True) for path in paths]
+    return [read_image(path, gray=True) for path in paths]
 
 
 def test_the_counts_of_bits_are_those_that_are_promised():
@@ -59,7 +59,7 @@ def test_the_counts_of_bits_are_those_that_are_promised():
 
 @pytest.mark.parametrize("sensor", [*SPACE, *TIME, *MIXED], ids=repr)
 def test_jots_in_space_and_frames_in_time_are_served_by_one_tied_network(sensor):
-    assert lacking(sensor, "fast") is None
+    assert unsupported_reason(sensor, "fast") is None
     network = pretrained(sensor, "fast")
     assert network.tied
     np.testing.assert_array_equal(vector_of(network), vector_of(model(sensor.bits_per_pixel)))
@@ -231,15 +231,15 @@ def test_weak_dark_counts_are_served():
     image = camera()[100:200, 100:200]
     sensor = jl.Sensor(oversampling=4, dark_counts=0.05)
     bits = sensor.expose(image, rng=0)
-    assert lacking(sensor, "fast") is None
+    assert unsupported_reason(sensor, "fast") is None
     picture = pretrained(sensor, "fast").reconstruct(bits)
     assert jl.metrics.psnr(picture, image) > jl.metrics.psnr(jl.mle(bits, sensor), image) + 5
     assert abs(picture.mean() - image.mean()) < 0.02
 
 
 def test_efficiency_and_gain_may_share_the_exposure():
-    assert lacking(jl.Sensor(frames=16, gain=32, efficiency=0.5), "fast") is None
-    assert lacking(jl.Sensor(frames=16, efficiency=0.5), "fast") is not None
+    assert unsupported_reason(jl.Sensor(frames=16, gain=32, efficiency=0.5), "fast") is None
+    assert unsupported_reason(jl.Sensor(frames=16, efficiency=0.5), "fast") is not None
 
 
 @pytest.mark.parametrize(
@@ -307,5 +307,5 @@ def test_there_is_no_other_quality():
         ValueError, match="quality: expected one of fast, small, medium, large, got 'best'"
     ):
         pretrained(jl.Sensor(oversampling=4), "best")
-    assert "only for 1 to 256" in lacking(jl.Sensor(frames=300))
-    assert "the cubic kernel" in lacking(jl.Sensor(oversampling=4, kernel="cubic"))
+    assert "only for 1 to 256" in unsupported_reason(jl.Sensor(frames=300))
+    assert "the cubic kernel" in unsupported_reason(jl.Sensor(oversampling=4, kernel="cubic"))

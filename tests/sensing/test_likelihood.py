@@ -47,7 +47,11 @@ def fifty_digits():
 def seen(ones, trials, light, **options):
     """Value, gradient, curvature and information of one cell."""
     cell = jl.Likelihood([ones], trials, **options)
-    return cell.value([light]), *np.ravel(cell.slopes([light])), *cell.information([light])
+    return (
+        cell.value([light]),
+        *np.ravel(cell.gradient_and_curvature([light])),
+        *cell.information([light]),
+    )
 
 
 @pytest.mark.parametrize("threshold", THRESHOLDS)
@@ -79,7 +83,7 @@ def test_bits_add_up_and_see_the_dark_counts_too(threshold):
     trials = RANDOM.integers(0, 50, 40)
     ones = RANDOM.integers(0, trials + 1)
     cells = jl.Likelihood(ones, trials, threshold=threshold, dark_counts=dark)
-    gradient, curvature = cells.slopes(light)
+    gradient, curvature = cells.gradient_and_curvature(light)
     information = cells.information(light)
     total = size = mp.mpf(0)
     for i in range(40):
@@ -110,7 +114,7 @@ def test_slopes_are_those_of_finite_differences(threshold):
         )
 
     cells = jl.Likelihood(ones, 10, threshold=threshold)
-    gradient, curvature = cells.slopes(light)
+    gradient, curvature = cells.gradient_and_curvature(light)
     step = 1e-5 * light
     np.testing.assert_allclose(
         gradient * light,
@@ -120,7 +124,11 @@ def test_slopes_are_those_of_finite_differences(threshold):
     )
     np.testing.assert_allclose(
         curvature * light,
-        (cells.slopes(light - step)[0] - cells.slopes(light + step)[0]) / 2e-5,
+        (
+            cells.gradient_and_curvature(light - step)[0]
+            - cells.gradient_and_curvature(light + step)[0]
+        )
+        / 2e-5,
         rtol=1e-6,
         atol=1e-6,
     )
@@ -133,7 +141,7 @@ def test_information_is_the_curvature_that_all_counts_have_on_average(threshold)
     counts = np.arange(trials + 1)
     chances = [math.comb(trials, k) * fires**k * (1 - fires) ** (trials - k) for k in counts]
     cells = jl.Likelihood(counts, trials, threshold=threshold)
-    gradient, curvature = cells.slopes(light)
+    gradient, curvature = cells.gradient_and_curvature(light)
     information = cells.information(light)
     np.testing.assert_allclose(information, chances @ curvature, rtol=1e-12)
     np.testing.assert_allclose(information, chances @ gradient**2, rtol=1e-12)
@@ -152,7 +160,9 @@ def test_a_bit_that_cannot_be_has_no_likelihood(threshold):
 @pytest.mark.parametrize("threshold", THRESHOLDS)
 @pytest.mark.parametrize("light", [0.0, 5e-324, 1e-200, 1e-12])
 def test_slopes_are_finite_and_rise_towards_the_dark(threshold, light):
-    gradient, curvature = jl.Likelihood([0, 1, 9], 9, threshold=threshold).slopes(light)
+    gradient, curvature = jl.Likelihood([0, 1, 9], 9, threshold=threshold).gradient_and_curvature(
+        light
+    )
     assert np.isfinite([gradient, curvature]).all()
     assert gradient[0] <= 0 < 1e11 < gradient[1] < gradient[2]
     assert 0 <= curvature[0] < 1e22 < curvature[1] < curvature[2]
@@ -171,9 +181,9 @@ def test_a_dead_cell_says_nothing(threshold, light):
     dead = jl.Likelihood([0, 3], [0, 7], threshold=threshold, dark_counts=[0.2, 0.1])
     alive = jl.Likelihood([3], 7, threshold=threshold, dark_counts=0.1)
     assert dead.value(light) == alive.value(light)
-    (none, gradient), (flat, curvature) = dead.slopes(light)
+    (none, gradient), (flat, curvature) = dead.gradient_and_curvature(light)
     assert none == flat == dead.information(light)[0] == 0
-    assert [[gradient], [curvature]] == [list(x) for x in alive.slopes(light)]
+    assert [[gradient], [curvature]] == [list(x) for x in alive.gradient_and_curvature(light)]
 
 
 @given(
@@ -185,17 +195,19 @@ def test_a_dead_cell_says_nothing(threshold, light):
 )
 def test_log_likelihood_is_concave(threshold, light, dark, ones, zeros):
     cell = jl.Likelihood([ones], ones + zeros, threshold=threshold, dark_counts=dark)
-    gradient, curvature = cell.slopes(light)
+    gradient, curvature = cell.gradient_and_curvature(light)
     assert curvature >= 0
     assert np.isfinite([gradient, curvature, cell.information(light)]).all()
-    assert cell.slopes(light * 1.5)[0] <= gradient + 1e-11 * (1 + abs(gradient)) * (ones + zeros)
+    assert cell.gradient_and_curvature(light * 1.5)[0] <= gradient + 1e-11 * (1 + abs(gradient)) * (
+        ones + zeros
+    )
     assert cell.value(light) <= 0
 
 
 @given(st.integers(1, 40), st.floats(1e-3, 100), st.floats(1e-3, 100), st.integers(0, 9))
 def test_the_value_lies_below_every_tangent(threshold, here, there, ones):
     cell = jl.Likelihood([ones], 9, threshold=threshold)
-    value, (slope,) = cell.value(here), cell.slopes(here)[0]
+    value, (slope,) = cell.value(here), cell.gradient_and_curvature(here)[0]
     rounding = 1e-11 * (abs(value) + abs(slope * (there - here)) + 1)
     assert cell.value(there) <= value + slope * (there - here) + rounding
 
@@ -215,7 +227,7 @@ def test_any_number_of_cells_of_one_photon_is_as_the_formula_has_it(size):
     ones, zeros = cells.ones, cells.trials - cells.ones
     rate = light + cells.dark_counts
     score = np.exp(-rate) / -np.expm1(-rate)
-    gradient, curvature = cells.slopes(light)
+    gradient, curvature = cells.gradient_and_curvature(light)
     np.testing.assert_allclose(gradient, ones * score - zeros, rtol=1e-13, atol=1e-14 * 30)
     np.testing.assert_allclose(curvature, ones * score * (1 + score), rtol=1e-13, atol=1e-300)
     np.testing.assert_allclose(
@@ -234,7 +246,7 @@ def test_any_number_of_cells_of_more_photons_is_as_the_formula_has_it(size):
     slope = rate**2 * np.exp(-rate) / 2
     terms = ones * slope / fires, zeros * slope / dark
     np.testing.assert_allclose(
-        cells.slopes(light)[0], terms[0] - terms[1], rtol=1e-11, atol=1e-12 * 30
+        cells.gradient_and_curvature(light)[0], terms[0] - terms[1], rtol=1e-11, atol=1e-12 * 30
     )
     np.testing.assert_allclose(
         cells.information(light), cells.trials * slope**2 / fires / dark, rtol=1e-11, atol=1e-290
@@ -246,7 +258,7 @@ def test_any_number_of_cells_of_more_photons_is_as_the_formula_has_it(size):
 @pytest.mark.parametrize("threshold", [1, 4])
 def test_cells_do_not_know_of_each_other(threshold):
     cells, light = cells_of(50, threshold)
-    together = np.array([*cells.slopes(light), cells.information(light)])
+    together = np.array([*cells.gradient_and_curvature(light), cells.information(light)])
     for i in range(50):
         alone = seen(
             cells.ones[i],
@@ -272,8 +284,11 @@ def test_the_shape_of_the_cells_changes_nothing(threshold):
         assert cells.shape == shape
         assert cells.value(light.reshape(shape)) == flat.value(light)
         for found, expected in zip(
-            [*cells.slopes(light.reshape(shape)), cells.information(light.reshape(shape))],
-            [*flat.slopes(light), flat.information(light)],
+            [
+                *cells.gradient_and_curvature(light.reshape(shape)),
+                cells.information(light.reshape(shape)),
+            ],
+            [*flat.gradient_and_curvature(light), flat.information(light)],
             strict=True,
         ):
             np.testing.assert_array_equal(found, expected.reshape(shape))
@@ -291,7 +306,9 @@ def test_a_single_number_stands_for_all_cells(threshold):
     )
     everywhere = np.full((5, 7), 0.75)
     assert numbers.value(0.75) == maps.value(everywhere)
-    np.testing.assert_array_equal(numbers.slopes(0.75), maps.slopes(everywhere))
+    np.testing.assert_array_equal(
+        numbers.gradient_and_curvature(0.75), maps.gradient_and_curvature(everywhere)
+    )
     np.testing.assert_array_equal(numbers.information(0.75), maps.information(everywhere))
 
 
@@ -306,7 +323,9 @@ def test_the_layout_of_the_arrays_changes_nothing(threshold):
     )
     there = np.asfortranarray(light)
     assert turned.value(there) == cells.value(light)
-    np.testing.assert_array_equal(turned.slopes(there), cells.slopes(light))
+    np.testing.assert_array_equal(
+        turned.gradient_and_curvature(there), cells.gradient_and_curvature(light)
+    )
     np.testing.assert_array_equal(turned.information(there), cells.information(light))
 
 
@@ -322,7 +341,11 @@ def test_the_number_of_threads_changes_no_bit(threshold):
             dark_counts=cells.dark_counts,
             threads=threads,
         )
-        arrays = [np.float64(same.value(light)), *same.slopes(light), same.information(light)]
+        arrays = [
+            np.float64(same.value(light)),
+            *same.gradient_and_curvature(light),
+            same.information(light),
+        ]
         arrays.append(same.proximal(light, 3.0, most=9.0))
         results.append(b"".join(array.tobytes() for array in arrays))
     assert results[0] == results[1] == results[2]
@@ -331,10 +354,18 @@ def test_the_number_of_threads_changes_no_bit(threshold):
 @pytest.mark.parametrize("threshold", [1, 3])
 def test_very_many_cells_are_handled_in_parts(threshold, monkeypatch):
     cells, light = cells_of(20_000, threshold)
-    whole = [*cells.slopes(light), cells.information(light), cells.proximal(light, 2.0, most=5.0)]
+    whole = [
+        *cells.gradient_and_curvature(light),
+        cells.information(light),
+        cells.proximal(light, 2.0, most=5.0),
+    ]
     value = cells.value(light)
     monkeypatch.setattr("jotlight.sensing.likelihood._AT_ONCE", 7001)
-    parts = [*cells.slopes(light), cells.information(light), cells.proximal(light, 2.0, most=5.0)]
+    parts = [
+        *cells.gradient_and_curvature(light),
+        cells.information(light),
+        cells.proximal(light, 2.0, most=5.0),
+    ]
     np.testing.assert_array_equal(parts, whole)
     assert cells.value(light) == pytest.approx(value, rel=1e-13)
 

@@ -3,7 +3,7 @@ import pytest
 from mpmath import mp
 from scipy.special import gammaincinv
 
-from jotlight._engine import threshold_probability, threshold_rate
+from jotlight._engine import detection_probability, inverse_detection_probability
 
 THRESHOLDS = [1, 2, 3, 5, 20, 100]
 RATES = [*np.geomspace(1e-12, 1e4, 49), 0.999, 1.0, 1.001, 19.999, 20.0, 20.001, 100.0]
@@ -15,7 +15,7 @@ def test_probability_is_the_incomplete_gamma_function_to_eleven_digits(threshold
     with mp.workdps(40):
         for rate in RATES:
             exact = mp.gammainc(threshold, 0, mp.mpf(float(rate)), regularized=True)
-            probability = threshold_probability(threshold, rate)
+            probability = detection_probability(threshold, rate)
             if exact < UNDERFLOW:
                 assert 0 <= probability < UNDERFLOW
             else:
@@ -24,9 +24,9 @@ def test_probability_is_the_incomplete_gamma_function_to_eleven_digits(threshold
 
 @pytest.mark.parametrize("threshold", THRESHOLDS)
 def test_probability_rises_from_0_to_1(threshold):
-    assert threshold_probability(threshold, 0.0) == 0
-    assert threshold_probability(threshold, np.inf) == 1
-    probabilities = [threshold_probability(threshold, rate) for rate in sorted(RATES)]
+    assert detection_probability(threshold, 0.0) == 0
+    assert detection_probability(threshold, np.inf) == 1
+    probabilities = [detection_probability(threshold, rate) for rate in sorted(RATES)]
     assert all(np.diff(probabilities) >= -1e-15)
     assert max(probabilities) <= 1
 
@@ -38,7 +38,7 @@ PROBABILITIES = [*np.geomspace(1e-290, 0.5, 59), *(1 - np.geomspace(1e-15, 0.5, 
 def test_rate_is_where_both_tails_are_right_to_eleven_digits(threshold):
     with mp.workdps(40):
         for probability in PROBABILITIES:
-            rate = mp.mpf(threshold_rate(threshold, probability))
+            rate = mp.mpf(inverse_detection_probability(threshold, probability))
             tails = mp.mpf(float(probability)), 1 - mp.mpf(float(probability))
             exact = mp.gammainc(threshold, 0, rate, regularized=True)
             assert abs(exact - tails[0]) < 1e-11 * min(tails), probability
@@ -47,27 +47,29 @@ def test_rate_is_where_both_tails_are_right_to_eleven_digits(threshold):
 @pytest.mark.parametrize("threshold", THRESHOLDS)
 def test_rate_agrees_with_scipy(threshold):
     probabilities = np.linspace(0.001, 0.999, 999)
-    rates = [threshold_rate(threshold, probability) for probability in probabilities]
+    rates = [inverse_detection_probability(threshold, probability) for probability in probabilities]
     np.testing.assert_allclose(rates, gammaincinv(threshold, probabilities), rtol=1e-11)
 
 
 @pytest.mark.parametrize("threshold", THRESHOLDS)
 def test_rate_undoes_probability(threshold):
     for rate in RATES:
-        probability = threshold_probability(threshold, rate)
+        probability = detection_probability(threshold, rate)
         if UNDERFLOW < probability < 0.999:
-            assert threshold_rate(threshold, probability) == pytest.approx(rate, rel=1e-11)
+            assert inverse_detection_probability(threshold, probability) == pytest.approx(
+                rate, rel=1e-11
+            )
 
 
 @pytest.mark.parametrize("threshold", THRESHOLDS)
 def test_certainty_has_a_rate_too(threshold):
-    assert threshold_rate(threshold, 0.0) == 0
-    assert threshold_rate(threshold, 1.0) == np.inf
-    assert threshold_rate(threshold, -1e-9) == 0
-    assert threshold_rate(threshold, 1.1) == np.inf
+    assert inverse_detection_probability(threshold, 0.0) == 0
+    assert inverse_detection_probability(threshold, 1.0) == np.inf
+    assert inverse_detection_probability(threshold, -1e-9) == 0
+    assert inverse_detection_probability(threshold, 1.1) == np.inf
 
 
-@pytest.mark.parametrize("function", [threshold_probability, threshold_rate])
+@pytest.mark.parametrize("function", [detection_probability, inverse_detection_probability])
 def test_a_jot_without_threshold_is_refused(function):
     with pytest.raises(ValueError, match="threshold: expected at least 1 photon, got 0"):
         function(0, 0.5)

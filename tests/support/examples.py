@@ -23,7 +23,7 @@ from jotlight.datasets.cifar10_files import from_archive
 from jotlight.experiments.running import read_results, write_facts, write_table
 from jotlight.formats.image_files import read_mask
 from jotlight.formats.writing import write_capture
-from jotlight.images.io import picture_writer, read_picture
+from jotlight.images.io import image_writer, read_image
 from jotlight.images.sets import read_image_set
 from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.history import History, Record
@@ -190,7 +190,7 @@ def _palette(path):
 
 
 def _deep(path):
-    picture_writer(path, depth=16)(path, RNG.random((6, 9, 3)))
+    image_writer(path, depth=16)(path, RNG.random((6, 9, 3)))
 
 
 def _network(path):
@@ -364,16 +364,16 @@ READERS = {
         (_checkpoint,),
         **_with_header(_checkpoint),
     ),
-    "picture": Reader("a.jpg", read_picture, _pictures("JPEG", "PPM", "BMP", "WEBP", "GIF", "TGA")),
+    "picture": Reader("a.jpg", read_image, _pictures("JPEG", "PPM", "BMP", "WEBP", "GIF", "TGA")),
     "picture-png": Reader(
         "a.png",
-        functools.partial(read_picture, gray=True),
+        functools.partial(read_image, gray=True),
         (_deep, _palette, *_written("png", IMAGE)),
         **SUMS,
     ),
     "picture-tiff": Reader(
         "a.tif",
-        functools.partial(read_picture, gray=True),
+        functools.partial(read_image, gray=True),
         (
             _tiff(np.ones((5, 9, 3), np.float32), photometric="rgb"),
             _tiff(np.ones((5, 9), np.uint8), compression="zlib"),

@@ -131,7 +131,7 @@ def test_total_variation_by_deepinvs_admm_is_ours(weight):
 
 def test_a_network_that_is_told_k_serves_as_a_plug_and_play_prior():
     physics, y = seen(SENSOR)
-    denoiser = NetworkDenoiser(jl.Network.told("small", rng=0))
+    denoiser = NetworkDenoiser(jl.Network.conditional("small", rng=0))
     with torch.no_grad():
         solver = deepinv.optim.HQS(
             data_fidelity=BitLikelihood(),
@@ -144,7 +144,7 @@ def test_a_network_that_is_told_k_serves_as_a_plug_and_play_prior():
 
 
 def test_a_denoiser_takes_noise_away():
-    denoiser = NetworkDenoiser(jl.Network.told("small", rng=0))
+    denoiser = NetworkDenoiser(jl.Network.conditional("small", rng=0))
     image = torch.from_numpy(IMAGE)[None, None]
     noisy = image + 0.2 * torch.randn(image.shape, generator=torch.Generator().manual_seed(0))
     with torch.no_grad():
@@ -161,10 +161,10 @@ def test_a_denoiser_takes_noise_away():
 
 def test_a_network_is_a_model():
     physics, y = seen(SENSOR)
-    for network in (jl.Network.initial(SENSOR, sigma=1.0), jl.Network.told("small", rng=0)):
+    for network in (jl.Network.initial(SENSOR, sigma=1.0), jl.Network.conditional("small", rng=0)):
         with torch.no_grad():
             picture = NetworkReconstructor(network)(y, physics)
-        if network.bits is None:
+        if network.trials_range is None:
             expected = network.reconstruct(y[0, 0].numpy().astype(int))
         else:
             expected = network._at(SENSOR).reconstruct(y[0, 0].numpy().astype(int))
@@ -175,7 +175,7 @@ def test_an_unfolded_solver_learns_its_step():
     physics, y = seen(SENSOR)
     solver = deepinv.optim.PGD(
         data_fidelity=BitLikelihood(),
-        prior=deepinv.optim.PnP(NetworkDenoiser(jl.Network.told("small", rng=0))),
+        prior=deepinv.optim.PnP(NetworkDenoiser(jl.Network.conditional("small", rng=0))),
         stepsize=0.01,
         sigma_denoiser=0.15,
         max_iter=2,

@@ -11,9 +11,9 @@ import jotlight as jl
 
 torch = pytest.importorskip("torch")
 
-from jotlight.sensing.pixel_counts import observe  # noqa: E402
+from jotlight.sensing.pixel_counts import count_pixels  # noqa: E402
 from jotlight.torch import fine_tune, fine_tuning  # noqa: E402
-from jotlight.torch.bit_splitting import Splits, drawn  # noqa: E402
+from jotlight.torch.bit_splitting import Splits, subsample_counts  # noqa: E402
 from jotlight.torch.distributed import Processes  # noqa: E402
 from jotlight.torch.fine_tuning import _generator  # noqa: E402
 from jotlight.training import History  # noqa: E402
@@ -21,7 +21,7 @@ from jotlight.training import History  # noqa: E402
 SCENE = np.kron([[0.1, 0.7, 0.3], [0.9, 0.2, 0.5], [0.4, 0.8, 0.1]], np.ones((16, 16)))
 SENSOR = jl.Sensor(frames=8)
 BITS = SENSOR.expose(SCENE, rng=0)
-TOLD = jl.Network.told("small", rng=0)
+TOLD = jl.Network.conditional("small", rng=0)
 ONE = jl.Network.deep(SENSOR, "small", rng=0)
 SHIPPED = jl.Network.initial(SENSOR, taps=5, coefficients=20)
 FALSE_ALARMS = 1e-9
@@ -39,13 +39,15 @@ def parameters(network):
 
 
 def splits_of(network, sensor, data, seed=0):
-    seen = [observe(data, sensor, None)]
+    seen = [count_pixels(data, sensor, None)]
     return Splits(network, sensor, seen, np.random.default_rng(seed))
 
 
 def test_what_is_drawn_is_hypergeometric():
     number, ones, trials, taken = 20_000, 5, 12, 7
-    found = drawn(np.full(number, ones), np.full(number, trials), np.full(number, taken), rng=0)
+    found = subsample_counts(
+        np.full(number, ones), np.full(number, trials), np.full(number, taken), rng=0
+    )
     chances = stats.hypergeom(trials, ones, taken).pmf(np.arange(ones + 1))
     often = np.bincount(found, minlength=ones + 1)
     assert len(often) == ones + 1
@@ -57,7 +59,7 @@ def test_parts_of_binomial_bits_are_independent():
     """Given p, ones seen and ones to be told know nothing of each other."""
     number, chance = 20_000, 0.3
     ones = np.random.default_rng(1).binomial(8, chance, number)
-    shown = drawn(ones, np.full(number, 8), np.full(number, 5), rng=2)
+    shown = subsample_counts(ones, np.full(number, 8), np.full(number, 5), rng=2)
     table = np.histogram2d(shown, ones - shown, bins=[np.arange(-0.5, 6), np.arange(-0.5, 4)])[0]
     expected = np.outer(
         stats.binom(5, chance).pmf(np.arange(6)), stats.binom(3, chance).pmf(np.arange(4))
@@ -121,14 +123,14 @@ def test_the_truth_is_the_most_likely(network, threshold):
     splits = splits_of(network, sensor, sensor.expose(SCENE, rng=1))
     (held,) = splits.held_out
 
-    def surprise(scene):
+    def negative_log_likelihood(scene):
         picture = torch.from_numpy(scene)[None, None]
         if splits.told:
             plain = splits.sensor_at(200)
             picture = torch.from_numpy(plain.probability(scene))[None, None].double()
-        return float(splits.surprise(picture, held))
+        return float(splits.negative_log_likelihood(picture, held))
 
-    best = surprise(SCENE)
+    best = negative_log_likelihood(SCENE)
     # The entropy of the bits, to within their own noise.
     p = sensor.probability(SCENE).astype(float)
     trials = held.planes[0, 2].numpy()
@@ -137,7 +139,7 @@ def test_the_truth_is_the_most_likely(network, threshold):
     sigmas = stats.norm.isf(FALSE_ALARMS / 2)
     assert abs(best - (trials * entropy).sum() / trials.sum()) < sigmas * spread + 1e-4
     for other in (0.8 * SCENE, 1.2 * SCENE, SCENE + 0.1, SCENE[::-1].copy()):
-        assert surprise(other) > best
+        assert negative_log_likelihood(other) > best
 
 
 @pytest.mark.parametrize("threshold", [1, 2])
@@ -147,9 +149,12 @@ def test_the_slope_is_that_of_differences(threshold):
         splits = splits_of(network, sensor, sensor.expose(SCENE, rng=1))
         (held,) = splits.held_out
         picture = torch.from_numpy(0.2 + 0.5 * SCENE)[None, None].requires_grad_()
-        splits.surprise(picture, held).backward()
+        splits.negative_log_likelihood(picture, held).backward()
         way = torch.from_numpy(np.random.default_rng(0).normal(size=SCENE.shape))[None, None]
-        ends = [float(splits.surprise(picture.detach() + e * way, held)) for e in (1e-5, -1e-5)]
+        ends = [
+            float(splits.negative_log_likelihood(picture.detach() + e * way, held))
+            for e in (1e-5, -1e-5)
+        ]
         slope = float((picture.grad * way).sum())
         assert (ends[0] - ends[1]) / 2e-5 == pytest.approx(slope, rel=1e-4)
 
@@ -161,12 +166,12 @@ def test_what_is_held_out_is_never_less_likely_than_at_the_start(network, rate):
     assert len(history) == 5
     assert history.held_out[-1] == history.held_out.min() <= history.held_out[0]
     # The figures are those of the networks as they run without PyTorch.
-    splits = Splits(network, SENSOR, [observe(BITS, SENSOR, None)], _generator(3, 0))
-    assert splits.surprise_held_out(network, 1) == history.held_out[0]
-    assert splits.surprise_held_out(tuned, 1) == history.held_out[-1]
+    splits = Splits(network, SENSOR, [count_pixels(BITS, SENSOR, None)], _generator(3, 0))
+    assert splits.held_out_negative_log_likelihood(network, 1) == history.held_out[0]
+    assert splits.held_out_negative_log_likelihood(tuned, 1) == history.held_out[-1]
     if rate > 1:  # all that was tried was worse
         np.testing.assert_array_equal(parameters(tuned), parameters(network))
-    assert (tuned.bits, tuned.sensor) == (network.bits, network.sensor)
+    assert (tuned.trials_range, tuned.sensor) == (network.trials_range, network.sensor)
 
 
 @pytest.mark.parametrize(
@@ -244,7 +249,7 @@ def test_a_checkpoint_of_another_run_is_refused(tmp_path):
     for change, words in (
         ({"data": other}, "the capture is another one"),
         ({"sensor": mapped}, "the capture is another one"),
-        ({"network": jl.Network.told("small", rng=1)}, "the network is another one"),
+        ({"network": jl.Network.conditional("small", rng=1)}, "the network is another one"),
         ({"rng": 4}, "seed is 3 there and 4 here"),
         ({"rate": 1e-4}, "Adam"),
     ):

@@ -22,18 +22,18 @@ def member(name):
 
 
 def told(name):
-    return deep.lively(jl.Network.told(name, rng=0), np.random.default_rng(1))
+    return deep.lively(jl.Network.conditional(name, rng=0), np.random.default_rng(1))
 
 
-def two_layers(*, tied):
+def build_two_layer(*, tied):
     rng = np.random.default_rng(2)
     return random_network(rng, jl.Sensor(oversampling=3, frames=2), [2, 1], [(5, 4)], tied=tied)
 
 
 NETWORKS = {
     "initial": lambda: jl.Network.initial(SENSOR),
-    "two layers": lambda: two_layers(tied=True),
-    "two layers, jots": lambda: two_layers(tied=False),
+    "two layers": lambda: build_two_layer(tied=True),
+    "two layers, jots": lambda: build_two_layer(tied=False),
     "small": lambda: member("small"),
     "medium": lambda: member("medium"),
     "wired": lambda: deep.wired(np.random.default_rng(3), SENSOR),
@@ -57,7 +57,7 @@ def seen(network, size):
 
 
 def picture(module, data):
-    bits = 16 if module.origin.bits else None
+    bits = 16 if module.origin.trials_range else None
     with torch.no_grad():
         return module(data, bits)
 
@@ -174,9 +174,9 @@ def test_compiling_changes_nothing():
 def test_what_is_known_exactly_does_not_learn():
     module = Network(jl.Network.deep(SENSOR, "small", rng=0))
     for layer, filters in zip(module.origin.layers, module.filters, strict=True):
-        assert filters.requires_grad == (layer.learns != "nothing")
+        assert filters.requires_grad == (layer.trainable != "nothing")
     for index, coefficients in module.coefficients.items():
-        learns = module.origin.layers[int(index)].learns
+        learns = module.origin.layers[int(index)].trainable
         assert coefficients.requires_grad == (learns == "all")
 
 

@@ -55,7 +55,7 @@ def test_a_process_sees_its_part_of_the_patches_of_all():
     [((1, 256), 1 / 2 + np.log(100 / 9) / np.log(256) / 2), ((1, 8), 0), ((20, 50), 1)],
 )
 def test_half_of_the_steps_have_a_usual_k(between, share):
-    network = jl.Network.told("small", bits=between, rng=0)
+    network = jl.Network.conditional("small", trials_range=between, rng=0)
     batch = Patches([np.full((9, 9), LEVEL)], network, SENSOR, 0, 1, 8)
     found = np.array([batch.views(step, slice(0, 1), 1).bits for step in range(NUMBER)])
     assert between[0] <= found.min() < np.sqrt(between[0] * between[1]) < found.max() <= between[1]
@@ -67,7 +67,7 @@ def test_half_of_the_steps_have_a_usual_k(between, share):
 
 
 def test_networks_that_are_told_k_see_the_light_of_photographs_most_often():
-    network = jl.Network.told("small", rng=0)
+    network = jl.Network.conditional("small", rng=0)
     seen = patches(network)
     flux = seen.light.numpy() * LEVEL
     often = ((flux >= 0.08) & (flux <= 1)).mean()

@@ -13,7 +13,7 @@ from reference import sensing as twin
 
 torch = pytest.importorskip("torch")
 from jotlight.torch import Sensing  # noqa: E402
-from jotlight.torch.response import fires, logarithms  # noqa: E402
+from jotlight.torch.response import detection_probability, logarithms  # noqa: E402
 
 RNG = np.random.default_rng(0)
 HEIGHT, WIDTH, SIDE = 4, 5, 3
@@ -140,7 +140,7 @@ def test_gradients_of_draws_are_those_of_their_expectation(sensor, output):
 @pytest.mark.parametrize("threshold", [1, 2, 3, 8])
 def test_chances_have_their_slope_at_no_light_and_at_much(threshold):
     rate = torch.tensor([0.0, 1e-8, 1.0, 500.0], dtype=torch.float64, requires_grad=True)
-    chances = fires(threshold, rate)
+    chances = detection_probability(threshold, rate)
     chances.sum().backward()
     s = rate.detach().numpy()
     np.testing.assert_allclose(chances.detach(), gammainc(threshold, s), rtol=1e-12)

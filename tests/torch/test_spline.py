@@ -15,7 +15,7 @@ KNOTS = [(4, -1.0, 2.0), (9, 0.5, 0.25), (13, -3.0, 0.6), (150, 0.0, 0.1)]
 SHAPES = [(1, 1, 1), (2, 3, 5, 7), (3, 2, 40, 33), (4, 3)]
 
 
-def drawn(shape, number, start, spacing, dtype, seed=0):
+def random_planes(shape, number, start, spacing, dtype, seed=0):
     """Numbers in the knots and beyond, and coefficients."""
     rng = np.random.default_rng(seed)
     reach = spacing * (number - 3)
@@ -29,7 +29,7 @@ def drawn(shape, number, start, spacing, dtype, seed=0):
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 @pytest.mark.parametrize("bend", [spline, formula])
 def test_values_are_the_twins(knots, shape, dtype, bend):
-    z, coefficients = drawn(shape, *knots, dtype)
+    z, coefficients = random_planes(shape, *knots, dtype)
     given = bend(z, coefficients, *knots[1:])
     assert (given.shape, given.dtype) == (z.shape, dtype)
     tolerance = 1e-12 if dtype == torch.float64 else 2e-5 * np.sqrt(knots[0])
@@ -43,7 +43,7 @@ def test_values_are_the_twins(knots, shape, dtype, bend):
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_the_engines_gradients_are_those_of_the_formula(knots, shape, dtype):
-    z, coefficients = drawn(shape, *knots, dtype)
+    z, coefficients = random_planes(shape, *knots, dtype)
     weights = torch.randn(shape, dtype=dtype, generator=torch.Generator().manual_seed(1))
     slopes = [
         torch.autograd.grad((weights * bend(z, coefficients, *knots[1:])).sum(), (z, coefficients))
@@ -58,7 +58,7 @@ def test_the_engines_gradients_are_those_of_the_formula(knots, shape, dtype):
 @pytest.mark.parametrize("knots", KNOTS[:3])
 @pytest.mark.parametrize("bend", [spline, formula])
 def test_gradients_are_those_of_differences(knots, bend):
-    z, coefficients = drawn((2, 2, 3, 4), *knots, torch.float64)
+    z, coefficients = random_planes((2, 2, 3, 4), *knots, torch.float64)
     assert torch.autograd.gradcheck(lambda z, w: bend(z, w, *knots[1:]), (z, coefficients))
 
 
@@ -96,7 +96,7 @@ def test_what_is_not_a_number_leads_to_no_other_place():
 
 @pytest.mark.parametrize("dtype", [torch.bfloat16, torch.float16])
 def test_few_digits_in_are_few_digits_out(dtype):
-    z, coefficients = drawn((2, 3, 8, 9), *KNOTS[2], torch.float32)
+    z, coefficients = random_planes((2, 3, 8, 9), *KNOTS[2], torch.float32)
     expected = spline(z, coefficients, *KNOTS[2][1:])
     few = z.detach().to(dtype).requires_grad_()
     given = spline(few, coefficients, *KNOTS[2][1:])
@@ -108,7 +108,7 @@ def test_few_digits_in_are_few_digits_out(dtype):
 
 
 def test_views_and_no_numbers_at_all():
-    z, coefficients = drawn((2, 3, 8, 9), *KNOTS[1], torch.float32)
+    z, coefficients = random_planes((2, 3, 8, 9), *KNOTS[1], torch.float32)
     turned = z.transpose(2, 3)[:, :, ::2]
     given = spline(turned, coefficients, *KNOTS[1][1:])
     assert torch.equal(given, spline(turned.contiguous(), coefficients, *KNOTS[1][1:]))
@@ -119,7 +119,7 @@ def test_views_and_no_numbers_at_all():
 
 
 def test_threads_change_nothing():
-    z, coefficients = drawn((4, 5, 60, 70), *KNOTS[2], torch.float32)
+    z, coefficients = random_planes((4, 5, 60, 70), *KNOTS[2], torch.float32)
     before = torch.get_num_threads()
     found = []
     try:
@@ -155,5 +155,5 @@ def test_a_spline_compiles_into_one_graph():
 
 @pytest.mark.filterwarnings("ignore:The .grad attribute of a Tensor that is not a leaf")
 def test_the_registered_operators_are_sound():
-    z, coefficients = drawn((2, 3, 4), *KNOTS[1], torch.float64)
-    torch.library.opcheck(torch.ops.jotlight.bend, (z, coefficients, *KNOTS[1][1:]))
+    z, coefficients = random_planes((2, 3, 4), *KNOTS[1], torch.float64)
+    torch.library.opcheck(torch.ops.jotlight.spline_coefficients, (z, coefficients, *KNOTS[1][1:]))

@@ -19,7 +19,7 @@ IMAGES = np.random.default_rng(0).random((5, 20, 24), np.float32)
 STEPS = 6
 STARTS = {
     "small": jl.Network.deep(SENSOR, "small", rng=0),
-    "told": jl.Network.told("small", rng=0),
+    "told": jl.Network.conditional("small", rng=0),
     "jots": jl.Network.initial(SENSOR, tied=False, taps=3, coefficients=12),
 }
 
@@ -60,8 +60,8 @@ def test_a_seed_gives_one_network(start, images):
 def test_only_what_may_learn_does(start):
     network, _ = learn(start)
     for before, after in zip(start.layers, network.layers, strict=True):
-        assert (before.filters == after.filters).all() == (before.learns == "nothing")
-        if before.learns != "all" and before.coefficients is not None:
+        assert (before.filters == after.filters).all() == (before.trainable == "nothing")
+        if before.trainable != "all" and before.coefficients is not None:
             np.testing.assert_array_equal(before.coefficients, after.coefficients)
         assert before.numbers() == after.numbers()
 
@@ -108,7 +108,7 @@ def test_a_checkpoint_of_another_run_is_refused(tmp_path):
 def test_dark_images_with_a_bright_spot_have_a_finite_cost():
     dark = np.full((1, 32, 32), 1e-4, np.float32)
     dark[0, 3:6, 3:6] = 1.0
-    _, history = learn(jl.Network.told("small", rng=0), dark, steps=6, batch=4, patch=32)
+    _, history = learn(jl.Network.conditional("small", rng=0), dark, steps=6, batch=4, patch=32)
     assert np.isfinite(history.loss).all()
 
 

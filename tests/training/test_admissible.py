@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jotlight as jl
-from jotlight.training import SafeSet, network_of, parts_of, vector_of
-from jotlight.training.admissible import nearest_filter, nearest_rising, nearest_weights
+from jotlight.training import SafeSet, network_of, pixel_chunks, vector_of
+from jotlight.training.admissible import nearest_filter, nearest_monotone, nearest_weights
 from reference import methods, sensing
 from reference import training as twins
 from reference.networks import random_bits
@@ -55,7 +55,7 @@ def far_out(rng, size):
 
 def assert_in_set(network, vector, nu, slack=1e-9):
     domains = domains_of(network)
-    for index, (filters, coefficients) in enumerate(parts_of(network, vector)):
+    for index, (filters, coefficients) in enumerate(pixel_chunks(network, vector)):
         if index == 0:
             times = network.sensor.bits_per_pixel if network.tied else 1
             assert filters.min() >= 0
@@ -92,9 +92,9 @@ def test_the_nearest_weights_are_the_nearest_of_all(taps, total):
 
 @given(SMALL)
 def test_the_nearest_that_rise_are_the_nearest_of_all_cut_off_too(values):
-    found = nearest_rising(values)
+    found = nearest_monotone(values)
     assert (np.diff(found) >= 0).all()
-    expected = twins.nearest_rising(values, -2.0, 1.0)
+    expected = twins.nearest_monotone(values, -2.0, 1.0)
     np.testing.assert_allclose(found.clip(-2, 1), expected, atol=1e-6)
 
 
@@ -107,7 +107,9 @@ def test_splines_rise_where_there_is_one_channel_throughout_and_it_is_asked_for(
     ]:
         network = bare_network(sensor, channels, [(3, 3)], tied=True)
         start = np.random.default_rng(0).normal(0, 1, len(vector_of(network)))
-        for _, coefficients in parts_of(network, SafeSet(0.5, rising).project(network, start)):
+        for _, coefficients in pixel_chunks(
+            network, SafeSet(0.5, monotone).project(network, start)
+        ):
             assert (np.diff(coefficients) >= 0).all() == rises
 
 
@@ -229,7 +231,7 @@ def test_no_bits_whatever_lead_out_of_a_range(case):
 def test_the_bounds_are_reached_and_so_no_tighter_than_needed(tied, nu):
     bare = bare_network(SENSORS[1], [1, 1], [(1, 3)], tied=tied)
     vector = vector_of(bare)
-    (taps, first), (filters, second) = parts_of(bare, vector)
+    (taps, first), (filters, second) = pixel_chunks(bare, vector)
     taps[...] = 1e3
     first[0, :4], first[0, 4:] = -1e3, 1e3
     filters[0, 0, 0] = -900, 1000, -950
@@ -248,14 +250,14 @@ class Frozen:
 
     def project(self, network, vector):
         new = vector.copy()
-        for filters, coefficients in parts_of(network, new):
+        for filters, coefficients in pixel_chunks(network, new):
             filters[...] = 1
             coefficients[...] = coefficients.clip(0.2, 0.7)
         return new
 
 
-@pytest.mark.parametrize("optimiser", jl.training.OPTIMISERS)
-def test_train_stays_in_the_set_it_is_given(optimiser):
+@pytest.mark.parametrize("optimizer", jl.training.OPTIMIZERS)
+def test_train_stays_in_the_set_it_is_given(optimizer):
     network = bare_network(SENSORS[1], [1, 1], [(3, 3)], tied=True)
     learned, _ = jl.train(
         network,
@@ -263,7 +265,7 @@ def test_train_stays_in_the_set_it_is_given(optimiser):
         steps=2,
         batch=4,
         rng=0,
-        optimiser=optimiser,
+        optimizer=optimizer,
         admissible=Frozen(),
     )
     found = vector_of(learned)

@@ -92,13 +92,13 @@ def test_every_derivative_is_that_of_central_differences(case, sensor, tied):
     batch = batch_of(sensor)
 
     def cost(vector):
-        errors, _ = engine.errors(double(network, vector), batch, None)
+        errors, _ = engine.squared_errors(double(network, vector), batch, None)
         return np.array([0.5 * errors.mean()])
 
     (errors, pixels), gradient = engine.gradient(double(network, vector), batch, None)
     expected = twins.jacobian(cost, vector)[0]
     np.testing.assert_allclose(gradient, expected, rtol=1e-6, atol=1e-8 * np.abs(expected).max())
-    again, same = engine.errors(double(network, vector), batch, None)
+    again, same = engine.squared_errors(double(network, vector), batch, None)
     np.testing.assert_array_equal(errors, again)
     np.testing.assert_array_equal(pixels, same)
     (_, _), single = engine.gradient(engine_layers(network, vector), batch, None)
@@ -112,7 +112,9 @@ def test_every_derivative_is_that_of_central_differences(case, sensor, tied):
 def test_errors_are_the_twins_over_the_pixels_that_count(sensor, border, tied):
     network = random_network(np.random.default_rng(3), sensor, *CASES["three layers"], tied=tied)
     vector = vector_of(network)
-    errors, pixels = engine.errors(double(network, vector), batch_of(sensor, border=border), None)
+    errors, pixels = engine.squared_errors(
+        double(network, vector), batch_of(sensor, border=border), None
+    )
     parts = zip(bits_of(sensor), crops(), kept(border=border), strict=True)
     expected = [
         np.sum((twins.output(network, vector, bits) - crop)[inside] ** 2)
@@ -156,7 +158,9 @@ def test_a_whole_image_is_a_patch_whose_rim_counts():
     network = random_network(np.random.default_rng(4), sensor, *CASES["two layers"], tied=True)
     whole = [(0, 0, 12, 0, 13)]
     batch = batch_of(sensor, patches=whole, border=5)
-    (error,), (pixels,) = engine.errors(engine_layers(network, vector_of(network)), batch, None)
+    (error,), (pixels,) = engine.squared_errors(
+        engine_layers(network, vector_of(network)), batch, None
+    )
     picture = network.reconstruct(sensor.expose(IMAGES[0], SEED)).astype(float)
     assert pixels == 12 * 13
     assert error == pytest.approx(np.sum((picture - IMAGES[0]) ** 2), rel=1e-5)
@@ -186,7 +190,7 @@ def test_threads_change_nothing(dtype, tied):
         batch = batch_of(sensor, images=scenes, patches=patches)
         (errors, _), gradient, matrix = engine.normal_equations(layers, batch, threads)
         alone = engine.gradient(layers, batch, threads)[1]
-        value = engine.errors(layers, batch, threads)[0]
+        value = engine.squared_errors(layers, batch, threads)[0]
         results.append(np.concatenate([errors, gradient, matrix.ravel(), alone, value]))
     for other in results[1:]:
         np.testing.assert_array_equal(results[0], other)
@@ -208,7 +212,7 @@ def test_a_stack_of_images_is_as_good_as_a_list():
 
 PLAIN = SENSORS["box"]
 ONE = random_network(np.random.default_rng(8), PLAIN, *CASES["two layers"], tied=False)
-CALLS = [engine.errors, engine.gradient, engine.normal_equations]
+CALLS = [engine.squared_errors, engine.gradient, engine.normal_equations]
 
 
 @pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__name__)

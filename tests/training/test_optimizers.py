@@ -72,12 +72,12 @@ def on_simplex(vector):
 
 
 @pytest.mark.parametrize(
-    ("optimiser", "steps"),
+    ("optimizer", "steps"),
     [(ProjectedGradient(0.01), 15), (Adam(), 100), (GaussNewton(0.1), 15)],
     ids=repr,
 )
-def test_the_cost_falls(optimiser, steps):
-    learned, history = jl.train(SMALL, scenes, steps=steps, batch=16, rng=0, optimiser=optimiser)
+def test_the_cost_falls(optimizer, steps):
+    learned, history = jl.train(SMALL, scenes, steps=steps, batch=16, rng=0, optimizer=optimizer)
     fresh = cost_of(SMALL, step=1000, patches=64)
     before, after = fresh.value(vector_of(SMALL)), fresh.value(vector_of(learned))
     assert after < 0.8 * before
@@ -198,7 +198,7 @@ def test_gauss_newton_finds_the_posterior_mean_of_each_count():
     network = jl.Network([layer], SENSOR)
     learned, history = jl.train(
         network, lambda rng, number: rng.random((number, 32, 32), np.float32), rng=0, batch=64,
-        steps=30, optimiser=GaussNewton(0.01),
+        steps=30, optimizer=GaussNewton(0.01),
     )  # fmt: skip
     found = learned.reconstruct(np.arange(bits + 1)[None])[0]
     mean, deviation, probability = np.transpose(
@@ -215,11 +215,11 @@ def test_gauss_newton_finds_the_posterior_mean_of_each_count():
 
 def test_optimisers_do_not_change_what_they_are_given():
     cost = cost_of(SMALL)
-    for optimiser in (ProjectedGradient(1e-3), Adam(), GaussNewton()):
+    for optimizer in (ProjectedGradient(1e-3), Adam(), GaussNewton()):
         vector, state = vector_of(SMALL), {}
         for _ in range(2):
             before = vector.copy(), {name: array.copy() for name, array in state.items()}
-            step = optimiser.take_step(cost, vector, state)
+            step = optimizer.take_step(cost, vector, state)
             assert isinstance(step, Step)
             np.testing.assert_array_equal(vector, before[0])
             for name, array in before[1].items():
@@ -230,7 +230,7 @@ def test_optimisers_do_not_change_what_they_are_given():
 @pytest.mark.parametrize("value", [0, 0.0, -1e-3, np.nan, np.inf])
 @pytest.mark.parametrize(
     ("make", "name"),
-    [(ProjectedGradient, "step_size"), (Adam, "step_size"), (GaussNewton, "damping")],
+    [(ProjectedGradient, "learning_rate"), (Adam, "learning_rate"), (GaussNewton, "damping")],
 )
 def test_a_setting_that_is_not_above_0_is_refused(make, name, value):
     with pytest.raises(ValueError, match=f"{name}: expected a number above 0, got"):
@@ -247,7 +247,7 @@ def test_learning_reaches_the_limit_of_the_synthetic_scene():
     network = jl.Network.initial(SENSOR, taps=5, coefficients=20)
     learned, _ = jl.train(
         network, lambda rng, number: rng.random((number, 32, 32), np.float32),
-        steps=10, batch=32, rng=0, optimiser=GaussNewton(0.01),
+        steps=10, batch=32, rng=0, optimizer=GaussNewton(0.01),
     )  # fmt: skip
     scene = jl.datasets.uniform_scene((1000, 1000), rng=1)
     bits = SENSOR.expose(scene, rng=2)
@@ -260,13 +260,15 @@ def test_learning_reaches_the_limit_of_the_synthetic_scene():
 
 
 def test_a_run_that_goes_astray_is_stopped():
-    with pytest.raises(FloatingPointError, match=r"diverges: .*; lower its step_size, now Proj"):
-        jl.train(SMALL, scenes, steps=40, batch=16, rng=3, optimiser=ProjectedGradient(1e3))
+    with pytest.raises(
+        FloatingPointError, match=r"diverges: .*; lower its learning_rate, now Proj"
+    ):
+        jl.train(SMALL, scenes, steps=40, batch=16, rng=3, optimizer=ProjectedGradient(1e3))
 
 
 @dataclass(frozen=True)
 class Wrong:
-    """An optimiser of a user's."""
+    """An optimizer of a user's."""
 
     loss: float = 1.0
     slope: float = 0.0
@@ -285,7 +287,7 @@ class Wrong:
 def test_an_optimiser_that_gives_no_numbers_is_stopped(tmp_path, part, bad):
     path = tmp_path / "run"
     with pytest.raises(FloatingPointError, match=r"step 0: .*; lower its expectations, now Wrong"):
-        jl.train(SMALL, scenes, batch=3, optimiser=Wrong(**{part: bad}), checkpoint=path)
+        jl.train(SMALL, scenes, batch=3, optimizer=Wrong(**{part: bad}), checkpoint=path)
     assert not path.exists()
 
 

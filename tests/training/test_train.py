@@ -11,7 +11,7 @@ from jotlight.training import Adam, GaussNewton, ProjectedGradient, SafeSet, loo
 SENSOR = jl.Sensor(oversampling=3)
 START = jl.Network.initial(SENSOR, taps=3, coefficients=12)
 IMAGES = np.random.default_rng(0).random((5, 20, 24), np.float32)
-OPTIMISERS = {"gauss-newton": GaussNewton(), "adam": Adam(), "gradient": ProjectedGradient(1e-3)}
+OPTIMIZERS = {"gauss-newton": GaussNewton(), "adam": Adam(), "gradient": ProjectedGradient(1e-3)}
 STEPS = 6
 
 
@@ -33,16 +33,16 @@ def assert_same(one, other):
     assert history.to_json() == history_again.to_json()
 
 
-@pytest.mark.parametrize("optimiser", OPTIMISERS.values(), ids=OPTIMISERS)
+@pytest.mark.parametrize("optimizer", OPTIMIZERS.values(), ids=OPTIMIZERS)
 @pytest.mark.parametrize("images", [IMAGES, list(IMAGES[:2]), scenes], ids=["stack", "list", "new"])
-def test_a_seed_gives_one_network_for_any_number_of_threads(images, optimiser):
+def test_a_seed_gives_one_network_for_any_number_of_threads(images, optimizer):
     runs = [
-        train(images=images, optimiser=optimiser, test=IMAGES[:2], threads=threads)
+        train(images=images, optimizer=optimizer, test=IMAGES[:2], threads=threads)
         for threads in (1, 2, None, 1)
     ]
     for other in runs[1:]:
         assert_same(runs[0], other)
-    unlike = train(images=images, optimiser=optimiser, test=IMAGES[:2], rng=4)
+    unlike = train(images=images, optimizer=optimizer, test=IMAGES[:2], rng=4)
     assert (vector_of(unlike[0]) != vector_of(runs[0][0])).any()
 
 
@@ -62,10 +62,10 @@ def stopping(step):
 
 
 @pytest.mark.parametrize("step", [0, 2, STEPS - 1, STEPS])
-@pytest.mark.parametrize("optimiser", OPTIMISERS.values(), ids=OPTIMISERS)
-def test_a_run_that_was_stopped_goes_on_as_if_it_had_not(tmp_path, optimiser, step):
-    options = {"optimiser": optimiser, "test": list(IMAGES[:2]), "checkpoint": tmp_path / "run"}
-    whole = train(optimiser=optimiser, test=list(IMAGES[:2]))
+@pytest.mark.parametrize("optimizer", OPTIMIZERS.values(), ids=OPTIMIZERS)
+def test_a_run_that_was_stopped_goes_on_as_if_it_had_not(tmp_path, optimizer, step):
+    options = {"optimizer": optimizer, "test": list(IMAGES[:2]), "checkpoint": tmp_path / "run"}
+    whole = train(optimizer=optimizer, test=list(IMAGES[:2]))
     with pytest.raises(KeyboardInterrupt):
         train(**options, callback=stopping(step))
     seen = []
@@ -75,15 +75,15 @@ def test_a_run_that_was_stopped_goes_on_as_if_it_had_not(tmp_path, optimiser, st
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
 
-@pytest.mark.parametrize("optimiser", OPTIMISERS.values(), ids=OPTIMISERS)
-def test_a_run_ends_before_the_step_for_which_there_is_no_time(tmp_path, monkeypatch, optimiser):
+@pytest.mark.parametrize("optimizer", OPTIMIZERS.values(), ids=OPTIMIZERS)
+def test_a_run_ends_before_the_step_for_which_there_is_no_time(tmp_path, monkeypatch, optimizer):
     """By a clock that goes on by a second each time it is looked at."""
     clock = iter(range(1000))
     runs = []
     with monkeypatch.context() as patched:
         patched.setattr(loop.time, "monotonic", lambda: next(clock))
         for name in ("one", "other"):
-            options = {"optimiser": optimiser, "checkpoint": tmp_path / name, "test": IMAGES[:2]}
+            options = {"optimizer": optimizer, "checkpoint": tmp_path / name, "test": IMAGES[:2]}
             runs.append(train(seconds=15.5, **options))
             assert 1 < len(runs[-1][1]) - 1 < STEPS
     assert_same(*runs)
@@ -93,14 +93,14 @@ def test_a_run_ends_before_the_step_for_which_there_is_no_time(tmp_path, monkeyp
     assert stopped.records[:-1] == whole[1].records[: len(stopped) - 1]
     assert_same(train(**options, resume=True), whole)
     # One step is taken in any case, and enough time changes nothing.
-    assert len(train(optimiser=optimiser, seconds=1e-9)[1]) == 2
-    assert_same(train(optimiser=optimiser, seconds=1e9), train(optimiser=optimiser))
+    assert len(train(optimizer=optimizer, seconds=1e-9)[1]) == 2
+    assert_same(train(optimizer=optimizer, seconds=1e9), train(optimizer=optimizer))
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError])
 def test_a_run_stopped_within_a_step_takes_that_step_anew(tmp_path, monkeypatch, error):
-    options = {"optimiser": "adam", "checkpoint": tmp_path / "run"}
-    whole, take_step = train(optimiser="adam"), Adam.take_step
+    options = {"optimizer": "adam", "checkpoint": tmp_path / "run"}
+    whole, take_step = train(optimizer="adam"), Adam.take_step
 
     def stopped(self, cost, vector, state):
         if cost.step == 3:
@@ -232,15 +232,15 @@ NO_NUMBER = np.full((99, 16, 16), np.nan)
         ({"images": lambda rng, n: None}, ValueError, "got NoneType"),
         ({"images": lambda rng, n: rng.random((n, 16))}, ValueError, "an array"),
         ({"images": lambda rng, n: rng.random((n + 1, 8, 8))}, ValueError, "an array"),
-        ({"optimiser": jl.training.Adam}, TypeError, "or an object with take_step"),
-        ({"optimiser": None}, TypeError, "optimiser: expected one of"),
+        ({"optimizer": jl.training.Adam}, TypeError, "or an object with take_step"),
+        ({"optimizer": None}, TypeError, "optimizer: expected one of"),
         ({"images": lambda rng, n: rng.integers(9, size=(n, 8, 8))}, TypeError, "floats"),
         ({"images": lambda rng, n: NO_NUMBER[:n]}, ValueError, "finite intensities"),
         ({"patch": 0}, ValueError, "patch: expected at least 1"),
         ({"patch": 2}, ValueError, "patch"),
         ({"batch": 0}, ValueError, "batch: expected at least 1"),
         ({"steps": -1}, ValueError, "steps: expected at least 0, got -1"),
-        ({"optimiser": "sgd"}, ValueError, "gauss-newton, adam, projected-gradient, got 'sgd'"),
+        ({"optimizer": "sgd"}, ValueError, "gauss-newton, adam, projected-gradient, got 'sgd'"),
         ({"sensor": jl.Sensor(oversampling=2)}, ValueError, "sensor: the network needs data with"),
         ({"sensor": jl.Sensor(oversampling=3, gain=3.0)}, ValueError, "sensor: the network needs"),
         ({"resume": True}, ValueError, "resume: expected a checkpoint to resume from, got none"),
@@ -271,8 +271,8 @@ WIDER = jl.Network.initial(SENSOR, taps=5, coefficients=12)
         ({"batch": 8}, "batch is 7 there and 8 here"),
         ({"images": IMAGES[::-1]}, "the images is another one"),
         ({"test": IMAGES[:1]}, "the test is another one"),
-        ({"optimiser": "adam"}, r"optimiser is 'GaussNewton\(.*' there and 'Adam\("),
-        ({"admissible": SafeSet(0.1)}, r"admissible is 'SafeSet\(nu=0.5, rising=True\)' there"),
+        ({"optimizer": "adam"}, r"optimizer is 'GaussNewton\(.*' there and 'Adam\("),
+        ({"admissible": SafeSet(0.1)}, r"admissible is 'SafeSet\(nu=0.5, monotone=True\)' there"),
         ({"sensor": SENSOR.replace(dark_counts=0.1)}, "sensor is"),
         ({"network": OTHER}, "the network is another one"),
         ({"network": WIDER}, "the network is another one"),

@@ -23,7 +23,7 @@ def detections(ones: Counts, frames: int, threshold: int) -> Rates:
     """
     different, place = np.unique(ones, return_inverse=True)
     shares = np.minimum(different, frames - 0.5) / frames
-    rates = [engine.threshold_rate(threshold, float(share)) for share in shares]
+    rates = [engine.inverse_detection_probability(threshold, float(share)) for share in shares]
     return np.asarray(rates, np.float64)[place].reshape(ones.shape)
 
 
@@ -40,8 +40,8 @@ def variance(rates: Rates, frames: int, threshold: int) -> Rates:
     It is p(1 - p)/N over the square of ∂P/∂s.
     """
     # Below half a count the first order says nothing.
-    least = engine.threshold_rate(threshold, 0.5 / frames)
-    most = engine.threshold_rate(threshold, 1 - 0.5 / frames)
+    least = engine.inverse_detection_probability(threshold, 0.5 / frames)
+    most = engine.inverse_detection_probability(threshold, 1 - 0.5 / frames)
     s = np.clip(rates, least, most)
     chance = firing(s, threshold)
     slope = np.exp((threshold - 1) * np.log(s) - s - math.lgamma(threshold))

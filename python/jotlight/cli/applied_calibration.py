@@ -12,7 +12,7 @@ import numpy as np
 
 from jotlight._engine import __version__
 from jotlight.calibration import Calibration
-from jotlight.files import written_whole
+from jotlight.files import atomic_write
 from jotlight.sensing.provenance import Source
 from jotlight.sensing.sensor import Sensor
 
@@ -24,7 +24,7 @@ _RECORDED = (
 
 
 @dataclasses.dataclass(frozen=True)
-class Calibrated:
+class AppliedCalibration:
     """A calibration, the file it is from, and where it is recorded."""
 
     calibration: Calibration
@@ -102,12 +102,12 @@ class Calibrated:
 
 
 @contextlib.contextmanager
-def recorded(known: Calibrated | None) -> Iterator[Callable[..., None]]:
+def recorded(known: AppliedCalibration | None) -> Iterator[Callable[..., None]]:
     """Give a function that writes the record; it appears when the block ends, or not at all."""
     if known is None:
         yield lambda *_: None
         return
-    with written_whole(known.record) as temporary:
+    with atomic_write(known.record) as temporary:
 
         def record(sensor: Sensor, method: str, data: str, source: Source | None) -> None:
             description = known.description(sensor, method, data, source)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.cli.capture_options import Reading
+from jotlight.cli.capture_options import CaptureOptions
 
 _DIM = 0.7
 """A scene whose brightest parts have less intensity is not what the shipped networks are for."""
@@ -21,7 +21,7 @@ def comes_up(picture: npt.NDArray[np.float32] | float, most: float) -> bool:
 
 
 def to_learn(
-    reading: Reading,
+    reading: CaptureOptions,
     calibration: Path | None,
     words: dict[str, list[str]],
     *,

@@ -10,7 +10,7 @@ from jotlight.calibration import calibrate as calibrated
 from jotlight.calibration.estimate import MOST_DARK
 from jotlight.cli import capture_options, sensor_options
 from jotlight.cli.console import out, progress
-from jotlight.files import spare_inputs, written_whole
+from jotlight.files import atomic_write, refuse_overwrite
 from jotlight.formats.capture import Capture, Stack
 from jotlight.sensing.bits import Bits
 
@@ -72,13 +72,13 @@ def calibrate(
     for file in (output, plot):
         for path in inputs:
             if file is not None:
-                capture_options.spare_capture(file, path)
+                capture_options.refuse_capture_overwrite(file, path)
     if plot is not None:
         from jotlight import plots
 
         plots.check_figure(plot)
-        spare_inputs(plot, [output])
-    reading = capture_options.Reading(
+        refuse_overwrite(plot, [output])
+    reading = capture_options.CaptureOptions(
         dark, format_, width, frame_range, rotate, flip, key, counts, unpacked
     )
     captures = [reading.open()]
@@ -94,7 +94,7 @@ def calibrate(
         told.append(_frames_of(captures[1], flat, "--frames", frames, None))
     elif flat is not None:
         told.append(_frames_of(captures[1], flat, "--flat-frames", flat_frames, frames))
-    with written_whole(output) as temporary, progress(1) as begin:
+    with atomic_write(output) as temporary, progress(1) as begin:
         update = begin("calibrating")
         data = [capture.sum() if isinstance(capture, Stack) else capture for capture in captures]
         found = calibrated(
@@ -117,10 +117,10 @@ def calibrate(
         if plot is not None:
             from jotlight.calibration.figure import page
 
-            with written_whole(plot) as temporary_plot:
+            with atomic_write(plot) as temporary_plot:
                 page(found).savefig(temporary_plot, dpi=110)
     for capture in captures:
-        for line in capture_options.told(capture.source):
+        for line in capture_options.describe_source(capture.source):
             out.print(line, soft_wrap=True, markup=False)
     from jotlight.calibration.figure import facts
 

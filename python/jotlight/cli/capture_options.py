@@ -11,7 +11,7 @@ import typer
 
 from jotlight.calibration import Calibration
 from jotlight.cli.console import out, progress
-from jotlight.files import spare_inputs
+from jotlight.files import refuse_overwrite
 from jotlight.formats import FORMATS, open_capture
 from jotlight.formats.capture import Capture, Stack
 from jotlight.formats.description import maps_beside
@@ -70,7 +70,7 @@ def frames_of(text: str | None) -> slice | None:
 
 
 @dataclasses.dataclass(frozen=True)
-class Reading:
+class CaptureOptions:
     """A capture, and the options that say how it is opened."""
 
     path: Path
@@ -119,18 +119,18 @@ class Reading:
         return words
 
 
-def spare_capture(output: Path, data: Path) -> None:
+def refuse_capture_overwrite(output: Path, data: Path) -> None:
     """Raise ValueError when a file to be written is part of what is read."""
-    spare_inputs(output, [data, *maps_beside(data)])
+    refuse_overwrite(output, [data, *maps_beside(data)])
     if data.is_dir() and data.resolve() in (output.resolve(), *output.resolve().parents):
         raise ValueError(
             f"{output}: the folder {data} is read, so nothing is written into it; give another name"
         )
 
 
-def told(source: Source | None) -> list[str]:
+def describe_source(source: Source | None) -> list[str]:
     """What was assumed of a file, one line each."""
-    return [] if source is None else source.told()
+    return [] if source is None else source.describe()
 
 
 def check_told(path: Path, told: int | None, given: int, words: str) -> None:
@@ -201,6 +201,6 @@ def seen_and_told(
     """The data and their sensor, once it is said where that is from."""
     found = None if calibration is None else Calibration.load(calibration)
     seen, sensor, where = seen_by_sensor(capture, path, given, found)
-    for line in (*told(capture.source), f"{where}: {sensor!r}"):
+    for line in (*describe_source(capture.source), f"{where}: {sensor!r}"):
         out.print(line, soft_wrap=True, markup=False)
     return seen, sensor

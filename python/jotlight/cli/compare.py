@@ -14,8 +14,8 @@ from jotlight.cli import sensor_options
 from jotlight.cli.console import out, progress
 from jotlight.evaluation.compare import Result, chosen, compare_methods
 from jotlight.evaluation.methods import DEFAULT, METHODS, Method
-from jotlight.files import spare_inputs, written_whole
-from jotlight.images.io import read_picture
+from jotlight.files import atomic_write, refuse_overwrite
+from jotlight.images.io import read_image
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
 
@@ -54,9 +54,9 @@ def compare(
     """Turn a photograph into bits, reconstruct it by every method, and show all side by side."""
     sensor = Sensor(**given)
     names = None if methods is None else [name.strip() for name in methods.split(",")]
-    image = read_picture(photo, white=white, gray=gray)
+    image = read_image(photo, white=white, gray=gray)
     output = output or Path(f"{photo.stem}-compare.png")
-    spare_inputs(output, [photo, model, *inputs])
+    refuse_overwrite(output, [photo, model, *inputs])
     known, selected = dict(METHODS), chosen(sensor, names)
     if model is not None:
         network = Network.load(model)
@@ -64,7 +64,7 @@ def compare(
         known[str(model)] = Method(str(model), network.reconstruct)
         selected.append(str(model))
     run_comparison(image, sensor, output, selected, seed, threads, known)
-    if names is None and (reason := METHODS[DEFAULT].lacks(sensor)) is not None:
+    if names is None and (reason := METHODS[DEFAULT].unsupported_reason(sensor)) is not None:
         out.print(f"[yellow]Without the learned network:[/] {escape(reason)}", soft_wrap=True)
 
 
@@ -85,7 +85,7 @@ def run_comparison(
         raise ValueError(
             f"image: expected a grey or RGB picture to compare, got {image.shape[2]} channels"
         )
-    with written_whole(output) as temporary, progress(len(names) + 2) as begin:
+    with atomic_write(output) as temporary, progress(len(names) + 2) as begin:
         bits = sensor.expose(image, seed, threads=threads, progress=begin("drawing bits"))
         results = compare_methods(
             image, bits, sensor, names, threads=threads, begin=begin, methods=methods

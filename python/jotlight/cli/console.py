@@ -132,7 +132,7 @@ def live_iterations(title: str) -> Iterator[Callable[[Iteration], None]]:
 
         def show(step: Iteration) -> None:
             words = f"iteration {step.number}, residual {step.residual:.1e} (to {step.tol:g})"
-            bar.update(task, description=words, completed=step.share)
+            bar.update(task, description=words, completed=step.progress)
 
         yield show
 

@@ -43,8 +43,8 @@ def convert(
     if name in ("npy", "npy.gz"):
         made |= maps_beside(output)
     for file in made:
-        capture_options.spare_capture(file, data)
-    reading = capture_options.Reading(
+        capture_options.refuse_capture_overwrite(file, data)
+    reading = capture_options.CaptureOptions(
         data, format_, width, frame_range, rotate, flip, key, counts, unpacked
     )
     capture = reading.open()
@@ -62,5 +62,5 @@ def convert(
             size = " x ".join(map(str, image.shape))
             what = f"<counts: {size}, {image.min()} to {image.max()}>"
     out.print(f"{output}: {name}, {what}", soft_wrap=True, markup=False)
-    for line in capture_options.told(source):
+    for line in capture_options.describe_source(source):
         out.print(line, soft_wrap=True, markup=False)

@@ -13,7 +13,7 @@ from jotlight.cli.console import out, progress
 from jotlight.evaluation.evaluate import MEASURES, Evaluation
 from jotlight.evaluation.evaluate import evaluate as measure
 from jotlight.evaluation.methods import DEFAULT, METHODS
-from jotlight.files import spare_inputs, written_whole
+from jotlight.files import atomic_write, refuse_overwrite
 from jotlight.images.sets import read_image_set
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
@@ -56,21 +56,21 @@ def evaluate(
         if output.suffix.lower() != ".csv":
             raise ValueError(f"{output}: expected a name that ends in .csv")
         pictures = list(images.iterdir()) if images.is_dir() else [images]
-        spare_inputs(output, [model, *inputs, *pictures])
+        refuse_overwrite(output, [model, *inputs, *pictures])
     network = None if model is None else Network.load(model)
-    if network is None or network.bits is not None:
+    if network is None or network.trials_range is not None:
         sensor = Sensor(**{"oversampling": 4, **given})
     else:
         sensor = network.sensor.replace(**given)
     if network is not None:
         title, run = str(model), network.reconstruct
-    elif (reason := METHODS[method].lacks(sensor)) is not None:
+    elif (reason := METHODS[method].unsupported_reason(sensor)) is not None:
         raise ValueError(reason)
     else:
         title, run = METHODS[method].title, METHODS[method].run
     with contextlib.ExitStack() as files:
         # Made now, so that a place that cannot be written to is found before any work is done.
-        temporary = files.enter_context(written_whole(output)) if output is not None else None
+        temporary = files.enter_context(atomic_write(output)) if output is not None else None
         begin = files.enter_context(progress(2))
         names, scenes = read_image_set(
             images, key=key, white=white, first=first, progress=begin("reading the images")

@@ -8,7 +8,7 @@ from typing import Any
 from jotlight.cli import capture_options, networks, training_run
 from jotlight.cli.console import err, out, silent
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import pretrained, unserved
+from jotlight.networks.pretrained import pretrained, unsupported_bits_reason
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import History
 
@@ -16,7 +16,7 @@ _QUALITY = "medium"
 """Of the network to start from, unless one is given."""
 
 _COMES_WITH_START = "layers and bits are those of the network of --start"
-_ADAM = "it takes the steps of Adam; --rate says how large they are"
+_ADAM = "it takes the steps of Adam; --learning-rate says how large they are"
 _TESTED = "a tenth of the capture's bits is what it is tested on"
 _NO_IMAGES = "it learns from the capture alone"
 _REASONS = {
@@ -31,8 +31,8 @@ _REASONS = {
     "test": _TESTED,
     "test_key": _TESTED,
     "seconds": "--steps says how long it takes",
-    "optimiser": _ADAM,
-    "step_size": _ADAM,
+    "optimizer": _ADAM,
+    "learning_rate": _ADAM,
     "damping": _ADAM,
 }
 
@@ -48,7 +48,7 @@ def refuse_others(**given: object) -> None:
 
 
 def learn(
-    reading: capture_options.Reading,
+    reading: capture_options.CaptureOptions,
     *,
     output: Path,
     start: Path | None,
@@ -68,7 +68,7 @@ def learn(
 
     Parameters
     ----------
-    reading : capture_options.Reading
+    reading : capture_options.CaptureOptions
         The capture.
     given, words
         The options of its sensor, by parameter: as values and as words of a command.
@@ -95,7 +95,7 @@ def learn(
         )
         check_kernel(sensor)
         network = _start(start, sensor)
-        if network.bits is None and "max_intensity" not in given:
+        if network.trials_range is None and "max_intensity" not in given:
             # As `reconstruct` takes it: a network's outputs lie in its own range.
             sensor = sensor.replace(max_intensity=network.sensor.max_intensity)
         run = functools.partial(
@@ -116,7 +116,7 @@ def learn(
             return
     about = {"fine-tuned on": str(reading.path)}
     history, seconds = training_run.learn(
-        run, output, plot, steps=steps, remedy="--rate", about=about
+        run, output, plot, steps=steps, remedy="--learning-rate", about=about
     )
     command = ["jotlight", "reconstruct", str(reading.path), *reading.words("--key")]
     if calibration is not None:
@@ -132,7 +132,7 @@ def _start(path: Path | None, sensor: Sensor) -> Network:
     if path is not None:
         out.print(f"starts from {path}", soft_wrap=True, markup=False)
         return Network.load(path)
-    if (reason := unserved(sensor, _QUALITY)) is not None:
+    if (reason := unsupported_bits_reason(sensor, _QUALITY)) is not None:
         raise ValueError(
             f"start: expected a network to start from, since {reason}; give one with --start, or "
             "some of the frames with --frame-range"
@@ -153,7 +153,7 @@ def _tell(output: Path, history: History, seconds: float, plot: Path | None, com
     if after == before:
         err.print(
             "[yellow]nothing learned:[/] no other parameters made the bits held out more likely, "
-            "so that these are those of the start; try more --steps, or another --rate",
+            "so that these are those of the start; try more --steps, or another --learning-rate",
             soft_wrap=True,
         )
     if plot is not None:

@@ -12,15 +12,15 @@ from jotlight.calibration import Calibration
 from jotlight.calibration.result import FORMAT as CALIBRATION
 from jotlight.cli import capture_options
 from jotlight.cli.console import out, progress
-from jotlight.files import spare_inputs, written_whole
+from jotlight.files import atomic_write, refuse_overwrite
 from jotlight.formats import open_capture
 from jotlight.formats.arrays import npz_label, npz_names, read_npy, read_npz
 from jotlight.formats.capture import Capture, Stack, is_single
 from jotlight.formats.description import read_counts_label
 from jotlight.formats.detect import recognise
 from jotlight.formats.tiff import tiff_file
-from jotlight.images.io import read_picture
-from jotlight.networks.layer import Layer, work_of
+from jotlight.images.io import read_image
+from jotlight.networks.layer import Layer, flops_per_pixel
 from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
 from jotlight.tensors import told_format
@@ -56,7 +56,7 @@ def info(
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")
-    reading = capture_options.Reading(
+    reading = capture_options.CaptureOptions(
         file, format_, width, frame_range, rotate, flip, key, counts, unpacked
     )
     for name, value in _facts(file, reading):
@@ -73,17 +73,17 @@ def _draw(file: Path, plot: Path) -> None:
     if told_format(file) == CALIBRATION:
         from jotlight.calibration.figure import page
 
-        spare_inputs(plot, [file])
+        refuse_overwrite(plot, [file])
         calibration = Calibration.load(file)
-        with written_whole(plot) as temporary:
+        with atomic_write(plot) as temporary:
             page(calibration).savefig(temporary, dpi=110)
         return
     network = Network.load(file)
     last = network.history.get("fine tuning", network.history)
     if "records" not in last:
         raise ValueError(f"{file}: this network has no history of a run to draw")
-    spare_inputs(plot, [file])
-    with written_whole(plot) as temporary:
+    refuse_overwrite(plot, [file])
+    with atomic_write(plot) as temporary:
         history = History.from_json(last["records"])
         plots.training(network, history).savefig(temporary, dpi=110)
 
@@ -92,13 +92,13 @@ _PICTURES = (".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".ppm", ".gif")
 """Endings of what is a picture and no capture."""
 
 
-def _facts(file: Path, reading: capture_options.Reading) -> list[tuple[str, str]]:
+def _facts(file: Path, reading: capture_options.CaptureOptions) -> list[tuple[str, str]]:
     ending = file.suffix.lower()
     if ending == ".safetensors":
         if told_format(file) == CALIBRATION:
             return _calibration_facts(Calibration.load(file))
         return _network_facts(Network.load(file))
-    if reading == capture_options.Reading(file) and file.is_file():
+    if reading == capture_options.CaptureOptions(file) and file.is_file():
         if ending == ".npz" and npz_label(file) is None:
             facts = [("kind", "archive of arrays")]
             for name in npz_names(file):
@@ -113,7 +113,7 @@ def _facts(file: Path, reading: capture_options.Reading) -> list[tuple[str, str]
 
 
 def _picture_facts(file: Path) -> list[tuple[str, str]]:
-    picture = read_picture(file)
+    picture = read_image(file)
     size = ("shape", _by(picture.shape))
     try:
         capture = open_capture(file)
@@ -201,10 +201,10 @@ def _calibration_facts(calibration: Calibration) -> list[tuple[str, str]]:
 
 def _network_facts(network: Network) -> list[tuple[str, str]]:
     layers, history = network.layers, network.history
-    if network.bits is None:
+    if network.trials_range is None:
         served = ("sensor", repr(network.sensor))
     else:
-        low, high = network.bits
+        low, high = network.trials_range
         served = (
             "sensor",
             f"any of {low} to {high} bits per pixel, {network.sensor.kernel} kernel",
@@ -213,14 +213,14 @@ def _network_facts(network: Network) -> list[tuple[str, str]]:
         ("kind", "network"),
         served,
         ("parameters", f"{sum(layer.parameters for layer in layers):,}"),
-        ("work", f"{work_of(layers) / 1000:.3g} kFLOP per pixel"),
+        ("work", f"{flops_per_pixel(layers) / 1000:.3g} kFLOP per pixel"),
         ("halo", f"{network.halo} pixels"),
     ]
     told = [name for name in ("start", "trained on", "fine-tuned on") if name in history]
     facts += [(name, str(history[name])) for name in told]
     for name, part in (("learned", history), ("fine-tuned", history.get("fine tuning", {}))):
         if "run" in part and "records" in part:
-            facts.append((name, _course(part["run"], History.from_json(part["records"]))))
+            facts.append((name, _trainer(part["run"], History.from_json(part["records"]))))
     return facts
 
 
@@ -233,8 +233,8 @@ def _layers(layers: Sequence[Layer]) -> Table:
         table.add_column(name)
     for index, layer in enumerate(layers):
         wiring = [
-            None if layer.reads == index - 1 else layer.reads,
-            layer.adds,
+            None if layer.input == index - 1 else layer.input,
+            layer.skip,
             None if layer.stride == 1 else layer.stride,
             None if layer.upsampling == 1 else layer.upsampling,
         ]
@@ -255,18 +255,18 @@ def _splines(layer: Layer) -> tuple[str, str]:
     return _by(layer.coefficients.shape), f"{layer.start:.3g} to {end:.3g}"
 
 
-def _course(run: dict[str, Any], history: History) -> str:
-    course = (
-        f"{history.steps[-1]} steps of {run.get('optimiser')}, seed {run.get('seed')}; cost "
+def _trainer(run: dict[str, Any], history: History) -> str:
+    trainer = (
+        f"{history.steps[-1]} steps of {run.get('optimizer')}, seed {run.get('seed')}; cost "
         f"{history.loss[0]:.4g} to {history.loss[-1]:.4g}"
     )
     measured = history.test_psnr[np.isfinite(history.test_psnr)]
     if len(measured):
-        course += f", test PSNR {measured[0]:.2f} to {measured[-1]:.2f} dB"
+        trainer += f", test PSNR {measured[0]:.2f} to {measured[-1]:.2f} dB"
     told = history.held_out[np.isfinite(history.held_out)]
     if len(told):
-        course += f", held out {told[0]:.5f} to {told[-1]:.5f} nats per bit"
-    return course
+        trainer += f", held out {told[0]:.5f} to {told[-1]:.5f} nats per bit"
+    return trainer
 
 
 def _by(shape: tuple[int, ...]) -> str:

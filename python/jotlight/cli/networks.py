@@ -4,13 +4,13 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from jotlight.networks.architectures import MEMBERS
-from jotlight.networks.layer import chained
+from jotlight.networks.architectures import ARCHITECTURES
+from jotlight.networks.layer import is_sequential
 from jotlight.networks.network import Network
 from jotlight.training import History
 
 TWO_LAYER = "two-layer"
-NETWORKS = TWO_LAYER, *MEMBERS
+NETWORKS = TWO_LAYER, *ARCHITECTURES
 DEVICES = "cpu", "cuda"
 
 _OF_DEEP = "device", "rate", "any_bits"
@@ -39,7 +39,7 @@ def is_deep(network: str | None, start: Network | None) -> bool:
             raise ValueError(
                 "start: a given network comes with its own layers; leave out --network"
             )
-        return not chained(start.layers)
+        return not is_sequential(start.layers)
     if network not in (None, *NETWORKS):
         raise ValueError(f"network: expected one of {', '.join(NETWORKS)}, got {network!r}")
     return network not in (None, TWO_LAYER)
@@ -47,7 +47,7 @@ def is_deep(network: str | None, start: Network | None) -> bool:
 
 def refuse_others(deep: bool, **given: object) -> None:
     """Raise ValueError for an option that is for the other kind of networks."""
-    kinds = f"the network {TWO_LAYER}", f"the networks {', '.join(MEMBERS)}"
+    kinds = f"the network {TWO_LAYER}", f"the networks {', '.join(ARCHITECTURES)}"
     for name, value in given.items():
         if value is not None and value is not False and (name in _OF_DEEP) != deep:
             raise ValueError(
@@ -70,7 +70,7 @@ def learner(device: str | None, rate: float | None) -> Learner:
         training.train,
         training.STEPS,
         {"device": device, "rate": training.RATE if rate is None else rate},
-        "--rate",
+        "--learning-rate",
         distributed.rank() == 0,
     )
 

@@ -13,9 +13,9 @@ import typer
 from jotlight import __version__
 from jotlight.estimators.brightness import detected
 from jotlight.estimators.uncertainty import uncertainty
-from jotlight.files import written_whole
-from jotlight.images.image_stack import planes_writer
-from jotlight.images.io import DISPLAYED, FLOATS, picture_writer
+from jotlight.files import atomic_write
+from jotlight.images.image_stack import stack_writer
+from jotlight.images.io import DISPLAYED, FLOATS, image_writer
 from jotlight.images.tone import CURVES, Tone, check_curve
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.provenance import Source
@@ -73,7 +73,7 @@ Fps = Annotated[float, _option("Pictures per second of a .mp4.", panel="Video")]
 
 
 @dataclasses.dataclass(frozen=True)
-class Wanted:
+class OutputOptions:
     """Which files are wanted and what is to stand in them."""
 
     picture: Path
@@ -109,7 +109,7 @@ class Wanted:
                 ".npy, with --preview for a picture beside it"
             )
         if self.uncertainty is not None:
-            planes_writer(self.uncertainty)
+            stack_writer(self.uncertainty)
             if not 0.5 <= self.level < 1:
                 raise ValueError(f"level: expected 0.5 to below 1, got {self.level}")
 
@@ -125,7 +125,7 @@ class Wanted:
     def files(self) -> Iterator[list[Path]]:
         """Make the temporary files, so that a place that cannot be written to is found early."""
         with contextlib.ExitStack() as stack:
-            yield [stack.enter_context(written_whole(path)) for path in self.paths()]
+            yield [stack.enter_context(atomic_write(path)) for path in self.paths()]
 
     def write(
         self,
@@ -142,19 +142,19 @@ class Wanted:
         rest = list(files)
         displayed = self.picture.suffix.lower() in DISPLAYED
         if displayed and self.curve is not None:
-            write = picture_writer(self.picture, depth=self.depth)
+            write = image_writer(self.picture, depth=self.depth)
             write(rest.pop(0), Tone.fit(picture, self.curve)(picture))
         else:
-            write = picture_writer(self.picture, depth=self.depth, white=white, note=note)
+            write = image_writer(self.picture, depth=self.depth, white=white, note=note)
             write(rest.pop(0), picture * self.scale(sensor))
         if self.preview is not None:
             tone = Tone.fit(picture, self.curve or _DEFAULT_CURVE)
-            picture_writer(self.preview)(rest.pop(0), tone(picture))
+            image_writer(self.preview)(rest.pop(0), tone(picture))
         if self.uncertainty is not None:
             known = uncertainty(seen, sensor, level=self.level, threads=threads)
             facts = {**note, "level": self.level, "flags": "1 unlit, 2 saturated, 4 blind"}
             planes = known.planes(float(self.scale(sensor)))
-            planes_writer(self.uncertainty, facts)(rest.pop(0), planes)
+            stack_writer(self.uncertainty, facts)(rest.pop(0), planes)
 
     def note(self, sensor: Sensor, method: str, source: Source | None) -> dict[str, Any]:
         """What a file says of itself."""

@@ -11,7 +11,7 @@ from jotlight.cli import sensor_options
 from jotlight.cli.console import out
 from jotlight.estimators.planning import Plan
 from jotlight.estimators.planning import plan as expect
-from jotlight.files import spare_inputs, written_whole
+from jotlight.files import atomic_write, refuse_overwrite
 from jotlight.sensing.sensor import Sensor
 
 _ROWS = 13
@@ -58,7 +58,7 @@ def plan(
         from jotlight.plots import check_figure
 
         check_figure(plot)
-        spare_inputs(plot, [calibration, *inputs])
+        refuse_overwrite(plot, [calibration, *inputs])
     per_frame = (least / (frame_rate or 1), most / (frame_rate or 1))
     numbers = {name: value for name, value in given.items() if name != "max_intensity"}
     if calibration is None:
@@ -80,7 +80,7 @@ def plan(
     if plot is not None:
         from jotlight.plots import expectation
 
-        with written_whole(plot) as temporary:
+        with atomic_write(plot) as temporary:
             expectation(expected).savefig(temporary, dpi=150)
         out.print(f"Figure: [bold]{plot}[/]", soft_wrap=True)
 

@@ -12,21 +12,21 @@ from rich.markup import escape
 
 from jotlight.cli import brightness, capture_options, sensor_options
 from jotlight.cli import output_options as output_
-from jotlight.cli.applied_calibration import Calibrated, recorded
+from jotlight.cli.applied_calibration import AppliedCalibration, recorded
 from jotlight.cli.console import err, live_iterations, out, progress
-from jotlight.cli.video import check_film, film, spare_folder
+from jotlight.cli.video import check_film, film, refuse_existing_folder
 from jotlight.estimators.brightness import BRIGHT
 from jotlight.estimators.problem import Histories
 from jotlight.estimators.tv import NORMS
 from jotlight.estimators.vst import INVERSES
 from jotlight.evaluation.methods import DEFAULT, METHODS
-from jotlight.files import spare_inputs
-from jotlight.images.io import picture_writer
+from jotlight.files import refuse_overwrite
+from jotlight.images.io import image_writer
 from jotlight.images.video import windows
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import pretrained, unserved
+from jotlight.networks.pretrained import pretrained, unsupported_bits_reason
 from jotlight.sensing.bits import Bits, check_fits
-from jotlight.sensing.response import unclipped
+from jotlight.sensing.response import saturation_intensity
 
 _OTHERWISE = "noniterative-tv"
 """What serves every sensor, and is the best where the kernel is a box."""
@@ -140,10 +140,10 @@ def reconstruct(
     The sensor is the one that the bits carry, changed by the calibration and then by the options
     given here.
     """
-    wanted = output_.Wanted(output, preview, uncertainty, units, curve, level, depth)
+    wanted = output_.OutputOptions(output, preview, uncertainty, units, curve, level, depth)
     for path in wanted.paths():
-        spare_inputs(path, [model, calibration, *inputs])
-        capture_options.spare_capture(path, data)
+        refuse_overwrite(path, [model, calibration, *inputs])
+        capture_options.refuse_capture_overwrite(path, data)
     if window is not None:
         check_film(wanted, fps)
         if "frames" in given:
@@ -151,11 +151,11 @@ def reconstruct(
                 "frames: --window says how many frames a picture has; --frame-range takes some of "
                 "the capture's"
             )
-        spare_folder(output)
+        refuse_existing_folder(output)
     elif step is not None:
         raise ValueError("step: is for a film, which --window asks for")
     else:
-        picture_writer(output, depth=depth)
+        image_writer(output, depth=depth)
     if uncertainty is not None and method not in (None, "mle"):
         raise ValueError(
             f"uncertainty: is known for the method mle, not for {method}, whose pixels depend on "
@@ -178,18 +178,18 @@ def reconstruct(
         tol=tol,
         max_iter=max_iter,
     )
-    reading = capture_options.Reading(
+    reading = capture_options.CaptureOptions(
         data, format_, width, frame_range, rotate, flip, key, counts, unpacked
     )
     capture = reading.open()
-    known = None if calibration is None else Calibrated.read(calibration, output)
+    known = None if calibration is None else AppliedCalibration.read(calibration, output)
     if known is not None:
-        capture_options.spare_capture(known.record, data)
-        spare_inputs(known.record, [model, calibration, *inputs])
+        capture_options.refuse_capture_overwrite(known.record, data)
+        refuse_overwrite(known.record, [model, calibration, *inputs])
     found = known.calibration if known else None
     seen, sensor, told = capture_options.seen_by_sensor(capture, data, given, found)
     network = settings.pop("model", None)
-    if network is not None and network.bits is None and "max_intensity" not in given:
+    if network is not None and network.trials_range is None and "max_intensity" not in given:
         # A network's outputs lie in its own range, whatever range others would be clipped to.
         sensor = sensor.replace(max_intensity=network.sensor.max_intensity)
     if window is not None:
@@ -203,7 +203,10 @@ def reconstruct(
     )
     advice = []
     shipped = network is None and (method is None or method in _SHIPPED)
-    if shipped and (reason := unserved(sensor, _SHIPPED[method or DEFAULT])) is not None:
+    if (
+        shipped
+        and (reason := unsupported_bits_reason(sensor, _SHIPPED[method or DEFAULT])) is not None
+    ):
         advice.append(f"{reason}; {learn}")
         if method is not None:
             raise ValueError(advice[0])
@@ -212,11 +215,11 @@ def reconstruct(
     method = method or DEFAULT
     if shipped:
         network = pretrained(sensor, _SHIPPED[method])
-    white, free = sensor.max_intensity, unclipped(sensor)
+    white, free = sensor.max_intensity, saturation_intensity(sensor)
     assumed = told != "sensor" and "max_intensity" not in given and sensor.kernel == "box"
     higher = assumed and free > white
     # A network was trained for its own largest intensity, unless it is told K.
-    one_range = network is not None and network.bits is None
+    one_range = network is not None and network.trials_range is None
     raised = higher and not one_range
     if raised:
         sensor = sensor.replace(max_intensity=free)
@@ -225,7 +228,11 @@ def reconstruct(
     def tell(largest: float, brightest: float) -> None:
         """Say what was assumed, and what is not as good as it could be."""
         applied = [] if known is None else known.told(sensor, capture.source)
-        for line in (*capture_options.told(capture.source), *applied, f"{told}: {sensor!r}"):
+        for line in (
+            *capture_options.describe_source(capture.source),
+            *applied,
+            f"{told}: {sensor!r}",
+        ):
             out.print(line, soft_wrap=True, markup=False)
         if raised:
             out.print(f"{_RAISED}; --max-intensity sets another", soft_wrap=True)

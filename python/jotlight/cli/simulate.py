@@ -9,10 +9,10 @@ import typer
 from jotlight.checks import as_image
 from jotlight.cli import sensor_options
 from jotlight.cli.console import out, progress
-from jotlight.files import spare_inputs
+from jotlight.files import refuse_overwrite
 from jotlight.formats.description import maps_beside
 from jotlight.formats.npy import created_bits
-from jotlight.images.io import read_picture
+from jotlight.images.io import read_image
 from jotlight.sensing.sensor import Sensor
 
 
@@ -34,8 +34,8 @@ def simulate(
     sensor = Sensor(**given)
     maps = [output.with_suffix(f".{name}.npy") for name in sensor.maps()]
     for file in {output, output.with_suffix(".json"), *maps, *maps_beside(output)}:
-        spare_inputs(file, [photo, *inputs])
-    image = as_image(read_picture(photo, white=white, gray=gray))
+        refuse_overwrite(file, [photo, *inputs])
+    image = as_image(read_image(photo, white=white, gray=gray))
     height, width = (size * sensor.oversampling for size in image.shape[:2])
     shape = (sensor.frames, height, math.ceil(width / 8), *image.shape[2:])
     with (

@@ -14,18 +14,18 @@ from jotlight.cli import fine_tune as own_bits
 from jotlight.cli.console import out, progress, silent
 from jotlight.datasets import PHOTOGRAPHS, photograph, uniform_scenes
 from jotlight.estimators.brightness import sensor_for
-from jotlight.files import spare_inputs
+from jotlight.files import refuse_overwrite
 from jotlight.images.sets import read_image_set
 from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
-from jotlight.training import OPTIMISERS, History, Optimiser, Record
+from jotlight.training import OPTIMIZERS, History, Optimizer, Record
 from jotlight.training import train as learn
 from jotlight.training.patches import sensor_of_patches
 
 _SYNTHETIC = "synthetic"
 _TEST_SCENES = 512
-_OPTIMISER = "gauss-newton"
+_OPTIMIZER = "gauss-newton"
 _PHOTOGRAPHS = "photographs of scikit-image"
 
 _SECONDS = 45.0
@@ -93,7 +93,7 @@ def train(
         int | None,
         typer.Option(
             help="Default: "
-            + ", ".join(f"{kind.steps} for {name}" for name, kind in OPTIMISERS.items())
+            + ", ".join(f"{kind.steps} for {name}" for name, kind in OPTIMIZERS.items())
             + ", 20000 for deep networks, 500 with --self-supervised."
         ),
     ] = None,
@@ -104,11 +104,11 @@ def train(
             f"--steps: {_SECONDS:g}; deep networks take their time."
         ),
     ] = None,
-    optimiser: Annotated[
+    optimizer: Annotated[
         str | None,
-        typer.Option(help=f"One of {', '.join(OPTIMISERS)}. Default: {_OPTIMISER}."),
+        typer.Option(help=f"One of {', '.join(OPTIMIZERS)}. Default: {_OPTIMIZER}."),
     ] = None,
-    step_size: Annotated[
+    learning_rate: Annotated[
         float | None,
         typer.Option(help="Of adam (default 0.01) or projected-gradient (default 5e-6)."),
     ] = None,
@@ -207,8 +207,8 @@ def train(
             any_bits=any_bits,
             test=test,
             seconds=seconds,
-            optimiser=optimiser,
-            step_size=step_size,
+            optimizer=optimizer,
+            learning_rate=learning_rate,
             damping=damping,
             sigma=sigma,
             untied=untied,
@@ -227,7 +227,7 @@ def train(
         raise ValueError("start: a given network comes with its own sigma, weights and bits")
     seen = capture or self_supervised
     array = sensor_key if self_supervised is None else key
-    reading = capture_options.Reading(
+    reading = capture_options.CaptureOptions(
         seen or Path(), format_, width, frame_range, rotate, flip, array, counts, unpacked
     )
     if seen is None:
@@ -235,9 +235,9 @@ def train(
     elif any_bits is not None:
         raise ValueError("any-bits: such a network is for any sensor; leave out --sensor")
     for file in filter(None, (output, plot, checkpoint)):
-        spare_inputs(file, [start, calibration, *inputs, *_files(images), *_files(test)])
+        refuse_overwrite(file, [start, calibration, *inputs, *_files(images), *_files(test)])
         if seen is not None:
-            capture_options.spare_capture(file, seen)
+            capture_options.refuse_capture_overwrite(file, seen)
     if self_supervised is not None:
         own_bits.learn(
             reading,
@@ -262,8 +262,8 @@ def train(
     is_deep = networks.is_deep(kind, earlier)
     networks.refuse_others(
         is_deep,
-        optimiser=optimiser,
-        step_size=step_size,
+        optimizer=optimizer,
+        learning_rate=learning_rate,
         damping=damping,
         sigma=sigma,
         untied=untied,
@@ -275,7 +275,7 @@ def train(
     if is_deep:
         learner = networks.learner(device, rate)
     else:
-        learner = _two_layer(optimiser or _OPTIMISER, step_size=step_size, damping=damping)
+        learner = _two_layer(optimizer or _OPTIMIZER, learning_rate=learning_rate, damping=damping)
     if learner.first:
         training_run.check_checkpoint(checkpoint, resume, restart)
     with silent(not learner.first):
@@ -295,7 +295,9 @@ def train(
             else:
                 sensor = Sensor(**{"oversampling": 4, **given})
             if any_bits is not None:
-                network = Network.told(kind, bits=networks.bits_of(any_bits), rng=seed)
+                network = Network.conditional(
+                    kind, trials_range=networks.bits_of(any_bits), rng=seed
+                )
             elif is_deep:
                 network = Network.deep(sensor, kind, rng=seed)
             else:
@@ -345,7 +347,7 @@ def _refuse_without_capture(words: list[str], calibration: Path | None) -> None:
 
 
 def _sensor_of(
-    reading: capture_options.Reading,
+    reading: capture_options.CaptureOptions,
     calibration: Path | None,
     given: dict[str, Any],
     threads: int | None,
@@ -397,18 +399,20 @@ def _files(images: str | Path | None) -> list[Path]:
     return list(Path(images).iterdir()) if Path(images).is_dir() else [Path(images)]
 
 
-def _two_layer(name: str, *, step_size: float | None, damping: float | None) -> networks.Learner:
-    if name not in OPTIMISERS:
-        raise ValueError(f"optimiser: expected one of {', '.join(OPTIMISERS)}, got {name!r}")
-    if name == "gauss-newton" and step_size is not None:
+def _two_layer(
+    name: str, *, learning_rate: float | None, damping: float | None
+) -> networks.Learner:
+    if name not in OPTIMIZERS:
+        raise ValueError(f"optimizer: expected one of {', '.join(OPTIMIZERS)}, got {name!r}")
+    if name == "gauss-newton" and learning_rate is not None:
         raise ValueError("step-size: is for adam and projected-gradient, not for gauss-newton")
     if name != "gauss-newton" and damping is not None:
         raise ValueError(f"damping: is for gauss-newton, not for {name}")
-    settings = {"step_size": step_size, "damping": damping}
-    kind: Any = OPTIMISERS[name]
-    chosen: Optimiser = kind(**{key: value for key, value in settings.items() if value is not None})
-    remedy = "--damping" if name == "gauss-newton" else "--step-size"
-    return networks.Learner(learn, chosen.steps, {"optimiser": chosen}, remedy)
+    settings = {"learning_rate": learning_rate, "damping": damping}
+    kind: Any = OPTIMIZERS[name]
+    chosen: Optimizer = kind(**{key: value for key, value in settings.items() if value is not None})
+    remedy = "--damping" if name == "gauss-newton" else "--learning-rate"
+    return networks.Learner(learn, chosen.steps, {"optimizer": chosen}, remedy)
 
 
 def _images(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from jotlight import plots
 from jotlight.cli.console import err, live_training
-from jotlight.files import written_whole
+from jotlight.files import atomic_write
 from jotlight.networks.network import Network
 from jotlight.training import History
 
@@ -50,7 +50,7 @@ def learn(
     remedy: str,
     about: dict[str, str],
 ) -> tuple[History, float]:
-    """Let a run learn and show its course, and write the network and its figure.
+    """Let a run learn and show its trainer, and write the network and its figure.
 
     Parameters
     ----------
@@ -75,8 +75,8 @@ def learn(
     checkpoint = checkpoint_of(output)
     # Made now, so that a place that cannot be written to is found before any work is done.
     with contextlib.ExitStack() as files:
-        temporary = files.enter_context(written_whole(output))
-        figure = files.enter_context(written_whole(plot)) if plot is not None else None
+        temporary = files.enter_context(atomic_write(output))
+        figure = files.enter_context(atomic_write(plot)) if plot is not None else None
         with _kept(checkpoint, remedy), live_training(steps) as show:
             learned, history = run(callback=show)
         learned.history.update(about)

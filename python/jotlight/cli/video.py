@@ -8,15 +8,15 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.cli.console import out, progress
-from jotlight.cli.output_options import UNITS, Wanted
+from jotlight.cli.output_options import UNITS, OutputOptions
 from jotlight.estimators.brightness import BRIGHT
-from jotlight.images.io import picture_writer
+from jotlight.images.io import image_writer
 from jotlight.images.video import film_writer, is_floats, windows
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
 
 
-def check_film(wanted: Wanted, fps: float) -> None:
+def check_film(wanted: OutputOptions, fps: float) -> None:
     """Raise ValueError for what cannot be asked of a film."""
     floats = is_floats(wanted.picture)
     for name in ("preview", "uncertainty"):
@@ -24,7 +24,7 @@ def check_film(wanted: Wanted, fps: float) -> None:
             raise ValueError(f"{name}: is of one picture, not of the many windows of a film")
     if wanted.units != "intensity" and not floats:
         raise ValueError(f"units: are for floats, .npy, and {wanted.picture} is to look at")
-    picture_writer("a.npy" if wanted.picture.suffix else "a.png", depth=wanted.depth)
+    image_writer("a.npy" if wanted.picture.suffix else "a.png", depth=wanted.depth)
     if not 0 < fps < 1e4:
         raise ValueError(f"fps: expected pictures per second above 0, got {fps}")
 
@@ -33,7 +33,7 @@ def film(
     bits: Bits,
     sensor: Sensor,
     run: Callable[[Bits, Sensor], npt.NDArray[np.float32]],
-    wanted: Wanted,
+    wanted: OutputOptions,
     *,
     window: int,
     step: int | None,
@@ -90,7 +90,7 @@ def _part(bits: Bits, span: slice) -> Bits:
     return Bits(part.packed, part.width)
 
 
-def spare_folder(output: Path) -> None:
+def refuse_existing_folder(output: Path) -> None:
     """Raise FileExistsError early when the folder of a film is there already."""
     if output.suffix == "" and output.exists():
         raise FileExistsError(f"cannot write {output}: it is there already; give another name")

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.estimators.convergence import Callback, History, Watch
+from jotlight.estimators.convergence import Callback, ConvergenceMonitor, History
 from jotlight.estimators.problem import Histories, solve_each
 from jotlight.estimators.tv import automatic_weight, checked, per_pixel, total_variation
 from jotlight.sensing.bits import Bits
@@ -163,10 +163,10 @@ def admm_tv(
     checked(norm)
     if weight is not None:
         per_pixel("weight", weight, np.shape(weight))
-    Watch("admm_tv", max_iter, tol, None)  # what is wrong with them is said at once
+    ConvergenceMonitor("admm_tv", max_iter, tol, None)  # what is wrong with them is said at once
 
     def solve(problem: Problem, begin: Array | None, channel: str) -> tuple[Array, History]:
-        watch = Watch("admm_tv" + channel, max_iter, tol, callback)
+        watch = ConvergenceMonitor("admm_tv" + channel, max_iter, tol, callback)
         chosen = automatic_weight(problem, norm=norm) if weight is None else weight
         return _minimise(problem, np.asarray(chosen), norm, begin, watch, threads)
 
@@ -225,7 +225,7 @@ class _Data(_Term):
         light = self._operator.forward(image)
         # Where x is best, ρ dual is the slope of ℓ: a start near the end has its multipliers too,
         # but for cells that a start leaves nearly dark although they fired, whose slope is endless.
-        slope, _ = self._likelihood.slopes(light)
+        slope, _ = self._likelihood.gradient_and_curvature(light)
         lit = (light > 0) & (light < self.most)
         far = float(light.mean())
         super().__init__(penalty, light, np.where(lit, np.clip(-slope / penalty, -far, far), 0.0))
@@ -236,7 +236,9 @@ class _Data(_Term):
     def split(self, image: Array) -> float:
         light = self._operator.forward(image).reshape(-1)
         return (
-            self._likelihood.split((self.penalty, _RELAXATION), self.most, light, self.x, self.dual)
+            self._likelihood.admm_update(
+                (self.penalty, _RELAXATION), self.most, light, self.x, self.dual
+            )
             / self._gain**2
         )
 
@@ -267,7 +269,7 @@ class _Variation(_Term):
         return self._differences.adjoint(array).reshape(self._shape)
 
     def split(self, image: Array) -> float:
-        return engine.variation_split(
+        return engine.total_variation_admm_update(
             (self.penalty, _RELAXATION),
             self._weight,
             self._isotropic,
@@ -300,7 +302,7 @@ def _minimise(
     weight: npt.NDArray[np.floating],
     norm: str,
     begin: Array | None,
-    watch: Watch,
+    watch: ConvergenceMonitor,
     threads: int | None,
 ) -> tuple[Array, History]:
     operator, most = problem.operator, problem.max_intensity
@@ -337,7 +339,7 @@ def _minimise(
         else:
             estimate = terms[-1].x
         residuals = {"primal": primal, "dual": dual}
-        if not watch.goes_on(estimate, residuals, {"dual": 1 / _BALANCE}):
+        if not watch.update(estimate, residuals, {"dual": 1 / _BALANCE}):
             break
         if watch.number % _PATIENCE == 0 and primal > 0 and dual > 0:
             factor = float(np.sqrt(primal / (_BALANCE * dual)))

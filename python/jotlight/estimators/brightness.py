@@ -49,7 +49,7 @@ def brightest_measurable(sensor: Sensor) -> float:
     bits = sensor.bits_per_pixel
     threshold, light, _ = sensor._response()
     efficiency, dark = reference_jot(sensor)
-    rate = engine.threshold_rate(threshold, 1 - 0.5 / bits)
+    rate = engine.inverse_detection_probability(threshold, 1 - 0.5 / bits)
     return max(rate - dark, 1e-12) / (efficiency * light)
 
 

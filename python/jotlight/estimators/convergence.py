@@ -27,7 +27,7 @@ class Iteration:
     max_iter: int
 
     @property
-    def share(self) -> float:
+    def progress(self) -> float:
         """How much is done, from 0 to 1: residuals fall by about the same factor each time."""
         if self.residual <= self.tol or self.tol >= 1:
             return 1.0
@@ -57,7 +57,7 @@ class History:
         return len(next(iter(self.residuals.values())))
 
 
-class Watch:
+class ConvergenceMonitor:
     """Collects the residuals, calls the user back, and says when to stop."""
 
     def __init__(self, name: str, max_iter: int, tol: float, callback: Callback | None) -> None:
@@ -83,7 +83,7 @@ class Watch:
         """Iterations so far."""
         return len(self._residuals)
 
-    def goes_on(
+    def update(
         self,
         image: npt.NDArray[np.float64],
         residuals: Mapping[str, float],

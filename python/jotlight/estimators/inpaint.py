@@ -11,7 +11,7 @@ _TOLERANCE = 1e-6
 _MOST_STEPS = 200
 
 
-def fill_blind(
+def inpaint_dead_pixels(
     image: npt.NDArray[np.float32], blind: npt.NDArray[np.bool_] | None
 ) -> npt.NDArray[np.float32]:
     """Fill blind pixels so that each is the mean of its 8 neighbours (2 in a signal), and say so.

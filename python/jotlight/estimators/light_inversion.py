@@ -6,8 +6,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.sensing.pixel_counts import Observation
-from jotlight.sensing.response import Array, density, fires, light_per_intensity, rate_of
+from jotlight.sensing.pixel_counts import PixelCounts
+from jotlight.sensing.response import (
+    Array,
+    detection_density,
+    detection_probability,
+    inverse_detection_probability,
+    light_per_intensity,
+)
 from jotlight.sensing.sensor import Sensor
 
 _STEPS = 60
@@ -17,10 +23,10 @@ _ROWS = 1 << 14
 """Pixels at once whose jots differ, so that memory stays small."""
 
 
-class Distinct:
+class UniqueCounts:
     """The distinct pairs of ones and bits among a picture's pixels, of which there are few."""
 
-    def __init__(self, seen: Observation) -> None:
+    def __init__(self, seen: PixelCounts) -> None:
         counts = seen.counts
         if isinstance(seen.trials, int) and seen.trials < counts.size:
             self.ones = np.arange(seen.trials + 1)
@@ -42,7 +48,7 @@ Inverse = Callable[[Array, Array], Array]
 """The light on each pixel, from tables of p and 1 - p for the distinct pairs; may be below 0."""
 
 
-def light_of(seen: Observation, distinct: Distinct) -> Inverse:
+def light_of(seen: PixelCounts, distinct: UniqueCounts) -> Inverse:
     """How the light follows from the probability p that a bit of a pixel is 1.
 
     Where the jots of a pixel differ, p is their mean, and the light is kept in what S casts.
@@ -50,21 +56,21 @@ def light_of(seen: Observation, distinct: Distinct) -> Inverse:
     return _of_differing(seen, distinct) if seen.jots_differ else _of_alike(seen, distinct)
 
 
-def _of_alike(seen: Observation, distinct: Distinct) -> Inverse:
+def _of_alike(seen: PixelCounts, distinct: UniqueCounts) -> Inverse:
     def light(p: Array, rest: Array) -> Array:
-        rate = distinct.spread(rate_of(seen.sensor.threshold, p, rest))
+        rate = distinct.spread(inverse_detection_probability(seen.sensor.threshold, p, rest))
         return np.asarray((rate - seen.dark_counts) / seen.efficiency)
 
     return light
 
 
-def _of_differing(seen: Observation, distinct: Distinct) -> Inverse:
+def _of_differing(seen: PixelCounts, distinct: UniqueCounts) -> Inverse:
     sensor = seen.sensor
     most = sensor.max_intensity * light_per_intensity(sensor)
     maps = [jots_of(seen, value).reshape(seen.counts.size, -1) for value in maps_of(sensor)]
 
     def light(p: Array, rest: Array) -> Array:
-        guess = distinct.spread(rate_of(sensor.threshold, p, rest))
+        guess = distinct.spread(inverse_detection_probability(sensor.threshold, p, rest))
         guess = ((guess - seen.dark_counts) / seen.efficiency).ravel()
         chance, out = distinct.spread(p).ravel(), np.empty(seen.counts.size)
         for start in range(0, out.size, _ROWS):
@@ -113,8 +119,8 @@ class _Differing:
     def _mean(self, light: Array) -> tuple[Array, Array]:
         """The jots' mean probability, and its slope."""
         rates = self._efficiency * light[:, None] + self._dark
-        slope = self._living * self._efficiency * density(self._threshold, rates)
-        value = (self._living * fires(self._threshold, rates)).sum(-1)
+        slope = self._living * self._efficiency * detection_density(self._threshold, rates)
+        value = (self._living * detection_probability(self._threshold, rates)).sum(-1)
         return value / self._number, slope.sum(-1) / self._number
 
 
@@ -123,7 +129,7 @@ def maps_of(sensor: Sensor) -> tuple[Any, Any, Any]:
     return sensor.efficiency, sensor.dark_counts, True if sensor.mask is None else ~sensor.mask
 
 
-def jots_of(seen: Observation, value: Any) -> Array:
+def jots_of(seen: PixelCounts, value: Any) -> Array:
     """A map of the jots as (H, W, K̂²), or the same number for all."""
     side = seen.sensor.oversampling
     height, width = seen.counts.shape

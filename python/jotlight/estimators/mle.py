@@ -6,11 +6,11 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.chunks import parts_of
-from jotlight.estimators.inpaint import fill_blind
+from jotlight.chunks import pixel_chunks
+from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import by_channel
-from jotlight.sensing.pixel_counts import Observation, observe, warn_of_smooth_kernel
+from jotlight.sensing.pixel_counts import PixelCounts, count_pixels, warn_about_smooth_kernel
 from jotlight.sensing.sensor import Sensor
 
 _ROWS = 64
@@ -61,15 +61,15 @@ def mle(
     >>> mle(counts, Sensor(frames=8)).round(4).tolist()
     [[0.0, 0.6930999755859375, 1.0]]
     """
-    warn_of_smooth_kernel(sensor)
+    warn_about_smooth_kernel(sensor)
 
     def one_channel(data: Bits | npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
-        seen = observe(data, sensor, threads)
+        seen = count_pixels(data, sensor, threads)
         out = np.empty(seen.counts.shape, np.float32)
         if seen.jots_differ:
             _jot_by_jot(data, seen, out, threads)
         else:
-            for part in parts_of(out.size):
+            for part in pixel_chunks(out.size):
                 engine.mle_from_counts(
                     sensor._response(),
                     _part(seen.counts, part),
@@ -78,14 +78,14 @@ def mle(
                     _part(out, part),
                     threads,
                 )
-        return fill_blind(out, seen.blind)
+        return inpaint_dead_pixels(out, seen.blind)
 
     return by_channel(one_channel, data)
 
 
 def _jot_by_jot(
     data: Bits | npt.NDArray[np.int32],
-    seen: Observation,
+    seen: PixelCounts,
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None:
@@ -128,7 +128,7 @@ Jot = tuple[float, float]
 
 
 def equivalent_counts(
-    seen: Observation, reference: Jot, threads: int | None
+    seen: PixelCounts, reference: Jot, threads: int | None
 ) -> npt.NDArray[np.float32]:
     """Bring all pixels to K valid bits of jots like `reference`.
 
@@ -139,7 +139,7 @@ def equivalent_counts(
     if seen.uniform and (seen.efficiency, seen.dark_counts) == reference:
         return seen.counts.astype(np.float32)
     out = np.empty(seen.counts.shape, np.float32)
-    for part in parts_of(out.size):
+    for part in pixel_chunks(out.size):
         engine.equivalent_counts(
             seen.sensor._response(),
             _part(seen.counts, part),
@@ -150,7 +150,7 @@ def equivalent_counts(
             _part(out, part),
             threads,
         )
-    return fill_blind(out, seen.blind)
+    return inpaint_dead_pixels(out, seen.blind)
 
 
 def reference_jot(sensor: Sensor) -> Jot:
@@ -173,7 +173,7 @@ def from_probability(
     The jots are as :func:`reference_jot` gives them.
     """
     out = np.empty(probability.shape, np.float32)
-    for part in parts_of(out.size):
+    for part in pixel_chunks(out.size):
         engine.mle_from_probability(
             sensor._response(),
             _part(probability, part),

@@ -6,8 +6,8 @@ from typing import Literal, overload
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.convergence import Callback, History, Watch
-from jotlight.estimators.inpaint import fill_blind
+from jotlight.estimators.convergence import Callback, ConvergenceMonitor, History
+from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.estimators.problem import Histories, solve_each
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.likelihood import Array, Problem
@@ -137,14 +137,16 @@ def mle_iterative(
     """
     if solver not in SOLVERS:
         raise ValueError(f"solver: expected one of {', '.join(SOLVERS)}, got {solver!r}")
-    Watch("mle_iterative", max_iter, tol, None)  # what is wrong with them is said at once
+    ConvergenceMonitor(
+        "mle_iterative", max_iter, tol, None
+    )  # what is wrong with them is said at once
 
     def solve(problem: Problem, begin: Array | None, channel: str) -> tuple[Array, History]:
-        watch = Watch("mle_iterative" + channel, max_iter, tol, callback)
+        watch = ConvergenceMonitor("mle_iterative" + channel, max_iter, tol, callback)
         image, history = _maximise(problem, begin, SOLVERS[solver], watch)
         blind = problem.operator.adjoint((_trials(problem) > 0).astype(np.float64)) == 0
         if blind.any():
-            image = fill_blind(image.astype(np.float32), blind).astype(np.float64)
+            image = inpaint_dead_pixels(image.astype(np.float32), blind).astype(np.float64)
         return image, history
 
     picture, history = solve_each(solve, data, sensor, start, threads)
@@ -155,7 +157,7 @@ class _Slopes:
     """-ℓ around an image: its gradient, and what is known of its curvature."""
 
     def __init__(self, problem: Problem, light: Array, spread_of_ones: Array) -> None:
-        gradient, self.curvature = problem.likelihood.slopes(light)
+        gradient, self.curvature = problem.likelihood.gradient_and_curvature(light)
         self.most = problem.max_intensity
         self.operator = problem.operator
         self.gradient = -self.operator.adjoint(gradient)
@@ -219,7 +221,7 @@ SOLVERS: dict[str, Direction] = {"newton": _newton_direction, "gradient": _gradi
 
 
 def _maximise(
-    problem: Problem, begin: Array | None, direction_of: Direction, watch: Watch
+    problem: Problem, begin: Array | None, direction_of: Direction, watch: ConvergenceMonitor
 ) -> tuple[Array, History]:
     operator, likelihood, most = problem.operator, problem.likelihood, problem.max_intensity
     spread_of_ones = operator.forward(np.ones(operator.input_shape))
@@ -240,7 +242,7 @@ def _maximise(
         slopes = _Slopes(problem, light, spread_of_ones)
         move = image - np.clip(image - slopes.scaled(), 0, most)
         residual = float(np.abs(move).max() / most)
-        if not watch.goes_on(image, {"projected gradient": residual}):
+        if not watch.update(image, {"projected gradient": residual}):
             break
         near = min(residual, 1e-3) * most
         held = ((image <= near) & (slopes.gradient > 0)) | (

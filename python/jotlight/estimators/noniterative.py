@@ -8,7 +8,7 @@ from jotlight.estimators.denoise import Denoiser, pick
 from jotlight.estimators.mle import equivalent_counts, from_probability, reference_jot
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import by_channel
-from jotlight.sensing.pixel_counts import observe, warn_of_smooth_kernel
+from jotlight.sensing.pixel_counts import count_pixels, warn_about_smooth_kernel
 from jotlight.sensing.sensor import Sensor
 
 
@@ -32,7 +32,7 @@ def noniterative(
         A callable takes an image (H, W) of float32 with white noise of standard deviation
         `jotlight.estimators.vst.NOISE` = 1/2 and gives one of the same shape.
     inverse : {"exact", "algebraic"}
-        See :func:`jotlight.estimators.vst.invert`.
+        See :func:`jotlight.estimators.vst.inverse_anscombe`.
     threads : int, optional
         Threads for the engine's part; a denoiser has its own ways. Default: all.
 
@@ -70,20 +70,20 @@ def noniterative(
     if inverse not in vst.INVERSES:
         raise ValueError(f"inverse: expected one of {', '.join(vst.INVERSES)}, got {inverse!r}")
 
-    warn_of_smooth_kernel(sensor)
+    warn_about_smooth_kernel(sensor)
 
     def one_channel(data: Bits | npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
         bits = sensor.bits_per_pixel
-        seen = observe(data, sensor, threads)
+        seen = count_pixels(data, sensor, threads)
         counts = equivalent_counts(seen, reference_jot(sensor), threads)
-        z = vst.stabilise(counts, bits, threads=threads)
+        z = vst.anscombe(counts, bits, threads=threads)
         denoised = np.asarray(run(z), np.float32)
         if denoised.shape != z.shape or not np.isfinite(denoised).all():
             raise ValueError(
                 f"denoiser: expected a finite image of shape {z.shape}, got shape "
                 f"{denoised.shape}" + ("" if denoised.shape != z.shape else " with NaN or infinity")
             )
-        counts = vst.invert(denoised, bits, inverse=inverse, threads=threads)
+        counts = vst.inverse_anscombe(denoised, bits, inverse=inverse, threads=threads)
         return from_probability(counts / np.float32(bits), sensor, threads)
 
     return by_channel(one_channel, data)

@@ -8,8 +8,12 @@ import numpy.typing as npt
 
 from jotlight.estimators.mle import reference_jot
 from jotlight.sensing.likelihood import Likelihood
-from jotlight.sensing.pixel_counts import warn_of_smooth_kernel
-from jotlight.sensing.response import fires, light_per_intensity, rate_of
+from jotlight.sensing.pixel_counts import warn_about_smooth_kernel
+from jotlight.sensing.response import (
+    detection_probability,
+    inverse_detection_probability,
+    light_per_intensity,
+)
 from jotlight.sensing.sensor import Sensor
 
 Array = npt.NDArray[np.float64]
@@ -117,7 +121,7 @@ def plan(
     >>> expected.psnr.round(1).tolist(), expected.enough
     ([12.3, 25.3], 758)
     """
-    warn_of_smooth_kernel(sensor)
+    warn_about_smooth_kernel(sensor)
     levels = _levels(light)
     numbers = np.array([2**n for n in range(13)] if frames is None else frames, np.int64)
     most_frames = _MOST_BITS // sensor.oversampling**2
@@ -161,7 +165,7 @@ class _Pixel:
         """Bias and mean square error of the estimate, clipped, at each level."""
         bits = frames * self.jots
         rates = self.efficiency * levels + self.dark
-        chances = fires(self.threshold, rates)
+        chances = detection_probability(self.threshold, rates)
         most = self._light(1 - 0.5 / bits, 0.5 / bits) if self.most is None else self.most
         bias, square = np.empty(len(levels)), np.empty(len(levels))
         for place, (level, chance) in enumerate(zip(levels, chances, strict=True)):
@@ -186,7 +190,7 @@ class _Pixel:
         return float(np.maximum(self._light(np.exp(logarithm), -np.expm1(logarithm)), 0))
 
     def _light(self, chance: npt.ArrayLike, complement: npt.ArrayLike) -> Array:
-        rate = rate_of(self.threshold, chance, complement)
+        rate = inverse_detection_probability(self.threshold, chance, complement)
         return np.asarray((rate - self.dark) / self.efficiency)
 
 

@@ -11,7 +11,7 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import Picture, by_channel
 from jotlight.sensing.likelihood import Array, Likelihood, Problem
 from jotlight.sensing.operators import scaling, spread
-from jotlight.sensing.pixel_counts import Observation, observe
+from jotlight.sensing.pixel_counts import PixelCounts, count_pixels
 from jotlight.sensing.sensor import Sensor
 
 Histories = History | list[History]
@@ -100,7 +100,7 @@ def problem_of(data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int 
             f"kernel: expected {carried.kernel!r}, with which the bits were made, got "
             f"{sensor.kernel!r}; Bits(bits.packed, bits.width) takes away what they know of it"
         )
-    seen = observe(data, sensor, threads)
+    seen = count_pixels(data, sensor, threads)
     if np.max(seen.trials) == 0:
         raise ValueError("mask: expected at least one jot that is alive, got none")
     if sensor.kernel == "box" and not seen.jots_differ:
@@ -108,7 +108,7 @@ def problem_of(data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int 
     return _of_jots(data, sensor, seen.counts.shape, threads)
 
 
-def _of_pixels(seen: Observation, threads: int | None) -> Problem:
+def _of_pixels(seen: PixelCounts, threads: int | None) -> Problem:
     _, light, most = seen.sensor._response()
     likelihood = Likelihood(
         seen.counts,

@@ -8,11 +8,16 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import JotlightWarning
-from jotlight.estimators.light_inversion import Distinct, Inverse, light_of, maps_of
+from jotlight.estimators.light_inversion import Inverse, UniqueCounts, light_of, maps_of
 from jotlight.estimators.mle import mle
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.likelihood import Likelihood
-from jotlight.sensing.pixel_counts import Observation, as_counts, observe, warn_of_smooth_kernel
+from jotlight.sensing.pixel_counts import (
+    PixelCounts,
+    as_counts,
+    count_pixels,
+    warn_about_smooth_kernel,
+)
 from jotlight.sensing.response import Array, light_per_intensity
 from jotlight.sensing.sensor import Sensor
 
@@ -110,7 +115,7 @@ def uncertainty(
     """
     if not 0.5 <= level < 1:
         raise ValueError(f"level: expected a coverage from 0.5 to below 1, got {level!r}")
-    warn_of_smooth_kernel(sensor)
+    warn_about_smooth_kernel(sensor)
     if isinstance(data, Bits):
         if len(data.shape) == 3:
             return _of_channel(data, sensor, level, threads)
@@ -134,7 +139,7 @@ def uncertainty(
 def _of_channel(
     data: Bits | npt.NDArray[np.int32], sensor: Sensor, level: float, threads: int | None
 ) -> Uncertainty:
-    seen = observe(data, sensor, threads)
+    seen = count_pixels(data, sensor, threads)
     if seen.jots_differ and not isinstance(data, Bits):
         raise ValueError(
             "counts: where jots of one pixel differ in their efficiency or dark counts the bits "
@@ -143,7 +148,7 @@ def _of_channel(
     trials = np.broadcast_to(np.asarray(seen.trials, np.int64), seen.counts.shape)
     blind = trials == 0
     saturated = (seen.counts == trials) & ~blind
-    distinct = Distinct(seen)
+    distinct = UniqueCounts(seen)
     inverse = light_of(seen, distinct)
     bounds = _clopper_pearson(distinct, (1 - level) / 2, seen.jots_differ)
     per_light = 1 / light_per_intensity(sensor)
@@ -162,7 +167,7 @@ def _of_channel(
 
 
 def _clopper_pearson(
-    distinct: Distinct, tail: float, differ: bool
+    distinct: UniqueCounts, tail: float, differ: bool
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """The ends of the interval for p of each distinct pair, each with its complement."""
     from scipy.special import betainccinv, betaincinv
@@ -185,8 +190,8 @@ def _clopper_pearson(
 
 def _standard_error(
     data: Bits | npt.NDArray[np.int32],
-    seen: Observation,
-    distinct: Distinct,
+    seen: PixelCounts,
+    distinct: UniqueCounts,
     inverse: Inverse,
     threads: int | None,
 ) -> Array:
@@ -225,7 +230,7 @@ def _standard_error(
 
 
 def _likely(
-    data: Bits | npt.NDArray[np.int32], seen: Observation, threads: int | None
+    data: Bits | npt.NDArray[np.int32], seen: PixelCounts, threads: int | None
 ) -> npt.NDArray[np.float32]:
     """The estimate, without a word on blind pixels, which the picture itself has said."""
     with warnings.catch_warnings():

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.chunks import parts_of
+from jotlight.chunks import pixel_chunks
 
 NOISE = 0.5
 """Standard deviation of the noise after :func:`stabilise`."""
@@ -19,7 +19,7 @@ INVERSES = ("exact", "algebraic")
 """The inverses of :func:`invert`."""
 
 
-def stabilise(
+def anscombe(
     counts: npt.ArrayLike, bits_per_pixel: int, *, threads: int | None = None
 ) -> npt.NDArray[np.float32]:
     """T of counts out of K bits: equation (6).
@@ -40,7 +40,7 @@ def stabilise(
 
     Examples
     --------
-    >>> stabilise([0, 8, 16], 16).round(2)
+    >>> anscombe([0, 8, 16], 16).round(2)
     array([0.61, 3.19, 5.77], dtype=float32)
     """
     values = np.asarray(counts, np.float32)
@@ -48,10 +48,10 @@ def stabilise(
         raise ValueError(
             f"counts: expected 0 to {bits_per_pixel}, got {values.min()} to {values.max()}"
         )
-    return _apply(engine.stabilise, values, bits_per_pixel, threads)
+    return _apply(engine.anscombe, values, bits_per_pixel, threads)
 
 
-def invert(
+def inverse_anscombe(
     z: npt.ArrayLike,
     bits_per_pixel: int,
     *,
@@ -84,7 +84,7 @@ def invert(
 
     Examples
     --------
-    >>> invert(stabilise([0, 8, 16], 16), 16, inverse="algebraic").round(3).tolist()
+    >>> inverse_anscombe(anscombe([0, 8, 16], 16), 16, inverse="algebraic").round(3).tolist()
     [0.0, 8.0, 16.0]
     """
     if inverse not in INVERSES:
@@ -92,7 +92,9 @@ def invert(
     values = np.asarray(z, np.float32)
     if np.isnan(values).any():
         raise ValueError("z: expected numbers, got NaN")
-    function = engine.exact_inverse if inverse == "exact" else engine.algebraic_inverse
+    function = (
+        engine.inverse_anscombe_exact if inverse == "exact" else engine.inverse_anscombe_algebraic
+    )
     return _apply(function, values, bits_per_pixel, threads)
 
 
@@ -105,6 +107,6 @@ def _apply(
     out = np.empty(values.shape, np.float32)
     flat, result = values.reshape(-1), out.reshape(-1)
     # Larger parts than elsewhere: the exact inverse makes its table anew for each.
-    for part in parts_of(flat.size, 1 << 22):
+    for part in pixel_chunks(flat.size, 1 << 22):
         function(flat[part], bits_per_pixel, result[part], threads)
     return out

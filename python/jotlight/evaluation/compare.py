@@ -41,12 +41,14 @@ def chosen(sensor: Sensor, names: Sequence[str] | None = None) -> list[str]:
         return [
             name
             for name, method in METHODS.items()
-            if method.available and method.lacks(sensor) is None and method.adds(sensor)
+            if method.available
+            and method.unsupported_reason(sensor) is None
+            and method.is_distinct(sensor)
         ]
     for name in names:
         if name not in METHODS:
             raise ValueError(f"methods: expected some of {', '.join(METHODS)}, got {name!r}")
-        if (reason := METHODS[name].lacks(sensor)) is not None:
+        if (reason := METHODS[name].unsupported_reason(sensor)) is not None:
             raise ValueError(f"{name}: {reason}")
     return list(names)
 
@@ -80,7 +82,7 @@ def compare_methods(
                 method.run(corner, sensor.without_maps(), threads=threads)
         options: dict[str, Any] = {}
         if method.iterative and callable(update):
-            options["callback"] = lambda step, update=update: update(step.share)
+            options["callback"] = lambda step, update=update: update(step.progress)
         start = time.perf_counter()
         picture = method.run(bits, sensor, threads=threads, **options)
         seconds = time.perf_counter() - start

@@ -14,7 +14,7 @@ from jotlight.estimators.mle import mle
 from jotlight.estimators.mle_iterative import mle_iterative
 from jotlight.estimators.noniterative import noniterative
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import lacking, pretrained
+from jotlight.networks.pretrained import pretrained, unsupported_reason
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
 
@@ -47,9 +47,9 @@ class Method:
     run: Run
     needs: str | None = None
     """A package beyond those that jotlight brings."""
-    lacks: Callable[[Sensor], str | None] = lambda _: None
+    unsupported_reason: Callable[[Sensor], str | None] = lambda _: None
     """Says why the method cannot serve a sensor, or None if it can."""
-    adds: Callable[[Sensor], bool] = lambda _: True
+    is_distinct: Callable[[Sensor], bool] = lambda _: True
     """Whether its picture for a sensor is another than that of a faster method."""
     iterative: bool = False
     """Whether it takes `tol`, `max_iter`, `callback` and `return_history`."""
@@ -62,7 +62,7 @@ class Method:
 
 def _learned(title: str, quality: str) -> Method:
     run = partial(learned_network, quality=quality)
-    return Method(title, run, lacks=partial(lacking, quality=quality))
+    return Method(title, run, unsupported_reason=partial(unsupported_reason, quality=quality))
 
 
 METHODS: dict[str, Method] = {
@@ -70,7 +70,7 @@ METHODS: dict[str, Method] = {
     "mle-iterative": Method(
         "maximum likelihood, iterative",
         mle_iterative,
-        adds=lambda sensor: sensor.kernel != "box",
+        is_distinct=lambda sensor: sensor.kernel != "box",
         iterative=True,
     ),
     "noniterative-gaussian": Method(

@@ -23,7 +23,7 @@ SETTINGS = {
     # The paper's own descent, from its least σ.
     "descents": [9],
     "sigma": 0.25,
-    "step_size": 5e-6,
+    "learning_rate": 5e-6,
     "steps": 10_000,
     "batch": 128,
 }

@@ -14,7 +14,7 @@ from jotlight.experiments.report.section import Claim, Column, Curves, Section, 
 
 SETTINGS = {
     "bits": 36,
-    "step_size": 5e-6,
+    "learning_rate": 5e-6,
     "steps": 10_000,
     "batch": 128,
     "sigmas": [0.25, 0.7],
@@ -58,7 +58,7 @@ def section(results: Results) -> Section:
         EXPERIMENT.name,
         EXPERIMENT.title,
         f"Projected gradient descent, equation (13), with a weight for each jot in h1, as in the "
-        f"paper: {settings['steps']:,} steps of size μ = {settings['step_size']:g}, each on "
+        f"paper: {settings['steps']:,} steps of size μ = {settings['learning_rate']:g}, each on "
         f"{settings['batch']} new scenes of 32 × 32 with intensities uniform in [0, 1], K = α = "
         f"{settings['bits']}. The paper takes the σ of the initial h2 from [0.25, 1] and does not "
         f"say which; here are σ = {sigmas[0]}, which leaves the pixels nearly as they are, and "

@@ -21,7 +21,7 @@ from jotlight.experiments.learning import learn, sensor_of
 from jotlight.experiments.names import ALGEBRAIC
 from jotlight.experiments.report.curves import COLOURS, Axes, Line, draw
 from jotlight.experiments.report.section import Column, Curves, Section, Table
-from jotlight.networks.pretrained import BITS_PER_PIXEL, lacking
+from jotlight.networks.pretrained import BITS_PER_PIXEL, unsupported_reason
 
 SETTINGS = {
     "bits": 16,
@@ -45,7 +45,7 @@ def parts(lab: Lab) -> list[Part]:
 
     def one_sensor(axis: str, sensor: jl.Sensor) -> Callable[[Update], Outcome]:
         def run(update: Update) -> Outcome:
-            if lacking(sensor, "fast") is None:
+            if unsupported_reason(sensor, "fast") is None:
                 network = jl.pretrained(sensor, "fast")
             else:
                 _, scenes = lab.data.photographs("train", settings["learning_images"])

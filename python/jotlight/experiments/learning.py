@@ -42,7 +42,7 @@ def descend(
         steps=settings["steps"],
         batch=settings["batch"],
         patch=None if callable(scenes) else 32,
-        optimiser=ProjectedGradient(settings["step_size"]),
+        optimizer=ProjectedGradient(settings["learning_rate"]),
     )
 
 

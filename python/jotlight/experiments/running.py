@@ -18,7 +18,7 @@ from typing import Any
 from jotlight.errors import warn
 from jotlight.experiments.experiment import Data, Experiment, Lab, Part, Results, Row
 from jotlight.experiments.report.section import Value
-from jotlight.files import written_whole
+from jotlight.files import atomic_write
 
 Facts = dict[str, str]
 
@@ -105,7 +105,7 @@ def run_part(
     outcome = part.run(update)
     seconds = time.perf_counter() - begun
     for name, content in outcome.files.items():
-        with written_whole(folder.work(experiment) / name) as temporary:
+        with atomic_write(folder.work(experiment) / name) as temporary:
             temporary.write_bytes(content)
     # Last, since its being there says that the part is done.
     result = {"rows": [_rounded(row) for row in outcome.rows], "seconds": round(seconds, 3)}
@@ -135,7 +135,7 @@ def gather(experiment: Experiment, lab: Lab, folder: Folder) -> tuple[list[Row],
 def write_table(path: Path, rows: Sequence[Row]) -> None:
     """Write rows as CSV."""
     with (
-        written_whole(path) as temporary,
+        atomic_write(path) as temporary,
         temporary.open("w", newline="", encoding="utf-8") as file,
     ):
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
@@ -267,5 +267,5 @@ def _read_json(path: Path, *keys: str) -> dict[str, Any]:
 
 
 def _write_text(path: Path, text: str) -> None:
-    with written_whole(path) as temporary:
+    with atomic_write(path) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.files import written_whole
+from jotlight.files import atomic_write
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.capture import check_packed
 from jotlight.formats.description import (
@@ -128,10 +128,10 @@ def described(
     description = {**describe(width, sensor, source), "shape": list(shape)}
     with contextlib.ExitStack() as stack:
         # What is entered first is put in place last: the bits once all that describes them stands.
-        cube = stack.enter_context(written_whole(path))
-        text = stack.enter_context(written_whole(beside))
+        cube = stack.enter_context(atomic_write(path))
+        text = stack.enter_context(atomic_write(beside))
         for name, map_ in maps.items():
-            with stack.enter_context(written_whole(map_paths[name])).open("wb") as file:
+            with stack.enter_context(atomic_write(map_paths[name])).open("wb") as file:
                 np.save(file, map_)
             description["maps"][name] = map_paths[name].name
         text.write_text(json.dumps(description, indent=2) + "\n")

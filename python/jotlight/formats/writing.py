@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
-from jotlight.files import written_folder, written_whole
+from jotlight.files import atomic_folder, atomic_write
 from jotlight.formats import spad512s, swissspad
 from jotlight.formats.arrays import LABEL
 from jotlight.formats.description import label_counts
@@ -155,7 +155,7 @@ def _write_bits(bits: Bits, path: Path, name: str) -> None:
             with described(path, shape, bits.width, bits.sensor, bits.source) as cube:
                 _write_gzip(cube, bits.packed)
         case "hdf5":
-            with written_whole(path) as temporary:
+            with atomic_write(path) as temporary:
                 write_hdf5(temporary, bits)
         case "visionsim" | "matlab" | "zarr":
             write: dict[str, Callable[[Path, Bits], None]] = {
@@ -163,7 +163,7 @@ def _write_bits(bits: Bits, path: Path, name: str) -> None:
                 "matlab": write_matlab,
                 "zarr": write_zarr,
             }
-            with written_folder(path) as folder:
+            with atomic_folder(path) as folder:
                 write[name](folder, bits)
         case _:
             _write_raw(bits, path, name)
@@ -180,10 +180,10 @@ def _write_raw(bits: Bits, path: Path, name: str) -> None:
         file_name = "RAW{2:05d}.bin"
         trailer = b"" if name == "spad512s-sparse" else spad512s.TRAILER
     if path.suffix:
-        with written_whole(path) as temporary:
+        with atomic_write(path) as temporary:
             _write_frames(temporary, bits.packed, encode, trailer)
         return
-    with written_folder(path) as folder:
+    with atomic_folder(path) as folder:
         for number, start in enumerate(range(0, len(bits), at_once)):
             file = folder / file_name.format(number // 2048, number // 64, number)
             file.parent.mkdir(parents=True, exist_ok=True)
@@ -251,7 +251,7 @@ def _write_gzip(path: Path, array: npt.NDArray[np.generic] | Frames) -> None:
 
 @contextlib.contextmanager
 def _place(path: Path, *, folder: bool) -> Iterator[Path]:
-    with written_folder(path) if folder else written_whole(path) as temporary:
+    with atomic_folder(path) if folder else atomic_write(path) as temporary:
         yield temporary
 
 

@@ -14,7 +14,7 @@ Planes = Mapping[str, npt.NDArray[Any]]
 ENDINGS = (".npz", ".npy", ".tif", ".tiff")
 
 
-def planes_writer(
+def stack_writer(
     path: str | os.PathLike[str], note: Mapping[str, Any] | None = None
 ) -> Callable[[Path, Planes], None]:
     """Find how to write named images of one shape to `path`, before they are made.

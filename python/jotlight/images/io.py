@@ -29,7 +29,7 @@ _ORIENTATION = 0x0112
 """The tag of EXIF."""
 
 
-def read_picture(
+def read_image(
     path: str | os.PathLike[str], *, white: float | None = None, gray: bool = False
 ) -> Picture:
     """Read a photograph as intensities.
@@ -158,7 +158,7 @@ def _read_tiff(path: Path) -> tuple[npt.NDArray[Any], float | None]:
     return array, 255.0 if array.dtype == np.uint8 else None
 
 
-def picture_writer(
+def image_writer(
     path: str | os.PathLike[str],
     *,
     depth: int = 8,

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from jotlight.errors import warn
 from jotlight.formats.arrays import read_npy, read_npz
-from jotlight.images.io import read_picture
+from jotlight.images.io import read_image
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".npy")
 """Of the files in a folder that are taken for pictures."""
@@ -59,7 +59,7 @@ def read_image_set(
         raise ValueError(f"{source}: expected pictures ({', '.join(ENDINGS)}), found none")
     images = []
     for number, path in enumerate(paths):
-        image = read_picture(path, white=white, gray=True)
+        image = read_image(path, white=white, gray=True)
         if image.ndim != 2 or image.size == 0:
             raise ValueError(f"{path}: expected a grey or RGB picture, got shape {image.shape}")
         images.append(np.ascontiguousarray(image, np.float32))

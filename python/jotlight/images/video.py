@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import MissingExtraError
-from jotlight.files import written_folder, written_whole
-from jotlight.images.io import Picture, picture_writer
+from jotlight.files import atomic_folder, atomic_write
+from jotlight.images.io import Picture, image_writer
 from jotlight.images.tone import Tone
 from jotlight.sensing.bits import Bits
 
@@ -98,14 +98,14 @@ def film_writer(
     """
     shown = tone or Tone("linear")
     if is_floats(path):
-        with written_whole(path) as temporary, temporary.open("wb") as file:
+        with atomic_write(path) as temporary, temporary.open("wb") as file:
             yield lambda picture: _append(file, picture, number)
     elif path.suffix:
-        with written_whole(path) as temporary, _mp4(temporary, fps) as send:
+        with atomic_write(path) as temporary, _mp4(temporary, fps) as send:
             yield lambda picture: send(shown(picture))
     else:
-        write = picture_writer("a.png", depth=depth)
-        with written_folder(path) as folder:
+        write = image_writer("a.png", depth=depth)
+        with atomic_folder(path) as folder:
             places = (
                 folder / f"{place:0{max(5, len(str(number)))}d}.png" for place in range(number)
             )

@@ -36,11 +36,11 @@ class Layer:
         Rows and columns of what is read from one output to the next. Filters are at least as large.
     upsampling : int
         From depth to space: so many rows and columns in place of one, taken from the channels.
-    reads : int, optional
+    input : int, optional
         The layer whose planes it reads, by its number from 0. Default: the one before.
-    adds : int, optional
+    skip : int, optional
         The layer whose planes are added to its own before the spline: a kept connection.
-    learns : {"all", "filters", "nothing"}
+    trainable : {"all", "filters", "nothing"}
         What training with PyTorch changes. A spline that is known exactly is better left alone.
 
     Raises
@@ -55,9 +55,9 @@ class Layer:
     spacing: float = 1.0
     stride: int = 1
     upsampling: int = 1
-    reads: int | None = None
-    adds: int | None = None
-    learns: str = "all"
+    input: int | None = None
+    skip: int | None = None
+    trainable: str = "all"
 
     def __post_init__(self) -> None:
         for name, dimensions in (("filters", 4), ("coefficients", 2)):
@@ -68,8 +68,10 @@ class Layer:
             number = operator.index(getattr(self, name))
             if not 1 <= number <= _STEPS:
                 raise ValueError(f"{name}: expected 1 to {_STEPS}, got {number}")
-        if self.learns not in LEARNS:
-            raise ValueError(f"learns: expected one of {', '.join(LEARNS)}, got {self.learns!r}")
+        if self.trainable not in TRAINABLE:
+            raise ValueError(
+                f"trainable: expected one of {', '.join(TRAINABLE)}, got {self.trainable!r}"
+            )
         outputs, _, *taps = self.shape
         if min(taps) < self.stride:
             raise ValueError(
@@ -108,7 +110,7 @@ class Layer:
         return self.shape[0] // self.upsampling**2
 
     @property
-    def bend(self) -> npt.NDArray[np.float32]:
+    def spline_coefficients(self) -> npt.NDArray[np.float32]:
         """The coefficients of a layer that has splines."""
         assert self.coefficients is not None, "a layer with splines"
         return self.coefficients
@@ -121,7 +123,7 @@ class Layer:
             found.add(len(self.coefficients))
         return found
 
-    def at(self, shares: npt.NDArray[np.floating]) -> Self:
+    def interpolate(self, shares: npt.NDArray[np.floating]) -> Self:
         """Give the layer that is so many shares of each of its M sets."""
         filters, coefficients = self.filters, self.coefficients
         if filters.ndim == 5:
@@ -142,7 +144,7 @@ class Layer:
         self, filters: npt.NDArray[np.floating], coefficients: npt.NDArray[np.floating] | None
     ) -> Any:
         """Give the layer as the engine takes it, with these numbers."""
-        wiring = self.stride, self.upsampling, self.reads, self.adds
+        wiring = self.stride, self.upsampling, self.input, self.skip
         return filters, coefficients, self.start, self.spacing, wiring
 
     @functools.cached_property
@@ -167,7 +169,7 @@ class Layer:
         return (height - self.stride) // 2, (width - self.stride) // 2
 
 
-LEARNS = "all", "filters", "nothing"
+TRAINABLE = "all", "filters", "nothing"
 
 _STEPS = 16
 """The largest stride and upsampling."""
@@ -175,14 +177,16 @@ _LARGEST_STEP = 256
 """Rows of a picture that one row of planes stands for, at most."""
 
 
-def shares_of(bits: float, between: tuple[float, float], number: int) -> npt.NDArray[np.float64]:
+def conditioning_weights(
+    bits: float, between: tuple[float, float], number: int
+) -> npt.NDArray[np.float64]:
     """Give how much of each of so many sets of parameters a network has that is told K = `bits`.
 
     The shares are the values of cubic B-splines at log2 K, over the range of K.
 
     Examples
     --------
-    >>> shares_of(16, (1, 256), 5).round(3).tolist()
+    >>> conditioning_weights(16, (1, 256), 5).round(3).tolist()
     [0.0, 0.167, 0.667, 0.167, 0.0]
     """
     low, high = (math.log2(x) for x in between)
@@ -216,7 +220,7 @@ def _checked(name: str, value: Any, dimensions: int) -> npt.NDArray[np.float32]:
 def sources(layers: Sequence[Layer]) -> list[int]:
     """Give the number of the layer that each reads; -1 for the first, which reads the data."""
     return [
-        index - 1 if layer.reads is None else operator.index(layer.reads)
+        index - 1 if layer.input is None else operator.index(layer.input)
         for index, layer in enumerate(layers)
     ]
 
@@ -232,14 +236,14 @@ def scales(layers: Sequence[Layer]) -> list[Fraction]:
     found: list[Fraction] = []
     for index, (layer, source) in enumerate(zip(layers, sources(layers), strict=True)):
         if index == 0:
-            if source != -1 or layer.adds is not None or layer.stride * layer.upsampling != 1:
+            if source != -1 or layer.skip is not None or layer.stride * layer.upsampling != 1:
                 raise ValueError(
                     "layers: expected the first one to read the data, and to have no stride, "
                     "upsampling or kept planes"
                 )
             found.append(Fraction(1))
             continue
-        for what, number in (("reads", source), ("adds", layer.adds)):
+        for what, number in (("input", source), ("skip", layer.skip)):
             if number is not None and not 0 <= number < index:
                 raise ValueError(
                     f"layers: expected layer {index} to take planes of 0 to {index - 1}, got "
@@ -251,15 +255,15 @@ def scales(layers: Sequence[Layer]) -> list[Fraction]:
                 f"got filters of shape {layer.shape}"
             )
         found.append(found[source] * layer.stride / layer.upsampling)
-        if layer.adds is not None and (layers[layer.adds].channels, found[layer.adds]) != (
+        if layer.skip is not None and (layers[layer.skip].channels, found[layer.skip]) != (
             layer.channels,
             found[-1],
         ):
             raise ValueError(
                 f"layers: expected layer {index} to add planes like its own, of {layer.channels} "
-                f"channels, got those of layer {layer.adds}"
+                f"channels, got those of layer {layer.skip}"
             )
-    taken = {*sources(layers), *(layer.adds for layer in layers)}
+    taken = {*sources(layers), *(layer.skip for layer in layers)}
     for index in range(len(layers) - 1):
         if index not in taken:
             raise ValueError(
@@ -274,7 +278,7 @@ def scales(layers: Sequence[Layer]) -> list[Fraction]:
     return found
 
 
-def step_of(layers: Sequence[Layer]) -> int:
+def size_divisor(layers: Sequence[Layer]) -> int:
     """Give what rows and columns of a picture have to be a multiple of.
 
     Raises
@@ -296,11 +300,11 @@ def step_of(layers: Sequence[Layer]) -> int:
     return step
 
 
-def chained(layers: Sequence[Layer]) -> bool:
+def is_sequential(layers: Sequence[Layer]) -> bool:
     """Whether each layer filters and bends what the one before gave, and no more."""
     plain = all(
         layer.stride == layer.upsampling == 1
-        and layer.adds is None
+        and layer.skip is None
         and layer.coefficients is not None
         and not layer.sets
         for layer in layers
@@ -308,13 +312,13 @@ def chained(layers: Sequence[Layer]) -> bool:
     return plain and sources(layers) == list(range(-1, len(layers) - 1))
 
 
-def work_of(layers: Sequence[Layer]) -> float:
+def flops_per_pixel(layers: Sequence[Layer]) -> float:
     """Give the operations per pixel of a picture: 2 for each tap, 10 for each value of a spline.
 
     Examples
     --------
     >>> tap, spline = np.ones((1, 1, 1, 1), np.float32), np.ones((1, 4), np.float32)
-    >>> work_of([Layer(tap, spline), Layer(np.ones((1, 1, 3, 3), np.float32), None)])  # 2 + 10 + 18
+    >>> flops_per_pixel([Layer(tap, spline), Layer(np.ones((1, 1, 3, 3), np.float32), None)])  # 2 + 10 + 18
     30.0
     """
     work = Fraction(0)
@@ -326,7 +330,7 @@ def work_of(layers: Sequence[Layer]) -> float:
     return float(work)
 
 
-def number_of_sets(layers: Sequence[Layer]) -> int:
+def count_sets(layers: Sequence[Layer]) -> int:
     """Give M of layers that have sets of parameters, and the least that there can be for others.
 
     Raises
@@ -342,9 +346,9 @@ def number_of_sets(layers: Sequence[Layer]) -> int:
     return max(found, default=4)
 
 
-def halo_of(layers: Sequence[Layer]) -> int:
+def halo_radius(layers: Sequence[Layer]) -> int:
     """Give the pixels around a pixel that its estimate depends on, in whole steps."""
-    step = step_of(layers)
+    step = size_divisor(layers)
     # Of each layer's planes, what the pixels of one step of the picture depend on.
     ranges: list[tuple[Fraction, Fraction] | None] = [None] * len(layers)
     ranges[-1] = Fraction(0), Fraction(step)
@@ -363,8 +367,8 @@ def halo_of(layers: Sequence[Layer]) -> int:
             reads.append((Fraction(start), Fraction((last - 1) * layer.stride - before + size)))
         source = sources(layers)[index]
         ranges[source] = _hull(ranges[source], *reads)
-        if layer.adds is not None:
-            ranges[layer.adds] = _hull(ranges[layer.adds], aligned)
+        if layer.skip is not None:
+            ranges[layer.skip] = _hull(ranges[layer.skip], aligned)
     assert ranges[0] is not None, "every layer is used"
     around = max(-ranges[0][0], ranges[0][1] - step)
     return step * math.ceil(around / step)

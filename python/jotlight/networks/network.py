@@ -13,20 +13,32 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.chunks import parts_of, slabs_of
-from jotlight.estimators.inpaint import fill_blind
+from jotlight.chunks import frame_chunks, pixel_chunks
+from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.estimators.mle import equivalent_counts, from_probability, reference_jot
-from jotlight.networks.architectures import MEMBERS, Member, deeper, told
-from jotlight.networks.layer import Layer, halo_of, number_of_sets, shares_of, step_of, work_of
-from jotlight.networks.two_layer import two_layers
+from jotlight.networks.architectures import (
+    ARCHITECTURES,
+    Architecture,
+    build_conditional,
+    build_residual,
+)
+from jotlight.networks.layer import (
+    Layer,
+    conditioning_weights,
+    count_sets,
+    flops_per_pixel,
+    halo_radius,
+    size_divisor,
+)
+from jotlight.networks.two_layer import build_two_layer
 from jotlight.sensing.bits import Bits, check_fits
 from jotlight.sensing.channels import by_channel
-from jotlight.sensing.pixel_counts import Observation, observe
+from jotlight.sensing.pixel_counts import PixelCounts, count_pixels
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import read_tensors, write_tensors
 
 _FORMAT = "jotlight network"
-_VERSION = "2"
+_VERSION = "3"
 _WORK = 1 << 35
 """Operations of the engine between two looks at Ctrl-C."""
 _AT_ONCE = 1 << 21
@@ -64,11 +76,11 @@ class Network:
         sensor: Sensor,
         history: Mapping[str, Any] | None = None,
         *,
-        bits: tuple[int, int] | None = None,
+        trials_range: tuple[int, int] | None = None,
     ) -> None:
         self.layers = tuple(layers)
         self.sensor = sensor
-        self.bits = bits
+        self.trials_range = trials_range
         self.history = dict(history or {})
         # The layers for the K that was told last: films have one.
         self._last: tuple[int, tuple[Layer, ...], tuple[Layer, ...]] | None = None
@@ -81,18 +93,18 @@ class Network:
                 f"layers: expected filters of shape (C, {', '.join(map(str, block))}) in the first "
                 f"layer, or (C, 1, 1, 1) when it is tied, got {self.layers[0].filters.shape}"
             )
-        step_of(self.layers)
-        if bits is None and any(layer.sets for layer in self.layers):
+        size_divisor(self.layers)
+        if trials_range is None and any(layer.sets for layer in self.layers):
             raise ValueError(
-                "bits: expected a range of bits per pixel for layers with sets of parameters, got "
+                "trials_range: expected a range of bits per pixel for layers with sets of parameters, got "
                 "none"
             )
-        if bits is not None:
-            number_of_sets(self.layers)
-            if not (self.tied and 1 <= bits[0] < bits[1]):
+        if trials_range is not None:
+            count_sets(self.layers)
+            if not (self.tied and 1 <= trials_range[0] < trials_range[1]):
                 raise ValueError(
-                    "bits: expected the least and the most bits per pixel of a tied network, got "
-                    f"{bits}"
+                    "trials_range: expected the least and the most bits per pixel of a tied network, got "
+                    f"{trials_range}"
                 )
 
     @classmethod
@@ -135,12 +147,12 @@ class Network:
         The spline coefficients are least-squares fits; those of φ2 are kept from falling and
         clipped to [0, S], so that every output lies there.
         """
-        layers = two_layers(sensor, sigma, tied, taps, coefficients, nu)
+        layers = build_two_layer(sensor, sigma, tied, taps, coefficients, nu)
         return cls(layers, sensor, {"start": f"initial parameters of the paper, sigma = {sigma}"})
 
     @classmethod
-    def deep(cls, sensor: Sensor, member: str = "small", *, rng: int | None = None) -> Self:
-        """A deeper member of the family at its start, x0 = P⁻¹(G * L/K): a classical estimate.
+    def deep(cls, sensor: Sensor, architecture: str = "small", *, rng: int | None = None) -> Self:
+        """A build_residual member of the family at its start, x0 = P⁻¹(G * L/K): a classical estimate.
 
         Its filters are random, but for the last, which are 0; training with
         :mod:`jotlight.torch` makes it better.
@@ -149,8 +161,8 @@ class Network:
         ----------
         sensor : Sensor
             The sensor; maps enter by their medians.
-        member : {"small", "medium", "large"}
-            How many layers and channels: :data:`jotlight.networks.architectures.MEMBERS`.
+        architecture : {"small", "medium", "large"}
+            How many layers and channels: :data:`jotlight.networks.architectures.ARCHITECTURES`.
         rng : int, optional
             The seed of the filters. Default: a new one.
         """
@@ -160,31 +172,37 @@ class Network:
             return from_probability(clipped, sensor, None).astype(np.float64)
 
         bits, most = sensor.bits_per_pixel, float(sensor.max_intensity)
-        layers = deeper(_member(member), bits, intensity, most, np.random.default_rng(rng))
-        return cls(layers, sensor, {"start": f"{member}, from the counts, smoothed and inverted"})
+        layers = build_residual(
+            _architecture(architecture), bits, intensity, most, np.random.default_rng(rng)
+        )
+        return cls(
+            layers, sensor, {"start": f"{architecture}, from the counts, smoothed and inverted"}
+        )
 
     @classmethod
-    def told(
+    def conditional(
         cls,
-        member: str = "medium",
+        architecture: str = "medium",
         *,
-        bits: tuple[int, int] = (1, 256),
+        trials_range: tuple[int, int] = (1, 256),
         rng: int | None = None,
     ) -> Self:
-        """A deeper member at its start, for any K of a range and any exposure: it is told K.
+        """A build_residual member at its start, for any K of a range and any exposure: it is told K.
 
         Parameters
         ----------
-        member : {"small", "medium", "large"}
-            How many layers and channels: :data:`jotlight.networks.architectures.MEMBERS`.
-        bits : (int, int)
+        architecture : {"small", "medium", "large"}
+            How many layers and channels: :data:`jotlight.networks.architectures.ARCHITECTURES`.
+        trials_range : (int, int)
             The least and the most bits per pixel.
         rng : int, optional
             The seed of the filters. Default: a new one.
         """
-        layers = told(_member(member), bits, np.random.default_rng(rng))
-        history = {"start": f"{member}, told K, from the counts, smoothed and stabilised"}
-        return cls(layers, Sensor(), history, bits=bits)
+        layers = build_conditional(
+            _architecture(architecture), trials_range, np.random.default_rng(rng)
+        )
+        history = {"start": f"{architecture}, told K, from the counts, smoothed and stabilised"}
+        return cls(layers, Sensor(), history, trials_range=trials_range)
 
     @property
     def tied(self) -> bool:
@@ -197,7 +215,7 @@ class Network:
 
         Inside of a border of this width a tile has the pixels of the whole, but for rounding.
         """
-        return halo_of(self.layers)
+        return halo_radius(self.layers)
 
     def reconstruct(
         self,
@@ -235,10 +253,10 @@ class Network:
         if sensor is None:
             sensor = (data.sensor if isinstance(data, Bits) else None) or self.sensor
         self._check_sensor(sensor)
-        if self.bits is not None:
+        if self.trials_range is not None:
             picture = self._at(sensor).reconstruct(data, sensor, threads=threads)
             # In its own place, since memory may not hold it twice.
-            for rows in parts_of(len(picture), max(1, _AT_ONCE * len(picture) // picture.size)):
+            for rows in pixel_chunks(len(picture), max(1, _AT_ONCE * len(picture) // picture.size)):
                 picture[rows] = from_probability(picture[rows], sensor, threads)
             return picture
 
@@ -250,7 +268,7 @@ class Network:
             pixels = math.prod(data.shape[-2:]) // sensor.oversampling**2
             if not sensor.maps() and sensor.bits_per_pixel < pixels:
                 return self._of_few(data, sensor, reference, threads)
-            seen = observe(data, sensor, threads)
+            seen = count_pixels(data, sensor, threads)
             sums = self._weights[:, None] * equivalent_counts(seen, reference, threads)
             return self._of_sums(sums, threads)
 
@@ -258,11 +276,11 @@ class Network:
 
     def _at(self, sensor: Sensor) -> "Network":
         """The network that was told the sensor's K; its picture is the share of bits that fire."""
-        assert self.bits is not None, "a network that is told K"
+        assert self.trials_range is not None, "a network that is told K"
         bits, last = sensor.bits_per_pixel, self._last
         if last is None or last[0] != bits or last[1] is not self.layers:
-            shares = shares_of(bits, self.bits, number_of_sets(self.layers))
-            first, *others = (layer.at(shares) for layer in self.layers)
+            weights = conditioning_weights(bits, self.trials_range, count_sets(self.layers))
+            first, *others = (layer.interpolate(weights) for layer in self.layers)
             first = dataclasses.replace(first, filters=first.filters / np.float32(bits))
             self._last = last = bits, self.layers, (first, *others)
         return Network(last[2], sensor)
@@ -282,14 +300,14 @@ class Network:
         """The picture of a tied network where p is a function of the count alone."""
         every = np.arange(sensor.bits_per_pixel + 1, dtype=np.int32)
         jot = reference_jot(sensor)
-        seen = Observation(sensor, every, sensor.bits_per_pixel, *jot, jots_differ=False)
+        seen = PixelCounts(sensor, every, sensor.bits_per_pixel, *jot, jots_differ=False)
         sums = self._weights * equivalent_counts(seen, reference, threads)
         side = sensor.oversampling
         if isinstance(data, Bits):
             check_fits(data, sensor)
             shape = tuple(size // side for size in data.shape[1:3])
         else:
-            data = observe(data, sensor, threads).counts
+            data = count_pixels(data, sensor, threads).counts
             shape = data.shape
 
         def of_rows(rows: slice) -> npt.NDArray[np.float32]:
@@ -336,7 +354,7 @@ class Network:
             )
         valid = np.packbits(~mask, axis=1)
         sums = np.empty((len(filters), height, width), np.float32)
-        for _, part in slabs_of(1, height, width * filters.size):
+        for _, part in frame_chunks(1, height, width * filters.size):
             rows = slice(part.start, part.stop)
             sums[:, rows] = engine.masked_sums(
                 self.layers[0].prepared,
@@ -348,7 +366,7 @@ class Network:
         # Blind in one plane, blind in all.
         blind = np.isnan(sums[0])
         if blind.any():
-            sums = np.stack([fill_blind(plane, blind) for plane in sums])
+            sums = np.stack([inpaint_dead_pixels(plane, blind) for plane in sums])
         return self._of_sums(sums, threads)
 
     def _of_sums(
@@ -364,14 +382,14 @@ class Network:
     ) -> npt.NDArray[np.float32]:
         """The picture, some rows at a time, each with the rows around it that it is made of."""
         height, width = shape
-        top, bottom = engine.rows_needed(self._layers, height, (height // 2, height // 2 + 1))
-        rows = max(8 * (bottom - top), int(_WORK / (work_of(self.layers) * width)))
+        top, bottom = engine.input_rows(self._layers, height, (height // 2, height // 2 + 1))
+        rows = max(8 * (bottom - top), int(_WORK / (flops_per_pixel(self.layers) * width)))
         if rows >= height:
             return of_rows(slice(0, height))
         picture = np.empty((height, width), np.float32)
         for start in range(0, height, rows):
             stop = min(start + rows, height)
-            top, bottom = engine.rows_needed(self._layers, height, (start, stop))
+            top, bottom = engine.input_rows(self._layers, height, (start, stop))
             part = of_rows(slice(top, bottom))
             picture[start:stop] = part[start - top : stop - top]
         return picture
@@ -379,9 +397,12 @@ class Network:
     def _check_sensor(self, sensor: Sensor) -> None:
         """A tied network serves jots in space and frames in time alike."""
         mine, its = self.sensor, sensor
-        if self.bits is not None and not self.bits[0] <= its.bits_per_pixel <= self.bits[1]:
+        if (
+            self.trials_range is not None
+            and not self.trials_range[0] <= its.bits_per_pixel <= self.trials_range[1]
+        ):
             raise ValueError(
-                f"sensor: the network is for {self.bits[0]} to {self.bits[1]} bits per pixel, got "
+                f"sensor: the network is for {self.trials_range[0]} to {self.trials_range[1]} bits per pixel, got "
                 f"{its.bits_per_pixel}"
             )
         if not self.tied and (mine.oversampling, mine.frames) != (its.oversampling, its.frames):
@@ -394,7 +415,7 @@ class Network:
             raise ValueError(
                 f"sensor: the network is for the {mine.kernel} kernel, got {its.kernel}"
             )
-        if self.bits is not None:
+        if self.trials_range is not None:
             return
         pairs = zip(_detections(mine), _detections(its), strict=True)
         if mine.bits_per_pixel != its.bits_per_pixel or not all(
@@ -419,7 +440,7 @@ class Network:
             "version": _VERSION,
             "layers": json.dumps([layer.numbers() for layer in self.layers]),
             "sensor": json.dumps(self.sensor.numbers()),
-            "bits": json.dumps(self.bits),
+            "trials_range": json.dumps(self.trials_range),
             "history": json.dumps(self.history),
         }
         write_tensors(path, tensors, metadata)
@@ -454,11 +475,11 @@ class Network:
                 if name.startswith("sensor.")
             }
             sensor = Sensor.from_parts(json.loads(metadata["sensor"]), maps)
-            bits = json.loads(metadata["bits"])
-            if bits is not None:
-                low, high = map(operator.index, bits)
-                bits = low, high
-            return cls(layers, sensor, json.loads(metadata["history"]), bits=bits)
+            trials_range = json.loads(metadata["trials_range"])
+            if trials_range is not None:
+                low, high = map(operator.index, trials_range)
+                trials_range = low, high
+            return cls(layers, sensor, json.loads(metadata["history"]), trials_range=trials_range)
         except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
             raise ValueError(f"{path}: damaged network file: {error}") from error
 
@@ -466,15 +487,15 @@ class Network:
         channels = " -> ".join(str(layer.channels) for layer in self.layers)
         parameters = sum(layer.parameters for layer in self.layers)
         whose = repr(self.sensor)
-        if self.bits is not None:
-            whose = f"{self.bits[0]} to {self.bits[1]} bits per pixel"
+        if self.trials_range is not None:
+            whose = f"{self.trials_range[0]} to {self.trials_range[1]} bits per pixel"
         return f"<Network: channels {channels}, {parameters} parameters, for {whose}>"
 
 
-def _member(name: str) -> Member:
-    if name not in MEMBERS:
-        raise ValueError(f"member: expected one of {', '.join(MEMBERS)}, got {name!r}")
-    return MEMBERS[name]
+def _architecture(name: str) -> Architecture:
+    if name not in ARCHITECTURES:
+        raise ValueError(f"architecture: expected one of {', '.join(ARCHITECTURES)}, got {name!r}")
+    return ARCHITECTURES[name]
 
 
 def _detections(sensor: Sensor) -> tuple[int, float, float]:

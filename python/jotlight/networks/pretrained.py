@@ -13,7 +13,7 @@ LARGE_BITS_PER_PIXEL = (16,)
 """K of the quality "large", which is alike in all else."""
 
 QUALITIES = "fast", "small", "medium", "large"
-"""The two-layer network of the paper, and deeper members of its family, each slower and better."""
+"""The two-layer network of the paper, and build_residual members of its family, each slower and better."""
 
 FOLDER = Path(__file__).parent / "weights"
 """Where they are: `k16.safetensors`, say, with its card `k16.md`."""
@@ -63,28 +63,28 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     >>> pretrained(sensor, "fast").reconstruct(bits).shape
     (8, 8)
     """
-    if (reason := lacking(sensor, quality)) is not None:
+    if (reason := unsupported_reason(sensor, quality)) is not None:
         raise ValueError(reason)
     prefix = {"fast": "k", "small": "small-k", "large": "large-k"}.get(quality)
     name = quality if prefix is None else f"{prefix}{sensor.bits_per_pixel}"
     return Network.load(FOLDER / f"{name}.safetensors")
 
 
-def lacking(sensor: Sensor, quality: str = "medium") -> str | None:
+def unsupported_reason(sensor: Sensor, quality: str = "medium") -> str | None:
     """Say why there is no trained network for a sensor and how to train one, or None if there is.
 
     Examples
     --------
-    >>> lacking(Sensor(frames=16)) is None
+    >>> unsupported_reason(Sensor(frames=16)) is None
     True
-    >>> lacking(Sensor(frames=20), "fast").split(": ")[1]
+    >>> unsupported_reason(Sensor(frames=20), "fast").split(": ")[1]
     'jotlight train FOLDER_OF_PHOTOGRAPHS -o model.safetensors --oversampling 1 --frames 20'
     """
-    reason = unserved(sensor, quality)
+    reason = unsupported_bits_reason(sensor, quality)
     return reason and f"{reason}; train one: {training_command(sensor)}"
 
 
-def unserved(sensor: Sensor, quality: str = "medium") -> str | None:
+def unsupported_bits_reason(sensor: Sensor, quality: str = "medium") -> str | None:
     """Say why there is no trained network for a sensor, or None if there is.
 
     Raises
@@ -94,7 +94,7 @@ def unserved(sensor: Sensor, quality: str = "medium") -> str | None:
 
     Examples
     --------
-    >>> print(unserved(Sensor(frames=16, threshold=2), "fast"))
+    >>> print(unsupported_bits_reason(Sensor(frames=16, threshold=2), "fast"))
     there is no trained network for the threshold 2, only for 1
     """
     if quality not in QUALITIES:

@@ -8,12 +8,12 @@ import numpy.typing as npt
 
 from jotlight.estimators import vst
 from jotlight.estimators.mle import from_probability
-from jotlight.networks.architectures import fitted, gaussian
+from jotlight.networks.architectures import fit_spline, gaussian_filter
 from jotlight.networks.layer import Layer
 from jotlight.sensing.sensor import Sensor
 
 
-def two_layers(
+def build_two_layer(
     sensor: Sensor, sigma: float, tied: bool, taps: int, coefficients: int, nu: float
 ) -> list[Layer]:
     """Give the layers; :meth:`jotlight.Network.initial` says what these are."""
@@ -30,24 +30,24 @@ def two_layers(
 
     from scipy.optimize import isotonic_regression
 
-    low, high = vst.stabilise([0, bits], bits).astype(float)
+    low, high = vst.anscombe([0, bits], bits).astype(float)
 
     def intensity(z: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        counts = vst.invert(z.clip(low, high), bits, inverse="algebraic")
+        counts = vst.inverse_anscombe(z.clip(low, high), bits, inverse="algebraic")
         return from_probability(counts / np.float32(bits), sensor, None).astype(np.float64)
 
     block = (1, 1, 1) if tied else (sensor.frames, sensor.oversampling, sensor.oversampling)
-    first = fitted(
-        lambda counts: vst.stabilise(counts, bits).astype(np.float64), 0.0, bits, coefficients
+    first = fit_spline(
+        lambda counts: vst.anscombe(counts, bits).astype(np.float64), 0.0, bits, coefficients
     )
     # A spline stays in the hull of its coefficients, so u lies there, and r not far from there.
     least, most = float(first[0].min()), float(first[0].max())
     room = nu * (most - least)
-    second = fitted(intensity, least - room, most + room, coefficients)
+    second = fit_spline(intensity, least - room, most + room, coefficients)
     # At the ends of [0, S] the fit swings a little; more light never gives less.
     rising = isotonic_regression(second[0][0]).x[None].astype(np.float32)
     second = (rising.clip(0, sensor.max_intensity), *second[1:])
     return [
         Layer(np.ones((1, *block), np.float32), *first),
-        Layer(gaussian(sigma, taps), *second),
+        Layer(gaussian_filter(sigma, taps), *second),
     ]

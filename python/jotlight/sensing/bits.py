@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.checks import refuse_masked
-from jotlight.chunks import COUNTED, slabs_of
+from jotlight.chunks import JOTS_PER_COUNT, frame_chunks
 from jotlight.memory_maps import release
 from jotlight.sensing.frames import Frames, range_of
 from jotlight.sensing.provenance import Source
@@ -179,7 +179,7 @@ class Bits:
             )
         valid = None if mask is None else np.packbits(~mask, axis=1)
         counts = np.zeros((height // oversampling, width // oversampling, *channels), np.int32)
-        slabs = list(slabs_of(frames, counts.shape[0], width * oversampling, COUNTED))
+        slabs = list(frame_chunks(frames, counts.shape[0], width * oversampling, JOTS_PER_COUNT))
         planes = [counts[..., c] for c in range(channels[0])] if channels else [counts]
         for index, (f, r) in enumerate(slabs):
             jots = slice(r.start * oversampling, r.stop * oversampling)

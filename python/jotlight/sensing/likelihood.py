@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.checks import refuse_masked
-from jotlight.chunks import parts_of
+from jotlight.chunks import pixel_chunks
 from jotlight.sensing.operators import Operator
 
 Array = npt.NDArray[np.float64]
@@ -51,7 +51,7 @@ class Likelihood:
     >>> seen = Likelihood([3, 0], trials=4)
     >>> round(seen.value([1.0, 0.5]), 6)  # 3 log(1 - 1/e) - 1 - 4/2
     -4.376025
-    >>> gradient, curvature = seen.slopes([1.0, 0.5])
+    >>> gradient, curvature = seen.gradient_and_curvature([1.0, 0.5])
     >>> gradient.round(6).tolist(), curvature.round(6).tolist()
     ([0.74593, -4.0], [2.762021, 0.0])
     """
@@ -105,15 +105,15 @@ class Likelihood:
         flat = self._light(light).reshape(-1)
         return sum(
             engine.log_likelihood(self._seen(part), flat[part], self._threads)
-            for part in parts_of(flat.size, _AT_ONCE)
+            for part in pixel_chunks(flat.size, _AT_ONCE)
         )
 
-    def slopes(self, light: npt.ArrayLike) -> tuple[Array, Array]:
+    def gradient_and_curvature(self, light: npt.ArrayLike) -> tuple[Array, Array]:
         """∂ℓ/∂s and the curvature -∂²ℓ/∂s² ≥ 0 of each cell."""
         flat = self._light(light).reshape(-1)
         gradient, curvature = np.empty(flat.size), np.empty(flat.size)
-        for part in parts_of(flat.size, _AT_ONCE):
-            engine.likelihood_slopes(
+        for part in pixel_chunks(flat.size, _AT_ONCE):
+            engine.likelihood_gradient_and_curvature(
                 self._seen(part), flat[part], gradient[part], curvature[part], self._threads
             )
         return gradient.reshape(self.shape), curvature.reshape(self.shape)
@@ -131,7 +131,7 @@ class Likelihood:
         """
         flat = self._light(light).reshape(-1)
         information = np.empty(flat.size)
-        for part in parts_of(flat.size, _AT_ONCE):
+        for part in pixel_chunks(flat.size, _AT_ONCE):
             engine.likelihood_information(
                 self._seen(part), flat[part], information[part], self._threads
             )
@@ -163,22 +163,22 @@ class Likelihood:
         if np.isnan(flat).any():
             raise ValueError("point: expected numbers, got NaN")
         start = flat.copy() if guess is None else self._light(guess, "guess").reshape(-1)
-        for part in parts_of(flat.size, _AT_ONCE):
+        for part in pixel_chunks(flat.size, _AT_ONCE):
             engine.likelihood_proximal(
                 self._seen(part), penalty, most, start[part], flat[part], self._threads
             )
         return flat.reshape(self.shape)
 
-    def split(
+    def admm_update(
         self, step: tuple[float, float], most: float, light: Array, x: Array, dual: Array
     ) -> float:
         """Make a step of ADMM, (penalty, relaxation), on x and its dual; give ‖light - x‖²."""
         x, dual = x.reshape(-1), dual.reshape(-1)
         return sum(
-            engine.likelihood_split(
+            engine.likelihood_admm_update(
                 self._seen(part), step, most, light[part], x[part], dual[part], self._threads
             )
-            for part in parts_of(x.size, _AT_ONCE)
+            for part in pixel_chunks(x.size, _AT_ONCE)
         )
 
     def _light(self, light: npt.ArrayLike, name: str = "light") -> Array:
@@ -264,7 +264,7 @@ class Problem:
         seen = self.likelihood
         trials = np.broadcast_to(np.asarray(seen.trials, np.float64), seen.shape)
         share = float(seen.ones.sum() / max(trials.sum(), 1.0))
-        rate = engine.threshold_rate(int(seen.threshold), share)
+        rate = engine.inverse_detection_probability(int(seen.threshold), share)
         if not trials.any():
             trials = np.ones(seen.shape)
         dark = np.average(np.broadcast_to(seen.dark_counts, seen.shape), weights=trials)

@@ -12,7 +12,7 @@ from jotlight.sensing.sensor import Sensor
 
 
 @dataclasses.dataclass(frozen=True)
-class Observation:
+class PixelCounts:
     """What a sensor saw of every pixel, where the pixel's bits are exchangeable (box kernel)."""
 
     sensor: Sensor
@@ -41,7 +41,7 @@ class Observation:
         return np.asarray(self.trials == 0)
 
 
-def observe(data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None) -> Observation:
+def count_pixels(data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None) -> PixelCounts:
     """Count the valid ones of each pixel, from bits or from an image of counts of one channel."""
     if isinstance(data, Bits):
         check_fits(data, sensor)
@@ -66,7 +66,7 @@ def observe(data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None) -> 
         _check_counts(counts, sensor)
     efficiency, differs = _by_pixel(sensor, sensor.efficiency)
     dark, dark_differs = _by_pixel(sensor, sensor.dark_counts)
-    return Observation(sensor, counts, trials, efficiency, dark, differs or dark_differs)
+    return PixelCounts(sensor, counts, trials, efficiency, dark, differs or dark_differs)
 
 
 def _check_counts(counts: npt.NDArray[np.int32], sensor: Sensor) -> None:
@@ -79,7 +79,7 @@ def _check_counts(counts: npt.NDArray[np.int32], sensor: Sensor) -> None:
         )
 
 
-def warn_of_smooth_kernel(sensor: Sensor) -> None:
+def warn_about_smooth_kernel(sensor: Sensor) -> None:
     """Say that a method takes each pixel's bits by themselves although they are not."""
     if sensor.kernel != "box":
         warn(

@@ -35,7 +35,7 @@ class Source:
     >>> source = Source("npy", "a.npy").converted_from(raw).with_note("frames 0:16 of 64")
     >>> print(source)
     a.npy (npy; frames 0:16 of 64)
-    >>> print(*source.told(), sep="\n")
+    >>> print(*source.describe(), sep="\n")
     npy: frames 0:16 of 64
     npy: converted from a.bin
     swissspad2: the least significant bit first
@@ -86,7 +86,7 @@ class Source:
         words += ["mirrored left to right"] if mirrored else []
         return " and ".join(words) or "not turned"
 
-    def told(self) -> list[str]:
+    def describe(self) -> list[str]:
         """All of it in words, one line each, from this file back to the first."""
         lines = []
         for step in self.steps():

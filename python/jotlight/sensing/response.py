@@ -19,12 +19,12 @@ def light_per_intensity(sensor: Sensor) -> float:
     return sensor._gain / sensor.bits_per_pixel
 
 
-def fires(threshold: int, rate: npt.ArrayLike) -> Array:
+def detection_probability(threshold: int, rate: npt.ArrayLike) -> Array:
     """P(q, s) of a jot that detects s photons per frame in the mean.
 
     Examples
     --------
-    >>> fires(1, [0.0, 1.0]).round(4).tolist()
+    >>> detection_probability(1, [0.0, 1.0]).round(4).tolist()
     [0.0, 0.6321]
     """
     if threshold == 1:  # some twenty times as fast
@@ -34,12 +34,12 @@ def fires(threshold: int, rate: npt.ArrayLike) -> Array:
     return np.asarray(gammainc(threshold, np.asarray(rate, np.float64)))
 
 
-def density(threshold: int, rate: npt.ArrayLike) -> Array:
+def detection_density(threshold: int, rate: npt.ArrayLike) -> Array:
     """∂P/∂s = s^(q - 1) exp(-s) / (q - 1)!.
 
     Examples
     --------
-    >>> density(2, 1.0).round(4).tolist()
+    >>> detection_density(2, 1.0).round(4).tolist()
     0.3679
     """
     from scipy.special import gammaln, xlogy
@@ -50,12 +50,14 @@ def density(threshold: int, rate: npt.ArrayLike) -> Array:
     return np.asarray(np.exp(xlogy(threshold - 1, s) - s - gammaln(threshold)))
 
 
-def rate_of(threshold: int, probability: npt.ArrayLike, complement: npt.ArrayLike) -> Array:
+def inverse_detection_probability(
+    threshold: int, probability: npt.ArrayLike, complement: npt.ArrayLike
+) -> Array:
     """P⁻¹(q, p), from p and 1 - p, of which the smaller one counts.
 
     Examples
     --------
-    >>> rate_of(1, [0.5, 1.0], [0.5, 1e-20]).round(4).tolist()
+    >>> inverse_detection_probability(1, [0.5, 1.0], [0.5, 1e-20]).round(4).tolist()
     [0.6931, 46.0517]
     """
     p, rest = np.asarray(probability, np.float64), np.asarray(complement, np.float64)
@@ -75,7 +77,7 @@ def rate_of(threshold: int, probability: npt.ArrayLike, complement: npt.ArrayLik
     )
 
 
-def unclipped(sensor: Sensor) -> float:
+def saturation_intensity(sensor: Sensor) -> float:
     """Give the S that clips no pixel but those all of whose bits are 1.
 
     It is the intensity of half a count less than all, of the jots that need most light for it: so
@@ -84,7 +86,7 @@ def unclipped(sensor: Sensor) -> float:
 
     Examples
     --------
-    >>> round(unclipped(Sensor(frames=16)), 4)  # log(2 * 16)
+    >>> round(saturation_intensity(Sensor(frames=16)), 4)  # log(2 * 16)
     3.4657
     """
 
@@ -95,6 +97,6 @@ def unclipped(sensor: Sensor) -> float:
         return float(living.min())
 
     half = 0.5 / sensor.bits_per_pixel
-    rate = float(rate_of(sensor.threshold, 1 - half, half))
+    rate = float(inverse_detection_probability(sensor.threshold, 1 - half, half))
     light = max(rate - least(sensor.dark_counts), 0.0) / least(sensor.efficiency)
     return light / light_per_intensity(sensor) or 1.0

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.checks import as_image
-from jotlight.chunks import slabs_of
+from jotlight.chunks import frame_chunks
 from jotlight.memory_maps import release
 from jotlight.seeds import SeedLike, seed_bytes
 from jotlight.sensing.bits import Bits
@@ -256,7 +256,7 @@ class Sensor:
         channels = [(0, pixels, out)]
         if pixels.ndim == 3:
             channels = [(c, pixels[..., c], out[..., c]) for c in range(pixels.shape[2])]
-        slabs = list(slabs_of(len(span), len(rows), len(columns) * self.oversampling**2))
+        slabs = list(frame_chunks(len(span), len(rows), len(columns) * self.oversampling**2))
         for step, (channel, plane, packed) in enumerate(channels):
             for index, (f, r) in enumerate(slabs):
                 jots = slice(r.start * self.oversampling, r.stop * self.oversampling)
@@ -291,7 +291,7 @@ class Sensor:
             planes = [(pixels[..., c], out[..., c]) for c in range(pixels.shape[2])]
         for plane, jots in planes:
             # Finding a jot's probability takes some ten times as long as drawing it.
-            for _, rows in slabs_of(1, height, 10 * width):
+            for _, rows in frame_chunks(1, height, 10 * width):
                 part = jots[rows.start : rows.stop]
                 function(description, plane, rows.start, part, threads)
         return out

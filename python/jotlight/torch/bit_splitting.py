@@ -12,9 +12,9 @@ from torch import Tensor
 import jotlight
 from jotlight.estimators.mle import equivalent_counts, reference_jot
 from jotlight.sensing import response
-from jotlight.sensing.pixel_counts import Observation
+from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.sensor import Sensor
-from jotlight.torch.response import fires
+from jotlight.torch.response import detection_probability
 
 Whole = npt.NDArray[np.int64]
 
@@ -26,7 +26,7 @@ _FLOOR = 0.01
 """No bit is told to be 0 or 1 with more certainty than so many ones or zeros among K say."""
 
 
-def drawn(
+def subsample_counts(
     ones: npt.ArrayLike, trials: npt.ArrayLike, taken: npt.ArrayLike, rng: int | np.random.Generator
 ) -> Whole:
     """Draw so many of each pixel's bits, without putting any back; gives the ones among them.
@@ -102,7 +102,7 @@ class Splits:
         Which is to see some of them.
     sensor : Sensor
         What made the capture.
-    seen : sequence of Observation
+    seen : sequence of PixelCounts
         The capture, its channels one by one; the jots of a pixel are alike.
     rng : numpy.random.Generator
         Draws what is held out.
@@ -112,12 +112,12 @@ class Splits:
         self,
         network: jotlight.Network,
         sensor: Sensor,
-        seen: Sequence[Observation],
+        seen: Sequence[PixelCounts],
         rng: np.random.Generator,
     ) -> None:
         self.network = network
         self.whole = sensor.bits_per_pixel
-        self.told = network.bits is not None
+        self.told = network.trials_range is not None
         # As `reconstruct` takes them.
         efficiency, dark = reference_jot(sensor)
         self.reference = efficiency, dark if self.told else reference_jot(network.sensor)[1]
@@ -135,7 +135,7 @@ class Splits:
             trials = np.full(ones.shape, plane.trials, np.int64)
             # Few bits are held out in some of the pixels only.
             taken = np.floor(HELD_OUT * trials + rng.random(trials.shape)).astype(np.int64)
-            kept = drawn(ones, trials, taken, rng)
+            kept = subsample_counts(ones, trials, taken, rng)
             rest = ones - kept, trials - taken
             self.trials.append(trials)
             every = slice(None), slice(None)
@@ -167,7 +167,7 @@ class Splits:
         # Of a pixel with dead jots as large a share as of others.
         taken = np.rint(bits / self.whole * self.trials[index][where])
         taken = np.clip(taken, np.minimum(trials, 1), trials).astype(np.int64)
-        shown = drawn(ones, trials, taken, rng)
+        shown = subsample_counts(ones, trials, taken, rng)
         left_over = ones - shown, trials - taken
         with warnings.catch_warnings():
             # It was said of the whole capture that blind pixels are filled.
@@ -179,21 +179,21 @@ class Splits:
 
     def _split(
         self,
-        plane: Observation,
+        plane: PixelCounts,
         where: tuple[slice, slice],
         bits: int,
         shown: tuple[Whole, Whole],
         target: tuple[Whole, Whole],
     ) -> Split:
         """Bring what is shown to `bits` valid bits of the reference jot, or to the network's K."""
-        if self.network.bits is not None:
-            bits = max(bits, self.network.bits[0])
+        if self.network.trials_range is not None:
+            bits = max(bits, self.network.trials_range[0])
         else:
             bits = self.whole
         efficiency, dark = _part(plane.efficiency, where), _part(plane.dark_counts, where)
         ones, trials = (x.astype(np.int32) for x in shown)
         counts = equivalent_counts(
-            Observation(self.sensor_at(bits), ones, trials, efficiency, dark, jots_differ=False),
+            PixelCounts(self.sensor_at(bits), ones, trials, efficiency, dark, jots_differ=False),
             self.reference,
             None,
         )
@@ -204,7 +204,7 @@ class Splits:
             torch.from_numpy(np.stack(planes).astype(np.float32)[None]),
         )
 
-    def surprise(self, pictures: Tensor, split: Split) -> Tensor:
+    def negative_log_likelihood(self, pictures: Tensor, split: Split) -> Tensor:
         """Give the negative log likelihood of what was to be told, in nats per bit.
 
         Parameters
@@ -220,20 +220,22 @@ class Splits:
             detected = (_rates(threshold, pictures) - own_dark) / own_efficiency
         else:
             detected = light * pictures
-        chances = fires(threshold, (efficiency * detected + dark).clamp(min=0))
+        chances = detection_probability(threshold, (efficiency * detected + dark).clamp(min=0))
         floor = _FLOOR / self.whole
         chances = floor + (1 - 2 * floor) * chances
         told = ones * chances.log() + (trials - ones) * torch.log1p(-chances)
         return -told.sum() / trials.sum().clamp(min=1)
 
-    def surprise_held_out(self, network: jotlight.Network, threads: int | None) -> float:
+    def held_out_negative_log_likelihood(
+        self, network: jotlight.Network, threads: int | None
+    ) -> float:
         """Give that of the bits held out, where the network sees all others."""
         total = number = 0.0
         for split in self.held_out:
             ready = network._at(self.sensor_at(split.bits)) if self.told else network
             sums = ready._weights[:, None] * split.counts[0].numpy()
             picture = torch.from_numpy(ready._of_sums(sums, threads)).double()[None, None]
-            total += split.number * float(self.surprise(picture, split))
+            total += split.number * float(self.negative_log_likelihood(picture, split))
             number += split.number
         return total / max(number, 1)
 
@@ -242,8 +244,8 @@ def _rates(threshold: int, chances: Tensor) -> Tensor:
     """P⁻¹(q, p), with its slope."""
     with torch.no_grad():
         p = chances.clamp(0, 1 - 1e-6).double().cpu().numpy()
-        found = response.rate_of(threshold, p, 1 - p)
-        slopes = 1 / np.maximum(response.density(threshold, found), 1e-6)
+        found = response.inverse_detection_probability(threshold, p, 1 - p)
+        slopes = 1 / np.maximum(response.detection_density(threshold, found), 1e-6)
         rates, slope = (torch.from_numpy(x).to(chances) for x in (found, slopes))
     return rates + slope * (chances - chances.detach())
 

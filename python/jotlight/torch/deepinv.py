@@ -141,7 +141,9 @@ class BitLikelihood(DataFidelity):  # type: ignore[misc, unused-ignore]
         if not (x.requires_grad or (isinstance(gamma, Tensor) and gamma.requires_grad)):
             return torch.from_numpy(best / light).to(x)
         # A step of Newton's method from the solution does not move, and has its derivatives.
-        slope, curvature = (torch.from_numpy(a).to(x) for a in likelihood.slopes(best))
+        slope, curvature = (
+            torch.from_numpy(a).to(x) for a in likelihood.gradient_and_curvature(best)
+        )
         inside = torch.from_numpy((best > 0) & (best < light * most)).to(x.device)
         c = torch.from_numpy(best / light).to(x)
         step = (c - x - gamma * light * slope) / (1 + gamma * light**2 * curvature)
@@ -171,7 +173,7 @@ class NetworkReconstructor(Reconstructor):  # type: ignore[misc, unused-ignore]
     def forward(self, y: Tensor, physics: SensorPhysics, **_: Any) -> Tensor:
         """Give pictures (N, 1, H, W); of a network that is told K, P(b = 1)."""
         bits = physics.sensing.sensor.bits_per_pixel
-        picture: Tensor = self.module(y, bits if self.module.origin.bits else None)
+        picture: Tensor = self.module(y, bits if self.module.origin.trials_range else None)
         return picture
 
 
@@ -194,17 +196,17 @@ class NetworkDenoiser(Denoiser):  # type: ignore[misc, unused-ignore]
 
     Examples
     --------
-    >>> denoiser = NetworkDenoiser(jotlight.Network.told("small", rng=0))
+    >>> denoiser = NetworkDenoiser(jotlight.Network.conditional("small", rng=0))
     >>> denoiser(torch.rand(2, 1, 20, 30), 0.1).shape
     torch.Size([2, 1, 20, 30])
     """
 
     def __init__(self, network: jotlight.Network) -> None:
-        if network.bits is None:
+        if network.trials_range is None:
             raise ValueError(f"network: expected one that is told K, got {network!r}")
         super().__init__()
         self.module = Network(network)
-        self.between = network.bits
+        self.between = network.trials_range
 
     def forward(self, x: Tensor, sigma: float | Tensor, **_: Any) -> Tensor:
         """Give pictures (N, 1, H, W); of σ one for all, or one for each (N,)."""

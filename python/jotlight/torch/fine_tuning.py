@@ -16,12 +16,12 @@ import jotlight
 from jotlight.checks import above_0, at_least
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import channels_of
-from jotlight.sensing.pixel_counts import Observation, observe
+from jotlight.sensing.pixel_counts import PixelCounts, count_pixels
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.bit_splitting import Splits, check_kernel
 from jotlight.torch.distributed import Processes, place, together, with_threads
 from jotlight.torch.network import Network
-from jotlight.torch.trainer import Course
+from jotlight.torch.trainer import Trainer
 from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.history import History, Record
 from jotlight.training.loop import fingerprint_of
@@ -58,7 +58,7 @@ def fine_tune(
     Parameters
     ----------
     network : jotlight.Network
-        Where to start: a tied one, best one that is told K (``jotlight.Network.told``), learned
+        Where to start: a tied one, best one that is told K (``jotlight.Network.conditional``), learned
         from photographs. One for a single K sees the counts of fewer bits, scaled to its K.
     data : Bits or array_like of int
         The capture: bits, or an image of counts L of shape (H, W) or (H, W, C); colours are learned
@@ -116,7 +116,7 @@ def fine_tune(
     --------
     >>> sensor = jotlight.Sensor(frames=8)
     >>> bits = sensor.expose(np.full((24, 24), 0.4), rng=0)
-    >>> start = jotlight.Network.told("small", rng=0)
+    >>> start = jotlight.Network.conditional("small", rng=0)
     >>> own, history = fine_tune(start, bits, steps=10, batch=4, rng=0)
     >>> bool(history.held_out[-1] < history.held_out[0])
     True
@@ -140,7 +140,7 @@ def fine_tune(
             "network": fingerprint_of(network),
             "sensor": sensor.numbers(),
             "capture": _fingerprint(seen),
-            "optimiser": f"Adam(rate={rate})",
+            "optimizer": f"Adam(rate={rate})",
             "steps": steps,
             "batch": batch,
             "patch": side,
@@ -148,13 +148,13 @@ def fine_tune(
         }
         splits = Splits(network, sensor, seen, _generator(seed, 0))
         module = Network(network).to(here)
-        course = _Tuning(module, splits, run, rate, seed, batch, side, processes)
-        course.begin(checkpoint, resume)
-        course.follow(steps, checkpoint, callback)
-        last = course.settle()
+        trainer = _Tuning(module, splits, run, rate, seed, batch, side, processes)
+        trainer.begin(checkpoint, resume)
+        trainer.run(steps, checkpoint, callback)
+        last = trainer.restore_best()
         if processes.first and callback is not None:
             callback(last)
-    history = History([*course.history.records, last])
+    history = History([*trainer.history.records, last])
     own = module.network()
     told = {"run": run, "records": history.thinned().to_json()}
     own.history = {**network.history, "fine tuning": told}
@@ -163,7 +163,7 @@ def fine_tune(
 
 def _seen(
     network: jotlight.Network, data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None
-) -> list[Observation]:
+) -> list[PixelCounts]:
     """The channels of a capture, whose bits can be split."""
     network._check_sensor(sensor)
     if not network.tied:
@@ -172,7 +172,7 @@ def _seen(
             "count the same can its bits be split at random"
         )
     check_kernel(sensor)
-    seen = [observe(channel, sensor, threads) for channel in channels_of(data)]
+    seen = [count_pixels(channel, sensor, threads) for channel in channels_of(data)]
     if any(plane.jots_differ for plane in seen):
         raise ValueError(
             "sensor: expected jots of the same efficiency and dark counts inside of each pixel, "
@@ -187,16 +187,16 @@ def _seen(
     return seen
 
 
-def _fingerprint(seen: Sequence[Observation]) -> str:
+def _fingerprint(seen: Sequence[PixelCounts]) -> str:
     """A word that tells what was seen, and by which jots, from others."""
     told = [(x.counts, x.trials, x.efficiency, x.dark_counts) for x in seen]
     return fingerprint([np.asarray(array) for arrays in told for array in arrays])
 
 
-class _Tuning(Course):
+class _Tuning(Trainer):
     """A run on the bits of a capture, and the best parameters so far."""
 
-    remembers = (*Course.remembers, "best")
+    remembers = (*Trainer.remembers, "best")
 
     def __init__(
         self,
@@ -218,22 +218,24 @@ class _Tuning(Course):
         split = self.splits.draw(_generator(self.seed, 1, step), self.batch, self.side)
         own = split.of(self.processes.share)
         device = self.parameters[0].device
-        surprise = self.splits.surprise(self.module(own.counts.to(device), own.told), own)
+        surprise = self.splits.negative_log_likelihood(
+            self.module(own.counts.to(device), own.told), own
+        )
         return surprise * (own.number / max(split.number, 1))
 
     def record(self, step: int, cost: float, norm: float, *, tested: bool) -> Record:
         """Give the record of a step."""
         return Record(step, cost, norm, None, self._look() if tested else None)
 
-    def walk(self) -> None:
+    def update(self) -> None:
         """Change the parameters, and stay in range."""
-        super().walk()
+        super().update()
         self._keep_in_range()
 
-    def settle(self) -> Record:
+    def restore_best(self) -> Record:
         """Go back to the best parameters; gives what a step would find there."""
         self._look()
-        self.take(self.best)
+        self.set_parameters(self.best)
         last = self.measure(len(self.history), tested=False)
         return dataclasses.replace(last, held_out=self.least)
 
@@ -249,7 +251,9 @@ class _Tuning(Course):
 
     def _look(self) -> float:
         """Find how likely the bits held out are, and remember the best."""
-        found = self.splits.surprise_held_out(self.module.network(), torch.get_num_threads())
+        found = self.splits.held_out_negative_log_likelihood(
+            self.module.network(), torch.get_num_threads()
+        )
         # Processes on unlike machines could come to other last digits, and to another best.
         shared = torch.tensor(found, dtype=torch.float64)
         self.processes.spread(shared)
@@ -263,7 +267,7 @@ class _Tuning(Course):
         origin = self.module.origin
         last = len(origin.layers) - 1
         start = origin.layers[last].coefficients
-        if start is None or origin.layers[last].learns != "all":
+        if start is None or origin.layers[last].trainable != "all":
             return
         # A spline stays in the hull of its coefficients.
         low, high = min(0.0, float(start.min())), origin.sensor.max_intensity

@@ -11,15 +11,15 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 import jotlight
-from jotlight.networks.layer import Layer, number_of_sets, shares_of, sources, step_of
+from jotlight.networks.layer import Layer, conditioning_weights, count_sets, size_divisor, sources
 from jotlight.torch.spline import spline
 
 
 class Place(NamedTuple):
     """Where a layer stands in a network, and how it filters: all but what it learns."""
 
-    reads: int
-    adds: int | None
+    input: int
+    skip: int | None
     stride: int
     upsampling: int
     rows: tuple[int, int]
@@ -40,7 +40,7 @@ def places_of(layers: Sequence[Layer]) -> list[Place]:
         found.append(
             Place(
                 source,
-                layer.adds,
+                layer.skip,
                 layer.stride,
                 layer.upsampling,
                 rows,
@@ -74,14 +74,17 @@ class Network(nn.Module):
         layers = network.layers
         # Arrays of NumPy would be tensors to torch.compile, which fails in its inference mode.
         self.places = places_of(layers)
-        self._step, self._sets = step_of(layers), number_of_sets(layers)
-        self._between, self._side = network.bits, 1 if network.tied else network.sensor.oversampling
+        self._step, self._sets = size_divisor(layers), count_sets(layers)
+        self._between, self._side = (
+            network.trials_range,
+            1 if network.tied else network.sensor.oversampling,
+        )
         self.filters = nn.ParameterList(
-            _parameter(layer.filters, layer.learns != "nothing") for layer in layers
+            _parameter(layer.filters, layer.trainable != "nothing") for layer in layers
         )
         self.coefficients = nn.ParameterDict(
             {
-                str(index): _parameter(layer.coefficients, layer.learns == "all")
+                str(index): _parameter(layer.coefficients, layer.trainable == "all")
                 for index, layer in enumerate(layers)
                 if layer.coefficients is not None
             }
@@ -110,9 +113,9 @@ class Network(nn.Module):
         for index, place in enumerate(self.places):
             if index:
                 planes.append(self.bent(index - 1, sums, coefficients[index - 1]))
-                sums = _filtered(planes[place.reads], filters[index], place)
-            if place.adds is not None:
-                sums = sums + planes[place.adds]
+                sums = _filtered(planes[place.input], filters[index], place)
+            if place.skip is not None:
+                sums = sums + planes[place.skip]
         return sums[..., :height, :width]
 
     def bent(self, index: int, sums: Tensor, coefficients: Tensor | None) -> Tensor:
@@ -132,7 +135,9 @@ class Network(nn.Module):
         coefficients = [self.coefficients.get(str(index), None) for index in range(len(filters))]
         if self._between is None or bits is None:
             return filters, coefficients
-        shares = torch.as_tensor(shares_of(bits, self._between, self._sets)).to(filters[0])
+        shares = torch.as_tensor(conditioning_weights(bits, self._between, self._sets)).to(
+            filters[0]
+        )
 
         def at(sets: Tensor, dimensions: int) -> Tensor:
             return sets if sets.dim() == dimensions else torch.tensordot(shares, sets, 1)
@@ -154,7 +159,9 @@ class Network(nn.Module):
             for index, layer in enumerate(self.origin.layers)
         ]
         origin = self.origin
-        return jotlight.Network(layers, origin.sensor, origin.history, bits=origin.bits)
+        return jotlight.Network(
+            layers, origin.sensor, origin.history, trials_range=origin.trials_range
+        )
 
 
 def _filtered(planes: Tensor, filters: Tensor, place: Place) -> Tensor:

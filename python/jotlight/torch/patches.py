@@ -39,7 +39,7 @@ _EASE = 0.6
 
 
 @dataclasses.dataclass(frozen=True)
-class Views:
+class Batch:
     """Patches as the sensor sees them."""
 
     data: Tensor
@@ -53,7 +53,7 @@ class Views:
     dark: Tensor | None = None
     """Of each patch the dark counts per jot and frame."""
 
-    def to(self, device: torch.device) -> "Views":
+    def to(self, device: torch.device) -> "Batch":
         """Give them on another device."""
         moved: dict[str, Any] = {
             field.name: value.to(device)
@@ -98,7 +98,7 @@ class Patches:
     """How many to a step."""
     side: int
 
-    def views(self, step: int, mine: slice, threads: int) -> Views:
+    def views(self, step: int, mine: slice, threads: int) -> Batch:
         """Give those of a step, or some of them."""
         choice = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(step, 0)))
         if callable(self.images):
@@ -124,7 +124,7 @@ class Patches:
             seen = self._seen(truth, factors[mine], seeds[mine], threads)
             most = np.float32(self.sensor.max_intensity)
             truth = np.minimum(truth * factors[mine, None, None], most)
-            return Views(seen, torch.from_numpy(truth)[:, None])
+            return Batch(seen, torch.from_numpy(truth)[:, None])
         whole = torch.from_numpy(truth)[:, None]
         bits, flux, dark = exposures
         means = np.array([images[index].mean() for index in chosen[mine]])
@@ -136,7 +136,7 @@ class Patches:
                 for rate, seed in zip(rates.astype(np.float64), seeds[mine], strict=True)
             ]
         ).astype(np.float32)
-        return Views(
+        return Batch(
             torch.from_numpy(counts)[:, None],
             whole,
             bits,
@@ -148,9 +148,9 @@ class Patches:
         self, choice: np.random.Generator
     ) -> tuple[int, npt.NDArray[np.float64], npt.NDArray[np.float64]] | None:
         """K of a step, and of each patch the flux and the dark counts, for a network told K."""
-        if self.network.bits is None:
+        if self.network.trials_range is None:
             return None
-        low, high = self.network.bits
+        low, high = self.network.trials_range
         least, most = max(low, _USUAL_BITS[0]), min(high, _USUAL_BITS[1])
         if least < most and choice.random() < 1 / 2:
             low, high = least, most

@@ -9,14 +9,14 @@ _TERMS = 18
 """Of the series of P below s = 1, where the rest is less than the rounding."""
 
 
-def fires(threshold: int, rate: Tensor) -> Tensor:
+def detection_probability(threshold: int, rate: Tensor) -> Tensor:
     """P(q, s) of jots that detect s photons per frame in the mean, s of 0 or more.
 
     Its derivative is ∂P/∂s = s^(q - 1) exp(-s) / (q - 1)!.
 
     Examples
     --------
-    >>> fires(2, torch.tensor([0.0, 1.0])).numpy().round(4).tolist()
+    >>> detection_probability(2, torch.tensor([0.0, 1.0])).numpy().round(4).tolist()
     [0.0, 0.26420000195503235]
     """
     if threshold == 1:

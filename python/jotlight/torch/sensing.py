@@ -7,7 +7,7 @@ from torch.nn import functional
 import jotlight._engine as engine
 from jotlight.sensing.sensor import KERNELS, Sensor
 from jotlight.torch.network import continued
-from jotlight.torch.response import fires, logarithms
+from jotlight.torch.response import detection_probability, logarithms
 
 OUTPUTS = "counts", "bits"
 GRADIENTS = "straight-through", "expectation"
@@ -176,7 +176,7 @@ class Sensing(nn.Module):
         return float(getattr(self.sensor, name)) if value is None else value.to(dtype)
 
     def _chances(self, rate: Tensor) -> Tensor:
-        return self._living(fires(self.sensor.threshold, rate))
+        return self._living(detection_probability(self.sensor.threshold, rate))
 
     def _living(self, of_jots: Tensor) -> Tensor:
         mask = self._buffers.get("mask")

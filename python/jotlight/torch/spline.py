@@ -62,7 +62,7 @@ def formula(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Te
 @torch.library.custom_op("jotlight::bend", mutates_args=())
 def _bend(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Tensor:
     planes = _planes(z)
-    out = engine.bend((planes, _array(coefficients)), start, spacing, torch.get_num_threads())
+    out = engine.activate((planes, _array(coefficients)), start, spacing, torch.get_num_threads())
     return torch.from_numpy(out).view(z.shape)
 
 
@@ -75,7 +75,7 @@ def _(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Tensor:
 def _push(
     z: Tensor, gradient: Tensor, coefficients: Tensor, start: float, spacing: float
 ) -> tuple[Tensor, Tensor]:
-    of_z, of_coefficients = engine.push_bend(
+    of_z, of_coefficients = engine.activate_backward(
         (_planes(z), _array(coefficients)),
         _planes(gradient),
         start,

@@ -1,4 +1,4 @@
-"""The course of a run: steps of Adam, what is remembered between them, and where it is kept."""
+"""The trainer of a run: steps of Adam, what is remembered between them, and where it is kept."""
 
 import math
 import os
@@ -26,8 +26,8 @@ _SAVE_EVERY = 20.0
 """Seconds between two checkpoints."""
 
 
-class Course:
-    """A run of Adam: the parameters, what the optimiser remembers, and the records so far.
+class Trainer:
+    """A run of Adam: the parameters, what the optimizer remembers, and the records so far.
 
     What is learned from is said by `loss`, what it is tested on by `test`.
 
@@ -49,9 +49,9 @@ class Course:
     def __init__(
         self, module: Network, run: dict[str, object], rate: float, processes: Processes
     ) -> None:
-        self.module, self.run, self.rate, self.processes = module, run, rate, processes
+        self.module, self.settings, self.rate, self.processes = module, run, rate, processes
         self.parameters = [p for p in module.parameters() if p.requires_grad]
-        self.optimiser = torch.optim.Adam(self.parameters, lr=rate, betas=(0.9, 0.99))
+        self.optimizer = torch.optim.Adam(self.parameters, lr=rate, betas=(0.9, 0.99))
         self.history = History()
         self.walking = False
         """Whether parameters and records do not belong together just now."""
@@ -75,11 +75,11 @@ class Course:
         if resume:
             if checkpoint is None:
                 raise ValueError("resume: expected a checkpoint to resume from, got none")
-            self.restore(Checkpoint.load(checkpoint, self.run), checkpoint)
+            self.restore(Checkpoint.load(checkpoint, self.settings), checkpoint)
         elif checkpoint is not None:
             Checkpoint.spare_others(checkpoint)
 
-    def follow(
+    def run(
         self,
         steps: int,
         checkpoint: str | os.PathLike[str] | None,
@@ -119,17 +119,17 @@ class Course:
     def step(self, step: int, steps: int) -> Record:
         """Take one step; gives what it found before it walked on."""
         record = self.measure(step, tested=step % max(1, steps // _LOOKS) == 0)
-        for group in self.optimiser.param_groups:
+        for group in self.optimizer.param_groups:
             group["lr"] = self.rate * _share_of_rate(step / steps)
         self.walking = True
-        self.walk()
+        self.update()
         self.history.records.append(record)
         self.walking = False
         return record
 
-    def walk(self) -> None:
+    def update(self) -> None:
         """Change the parameters."""
-        self.optimiser.step()
+        self.optimizer.step()
 
     def measure(self, step: int, *, tested: bool) -> Record:
         """Find cost and gradient on what a step draws.
@@ -139,7 +139,7 @@ class Course:
         FloatingPointError
             When they are not numbers.
         """
-        self.optimiser.zero_grad()
+        self.optimizer.zero_grad()
         loss = self.loss(step)
         loss.backward()
         cost = self._gathered(loss.detach())
@@ -167,7 +167,7 @@ class Course:
         """Give all parameters that learn, one after the other."""
         return _flat(self.parameters)
 
-    def take(self, vector: Vector) -> None:
+    def set_parameters(self, vector: Vector) -> None:
         """Set the parameters that learn."""
         with torch.no_grad():
             for parameter, values in zip(self.parameters, self._parts(vector), strict=True):
@@ -182,14 +182,14 @@ class Course:
     def state(self) -> State:
         """Give what is remembered between two steps, beside parameters and records."""
         return {
-            name: _flat([self.optimiser.state[p][name] for p in self.parameters])
-            for name in Course.remembers
+            name: _flat([self.optimizer.state[p][name] for p in self.parameters])
+            for name in Trainer.remembers
         }
 
     def checkpoint(self) -> Checkpoint:
         """Give all that there is between two steps."""
         history = History(list(self.history.records))
-        return Checkpoint(self.run, self.vector(), self.state(), history)
+        return Checkpoint(self.settings, self.vector(), self.state(), history)
 
     def restore(self, kept: Checkpoint, path: str | os.PathLike[str]) -> None:
         """Go on from what a checkpoint keeps.
@@ -203,12 +203,12 @@ class Course:
         vectors = [kept.vector, *kept.state.values()]
         if sorted(kept.state) != sorted(self.remembers) or any(v.shape != shape for v in vectors):
             raise ValueError(f"{path}: damaged checkpoint: it does not fit the network")
-        self.take(kept.vector)
-        moments = {name: self._parts(kept.state[name]) for name in Course.remembers}
+        self.set_parameters(kept.vector)
+        moments = {name: self._parts(kept.state[name]) for name in Trainer.remembers}
         for number, parameter in enumerate(self.parameters):
             step = torch.tensor(float(len(kept.history)))
             own = {name: parts[number] for name, parts in moments.items()}
-            self.optimiser.state[parameter] = {"step": step, **own}
+            self.optimizer.state[parameter] = {"step": step, **own}
         self.history = History(list(kept.history.records))
 
 

@@ -16,7 +16,7 @@ from jotlight.sensing.sensor import Sensor
 from jotlight.torch.distributed import Processes, place, together, with_threads
 from jotlight.torch.network import Network
 from jotlight.torch.patches import Patches
-from jotlight.torch.trainer import Course
+from jotlight.torch.trainer import Trainer
 from jotlight.training.history import History, Record
 from jotlight.training.loop import Images, fingerprint_of
 from jotlight.training.patches import (
@@ -61,7 +61,7 @@ def train(
     ----------
     network : jotlight.Network
         Where to start, such as ``jotlight.Network.deep(sensor, "small")``, or
-        ``jotlight.Network.told("medium")`` for a network that serves many K and any exposure.
+        ``jotlight.Network.conditional("medium")`` for a network that serves many K and any exposure.
     images : array (N, H, W), sequence of arrays (H, W), or callable
         As in :func:`jotlight.train`.
     sensor : Sensor, optional
@@ -141,7 +141,7 @@ def train(
             "sensor": patches.sensor.numbers(),
             "images": fingerprint(scenes),
             "test": None if tests is None else fingerprint(tests),
-            "optimiser": f"Adam(rate={rate})",
+            "optimizer": f"Adam(rate={rate})",
             "steps": steps,
             "batch": batch,
             "patch": patches.side,
@@ -149,22 +149,22 @@ def train(
         }
         with with_threads(threads):
             module = Network(network).to(here)
-            course = Learning(module, patches, run, rate, tests, processes)
-            course.begin(checkpoint, resume)
-            course.follow(steps, checkpoint, callback, seconds)
-            last = course.measure(len(course.history), tested=True)
+            trainer = Learning(module, patches, run, rate, tests, processes)
+            trainer.begin(checkpoint, resume)
+            trainer.run(steps, checkpoint, callback, seconds)
+            last = trainer.measure(len(trainer.history), tested=True)
             if processes.first and callback is not None:
                 callback(last)
-    history = History([*course.history.records, last])
+    history = History([*trainer.history.records, last])
     told = {**network.history, "run": run, "records": history.thinned().to_json()}
-    learned = course.module.network()
-    if network.bits is None:
+    learned = trainer.module.network()
+    if network.trials_range is None:
         learned = jotlight.Network(learned.layers, sensor)
     learned.history = told
     return learned, history
 
 
-class Learning(Course):
+class Learning(Trainer):
     """A run on patches of images."""
 
     def __init__(

@@ -5,29 +5,29 @@ from jotlight.training.cost import Cost
 from jotlight.training.history import History, Record
 from jotlight.training.loop import train
 from jotlight.training.optimizers import (
-    OPTIMISERS,
+    OPTIMIZERS,
     Adam,
     GaussNewton,
-    Optimiser,
+    Optimizer,
     ProjectedGradient,
     Step,
 )
-from jotlight.training.parameters import network_of, parts_of, vector_of
+from jotlight.training.parameters import network_of, pixel_chunks, vector_of
 
 __all__ = [
-    "OPTIMISERS",
+    "OPTIMIZERS",
     "Adam",
     "AdmissibleSet",
     "Cost",
     "GaussNewton",
     "History",
-    "Optimiser",
+    "Optimizer",
     "ProjectedGradient",
     "Record",
     "SafeSet",
     "Step",
     "network_of",
-    "parts_of",
+    "pixel_chunks",
     "train",
     "vector_of",
 ]

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from jotlight.networks.network import Network
-from jotlight.training.parameters import Vector, parts_of
+from jotlight.training.parameters import Vector, pixel_chunks
 
 
 class AdmissibleSet(Protocol):
@@ -42,7 +42,7 @@ class SafeSet:
     ----------
     nu : float
         ν of 0 or more; 0 allows no negative taps.
-    rising : bool
+    monotone : bool
         Whether the last of these conditions is made.
 
     Notes
@@ -63,7 +63,7 @@ class SafeSet:
     """
 
     nu: float = 0.5
-    rising: bool = True
+    monotone: bool = True
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.nu) and self.nu >= 0):
@@ -78,12 +78,15 @@ class SafeSet:
             When 0 is not in the domain of the first splines, which then cannot be safe.
         """
         projected = np.array(vector, np.float64)
-        domains = [(x.start, x.start + x.spacing * (x.bend.shape[1] - 3)) for x in network.layers]
+        domains = [
+            (x.start, x.start + x.spacing * (x.spline_coefficients.shape[1] - 3))
+            for x in network.layers
+        ]
         if not domains[0][0] <= 0 < domains[0][1]:
             raise ValueError(
                 f"network: expected a first spline that starts at 0, got the domain {domains[0]}"
             )
-        for index, (filters, coefficients) in enumerate(parts_of(network, projected)):
+        for index, (filters, coefficients) in enumerate(pixel_chunks(network, projected)):
             if index > 0:
                 for taps in filters:
                     taps[...] = nearest_filter(taps.ravel(), self.nu).reshape(taps.shape)
@@ -93,8 +96,8 @@ class SafeSet:
             else:
                 for taps in filters:
                     taps[...] = nearest_weights(taps.ravel(), domains[0][1]).reshape(taps.shape)
-            if self.rising and all(len(layer.filters) == 1 for layer in network.layers):
-                coefficients[0] = nearest_rising(coefficients[0])
+            if self.monotone and all(len(layer.filters) == 1 for layer in network.layers):
+                coefficients[0] = nearest_monotone(coefficients[0])
             if index + 1 < len(domains):
                 low, high = domains[index + 1]
                 room = self.nu * (high - low) / (1 + 2 * self.nu)
@@ -137,14 +140,14 @@ def nearest_weights(taps: Vector, total: float) -> Vector:
     return np.asarray(np.maximum(below - thresholds.max(), 0))
 
 
-def nearest_rising(coefficients: Vector) -> Vector:
+def nearest_monotone(coefficients: Vector) -> Vector:
     """Nearest coefficients of which none is less than the one before.
 
     Cut off at two bounds, they are the nearest with these bounds too.
 
     Examples
     --------
-    >>> nearest_rising(np.array([1.0, 3.0, 2.0]))
+    >>> nearest_monotone(np.array([1.0, 3.0, 2.0]))
     array([1. , 2.5, 2.5])
     """
     from scipy.optimize import isotonic_regression

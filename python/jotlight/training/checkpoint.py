@@ -22,11 +22,11 @@ class Checkpoint:
     """What a run needs to go on as if it had not been stopped."""
 
     run: dict[str, Any]
-    """What the run is: images, optimiser, seed and so on; JSON can hold it."""
+    """What the run is: images, optimizer, seed and so on; JSON can hold it."""
     vector: Vector
     """The parameters before the next step."""
     state: State
-    """What the optimiser remembers."""
+    """What the optimizer remembers."""
     history: History
     """One record for each step that was taken."""
 

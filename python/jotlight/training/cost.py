@@ -1,4 +1,4 @@
-"""The cost of the examples of one step, for the optimisers to look at."""
+"""The cost of the examples of one step, for the optimizers to look at."""
 
 from typing import Any
 
@@ -42,7 +42,7 @@ class Cost:
 
     def value(self, vector: Vector) -> float:
         """Give ε."""
-        errors, _ = engine.errors(self._layers(vector), self._batch, self._threads)
+        errors, _ = engine.squared_errors(self._layers(vector), self._batch, self._threads)
         return 0.5 * float(errors.mean())
 
     def gradient(self, vector: Vector) -> tuple[float, Vector]:
@@ -87,5 +87,5 @@ def mean_psnr(
     network: Network, vector: Vector, images: dict[str, Any], threads: int | None
 ) -> float:
     """Mean PSNR in dB, for a peak of 1, of the images of :meth:`Examples.every`."""
-    errors, pixels = engine.errors(engine_layers(network, vector), images, threads)
+    errors, pixels = engine.squared_errors(engine_layers(network, vector), images, threads)
     return float(np.mean(10 * np.log10(pixels / np.maximum(errors, 1e-300))))

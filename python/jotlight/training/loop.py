@@ -12,14 +12,14 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import at_least
-from jotlight.networks.layer import chained
+from jotlight.networks.layer import is_sequential
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
 from jotlight.training.admissible import AdmissibleSet, SafeSet
 from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.cost import Cost, mean_psnr
 from jotlight.training.history import History, Record
-from jotlight.training.optimizers import OPTIMISERS, Optimiser, Step
+from jotlight.training.optimizers import OPTIMIZERS, Optimizer, Step
 from jotlight.training.parameters import Vector, network_of, vector_of
 from jotlight.training.patches import (
     Examples,
@@ -48,7 +48,7 @@ def train(
     images: Images,
     sensor: Sensor | None = None,
     *,
-    optimiser: str | Optimiser = "gauss-newton",
+    optimizer: str | Optimizer = "gauss-newton",
     steps: int | None = None,
     seconds: float | None = None,
     batch: int | None = None,
@@ -77,10 +77,10 @@ def train(
     sensor : Sensor, optional
         Default: the network's. The learned network is for this sensor. Maps of its dark counts
         enter by their median, and dead jots not at all: where they lie does not matter to a patch.
-    optimiser : {"gauss-newton", "adam", "projected-gradient"} or Optimiser
+    optimizer : {"gauss-newton", "adam", "projected-gradient"} or Optimizer
         One of `jotlight.training`, by name or with settings of your own.
     steps : int, optional
-        Default: the optimiser's `steps`.
+        Default: the optimizer's `steps`.
     seconds : float, optional
         Stop before the step that would take the run past so many seconds, but not before the first.
         How many steps that gives depends on the machine; the same number of steps gives the same
@@ -138,12 +138,12 @@ def train(
     """
     sensor = network.sensor if sensor is None else sensor
     network._check_sensor(sensor)
-    if not chained(network.layers):
+    if not is_sequential(network.layers):
         raise ValueError(
             "network: expected layers that each filter and bend what the one before gave; others "
             "learn with PyTorch, jotlight.torch.train"
         )
-    chosen = _optimiser(optimiser)
+    chosen = _optimizer(optimizer)
     steps = at_least("steps", chosen.steps if steps is None else steps, 0)
     seed = secrets.randbits(32) if rng is None else at_least("rng", rng, 0)
     admissible = SafeSet() if admissible is None else admissible
@@ -163,7 +163,7 @@ def train(
         "test": None
         if tests is None
         else dataclasses.replace(examples, images=tests["images"]).fingerprint(),
-        "optimiser": repr(chosen),
+        "optimizer": repr(chosen),
         "admissible": repr(admissible),
         "steps": steps,
         "batch": examples.patches,
@@ -198,7 +198,7 @@ def train(
                 psnr = mean_psnr(network, at.vector, tests, threads)
             norm = float(np.linalg.norm(step.gradient))
             record = Record(cost.step, step.loss, norm, psnr)
-            _check_course(record, step, [*at.history.records, record], cost, start, chosen)
+            _check_trainer(record, step, [*at.history.records, record], cost, start, chosen)
             at = Checkpoint(run, step.vector, step.state, History([*at.history.records, record]))
             if callback is not None:
                 callback(at.history.records[-1])
@@ -222,44 +222,44 @@ def train(
     return Network(network_of(network, at.vector).layers, sensor, told), history
 
 
-def _optimiser(optimiser: str | Optimiser) -> Optimiser:
-    if isinstance(optimiser, str):
-        if optimiser not in OPTIMISERS:
+def _optimizer(optimizer: str | Optimizer) -> Optimizer:
+    if isinstance(optimizer, str):
+        if optimizer not in OPTIMIZERS:
             raise ValueError(
-                f"optimiser: expected one of {', '.join(OPTIMISERS)}, got {optimiser!r}"
+                f"optimizer: expected one of {', '.join(OPTIMIZERS)}, got {optimizer!r}"
             )
-        return OPTIMISERS[optimiser]()
-    if isinstance(optimiser, type) or not hasattr(optimiser, "take_step"):
+        return OPTIMIZERS[optimizer]()
+    if isinstance(optimizer, type) or not hasattr(optimizer, "take_step"):
         raise TypeError(
-            f"optimiser: expected one of {', '.join(OPTIMISERS)} or an object with take_step, such "
-            f"as jotlight.training.Adam(), got {optimiser!r}"
+            f"optimizer: expected one of {', '.join(OPTIMIZERS)} or an object with take_step, such "
+            f"as jotlight.training.Adam(), got {optimizer!r}"
         )
-    return optimiser
+    return optimizer
 
 
 def _take_step(
     at: Checkpoint,
     cost: Cost,
-    optimiser: Optimiser,
+    optimizer: Optimizer,
     resumed_from: str | os.PathLike[str] | None,
 ) -> Step:
     try:
-        return optimiser.take_step(cost, at.vector, at.state)
+        return optimizer.take_step(cost, at.vector, at.state)
     except (KeyError, ValueError, TypeError) as error:
         if resumed_from is None:
             raise
         raise ValueError(
-            f"{resumed_from}: damaged checkpoint: {optimiser} cannot go on from it ({error})"
+            f"{resumed_from}: damaged checkpoint: {optimizer} cannot go on from it ({error})"
         ) from error
 
 
-def _check_course(
+def _check_trainer(
     record: Record,
     step: Step,
     records: list[Record],
     cost: Cost,
     start: Vector,
-    optimiser: Optimiser,
+    optimizer: Optimizer,
 ) -> None:
     """Raise FloatingPointError where a run has gone astray."""
     with np.errstate(over="ignore"):
@@ -267,7 +267,7 @@ def _check_course(
     if not (np.isfinite([record.loss, record.gradient_norm]).all() and usable):
         raise FloatingPointError(
             f"step {record.step}: not a number any more (cost {record.loss:.4g}, gradient norm "
-            f"{record.gradient_norm:.4g}); {optimiser.remedy}, now {optimiser}"
+            f"{record.gradient_norm:.4g}); {optimizer.remedy}, now {optimizer}"
         )
     recent = [record.loss for record in records[-10:]]
     if len(recent) < 10 or np.mean(recent) < 1.5 * records[0].loss:
@@ -277,7 +277,7 @@ def _check_course(
     if record.loss > _WORSE * at_start:
         raise FloatingPointError(
             f"step {record.step}: the run diverges: its network costs {record.loss:.4g} where that "
-            f"at the start costs {at_start:.4g}; {optimiser.remedy}, now {optimiser}"
+            f"at the start costs {at_start:.4g}; {optimizer.remedy}, now {optimizer}"
         )
 
 

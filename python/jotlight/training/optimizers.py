@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from jotlight.networks.network import Network
 from jotlight.training.cost import Cost
-from jotlight.training.parameters import Vector, parts_of
+from jotlight.training.parameters import Vector, pixel_chunks
 
 _TRIES = 7
 """How often a step is halved at most, less one."""
@@ -30,7 +30,7 @@ _EXACT = 1e-4
 """How near that search comes to the minimum, as a share of the step."""
 
 State = dict[str, npt.NDArray[Any]]
-"""What an optimiser remembers from step to step; arrays, so that a checkpoint can hold it."""
+"""What an optimizer remembers from step to step; arrays, so that a checkpoint can hold it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,8 +43,8 @@ class Step:
     gradient: Vector
 
 
-class Optimiser(Protocol):
-    """What :func:`jotlight.train` needs to know of an optimiser."""
+class Optimizer(Protocol):
+    """What :func:`jotlight.train` needs to know of an optimizer."""
 
     @property
     def steps(self) -> int:
@@ -68,22 +68,22 @@ class ProjectedGradient:
 
     Parameters
     ----------
-    step_size : float
+    learning_rate : float
         μ: 5e-6 in the paper for 32 x 32 images, 5e-8 for 481 x 321, since ε is a sum over pixels.
     """
 
-    step_size: float = 5e-6
+    learning_rate: float = 5e-6
     steps: ClassVar[int] = 10_000
     pixels: ClassVar[int] = 2**17
-    remedy: ClassVar[str] = "lower its step_size"
+    remedy: ClassVar[str] = "lower its learning_rate"
 
     def __post_init__(self) -> None:
-        _check_positive("step_size", self.step_size)
+        _check_positive("learning_rate", self.learning_rate)
 
     def take_step(self, cost: Cost, vector: Vector, state: State) -> Step:
         """Walk against the gradient."""
         loss, gradient = cost.gradient(vector)
-        return Step(cost.project(vector - self.step_size * gradient), {}, loss, gradient)
+        return Step(cost.project(vector - self.learning_rate * gradient), {}, loss, gradient)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -92,7 +92,7 @@ class Adam:
 
     Parameters
     ----------
-    step_size : float
+    learning_rate : float
         The first steps' size, as a share of the range of a coefficient, or of a filter's sum.
     memory : (float, float)
         How much of the mean gradient and of its mean square is kept from step to step.
@@ -103,22 +103,22 @@ class Adam:
     size falls as half a cosine, and each step ends with the projection on 𝒜.
     """
 
-    step_size: float = 0.01
-    memory: tuple[float, float] = (0.9, 0.999)
+    learning_rate: float = 0.01
+    betas: tuple[float, float] = (0.9, 0.999)
     steps: ClassVar[int] = 2000
     pixels: ClassVar[int] = 2**17
-    remedy: ClassVar[str] = "lower its step_size"
+    remedy: ClassVar[str] = "lower its learning_rate"
 
     def __post_init__(self) -> None:
-        _check_positive("step_size", self.step_size)
-        if not all(0 <= share < 1 for share in self.memory):
-            raise ValueError(f"memory: expected two shares in [0, 1), got {self.memory}")
+        _check_positive("learning_rate", self.learning_rate)
+        if not all(0 <= share < 1 for share in self.betas):
+            raise ValueError(f"memory: expected two shares in [0, 1), got {self.betas}")
 
     def take_step(self, cost: Cost, vector: Vector, state: State) -> Step:
         """Walk against the mean gradient over its root mean square."""
         loss, gradient = cost.gradient(vector)
         zero = np.zeros_like(vector)
-        first, second = self.memory
+        first, second = self.betas
         mean = first * state.get("mean", zero) + (1 - first) * gradient
         square = second * state.get("square", zero) + (1 - second) * gradient**2
         taken = cost.step + 1
@@ -127,18 +127,18 @@ class Adam:
         share = 0.5 * (1 + math.cos(math.pi * cost.step / cost.steps))
         # Where a gradient has always been 0 there is nowhere to go.
         direction = np.divide(unbiased, spread, out=zero, where=spread > 0)
-        step = self.step_size * share * self._ranges(cost.network) * direction
+        step = self.learning_rate * share * self._ranges(cost.network) * direction
         return Step(cost.project(vector - step), {"mean": mean, "square": square}, loss, gradient)
 
     @staticmethod
     def _ranges(network: Network) -> Vector:
         """How far each parameter can be expected to go."""
         ranges = np.empty(sum(x.parameters for x in network.layers))
-        for index, (filters, coefficients) in enumerate(parts_of(network, ranges)):
+        for index, (filters, coefficients) in enumerate(pixel_chunks(network, ranges)):
             filters[...] = 0.2
             if index + 1 < len(network.layers):
                 after = network.layers[index + 1]
-                coefficients[...] = after.spacing * (after.bend.shape[1] - 3)
+                coefficients[...] = after.spacing * (after.spline_coefficients.shape[1] - 3)
             else:
                 coefficients[...] = network.sensor.max_intensity
         return ranges
@@ -180,7 +180,7 @@ class GaussNewton:
         """Minimise the model, and stay where that does not lower the cost on these examples."""
         if vector.size > _MOST_PARAMETERS:
             raise ValueError(
-                f"optimiser: Gauss-Newton takes at most {_MOST_PARAMETERS} parameters, and this "
+                f"optimizer: Gauss-Newton takes at most {_MOST_PARAMETERS} parameters, and this "
                 f"network has {vector.size}; take adam"
             )
         loss, gradient, matrix = cost.normal_equations(vector)
@@ -204,7 +204,7 @@ class GaussNewton:
         return Step(vector + share * walk, state, loss, gradient)
 
 
-OPTIMISERS: dict[str, type[ProjectedGradient | Adam | GaussNewton]] = {
+OPTIMIZERS: dict[str, type[ProjectedGradient | Adam | GaussNewton]] = {
     "gauss-newton": GaussNewton,
     "adam": Adam,
     "projected-gradient": ProjectedGradient,
@@ -217,7 +217,7 @@ def _groups(network: Network) -> list[tuple[slice, bool]]:
     groups = []
     start = 0
     for layer in network.layers:
-        rows, number = layer.bend.shape
+        rows, number = layer.spline_coefficients.shape
         for size, spline in [(layer.filters.size, False), *[(number, True)] * rows]:
             groups.append((slice(start, start + size), spline))
             start += size

@@ -45,10 +45,10 @@ def picture(layers, sums, step):
     planes = []
     for index, layer in enumerate(layers):
         if index:
-            source = planes[index - 1 if layer.reads is None else layer.reads]
+            source = planes[index - 1 if layer.input is None else layer.input]
             sums = to_space(filtered(source, layer), layer.upsampling)
-        if layer.adds is not None:
-            sums = sums + planes[layer.adds]
+        if layer.skip is not None:
+            sums = sums + planes[layer.skip]
         if layer.coefficients is not None:
             bent = [
                 methods.spline(plane, coefficients.astype(float), layer.start, layer.spacing)
@@ -90,10 +90,10 @@ def lively(network, rng, size=0.3):
     layers = []
     for layer in network.layers:
         changes = {}
-        if layer.learns != "nothing":
+        if layer.trainable != "nothing":
             noise = rng.normal(0, size / np.sqrt(layer.filters[0].size), layer.filters.shape)
             changes["filters"] = layer.filters + noise.astype(np.float32)
-        if layer.learns == "all" and layer.coefficients is not None:
+        if layer.trainable == "all" and layer.coefficients is not None:
             noise = rng.normal(0, size, layer.coefficients.shape)
             changes["coefficients"] = layer.coefficients + noise.astype(np.float32)
         layers.append(dataclasses.replace(layer, **changes))
@@ -116,10 +116,10 @@ def wired(rng, sensor, *, tied=True, odd=False):
             jl.Layer(first, rng.normal(0, 1, (3, 11)), -2.0, 0.7),
             layer(4, 3, 4 + odd, 2, stride=2),
             layer(2, 4, 3, 6 - odd, stride=3, bends=False),
-            layer(4, 2, 1, 1, upsampling=3, adds=1),
+            layer(4, 2, 1, 1, upsampling=3, skip=1),
             layer(4, 4, 3, 3, bends=False),
-            layer(2, 3, 1, 3, reads=0),
-            layer(2, 4, 2, 2, reads=4, upsampling=2, adds=5),
+            layer(2, 3, 1, 3, input=0),
+            layer(2, 4, 2, 2, input=4, upsampling=2, skip=5),
             layer(1, 2, 3, 1, bends=False),
         ],
         sensor,

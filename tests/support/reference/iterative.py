@@ -49,14 +49,14 @@ class Cost:
         curvature = self.ones * up * (up - relative) + zeros * down * (down + relative)
         return zeros * down - self.ones * up, curvature
 
-    def slopes(self, image):
+    def gradient_and_curvature(self, image):
         """The gradient, and a bound of the curvature, pixel by pixel."""
         slope, curvature = self.cells(image)
         return self.matrix.T @ slope, self.matrix.T @ (curvature * self.matrix.sum(axis=1))
 
     def projected_gradient(self, image):
         """How far a step by the gradient over the curvature would go, as a share of S."""
-        gradient, bound = self.slopes(image)
+        gradient, bound = self.gradient_and_curvature(image)
         image = np.ravel(image)
         step = gradient / np.maximum(bound, 1e-300)
         return np.abs(image - np.clip(image - step, 0, self.most)).max() / self.most
@@ -64,7 +64,7 @@ class Cost:
     def least(self):
         """The image that SciPy finds."""
         return minimize(
-            lambda image: (self(image), self.slopes(image)[0]),
+            lambda image: (self(image), self.gradient_and_curvature(image)[0]),
             np.full(self.matrix.shape[1], self.most / 2),
             jac=True,
             bounds=[(0, self.most)] * self.matrix.shape[1],
@@ -141,7 +141,7 @@ def least_variation(cost, shape, weight, norm):
 def excess(cost, image, weight, norm):
     """At most so much above the least is -ℓ + λ TV: for any q, -ℓ lies above its tangent."""
     other = cp.Variable(np.shape(image))
-    gradient = cost.slopes(image)[0]
+    gradient = cost.gradient_and_curvature(image)[0]
     weights = np.broadcast_to(weight, np.shape(image)).ravel()
     tangent = gradient @ (cp.vec(other, order="C") - np.ravel(image))
     problem = cp.Problem(

@@ -34,7 +34,7 @@ def most_likely(ones, frames, dark, *, threshold=1, sensitivity=1.0, most=1.0):
     return min((refined, *near), key=cost)
 
 
-def stabilise(count, bits):
+def anscombe(count, bits):
     """Equation (6)."""
     return np.sqrt(bits + 1 / 2) * np.arcsin(np.sqrt((count + 3 / 8) / (bits + 3 / 4)))
 
@@ -47,15 +47,15 @@ def algebraic_inverse(z, bits):
 def stabilised_moments(probability, bits):
     """Mean and variance of T(L), L ~ Binomial(K, p)."""
     counts = np.arange(bits + 1)
-    weights, z = binom.pmf(counts, bits, probability), stabilise(counts, bits)
+    weights, z = binom.pmf(counts, bits, probability), anscombe(counts, bits)
     mean = weights @ z
     return mean, weights @ (z - mean) ** 2
 
 
 def exact_inverse(z, bits):
-    if z <= stabilise(0, bits):
+    if z <= anscombe(0, bits):
         return 0.0
-    if z >= stabilise(bits, bits):
+    if z >= anscombe(bits, bits):
         return float(bits)
     return bits * brentq(lambda p: stabilised_moments(p, bits)[0] - z, 0, 1, xtol=1e-13)
 

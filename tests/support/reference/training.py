@@ -111,7 +111,7 @@ def nearest_weights(taps, total):
     return best
 
 
-def nearest_rising(values, low, high):
+def nearest_monotone(values, low, high):
     """Nearest of all that do not fall and stay in [low, high], by quadratic programming."""
     steps = [
         {"type": "ineq", "fun": lambda x, k=k: x[k + 1] - x[k]} for k in range(len(values) - 1)

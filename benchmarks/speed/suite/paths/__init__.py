@@ -2,7 +2,7 @@
 
 from functools import partial
 
-from jotlight.networks.architectures import MEMBERS
+from jotlight.networks.architectures import ARCHITECTURES
 from suite.paths import (
     counting,
     deep,
@@ -20,7 +20,7 @@ PATHS = {
     "filter": filtering.cases,
     "splines": splines.cases,
     "network": reconstruction.cases,
-    **{f"deep-{member}": partial(deep.cases, member) for member in MEMBERS},
+    **{f"deep-{member}": partial(deep.cases, member) for member in ARCHITECTURES},
     "training": training.cases,
     "sampling": sampling.cases,
 }

@@ -71,7 +71,7 @@ def unpack_and_sum(packed: np.ndarray) -> np.ndarray:
 
 def means(package: Any, path: Path, frames: int, folder: Path) -> Callable[[], None]:
     """photoncube's means, after a look at whether they are those of our counts."""
-    from jotlight.images.io import read_picture
+    from jotlight.images.io import read_image
 
     cube = package.PhotonCube.open(str(path))
     cube.set_range(0, None, frames)
@@ -79,7 +79,7 @@ def means(package: Any, path: Path, frames: int, folder: Path) -> Callable[[], N
     bits = jl.open(path)
     for index, file in enumerate(sorted((folder / "means").glob("*.png"))):
         ours = bits[index * frames : (index + 1) * frames].counts() / frames
-        picture = read_picture(file, gray=True)
+        picture = read_image(file, gray=True)
         # It rounds to 8 bits, towards nought.
         assert np.abs(picture - ours).max() < 1.01 / 255, "photoncube's means differ"
     return lambda: cube.save_images(str(folder / "means"))

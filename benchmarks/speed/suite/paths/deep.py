@@ -1,4 +1,4 @@
-"""The deeper networks: bits in memory to a picture in floats."""
+"""The build_residual networks: bits in memory to a picture in floats."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -20,7 +20,7 @@ OUR_SPLINES = "PyTorch, with jotlight's splines"
 
 def cases(member: str, quick: bool) -> Iterator[Case]:
     network = network_of(member)
-    multiply_adds, splines = work_of(network)
+    multiply_adds, splines = flops_per_pixel(network)
     yield Case(
         name=f"deep-{member}",
         title=f"Network, {member}",
@@ -53,7 +53,7 @@ def network_of(member: str) -> jl.Network:
     return jl.Network.deep(SENSOR, member, rng=0)
 
 
-def work_of(network: jl.Network) -> tuple[float, float]:
+def flops_per_pixel(network: jl.Network) -> tuple[float, float]:
     """Multiply-adds and splines for a pixel."""
     multiply_adds = splines = 0.0
     for layer, scale in zip(network.layers, scales(network.layers), strict=True):
@@ -91,7 +91,7 @@ def run_of(module: Any) -> Callable[[], np.ndarray]:
 
     from suite.torch_network import counts_of
 
-    told = module.origin.bits is not None
+    told = module.origin.trials_range is not None
     number = SENSOR.bits_per_pixel if told else None
 
     def run() -> np.ndarray:

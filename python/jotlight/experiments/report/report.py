@@ -16,7 +16,7 @@ from jotlight.experiments.report.markdown import markdown
 from jotlight.experiments.report.page import page
 from jotlight.experiments.report.section import Report, Scene, Section
 from jotlight.experiments.running import Folder
-from jotlight.files import written_whole
+from jotlight.files import atomic_write
 
 TITLE = "The paper, reproduced"
 
@@ -108,5 +108,5 @@ def figure_of(scene: Scene) -> bytes:
 
 
 def _write(path: Path, content: bytes) -> None:
-    with written_whole(path) as temporary:
+    with atomic_write(path) as temporary:
         temporary.write_bytes(content)
