@@ -1,5 +1,6 @@
 use jotlight::bits::PackedBits;
-use jotlight::network::{self, Batch, Layer, Patch, Real, Splines, Wiring};
+use jotlight::network::{self, Batch, Layer, Patch, Splines, Wiring};
+use jotlight::numbers::Real;
 use numpy::{
     Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyArray3,
     PyReadonlyArray4,

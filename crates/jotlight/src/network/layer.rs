@@ -1,56 +1,29 @@
-//! The learned network (paper, section 3.1): layers of linear filters and pointwise cubic B-splines.
-//!
-//! Everything is written for numbers of either width: `f32` does the work, and `f64` of the same code tells what it should give.
-
-mod backward;
-mod bank;
-mod batch;
-mod bend;
-mod block;
-mod codes;
-mod correlate;
-mod fast;
-mod forward;
-mod graph;
-mod look_up;
-mod lsi;
-mod place;
-mod real;
-#[cfg(target_arch = "x86_64")]
-mod short;
-mod spline;
-mod tangent;
-mod tiles;
+//! A layer of the network, and how it is put among the others.
 
 use std::sync::OnceLock;
 
-use fast::Fast;
-use lsi::{Filters, Turned};
 use ndarray::{Array4, ArrayView2, ArrayView4};
 
+use super::convolution::adjoint::{Filters, Turned};
+use super::convolution::winograd::Fast;
+use super::spline::evaluate::Spline;
 use crate::bits::contiguous;
 use crate::error::{Error, Result};
-
-pub use batch::{Batch, Gradient, NormalEquations, Patch};
-pub use bend::Splines;
-pub use forward::{forward, forward_bits, forward_counts, masked_sums};
-pub use real::Real;
-pub use spline::Spline;
-pub use tiles::rows_needed;
+use crate::numbers::Real;
 
 /// A filter bank followed by one spline per output channel: φ(D(h * u) + v), with u the planes that it reads, D from depth to space, and v
 /// kept planes.
 #[derive(Clone, Debug)]
 pub struct Layer<F> {
-    filters: Array4<F>,
+    pub(super) filters: Array4<F>,
     /// The filters in the order of the loops, of layers that read planes: made when they are first needed.
     taps: OnceLock<Filters<F>>,
     turned: OnceLock<Turned<F>>,
     /// The filters of those that are quicker in another way.
     fast: OnceLock<Option<Fast<F>>>,
     /// None where the sums stay as they are.
-    splines: Vec<Spline<F>>,
-    wiring: Wiring,
+    pub(super) splines: Vec<Spline<F>>,
+    pub(super) wiring: Wiring,
 }
 
 /// How a layer is put among the others.
@@ -138,17 +111,17 @@ impl<F: Real> Layer<F> {
         self.filters.view()
     }
 
-    fn taps(&self) -> &Filters<F> {
+    pub(super) fn taps(&self) -> &Filters<F> {
         self.taps
             .get_or_init(|| Filters::new(self.filters.view(), self.wiring.stride))
     }
 
-    fn fast(&self) -> Option<&Fast<F>> {
+    pub(super) fn fast(&self) -> Option<&Fast<F>> {
         let made = || Fast::new(self.filters.view(), self.wiring.stride);
         self.fast.get_or_init(made).as_ref()
     }
 
-    fn turned(&self) -> &Turned<F> {
+    pub(super) fn turned(&self) -> &Turned<F> {
         self.turned.get_or_init(|| Turned::new(self.filters.view()))
     }
 
@@ -171,7 +144,7 @@ impl<F: Real> Layer<F> {
     }
 
     /// φ of planes `(C, H, W)`, in place: equations (8) and (10).
-    fn bend(&self, planes: &mut [F]) {
+    pub(super) fn bend(&self, planes: &mut [F]) {
         let pixels = planes.len() / self.channels();
         for (spline, plane) in self.splines.iter().zip(planes.chunks_exact_mut(pixels)) {
             spline.apply(plane);
@@ -180,7 +153,7 @@ impl<F: Real> Layer<F> {
 }
 
 /// One spline of each row of coefficients.
-fn splines_of<F: Real>(
+pub(super) fn splines_of<F: Real>(
     coefficients: ArrayView2<'_, F>,
     start: F,
     spacing: F,
@@ -200,30 +173,4 @@ fn splines_of<F: Real>(
     Ok(rows
         .map(|row| Spline::new(&contiguous(row), start, spacing))
         .collect())
-}
-
-/// Checks that each layer reads what the one before it gives, and that the last gives one plane.
-fn check_chain<F: Real>(layers: &[Layer<F>]) -> Result<()> {
-    let Some(last) = layers.last() else {
-        return Err(Error::range("layers", "at least one", 0));
-    };
-    let plain = |layer: &Layer<F>| layer.wiring == Wiring::default() && !layer.splines.is_empty();
-    if !layers.iter().all(plain) {
-        let expected = "each to read the one before, and splines in all of them";
-        return Err(Error::range("layers", expected, "others"));
-    }
-    for (before, layer) in layers.iter().zip(&layers[1..]) {
-        let (outputs, inputs) = (before.filters.dim().0, layer.filters.dim().1);
-        if inputs != outputs {
-            return Err(Error::shape("input channels of a layer", outputs, inputs));
-        }
-    }
-    if last.filters.dim().0 != 1 {
-        return Err(Error::shape(
-            "output channels of the last layer",
-            1,
-            last.filters.dim().0,
-        ));
-    }
-    Ok(())
 }
