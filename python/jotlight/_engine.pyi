@@ -7,22 +7,23 @@ __all__ = [
     "DEBUG_BUILD",
     "Layer",
     "__version__",
+    "activate",
+    "activate_backward",
     "add_block_counts",
     "algebraic_inverse",
-    "bend",
     "choose_cpu_level",
     "cpu_level",
     "cpu_levels",
     "differences",
     "differences_adjoint",
     "equivalent_counts",
-    "errors",
     "exact_inverse",
     "expose",
     "forward",
     "forward_bits",
     "forward_counts",
     "gradient",
+    "input_rows",
     "kernel_taps",
     "likelihood_information",
     "likelihood_proximal",
@@ -36,14 +37,13 @@ __all__ = [
     "multiply_adds",
     "normal_equations",
     "probability",
-    "push_bend",
     "rate",
     "read_words",
-    "rows_needed",
     "shrink",
     "spread_adjoint",
     "spread_forward",
     "spread_normal",
+    "squared_errors",
     "stabilise",
     "threshold_probability",
     "threshold_rate",
@@ -56,7 +56,10 @@ DEBUG_BUILD: bool
 
 _Floats: TypeAlias = npt.NDArray[np.floating]
 _Image: TypeAlias = npt.NDArray[np.float32] | npt.NDArray[np.float64]
+# (stride, upsampling, input, skip): `input` is the index of the layer that this one reads (None: the
+# previous one), `skip` the index of the layer whose output it adds (None: no skip connection).
 _Wiring: TypeAlias = tuple[int, int, int | None, int | None]
+# (filters, spline coefficients, first knot, knot spacing, wiring)
 _Layer: TypeAlias = tuple[_Floats, _Floats | None, float, float, _Wiring]
 _Response: TypeAlias = tuple[int, float, float]
 _Span: TypeAlias = tuple[int, int]
@@ -161,7 +164,7 @@ def masked_sums(
     valid: npt.NDArray[np.uint8],
     threads: int | None,
 ) -> npt.NDArray[np.float32]: ...
-def errors(
+def squared_errors(
     layers: list[_Layer], batch: dict[str, Any], threads: int | None
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]: ...
 def gradient(
@@ -177,7 +180,7 @@ def normal_equations(
 def forward(
     layers: list[Layer], sums: npt.NDArray[np.float32], threads: int | None
 ) -> npt.NDArray[np.float32]: ...
-def rows_needed(layers: list[Layer], height: int, rows: _Span) -> _Span: ...
+def input_rows(layers: list[Layer], height: int, rows: _Span) -> _Span: ...
 def forward_bits(
     layers: list[Layer], packed: npt.NDArray[np.uint8], width: int, threads: int | None
 ) -> npt.NDArray[np.float32]: ...
@@ -187,10 +190,10 @@ def forward_counts(
     sums: npt.NDArray[np.float32],
     threads: int | None,
 ) -> npt.NDArray[np.float32]: ...
-def bend(
+def activate(
     planes: tuple[_Floats, _Floats], start: float, spacing: float, threads: int | None
 ) -> _Floats: ...
-def push_bend(
+def activate_backward(
     planes: tuple[_Floats, _Floats],
     gradient: _Floats,
     start: float,

@@ -33,8 +33,8 @@ mod _engine {
     use super::mle::{equivalent_counts, mle_from_counts, mle_from_jots, mle_from_probability};
     #[pymodule_export]
     use super::network::{
-        Prepared, bend, errors, forward, forward_bits, forward_counts, gradient, masked_sums,
-        normal_equations, push_bend, rows_needed,
+        PreparedLayer, activate, activate_backward, forward, forward_bits, forward_counts,
+        gradient, input_rows, masked_sums, normal_equations, squared_errors,
     };
     #[pymodule_export]
     use super::sensing::{

@@ -1,5 +1,6 @@
 use jotlight::bits::PackedBits;
-use jotlight::network::{self, Batch, Layer, Patch, Real, Splines, Wiring};
+use jotlight::network::{self, Batch, Layer, Patch, Splines, Wiring};
+use jotlight::numbers::Real;
 use numpy::{
     Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyArray3,
     PyReadonlyArray4,
@@ -44,10 +45,10 @@ fn one_to_engine<F: Real + Element>(layer: &PyLayer<'_, F>) -> PyResult<Layer<F>
 
 /// A layer whose filters are brought into order once.
 #[pyclass(frozen, name = "Layer")]
-pub struct Prepared(Layer<f32>);
+pub struct PreparedLayer(Layer<f32>);
 
 #[pymethods]
-impl Prepared {
+impl PreparedLayer {
     #[new]
     fn new(layer: PyLayer<'_, f32>) -> PyResult<Self> {
         Ok(Self(one_to_engine(&layer)?))
@@ -55,7 +56,7 @@ impl Prepared {
 }
 
 /// What they hold, also for threads that do not have Python's lock.
-fn prepared(layers: &[Py<Prepared>]) -> Vec<&Layer<f32>> {
+fn prepared(layers: &[Py<PreparedLayer>]) -> Vec<&Layer<f32>> {
     layers.iter().map(|layer| &layer.get().0).collect()
 }
 
@@ -63,7 +64,7 @@ fn prepared(layers: &[Py<Prepared>]) -> Vec<&Layer<f32>> {
 #[pyo3(signature = (layer, packed, width, valid, threads))]
 pub fn masked_sums<'py>(
     py: Python<'py>,
-    layer: Py<Prepared>,
+    layer: Py<PreparedLayer>,
     packed: PyReadonlyArray3<'_, u8>,
     width: usize,
     valid: PyReadonlyArray2<'_, u8>,
@@ -80,7 +81,7 @@ pub fn masked_sums<'py>(
 #[pyo3(signature = (layers, sums, threads))]
 pub fn forward<'py>(
     py: Python<'py>,
-    layers: Vec<Py<Prepared>>,
+    layers: Vec<Py<PreparedLayer>>,
     sums: PyReadonlyArray3<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
@@ -94,7 +95,7 @@ pub fn forward<'py>(
 #[pyo3(signature = (layers, counts, sums, threads))]
 pub fn forward_counts<'py>(
     py: Python<'py>,
-    layers: Vec<Py<Prepared>>,
+    layers: Vec<Py<PreparedLayer>>,
     counts: PyReadonlyArray2<'_, i32>,
     sums: PyReadonlyArray2<'_, f32>,
     threads: Option<isize>,
@@ -111,7 +112,7 @@ pub fn forward_counts<'py>(
 #[pyo3(signature = (layers, packed, width, threads))]
 pub fn forward_bits<'py>(
     py: Python<'py>,
-    layers: Vec<Py<Prepared>>,
+    layers: Vec<Py<PreparedLayer>>,
     packed: PyReadonlyArray3<'_, u8>,
     width: usize,
     threads: Option<isize>,
@@ -126,8 +127,8 @@ pub fn forward_bits<'py>(
 /// The rows of the data that rows of a picture are made of, first and last.
 #[pyfunction]
 #[pyo3(signature = (layers, height, rows))]
-pub fn rows_needed(
-    layers: Vec<Py<Prepared>>,
+pub fn input_rows(
+    layers: Vec<Py<PreparedLayer>>,
     height: usize,
     rows: (usize, usize),
 ) -> PyResult<(usize, usize)> {
@@ -211,7 +212,7 @@ fn to_errors(py: Python<'_>, errors: Vec<f64>, pixels: Vec<usize>) -> Errors<'_>
 
 #[pyfunction]
 #[pyo3(signature = (layers, batch, threads))]
-pub fn errors<'py>(
+pub fn squared_errors<'py>(
     py: Python<'py>,
     layers: PyLayers<'py>,
     batch: PyBatch<'py>,
@@ -310,7 +311,7 @@ fn bent<'py, F: Real + Element>(
 
 #[pyfunction]
 #[pyo3(signature = (planes, start, spacing, threads))]
-pub fn bend<'py>(
+pub fn activate<'py>(
     py: Python<'py>,
     planes: PyPlanes<'py>,
     start: f64,
@@ -350,7 +351,7 @@ pub enum PyGradient<'py> {
 
 #[pyfunction]
 #[pyo3(signature = (planes, gradient, start, spacing, threads))]
-pub fn push_bend<'py>(
+pub fn activate_backward<'py>(
     py: Python<'py>,
     planes: PyPlanes<'py>,
     gradient: PyGradient<'py>,

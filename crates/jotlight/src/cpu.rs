@@ -1,7 +1,6 @@
 //! Instruction sets: the hot loops are written once and compiled for several, of which a probe chooses the best that the
 //! processor has. Tests may choose another one.
 
-use std::fmt::Debug;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 use pulp::Scalar;
@@ -156,86 +155,3 @@ macro_rules! levels {
     )*};
 }
 pub(crate) use levels;
-
-/// The most numbers that a register holds.
-pub const LANES: usize = 16;
-
-/// Numbers of which a register holds several.
-pub trait Lanes: Copy {
-    /// A register of them.
-    type Vector<S: Simd>: Copy + Debug;
-    /// How many it holds.
-    fn lanes<S: Simd>() -> usize;
-    /// Whole registers of a slice.
-    fn vectors<S: Simd>(numbers: &[Self]) -> &[Self::Vector<S>];
-    /// Whole registers of a slice.
-    fn vectors_mut<S: Simd>(numbers: &mut [Self]) -> &mut [Self::Vector<S>];
-    /// The same number in all places.
-    fn splat<S: Simd>(simd: S, number: Self) -> Self::Vector<S>;
-    /// a·b + c, rounded once where the processor does so at no cost.
-    fn multiply_add<S: Simd>(
-        simd: S,
-        a: Self::Vector<S>,
-        b: Self::Vector<S>,
-        c: Self::Vector<S>,
-    ) -> Self::Vector<S>;
-    /// The sum of a register.
-    fn total<S: Simd>(simd: S, vector: Self::Vector<S>) -> Self;
-}
-
-macro_rules! lanes {
-    ($number:ty, $vector:ident, $lanes:ident, $slice:ident, $slice_mut:ident, $splat:ident, $multiply_add:ident, $total:ident) => {
-        impl Lanes for $number {
-            type Vector<S: Simd> = S::$vector;
-            #[inline(always)]
-            fn lanes<S: Simd>() -> usize {
-                S::$lanes
-            }
-            #[inline(always)]
-            fn vectors<S: Simd>(numbers: &[Self]) -> &[S::$vector] {
-                S::$slice(numbers).0
-            }
-            #[inline(always)]
-            fn vectors_mut<S: Simd>(numbers: &mut [Self]) -> &mut [S::$vector] {
-                S::$slice_mut(numbers).0
-            }
-            #[inline(always)]
-            fn splat<S: Simd>(simd: S, number: Self) -> S::$vector {
-                simd.$splat(number)
-            }
-            #[inline(always)]
-            fn multiply_add<S: Simd>(
-                simd: S,
-                a: S::$vector,
-                b: S::$vector,
-                c: S::$vector,
-            ) -> S::$vector {
-                simd.$multiply_add(a, b, c)
-            }
-            #[inline(always)]
-            fn total<S: Simd>(simd: S, vector: S::$vector) -> Self {
-                simd.$total(vector)
-            }
-        }
-    };
-}
-lanes!(
-    f32,
-    f32s,
-    F32_LANES,
-    as_simd_f32s,
-    as_mut_simd_f32s,
-    splat_f32s,
-    mul_add_e_f32s,
-    reduce_sum_f32s
-);
-lanes!(
-    f64,
-    f64s,
-    F64_LANES,
-    as_simd_f64s,
-    as_mut_simd_f64s,
-    splat_f64s,
-    mul_add_e_f64s,
-    reduce_sum_f64s
-);

@@ -18,6 +18,7 @@ pub mod error;
 pub mod likelihood;
 pub mod mle;
 pub mod network;
+pub mod numbers;
 pub mod rng;
 pub mod roofline;
 pub mod sensing;

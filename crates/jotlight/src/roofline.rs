@@ -2,7 +2,8 @@
 
 use rayon::prelude::*;
 
-use crate::cpu::{self, Lanes, Simd, WithSimd, levels};
+use crate::cpu::{self, Simd, WithSimd, levels};
+use crate::numbers::Lanes;
 
 /// Sums that are worked on in turn, more than a processor has under way.
 const CHAINS: usize = 12;

@@ -3,16 +3,17 @@
 use ndarray::{Array2, Array3, ArrayView2, ArrayView3};
 use rayon::prelude::*;
 
-use super::block::{check_block, masked_filter};
-use super::codes::Tables;
-use super::graph::Graph;
-use super::look_up::Table;
-use super::lsi::in_one_piece;
-use super::place::Place;
-use super::tiles::picture;
-use super::{Layer, Real};
 use crate::bits::{PackedBits, check_mask};
 use crate::error::{Error, Result};
+use crate::network::convolution::adjoint::in_one_piece;
+use crate::network::first_layer::bit_tables::Tables;
+use crate::network::first_layer::block::{check_block, masked_filter};
+use crate::network::first_layer::count_table::Table;
+use crate::network::graph::Graph;
+use crate::network::layer::Layer;
+use crate::network::tiling::region::Place;
+use crate::network::tiling::workspace::picture;
+use crate::numbers::Real;
 
 /// Counts that are looked through at a time.
 const STRETCH: usize = 1 << 16;

@@ -1,7 +1,8 @@
 //! How layers are put together: what each reads and adds, and how large its planes are.
 
-use super::{Layer, Real};
+use super::layer::{Layer, Wiring};
 use crate::error::{Error, Result};
+use crate::numbers::Real;
 
 /// Rows of a picture that one row of a network's planes may stand for, and the other way round: parts of pictures are no smaller.
 const LARGEST_STEP: usize = 256;
@@ -41,7 +42,7 @@ impl<'a, F: Real> Graph<'a, F> {
         let Some((first, last)) = layers.first().zip(layers.last()) else {
             return Err(Error::range("layers", "at least one", 0));
         };
-        if first.wiring != super::Wiring::default() {
+        if first.wiring != Wiring::default() {
             let expected = "no stride, upsampling or kept planes in the first";
             return Err(Error::range("layers", expected, "some"));
         }
@@ -123,4 +124,30 @@ fn greatest_divisor(a: usize, b: usize) -> usize {
     } else {
         greatest_divisor(b, a % b)
     }
+}
+
+/// Checks that each layer reads what the one before it gives, and that the last gives one plane.
+pub(super) fn check_chain<F: Real>(layers: &[Layer<F>]) -> Result<()> {
+    let Some(last) = layers.last() else {
+        return Err(Error::range("layers", "at least one", 0));
+    };
+    let plain = |layer: &Layer<F>| layer.wiring == Wiring::default() && !layer.splines.is_empty();
+    if !layers.iter().all(plain) {
+        let expected = "each to read the one before, and splines in all of them";
+        return Err(Error::range("layers", expected, "others"));
+    }
+    for (before, layer) in layers.iter().zip(&layers[1..]) {
+        let (outputs, inputs) = (before.filters.dim().0, layer.filters.dim().1);
+        if inputs != outputs {
+            return Err(Error::shape("input channels of a layer", outputs, inputs));
+        }
+    }
+    if last.filters.dim().0 != 1 {
+        return Err(Error::shape(
+            "output channels of the last layer",
+            1,
+            last.filters.dim().0,
+        ));
+    }
+    Ok(())
 }

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::cpu::levels;
 use crate::likelihood::Threshold;
-use crate::network::Real;
+use crate::numbers::Real;
 
 /// P(b = 1) = P(q, s) in units of 2⁻¹⁶, tabulated over s: off by less than [`Bounds::MARGIN`].
 #[derive(Debug)]

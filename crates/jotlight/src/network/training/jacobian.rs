@@ -2,9 +2,9 @@
 
 use ndarray::{Array3, s};
 
-use super::Real;
-use super::backward::Trace;
-use super::lsi::Padded;
+use crate::network::convolution::adjoint::Padded;
+use crate::network::training::backward::Trace;
+use crate::numbers::Real;
 
 impl<F: Real> Trace<'_, F> {
     /// dĉ/da for all parameters a, in the order of [`Trace::backward`], as rows over the `pixels` of the picture that are wanted.

@@ -1,11 +1,11 @@
 //! The pointwise nonlinearity: a cubic B-spline on even knots.
 
-use super::Real;
-#[cfg(target_arch = "x86_64")]
-use super::short::{INTERVALS, Short};
 #[cfg(target_arch = "x86_64")]
 use crate::cpu;
 use crate::cpu::levels;
+#[cfg(target_arch = "x86_64")]
+use crate::network::spline::registers::{INTERVALS, Short};
+use crate::numbers::Real;
 
 /// φ(z) = Σ_k w_k β3((z − start)/Δ − (k − 1)): equations (8) and (10), on \[start, start + (N_w − 3) Δ\]; constant outside of it.
 ///
@@ -28,7 +28,7 @@ const GROUP: usize = 64;
 const TABLE: usize = 256;
 
 impl<F: Real> Spline<F> {
-    pub(super) fn new(coefficients: &[F], start: F, spacing: F) -> Self {
+    pub(crate) fn new(coefficients: &[F], start: F, spacing: F) -> Self {
         let hull = coefficients
             .iter()
             .fold((F::infinity(), F::neg_infinity()), |(low, high), &w| {
@@ -179,7 +179,7 @@ const STRETCH: usize = 4096;
 
 impl<F: Real> Spline<F> {
     /// Pushes a gradient through φ: from that of φ(z) to that of z, in place, and to that of the coefficients, which is added.
-    pub(super) fn push(&self, inputs: &[F], gradient: &mut [F], of_coefficients: &mut [f64]) {
+    pub(crate) fn push(&self, inputs: &[F], gradient: &mut [F], of_coefficients: &mut [f64]) {
         push(self, inputs, gradient, of_coefficients);
     }
 
@@ -225,7 +225,7 @@ levels! {
 
 /// `low` for NaN.
 #[inline(always)]
-pub(super) fn clamp<F: Real>(x: F, low: F, high: F) -> F {
+pub(crate) fn clamp<F: Real>(x: F, low: F, high: F) -> F {
     let x = if x > low { x } else { low };
     if x < high { x } else { high }
 }

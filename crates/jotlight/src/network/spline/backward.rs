@@ -3,8 +3,10 @@
 use ndarray::{Array2, Array3, ArrayView2, ArrayView3, Axis, Zip};
 use rayon::prelude::*;
 
-use super::{Real, Spline, splines_of};
 use crate::error::{Error, Result};
+use crate::network::layer::splines_of;
+use crate::network::spline::evaluate::Spline;
+use crate::numbers::Real;
 
 /// Splines of many channels: coefficients `(C, N_w)` of knots at `start` + k·`spacing`.
 pub struct Splines<F>(Vec<Spline<F>>);

@@ -5,11 +5,13 @@ use std::ops::Range;
 use ndarray::{Array2, ArrayView2, Axis, Zip, s};
 use rayon::prelude::*;
 
-use super::backward::Trace;
-use super::block::Blocks;
-use super::{Layer, Real, check_chain};
 use crate::bits::{PackedBits, packed_width};
 use crate::error::{Error, Result};
+use crate::network::first_layer::block::Blocks;
+use crate::network::graph::check_chain;
+use crate::network::layer::Layer;
+use crate::network::training::backward::Trace;
+use crate::numbers::Real;
 use crate::sensing::{self, Image, PerJot, Sensor, Window};
 
 /// Parts of a batch whose matrices are summed one after the other, whatever the number of threads.

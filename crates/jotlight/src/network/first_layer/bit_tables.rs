@@ -3,10 +3,11 @@
 use ndarray::{Array3, ArrayView3, ArrayView4};
 use rayon::prelude::*;
 
-use super::place::Place;
-use super::{Real, Spline};
 use crate::bits::{PackedBits, field};
 use crate::cpu::levels;
+use crate::network::spline::evaluate::Spline;
+use crate::network::tiling::region::Place;
+use crate::numbers::Real;
 
 /// Bits of a table: of one for the whole block, if there are twice as many pixels as entries, and else of each of several.
 const WHOLE: usize = 16;
@@ -24,7 +25,7 @@ struct Field {
 }
 
 /// The tables of a layer's filters `(C, T, K̂, K̂)`.
-pub(super) struct Tables<F> {
+pub(crate) struct Tables<F> {
     side: usize,
     groups: Vec<Group<F>>,
 }
@@ -106,7 +107,7 @@ impl<F: Real> Tables<F> {
 }
 
 /// p of whole filters, one plane per filter.
-pub(super) fn block_filter<F: Real>(
+pub(crate) fn block_filter<F: Real>(
     bits: &PackedBits<'_>,
     filters: ArrayView4<'_, F>,
     (height, width): (usize, usize),

@@ -4,10 +4,10 @@ use pulp::x86::V4;
 use pulp::{Simd, WithSimd, cast, f32x16};
 
 /// Knot intervals that a register tells apart.
-pub(super) const INTERVALS: usize = 16;
+pub(crate) const INTERVALS: usize = 16;
 
 /// φ of many in place, in the same operations as everywhere else.
-pub(super) struct Short<'a> {
+pub(crate) struct Short<'a> {
     pub simd: V4,
     /// The cubic of each interval, power by power.
     pub powers: [[f32; INTERVALS]; 4],
@@ -78,8 +78,8 @@ impl Short<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Spline;
-    use super::super::spline::clamp;
+    use crate::network::Spline;
+    use crate::network::spline::evaluate::clamp;
 
     #[test]
     fn a_table_in_registers_gives_the_same_bits() {

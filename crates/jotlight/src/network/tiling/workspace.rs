@@ -8,12 +8,13 @@ use std::ops::Range;
 use ndarray::Array2;
 use rayon::prelude::*;
 
-use super::fast;
-use super::graph::Graph;
-use super::lsi::{Padded, read};
-use super::place::{Part, Place, Strip};
-use super::{Layer, Real};
 use crate::error::Result;
+use crate::network::convolution::adjoint::{Padded, read};
+use crate::network::convolution::winograd as fast;
+use crate::network::graph::Graph;
+use crate::network::layer::Layer;
+use crate::network::tiling::region::{Part, Place, Strip};
+use crate::numbers::Real;
 use crate::sensing::mirrored;
 
 /// Pixels of a tile, or of each strip of it, so that its planes stay near the core.
@@ -30,7 +31,7 @@ const BANDS: usize = 4;
 const STRIPS: usize = 2;
 
 /// The picture that the layers give. `first` fills a part of the planes `(C, rows, columns)` of the first one.
-pub(super) fn picture<F: Real>(
+pub(crate) fn picture<F: Real>(
     graph: &Graph<'_, F>,
     size: (usize, usize),
     first: impl Fn(&Place, &mut [F]) + Sync,

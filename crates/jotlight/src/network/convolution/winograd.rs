@@ -3,17 +3,18 @@
 
 use ndarray::{ArrayView4, Axis};
 
-use super::Real;
-use super::bank::Bank;
-use super::correlate::Planes;
-use super::lsi::before;
-use super::place::{Part, Place, Row};
-use crate::cpu::{self, LANES, Simd, WithSimd};
+use crate::cpu::{self, Simd, WithSimd};
+use crate::network::convolution::adjoint::before;
+use crate::network::convolution::channel_bank::Bank;
+use crate::network::convolution::direct::Planes;
+use crate::network::tiling::region::{Part, Place, Row};
+use crate::numbers::LANES;
+use crate::numbers::Real;
 use crate::sensing::mirrored;
 
 /// Lines of a filter, rows that are found at a time, and sums that they are found from.
-pub(super) const LINES: usize = 3;
-pub(super) const ROWS: usize = 4;
+pub(crate) const LINES: usize = 3;
+pub(crate) const ROWS: usize = 4;
 const SUMS: usize = 6;
 
 /// Inputs and outputs from which on what is saved is more than what the sums cost.
@@ -36,7 +37,7 @@ const OF_LINES: [[f64; LINES]; SUMS] = [
 
 /// A bank of filters of one line for each of the sums.
 #[derive(Clone, Debug)]
-pub(super) struct Fast<F> {
+pub(crate) struct Fast<F> {
     banks: Vec<Bank<F>>,
     inputs: usize,
     outputs: usize,

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 /// A rectangle of pixels.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Place {
+pub(crate) struct Place {
     pub rows: Range<usize>,
     pub columns: Range<usize>,
 }
@@ -55,13 +55,13 @@ impl Place {
 
 /// Some rows of a stack of planes, `(channels, rows, columns)`.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Strip<D> {
+pub(crate) struct Strip<D> {
     pub rows: Range<usize>,
     pub data: D,
 }
 
 /// Part of a stack of planes, in strips one below the other.
-pub(super) struct Part<'a, F> {
+pub(crate) struct Part<'a, F> {
     pub strips: Vec<Strip<&'a [F]>>,
     pub columns: Range<usize>,
     /// Of all planes.
@@ -97,7 +97,7 @@ impl<'a, F> Part<'a, F> {
 
 /// A row of every plane of a strip.
 #[derive(Clone, Copy)]
-pub(super) struct Row<'a, F> {
+pub(crate) struct Row<'a, F> {
     strip: &'a [F],
     /// Where that of the first plane starts, and from one plane to the next.
     start: usize,

@@ -3,13 +3,13 @@
 use ndarray::{Array2, Array3, ArrayView2, ArrayView3, ArrayView4, ArrayViewMut4, Axis};
 use rayon::prelude::*;
 
-use super::Real;
-use super::codes::block_filter;
 use crate::bits::{PackedBits, add_block_counts, field, mask_row};
 use crate::error::{Error, Result};
+use crate::network::first_layer::bit_tables::block_filter;
+use crate::numbers::Real;
 
 /// What a first layer reads.
-pub(super) enum Blocks<'a> {
+pub(crate) enum Blocks<'a> {
     /// For tied filters: the ones of each pixel, and the most that there can be. All pixels with the same count are treated as
     /// one: the layer is run on a plane of the counts 0 to K.
     Counts(Array2<i32>, usize),
@@ -122,7 +122,7 @@ impl<'a> Blocks<'a> {
 }
 
 /// Checks that a first layer's filters `(C, T, K̂, K̂)` fit bits, and tells the pixels' rows and columns.
-pub(super) fn check_block<F: Real>(
+pub(crate) fn check_block<F: Real>(
     filters: ArrayView4<'_, F>,
     bits: &PackedBits<'_>,
 ) -> Result<(usize, usize)> {
@@ -142,7 +142,7 @@ pub(super) fn check_block<F: Real>(
 
 /// p of whole filters where some jots are dead: the valid ones stand for them, and each counts as their mean, for taps of any sign;
 /// a pixel without a valid jot becomes NaN.
-pub(super) fn masked_filter<F: Real>(
+pub(crate) fn masked_filter<F: Real>(
     bits: &PackedBits<'_>,
     valid: ArrayView2<'_, u8>,
     filters: ArrayView4<'_, F>,

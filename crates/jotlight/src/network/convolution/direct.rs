@@ -2,20 +2,21 @@
 
 use std::ops::Range;
 
-use super::Real;
-use crate::cpu::{self, LANES, Simd, WithSimd};
+use crate::cpu::{self, Simd, WithSimd};
+use crate::numbers::LANES;
+use crate::numbers::Real;
 
 /// Rows past the last one that a tile may read, and then throws away.
-pub(super) const SPARE_ROWS: usize = 3;
+pub(crate) const SPARE_ROWS: usize = 3;
 /// Columns past the last one that [`gradient`] may read.
-pub(super) const SPARE_COLUMNS: usize = 4;
+pub(crate) const SPARE_COLUMNS: usize = 4;
 
 /// Columns that tiles are worked on in, from the top to the bottom.
 const STRETCH: usize = 512;
 
 /// Planes in rows with room to read past their ends.
 #[derive(Clone, Copy)]
-pub(super) struct Planes<'a, F> {
+pub(crate) struct Planes<'a, F> {
     pub data: &'a [F],
     /// Numbers from one plane to the next, and from one row to the next.
     pub plane: usize,
@@ -25,7 +26,7 @@ pub(super) struct Planes<'a, F> {
 /// The taps of a filter `(channels, lines, columns)` in the order in which tiles of `rows` rows take them: for every row of the
 /// source and every column the taps that serve the rows of the tile; 0 where there is none.
 #[derive(Clone, Debug)]
-pub(super) struct Taps<F> {
+pub(crate) struct Taps<F> {
     numbers: Vec<F>,
     rows: usize,
     lines: usize,
@@ -232,7 +233,7 @@ where
 
 /// Adds Σ weights · source for every shift of the source by `(lines, columns)`, to `sums[line][column]`. Weights come in rows of
 /// `width`, a multiple of [`LANES`], with [`SPARE_ROWS`] rows of 0 before the first and after the last.
-pub(super) fn gradient<F: Real>(
+pub(crate) fn gradient<F: Real>(
     source: &[F],
     stride: usize,
     weights: &[F],

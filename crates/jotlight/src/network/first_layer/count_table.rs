@@ -1,13 +1,13 @@
 //! A function of counts, by table.
 
-use super::Real;
 use crate::cpu::levels;
+use crate::numbers::Real;
 
 /// Entries that a byte tells apart: in a table with so many, indices need not be checked.
 const SMALL: usize = 256;
 
 /// What a count amounts to.
-pub(super) enum Table<F> {
+pub(crate) enum Table<F> {
     Small(Box<[F; SMALL]>),
     Large(Vec<F>),
 }

@@ -5,11 +5,13 @@ use std::ops::Range;
 
 use ndarray::{Array3, ArrayView, ArrayView3, ArrayView4, ArrayViewMut4, Dimension};
 
-use super::Real;
-use super::bank::Bank;
-use super::correlate::{self, Planes, SPARE_COLUMNS, SPARE_ROWS, Taps};
-use super::place::{Part, Place};
-use crate::cpu::LANES;
+use crate::network::convolution::channel_bank::Bank;
+use crate::network::convolution::direct::{
+    self as correlate, Planes, SPARE_COLUMNS, SPARE_ROWS, Taps,
+};
+use crate::network::tiling::region::{Part, Place};
+use crate::numbers::LANES;
+use crate::numbers::Real;
 use crate::sensing::mirrored;
 
 /// Rows of weights whose gradients are summed in few bits.
@@ -18,7 +20,7 @@ const BAND: usize = 64;
 /// The taps of a filter bank `(channels out, channels in, lines, columns)` as loops take them, turned around, so that they run forward in
 /// the taps and in what these read.
 #[derive(Clone, Debug)]
-pub(super) struct Filters<F> {
+pub(crate) struct Filters<F> {
     order: Order<F>,
     inputs: usize,
     /// Lines and columns of a filter, and of what loops see of it: of planes in phases where there is a stride.
@@ -74,7 +76,7 @@ impl<F: Real> Filters<F> {
 }
 
 /// The part of planes of a size that a part of the output needs, by filters of so many lines and columns.
-pub(super) fn read(
+pub(crate) fn read(
     (lines, columns): (usize, usize),
     stride: usize,
     wanted: &Place,
@@ -94,7 +96,7 @@ pub(super) fn read(
 
 /// The taps of every input channel over the outputs, for the adjoint.
 #[derive(Clone, Debug)]
-pub(super) struct Turned<F> {
+pub(crate) struct Turned<F> {
     inputs: Vec<Taps<F>>,
     taps: (usize, usize),
 }
@@ -116,7 +118,7 @@ impl<F: Real> Turned<F> {
 
 /// A stack of planes with a border, in rows with room to read past their end.
 #[derive(Default)]
-pub(super) struct Padded<F> {
+pub(crate) struct Padded<F> {
     data: Vec<F>,
     /// Numbers from one plane to the next, and from one row to the next.
     plane: usize,
@@ -292,7 +294,7 @@ impl<F: Real> Padded<F> {
 }
 
 /// The adjoint of [`Padded::mirrored`] and [`Padded::convolve`]: from the gradient of the outputs to that of the planes.
-pub(super) fn push_to_planes<F: Real>(
+pub(crate) fn push_to_planes<F: Real>(
     turned: &Turned<F>,
     gradient: ArrayView3<'_, F>,
 ) -> Array3<F> {
@@ -331,12 +333,12 @@ pub(super) fn push_to_planes<F: Real>(
 
 /// Rows before the first one that an output would read if it read `stride` alone: it reads from stride·m − before on, as many as there are
 /// taps.
-pub(super) fn before(taps: usize, stride: usize) -> usize {
+pub(crate) fn before(taps: usize, stride: usize) -> usize {
     (taps - stride) / 2
 }
 
 /// Planes as a slice, copied only where they are not one.
-pub(super) fn in_one_piece<T: Copy, D: Dimension>(planes: ArrayView<'_, T, D>) -> Cow<'_, [T]> {
+pub(crate) fn in_one_piece<T: Copy, D: Dimension>(planes: ArrayView<'_, T, D>) -> Cow<'_, [T]> {
     match planes.to_slice() {
         Some(planes) => Cow::Borrowed(planes),
         None => Cow::Owned(planes.iter().copied().collect()),

@@ -2,12 +2,13 @@
 
 use ndarray::{Array3, ArrayView2, ArrayViewMut4, Axis};
 
-use super::block::Blocks;
-use super::lsi::{Padded, push_to_planes};
-use super::{Layer, Real};
+use crate::network::convolution::adjoint::{Padded, push_to_planes};
+use crate::network::first_layer::block::Blocks;
+use crate::network::layer::Layer;
+use crate::numbers::Real;
 
 /// A forward run that remembers what the sweep back needs.
-pub(super) struct Trace<'a, F> {
+pub(crate) struct Trace<'a, F> {
     pub layers: &'a [Layer<F>],
     pub blocks: &'a Blocks<'a>,
     /// What the filters of every layer but the first read.

@@ -1,8 +1,9 @@
 //! Banks of many filters, in tiles that stay in registers: several outputs at a time share every number that is loaded.
 
-use super::Real;
-use super::correlate::Planes;
-use crate::cpu::{self, LANES, Simd, WithSimd};
+use crate::cpu::{self, Simd, WithSimd};
+use crate::network::convolution::direct::Planes;
+use crate::numbers::LANES;
+use crate::numbers::Real;
 
 /// Outputs that are worked on at a time: with 32 registers and with 16, and what is left over.
 const MANY: usize = 8;
@@ -15,7 +16,7 @@ const WIDER: usize = 6;
 /// The taps of a bank `(outputs, inputs, lines, columns)` in the order of the loops: some outputs at a time, of these every input, line
 /// and column, and there the outputs side by side.
 #[derive(Clone, Debug)]
-pub(super) struct Bank<F> {
+pub(crate) struct Bank<F> {
     blocks: Vec<Block<F>>,
     outputs: usize,
     lines: usize,

@@ -1,0 +1,4 @@
+//! Tiles of an image.
+
+pub(crate) mod region;
+pub(crate) mod workspace;

@@ -1,0 +1,5 @@
+//! Cost, gradient and normal equations.
+
+pub(crate) mod backward;
+pub(crate) mod batch;
+pub(crate) mod jacobian;
