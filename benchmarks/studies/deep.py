@@ -1,4 +1,4 @@
-"""How good the build_residual networks are: PSNR on the Berkeley test images, for every K and exposure.
+"""How good the deep networks are: PSNR on the Berkeley test images, for every K and exposure.
 
     python benchmarks/studies/deep.py path/to/data [--images 100] [--model FILE ...] [--output docs/results]
 

@@ -104,7 +104,7 @@ def sets(data: Path, _: Path) -> None:
         "| sum of negative taps |"
     )
     print("| --- | ---: | ---: | ---: |")
-    for rising in (True, False):
+    for monotone in (True, False):
         learned, _ = jl.train(
             jl.Network.initial(sensor), scenes, admissible=SafeSet(monotone=monotone), rng=0
         )
@@ -112,7 +112,7 @@ def sets(data: Path, _: Path) -> None:
         falls = [fall_of(layer.coefficients[0]) for layer in learned.layers]
         negative = np.minimum(learned.layers[1].filters, 0).sum()
         shown = " and ".join(f"{fall:.2f}" for fall in falls)
-        print(f"| {rising} | {psnr:.3f} | {shown} | {negative:.4f} |", flush=True)
+        print(f"| {monotone} | {psnr:.3f} | {shown} | {negative:.4f} |", flush=True)
 
 
 def limits(_: Path, __: Path) -> None:

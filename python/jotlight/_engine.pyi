@@ -10,25 +10,28 @@ __all__ = [
     "activate",
     "activate_backward",
     "add_block_counts",
-    "algebraic_inverse",
+    "anscombe",
     "choose_cpu_level",
     "cpu_level",
     "cpu_levels",
+    "detection_probability",
     "differences",
     "differences_adjoint",
     "equivalent_counts",
-    "exact_inverse",
     "expose",
     "forward",
     "forward_bits",
     "forward_counts",
     "gradient",
     "input_rows",
+    "inverse_anscombe_algebraic",
+    "inverse_anscombe_exact",
+    "inverse_detection_probability",
     "kernel_taps",
+    "likelihood_admm_update",
+    "likelihood_gradient_and_curvature",
     "likelihood_information",
     "likelihood_proximal",
-    "likelihood_slopes",
-    "likelihood_split",
     "log_likelihood",
     "masked_sums",
     "mle_from_counts",
@@ -44,11 +47,8 @@ __all__ = [
     "spread_forward",
     "spread_normal",
     "squared_errors",
-    "stabilise",
-    "threshold_probability",
-    "threshold_rate",
     "total_variation",
-    "variation_split",
+    "total_variation_admm_update",
 ]
 
 __version__: str
@@ -65,7 +65,7 @@ _Response: TypeAlias = tuple[int, float, float]
 _Span: TypeAlias = tuple[int, int]
 _Floats64: TypeAlias = float | npt.NDArray[np.float64]
 _Jots: TypeAlias = tuple[_Floats64, _Floats64]
-_Seen: TypeAlias = tuple[
+_Readings: TypeAlias = tuple[
     int, npt.NDArray[np.int32], int | npt.NDArray[np.int32], _Floats64, _Floats64
 ]
 _Step: TypeAlias = tuple[float, float]
@@ -105,8 +105,8 @@ def probability(
     threads: int | None,
 ) -> None: ...
 def kernel_taps(degree: int, oversampling: int) -> list[float]: ...
-def threshold_probability(threshold: int, rate: float) -> float: ...
-def threshold_rate(threshold: int, probability: float) -> float: ...
+def detection_probability(threshold: int, rate: float) -> float: ...
+def inverse_detection_probability(threshold: int, probability: float) -> float: ...
 def mle_from_counts(
     sensor: _Response,
     counts: npt.NDArray[np.int32],
@@ -143,13 +143,13 @@ def equivalent_counts(
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...
-def stabilise(
+def anscombe(
     counts: npt.NDArray[np.float32], bits: int, out: npt.NDArray[np.float32], threads: int | None
 ) -> None: ...
-def algebraic_inverse(
+def inverse_anscombe_algebraic(
     z: npt.NDArray[np.float32], bits: int, out: npt.NDArray[np.float32], threads: int | None
 ) -> None: ...
-def exact_inverse(
+def inverse_anscombe_exact(
     z: npt.NDArray[np.float32], bits: int, out: npt.NDArray[np.float32], threads: int | None
 ) -> None: ...
 
@@ -200,18 +200,20 @@ def activate_backward(
     spacing: float,
     threads: int | None,
 ) -> tuple[_Floats, npt.NDArray[np.float64]]: ...
-def log_likelihood(seen: _Seen, light: npt.NDArray[np.float64], threads: int | None) -> float: ...
-def likelihood_slopes(
-    seen: _Seen,
+def log_likelihood(
+    readings: _Readings, light: npt.NDArray[np.float64], threads: int | None
+) -> float: ...
+def likelihood_gradient_and_curvature(
+    readings: _Readings,
     light: npt.NDArray[np.float64],
     gradient: npt.NDArray[np.float64],
     curvature: npt.NDArray[np.float64],
     threads: int | None,
 ) -> None: ...
 def likelihood_proximal(
-    seen: _Seen,
+    readings: _Readings,
     penalty: float,
-    most: float,
+    max_light: float,
     guess: npt.NDArray[np.float64],
     point: npt.NDArray[np.float64],
     threads: int | None,
@@ -247,16 +249,16 @@ def shrink(
 def total_variation(
     planes: npt.NDArray[np.float64], weight: _Floats64, isotropic: bool, threads: int | None
 ) -> float: ...
-def likelihood_split(
-    seen: _Seen,
+def likelihood_admm_update(
+    readings: _Readings,
     step: _Step,
-    most: float,
+    max_light: float,
     light: npt.NDArray[np.float64],
     x: npt.NDArray[np.float64],
     dual: npt.NDArray[np.float64],
     threads: int | None,
 ) -> float: ...
-def variation_split(
+def total_variation_admm_update(
     step: _Step,
     weight: _Floats64,
     isotropic: bool,
@@ -266,7 +268,7 @@ def variation_split(
     threads: int | None,
 ) -> float: ...
 def likelihood_information(
-    seen: _Seen,
+    readings: _Readings,
     light: npt.NDArray[np.float64],
     information: npt.NDArray[np.float64],
     threads: int | None,

@@ -57,7 +57,7 @@ def test_the_held_out_bits_of_a_capture_become_more_likely(learn, run, tmp_path)
     assert run(*command)[0] == 0
     assert (tmp_path / "picture.png").is_file()
     told = run("info", OWN, "--plot", "later.png")[1] + run("info", OWN)[1]
-    assert "60 steps of Adam(rate=0.003), seed 0" in told
+    assert "60 steps of Adam(learning_rate=0.003), seed 0" in told
     assert "fine-tuned on seen.npy" in " ".join(told.split())
     assert f"held out {before:.5f} to {after:.5f} nats per bit" in " ".join(told.split())
 

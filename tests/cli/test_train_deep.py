@@ -73,7 +73,7 @@ def test_a_folder_of_pictures_gives_the_network_that_python_gives(run, pictures,
     assert files(tmp_path) == [NETWORK, "pictures", "run.png"]
     assert (tmp_path / "run.png").stat().st_size > 10_000
     assert run("info", NETWORK, "--plot", "later.png")[0] == 0
-    assert "3 steps of Adam(rate=0.002)" in run("info", NETWORK)[1]
+    assert "3 steps of Adam(learning_rate=0.002)" in run("info", NETWORK)[1]
 
 
 def test_a_network_for_any_bits_is_learned_and_improved(run, pictures, tmp_path):

@@ -44,7 +44,7 @@ def test_hidden_files_and_other_endings_are_left_out(folder):
     (folder / "noending").write_text("no picture")
     (folder / "film.mp4").write_text("no picture")
     (folder / "below").mkdir()
-    Image.fromarray(LEVELS).save(folder / "below" / "build_residual.png")
+    Image.fromarray(LEVELS).save(folder / "below" / "deeper.png")
     assert read_image_set(folder)[0] == before
 
 

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jotlight as jl
-from jotlight.training import SafeSet, network_of, pixel_chunks, vector_of
+from jotlight.training import SafeSet, network_of, split_vector, vector_of
 from jotlight.training.admissible import nearest_filter, nearest_monotone, nearest_weights
 from reference import methods, sensing
 from reference import training as twins
@@ -55,7 +55,7 @@ def far_out(rng, size):
 
 def assert_in_set(network, vector, nu, slack=1e-9):
     domains = domains_of(network)
-    for index, (filters, coefficients) in enumerate(pixel_chunks(network, vector)):
+    for index, (filters, coefficients) in enumerate(split_vector(network, vector)):
         if index == 0:
             times = network.sensor.bits_per_pixel if network.tied else 1
             assert filters.min() >= 0
@@ -100,14 +100,14 @@ def test_the_nearest_that_rise_are_the_nearest_of_all_cut_off_too(values):
 
 def test_splines_rise_where_there_is_one_channel_throughout_and_it_is_asked_for():
     sensor = jl.Sensor(oversampling=3)
-    for channels, rising, rises in [
+    for channels, monotone, rises in [
         ([1, 1], True, True),
         ([1, 1], False, False),
         ([2, 1], True, False),
     ]:
         network = bare_network(sensor, channels, [(3, 3)], tied=True)
         start = np.random.default_rng(0).normal(0, 1, len(vector_of(network)))
-        for _, coefficients in pixel_chunks(
+        for _, coefficients in split_vector(
             network, SafeSet(0.5, monotone).project(network, start)
         ):
             assert (np.diff(coefficients) >= 0).all() == rises
@@ -231,7 +231,7 @@ def test_no_bits_whatever_lead_out_of_a_range(case):
 def test_the_bounds_are_reached_and_so_no_tighter_than_needed(tied, nu):
     bare = bare_network(SENSORS[1], [1, 1], [(1, 3)], tied=tied)
     vector = vector_of(bare)
-    (taps, first), (filters, second) = pixel_chunks(bare, vector)
+    (taps, first), (filters, second) = split_vector(bare, vector)
     taps[...] = 1e3
     first[0, :4], first[0, 4:] = -1e3, 1e3
     filters[0, 0, 0] = -900, 1000, -950
@@ -250,7 +250,7 @@ class Frozen:
 
     def project(self, network, vector):
         new = vector.copy()
-        for filters, coefficients in pixel_chunks(network, new):
+        for filters, coefficients in split_vector(network, new):
             filters[...] = 1
             coefficients[...] = coefficients.clip(0.2, 0.7)
         return new

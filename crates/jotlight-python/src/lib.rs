@@ -26,8 +26,8 @@ mod _engine {
     use super::cpu::{choose_cpu_level, cpu_level, cpu_levels, multiply_adds, read_words};
     #[pymodule_export]
     use super::likelihood::{
-        likelihood_information, likelihood_proximal, likelihood_slopes, likelihood_split,
-        log_likelihood,
+        likelihood_admm_update, likelihood_gradient_and_curvature, likelihood_information,
+        likelihood_proximal, log_likelihood,
     };
     #[pymodule_export]
     use super::mle::{equivalent_counts, mle_from_counts, mle_from_jots, mle_from_probability};
@@ -38,13 +38,15 @@ mod _engine {
     };
     #[pymodule_export]
     use super::sensing::{
-        expose, kernel_taps, probability, rate, spread_adjoint, spread_forward, spread_normal,
-        threshold_probability, threshold_rate,
+        detection_probability, expose, inverse_detection_probability, kernel_taps, probability,
+        rate, spread_adjoint, spread_forward, spread_normal,
     };
     #[pymodule_export]
-    use super::tv::{differences, differences_adjoint, shrink, total_variation, variation_split};
+    use super::tv::{
+        differences, differences_adjoint, shrink, total_variation, total_variation_admm_update,
+    };
     #[pymodule_export]
-    use super::vst::{algebraic_inverse, exact_inverse, stabilise};
+    use super::vst::{anscombe, inverse_anscombe_algebraic, inverse_anscombe_exact};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

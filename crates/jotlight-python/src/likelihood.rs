@@ -61,77 +61,83 @@ impl PySeen<'_> {
 }
 
 #[pyfunction]
-#[pyo3(signature = (seen, light, threads))]
+#[pyo3(signature = (readings, light, threads))]
 pub fn log_likelihood(
     py: Python<'_>,
-    seen: PySeen<'_>,
+    readings: PySeen<'_>,
     light: PyReadonlyArray1<'_, f64>,
     threads: Option<isize>,
 ) -> PyResult<f64> {
-    let (seen, light) = (seen.view()?, light.as_slice()?);
-    run(py, threads, || seen.value(light))
+    let (readings, light) = (readings.view()?, light.as_slice()?);
+    run(py, threads, || readings.value(light))
 }
 
 #[pyfunction]
-#[pyo3(signature = (seen, light, gradient, curvature, threads))]
-pub fn likelihood_slopes(
+#[pyo3(signature = (readings, light, gradient, curvature, threads))]
+pub fn likelihood_gradient_and_curvature(
     py: Python<'_>,
-    seen: PySeen<'_>,
+    readings: PySeen<'_>,
     light: PyReadonlyArray1<'_, f64>,
     mut gradient: PyReadwriteArray1<'_, f64>,
     mut curvature: PyReadwriteArray1<'_, f64>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let (seen, light) = (seen.view()?, light.as_slice()?);
+    let (readings, light) = (readings.view()?, light.as_slice()?);
     let (gradient, curvature) = (gradient.as_slice_mut()?, curvature.as_slice_mut()?);
-    run(py, threads, || seen.slopes(light, gradient, curvature))
+    run(py, threads, || readings.slopes(light, gradient, curvature))
 }
 
 #[pyfunction]
-#[pyo3(signature = (seen, light, information, threads))]
+#[pyo3(signature = (readings, light, information, threads))]
 pub fn likelihood_information(
     py: Python<'_>,
-    seen: PySeen<'_>,
+    readings: PySeen<'_>,
     light: PyReadonlyArray1<'_, f64>,
     mut information: PyReadwriteArray1<'_, f64>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let (seen, light, information) = (seen.view()?, light.as_slice()?, information.as_slice_mut()?);
-    run(py, threads, || seen.information(light, information))
+    let (readings, light, information) = (
+        readings.view()?,
+        light.as_slice()?,
+        information.as_slice_mut()?,
+    );
+    run(py, threads, || readings.information(light, information))
 }
 
 #[pyfunction]
-#[pyo3(signature = (seen, penalty, most, guess, point, threads))]
+#[pyo3(signature = (readings, penalty, max_light, guess, point, threads))]
 pub fn likelihood_proximal(
     py: Python<'_>,
-    seen: PySeen<'_>,
+    readings: PySeen<'_>,
     penalty: f64,
-    most: f64,
+    max_light: f64,
     guess: PyReadonlyArray1<'_, f64>,
     mut point: PyReadwriteArray1<'_, f64>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let (seen, guess, point) = (seen.view()?, guess.as_slice()?, point.as_slice_mut()?);
-    run(py, threads, || seen.proximal(penalty, most, guess, point))
+    let (readings, guess, point) = (readings.view()?, guess.as_slice()?, point.as_slice_mut()?);
+    run(py, threads, || {
+        readings.proximal(penalty, max_light, guess, point)
+    })
 }
 
 #[pyfunction]
-#[pyo3(signature = (seen, step, most, light, x, dual, threads))]
+#[pyo3(signature = (readings, step, max_light, light, x, dual, threads))]
 #[allow(clippy::too_many_arguments)]
-pub fn likelihood_split(
+pub fn likelihood_admm_update(
     py: Python<'_>,
-    seen: PySeen<'_>,
+    readings: PySeen<'_>,
     step: PyStep,
-    most: f64,
+    max_light: f64,
     light: PyReadonlyArray1<'_, f64>,
     mut x: PyReadwriteArray1<'_, f64>,
     mut dual: PyReadwriteArray1<'_, f64>,
     threads: Option<isize>,
 ) -> PyResult<f64> {
-    let (seen, light) = (seen.view()?, light.as_slice()?);
+    let (readings, light) = (readings.view()?, light.as_slice()?);
     let (x, dual) = (x.as_slice_mut()?, dual.as_slice_mut()?);
     run(py, threads, || {
-        seen.split(&step_of(step), most, light, x, dual)
+        readings.split(&step_of(step), max_light, light, x, dual)
     })
 }
 

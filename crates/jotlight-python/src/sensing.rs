@@ -176,12 +176,12 @@ pub fn kernel_taps(degree: usize, oversampling: usize) -> PyResult<Vec<f64>> {
 }
 
 #[pyfunction]
-pub fn threshold_probability(threshold: u32, rate: f64) -> PyResult<f64> {
+pub fn detection_probability(threshold: u32, rate: f64) -> PyResult<f64> {
     Ok(Threshold::new(threshold).map_err(to_python)?.fires(rate))
 }
 
 #[pyfunction]
-pub fn threshold_rate(threshold: u32, probability: f64) -> PyResult<f64> {
+pub fn inverse_detection_probability(threshold: u32, probability: f64) -> PyResult<f64> {
     Ok(Threshold::new(threshold)
         .map_err(to_python)?
         .rate(probability))

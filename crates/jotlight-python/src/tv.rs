@@ -68,7 +68,7 @@ pub fn total_variation(
 #[pyfunction]
 #[pyo3(signature = (step, weight, isotropic, image, x, dual, threads))]
 #[allow(clippy::too_many_arguments)]
-pub fn variation_split(
+pub fn total_variation_admm_update(
     py: Python<'_>,
     step: PyStep,
     weight: PyFloats<'_>,

@@ -6,7 +6,7 @@ use crate::run;
 
 #[pyfunction]
 #[pyo3(signature = (counts, bits, out, threads))]
-pub fn stabilise(
+pub fn anscombe(
     py: Python<'_>,
     counts: PyReadonlyArray1<'_, f32>,
     bits: u32,
@@ -22,7 +22,7 @@ pub fn stabilise(
 
 #[pyfunction]
 #[pyo3(signature = (z, bits, out, threads))]
-pub fn algebraic_inverse(
+pub fn inverse_anscombe_algebraic(
     py: Python<'_>,
     z: PyReadonlyArray1<'_, f32>,
     bits: u32,
@@ -38,7 +38,7 @@ pub fn algebraic_inverse(
 
 #[pyfunction]
 #[pyo3(signature = (z, bits, out, threads))]
-pub fn exact_inverse(
+pub fn inverse_anscombe_exact(
     py: Python<'_>,
     z: PyReadonlyArray1<'_, f32>,
     bits: u32,

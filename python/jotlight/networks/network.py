@@ -176,7 +176,7 @@ class Network:
             _architecture(architecture), bits, intensity, most, np.random.default_rng(rng)
         )
         return cls(
-            layers, sensor, {"start": f"{architecture}, from the counts, smoothed and inverted"}
+            layers, sensor, {"start": f"{architecture}, starts at the smoothed, inverted counts"}
         )
 
     @classmethod
@@ -201,7 +201,7 @@ class Network:
         layers = build_conditional(
             _architecture(architecture), trials_range, np.random.default_rng(rng)
         )
-        history = {"start": f"{architecture}, told K, from the counts, smoothed and stabilised"}
+        history = {"start": f"{architecture}, conditional on K; starts at the smoothed, stabilized counts"}
         return cls(layers, Sensor(), history, trials_range=trials_range)
 
     @property

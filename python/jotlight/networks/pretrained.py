@@ -13,7 +13,7 @@ LARGE_BITS_PER_PIXEL = (16,)
 """K of the quality "large", which is alike in all else."""
 
 QUALITIES = "fast", "small", "medium", "large"
-"""The two-layer network of the paper, and build_residual members of its family, each slower and better."""
+"""The two-layer network of the paper, and deeper networks, each slower and better."""
 
 FOLDER = Path(__file__).parent / "weights"
 """Where they are: `k16.safetensors`, say, with its card `k16.md`."""

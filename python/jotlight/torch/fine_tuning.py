@@ -140,7 +140,7 @@ def fine_tune(
             "network": fingerprint_of(network),
             "sensor": sensor.numbers(),
             "capture": _fingerprint(seen),
-            "optimizer": f"Adam(rate={rate})",
+            "optimizer": f"Adam(learning_rate={rate})",
             "steps": steps,
             "batch": batch,
             "patch": side,

@@ -141,7 +141,7 @@ def train(
             "sensor": patches.sensor.numbers(),
             "images": fingerprint(scenes),
             "test": None if tests is None else fingerprint(tests),
-            "optimizer": f"Adam(rate={rate})",
+            "optimizer": f"Adam(learning_rate={rate})",
             "steps": steps,
             "batch": batch,
             "patch": patches.side,

@@ -12,7 +12,7 @@ from jotlight.training.optimizers import (
     ProjectedGradient,
     Step,
 )
-from jotlight.training.parameters import network_of, pixel_chunks, vector_of
+from jotlight.training.parameters import network_of, split_vector, vector_of
 
 __all__ = [
     "OPTIMIZERS",
@@ -27,7 +27,7 @@ __all__ = [
     "SafeSet",
     "Step",
     "network_of",
-    "pixel_chunks",
+    "split_vector",
     "train",
     "vector_of",
 ]

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from jotlight.networks.network import Network
-from jotlight.training.parameters import Vector, pixel_chunks
+from jotlight.training.parameters import Vector, split_vector
 
 
 class AdmissibleSet(Protocol):
@@ -86,7 +86,7 @@ class SafeSet:
             raise ValueError(
                 f"network: expected a first spline that starts at 0, got the domain {domains[0]}"
             )
-        for index, (filters, coefficients) in enumerate(pixel_chunks(network, projected)):
+        for index, (filters, coefficients) in enumerate(split_vector(network, projected)):
             if index > 0:
                 for taps in filters:
                     taps[...] = nearest_filter(taps.ravel(), self.nu).reshape(taps.shape)

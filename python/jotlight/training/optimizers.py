@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from jotlight.networks.network import Network
 from jotlight.training.cost import Cost
-from jotlight.training.parameters import Vector, pixel_chunks
+from jotlight.training.parameters import Vector, split_vector
 
 _TRIES = 7
 """How often a step is halved at most, less one."""
@@ -134,7 +134,7 @@ class Adam:
     def _ranges(network: Network) -> Vector:
         """How far each parameter can be expected to go."""
         ranges = np.empty(sum(x.parameters for x in network.layers))
-        for index, (filters, coefficients) in enumerate(pixel_chunks(network, ranges)):
+        for index, (filters, coefficients) in enumerate(split_vector(network, ranges)):
             filters[...] = 0.2
             if index + 1 < len(network.layers):
                 after = network.layers[index + 1]

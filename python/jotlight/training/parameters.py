@@ -30,7 +30,7 @@ def vector_of(network: Network) -> Vector:
     return np.concatenate(arrays).astype(np.float64)
 
 
-def pixel_chunks(network: Network, vector: Vector) -> Iterator[tuple[Vector, Vector]]:
+def split_vector(network: Network, vector: Vector) -> Iterator[tuple[Vector, Vector]]:
     """Give each layer's filters and coefficients as views of the vector, in their shapes."""
     start = 0
     for layer in network.layers:
@@ -52,7 +52,7 @@ def network_of(network: Network, vector: Vector) -> Network:
             coefficients=coefficients.astype(np.float32),
         )
         for layer, (filters, coefficients) in zip(
-            network.layers, pixel_chunks(network, vector), strict=True
+            network.layers, split_vector(network, vector), strict=True
         )
     ]
     return Network(layers, network.sensor, network.history)
@@ -65,6 +65,6 @@ def engine_layers(network: Network, vector: Vector, dtype: npt.DTypeLike = np.fl
             np.ascontiguousarray(filters, dtype), np.ascontiguousarray(coefficients, dtype)
         )
         for layer, (filters, coefficients) in zip(
-            network.layers, pixel_chunks(network, vector), strict=True
+            network.layers, split_vector(network, vector), strict=True
         )
     ]

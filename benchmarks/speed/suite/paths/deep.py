@@ -1,4 +1,4 @@
-"""The build_residual networks: bits in memory to a picture in floats."""
+"""The deep networks: bits in memory to a picture in floats."""
 
 import math
 from collections.abc import Callable, Iterator
