@@ -24,7 +24,7 @@ def member(name, seed=0, **options):
     return deep.lively(jl.Network.deep(SENSOR, name, rng=seed), rng, **options)
 
 
-def told(name="small", seed=0):
+def conditional(name="small", seed=0):
     return deep.lively(jl.Network.conditional(name, rng=seed), np.random.default_rng(seed))
 
 
@@ -177,9 +177,9 @@ def test_dead_jots_of_a_deep_network_that_weighs_jots_singly():
 @pytest.mark.parametrize("bits", [1, 2, 16, 100, 256])
 @pytest.mark.parametrize("size", [(1, 1), (19, 30)])
 def test_the_picture_of_a_network_that_is_told_k_is_the_twins(bits, size):
-    network, sensor = told(), jl.Sensor(frames=bits, max_intensity=5.0)
+    network, sensor = conditional(), jl.Sensor(frames=bits, max_intensity=5.0)
     counts = counts_of(sensor, *size)
-    layers = deep.told(network.layers, bits, BETWEEN, count_sets(network.layers))
+    layers = deep.conditioned(network.layers, bits, BETWEEN, count_sets(network.layers))
     # Trained filters are kept in float32.
     sums = counts[None] * np.float64(layers[0].filters.reshape(()))
     expected = deep.picture(layers, sums, size_divisor(layers))
@@ -314,7 +314,7 @@ def test_every_output_lies_between_0_and_the_largest_intensity(most):
         assert picture.std() > 0.01 * most
 
 
-@pytest.mark.parametrize("make", [*(lambda n=n: member(n) for n in ARCHITECTURES), told])
+@pytest.mark.parametrize("make", [*(lambda n=n: member(n) for n in ARCHITECTURES), conditional])
 def test_a_file_keeps_everything(tmp_path, make):
     network = make()
     network.save(tmp_path / "deep.safetensors")
@@ -343,8 +343,8 @@ LAST = layer(1, 2)
         ([layer(1, 1, 1, input=0)], "the first one to read the data"),
         ([layer(1, 1, 1, skip=0)], "the first one to read the data"),
         ([layer(4, 1, 1, upsampling=2)], "the first one to read the data"),
-        ([FIRST, layer(1, 2, input=1)], "layer 1 to take planes of 0 to 0, got reads 1"),
-        ([FIRST, layer(1, 2, skip=-1)], "layer 1 to take planes of 0 to 0, got adds -1"),
+        ([FIRST, layer(1, 2, input=1)], "layer 1 to take planes of 0 to 0, got input 1"),
+        ([FIRST, layer(1, 2, skip=-1)], "layer 1 to take planes of 0 to 0, got skip -1"),
         ([FIRST, layer(3, 2), layer(1, 2)], "expected 3 input channels in layer 2"),
         ([FIRST, layer(3, 2), layer(1, 3, skip=1)], "layer 2 to add planes like its own, of 1"),
         (
@@ -370,7 +370,7 @@ def test_layers_that_do_not_fit_each_other_are_refused(layers, message):
         ({"upsampling": 17}, "upsampling: expected 1 to 16, got 17"),
         ({"stride": 4}, "at least as many rows and columns as the stride of 4"),
         ({"upsampling": 3}, "expected a multiple of 9 of them, for an upsampling of 3, got 4"),
-        ({"learns": "some"}, "learns: expected one of all, filters, nothing, got 'some'"),
+        ({"trainable": "some"}, "trainable: expected one of all, filters, nothing, got 'some'"),
     ],
 )
 def test_a_layer_that_cannot_be_is_refused(options, message):
@@ -386,18 +386,21 @@ def test_coefficients_are_one_row_for_each_channel_after_the_upsampling():
 @pytest.mark.parametrize(
     ("bits", "message"),
     [
-        (None, "bits: expected a range of bits per pixel for layers with sets"),
-        ((0, 16), "bits: expected the least and the most bits per pixel of a tied network"),
-        ((16, 16), "bits: expected the least and the most bits per pixel of a tied network"),
+        (None, "trials_range: expected a range of bits per pixel for layers with sets"),
+        ((0, 16), "trials_range: expected the least and the most bits per pixel of a tied network"),
+        (
+            (16, 16),
+            "trials_range: expected the least and the most bits per pixel of a tied network",
+        ),
     ],
 )
 def test_a_network_with_sets_needs_a_range_of_k(bits, message):
     with pytest.raises(ValueError, match=message):
-        jl.Network(told().layers, jl.Sensor(), bits=bits)
+        jl.Network(conditional().layers, jl.Sensor(), trials_range=bits)
 
 
 def test_sets_are_as_many_in_all_layers_and_four_at_least():
-    layers = list(told().layers)
+    layers = list(conditional().layers)
     for kept in (3, 5):
         cut = dataclasses.replace(layers[1], filters=layers[1].filters[:kept])
         with pytest.raises(ValueError, match="the same number of sets"):
@@ -406,7 +409,7 @@ def test_sets_are_as_many_in_all_layers_and_four_at_least():
 
 def test_a_k_out_of_range_is_refused():
     with pytest.raises(ValueError, match="for 1 to 256 bits per pixel, got 257"):
-        told().reconstruct(np.ones((4, 4), int), jl.Sensor(frames=257))
+        conditional().reconstruct(np.ones((4, 4), int), jl.Sensor(frames=257))
     with pytest.raises(ValueError, match="member: expected one of small, medium, large"):
         jl.Network.deep(SENSOR, "huge")
 

@@ -115,19 +115,19 @@ TWO = '[{{"start": {0}, "spacing": {1}}}, {{"start": 0, "spacing": 1}}]'
         ("layers", TWO.format(0, '1, "stride": 1e9')),
         ("layers", TWO.format(0, '1, "stride": 2')),
         ("layers", TWO.format(0, '1, "upsampling": "a"')),
-        ("layers", TWO.format(0, '1, "reads": 5')),
-        ("layers", TWO.format(0, '1, "adds": [0]')),
-        ("layers", TWO.format(0, '1, "learns": "much"')),
+        ("layers", TWO.format(0, '1, "input": 5')),
+        ("layers", TWO.format(0, '1, "skip": [0]')),
+        ("layers", TWO.format(0, '1, "trainable": "much"')),
         ("layers", TWO.format(0, '1, "filters": 1')),
         ("layers", TWO.format(0, '1, "colour": 1')),
         ("layers", DEEP),
-        ("bits", "[]"),
-        ("bits", "[1]"),
-        ("bits", "[0, 4]"),
-        ("bits", "[9, 4]"),
-        ("bits", "[1.5, 4]"),
-        ("bits", '"ab"'),
-        ("bits", "{"),
+        ("trials_range", "[]"),
+        ("trials_range", "[1]"),
+        ("trials_range", "[0, 4]"),
+        ("trials_range", "[9, 4]"),
+        ("trials_range", "[1.5, 4]"),
+        ("trials_range", '"ab"'),
+        ("trials_range", "{"),
         ("sensor", "null"),
         ("sensor", "{"),
         ("sensor", '{"oversampling": 0}'),
@@ -150,7 +150,7 @@ def test_damaged_metadata_are_refused(tmp_path, parts, name, text):
     refused(tmp_path / "net", content, "damaged network file")
 
 
-@pytest.mark.parametrize("name", ["layers", "sensor", "bits", "history"])
+@pytest.mark.parametrize("name", ["layers", "sensor", "trials_range", "history"])
 def test_missing_metadata_are_refused(tmp_path, parts, name):
     header, body = parts
     metadata = {key: value for key, value in header["__metadata__"].items() if key != name}

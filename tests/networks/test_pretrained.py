@@ -102,7 +102,7 @@ def test_the_card_names_data_command_seed_and_quality(bits):
 def test_a_network_was_trained_for_its_sensor_on_what_the_card_says(bits):
     network = model(bits)
     assert network.sensor == jl.Sensor(oversampling=round(bits**0.5))
-    assert network.history["trained on"] == "BSDS300 train, grey"
+    assert network.history["trained on"] == "BSDS300 train, gray"
     loss = network.history["records"]["loss"]
     assert len(loss) == network.history["run"]["steps"] + 1
     assert loss[-1] < loss[0]

@@ -21,7 +21,7 @@ def member(name):
     return deep.lively(jl.Network.deep(SENSOR, name, rng=0), np.random.default_rng(0))
 
 
-def told(name):
+def conditional(name):
     return deep.lively(jl.Network.conditional(name, rng=0), np.random.default_rng(1))
 
 
@@ -39,9 +39,11 @@ NETWORKS = {
     "wired": lambda: deep.wired(np.random.default_rng(3), SENSOR),
     "wired, jots": lambda: deep.wired(np.random.default_rng(3), SENSOR, tied=False),
 }
-TOLD = {"small": lambda: told("small"), "medium": lambda: told("medium")}
+CONDITIONAL = {"small": lambda: conditional("small"), "medium": lambda: conditional("medium")}
 every_network = pytest.mark.parametrize(
-    "make", [*NETWORKS.values(), *TOLD.values()], ids=[*NETWORKS, *(f"told {x}" for x in TOLD)]
+    "make",
+    [*NETWORKS.values(), *CONDITIONAL.values()],
+    ids=[*NETWORKS, *(f"conditional {x}" for x in CONDITIONAL)],
 )
 
 
@@ -72,7 +74,7 @@ def test_the_module_gives_the_engines_picture(make, size):
     np.testing.assert_allclose(given[0, 0], network.reconstruct(data), atol=1e-5)
 
 
-@pytest.mark.parametrize("make", TOLD.values(), ids=TOLD)
+@pytest.mark.parametrize("make", CONDITIONAL.values(), ids=CONDITIONAL)
 @pytest.mark.parametrize("bits", [1, 16, 256])
 @pytest.mark.parametrize("size", SIZES)
 def test_a_module_that_is_told_k_gives_the_engines_shares(make, bits, size):
@@ -86,8 +88,10 @@ def test_a_module_that_is_told_k_gives_the_engines_shares(make, bits, size):
 
 def test_a_module_is_told_k_if_and_only_if_it_has_to_be():
     data = torch.zeros(1, 1, 4, 4)
-    for network, bits in ((told("small"), None), (member("small"), 16)):
-        with pytest.raises(ValueError, match="bits: expected K for a network that is told it"):
+    for network, bits in ((conditional("small"), None), (member("small"), 16)):
+        with pytest.raises(
+            ValueError, match="bits: expected K for a network that is conditional it"
+        ):
             Network(network)(data, bits)
 
 
@@ -157,7 +161,7 @@ def test_half_the_digits_give_nearly_the_same(name):
 
 def test_compiling_changes_nothing():
     """Traced as one graph, and run as it was traced: without a compiler of C++."""
-    module = Network(told("small"))
+    module = Network(conditional("small"))
     torch._dynamo.reset()
     compiled = torch.compile(module, fullgraph=True, backend="aot_eager")
     _, tensor = seen(module.origin, (11, 20))

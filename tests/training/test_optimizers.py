@@ -238,7 +238,7 @@ def test_a_setting_that_is_not_above_0_is_refused(make, name, value):
 
 
 @pytest.mark.parametrize("memory", [(1.0, 0.9), (0.9, 1.0), (-0.1, 0.9), (np.nan, 0.9)])
-def test_a_memory_that_never_fades_is_refused(memory):
+def test_betas_of_1_or_more_is_refused(memory):
     with pytest.raises(ValueError, match=r"memory: expected two shares in \[0, 1\)"):
         Adam(memory=memory)
 

@@ -201,7 +201,9 @@ class Network:
         layers = build_conditional(
             _architecture(architecture), trials_range, np.random.default_rng(rng)
         )
-        history = {"start": f"{architecture}, conditional on K; starts at the smoothed, stabilized counts"}
+        history = {
+            "start": f"{architecture}, conditional on K; starts at the smoothed, stabilized counts"
+        }
         return cls(layers, Sensor(), history, trials_range=trials_range)
 
     @property

@@ -39,7 +39,7 @@ def to_space(planes, times):
 
 
 def picture(layers, sums, step):
-    """From the sums of the first layer, which has to be told K already."""
+    """From the sums of the first layer, which is conditioned on K already."""
     height, width = sums.shape[1:]
     sums = np.pad(sums, ((0, 0), (0, -height % step), (0, -width % step)), mode="symmetric")
     planes = []
@@ -69,7 +69,7 @@ def shares(bits, between, number):
     return np.array([float(BSpline(knots, one, 3)(place)) for one in np.eye(number)])
 
 
-def told(layers, bits, between, number):
+def conditioned(layers, bits, between, number):
     """The layers of a network that is told K, for counts."""
     part = shares(bits, between, number)
     found = []
@@ -97,17 +97,17 @@ def lively(network, rng, size=0.3):
             noise = rng.normal(0, size, layer.coefficients.shape)
             changes["coefficients"] = layer.coefficients + noise.astype(np.float32)
         layers.append(dataclasses.replace(layer, **changes))
-    return jl.Network(layers, network.sensor, bits=network.bits)
+    return jl.Network(layers, network.sensor, trials_range=network.trials_range)
 
 
 def wired(rng, sensor, *, tied=True, odd=False):
     """A bit of everything: strides of 2 and 3, and filters that these divide, or do not."""
     block = (1, 1, 1) if tied else (sensor.frames, sensor.oversampling, sensor.oversampling)
 
-    def layer(outputs, inputs, height, width, *, upsampling=1, bends=True, **options):
+    def layer(outputs, inputs, height, width, *, upsampling=1, splines=True, **options):
         shape = (outputs * upsampling**2, inputs, height, width)
         taps = rng.normal(0, 1 / np.sqrt(np.prod(shape[1:])), shape)
-        coefficients = rng.normal(0, 1, (outputs, 9)) if bends else None
+        coefficients = rng.normal(0, 1, (outputs, 9)) if splines else None
         return jl.Layer(taps, coefficients, -2.0, 0.6, upsampling=upsampling, **options)
 
     first = rng.normal(0, 2 / sensor.bits_per_pixel, (3, *block))
@@ -115,12 +115,12 @@ def wired(rng, sensor, *, tied=True, odd=False):
         [
             jl.Layer(first, rng.normal(0, 1, (3, 11)), -2.0, 0.7),
             layer(4, 3, 4 + odd, 2, stride=2),
-            layer(2, 4, 3, 6 - odd, stride=3, bends=False),
+            layer(2, 4, 3, 6 - odd, stride=3, splines=False),
             layer(4, 2, 1, 1, upsampling=3, skip=1),
-            layer(4, 4, 3, 3, bends=False),
+            layer(4, 4, 3, 3, splines=False),
             layer(2, 3, 1, 3, input=0),
             layer(2, 4, 2, 2, input=4, upsampling=2, skip=5),
-            layer(1, 2, 3, 1, bends=False),
+            layer(1, 2, 3, 1, splines=False),
         ],
         sensor,
     )
