@@ -1,6 +1,6 @@
 """Write the page and its figures anew from the JSON of a run.
 
-    python benchmarks/speed/remake.py docs/results
+python benchmarks/speed/remake.py docs/results
 """
 
 import sys
