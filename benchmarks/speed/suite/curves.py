@@ -3,7 +3,7 @@
 import statistics
 from typing import Any
 
-from jotlight.experiments.report.curves import Axes, Line, draw
+from jotlight.experiments.report.curves import Axes, Line, render_svg
 from suite.figures import speed_up
 
 COLOURS = ("#d55e00", "#2f6fb7", "#0f9d74", "#b865a3", "#c98a00", "#8a8f98", "#3f9fdc", "#1d2733")
@@ -13,11 +13,11 @@ def curves(found: dict[str, Any]) -> dict[str, str]:
     """SVG by name of file."""
     drawn = {}
     if len(found["threads"]) > 1 and found["paths"]:
-        drawn["threads"] = draw([threads(found)])
+        drawn["threads"] = render_svg([threads(found)])
     if "scaling" in found:
         scaling = found["scaling"]
-        drawn["sizes"] = draw([size_times(scaling), size_memory(scaling)])
-        drawn["costs"] = draw(
+        drawn["sizes"] = render_svg([size_times(scaling), size_memory(scaling)])
+        drawn["costs"] = render_svg(
             [
                 cost(scaling, "oversampling", "bits per pixel, K = K̂²", lambda side: side**2),
                 cost(scaling, "frames", "bits per pixel, K = T", int),
@@ -36,7 +36,7 @@ def threads(found: dict[str, Any]) -> Axes:
         times = [speed_up(path, number) for number in numbers]
         title = path["title"].split(",")[0] if path["name"] == "sampling" else path["title"]
         lines.append(Line(title, numbers, times, COLOURS[place % len(COLOURS)], "o"))
-    return Axes(lines, "threads", "times as fast as on one", "Threads", ticks=numbers)
+    return Axes(lines, "threads", "times as fast as on one", "Threads", x_ticks=numbers)
 
 
 def size_times(scaling: dict[str, Any]) -> Axes:
@@ -55,7 +55,7 @@ def by_size(scaling: dict[str, Any], y: str, title: str, value: Any) -> Axes:
         sides, values = [row["side"] for row in rows], [value(row) for row in rows]
         lines.append(Line(what, sides, values, colour, "o"))
     sides = sorted({row["side"] for row in scaling["sizes"]})[::2]
-    return Axes(lines, "pixels, a side", y, title, x_log=True, y_log=True, ticks=sides)
+    return Axes(lines, "pixels, a side", y, title, x_log=True, y_log=True, x_ticks=sides)
 
 
 def ns_per_pixel(row: dict[str, Any]) -> float:
