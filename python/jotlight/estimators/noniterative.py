@@ -5,10 +5,10 @@ import numpy.typing as npt
 
 from jotlight.estimators import vst
 from jotlight.estimators.denoise import Denoiser, pick
-from jotlight.estimators.mle import equivalent_counts, from_probability, reference_jot
+from jotlight.estimators.mle import equivalent_counts, from_probability
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.channels import by_channel
-from jotlight.sensing.pixel_counts import count_pixels, warn_about_smooth_kernel
+from jotlight.sensing.pixel_counts import count_pixels, map_channels, warn_about_smooth_kernel
+from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
 
@@ -86,4 +86,4 @@ def noniterative(
         counts = vst.inverse_anscombe(denoised, bits, inverse=inverse, threads=threads)
         return from_probability(counts / np.float32(bits), sensor, threads)
 
-    return by_channel(one_channel, data)
+    return map_channels(one_channel, data)

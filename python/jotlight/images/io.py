@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import luma
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.capture import check_expansion
 from jotlight.formats.tiff import tiff_file
+from jotlight.images.color import luma
 from jotlight.images.exr import check_exr, write_exr
 
 Picture = npt.NDArray[np.floating[Any]]

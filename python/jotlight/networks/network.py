@@ -15,7 +15,7 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.chunks import frame_chunks, pixel_chunks
 from jotlight.estimators.inpaint import inpaint_dead_pixels
-from jotlight.estimators.mle import equivalent_counts, from_probability, reference_jot
+from jotlight.estimators.mle import equivalent_counts, from_probability
 from jotlight.networks.architectures import (
     ARCHITECTURES,
     Architecture,
@@ -32,8 +32,8 @@ from jotlight.networks.layer import (
 )
 from jotlight.networks.two_layer import build_two_layer
 from jotlight.sensing.bits import Bits, check_fits
-from jotlight.sensing.channels import by_channel
-from jotlight.sensing.pixel_counts import PixelCounts, count_pixels
+from jotlight.sensing.pixel_counts import PixelCounts, carried_sensor, count_pixels, map_channels
+from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import read_tensors, write_tensors
 
@@ -253,7 +253,7 @@ class Network:
             When pixels without a valid jot were filled from their neighbours.
         """
         if sensor is None:
-            sensor = (data.sensor if isinstance(data, Bits) else None) or self.sensor
+            sensor = carried_sensor(data) or self.sensor
         self._check_sensor(sensor)
         if self.trials_range is not None:
             picture = self._at(sensor).reconstruct(data, sensor, threads=threads)
@@ -274,7 +274,7 @@ class Network:
             sums = self._weights[:, None] * equivalent_counts(seen, reference, threads)
             return self._of_sums(sums, threads)
 
-        return by_channel(one_channel, data)
+        return map_channels(one_channel, data)
 
     def _at(self, sensor: Sensor) -> "Network":
         """The network that was told the sensor's K; its picture is the share of bits that fire."""
@@ -302,7 +302,7 @@ class Network:
         """The picture of a tied network where p is a function of the count alone."""
         every = np.arange(sensor.bits_per_pixel + 1, dtype=np.int32)
         jot = reference_jot(sensor)
-        seen = PixelCounts(sensor, every, sensor.bits_per_pixel, *jot, jots_differ=False)
+        seen = PixelCounts(sensor, every, sensor.bits_per_pixel, *jot, varies_within_pixels=False)
         sums = self._weights * equivalent_counts(seen, reference, threads)
         side = sensor.oversampling
         if isinstance(data, Bits):
@@ -441,7 +441,7 @@ class Network:
             "format": _FORMAT,
             "version": _VERSION,
             "layers": json.dumps([layer.numbers() for layer in self.layers]),
-            "sensor": json.dumps(self.sensor.numbers()),
+            "sensor": json.dumps(self.sensor.scalars()),
             "trials_range": json.dumps(self.trials_range),
             "history": json.dumps(self.history),
         }
@@ -502,5 +502,5 @@ def _architecture(name: str) -> Architecture:
 
 def _detections(sensor: Sensor) -> tuple[int, float, float]:
     """q, detections per jot and frame at intensity 1, and S."""
-    threshold, light, most = sensor._response()
+    threshold, light, most = sensor.pixel_response()
     return threshold, reference_jot(sensor)[0] * light, most
