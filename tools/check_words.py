@@ -39,7 +39,9 @@ REPLACED = {
     r"\bdeeper\(": "build_residual",
     r"\bfill_blind\b": "inpaint_dead_pixels",
     r"\bObservation\b|\bobserve\(": "PixelCounts, count_pixels",
-    r"\bfires\(|\brate_of\b|\bunclipped\b": "detection_probability, its inverse, saturation_intensity",
+    r"\bfires\(": "detection_probability",
+    r"\brate_of\b": "inverse_detection_probability",
+    r"\bunclipped\b": "saturation_intensity",
     r"\blacking\(|\bunserved\b|\.lacks\b": "unsupported_reason",
     r"\bwritten_whole\b|\bspare_inputs\b|\bslabs_of\b": "atomic_write, refuse_overwrite, chunks",
     r"\bstep_size\b|--step-size\b": "learning_rate",
@@ -49,8 +51,8 @@ REPLACED = {
     # American spelling.
     r"(?i)\b(multi)?colou?rs?(?<!color)(?<!colors)\b": "color",
     r"(?i)\b(grey\w*)": "gray",
-    r"(?i)\b\w*(optimis|minimis|maximis|normalis|regularis|stabilis|recognis|initialis|generalis)\w+": "-ize",
-    r"(?i)\b(summaris|organis|vectoris|parametris|factoris|equalis|visualis|penalis|randomis)\w+": "-ize",
+    r"(?i)\w*(optim|minim|maxim|normal|regular|stabil|recogn|initial|general)is(e|i|a)\w*": "-ize",
+    r"(?i)\b(summar|organ|vector|parametr|factor|equal|visual|penal|random)is(e|i|a)\w*": "-ize",
     r"(?i)\bcentre(s|d|line)?\b|\bcentring\b": "center",
     r"(?i)\bneighbour\w*": "neighbor",
     r"(?i)\b(behaviour|favour|honour)\w*": "-or",
@@ -58,13 +60,13 @@ REPLACED = {
     r"(?i)\b(labelled|labelling|modelled|modelling|cancelled|levelled)\b": "one l",
     r"(?i)\b(analyse[sd]?|catalogue|metres?|artefacts?)\b": "American spelling",
     # Sentences that had to be read twice.
-    r"what rows and columns of a picture have to be a multiple": "'the divisor that height and width must share'",
-    r"with more certainty than so many ones": "'Probabilities are clamped to [floor/K, 1 − floor/K].'",
+    r"what rows and columns of a picture have to be": "'the divisor of height and width'",
+    r"with more certainty than so many ones": "'Probabilities are clamped to …'",
     r"likely and without needless change": "'Minimize −ℓ(c) + λ TV(c) over [0, S].'",
     r"The layers for the K that was": "'Cached layers for the most recent K.'",
     r"Of a step at most": "'Maximum number of backtracking halvings.'",
     r"How many times as many rows a band has": "'Minimum height of a band, in receptive fields.'",
-    r"Numbers of planes at a pixel, times the step": "'Maximum value of channels per pixel × stride.'",
+    r"Numbers of planes at a pixel, times the step": "'Maximum value of channels per pixel …'",
 }
 PATTERNS = [(re.compile(pattern), instead) for pattern, instead in REPLACED.items()]
 
