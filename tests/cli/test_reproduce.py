@@ -60,18 +60,20 @@ def test_each_experiment_leaves_its_table_and_figures(made):
 
 def test_the_page_and_the_markdown_have_every_experiment(made):
     page = (made / "report.html").read_text("utf-8")
-    text = (made / "reproduction.md").read_text("utf-8")
+    text = (made / "results/reproduction.md").read_text("utf-8")
     for experiment in EXPERIMENTS.values():
         assert experiment.title in page
         assert f"## {experiment.title}" in text
     assert "quick runs" in page
     assert "quick runs" in text
-    for target in re.findall(r"\]\((results/[^)]+)\)", text):
-        assert (made / target).is_file(), target
+    targets = re.findall(r"\]\(([^)#]+)\)", text)
+    assert targets
+    for target in targets:
+        assert (made / "results" / target).is_file(), target
 
 
 def test_the_markdown_follows_from_the_tables_alone(made):
-    text = (made / "reproduction.md").read_text("utf-8")
+    text = (made / "results/reproduction.md").read_text("utf-8")
     again = markdown(read_report(made / "results"))
     assert again == text
 
