@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from jotlight.formats.orientation import FLIPS, turned_image
+from jotlight.formats.orientation import FLIPS, orient_image
 from jotlight.sensing.provenance import Provenance
 
 TURNS = list(itertools.product(range(4), (None, *FLIPS)))
@@ -17,8 +17,8 @@ def test_turns_one_after_the_other_are_the_one_that_is_kept(first, second):
     image = np.arange(6).reshape(2, 3)
     provenance = Provenance("npy", "a.npy").reoriented(*first).reoriented(*second)
     quarters, mirrored = provenance.orientation
-    expected = turned_image(turned_image(image, *first), *second)
-    kept = turned_image(image, quarters, "horizontal" if mirrored else None)
+    expected = orient_image(orient_image(image, *first), *second)
+    kept = orient_image(image, quarters, "horizontal" if mirrored else None)
     np.testing.assert_array_equal(kept, expected)
     assert Provenance.from_json(provenance.to_json()) == provenance
 
@@ -31,6 +31,8 @@ def test_a_turn_that_is_not_known_stays_so():
 
 
 @pytest.mark.parametrize("orientation", [3, [4, False], [0], [0, "no"], {"a": 1}])
-def test_a_turn_that_is_none_is_refused(turned):
+def test_a_turn_that_is_none_is_refused(orientation):
     with pytest.raises(ValueError, match="quarter turns and whether mirrored"):
-        Provenance.from_json({"format": "npy", "name": "a.npy", "notes": [], "orientation": turned})
+        Provenance.from_json(
+            {"format": "npy", "name": "a.npy", "notes": [], "orientation": orientation}
+        )
