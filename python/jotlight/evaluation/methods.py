@@ -14,7 +14,7 @@ from jotlight.estimators.mle import mle
 from jotlight.estimators.mle_iterative import mle_iterative
 from jotlight.estimators.noniterative import noniterative
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import pretrained, unsupported_reason
+from jotlight.networks.pretrained import pretrained, unsupported_message
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
 
@@ -62,7 +62,7 @@ class Method:
 
 def _learned(title: str, quality: str) -> Method:
     run = partial(learned_network, quality=quality)
-    return Method(title, run, unsupported_reason=partial(unsupported_reason, quality=quality))
+    return Method(title, run, unsupported_reason=partial(unsupported_message, quality=quality))
 
 
 METHODS: dict[str, Method] = {
@@ -87,7 +87,7 @@ METHODS: dict[str, Method] = {
     ),
     "admm-tv": Method("ADMM, total variation", admm_tv, iterative=True),
     "network-initial": Method("network, initial", initial_network),
-    "network": _learned("network, learned", "fast"),
+    "network": _learned("network, learned", "two-layer"),
     "network-small": _learned("network, small", "small"),
     "network-medium": _learned("network, medium", "medium"),
     "network-large": _learned("network, large", "large"),
