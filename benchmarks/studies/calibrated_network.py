@@ -13,7 +13,7 @@ import warnings
 import numpy as np
 
 import jotlight as jl
-from jotlight.estimators.brightness import sensor_for
+from jotlight.estimators.brightness import training_sensor
 from jotlight.evaluation.methods import METHODS
 
 LEVEL = 0.3
@@ -57,7 +57,7 @@ def main() -> None:
 
 
 def learned(seen: jl.Bits, sensor: jl.Sensor) -> jl.Network:
-    fitted, scale = sensor_for(seen, sensor)
+    fitted, scale = training_sensor(seen, sensor)
     names = [name for name in jl.datasets.PHOTOGRAPHS if name != PHOTO]
     photographs = [np.float32(scale) * jl.datasets.photograph(name, gray=True) for name in names]
     return jl.train(jl.Network.initial(fitted), photographs, rng=0)[0]

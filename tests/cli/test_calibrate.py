@@ -308,7 +308,7 @@ def test_a_conversion_is_of_the_format_that_it_was_made_of(run, captures, calibr
 def test_frames_that_counts_tell_are_taken_and_not_contradicted(run, captures):
     for name in ("dark", "flat"):
         bits = jl.open(captures / f"{name}.npy")
-        write_capture(bits[:500].counts(1), captures / f"{name}.npz", "npz", frames=500)
+        write_capture(bits[:500].counts(1), captures / f"{name}.npz", "npz", trials=500)
         np.save(captures / f"{name}-counts.npy", bits.counts(1))
     given = ("-o", "c.safetensors")
     assert run("calibrate", "dark.npz", "flat.npz", *given)[0] == 0

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.formats.writing import TARGETS, target_of, write_capture
+from jotlight.formats.writing import WRITERS, choose_output_format, write_capture
 from reference import formats as twin
 
-BITS = [name for name, target in TARGETS.items() if target.bits]
-COUNTS = [name for name, target in TARGETS.items() if target.counts]
+BITS = [name for name, target in WRITERS.items() if target.bits]
+COUNTS = [name for name, target in WRITERS.items() if target.counts]
 NEEDS = {"hdf5": "h5py", "zarr": "zarr"}
 
 
 def path_of(folder, name, stem="out"):
-    endings = TARGETS[name].endings
+    endings = WRITERS[name].extensions
     return folder / (stem + (endings[0] if endings else ""))
 
 
@@ -47,7 +47,7 @@ def test_bits_come_through_every_pair_of_formats(captures, tmp_path, first, seco
         pytest.importorskip(NEEDS.get(name, "numpy"))
     bits = jl.open(path_of(captures, first, first), format=first)
     cut = "swissspad2" in (first, second) and first != second
-    if cut and TARGETS[second].endings == (".bin",):
+    if cut and WRITERS[second].extensions == (".bin",):
         with pytest.raises(ValueError, match="expected frames of"):
             write_capture(bits, path_of(tmp_path, second), second)
         assert files(tmp_path) == []
@@ -58,7 +58,7 @@ def test_bits_come_through_every_pair_of_formats(captures, tmp_path, first, seco
     np.testing.assert_array_equal(again.to_array(), expected)
 
 
-@pytest.mark.parametrize("name", [name for name in BITS if TARGETS[name].endings != (".bin",)])
+@pytest.mark.parametrize("name", [name for name in BITS if WRITERS[name].extensions != (".bin",)])
 def test_the_true_width_is_kept(tmp_path, name):
     pytest.importorskip(NEEDS.get(name, "numpy"))
     array = random(3, 5, 13)
@@ -66,7 +66,7 @@ def test_the_true_width_is_kept(tmp_path, name):
     np.testing.assert_array_equal(jl.open(path_of(tmp_path, name)).to_array(), array)
 
 
-@pytest.mark.parametrize("name", [name for name in BITS if TARGETS[name].keeps])
+@pytest.mark.parametrize("name", [name for name in BITS if WRITERS[name].keeps_sensor])
 def test_sensor_and_source_are_kept(tmp_path, name):
     pytest.importorskip(NEEDS.get(name, "numpy"))
     np.save(tmp_path / "cube.npy", twin.packed(random(3, 5, 16)))
@@ -112,7 +112,7 @@ def test_folders_have_files_as_the_camera_has_them(tmp_path, monkeypatch, name):
 
 def test_convert_prints_and_records_what_was_assumed(run, tmp_path):
     array = random(4, 256, 512)
-    (tmp_path / "a.bin").write_bytes(twin.half_array_bytes(array))
+    (tmp_path / "a.bin").write_bytes(twin.encode_half_array(array))
     words = ["--format", "swissspad2", "--frame-range", "1:3", "--rotate", 90, "--flip"]
     status, said = run("convert", "a.bin", "-o", "a.npy", *words, "horizontal")
     assert status == 0
@@ -149,7 +149,7 @@ def test_unpacked_frames_are_asked_about(run, tmp_path):
 
 def test_raw_captures_are_reconstructed_and_described(run, tmp_path):
     array = random(4, 256, 512)
-    (tmp_path / "a.bin").write_bytes(twin.half_array_bytes(array))
+    (tmp_path / "a.bin").write_bytes(twin.encode_half_array(array))
     status, said = run("info", "a.bin")
     assert status == 1
     assert "--format" in said
@@ -238,12 +238,12 @@ def test_an_interrupted_conversion_leaves_nothing(tmp_path, name):
 
 
 def test_the_name_of_a_file_tells_its_format(tmp_path):
-    told = {target_of(path_of(tmp_path, name)) for name in TARGETS if len(TARGETS[name].endings)
-            and TARGETS[name].endings != (".bin",)}  # fmt: skip
-    assert told == {name for name in TARGETS if TARGETS[name].endings not in ((), (".bin",))}
+    told = {choose_output_format(path_of(tmp_path, name)) for name in WRITERS if len(WRITERS[name].extensions)
+            and WRITERS[name].extensions != (".bin",)}  # fmt: skip
+    assert told == {name for name in WRITERS if WRITERS[name].extensions not in ((), (".bin",))}
 
 
-@pytest.mark.parametrize("name", [name for name in BITS if TARGETS[name].keeps])
+@pytest.mark.parametrize("name", [name for name in BITS if WRITERS[name].keeps_sensor])
 @pytest.mark.parametrize("maps", [("mask",), ("dark_counts", "efficiency", "mask")])
 def test_the_maps_of_a_sensor_are_kept(tmp_path, name, maps):
     pytest.importorskip(NEEDS.get(name, "numpy"))
@@ -295,17 +295,17 @@ def test_counts_tell_out_of_how_many_bits_they_are(run, tmp_path, name):
 
 def test_a_label_of_counts_is_checked(tmp_path):
     counts = np.full((3, 4), 7, np.int32)
-    write_capture(counts, tmp_path / "a.tif", "tiff", frames=6)
+    write_capture(counts, tmp_path / "a.tif", "tiff", trials=6)
     with pytest.raises(ValueError, match="its label tells of counts out of 6, and it has 7"):
         jl.open(tmp_path / "a.tif")
     for wrong in (0, -1, 2**31, "6", 1.5):
-        write_capture(counts, tmp_path / "a.tif", "tiff", frames=wrong)
+        write_capture(counts, tmp_path / "a.tif", "tiff", trials=wrong)
         with pytest.raises(ValueError, match="label: expected"):
             jl.open(tmp_path / "a.tif")
 
 
 def test_info_tells_the_format_of_the_file_and_what_it_was_converted_from(run, tmp_path):
-    (tmp_path / "a.bin").write_bytes(twin.half_array_bytes(random(2, 256, 512)))
+    (tmp_path / "a.bin").write_bytes(twin.encode_half_array(random(2, 256, 512)))
     assert run("convert", "a.bin", "--format", "swissspad2", "-o", "b.npy.gz")[0] == 0
     assert run("convert", "b.npy.gz", "-o", "c.npy")[0] == 0
     status, said = run("info", "c.npy")

@@ -48,7 +48,7 @@ def test_colour_is_a_picture(run, tmp_path):
 def test_what_we_wrote_is_told_as_counts(run, tmp_path, name):
     path = "a.tif" if name == "tiff" else "a.npz"
     source = Source("npy", "cube.npy")
-    write_capture(COUNTS.astype(np.int32), tmp_path / path, name, frames=64, source=source)
+    write_capture(COUNTS.astype(np.int32), tmp_path / path, name, trials=64, source=source)
     said = lines(run, path)
     assert f"format {name}" in said
     assert "assumed counts out of 64, as the file tells" in said

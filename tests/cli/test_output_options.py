@@ -79,7 +79,7 @@ def test_uncertainty_is_written_in_the_pictures_units(run, capture, tmp_path, en
     status, said = run(*words, "--uncertainty", f"u.{ending}", "--level", 0.9)
     assert status == 0
     assert "by maximum likelihood" in said
-    known = jl.uncertainty(capture, SENSOR, level=0.9)
+    known = jl.uncertainty(capture, SENSOR, confidence_level=0.9)
     path = tmp_path / f"u.{ending}"
     if ending == "npz":
         with np.load(path) as found:

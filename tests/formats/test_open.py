@@ -8,7 +8,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.formats.arrays import read_npy, read_npz
-from jotlight.formats.npy import created_bits
+from jotlight.formats.npy import create_bits
 from jotlight.formats.writing import write_capture
 
 
@@ -338,7 +338,7 @@ def test_an_interrupted_save_leaves_what_was_there(tmp_path, before):
 
     def interrupted():
         sensor = jl.Sensor(mask=np.eye(4, 8, dtype=bool))
-        with created_bits(tmp_path / "cube.npy", (1, 4, 1), 8, sensor) as packed:
+        with create_bits(tmp_path / "cube.npy", (1, 4, 1), 8, sensor) as packed:
             packed[...] = 255
             raise KeyboardInterrupt
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.formats.raw import natural
+from jotlight.formats.raw import natural_sort_key
 from reference import formats as twin
 
 HALF, FULL = (256, 512), (512, 512)
@@ -18,10 +18,10 @@ def random(frames, size, seed=0, share=0.3):
 
 
 RAW = {
-    "swissspad2": (HALF, twin.half_array_bytes),
-    "swissspad2-full": (FULL, twin.full_array_bytes),
-    "spad512s": (FULL, twin.spad512s_bytes),
-    "spad512s-sparse": (FULL, twin.spad512s_sparse_bytes),
+    "swissspad2": (HALF, twin.encode_half_array),
+    "swissspad2-full": (FULL, twin.encode_full_array),
+    "spad512s": (FULL, twin.encode_spad512s),
+    "spad512s-sparse": (FULL, twin.encode_spad512s_sparse),
 }
 
 
@@ -60,7 +60,7 @@ def test_a_file_without_a_whole_frame_is_refused(name, content, tmp_path):
 
 
 def test_raw_frames_are_asked_for(tmp_path):
-    (tmp_path / "a.bin").write_bytes(twin.half_array_bytes(random(2, HALF)))
+    (tmp_path / "a.bin").write_bytes(twin.encode_half_array(random(2, HALF)))
     for path in (tmp_path / "a.bin", tmp_path):
         with pytest.raises(ValueError, match=r"give the one it is of.*--format.*swissspad2"):
             jl.open(path)
@@ -74,7 +74,7 @@ def test_a_folder_is_sorted_by_the_number_in_the_names(tmp_path):
         folder = tmp_path / str(number // 8) / str(number // 3)
         folder.mkdir(parents=True, exist_ok=True)
         (folder / f"filename{number}.bin").write_bytes(
-            twin.half_array_bytes(array[number : number + 1])
+            twin.encode_half_array(array[number : number + 1])
         )
     (tmp_path / "notes.txt").write_text("no frames")
     bits = jl.open(tmp_path, format="swissspad2")
@@ -84,7 +84,7 @@ def test_a_folder_is_sorted_by_the_number_in_the_names(tmp_path):
 
 
 def test_missing_and_doubled_files_are_said(tmp_path):
-    content = twin.half_array_bytes(random(1, HALF))
+    content = twin.encode_half_array(random(1, HALF))
     for number in (0, 1, 4):
         (tmp_path / f"filename{number}.bin").write_bytes(content)
     with pytest.warns(jl.JotlightWarning, match="2 of the files 0 to 4 are missing"):
@@ -97,7 +97,7 @@ def test_missing_and_doubled_files_are_said(tmp_path):
 def test_a_done_at_the_end_tells_the_format_and_is_no_frame(tmp_path):
     array = random(3, FULL)
     for number, part in enumerate((array[:2], array[2:])):
-        (tmp_path / f"RAW{number:05d}.bin").write_bytes(twin.spad512s_bytes(part) + b"DONE")
+        (tmp_path / f"RAW{number:05d}.bin").write_bytes(twin.encode_spad512s(part) + b"DONE")
     bits = jl.open(tmp_path)
     assert bits.source.format == "spad512s"
     np.testing.assert_array_equal(bits.to_array(), array)
@@ -122,7 +122,7 @@ def test_a_done_is_taken_off_whatever_is_left_of_the_last_frame(name, cut, tmp_p
 def test_one_done_in_a_folder_tells_the_format(ended, tmp_path):
     array = random(2, FULL, share=1e-5)
     for number, frame in enumerate(array):
-        content = twin.spad512s_bytes(frame[None]) + (b"DONE" if number == ended else b"")
+        content = twin.encode_spad512s(frame[None]) + (b"DONE" if number == ended else b"")
         (tmp_path / f"RAW{number}.bin").write_bytes(content)
     bits = jl.open(tmp_path)
     assert bits.source.format == "spad512s"
@@ -158,7 +158,7 @@ def test_what_is_plainly_something_else_is_no_raw_frames(name, beginning, tmp_pa
 def test_files_of_a_folder_are_in_natural_order(tmp_path):
     array = random(11, FULL)
     for number, frame in enumerate(array):
-        (tmp_path / f"RAW{number}.bin").write_bytes(twin.spad512s_bytes(frame[None]))
+        (tmp_path / f"RAW{number}.bin").write_bytes(twin.encode_spad512s(frame[None]))
     bits = jl.open(tmp_path, format="spad512s")
     np.testing.assert_array_equal(bits.to_array(), array)
 
@@ -166,13 +166,13 @@ def test_files_of_a_folder_are_in_natural_order(tmp_path):
 def test_natural_order(tmp_path):
     names = ["a/2.bin", "a/10.bin", "b/1.bin", "b/1x2.bin", "b/1x10.bin"]
     paths = [tmp_path / name for name in names]
-    assert sorted(paths, key=natural) == paths
+    assert sorted(paths, key=natural_sort_key) == paths
 
 
 def test_a_sparse_file_of_many_frames_is_read_from_anywhere(tmp_path):
     array = random(130, FULL, share=2e-5)
     array[5] = False
-    (tmp_path / "a.bin").write_bytes(twin.spad512s_sparse_bytes(array))
+    (tmp_path / "a.bin").write_bytes(twin.encode_spad512s_sparse(array))
     bits = jl.open(tmp_path / "a.bin", format="spad512s-sparse")
     assert len(bits) == 130
     for part in (slice(0, 1), slice(62, 66), slice(120, 129), slice(129, 130)):
@@ -189,7 +189,7 @@ def test_what_is_no_sparse_file_is_refused_with_its_place(tmp_path):
 
 def test_a_file_that_becomes_shorter_while_it_is_open_is_no_crash(tmp_path):
     path = tmp_path / "a.bin"
-    path.write_bytes(twin.half_array_bytes(random(4, HALF)))
+    path.write_bytes(twin.encode_half_array(random(4, HALF)))
     bits = jl.open(path, format="swissspad2")
     path.write_bytes(b"")
     with pytest.raises(OSError, match="has become shorter"):
@@ -198,7 +198,7 @@ def test_a_file_that_becomes_shorter_while_it_is_open_is_no_crash(tmp_path):
 
 def test_frames_are_chosen_turned_and_mirrored(tmp_path):
     array = random(6, HALF)
-    (tmp_path / "a.bin").write_bytes(twin.half_array_bytes(array))
+    (tmp_path / "a.bin").write_bytes(twin.encode_half_array(array))
     bits = jl.open(
         tmp_path / "a.bin",
         format="swissspad2",
@@ -233,6 +233,6 @@ def test_the_turn_of_a_sensor_turns_its_maps(tmp_path):
     ],
 )
 def test_wrong_options_are_refused(tmp_path, options, message):
-    (tmp_path / "a.bin").write_bytes(twin.half_array_bytes(random(4, HALF)))
+    (tmp_path / "a.bin").write_bytes(twin.encode_half_array(random(4, HALF)))
     with pytest.raises(ValueError, match=message):
         jl.open(tmp_path / "a.bin", format="swissspad2", **options)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.formats.orientation import transposed, turned_packed
+from jotlight.formats.orientation import orient_packed, transpose_packed
 from jotlight.sensing.frames import Frames, joined, parts_of_frames
 from jotlight.sensing.provenance import Source
 from reference import formats as twin
@@ -115,7 +115,7 @@ def test_a_slice_tells_which_frames_it_has():
 def test_packed_bits_are_transposed(shape):
     array = random(shape)
     expected = twin.packed(array.swapaxes(1, 2))
-    np.testing.assert_array_equal(transposed(twin.packed(array), shape[2]), expected)
+    np.testing.assert_array_equal(transpose_packed(twin.packed(array), shape[2]), expected)
 
 
 @pytest.mark.parametrize("shape", [(2, 5, 13), (3, 8, 16), (2, 3, 11, 3)])
@@ -123,7 +123,7 @@ def test_packed_bits_are_transposed(shape):
 @pytest.mark.parametrize("degrees", [0, 90, 180, 270, -90, 450])
 def test_packed_frames_are_turned(shape, degrees, flip):
     array = random(shape)
-    packed, width = turned_packed(twin.packed(array), shape[2], degrees // 90 % 4, flip)
+    packed, width = orient_packed(twin.packed(array), shape[2], degrees // 90 % 4, flip)
     expected = twin.turned(array, degrees, flip)
     assert jl.Bits(packed, width).shape == expected.shape
     np.testing.assert_array_equal(np.asarray(packed), twin.packed(expected))

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from jotlight.formats.orientation import FLIPS, turned_image
+from jotlight.formats.orientation import FLIPS, orient_image
 from jotlight.sensing.provenance import Source
 
 TURNS = list(itertools.product(range(4), (None, *FLIPS)))
@@ -17,8 +17,8 @@ def test_turns_one_after_the_other_are_the_one_that_is_kept(first, second):
     image = np.arange(6).reshape(2, 3)
     source = Source("npy", "a.npy").turned_by(*first).turned_by(*second)
     quarters, mirrored = source.turned
-    expected = turned_image(turned_image(image, *first), *second)
-    kept = turned_image(image, quarters, "horizontal" if mirrored else None)
+    expected = orient_image(orient_image(image, *first), *second)
+    kept = orient_image(image, quarters, "horizontal" if mirrored else None)
     np.testing.assert_array_equal(kept, expected)
     assert Source.from_json(source.to_json()) == source
 

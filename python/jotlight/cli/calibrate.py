@@ -11,7 +11,7 @@ from jotlight.calibration.estimate import MOST_DARK
 from jotlight.cli import capture_options, sensor_options
 from jotlight.cli.console import out, progress
 from jotlight.files import atomic_write, refuse_overwrite
-from jotlight.formats.capture import Capture, Stack
+from jotlight.formats.capture import Capture, CountStack
 from jotlight.sensing.bits import Bits
 
 
@@ -96,7 +96,9 @@ def calibrate(
         told.append(_frames_of(captures[1], flat, "--flat-frames", flat_frames, frames))
     with atomic_write(output) as temporary, progress(1) as begin:
         update = begin("calibrating")
-        data = [capture.sum() if isinstance(capture, Stack) else capture for capture in captures]
+        data = [
+            capture.sum() if isinstance(capture, CountStack) else capture for capture in captures
+        ]
         found = calibrated(
             data[0],
             data[1] if flat is not None else None,
@@ -137,6 +139,6 @@ def _frames_of(
         # Those of --frames are for the other capture.
         return given if option == "--flat-frames" else None
     if given is not None:
-        capture_options.check_told(path, capture.all_frames, given, option)
+        capture_options.check_told(path, capture.total_trials, given, option)
         return given
-    return capture.all_frames or otherwise
+    return capture.total_trials or otherwise

@@ -13,8 +13,8 @@ from jotlight.calibration import Calibration
 from jotlight.cli.console import out, progress
 from jotlight.files import refuse_overwrite
 from jotlight.formats import FORMATS, open_capture
-from jotlight.formats.capture import Capture, Stack
-from jotlight.formats.description import maps_beside
+from jotlight.formats.capture import Capture, CountStack
+from jotlight.formats.description import companion_files
 from jotlight.formats.orientation import FLIPS
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.provenance import Source
@@ -121,7 +121,7 @@ class CaptureOptions:
 
 def refuse_capture_overwrite(output: Path, data: Path) -> None:
     """Raise ValueError when a file to be written is part of what is read."""
-    refuse_overwrite(output, [data, *maps_beside(data)])
+    refuse_overwrite(output, [data, *companion_files(data)])
     if data.is_dir() and data.resolve() in (output.resolve(), *output.resolve().parents):
         raise ValueError(
             f"{output}: the folder {data} is read, so nothing is written into it; give another name"
@@ -142,7 +142,7 @@ def check_told(path: Path, told: int | None, given: int, words: str) -> None:
         )
 
 
-def with_frames(capture: Stack, path: Path, given: dict[str, Any]) -> dict[str, Any]:
+def with_frames(capture: CountStack, path: Path, given: dict[str, Any]) -> dict[str, Any]:
     """The parameters given for a sensor that saw counts, with the frames that the file tells.
 
     Raises
@@ -151,7 +151,7 @@ def with_frames(capture: Stack, path: Path, given: dict[str, Any]) -> dict[str, 
         When nothing tells out of how many bits the counts are, or the file contradicts what is
         given.
     """
-    told, jots = capture.all_frames, given.get("oversampling", 1) ** 2
+    told, jots = capture.total_trials, given.get("oversampling", 1) ** 2
     if "frames" not in given and told is not None and jots > 0 and told % jots == 0:
         return {**given, "frames": told // jots}
     if "frames" in given or "oversampling" in given:

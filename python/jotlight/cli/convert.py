@@ -7,8 +7,8 @@ import typer
 
 from jotlight.cli import capture_options
 from jotlight.cli.console import out, progress
-from jotlight.formats.description import maps_beside
-from jotlight.formats.writing import TARGETS, target_of, write_capture
+from jotlight.formats.description import companion_files
+from jotlight.formats.writing import WRITERS, choose_output_format, write_capture
 from jotlight.sensing.bits import Bits
 
 
@@ -22,7 +22,7 @@ def convert(
     to: Annotated[
         str | None,
         typer.Option(
-            help=f"Format to write: {', '.join(TARGETS)}. Default: what the output's name tells."
+            help=f"Format to write: {', '.join(WRITERS)}. Default: what the output's name tells."
         ),
     ] = None,
     format_: capture_options.Format = None,
@@ -38,10 +38,10 @@ def convert(
 
     Bits stay bits where the format holds them, and else are summed to counts.
     """
-    name = target_of(output, to)
+    name = choose_output_format(output, to)
     made = {output}
     if name in ("npy", "npy.gz"):
-        made |= maps_beside(output)
+        made |= companion_files(output)
     for file in made:
         capture_options.refuse_capture_overwrite(file, data)
     reading = capture_options.CaptureOptions(
@@ -54,11 +54,11 @@ def convert(
         if isinstance(capture, Bits):
             write_capture(capture, output, name, update)
             what = f"{capture!r}"
-            if not TARGETS[name].bits:
+            if not WRITERS[name].bits:
                 what = f"counts of {capture!r}"
         else:
             image = capture.sum(update)
-            write_capture(image, output, name, frames=capture.all_frames, source=source)
+            write_capture(image, output, name, trials=capture.total_trials, source=source)
             size = " x ".join(map(str, image.shape))
             what = f"<counts: {size}, {image.min()} to {image.max()}>"
     out.print(f"{output}: {name}, {what}", soft_wrap=True, markup=False)

@@ -14,11 +14,11 @@ from jotlight.cli import capture_options
 from jotlight.cli.console import out, progress
 from jotlight.files import atomic_write, refuse_overwrite
 from jotlight.formats import open_capture
-from jotlight.formats.arrays import npz_label, npz_names, read_npy, read_npz
-from jotlight.formats.capture import Capture, Stack, is_single
+from jotlight.formats.arrays import list_npz_arrays, read_npy, read_npz, read_npz_label
+from jotlight.formats.capture import Capture, CountStack, is_single_image
 from jotlight.formats.description import read_counts_label
-from jotlight.formats.detect import recognise
-from jotlight.formats.tiff import tiff_file
+from jotlight.formats.detect import detect_format
+from jotlight.formats.tiff import open_checked_tiff
 from jotlight.images.io import read_image
 from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
@@ -100,9 +100,9 @@ def _facts(file: Path, reading: capture_options.CaptureOptions) -> list[tuple[st
             return _calibration_facts(Calibration.load(file))
         return _network_facts(Network.load(file))
     if reading == capture_options.CaptureOptions(file) and file.is_file():
-        if ending == ".npz" and npz_label(file) is None:
+        if ending == ".npz" and read_npz_label(file) is None:
             facts = [("kind", "archive of arrays")]
-            for name in npz_names(file):
+            for name in list_npz_arrays(file):
                 array = read_npz(file, name)
                 facts.append((name, f"{array.dtype}, {_by(array.shape)}"))
             return facts
@@ -138,21 +138,21 @@ def _is_picture(file: Path) -> bool:
     ending = file.suffix.lower()
     if ending in (".tif", ".tiff"):
         try:
-            with tiff_file(file) as tiff:
+            with open_checked_tiff(file) as tiff:
                 shape, dtype = tiff.series[0].shape, tiff.series[0].dtype
                 if read_counts_label(tiff.pages[0].description) != (None, None):
                     return False
-                return bool(dtype.kind == "f" or (dtype == np.uint8 and is_single(shape)))
+                return bool(dtype.kind == "f" or (dtype == np.uint8 and is_single_image(shape)))
         except Exception:  # reading it will say what is wrong
             return True
     try:
-        return recognise(file) == "png"
+        return detect_format(file) == "png"
     except ValueError:
         return ending in _PICTURES
 
 
 def _capture_facts(capture: Capture) -> list[tuple[str, str]]:
-    if isinstance(capture, Stack):
+    if isinstance(capture, CountStack):
         number = len(capture.images)
         with progress(1) as begin:
             counts = capture.sum(begin("summing"))

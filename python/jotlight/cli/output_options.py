@@ -11,7 +11,7 @@ import numpy.typing as npt
 import typer
 
 from jotlight import __version__
-from jotlight.estimators.brightness import detected
+from jotlight.estimators.brightness import detected_photons
 from jotlight.estimators.uncertainty import uncertainty
 from jotlight.files import atomic_write
 from jotlight.images.image_stack import stack_writer
@@ -119,7 +119,7 @@ class OutputOptions:
 
     def scale(self, sensor: Sensor) -> np.float32:
         """What an intensity is to be multiplied by for the units."""
-        return np.float32(detected(sensor) if self.units == "photons" else 1)
+        return np.float32(detected_photons(sensor) if self.units == "photons" else 1)
 
     @contextlib.contextmanager
     def files(self) -> Iterator[list[Path]]:
@@ -151,9 +151,9 @@ class OutputOptions:
             tone = Tone.fit(picture, self.curve or _DEFAULT_CURVE)
             image_writer(self.preview)(rest.pop(0), tone(picture))
         if self.uncertainty is not None:
-            known = uncertainty(seen, sensor, level=self.level, threads=threads)
-            facts = {**note, "level": self.level, "flags": "1 unlit, 2 saturated, 4 blind"}
-            planes = known.planes(float(self.scale(sensor)))
+            known = uncertainty(seen, sensor, confidence_level=self.level, threads=threads)
+            facts = {**note, "level": self.level, "flags": "1 unlit, 2 saturated, 4 dead"}
+            planes = known.arrays(float(self.scale(sensor)))
             stack_writer(self.uncertainty, facts)(rest.pop(0), planes)
 
     def note(self, sensor: Sensor, method: str, source: Source | None) -> dict[str, Any]:

@@ -15,8 +15,8 @@ from jotlight.cli import output_options as output_
 from jotlight.cli.applied_calibration import AppliedCalibration, recorded
 from jotlight.cli.console import err, live_iterations, out, progress
 from jotlight.cli.video import check_film, film, refuse_existing_folder
-from jotlight.estimators.brightness import BRIGHT
-from jotlight.estimators.problem import Histories
+from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE
+from jotlight.estimators.problem import ConvergenceHistories
 from jotlight.estimators.tv import NORMS
 from jotlight.estimators.vst import INVERSES
 from jotlight.evaluation.methods import DEFAULT, METHODS
@@ -285,7 +285,7 @@ def reconstruct(
     for beside, told_ in ((preview, "to look at"), (uncertainty, f"intervals of {level:g}")):
         if beside is not None:
             out.print(f"{beside}: {told_}", soft_wrap=True, markup=False)
-    tell(float(picture.max()), float(np.quantile(picture, BRIGHT)))
+    tell(float(picture.max()), float(np.quantile(picture, BRIGHTNESS_QUANTILE)))
 
 
 def _method_settings(
@@ -315,7 +315,7 @@ _WHOSE: dict[str, tuple[str, Callable[[str], bool]]] = {
 """To which methods each setting belongs."""
 
 
-def _told(histories: Histories) -> str:
+def _told(histories: ConvergenceHistories) -> str:
     """How the iterations ended, the longest of those of all channels."""
     each = histories if isinstance(histories, list) else [histories]
     longest = max(history.iterations for history in each)

@@ -10,8 +10,8 @@ from jotlight.checks import as_image
 from jotlight.cli import sensor_options
 from jotlight.cli.console import out, progress
 from jotlight.files import refuse_overwrite
-from jotlight.formats.description import maps_beside
-from jotlight.formats.npy import created_bits
+from jotlight.formats.description import companion_files
+from jotlight.formats.npy import create_bits
 from jotlight.images.io import read_image
 from jotlight.sensing.sensor import Sensor
 
@@ -33,13 +33,13 @@ def simulate(
     """Draw the bits that a quanta image sensor would report of a photograph."""
     sensor = Sensor(**given)
     maps = [output.with_suffix(f".{name}.npy") for name in sensor.maps()]
-    for file in {output, output.with_suffix(".json"), *maps, *maps_beside(output)}:
+    for file in {output, output.with_suffix(".json"), *maps, *companion_files(output)}:
         refuse_overwrite(file, [photo, *inputs])
     image = as_image(read_image(photo, white=white, gray=gray))
     height, width = (size * sensor.oversampling for size in image.shape[:2])
     shape = (sensor.frames, height, math.ceil(width / 8), *image.shape[2:])
     with (
-        created_bits(output, shape, width, sensor) as packed,
+        create_bits(output, shape, width, sensor) as packed,
         progress(1) as begin,
     ):
         bits = sensor.expose(

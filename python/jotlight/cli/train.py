@@ -13,7 +13,7 @@ from jotlight.cli import capture_options, networks, sensor_options, training_run
 from jotlight.cli import fine_tune as own_bits
 from jotlight.cli.console import out, progress, silent
 from jotlight.datasets import PHOTOGRAPHS, photograph, uniform_scenes
-from jotlight.estimators.brightness import sensor_for
+from jotlight.estimators.brightness import training_sensor
 from jotlight.files import refuse_overwrite
 from jotlight.images.sets import read_image_set
 from jotlight.networks.architectures import SIZES, TWO_LAYER
@@ -371,7 +371,7 @@ def _sensor_of(
         # The capture tells its own; those that are given are of a film's windows.
         numbers.pop("frames", None)
     seen, own = capture_options.seen_and_told(capture, reading.path, numbers, calibration)
-    sensor, scale = sensor_for(seen, own, threads=threads)
+    sensor, scale = training_sensor(seen, own, threads=threads)
     chosen = {name: given[name] for name in ("frames", "max_intensity") if name in given}
     sensor = patch_sensor(sensor.replace(**chosen))
     out.print(

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.chunks import pixel_chunks
+from jotlight.chunks import pixel_chunks, take_pixels
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import by_channel
@@ -72,10 +72,10 @@ def mle(
             for part in pixel_chunks(out.size):
                 engine.mle_from_counts(
                     sensor._response(),
-                    _part(seen.counts, part),
-                    _part(seen.trials, part),
-                    (_part(seen.efficiency, part), _part(seen.dark_counts, part)),
-                    _part(out, part),
+                    take_pixels(seen.counts, part),
+                    take_pixels(seen.trials, part),
+                    (take_pixels(seen.efficiency, part), take_pixels(seen.dark_counts, part)),
+                    take_pixels(out, part),
                     threads,
                 )
         return inpaint_dead_pixels(out, seen.blind)
@@ -118,39 +118,8 @@ def _rows(value: float | npt.NDArray[np.float32], jots: slice) -> Any:
     return value[jots].astype(np.float64).ravel() if isinstance(value, np.ndarray) else value
 
 
-def _part(value: float | npt.NDArray[Any], part: slice) -> Any:
-    """Some of the pixels of a map, as a view, or the number that stands for all of them."""
-    return value.reshape(-1)[part] if isinstance(value, np.ndarray) else value
-
-
 Jot = tuple[float, float]
 """η and d of a jot."""
-
-
-def equivalent_counts(
-    seen: PixelCounts, reference: Jot, threads: int | None
-) -> npt.NDArray[np.float32]:
-    """Bring all pixels to K valid bits of jots like `reference`.
-
-    Methods that look at many pixels at once take these, so that dead and hot jots do not
-    show as a pattern. The counts become real numbers in [0, K]; pixels without any
-    valid jot are filled from their neighbours.
-    """
-    if seen.uniform and (seen.efficiency, seen.dark_counts) == reference:
-        return seen.counts.astype(np.float32)
-    out = np.empty(seen.counts.shape, np.float32)
-    for part in pixel_chunks(out.size):
-        engine.equivalent_counts(
-            seen.sensor._response(),
-            _part(seen.counts, part),
-            _part(seen.trials, part),
-            (_part(seen.efficiency, part), _part(seen.dark_counts, part)),
-            seen.sensor.bits_per_pixel,
-            reference,
-            _part(out, part),
-            threads,
-        )
-    return inpaint_dead_pixels(out, seen.blind)
 
 
 def reference_jot(sensor: Sensor) -> Jot:
@@ -163,22 +132,3 @@ def _median(value: float | npt.NDArray[np.float32], sensor: Sensor) -> float:
         return value
     living = value if sensor.mask is None or sensor.mask.all() else value[~sensor.mask]
     return float(np.median(living))
-
-
-def from_probability(
-    probability: npt.NDArray[np.float32], sensor: Sensor, threads: int | None
-) -> npt.NDArray[np.float32]:
-    """The intensity that makes a pixel's bits fire with a probability: equation (5) with p for L/K.
-
-    The jots are as :func:`reference_jot` gives them.
-    """
-    out = np.empty(probability.shape, np.float32)
-    for part in pixel_chunks(out.size):
-        engine.mle_from_probability(
-            sensor._response(),
-            _part(probability, part),
-            reference_jot(sensor),
-            _part(out, part),
-            threads,
-        )
-    return out

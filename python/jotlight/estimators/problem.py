@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.convergence import History
+from jotlight.estimators.convergence import ConvergenceHistory
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import Picture, by_channel
 from jotlight.sensing.likelihood import Array, Likelihood, Problem
@@ -14,17 +14,17 @@ from jotlight.sensing.operators import scaling, spread
 from jotlight.sensing.pixel_counts import PixelCounts, count_pixels
 from jotlight.sensing.sensor import Sensor
 
-Histories = History | list[History]
+ConvergenceHistories = ConvergenceHistory | list[ConvergenceHistory]
 """Of one channel, or of each channel of a colour image."""
 
 
-def solve_each(
-    solve: Callable[[Problem, Array | None, str], tuple[Array, History]],
+def solve_channels(
+    solve: Callable[[Problem, Array | None, str], tuple[Array, ConvergenceHistory]],
     data: Bits | Problem | npt.ArrayLike,
     sensor: Sensor | None,
     start: npt.ArrayLike | None,
     threads: int | None,
-) -> tuple[Picture, Histories]:
+) -> tuple[Picture, ConvergenceHistories]:
     """Solve a problem, or that of each channel of data, from the start that belongs to it.
 
     `solve` takes the problem, the start, and words that tell which channel it is, where there are
@@ -49,10 +49,10 @@ def solve_each(
             f"start: expected (H, W) and as many channels as the data {tuple(channels)}, "
             f"got shape {begin.shape}"
         )
-    histories: list[History] = []
+    histories: list[ConvergenceHistory] = []
 
     def one_channel(channel: Bits | npt.NDArray[np.int32]) -> Picture:
-        problem = problem_of(channel, sensor, threads)
+        problem = build_problem(channel, sensor, threads)
         own = begin if begin is None or begin.ndim == 2 else begin[..., len(histories)]
         words = f", channel {len(histories)}" if channels else ""
         estimate, history = solve(problem, _fitting_start(own, problem), words)
@@ -82,7 +82,9 @@ def _fitting_start(start: Array | None, problem: Problem) -> Array | None:
     return np.clip(start, 0, problem.max_intensity)
 
 
-def problem_of(data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int | None) -> Problem:
+def build_problem(
+    data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int | None
+) -> Problem:
     """Give the problem of one channel's bits or counts.
 
     With the box kernel a pixel's bits are exchangeable and their count says all: the cells are the

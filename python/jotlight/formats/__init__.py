@@ -8,21 +8,21 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
-from jotlight.formats.arrays import npz_label, read_npy
+from jotlight.formats.arrays import read_npy, read_npz_label
 from jotlight.formats.capture import (
     Capture,
-    Stack,
-    as_stack,
-    chosen,
-    packed_on_reading,
-    unpacked_bits,
+    CountStack,
+    as_count_stack,
+    pack_lazily,
+    pack_stack,
+    select,
 )
-from jotlight.formats.compressed import gzipped_npy, zipped_npy
-from jotlight.formats.detect import FORMATS, RAW, recognise
+from jotlight.formats.compressed import open_npy_gz, open_npz
+from jotlight.formats.detect import FORMATS, RAW, detect_format
 from jotlight.formats.hdf5 import open_hdf5
 from jotlight.formats.image_files import open_png, open_tiff
 from jotlight.formats.matlab import open_matlab
-from jotlight.formats.npy import described_bits, load_bits
+from jotlight.formats.npy import load_bits, open_described_cube
 from jotlight.formats.spad512s import open_spad512s
 from jotlight.formats.swissspad import open_swissspad
 from jotlight.formats.visionsim import open_visionsim
@@ -133,7 +133,7 @@ def open_capture(
     path = Path(path)
     if format is not None and format not in FORMATS:
         raise ValueError(f"format: expected one of {', '.join(FORMATS)}, got {format!r}")
-    name = format or recognise(path)
+    name = format or detect_format(path)
     if key is not None and name not in _KEYED:
         raise ValueError(f"key: names an array in a file of several, and {path} ({name}) has one")
     if unpacked and counts:
@@ -145,7 +145,7 @@ def open_capture(
     try:
         if unpacked:
             capture = _opened(path, name, key, True, None)
-            capture = unpacked_bits(capture) if isinstance(capture, Stack) else capture
+            capture = pack_stack(capture) if isinstance(capture, CountStack) else capture
         else:
             capture = _opened(path, name, key, counts, width, sure=unpacked is False)
     except ValueError as error:
@@ -156,10 +156,10 @@ def open_capture(
         words = "bits" if counts else "counts; --unpacked takes each number for a bit"
         raise ValueError(f"counts: {path} ({name}) holds {words}")
     if width is not None:
-        have = capture.images.shape[2] if isinstance(capture, Stack) else capture.width
+        have = capture.images.shape[2] if isinstance(capture, CountStack) else capture.width
         if width != have:
             raise ValueError(f"width: expected {have}, which {path} tells, got {width}")
-    return chosen(capture, frames, rotate, flip, key)
+    return select(capture, frames, rotate, flip, key)
 
 
 def _opened(
@@ -175,9 +175,9 @@ def _opened(
         case "npy":
             return _of_array(read_npy(path), path, name, counts, width, sure=sure)
         case "npy.gz":
-            return _of_array(gzipped_npy(path), path, name, counts, width, sure=sure)
+            return _of_array(open_npy_gz(path), path, name, counts, width, sure=sure)
         case "npz":
-            array, label = zipped_npy(path, key), npz_label(path)
+            array, label = open_npz(path, key), read_npz_label(path)
             # What is in archives has been counts so far, unless it is bool.
             if counts is None and array.dtype != np.bool_:
                 counts = True
@@ -213,15 +213,15 @@ def _of_array(
     dimensions = len(array.shape)
     if array.dtype == np.bool_ and dimensions in (3, 4) and not counts and 0 not in array.shape:
         source = Source(name, path.name, ("frames of bool, one bit each",))
-        return Bits(packed_on_reading(array, path.name), array.shape[2], source=source)
+        return Bits(pack_lazily(array, path.name), array.shape[2], source=source)
     if counts is False or (counts is None and array.dtype == np.uint8 and dimensions in (3, 4)):
         if array.dtype != np.uint8 or dimensions not in (3, 4):
             raise ValueError(
                 f"{path}: expected packed bits, uint8 of shape (T, H, W/8) or (T, H, W/8, C), "
                 f"got {array.dtype} of shape {array.shape}"
             )
-        return described_bits(array, path, width, name, sure=sure)
-    return as_stack(array, Source(name, path.name), label)
+        return open_described_cube(array, path, width, name, sure=sure)
+    return as_count_stack(array, Source(name, path.name), label)
 
 
 __all__ = ["FORMATS", "load_bits", "open", "open_capture"]

@@ -102,7 +102,7 @@ def read_npz(path: str | os.PathLike[str], key: str | None = None) -> npt.NDArra
         When it is no such archive, is damaged, holds Python objects, or has no array `key`.
     """
     path = Path(path)
-    names = npz_names(path)
+    names = list_npz_arrays(path)
     if key is None and len(names) == 1:
         key = names[0]
     if key not in names:
@@ -140,7 +140,7 @@ def _check_size(archive: zipfile.ZipFile, name: str) -> None:
         raise ValueError(f"its header tells of {size} bytes, but there are {there}")
 
 
-def npz_label(path: Path) -> str | None:
+def read_npz_label(path: Path) -> str | None:
     """What an archive of ours tells of its array."""
     try:
         with zipfile.ZipFile(path) as archive, archive.open(LABEL) as member:
@@ -149,7 +149,7 @@ def npz_label(path: Path) -> str | None:
         return None
 
 
-def npz_names(path: Path) -> list[str]:
+def list_npz_arrays(path: Path) -> list[str]:
     """The names of the arrays in a `.npz` archive."""
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")

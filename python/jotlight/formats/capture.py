@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from jotlight.errors import warn
 from jotlight.formats.description import read_counts_label
-from jotlight.formats.orientation import check_turn, turned_image, turned_packed
+from jotlight.formats.orientation import orient_image, orient_packed, parse_orientation
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, parts_of_frames, range_of
 from jotlight.sensing.provenance import Source
@@ -17,32 +17,26 @@ from jotlight.sensing.sensor import Sensor
 
 Counts = npt.NDArray[np.int32]
 
-_MOST_EXPANSION = 1100
-"""Bytes that a byte of a compressed file can become; DEFLATE, the most common, stays below 1033."""
-
 _LOOKED_AT = 1 << 20
 """Bytes of frames that tell whether they are packed."""
 _FEWEST = 8
 """Jots that fire in them, at least, for that to be told."""
 
-_SLACK = 1 << 24
-"""Bytes that any file may become."""
-
 
 @dataclasses.dataclass(frozen=True)
-class Stack:
+class CountStack:
     """Images of counts, of which the sum is what methods take."""
 
     images: npt.NDArray[Any] | Frames
     """(T, H, W) or (T, H, W, C), whole numbers."""
     source: Source
-    frames: int | None = None
-    """Out of how many bits each count is, where the file tells."""
+    trials: int | None = None
+    """Number of binary readings behind each count of one image, if the file states it."""
 
     @property
-    def all_frames(self) -> int | None:
-        """The same for the sum of all images."""
-        return None if self.frames is None else self.frames * len(self.images)
+    def total_trials(self) -> int | None:
+        """Number of binary readings behind each count of the sum, or None if it is unknown."""
+        return None if self.trials is None else self.trials * len(self.images)
 
     def sum(self, progress: Callable[[float], object] | None = None) -> Counts:
         """The sum of all images, (H, W) or (H, W, C), in memory of a few images."""
@@ -53,9 +47,9 @@ class Stack:
                     f"{self.source.name}: expected counts from 0 to 2**31 - 1, got "
                     f"{part.min()} to {part.max()}"
                 )
-            if self.frames is not None and part.max() > self.frames:
+            if self.trials is not None and part.max() > self.trials:
                 raise ValueError(
-                    f"{self.source.name}: its label tells of counts out of {self.frames}, and it "
+                    f"{self.source.name}: its label tells of counts out of {self.trials}, and it "
                     f"has {part.max()}"
                 )
             total += part.sum(axis=0, dtype=np.int64)
@@ -71,15 +65,17 @@ class Stack:
         return total.astype(np.int32)
 
 
-Capture = Bits | Stack
+Capture = Bits | CountStack
 
 
-def is_single(shape: tuple[int, ...]) -> bool:
+def is_single_image(shape: tuple[int, ...]) -> bool:
     """Whether this is the shape of one image, (H, W) or in colour (H, W, C), and not of a stack."""
     return len(shape) == 2 or (len(shape) == 3 and shape[2] <= 4)
 
 
-def as_stack(images: npt.NDArray[Any] | Frames, source: Source, label: str | None = None) -> Stack:
+def as_count_stack(
+    images: npt.NDArray[Any] | Frames, source: Source, label: str | None = None
+) -> CountStack:
     """Images of counts as a stack, or raise ValueError when their shape or type does not fit.
 
     A label that jotlight wrote tells out of how many bits they are.
@@ -97,12 +93,12 @@ def as_stack(images: npt.NDArray[Any] | Frames, source: Source, label: str | Non
     source = source.converted_from(origin)
     if frames is not None:
         source = source.with_note(f"counts out of {frames}, as the file tells")
-    if is_single(shape):
+    if is_single_image(shape):
         images = np.asarray(images)[None]
-    return Stack(images, source, frames)
+    return CountStack(images, source, frames)
 
 
-def packed_on_reading(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
+def pack_lazily(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
     """Unpacked frames (T, H, W) or (T, H, W, C) of 0 and 1, or 255, packed as they are read."""
     count, height, width, *channels = frames.shape
 
@@ -121,10 +117,10 @@ def packed_on_reading(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
     return Frames((count, height, (width + 7) // 8, *channels), read)
 
 
-def unpacked_bits(stack: Stack) -> Bits:
+def pack_stack(stack: CountStack) -> Bits:
     """Images of which each number is one bit, as bits."""
     images, source = stack.images, stack.source
-    packed = packed_on_reading(images, source.name)
+    packed = pack_lazily(images, source.name)
     return Bits(packed, images.shape[2], source=source.with_note("one bit in each number"))
 
 
@@ -151,15 +147,7 @@ def check_packed(frames: npt.NDArray[np.uint8] | Frames, name: str) -> None:
             )
 
 
-def check_expansion(name: str, size: int, there: int) -> None:
-    """Raise ValueError when a file of `there` bytes cannot hold an array of `size` bytes."""
-    if not 0 <= size <= _MOST_EXPANSION * there + _SLACK:
-        raise ValueError(
-            f"{name}: tells of {size} bytes, more than a file of {there} can hold; it is damaged"
-        )
-
-
-def chosen(
+def select(
     capture: Capture,
     frames: slice | None,
     rotate: int,
@@ -167,7 +155,7 @@ def chosen(
     key: str | None = None,
 ) -> Capture:
     """Some of a capture's frames, turned and mirrored; `key` is noted."""
-    quarters = check_turn(rotate, flip)
+    quarters = parse_orientation(rotate, flip)
     notes = [f"the array {key}"] if key is not None else []
     if quarters:
         notes.append(f"rotated by {90 * quarters} degrees anticlockwise")
@@ -177,7 +165,7 @@ def chosen(
     def told(source: Source) -> Source:
         return source.with_note(*notes).turned_by(quarters, flip)
 
-    if isinstance(capture, Stack):
+    if isinstance(capture, CountStack):
         images, source = capture.images, capture.source
         if len(images) > 1:
             source = source.with_note(f"the sum of a stack of {len(images)} images of counts")
@@ -189,12 +177,12 @@ def chosen(
                     f"frames: no frames in {range_of(frames)} of {len(capture.images)}"
                 )
             source = source.with_note(f"of the stack {len(images)} of {len(capture.images)}")
-        return Stack(_turned_images(images, quarters, flip), source, capture.frames)
+        return CountStack(_turned_images(images, quarters, flip), source, capture.trials)
     if frames is not None:
         capture = capture[frames]
     if not notes:
         return capture
-    packed, width = turned_packed(capture.packed, capture.width, quarters, flip)
+    packed, width = orient_packed(capture.packed, capture.width, quarters, flip)
     sensor = capture.sensor and _turned_sensor(capture.sensor, quarters, flip)
     return Bits(packed, width, sensor, capture.source and told(capture.source))
 
@@ -210,11 +198,11 @@ def _turned_images(
     def read(start: int, stop: int) -> npt.NDArray[Any]:
         part = images[start:stop]
         whole = part.read(0, len(part)) if isinstance(part, Frames) else part
-        return np.stack([turned_image(image, quarters, flip) for image in whole])
+        return np.stack([orient_image(image, quarters, flip) for image in whole])
 
     return Frames(shape, read, images.dtype)
 
 
 def _turned_sensor(sensor: Sensor, quarters: int, flip: str | None) -> Sensor:
-    maps = {name: turned_image(map_, quarters, flip) for name, map_ in sensor.maps().items()}
+    maps = {name: orient_image(map_, quarters, flip) for name, map_ in sensor.maps().items()}
     return sensor.replace(**maps)

@@ -11,8 +11,8 @@ from typing import IO, Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.formats.arrays import BAD_ARCHIVE, DAMAGED, check_header, npz_names, read_npz
-from jotlight.formats.capture import check_expansion
+from jotlight.formats.arrays import BAD_ARCHIVE, DAMAGED, check_header, list_npz_arrays, read_npz
+from jotlight.formats.limits import check_claimed_size
 from jotlight.sensing.frames import Frames
 
 _SKIP = 1 << 20
@@ -63,7 +63,7 @@ class Stream:
         self.close()
 
 
-def streamed_npy(begin: Callable[[], IO[bytes]], name: str, there: int) -> Frames:
+def stream_npy(begin: Callable[[], IO[bytes]], name: str, there: int) -> Frames:
     """Frames of a `.npy` in a stream that is compressed to `there` bytes.
 
     Raises
@@ -92,7 +92,7 @@ def streamed_npy(begin: Callable[[], IO[bytes]], name: str, there: int) -> Frame
     if len(shape) == 0:
         raise ValueError(f"{name}: expected an array, got a single number")
     each = math.prod(shape[1:]) * dtype.itemsize
-    check_expansion(name, each * shape[0], there)
+    check_claimed_size(name, each * shape[0], there)
     stream = Stream(begin)
 
     def read(first: int, last: int) -> npt.NDArray[Any]:
@@ -105,19 +105,19 @@ def streamed_npy(begin: Callable[[], IO[bytes]], name: str, there: int) -> Frame
     return Frames(shape, read, dtype)
 
 
-def gunzipped(path: Path) -> IO[bytes]:
+def open_gzip(path: Path) -> IO[bytes]:
     """What a compressed file holds, from its beginning."""
     return cast(IO[bytes], gzip.open(path))
 
 
-def gzipped_npy(path: Path) -> Frames:
+def open_npy_gz(path: Path) -> Frames:
     """Frames of a `.npy.gz`."""
-    return streamed_npy(lambda: gunzipped(path), str(path), path.stat().st_size)
+    return stream_npy(lambda: open_gzip(path), str(path), path.stat().st_size)
 
 
-def zipped_npy(path: Path, key: str | None) -> npt.NDArray[Any] | Frames:
+def open_npz(path: Path, key: str | None) -> npt.NDArray[Any] | Frames:
     """Frames of an array in a `.npz`, by name where it holds several."""
-    names = npz_names(path)
+    names = list_npz_arrays(path)
     key = names[0] if key is None and len(names) == 1 else key
     if key not in names:
         return read_npz(path, key)  # which says what is wrong
@@ -127,7 +127,7 @@ def zipped_npy(path: Path, key: str | None) -> npt.NDArray[Any] | Frames:
         return zipfile.ZipFile(path).open(member)
 
     try:
-        return streamed_npy(begin, f"{path}: {key}", path.stat().st_size)
+        return stream_npy(begin, f"{path}: {key}", path.stat().st_size)
     except ValueError as error:
         if "Fortran" not in str(error):
             raise

@@ -32,7 +32,7 @@ def describe(width: int, sensor: Sensor | None, source: Source | None) -> dict[s
     return description
 
 
-def label_counts(frames: int | None, source: Source | None) -> str | None:
+def make_counts_label(frames: int | None, source: Source | None) -> str | None:
     """What goes into a file beside counts: out of how many bits each is, and where it is from."""
     if frames is None and source is None:
         return None
@@ -41,8 +41,8 @@ def label_counts(frames: int | None, source: Source | None) -> str | None:
 
 
 def read_counts_label(label: str | None) -> tuple[int | None, Source | None]:
-    """Undo :func:`label_counts`; nothing where the label is none of ours."""
-    told = parsed(label, COUNTS) if label is not None and len(label) <= _MOST_JSON else None
+    """Undo :func:`make_counts_label`; nothing where the label is none of ours."""
+    told = parse_label(label, COUNTS) if label is not None and len(label) <= _MOST_JSON else None
     if told is None:
         return None, None
     frames, source = told.get("frames"), told.get("source")
@@ -53,7 +53,7 @@ def read_counts_label(label: str | None) -> tuple[int | None, Source | None]:
     return frames, None if source is None else Source.from_json(source)
 
 
-def json_beside(path: Path) -> Path:
+def description_path(path: Path) -> Path:
     """Where the description of a cube is written."""
     if path.suffix.lower() == ".gz":
         return path.with_name(f"{path.name}.json")
@@ -65,23 +65,23 @@ def _json_of(path: Path) -> Path:
 
     One that was compressed by other means has that of the `.npy` it was, unless that is there too.
     """
-    beside, plain = json_beside(path), path.with_suffix("")
+    beside, plain = description_path(path), path.with_suffix("")
     if beside.is_file() or path.suffix.lower() != ".gz" or plain.exists():
         return beside
-    return json_beside(plain)
+    return description_path(plain)
 
 
-def maps_beside(path: Path) -> set[Path]:
+def companion_files(path: Path) -> set[Path]:
     """The files that bits in `path` have beside them: their description and the sensor's maps."""
     if path.suffix.lower() not in (".npy", ".gz"):
         return set()
-    besides = {json_beside(path), _json_of(path)}
-    return besides.union(*map(maps_named_by, besides))
+    besides = {description_path(path), _json_of(path)}
+    return besides.union(*map(maps_in_description, besides))
 
 
-def maps_named_by(beside: Path) -> set[Path]:
+def maps_in_description(beside: Path) -> set[Path]:
     """The maps in the same folder that a description of ours names."""
-    description = (parse_ours(beside) or {}) if beside.is_file() else {}
+    description = (read_own_description(beside) or {}) if beside.is_file() else {}
     maps = description.get("maps")
     names = maps.values() if isinstance(maps, dict) else ()
     stem = beside.name.removesuffix(".json")
@@ -96,7 +96,7 @@ def read_description(
     beside = _json_of(path)
     if not beside.is_file():
         return None, None, None
-    description = parse_ours(beside)
+    description = read_own_description(beside)
     if description is None:
         warn(f"{beside} does not describe bits of jotlight and is not used")
         return None, None, None
@@ -119,7 +119,9 @@ def read_description(
         files = description.get("maps") or {}
         if not isinstance(files, dict) or not files.keys() <= set(MAPS):
             raise ValueError(f"maps: expected files for {' and '.join(MAPS)}, got {files!r}")
-        maps = {name: np.array(read_npy(sibling(path, file))) for name, file in files.items()}
+        maps = {
+            name: np.array(read_npy(resolve_sibling(path, file))) for name, file in files.items()
+        }
         return width, Sensor.from_parts(description["sensor"], maps), source
     except FileNotFoundError as error:
         raise FileNotFoundError(f"{beside}: {error}") from error
@@ -127,17 +129,17 @@ def read_description(
         raise ValueError(f"{beside}: {error}") from error
 
 
-def parse_ours(path: Path) -> dict[str, Any] | None:
+def read_own_description(path: Path) -> dict[str, Any] | None:
     """The description of bits in a file, or None when it is none of ours."""
     if path.stat().st_size > _MOST_JSON:
         return None
     try:
-        return parsed(path.read_text(encoding="utf-8"), BITS)
+        return parse_label(path.read_text(encoding="utf-8"), BITS)
     except ValueError:
         return None
 
 
-def parsed(text: str, format_: str) -> dict[str, Any] | None:
+def parse_label(text: str, format_: str) -> dict[str, Any] | None:
     """The object of this format in a text, or None."""
     try:
         told = json.loads(text)
@@ -146,7 +148,7 @@ def parsed(text: str, format_: str) -> dict[str, Any] | None:
     return told if isinstance(told, dict) and told.get("format") == format_ else None
 
 
-def inside(path: Path, name: object, what: str) -> Path:
+def resolve_below(path: Path, name: object, what: str) -> Path:
     """A file in the folder of another or below it, which no link leads out of."""
     folder = path.parent
     if isinstance(name, str) and name not in ("", ".") and "\0" not in name:
@@ -160,7 +162,7 @@ def inside(path: Path, name: object, what: str) -> Path:
     )
 
 
-def sibling(path: Path, name: object) -> Path:
+def resolve_sibling(path: Path, name: object) -> Path:
     """A file in the same folder: a description from a stranger must not point elsewhere."""
     if (
         not isinstance(name, str)

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from jotlight.formats.magic import beginning_of
+from jotlight.formats.magic import read_signature
 from jotlight.formats.raw import ENDINGS as RAW_ENDINGS
-from jotlight.formats.raw import natural
+from jotlight.formats.raw import natural_sort_key
 from jotlight.formats.spad512s import has_trailer, looks_sparse
 from jotlight.formats.visionsim import NAME as TRANSFORMS
 from jotlight.formats.zarr import DESCRIPTIONS as ZARR
@@ -43,7 +43,7 @@ _ENDINGS = {
 """What says what was expected of a file that does not begin as its name promises."""
 
 
-def recognise(path: Path) -> str:
+def detect_format(path: Path) -> str:
     """The name of the format that a file or folder is of.
 
     Raises
@@ -58,7 +58,7 @@ def recognise(path: Path) -> str:
     >>> import pathlib, tempfile
     >>> path = pathlib.Path(tempfile.mkdtemp()) / "capture.bin"
     >>> _ = path.write_bytes(bytes(32768) + b"DONE")
-    >>> recognise(path)
+    >>> detect_format(path)
     'spad512s'
     """
     if path.is_dir():
@@ -67,7 +67,7 @@ def recognise(path: Path) -> str:
         raise FileNotFoundError(f"there is no file {path}")
     if path.name == TRANSFORMS:
         return "visionsim"
-    name = beginning_of(path)
+    name = read_signature(path)
     if name == "npy.gz" and path.name.lower().endswith(RAW_ENDINGS):
         raise _unknown(path)
     if name is not None:
@@ -89,7 +89,7 @@ def _of_folder(path: Path) -> str:
         return "zarr"
     if next(path.glob("part_*.mat"), None) is not None:
         return "matlab"
-    raw = sorted(path.rglob("*.bin"), key=natural)
+    raw = sorted(path.rglob("*.bin"), key=natural_sort_key)
     ended = next(filter(has_trailer, raw), None)
     if ended is not None:
         return "spad512s-sparse" if looks_sparse(ended) else "spad512s"

@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import MissingExtraError, warn
-from jotlight.formats.capture import Capture, check_expansion
-from jotlight.formats.labelled import Item, capture_of, label
+from jotlight.formats.capture import Capture
+from jotlight.formats.labeled import StoredArray, label, open_stored_array
+from jotlight.formats.limits import check_claimed_size
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, parts_of_frames
 from jotlight.sensing.provenance import Source
@@ -46,10 +47,10 @@ def _said(path: Path) -> Iterator[None]:
         raise ValueError(f"{path}: the HDF5 file is damaged ({error})") from error
 
 
-def open_file(path: Path) -> dict[str, Item]:
+def open_file(path: Path) -> dict[str, StoredArray]:
     """The data sets of numbers in a file by name, read when asked for."""
     h5py = _h5py()
-    found: dict[str, Item] = {}
+    found: dict[str, StoredArray] = {}
 
     def visit(name: str, item: Any) -> bool | None:
         if isinstance(item, h5py.Dataset) and item.dtype.kind in "biuf" and item.ndim > 0:
@@ -62,11 +63,11 @@ def open_file(path: Path) -> dict[str, Item]:
     return found
 
 
-def _item(path: Path, item: Any) -> Item:
+def _item(path: Path, item: Any) -> StoredArray:
     if item.external or item.is_virtual:
         raise ValueError(f"{path}: {item.name} is in other files, which are not opened")
     size = math.prod(item.shape) * item.dtype.itemsize
-    check_expansion(f"{path}: {item.name}", size, path.stat().st_size)
+    check_claimed_size(f"{path}: {item.name}", size, path.stat().st_size)
     if item.chunks and math.prod(item.chunks) * item.dtype.itemsize > _MOST_CHUNK:
         raise ValueError(f"{path}: {item.name} has chunks of more than {_MOST_CHUNK} bytes")
     told = _label_of(path, item)
@@ -75,7 +76,7 @@ def _item(path: Path, item: Any) -> Item:
         with _said(path):
             return np.asarray(item[start:stop])
 
-    return Item(Frames(item.shape, read, item.dtype), told)
+    return StoredArray(Frames(item.shape, read, item.dtype), told)
 
 
 def _label_of(path: Path, item: Any) -> str | None:
@@ -109,7 +110,7 @@ def open_hdf5(
         raise FileNotFoundError(f"there is no file {path}")
     found = open_file(path)
     source = Source("hdf5", path.name)
-    return capture_of(found, source, key=key, counts=counts, width=width, sure=sure)
+    return open_stored_array(found, source, key=key, counts=counts, width=width, sure=sure)
 
 
 def write_hdf5(path: Path, data: Bits | npt.NDArray[np.int32], told: str | None = None) -> None:

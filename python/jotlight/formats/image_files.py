@@ -11,15 +11,10 @@ import numpy.typing as npt
 
 from jotlight.errors import warn
 from jotlight.formats.arrays import read_npy
-from jotlight.formats.capture import (
-    Capture,
-    as_stack,
-    check_expansion,
-    is_single,
-    packed_on_reading,
-)
-from jotlight.formats.raw import files_of
-from jotlight.formats.tiff import tiff_file
+from jotlight.formats.capture import Capture, as_count_stack, is_single_image, pack_lazily
+from jotlight.formats.limits import check_claimed_size
+from jotlight.formats.raw import list_files
+from jotlight.formats.tiff import open_checked_tiff
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, joined
 from jotlight.sensing.provenance import Source
@@ -44,7 +39,7 @@ def _images(
     name: str,
     read: Callable[[Path], tuple[Frames, str | None]],
 ) -> Capture:
-    files = files_of(path, endings, name.upper())
+    files = list_files(path, endings, name.upper())
     parts, labels = zip(*map(read, files), strict=True)
     if len({(part.shape[1:], part.dtype) for part in parts}) != 1:
         raise ValueError(f"{path}: expected images of one size and type")
@@ -54,18 +49,18 @@ def _images(
     frames = joined(parts)
     if frames.dtype == np.bool_ and frames.ndim == 3:
         source = source.with_note("black and white pictures are frames of bits, white for 1")
-        return Bits(packed_on_reading(frames, path.name), frames.shape[2], source=source)
-    return as_stack(frames, source, labels[0] if len(files) == 1 else None)
+        return Bits(pack_lazily(frames, path.name), frames.shape[2], source=source)
+    return as_count_stack(frames, source, labels[0] if len(files) == 1 else None)
 
 
 def _tiff_frames(path: Path) -> tuple[Frames, str | None]:
     try:
-        with tiff_file(path) as file:
+        with open_checked_tiff(path) as file:
             series = file.series[0]
             shape, dtype = series.shape, series.dtype
             told = file.pages[0].description
-            check_expansion("the header", series.size * dtype.itemsize, path.stat().st_size)
-            single = is_single(shape)
+            check_claimed_size("the header", series.size * dtype.itemsize, path.stat().st_size)
+            single = is_single_image(shape)
             paged = not single and len(series.pages) == shape[0]
     except Exception as error:  # anything: tifffile does not check what it reads
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error
@@ -77,7 +72,7 @@ def _tiff_frames(path: Path) -> tuple[Frames, str | None]:
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
         try:
-            with tiff_file(path) as file:
+            with open_checked_tiff(path) as file:
                 series = file.series[0]
                 if not paged:
                     return np.asarray(series.asarray().reshape(full)[start:stop])
@@ -100,7 +95,7 @@ def _check_page(page: Any, shape: tuple[int, ...], path: Path) -> None:
         raise ValueError(f"expected pages of shape {shape}, got {page.shape}")
     like = page.keyframe
     tile = like.tilewidth * like.tilelength * max(1, like.tiledepth) * like.dtype.itemsize
-    check_expansion("a tile", tile, path.stat().st_size)
+    check_claimed_size("a tile", tile, path.stat().st_size)
 
 
 def _png_frames(path: Path) -> tuple[Frames, None]:
@@ -116,7 +111,7 @@ def _png_frames(path: Path) -> tuple[Frames, None]:
         # Indices into a palette are levels too, which a program has painted.
         if colour not in (0, 3):
             raise ValueError("expected grey levels, got colour or transparency")
-        check_expansion("the header", width * height * max(1, depth // 8), path.stat().st_size)
+        check_claimed_size("the header", width * height * max(1, depth // 8), path.stat().st_size)
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             with Image.open(path) as image:

@@ -17,7 +17,7 @@ _BEGINNINGS = (
 )
 
 
-def beginning_of(path: Path) -> str | None:
+def read_signature(path: Path) -> str | None:
     """The format that the first bytes of a file tell, or None."""
     with path.open("rb") as file:
         start = file.read(16)

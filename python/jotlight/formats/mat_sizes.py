@@ -4,7 +4,7 @@ import zlib
 from pathlib import Path
 from typing import Literal
 
-from jotlight.formats.capture import check_expansion
+from jotlight.formats.limits import check_claimed_size
 
 Order = Literal["little", "big"]
 
@@ -40,29 +40,29 @@ def check_sizes(path: Path) -> None:
             start = file.read(min(there, _PREFIX))
             if kind == _COMPRESSED:
                 start = zlib.decompressobj().decompress(start, _PREFIX)
-                kind, inside = _word(start, 0, order), _word(start, 4, order)
+                kind, content_bytes = _word(start, 0, order), _word(start, 4, order)
                 if kind != _MATRIX or len(start) < 8:
                     raise ValueError("a variable is damaged")
-                check_expansion("a variable", inside, there)
-                _check_parts(start[8:], inside, order)
+                check_claimed_size("a variable", content_bytes, there)
+                _check_parts(start[8:], content_bytes, order)
             else:
                 _check_parts(start, there, order)
             place += 8 + there
     raise ValueError(f"it has more than {_MOST_VARIABLES} variables")
 
 
-def _check_parts(start: bytes, inside: int, order: Order) -> None:
+def _check_parts(start: bytes, content_bytes: int, order: Order) -> None:
     """The flags, sizes, name and numbers of a variable, each behind a tag."""
     place = 0
     flags = _word(start, 8, order)
     numeric = flags & 0xFF in _CLASSES
     if numeric and flags & _COMPLEX:
         raise ValueError("a variable has complex numbers, expected real ones")
-    while place + 8 <= min(len(start), inside):
+    while place + 8 <= min(len(start), content_bytes):
         word, size = _word(start, place, order), _word(start, place + 4, order)
         if word >> 16:  # up to four bytes stand in the tag itself
             word, size = word & 0xFFFF, 0
-        if size > inside - place - 8 or (numeric and word not in _NUMBERS):
+        if size > content_bytes - place - 8 or (numeric and word not in _NUMBERS):
             raise ValueError("a variable is damaged")
         place += 8 + (size + 7) // 8 * 8
 

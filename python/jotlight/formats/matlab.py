@@ -9,10 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
-from jotlight.formats.capture import Capture, as_stack, check_expansion, packed_on_reading
+from jotlight.formats.capture import Capture, as_count_stack, pack_lazily
 from jotlight.formats.hdf5 import open_file
+from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.mat_sizes import check_sizes
-from jotlight.formats.raw import natural
+from jotlight.formats.raw import natural_sort_key
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, joined
 from jotlight.sensing.provenance import Source
@@ -28,7 +29,7 @@ def open_matlab(path: Path, *, key: str | None = None, counts: bool | None = Non
     """Open a `.mat` file, or a folder of parts in natural order."""
     files, notes, total = [path], [], None
     if path.is_dir():
-        files = sorted((file for file in path.glob("part_*.mat")), key=natural)
+        files = sorted((file for file in path.glob("part_*.mat")), key=natural_sort_key)
         if not files:
             raise ValueError(f"{path}: expected part_1.mat and so on, got none")
         total = _check_info(path, len(files))
@@ -46,9 +47,9 @@ def open_matlab(path: Path, *, key: str | None = None, counts: bool | None = Non
         raise ValueError(f"{path}: expected frames, none of their sizes 0, got {frames.shape}")
     source = Source("matlab", path.name, tuple(notes))
     if counts:
-        return as_stack(frames, source)
+        return as_count_stack(frames, source)
     source = source.with_note("the frames are of one bit each, (H, W, T)")
-    return Bits(packed_on_reading(frames, path.name), frames.shape[2], source=source)
+    return Bits(pack_lazily(frames, path.name), frames.shape[2], source=source)
 
 
 def _check_info(folder: Path, parts: int) -> int | None:
@@ -93,7 +94,7 @@ def _part(path: Path, key: str | None) -> Frames:
     shape = (*shape, 1) if len(shape) == 2 else shape
     if len(shape) != 3 or min(shape) < 0:
         raise ValueError(f"{path}: expected {name} of shape (H, W, T), got {shape}")
-    check_expansion(str(path), math.prod(shape), path.stat().st_size)
+    check_claimed_size(str(path), math.prod(shape), path.stat().st_size)
     # The last part that was read, so that going on in it does not read it again.
     kept: list[npt.NDArray[Any]] = []
 

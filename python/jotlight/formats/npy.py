@@ -16,10 +16,10 @@ from jotlight.formats.arrays import read_npy
 from jotlight.formats.capture import check_packed
 from jotlight.formats.description import (
     describe,
-    json_beside,
-    maps_named_by,
-    parse_ours,
+    description_path,
+    maps_in_description,
     read_description,
+    read_own_description,
 )
 from jotlight.memory_maps import release
 from jotlight.sensing.bits import Bits
@@ -43,10 +43,10 @@ def load_bits(path: str | os.PathLike[str], *, width: int | None = None) -> Bits
             f"got {packed.dtype} of shape {packed.shape}; Bits.from_array packs unpacked bits, "
             "and an image of counts goes to a method as it is"
         )
-    return described_bits(packed, path, width)
+    return open_described_cube(packed, path, width)
 
 
-def described_bits(
+def open_described_cube(
     packed: npt.NDArray[np.uint8] | Frames,
     path: Path,
     width: int | None,
@@ -78,14 +78,14 @@ def described_bits(
 
 def save_bits(bits: Bits, path: str | os.PathLike[str]) -> None:
     """Write bits and their description, whole or not at all."""
-    with created_bits(path, bits.packed.shape, bits.width, bits.sensor, bits.source) as packed:
+    with create_bits(path, bits.packed.shape, bits.width, bits.sensor, bits.source) as packed:
         for place, part in parts_of_frames(bits.packed):
             packed[place] = part
             release(packed[place])
 
 
 @contextlib.contextmanager
-def created_bits(
+def create_bits(
     path: str | os.PathLike[str],
     shape: tuple[int, ...],
     width: int,
@@ -114,11 +114,11 @@ def described(
     source: Source | None,
 ) -> Iterator[Path]:
     """Give a temporary path for a cube; it and all that describes it appear when the block ends."""
-    beside = json_beside(path)
+    beside = description_path(path)
     maps = {} if sensor is None else sensor.maps()
     map_paths = {name: beside.with_suffix(f".{name}.npy") for name in maps}
-    former = maps_named_by(beside)
-    foreign = [beside] if beside.is_file() and parse_ours(beside) is None else []
+    former = maps_in_description(beside)
+    foreign = [beside] if beside.is_file() and read_own_description(beside) is None else []
     foreign += [path for path in map_paths.values() if path.is_file() and path not in former]
     if foreign:
         raise FileExistsError(

@@ -15,7 +15,7 @@ _AT_ONCE = 1 << 20
 Packed = npt.NDArray[np.uint8]
 
 
-def check_turn(rotate: int, flip: str | None) -> int:
+def parse_orientation(rotate: int, flip: str | None) -> int:
     """Give the quarter turns of an angle in degrees, 0 to 3, or raise ValueError."""
     if isinstance(rotate, bool) or not isinstance(rotate, int | np.integer) or rotate % 90:
         raise ValueError(
@@ -26,7 +26,7 @@ def check_turn(rotate: int, flip: str | None) -> int:
     return int(rotate) // 90 % 4
 
 
-def turned_image(image: npt.NDArray[Any], quarters: int, flip: str | None) -> npt.NDArray[Any]:
+def orient_image(image: npt.NDArray[Any], quarters: int, flip: str | None) -> npt.NDArray[Any]:
     """An image (H, W) or (H, W, C), turned anticlockwise and then mirrored."""
     image = np.rot90(image, quarters)
     if flip is not None:
@@ -34,7 +34,7 @@ def turned_image(image: npt.NDArray[Any], quarters: int, flip: str | None) -> np
     return np.ascontiguousarray(image)
 
 
-def turned_packed(
+def orient_packed(
     packed: Packed | Frames, width: int, quarters: int, flip: str | None
 ) -> tuple[Packed | Frames, int]:
     """Packed frames, turned anticlockwise and then mirrored, with their new width.
@@ -63,11 +63,11 @@ def _turned(part: Packed, width: int, quarters: int, flip: str | None) -> Packed
     # All eight turns are made of the transpose and of rows in reverse, which packing allows.
     height = part.shape[1]
     if quarters == 1:
-        part = transposed(part, width)[:, ::-1]
+        part = transpose_packed(part, width)[:, ::-1]
     elif quarters == 2:
         part = _mirrored(part[:, ::-1], width)
     elif quarters == 3:
-        part = transposed(part[:, ::-1], width)
+        part = transpose_packed(part[:, ::-1], width)
     if flip == "vertical":
         part = part[:, ::-1]
     elif flip == "horizontal":
@@ -76,10 +76,10 @@ def _turned(part: Packed, width: int, quarters: int, flip: str | None) -> Packed
 
 
 def _mirrored(part: Packed, width: int) -> Packed:
-    return transposed(transposed(part, width)[:, ::-1], part.shape[1])
+    return transpose_packed(transpose_packed(part, width)[:, ::-1], part.shape[1])
 
 
-def transposed(part: Packed, width: int) -> Packed:
+def transpose_packed(part: Packed, width: int) -> Packed:
     """Packed frames (T, H, ceil(W / 8)) with rows and columns exchanged: (T, W, ceil(H / 8)).
 
     Blocks of 8 x 8 bits are words of 64, turned by three exchanges (Warren, Hacker's Delight,
@@ -87,7 +87,7 @@ def transposed(part: Packed, width: int) -> Packed:
 
     Examples
     --------
-    >>> transposed(np.array([[[0b10100000]]], np.uint8), 3)[0, :, 0].tolist()
+    >>> transpose_packed(np.array([[[0b10100000]]], np.uint8), 3)[0, :, 0].tolist()
     [128, 0, 128]
     """
     frames, height, row_bytes = part.shape

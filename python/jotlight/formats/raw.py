@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
-from jotlight.formats.compressed import Stream, gunzipped, said
-from jotlight.formats.magic import beginning_of
+from jotlight.formats.compressed import Stream, open_gzip, said
+from jotlight.formats.magic import read_signature
 from jotlight.sensing.frames import Frames, joined
 
 Decode = Callable[[npt.NDArray[np.uint8]], npt.NDArray[np.uint8]]
@@ -21,7 +21,7 @@ _MOST_FILES = 1_000_000
 _AT_ONCE = 1 << 20
 
 
-def natural(path: Path) -> tuple[tuple[int, int, str], ...]:
+def natural_sort_key(path: Path) -> tuple[tuple[int, int, str], ...]:
     """A key that sorts `RAW2.bin` before `RAW10.bin`, in each folder of the path."""
     return tuple(
         (1, 0, word) if index % 2 == 0 else (0, int(word), "")
@@ -31,7 +31,7 @@ def natural(path: Path) -> tuple[tuple[int, int, str], ...]:
     )
 
 
-def files_of(path: Path, endings: tuple[str, ...], name: str) -> list[Path]:
+def list_files(path: Path, endings: tuple[str, ...], name: str) -> list[Path]:
     """The file itself, or those below a folder that end so, in natural order."""
     if path.is_file():
         return [path]
@@ -47,7 +47,7 @@ def files_of(path: Path, endings: tuple[str, ...], name: str) -> list[Path]:
         raise ValueError(
             f"{path}: expected a folder with {name} files ({endings[0]}), got none in it"
         )
-    return sorted(found, key=lambda file: natural(file.relative_to(path)))
+    return sorted(found, key=lambda file: natural_sort_key(file.relative_to(path)))
 
 
 class RawFile:
@@ -67,10 +67,10 @@ class RawFile:
 
     def __init__(self, path: Path, trailer: bytes = b"") -> None:
         self.path = path
-        told = beginning_of(path)
+        told = read_signature(path)
         self._stream: Stream | None = None
         if told == "npy.gz" and path.suffix.lower() == ".gz":
-            self._stream = Stream(lambda: gunzipped(path))
+            self._stream = Stream(lambda: open_gzip(path))
             size, end = _size_and_end(path, len(trailer))
         elif told is not None:
             raise ValueError(
@@ -103,7 +103,7 @@ class RawFile:
 def _size_and_end(path: Path, number: int) -> tuple[int, bytes]:
     """How many bytes a compressed file becomes, and the last of them."""
     size, end = 0, b""
-    with said(str(path)), gunzipped(path) as file:
+    with said(str(path)), open_gzip(path) as file:
         while piece := file.read(_AT_ONCE):
             size += len(piece)
             end = (end + piece)[-number:] if number else b""

@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
-from jotlight.formats.orientation import transposed
-from jotlight.formats.raw import ENDINGS, RawFile, files_of, raw_frames
+from jotlight.formats.orientation import transpose_packed
+from jotlight.formats.raw import ENDINGS, RawFile, list_files, raw_frames
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, joined
 from jotlight.sensing.provenance import Source
@@ -36,12 +36,12 @@ _SHOWN = "rotated by 90 degrees anticlockwise, as its own software shows it"
 
 def shown(raw: Packed) -> Packed:
     """Packed frames as the camera's software shows them."""
-    return transposed(raw.reshape(len(raw), SIDE, SIDE // 8), SIDE)[:, ::-1]
+    return transpose_packed(raw.reshape(len(raw), SIDE, SIDE // 8), SIDE)[:, ::-1]
 
 
-def as_read(frames: Packed) -> Packed:
+def encode_frames(frames: Packed) -> Packed:
     """Undo :func:`shown`."""
-    return transposed(frames[:, ::-1], SIDE)
+    return transpose_packed(frames[:, ::-1], SIDE)
 
 
 def has_trailer(path: Path) -> bool:
@@ -65,7 +65,7 @@ def looks_sparse(path: Path) -> bool:
 def open_spad512s(path: Path, *, sparse: bool = False) -> Bits:
     """Open a file, or a folder of them in natural order."""
     name = "spad512s-sparse" if sparse else "spad512s"
-    files = files_of(path, ENDINGS, "SPAD512S")
+    files = list_files(path, ENDINGS, "SPAD512S")
     if sparse:
         frames = joined([_sparse_frames(file) for file in files])
         if len(frames) == 0:
@@ -134,7 +134,9 @@ def raw_bytes(bits: Bits, *, sparse: bool = False) -> tuple[int, Callable[[Packe
     if bits.shape[1:] != (SIDE, SIDE):
         size = " x ".join(map(str, bits.shape[1:]))
         raise ValueError(f"spad512s: expected frames of {SIDE} x {SIDE} jots, got {size}")
-    return FRAMES_PER_FILE, (lambda part: _as_words(as_read(part))) if sparse else as_read
+    return FRAMES_PER_FILE, (
+        lambda part: _as_words(encode_frames(part))
+    ) if sparse else encode_frames
 
 
 def _as_words(raw: Packed) -> npt.NDArray[np.uint8]:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
-from jotlight.formats.raw import ENDINGS, files_of, raw_frames
+from jotlight.formats.raw import ENDINGS, list_files, raw_frames
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.provenance import Source
 
@@ -34,12 +34,12 @@ def _reversed(raw: Packed) -> Packed:
     return np.frombuffer(raw.tobytes().translate(_REVERSED), np.uint8)
 
 
-def half_frames(raw: Packed) -> Packed:
+def decode_half_array(raw: Packed) -> Packed:
     """Packed frames (n, 256, 64) of the half array from its bytes; it is its own inverse."""
     return _reversed(raw).reshape(len(raw), 256, _ROW)
 
 
-def full_frames(raw: Packed) -> Packed:
+def decode_full_array(raw: Packed) -> Packed:
     """Packed frames (n, 512, 64) of the full array from its bytes."""
     turns = _reversed(raw).reshape(len(raw), 256, _ROW // _TURN, 2, _TURN)
     top = turns[:, :, :, 0].reshape(len(raw), 256, _ROW)
@@ -47,8 +47,8 @@ def full_frames(raw: Packed) -> Packed:
     return np.concatenate([top, bottom], axis=1)
 
 
-def full_bytes(frames: Packed) -> Packed:
-    """Undo :func:`full_frames`."""
+def encode_full_array(frames: Packed) -> Packed:
+    """Undo :func:`decode_full_array`."""
     turns = np.empty((len(frames), 256, _ROW // _TURN, 2, _TURN), np.uint8)
     halves = frames.reshape(len(frames), 2, 256, _ROW // _TURN, _TURN)
     turns[:, :, :, 0] = halves[:, 0]
@@ -58,9 +58,9 @@ def full_bytes(frames: Packed) -> Packed:
 
 def open_swissspad(path: Path, *, full: bool) -> Bits:
     """Open a `.bin` file or a folder of them, sorted by the number in their names."""
-    files = _by_number(path, files_of(path, ENDINGS, "SwissSPAD2"))
+    files = _by_number(path, list_files(path, ENDINGS, "SwissSPAD2"))
     height = 512 if full else 256
-    frames = raw_frames(files, (height, _ROW), full_frames if full else half_frames)
+    frames = raw_frames(files, (height, _ROW), decode_full_array if full else decode_half_array)
     notes = [f"frames of {height} x 512, the least significant bit first"]
     if full:
         notes.append("the halves by turns of 128 bits, the bottom half upside down")
@@ -97,4 +97,4 @@ def raw_bytes(bits: Bits, name: str) -> tuple[int, Callable[[Packed], Packed]]:
     if bits.shape[1:] != expected:
         size = " x ".join(map(str, bits.shape[1:]))
         raise ValueError(f"{name}: expected frames of {expected[0]} x 512 jots, got {size}")
-    return FRAMES_PER_FILE[name], full_bytes if full else half_frames
+    return FRAMES_PER_FILE[name], encode_full_array if full else decode_half_array

@@ -13,7 +13,7 @@ _MOST_READ = 8
 _SLACK = 1 << 24
 
 
-def tiff_file(path: Path) -> Any:
+def open_checked_tiff(path: Path) -> Any:
     """Open a checked file with tifffile, which is not to open others that it names.
 
     Raises

@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from jotlight.errors import warn
 from jotlight.formats.arrays import read_npy
-from jotlight.formats.capture import packed_on_reading
-from jotlight.formats.description import inside
-from jotlight.formats.orientation import transposed
+from jotlight.formats.capture import pack_lazily
+from jotlight.formats.description import resolve_below
+from jotlight.formats.orientation import transpose_packed
 from jotlight.memory_maps import release
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, joined, parts_of_frames
@@ -50,7 +50,7 @@ def _parsed(path: Path) -> dict[str, Any]:
 def _open(path: Path, told: dict[str, Any]) -> Bits:
     parts, widths = [], set()
     for file, first, last, dim in _runs(told):
-        array = read_npy(inside(path, file, "file_path"))
+        array = read_npy(resolve_below(path, file, "file_path"))
         if last is not None and last > len(array):
             raise ValueError(f"file_path: expected {last} frames in {file}, got {len(array)}")
         frames, width = _bits(array[first:last], dim, told)
@@ -118,7 +118,7 @@ def _bits(
         return array, width
     if dim == 1:
         return _packed_along_width(array, height, width), width
-    return packed_on_reading(array, "visionsim"), width
+    return pack_lazily(array, "visionsim"), width
 
 
 def _packed_along_width(array: npt.NDArray[np.uint8], height: int, width: int) -> Frames:
@@ -131,9 +131,9 @@ def _packed_along_width(array: npt.NDArray[np.uint8], height: int, width: int) -
         for place, part in parts_of_frames(array[start:stop]):
             columns = part.swapaxes(1, 2)
             for channel in range(channels[0] if channels else 0):
-                out[place, ..., channel] = transposed(columns[..., channel], height)
+                out[place, ..., channel] = transpose_packed(columns[..., channel], height)
             if not channels:
-                out[place] = transposed(columns, height)
+                out[place] = transpose_packed(columns, height)
         return out
 
     return Frames(shape, read)

@@ -14,7 +14,7 @@ from jotlight.errors import warn
 from jotlight.files import atomic_folder, atomic_write
 from jotlight.formats import spad512s, swissspad
 from jotlight.formats.arrays import LABEL
-from jotlight.formats.description import label_counts
+from jotlight.formats.description import make_counts_label
 from jotlight.formats.hdf5 import write_hdf5
 from jotlight.formats.matlab import write_matlab
 from jotlight.formats.npy import described, save_bits
@@ -29,40 +29,40 @@ Counts = npt.NDArray[np.int32]
 
 
 @dataclasses.dataclass(frozen=True)
-class Target:
+class Writer:
     """A format that is written."""
 
-    endings: tuple[str, ...]
+    extensions: tuple[str, ...]
     """How a file's name ends; the first is what a message names. None: a folder."""
     bits: bool = True
     counts: bool = False
-    keeps: bool = False
+    keeps_sensor: bool = False
     """Whether it has a place for the true width, the sensor and the source of bits."""
-    labels: bool = False
+    keeps_label: bool = False
     """Whether it has a place for the frames and the source of counts."""
     folder: bool = False
     """Whether it can be a folder."""
 
 
-TARGETS = {
-    "npy": Target((".npy",), counts=True, keeps=True),
-    "npy.gz": Target((".npy.gz",), counts=True, keeps=True),
-    "visionsim": Target((), folder=True),
-    "swissspad2": Target((".bin",), folder=True),
-    "swissspad2-full": Target((".bin",), folder=True),
-    "spad512s": Target((".bin",), folder=True),
-    "spad512s-sparse": Target((".bin",), folder=True),
-    "matlab": Target((), folder=True),
-    "hdf5": Target((".h5", ".hdf5"), counts=True, keeps=True, labels=True),
-    "zarr": Target((".zarr",), counts=True, keeps=True, labels=True, folder=True),
-    "npz": Target((".npz",), bits=False, counts=True, labels=True),
-    "tiff": Target((".tif", ".tiff"), bits=False, counts=True, labels=True),
-    "png": Target((".png",), bits=False, counts=True),
+WRITERS = {
+    "npy": Writer((".npy",), counts=True, keeps_sensor=True),
+    "npy.gz": Writer((".npy.gz",), counts=True, keeps_sensor=True),
+    "visionsim": Writer((), folder=True),
+    "swissspad2": Writer((".bin",), folder=True),
+    "swissspad2-full": Writer((".bin",), folder=True),
+    "spad512s": Writer((".bin",), folder=True),
+    "spad512s-sparse": Writer((".bin",), folder=True),
+    "matlab": Writer((), folder=True),
+    "hdf5": Writer((".h5", ".hdf5"), counts=True, keeps_sensor=True, keeps_label=True),
+    "zarr": Writer((".zarr",), counts=True, keeps_sensor=True, keeps_label=True, folder=True),
+    "npz": Writer((".npz",), bits=False, counts=True, keeps_label=True),
+    "tiff": Writer((".tif", ".tiff"), bits=False, counts=True, keeps_label=True),
+    "png": Writer((".png",), bits=False, counts=True),
 }
 """The name of each format that is written."""
 
 
-def target_of(path: Path, name: str | None = None) -> str:
+def choose_output_format(path: Path, name: str | None = None) -> str:
     """The format to write to a path: the one told, or what its name tells.
 
     Raises
@@ -70,21 +70,23 @@ def target_of(path: Path, name: str | None = None) -> str:
     ValueError
         When the name of the file tells none, or another.
     """
-    if name is not None and name not in TARGETS:
-        raise ValueError(f"to: expected one of {', '.join(TARGETS)}, got {name!r}")
+    if name is not None and name not in WRITERS:
+        raise ValueError(f"to: expected one of {', '.join(WRITERS)}, got {name!r}")
     ending = ".npy.gz" if path.name.lower().endswith(".npy.gz") else path.suffix.lower()
-    fit = [each for each, target in TARGETS.items() if ending in target.endings]
-    fit += [each for each, target in TARGETS.items() if target.folder and ending == ""]
+    fit = [each for each, target in WRITERS.items() if ending in target.extensions]
+    fit += [each for each, target in WRITERS.items() if target.folder and ending == ""]
     if name is None and len(fit) == 1:
         return fit[0]
     if name is None:
         raise ValueError(
             f"{path}: this name tells no single format; give the one to write (--to): "
-            f"{', '.join(fit or TARGETS)}"
+            f"{', '.join(fit or WRITERS)}"
         )
     if name not in fit:
-        target = TARGETS[name]
-        ways = [f"a name that ends in {' or '.join(target.endings)}"] if target.endings else []
+        target = WRITERS[name]
+        ways = (
+            [f"a name that ends in {' or '.join(target.extensions)}"] if target.extensions else []
+        )
         ways += ["a name without ending, of a new folder,"] if target.folder else []
         raise ValueError(f"{path}: expected {' or '.join(ways)} for {name}")
     return name
@@ -96,7 +98,7 @@ def write_capture(
     name: str,
     progress: Callable[[float], object] = lambda share: None,
     *,
-    frames: int | None = None,
+    trials: int | None = None,
     source: Source | None = None,
 ) -> None:
     """Write bits, or an image of counts, in the format of this name.
@@ -111,26 +113,26 @@ def write_capture(
     ValueError
         When the format does not hold such data.
     """
-    target = TARGETS[name]
+    target = WRITERS[name]
     if not isinstance(data, Bits):
         if not target.counts:
             raise ValueError(
                 f"{name}: holds single bits, and they cannot be had of counts; write to one of "
-                f"{', '.join(each for each in TARGETS if TARGETS[each].counts)}"
+                f"{', '.join(each for each in WRITERS if WRITERS[each].counts)}"
             )
-        if not target.labels:
+        if not target.keeps_label:
             _tell_turn(source, path, name)
         with _place(path, folder=name == "zarr") as temporary:
-            _write_counts(data, temporary, name, label_counts(frames, source))
+            _write_counts(data, temporary, name, make_counts_label(trials, source))
         return
     if not target.bits:
         # Counts tell their frames, and nothing else of a sensor.
         if data.sensor not in (None, Sensor(frames=len(data))):
             warn(f"{path}: counts have no place for the sensor, which is left out")
         counts = data.counts(1, progress=progress)
-        write_capture(counts, path, name, frames=len(data), source=data.source)
+        write_capture(counts, path, name, trials=len(data), source=data.source)
         return
-    if not target.keeps:
+    if not target.keeps_sensor:
         if data.sensor is not None:
             warn(f"{path}: {name} has no place for the sensor, which is left out")
         _tell_turn(data.source, path, name)

@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import MissingExtraError
-from jotlight.formats.capture import Capture, check_expansion
-from jotlight.formats.labelled import Item, capture_of, label
+from jotlight.formats.capture import Capture
+from jotlight.formats.labeled import StoredArray, label, open_stored_array
+from jotlight.formats.limits import check_claimed_size
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.provenance import Source
@@ -56,7 +57,7 @@ def open_zarr(
         folders = {name: folders[name] for name in (key, *MAPS) if name in folders}
     found = {name: _item(zarr, folder) for name, folder in folders.items()}
     source = Source("zarr", path.name)
-    return capture_of(found, source, key=key, counts=counts, width=width, sure=sure)
+    return open_stored_array(found, source, key=key, counts=counts, width=width, sure=sure)
 
 
 def _arrays(path: Path) -> list[Path]:
@@ -102,7 +103,7 @@ def _check_codecs(told: Any) -> None:
             _check_codecs(value)
 
 
-def _item(zarr: Any, folder: Path) -> Item:
+def _item(zarr: Any, folder: Path) -> StoredArray:
     try:
         array = zarr.open_array(str(folder), mode="r")
         shape, dtype, chunks = tuple(array.shape), np.dtype(array.dtype), tuple(array.chunks)
@@ -114,7 +115,7 @@ def _item(zarr: Any, folder: Path) -> Item:
     there = sum(
         (Path(place) / name).stat().st_size for place, _, names in os.walk(folder) for name in names
     )
-    check_expansion(str(folder), math.prod(shape) * dtype.itemsize, there)
+    check_claimed_size(str(folder), math.prod(shape) * dtype.itemsize, there)
     if math.prod(chunks) * dtype.itemsize > _MOST_CHUNK:
         raise ValueError(f"{folder}: has chunks of more than {_MOST_CHUNK} bytes")
 
@@ -124,7 +125,7 @@ def _item(zarr: Any, folder: Path) -> Item:
         except Exception as error:
             raise ValueError(f"{folder}: a chunk is damaged ({error})") from error
 
-    return Item(Frames(shape, read, dtype), told if isinstance(told, str) else None)
+    return StoredArray(Frames(shape, read, dtype), told if isinstance(told, str) else None)
 
 
 def write_zarr(folder: Path, data: Bits | npt.NDArray[np.int32], told: str | None = None) -> None:

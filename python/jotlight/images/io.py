@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from jotlight.checks import luma
 from jotlight.formats.arrays import read_npy
-from jotlight.formats.capture import check_expansion
-from jotlight.formats.tiff import tiff_file
+from jotlight.formats.limits import check_claimed_size
+from jotlight.formats.tiff import open_checked_tiff
 from jotlight.images.exr import check_exr, write_exr
 
 Picture = npt.NDArray[np.floating[Any]]
@@ -92,7 +92,7 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
     try:
         with Image.open(path) as file:
             size = file.width * file.height * len(file.getbands())
-            check_expansion("the header", size, path.stat().st_size)
+            check_claimed_size("the header", size, path.stat().st_size)
             if (deep := _read_png16(path)) is not None:
                 return _turned(deep, file.getexif().get(_ORIENTATION, 1)), 65535.0
             picture = ImageOps.exif_transpose(file)
@@ -146,10 +146,10 @@ def _turned(array: npt.NDArray[Any], orientation: int) -> npt.NDArray[Any]:
 
 def _read_tiff(path: Path) -> tuple[npt.NDArray[Any], float | None]:
     try:
-        with tiff_file(path) as file:
+        with open_checked_tiff(path) as file:
             series = file.series[0]
             size = series.size * series.dtype.itemsize
-            check_expansion("the header", size, path.stat().st_size)
+            check_claimed_size("the header", size, path.stat().st_size)
             array = np.asarray(series.asarray())
     except Exception as error:  # anything: tifffile does not check what it reads
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error

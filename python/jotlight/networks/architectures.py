@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators import vst
-from jotlight.estimators.mle import from_probability
+from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.networks.layer import Layer
 from jotlight.networks.splines import Array, Function, fit_spline, identity_spline, relu_spline
 from jotlight.sensing.sensor import Sensor
@@ -198,7 +198,9 @@ def build_two_layer(
 
     def intensity(z: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         counts = vst.inverse_anscombe(z.clip(low, high), bits, inverse="algebraic")
-        return from_probability(counts / np.float32(bits), sensor, None).astype(np.float64)
+        return intensity_from_probability(counts / np.float32(bits), sensor, None).astype(
+            np.float64
+        )
 
     block = (1, 1, 1) if tied else (sensor.frames, sensor.oversampling, sensor.oversampling)
     first = fit_spline(

@@ -15,7 +15,11 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.chunks import frame_chunks, pixel_chunks
 from jotlight.estimators.inpaint import inpaint_dead_pixels
-from jotlight.estimators.mle import equivalent_counts, from_probability, reference_jot
+from jotlight.estimators.inverse_response import (
+    equivalent_counts,
+    intensity_from_probability,
+)
+from jotlight.estimators.mle import reference_jot
 from jotlight.networks.architectures import (
     ARCHITECTURES,
     Architecture,
@@ -166,7 +170,7 @@ class Network:
 
         def intensity(share: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
             clipped = share.clip(0, 1).astype(np.float32)
-            return from_probability(clipped, sensor, None).astype(np.float64)
+            return intensity_from_probability(clipped, sensor, None).astype(np.float64)
 
         bits, most = sensor.bits_per_pixel, float(sensor.max_intensity)
         layers = build_residual(
@@ -256,7 +260,7 @@ class Network:
             picture = self.conditioned_on(sensor).reconstruct(data, sensor, threads=threads)
             # In its own place, since memory may not hold it twice.
             for rows in pixel_chunks(len(picture), max(1, _AT_ONCE * len(picture) // picture.size)):
-                picture[rows] = from_probability(picture[rows], sensor, threads)
+                picture[rows] = intensity_from_probability(picture[rows], sensor, threads)
             return picture
 
         def one_channel(data: Bits | npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:

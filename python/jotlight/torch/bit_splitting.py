@@ -10,7 +10,8 @@ import torch
 from torch import Tensor
 
 import jotlight
-from jotlight.estimators.mle import equivalent_counts, reference_jot
+from jotlight.estimators.inverse_response import equivalent_counts
+from jotlight.estimators.mle import reference_jot
 from jotlight.sensing import response
 from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.sensor import Sensor

@@ -8,12 +8,12 @@ def packed(array):
     return np.packbits(array, axis=2)
 
 
-def half_array_bytes(frames):
+def encode_half_array(frames):
     """SwissSPAD2, half array: row by row, the first jot in the lowest bit."""
     return np.packbits(frames, axis=2, bitorder="little").tobytes()
 
 
-def full_array_bytes(frames):
+def encode_full_array(frames):
     """SwissSPAD2, full array: 128 jots of the top half, 128 of the bottom half, by turns."""
     out = bytearray()
     for frame in frames:
@@ -25,12 +25,12 @@ def full_array_bytes(frames):
     return bytes(out)
 
 
-def spad512s_bytes(shown):
+def encode_spad512s(shown):
     """SPAD512S: what is shown, turned back clockwise, the first jot in the highest bit."""
     return b"".join(np.packbits(np.rot90(frame, -1)).tobytes() for frame in shown)
 
 
-def spad512s_sparse_bytes(shown):
+def encode_spad512s_sparse(shown):
     """SPAD512S, sparse: the places of the ones, and 262144 after each frame."""
     out = []
     for frame in shown:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import jotlight as jl
-from jotlight.estimators.mle import from_probability
+from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.networks.architectures import SIZES
 from jotlight.networks.graph import scales
 from suite.case import CannotRunError, Case, Rival, largest
@@ -98,6 +98,10 @@ def run_of(module: Any) -> Callable[[], np.ndarray]:
     def run() -> np.ndarray:
         with torch.inference_mode():
             picture = module(counts_of(bits(), SENSOR.oversampling), number)[0, 0].numpy()
-        return from_probability(picture, SENSOR, torch.get_num_threads()) if told else picture
+        return (
+            intensity_from_probability(picture, SENSOR, torch.get_num_threads())
+            if told
+            else picture
+        )
 
     return run

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from jotlight.formats.capture import Capture, as_stack, check_packed, packed_on_reading
-from jotlight.formats.description import BITS, describe, parsed
+from jotlight.formats.capture import Capture, as_count_stack, check_packed, pack_lazily
+from jotlight.formats.description import BITS, describe, parse_label
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.provenance import Source
@@ -15,7 +15,7 @@ from jotlight.sensing.sensor import MAPS, Sensor
 
 
 @dataclasses.dataclass(frozen=True)
-class Item:
+class StoredArray:
     """An array in a file, and the label that we gave it, if we did."""
 
     frames: Frames
@@ -30,8 +30,8 @@ def label(bits: Bits) -> str:
     return json.dumps(told)
 
 
-def capture_of(
-    found: dict[str, Item],
+def open_stored_array(
+    found: dict[str, StoredArray],
     source: Source,
     *,
     key: str | None,
@@ -49,17 +49,17 @@ def capture_of(
         raise ValueError(f"{source.name}: expected the name of an array (--key): {names}{told}")
     frames, text = found[key].frames, found[key].label
     try:
-        ours = None if text is None or counts else parsed(text, BITS)
+        ours = None if text is None or counts else parse_label(text, BITS)
         if ours is not None:
             return _labelled(found, frames, ours, source, width)
         if counts is None and frames.dtype.kind == "b":
             counts = len(frames.shape) == 2
         if counts or (counts is None and frames.dtype.kind != "b"):
-            return as_stack(frames, source, text)
+            return as_count_stack(frames, source, text)
         if len(frames.shape) not in (3, 4) or 0 in frames.shape:
             raise ValueError(f"expected frames (T, H, W) or (T, H, W, C), got {frames.shape}")
         if frames.dtype.kind == "b":
-            return Bits(packed_on_reading(frames, source.name), frames.shape[2], source=source)
+            return Bits(pack_lazily(frames, source.name), frames.shape[2], source=source)
         if not sure:
             check_packed(frames, source.name)
         source = source.with_note("packed bits, the most significant first, along the width")
@@ -71,7 +71,7 @@ def capture_of(
 
 
 def _labelled(
-    found: dict[str, Item],
+    found: dict[str, StoredArray],
     frames: Frames,
     told: dict[str, Any],
     source: Source,
