@@ -51,7 +51,7 @@ def train_one(bits: int, scenes: list, names: list[str], tests: list) -> None:
         seconds=seconds,
         psnr=scores.mean("psnr"),
         first=Evaluation(scores.scores[:20]).mean("psnr"),
-        worst=scores.worst("psnr", 0.05),
+        worst=scores.mean_of_worst("psnr", 0.05),
         snr=scores.mean("snr"),
         ssim=scores.mean("ssim"),
         mle_psnr=other.mean("psnr"),

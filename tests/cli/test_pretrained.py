@@ -28,7 +28,7 @@ def test_reconstruct_takes_the_learned_network_where_there_is_one_and_says_so(ru
     assert "by network, medium in" in said
     assert "trained network" not in said
     np.testing.assert_array_equal(np.load("out.npy"), pretrained(SERVED).reconstruct(bits))
-    names = {"network": "two-layer"} | {
+    names = {"network-two-layer": "two-layer"} | {
         f"network-{name}": name for name in ("small", "medium", "large")
     }
     for method, quality in names.items():
@@ -51,7 +51,7 @@ def test_reconstruct_says_what_it_takes_instead_and_why_and_how_to_train(run, pi
 
 def test_reconstruct_by_the_network_fails_where_there_is_none(run, pictures, tmp_path):
     expose(pictures, OTHER)
-    status, said = run("reconstruct", "bits.npy", "-o", "out.npy", "-m", "network")
+    status, said = run("reconstruct", "bits.npy", "-o", "out.npy", "-m", "network-two-layer")
     assert status == 1
     assert said.startswith(
         f"error: {unsupported_reason(OTHER, 'two-layer')}; learn one for this capture"
@@ -88,7 +88,7 @@ def test_options_that_change_the_sensor_decide_whether_there_is_a_network(run, p
     status, said = run(*words)
     assert status == 0
     assert "by network, medium in" in said
-    status, said = run(*words, "-m", "network")
+    status, said = run(*words, "-m", "network-two-layer")
     assert status == 1
     assert "0.5 detections per jot" in said
 
@@ -128,10 +128,10 @@ def test_compare_leaves_the_learned_network_out_where_there_is_none_and_says_so(
 
 
 def test_compare_by_the_network_alone_fails_where_there_is_none(run, pictures, tmp_path):
-    words = ["compare", pictures / "0.png", "-k", 2, "-t", 3, "-m", "mle,network"]
+    words = ["compare", pictures / "0.png", "-k", 2, "-t", 3, "-m", "mle,network-two-layer"]
     status, said = run(*words)
     assert status == 1
-    assert said.startswith("error: network: there is no trained network for 12 bits")
+    assert said.startswith("error: network-two-layer: there is no trained network for 12 bits")
     assert not (tmp_path / "0-compare.png").exists()
 
 
