@@ -59,7 +59,7 @@ def test_who_asks_for_a_network_that_a_scene_is_too_bright_for_gets_it_and_is_to
     )
     assert "--method network-medium goes on to 3.47" in said
     assert command_in(said)[2] == "seen.npy"
-    expected = jl.pretrained(jl.Sensor(frames=16), "fast").reconstruct(bits)
+    expected = jl.pretrained(jl.Sensor(frames=16), "two-layer").reconstruct(bits)
     np.testing.assert_array_equal(np.load("out.npy"), expected)
 
 

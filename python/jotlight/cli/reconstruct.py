@@ -24,7 +24,7 @@ from jotlight.files import refuse_overwrite
 from jotlight.images.io import image_writer
 from jotlight.images.video import windows
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import pretrained, unsupported_bits_reason
+from jotlight.networks.pretrained import pretrained, unsupported_reason
 from jotlight.sensing.bits import Bits, check_fits
 from jotlight.sensing.reference import saturation_intensity
 
@@ -35,7 +35,7 @@ _SMOOTH = "admm-tv"
 """What knows how a smooth kernel spreads the light."""
 
 _SHIPPED = {
-    "network-two-layer": "fast",
+    "network-two-layer": "two-layer",
     "network-small": "small",
     "network-medium": "medium",
     "network-large": "large",
@@ -205,8 +205,7 @@ def reconstruct(
     shipped = network is None and (method is None or method in _SHIPPED)
     if (
         shipped
-        and (reason := unsupported_bits_reason(sensor, _SHIPPED[method or DEFAULT_METHOD]))
-        is not None
+        and (reason := unsupported_reason(sensor, _SHIPPED[method or DEFAULT_METHOD])) is not None
     ):
         advice.append(f"{reason}; {learn}")
         if method is not None:
