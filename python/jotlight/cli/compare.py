@@ -60,7 +60,7 @@ def compare(
     known, selected = dict(METHODS), select_methods(sensor, names)
     if model is not None:
         network = Network.load(model)
-        network._check_sensor(sensor)
+        network.check_sensor(sensor)
         known[str(model)] = Method(str(model), network.reconstruct)
         selected.append(str(model))
     run_comparison(image, sensor, output, selected, seed, threads, known)

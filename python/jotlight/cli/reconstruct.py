@@ -24,9 +24,9 @@ from jotlight.files import refuse_overwrite
 from jotlight.images.io import image_writer
 from jotlight.images.video import windows
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import pretrained, unsupported_bits_reason
+from jotlight.networks.pretrained import pretrained, unsupported_reason
 from jotlight.sensing.bits import Bits, check_fits
-from jotlight.sensing.response import saturation_intensity
+from jotlight.sensing.reference import saturation_intensity
 
 _OTHERWISE = "noniterative-tv"
 """What serves every sensor, and is the best where the kernel is a box."""
@@ -35,7 +35,7 @@ _SMOOTH = "admm-tv"
 """What knows how a smooth kernel spreads the light."""
 
 _SHIPPED = {
-    "network-two-layer": "fast",
+    "network-two-layer": "two-layer",
     "network-small": "small",
     "network-medium": "medium",
     "network-large": "large",
@@ -205,8 +205,7 @@ def reconstruct(
     shipped = network is None and (method is None or method in _SHIPPED)
     if (
         shipped
-        and (reason := unsupported_bits_reason(sensor, _SHIPPED[method or DEFAULT_METHOD]))
-        is not None
+        and (reason := unsupported_reason(sensor, _SHIPPED[method or DEFAULT_METHOD])) is not None
     ):
         advice.append(f"{reason}; {learn}")
         if method is not None:
@@ -228,9 +227,9 @@ def reconstruct(
 
     def tell(largest: float, brightest: float) -> None:
         """Say what was assumed, and what is not as good as it could be."""
-        applied = [] if known is None else known.told(sensor, capture.source)
+        applied = [] if known is None else known.told(sensor, capture.provenance)
         for line in (
-            *capture_options.describe_source(capture.source),
+            *capture_options.describe_provenance(capture.provenance),
             *applied,
             f"{told}: {sensor!r}",
         ):
@@ -253,7 +252,7 @@ def reconstruct(
             levels = film(
                 seen, sensor, once, wanted, window=window, step=step, fps=fps, title=title
             )
-            record(sensor, method, data.name, capture.source)
+            record(sensor, method, data.name, capture.provenance)
         tell(*levels)
         return
     done = ""
@@ -276,9 +275,9 @@ def reconstruct(
                 picture = run(seen, sensor, threads=threads, **settings)
         seconds = time.perf_counter() - start
         title = METHODS[method].title
-        note = wanted.note(sensor, title, capture.source)
+        note = wanted.note(sensor, title, capture.provenance)
         wanted.write(files, picture, seen, sensor, white=white, note=note, threads=threads)
-        record(sensor, method, data.name, capture.source)
+        record(sensor, method, data.name, capture.provenance)
     size = " x ".join(map(str, picture.shape))
     scale = wanted.scale(sensor)
     what = "intensities" if units == "intensity" else output_.UNITS[units]

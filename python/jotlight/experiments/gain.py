@@ -93,8 +93,8 @@ def _rows(context: RunContext, axis: str, sensor: Sensor, progress: Progress) ->
 
 def _network(context: RunContext, sensor: Sensor, progress: Progress) -> Network:
     """Return the package's network for a sensor, or train one where there is none."""
-    if unsupported_reason(sensor, "fast") is None:
-        return pretrained(sensor, "fast")
+    if unsupported_reason(sensor, "two-layer") is None:
+        return pretrained(sensor, "two-layer")
     _, scenes = context.data.bsds300("train", context.settings["learning_images"])
     name = f"gain{sensor.gain:g}"
     network, _ = train_by_default(context, name, sensor, scenes, lambda share: progress(share / 3))

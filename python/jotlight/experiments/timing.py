@@ -136,7 +136,7 @@ def _seconds(method: str, packed: Any, sensor: Sensor, threads: int | None) -> f
     """Return a worker's median time from bits to an estimate."""
     bits = Bits(packed)
     if method == TWO_LAYER:
-        run = _networks.setdefault(method, pretrained(sensor, "fast").reconstruct)
+        run = _networks.setdefault(method, pretrained(sensor, "two-layer").reconstruct)
     elif method == UNTIED:
         run = _networks.setdefault(method, Network.initial(sensor, tied=False).reconstruct)
     elif method == "network-initial":
