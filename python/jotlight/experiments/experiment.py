@@ -127,7 +127,7 @@ class Results:
         """Return the rows with these values."""
         return [row for row in self.rows if all(row[key] == values[key] for key in values)]
 
-    def column(self, name: str, **values: Value) -> npt.NDArray[np.float64]:
+    def column(self, name: str, /, **values: Value) -> npt.NDArray[np.float64]:
         """Return a column of the rows with these values."""
         return np.array([row[name] for row in self.rows_where(**values)], np.float64)
 
