@@ -52,7 +52,8 @@ def test_simulate_then_reconstruct_gives_what_the_python_interface_gives(run, ph
 
 
 @pytest.mark.parametrize(
-    "method", ["mle", "noniterative-tv", "noniterative-gaussian", "network-initial", "network"]
+    "method",
+    ["mle", "noniterative-tv", "noniterative-gaussian", "network-initial", "network-two-layer"],
 )
 def test_every_method_reconstructs_colour(run, colour, tmp_path, method):
     assert run("simulate", colour, "-o", "bits.npy", "-k", 4)[0] == 0
@@ -110,14 +111,14 @@ def test_a_network_file_is_used(run, photo, tmp_path):
     network = jl.Network.initial(jl.Sensor(oversampling=2), sigma=1.0)
     network.save(tmp_path / "model.safetensors")
     assert run("simulate", photo, "-o", "bits.npy", "-k", 2)[0] == 0
-    words = ["reconstruct", "bits.npy", "-o", "out.npy", "-m", "network"]
+    words = ["reconstruct", "bits.npy", "-o", "out.npy", "-m", "network-two-layer"]
     assert run(*words, "--model", "model.safetensors")[0] == 0
     bits = jl.open(tmp_path / "bits.npy")
     assert (np.load(tmp_path / "out.npy") == network.reconstruct(bits)).all()
 
 
 def test_compare_prints_a_table_and_writes_one_figure(run, photo, tmp_path):
-    status, said = run("compare", photo, "-m", "mle,noniterative-gaussian,network")
+    status, said = run("compare", photo, "-m", "mle,noniterative-gaussian,network-two-layer")
     assert status == 0
     for word in (
         "maximum likelihood",

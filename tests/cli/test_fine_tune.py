@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.training import History, vector_of
+from jotlight.training import History, parameter_vector
 
 torch = pytest.importorskip("torch")
 
@@ -68,7 +68,7 @@ def test_it_is_the_network_that_python_gives(learn):
         jl.Network.load("start.safetensors"), jl.open("seen.npy"), steps=3, batch=2, patch=24,
         rate=0.002, rng=7, device="cpu", threads=1,
     )  # fmt: skip
-    np.testing.assert_array_equal(vector_of(jl.Network.load(OWN)), vector_of(own))
+    np.testing.assert_array_equal(parameter_vector(jl.Network.load(OWN)), parameter_vector(own))
     np.testing.assert_array_equal(held_out(), history.held_out)
 
 
@@ -164,7 +164,7 @@ def test_a_stopped_run_goes_on_as_if_it_had_not_been(learn, tmp_path, monkeypatc
     resumed = jl.Network.load(OWN)
     assert learn()[0] == 0
     whole = jl.Network.load(OWN)
-    np.testing.assert_array_equal(vector_of(resumed), vector_of(whole))
+    np.testing.assert_array_equal(parameter_vector(resumed), parameter_vector(whole))
     assert resumed.history == whole.history
     assert CHECKPOINT not in files(tmp_path)
 
@@ -173,7 +173,7 @@ def test_what_learned_nothing_says_so(learn):
     status, said = learn("--learning-rate", 30)
     assert status == 0
     assert "nothing learned" in said
-    start, own = (vector_of(jl.Network.load(name)) for name in ("start.safetensors", OWN))
+    start, own = (parameter_vector(jl.Network.load(name)) for name in ("start.safetensors", OWN))
     np.testing.assert_array_equal(start, own)
 
 

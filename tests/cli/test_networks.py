@@ -15,7 +15,7 @@ TWO_LAYER = "the network two-layer"
 @pytest.fixture
 def networks(run):
     """A deep network and one that is told K, in files."""
-    jl.Network.deep(jl.Sensor(oversampling=4), "small", rng=0).save("deep.safetensors")
+    jl.Network.residual(jl.Sensor(oversampling=4), "small", rng=0).save("deep.safetensors")
     jl.Network.conditional("small", trials_range=(1, 64), rng=0).save("told.safetensors")
 
 
@@ -121,6 +121,6 @@ def test_compare_takes_a_network_of_ones_own(run, networks, pictures, tmp_path):
 
 
 def test_the_engine_sends_deep_networks_to_pytorch():
-    network = jl.Network.deep(jl.Sensor(oversampling=4), "small", rng=0)
+    network = jl.Network.residual(jl.Sensor(oversampling=4), "small", rng=0)
     with pytest.raises(ValueError, match=r"jotlight\.torch\.train"):
         jl.train(network, jl.datasets.uniform_scenes, steps=1)

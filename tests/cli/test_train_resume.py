@@ -9,7 +9,7 @@ import pytest
 from safetensors.numpy import load_file
 
 import jotlight as jl
-from jotlight.training import vector_of
+from jotlight.training import parameter_vector
 
 # The module; the package's attribute of this name is the command.
 train_module = sys.modules["jotlight.cli.train"]
@@ -24,7 +24,9 @@ def files(folder):
 
 
 def assert_same(one, other):
-    np.testing.assert_array_equal(*(vector_of(jl.Network.load(name)) for name in (one, other)))
+    np.testing.assert_array_equal(
+        *(parameter_vector(jl.Network.load(name)) for name in (one, other))
+    )
 
 
 def stop(monkeypatch, run, pictures, *words, step=1):

@@ -20,7 +20,8 @@ from jotlight.formats.description import read_counts_label
 from jotlight.formats.detect import detect_format
 from jotlight.formats.tiff import open_checked_tiff
 from jotlight.images.io import read_image
-from jotlight.networks.layer import Layer, flops_per_pixel
+from jotlight.networks.graph import flops_per_pixel
+from jotlight.networks.layer import Layer
 from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
 from jotlight.tensors import told_format
@@ -212,7 +213,7 @@ def _network_facts(network: Network) -> list[tuple[str, str]]:
     facts = [
         ("kind", "network"),
         served,
-        ("parameters", f"{sum(layer.parameters for layer in layers):,}"),
+        ("parameters", f"{sum(layer.parameter_count for layer in layers):,}"),
         ("work", f"{flops_per_pixel(layers) / 1000:.3g} kFLOP per pixel"),
         ("halo", f"{network.halo} pixels"),
     ]

@@ -19,12 +19,12 @@ from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE
 from jotlight.estimators.problem import ConvergenceHistories
 from jotlight.estimators.tv import NORMS
 from jotlight.estimators.vst import INVERSES
-from jotlight.evaluation.methods import DEFAULT, METHODS
+from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS
 from jotlight.files import refuse_overwrite
 from jotlight.images.io import image_writer
 from jotlight.images.video import windows
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import pretrained, unsupported_bits_reason
+from jotlight.networks.pretrained import pretrained, unsupported_reason
 from jotlight.sensing.bits import Bits, check_fits
 from jotlight.sensing.response import saturation_intensity
 
@@ -35,7 +35,7 @@ _SMOOTH = "admm-tv"
 """What knows how a smooth kernel spreads the light."""
 
 _SHIPPED = {
-    "network": "fast",
+    "network-two-layer": "two-layer",
     "network-small": "small",
     "network-medium": "medium",
     "network-large": "large",
@@ -67,7 +67,7 @@ def reconstruct(
         typer.Option(
             "--method",
             "-m",
-            help=f"One of {', '.join(METHODS)}. Default: {DEFAULT}, where it serves the "
+            help=f"One of {', '.join(METHODS)}. Default: {DEFAULT_METHOD}, where it serves the "
             f"sensor, and else {_OTHERWISE}, or {_SMOOTH} where the kernel is smooth.",
         ),
     ] = None,
@@ -164,13 +164,13 @@ def reconstruct(
     if method is None and uncertainty is not None:
         method = "mle"
     if method is None and model is not None:
-        method = "network"
+        method = "network-two-layer"
     if method is None and inverse is not None:
         method = _OTHERWISE
     if method is None and any(value is not None for value in (weight, norm, tol, max_iter)):
         method = _SMOOTH
     settings = _method_settings(
-        method or DEFAULT,
+        method or DEFAULT_METHOD,
         inverse=inverse,
         model=model,
         weight=weight,
@@ -205,14 +205,14 @@ def reconstruct(
     shipped = network is None and (method is None or method in _SHIPPED)
     if (
         shipped
-        and (reason := unsupported_bits_reason(sensor, _SHIPPED[method or DEFAULT])) is not None
+        and (reason := unsupported_reason(sensor, _SHIPPED[method or DEFAULT_METHOD])) is not None
     ):
         advice.append(f"{reason}; {learn}")
         if method is not None:
             raise ValueError(advice[0])
         shipped = False
         method = _SMOOTH if sensor.kernel != "box" and isinstance(seen, Bits) else _OTHERWISE
-    method = method or DEFAULT
+    method = method or DEFAULT_METHOD
     if shipped:
         network = pretrained(sensor, _SHIPPED[method])
     white, free = sensor.max_intensity, saturation_intensity(sensor)
@@ -237,7 +237,9 @@ def reconstruct(
         if raised:
             out.print(f"{_RAISED}; --max-intensity sets another", soft_wrap=True)
         if higher and not raised and brightness.comes_up(largest, white):
-            advice.append(brightness.held_down(white, DEFAULT, free, learn if shipped else None))
+            advice.append(
+                brightness.held_down(white, DEFAULT_METHOD, free, learn if shipped else None)
+            )
         elif shipped and one_range and (dim := brightness.too_dim(brightest, learn)) is not None:
             advice.append(dim)
         for line in advice:
@@ -309,7 +311,7 @@ def _method_settings(
 
 _WHOSE: dict[str, tuple[str, Callable[[str], bool]]] = {
     "inverse": ("the non-iterative methods", lambda method: method.startswith("noniterative")),
-    "model": ("the method network", lambda method: method == "network"),
+    "model": ("the method network-two-layer", lambda method: method == "network-two-layer"),
     "weight": ("the method admm-tv", lambda method: method == "admm-tv"),
     "norm": ("the method admm-tv", lambda method: method == "admm-tv"),
     "tol": ("the iterative methods", lambda method: METHODS[method].iterative),

@@ -25,16 +25,11 @@ from jotlight.networks.architectures import (
     Architecture,
     build_conditional,
     build_residual,
+    build_two_layer,
 )
-from jotlight.networks.layer import (
-    Layer,
-    conditioning_weights,
-    count_sets,
-    flops_per_pixel,
-    halo_radius,
-    size_divisor,
-)
-from jotlight.networks.two_layer import build_two_layer
+from jotlight.networks.conditioning import conditioning_weights, count_sets
+from jotlight.networks.graph import flops_per_pixel, halo_radius, size_divisor
+from jotlight.networks.layer import Layer
 from jotlight.sensing.bits import Bits, check_fits
 from jotlight.sensing.channels import by_channel
 from jotlight.sensing.pixel_counts import PixelCounts, count_pixels
@@ -98,7 +93,7 @@ class Network:
                 f"layer, or (C, 1, 1, 1) when it is tied, got {self.layers[0].filters.shape}"
             )
         size_divisor(self.layers)
-        if trials_range is None and any(layer.sets for layer in self.layers):
+        if trials_range is None and any(layer.set_counts for layer in self.layers):
             raise ValueError(
                 "trials_range: expected a range of bits per pixel for layers with sets of parameters, got "
                 "none"
@@ -155,7 +150,9 @@ class Network:
         return cls(layers, sensor, {"start": f"initial parameters of the paper, sigma = {sigma}"})
 
     @classmethod
-    def deep(cls, sensor: Sensor, architecture: str = "small", *, rng: int | None = None) -> Self:
+    def residual(
+        cls, sensor: Sensor, architecture: str = "small", *, rng: int | None = None
+    ) -> Self:
         """A build_residual member of the family at its start, x0 = P⁻¹(G * L/K): a classical estimate.
 
         Its filters are random, but for the last, which are 0; training with
@@ -258,9 +255,9 @@ class Network:
         """
         if sensor is None:
             sensor = (data.sensor if isinstance(data, Bits) else None) or self.sensor
-        self._check_sensor(sensor)
+        self.check_sensor(sensor)
         if self.trials_range is not None:
-            picture = self._at(sensor).reconstruct(data, sensor, threads=threads)
+            picture = self.conditioned_on(sensor).reconstruct(data, sensor, threads=threads)
             # In its own place, since memory may not hold it twice.
             for rows in pixel_chunks(len(picture), max(1, _AT_ONCE * len(picture) // picture.size)):
                 picture[rows] = intensity_from_probability(picture[rows], sensor, threads)
@@ -280,7 +277,7 @@ class Network:
 
         return by_channel(one_channel, data)
 
-    def _at(self, sensor: Sensor) -> "Network":
+    def conditioned_on(self, sensor: Sensor) -> "Network":
         """The network that was told the sensor's K; its picture is the share of bits that fire."""
         assert self.trials_range is not None, "a network that is told K"
         bits, last = sensor.bits_per_pixel, self._last
@@ -328,7 +325,7 @@ class Network:
 
     @property
     def _layers(self) -> list[engine.Layer]:
-        return [layer.prepared for layer in self.layers]
+        return [layer.engine_layer for layer in self.layers]
 
     def _of_jots(
         self, data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int | None
@@ -363,7 +360,7 @@ class Network:
         for _, part in frame_chunks(1, height, width * filters.size):
             rows = slice(part.start, part.stop)
             sums[:, rows] = engine.masked_sums(
-                self.layers[0].prepared,
+                self.layers[0].engine_layer,
                 jots(rows),
                 data.width,
                 valid[rows.start * side : rows.stop * side],
@@ -400,7 +397,7 @@ class Network:
             picture[start:stop] = part[start - top : stop - top]
         return picture
 
-    def _check_sensor(self, sensor: Sensor) -> None:
+    def check_sensor(self, sensor: Sensor) -> None:
         """A tied network serves jots in space and frames in time alike."""
         mine, its = self.sensor, sensor
         if (
@@ -444,7 +441,7 @@ class Network:
         metadata = {
             "format": _FORMAT,
             "version": _VERSION,
-            "layers": json.dumps([layer.numbers() for layer in self.layers]),
+            "layers": json.dumps([layer.metadata() for layer in self.layers]),
             "sensor": json.dumps(self.sensor.numbers()),
             "trials_range": json.dumps(self.trials_range),
             "history": json.dumps(self.history),
@@ -491,7 +488,7 @@ class Network:
 
     def __repr__(self) -> str:
         channels = " -> ".join(str(layer.channels) for layer in self.layers)
-        parameters = sum(layer.parameters for layer in self.layers)
+        parameters = sum(layer.parameter_count for layer in self.layers)
         whose = repr(self.sensor)
         if self.trials_range is not None:
             whose = f"{self.trials_range[0]} to {self.trials_range[1]} bits per pixel"

@@ -233,7 +233,7 @@ class Splits:
         """Give that of the bits held out, where the network sees all others."""
         total = number = 0.0
         for split in self.held_out:
-            ready = network._at(self.sensor_at(split.bits)) if self.told else network
+            ready = network.conditioned_on(self.sensor_at(split.bits)) if self.told else network
             sums = ready._weights[:, None] * split.counts[0].numpy()
             picture = torch.from_numpy(ready._of_sums(sums, threads)).double()[None, None]
             total += split.number * float(self.negative_log_likelihood(picture, split))

@@ -24,9 +24,9 @@ from jotlight.torch.network import Network
 from jotlight.torch.trainer import Trainer
 from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.history import History, Record
-from jotlight.training.loop import fingerprint_of
+from jotlight.training.loop import fingerprint_network
 from jotlight.training.optimizers import State
-from jotlight.training.patches import fingerprint
+from jotlight.training.patches import fingerprint_images
 
 STEPS = 500
 BATCH, PATCH = 16, 48
@@ -137,7 +137,7 @@ def fine_tune(
         processes.spread(drawn)
         seed = int(drawn)
         run: dict[str, object] = {
-            "network": fingerprint_of(network),
+            "network": fingerprint_network(network),
             "sensor": sensor.numbers(),
             "capture": _fingerprint(seen),
             "optimizer": f"Adam(learning_rate={rate})",
@@ -156,7 +156,7 @@ def fine_tune(
             callback(last)
     history = History([*trainer.history.records, last])
     own = module.network()
-    told = {"run": run, "records": history.thinned().to_json()}
+    told = {"run": run, "records": history.subsample().to_json()}
     own.history = {**network.history, "fine tuning": told}
     return own, history
 
@@ -165,7 +165,7 @@ def _seen(
     network: jotlight.Network, data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None
 ) -> list[PixelCounts]:
     """The channels of a capture, whose bits can be split."""
-    network._check_sensor(sensor)
+    network.check_sensor(sensor)
     if not network.tied:
         raise ValueError(
             "network: expected a tied one, which takes counts: only where all jots of a pixel "
@@ -190,7 +190,7 @@ def _seen(
 def _fingerprint(seen: Sequence[PixelCounts]) -> str:
     """A word that tells what was seen, and by which jots, from others."""
     told = [(x.counts, x.trials, x.efficiency, x.dark_counts) for x in seen]
-    return fingerprint([np.asarray(array) for arrays in told for array in arrays])
+    return fingerprint_images([np.asarray(array) for arrays in told for array in arrays])
 
 
 class _Tuning(Trainer):
