@@ -19,7 +19,7 @@ BRIGHTNESS_QUANTILE = 0.999
 """The share of pixels that are darker than the brightness of the scene."""
 
 HEADROOM = 2.0
-"""The largest intensity of a network over the brightness of the scene, since highlights exceed it."""
+"""The largest intensity of a network over the brightness. Highlights exceed the brightness."""
 
 
 def detected_photons(sensor: Sensor) -> float:

@@ -110,7 +110,7 @@ def bm3d(image: Image) -> Image:
             "the denoiser 'bm3d' needs its authors' package: pip install 'jotlight[bm3d]'. "
             "Its license permits non-commercial use only; 'tv' and 'nlm' need no extra package"
         ) from error
-    # The package refuses images smaller than its blocks of 8 x 8 and crashes on images of that size.
+    # The package refuses images smaller than its blocks of 8 x 8, and crashes on 8 x 8 itself.
     height, width = image.shape
     padded = np.pad(image, ((0, max(0, 16 - height)), (0, max(0, 16 - width))), mode="symmetric")
     denoised = authors_bm3d(padded, sigma_psd=NOISE)

@@ -129,9 +129,7 @@ def plan(
     max_frames = _MAX_BITS // sensor.oversampling**2
     numbers = _frame_numbers(frames, max_frames)
     if target_psnr is not None and not 0 < target_psnr < 200:
-        raise ValueError(
-            f"target_psnr: expected a PSNR in dB between 0 and 200, got {target_psnr}"
-        )
+        raise ValueError(f"target_psnr: expected a PSNR in dB between 0 and 200, got {target_psnr}")
     if max_intensity is not None and not 0 < max_intensity < np.inf:
         raise ValueError(f"max_intensity: expected a number above 0, got {max_intensity}")
     pixel = _Pixel(sensor, max_intensity)

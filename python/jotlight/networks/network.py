@@ -19,7 +19,6 @@ from jotlight.estimators.inverse_response import (
     equivalent_counts,
     intensity_from_probability,
 )
-from jotlight.estimators.mle import reference_jot
 from jotlight.networks.architectures import (
     ARCHITECTURES,
     Architecture,
@@ -31,8 +30,8 @@ from jotlight.networks.conditioning import conditioning_weights, count_sets
 from jotlight.networks.graph import flops_per_pixel, halo_radius, size_divisor
 from jotlight.networks.layer import Layer
 from jotlight.sensing.bits import Bits, check_fits
-from jotlight.sensing.channels import by_channel
-from jotlight.sensing.pixel_counts import PixelCounts, count_pixels
+from jotlight.sensing.pixel_counts import PixelCounts, carried_sensor, count_pixels, map_channels
+from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import read_tensors, write_tensors
 
@@ -254,7 +253,7 @@ class Network:
             When pixels without a valid jot were filled from their neighbours.
         """
         if sensor is None:
-            sensor = (data.sensor if isinstance(data, Bits) else None) or self.sensor
+            sensor = carried_sensor(data) or self.sensor
         self.check_sensor(sensor)
         if self.trials_range is not None:
             picture = self.conditioned_on(sensor).reconstruct(data, sensor, threads=threads)
@@ -275,7 +274,7 @@ class Network:
             sums = self._weights[:, None] * equivalent_counts(seen, reference, threads)
             return self._of_sums(sums, threads)
 
-        return by_channel(one_channel, data)
+        return map_channels(one_channel, data)
 
     def conditioned_on(self, sensor: Sensor) -> "Network":
         """The network that was told the sensor's K; its picture is the share of bits that fire."""
@@ -303,7 +302,7 @@ class Network:
         """The picture of a tied network where p is a function of the count alone."""
         every = np.arange(sensor.bits_per_pixel + 1, dtype=np.int32)
         jot = reference_jot(sensor)
-        seen = PixelCounts(sensor, every, sensor.bits_per_pixel, *jot, jots_differ=False)
+        seen = PixelCounts(sensor, every, sensor.bits_per_pixel, *jot, varies_within_pixels=False)
         sums = self._weights * equivalent_counts(seen, reference, threads)
         side = sensor.oversampling
         if isinstance(data, Bits):
@@ -442,7 +441,7 @@ class Network:
             "format": _FORMAT,
             "version": _VERSION,
             "layers": json.dumps([layer.metadata() for layer in self.layers]),
-            "sensor": json.dumps(self.sensor.numbers()),
+            "sensor": json.dumps(self.sensor.scalars()),
             "trials_range": json.dumps(self.trials_range),
             "history": json.dumps(self.history),
         }
@@ -503,5 +502,5 @@ def _architecture(name: str) -> Architecture:
 
 def _detections(sensor: Sensor) -> tuple[int, float, float]:
     """q, detections per jot and frame at intensity 1, and S."""
-    threshold, light, most = sensor._response()
+    threshold, light, most = sensor.pixel_response()
     return threshold, reference_jot(sensor)[0] * light, most

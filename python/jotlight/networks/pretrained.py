@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from jotlight.estimators.mle import reference_jot
 from jotlight.networks.architectures import SIZES
 from jotlight.networks.network import Network
+from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
 BITS_PER_PIXEL = tuple(side**2 for side in range(3, 11))
@@ -116,7 +116,7 @@ def _beyond_any(sensor: Sensor) -> str | None:
 def _beyond_one(sensor: Sensor, known: tuple[int, ...]) -> str | None:
     """Why networks for one K and exposure do not serve a sensor."""
     efficiency, dark = reference_jot(sensor)
-    response = efficiency * sensor._gain / sensor.bits_per_pixel
+    response = efficiency * sensor.gain / sensor.bits_per_pixel
     if sensor.bits_per_pixel not in known:
         numbers = ", ".join(map(str, known))
         return f"{sensor.bits_per_pixel} bits per pixel, only for {numbers}"
@@ -139,8 +139,8 @@ def _beyond_one(sensor: Sensor, known: tuple[int, ...]) -> str | None:
 def training_command(sensor: Sensor) -> str:
     """Give the command that trains a network for a sensor."""
     options = [f"--oversampling {sensor.oversampling}", f"--frames {sensor.frames}"]
-    if sensor._gain != sensor.bits_per_pixel:
-        options.append(f"--gain {float(sensor._gain)!r}")
+    if sensor.gain != sensor.bits_per_pixel:
+        options.append(f"--gain {float(sensor.gain)!r}")
     if sensor.threshold != 1:
         options.append(f"--threshold {sensor.threshold}")
     if sensor.kernel != "box":
