@@ -234,8 +234,9 @@ class Splits:
         total = number = 0.0
         for split in self.held_out:
             ready = network.conditioned_on(self.sensor_at(split.bits)) if self.told else network
-            sums = ready._weights[:, None] * split.counts[0].numpy()
-            picture = torch.from_numpy(ready._of_sums(sums, threads)).double()[None, None]
+            inference = Inference(ready.layers, ready.sensor, self.reference, threads)
+            output = inference.run_counts(split.counts[0].numpy())
+            picture = torch.from_numpy(output).double()[None, None]
             total += split.number * float(self.negative_log_likelihood(picture, split))
             number += split.number
         return total / max(number, 1)
