@@ -22,7 +22,7 @@ FEW = ["--steps", 3, "--batch", 2, "--patch", 24, "--device", "cpu", "--threads"
 @pytest.fixture
 def learn(run, tmp_path):
     """Learn from a capture of a photograph, from a network that is told K."""
-    SENSOR.expose(SCENE, rng=0).save(tmp_path / "seen.npy")
+    jl.save(SENSOR.expose(SCENE, rng=0), tmp_path / "seen.npy")
     jl.Network.conditional("small", rng=0).save(tmp_path / "start.safetensors")
 
     def learn(*words, capture="seen.npy", start="start.safetensors"):
@@ -126,7 +126,7 @@ def test_a_network_for_one_sensor_keeps_its_range(learn, tmp_path):
 
 def test_a_calibration_is_of_the_likelihood(learn, run, tmp_path):
     dark = jl.Sensor(frames=200, dark_counts=0.05).expose(np.zeros((64, 64)), rng=1)
-    dark.save(tmp_path / "dark.npy")
+    jl.save(dark, tmp_path / "dark.npy")
     assert run("calibrate", "dark.npy", "-o", "c.safetensors")[0] == 0
     status, said = learn("--calibration", "c.safetensors")
     assert status == 0
@@ -219,7 +219,7 @@ def test_bad_input_gets_one_line(learn, tmp_path, words, expected):
     ],
 )
 def test_a_capture_that_cannot_be_learned_from_says_why(learn, tmp_path, sensor, words, expected):
-    jl.Sensor(**sensor).expose(SCENE, rng=0).save(tmp_path / "other.npy")
+    jl.save(jl.Sensor(**sensor).expose(SCENE, rng=0), tmp_path / "other.npy")
     status, said = learn(*words, capture="other.npy", start=None)
     assert status == 1
     assert expected in said

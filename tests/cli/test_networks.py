@@ -82,7 +82,7 @@ def test_info_tells_of_a_network_that_is_told_its_bits(run, networks):
 def test_a_network_that_is_told_its_bits_serves_captures_of_any_sensor(run, networks, sensor):
     sensor = jl.Sensor(**sensor)
     bits = sensor.expose(jl.datasets.photograph("camera")[:64, :48], rng=0)
-    bits.save("bits.npy")
+    jl.save(bits, "bits.npy")
     assert run("reconstruct", "bits.npy", "-o", "out.npy", "--model", "told.safetensors")[0] == 0
     expected = jl.Network.load("told.safetensors").reconstruct(bits)
     assert (np.load("out.npy") == expected).all()
@@ -92,7 +92,7 @@ def test_a_network_that_is_told_its_bits_goes_on_to_saturation_where_no_sensor_i
     run, networks, tmp_path
 ):
     bits = jl.Sensor(frames=16).expose(np.full((16, 16), 2.0), rng=0)
-    bits.save("bits.npy")
+    jl.save(bits, "bits.npy")
     (tmp_path / "bits.json").unlink()
     status, said = run("reconstruct", "bits.npy", "-o", "o.npy", "--model", "told.safetensors")
     assert status == 0

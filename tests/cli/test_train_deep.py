@@ -93,7 +93,7 @@ def test_a_network_for_any_bits_is_learned_and_improved(run, pictures, tmp_path)
 
 def test_a_network_for_a_capture_is_as_bright_as_it(run):
     sensor = jl.Sensor(frames=16)
-    sensor.expose(0.3 * jl.datasets.photograph("camera")[:64, :64], rng=0).save("seen.npy")
+    jl.save(sensor.expose(0.3 * jl.datasets.photograph("camera")[:64, :64], rng=0), "seen.npy")
     status, said = run("train", "--sensor", "seen.npy", "-o", NETWORK, *SMALL)
     assert status == 0
     assert "learned in 3 steps" in said

@@ -278,7 +278,7 @@ def test_a_run_that_has_no_time_for_all_its_steps_says_so(run, pictures, tmp_pat
 def test_learning_for_a_capture_has_a_time_unless_it_is_told_its_steps(
     run, pictures, monkeypatch, words, seconds
 ):
-    jl.Sensor(frames=4).expose(np.full((16, 16), 0.5), rng=0).save("seen.npy")
+    jl.save(jl.Sensor(frames=4).expose(np.full((16, 16), 0.5), rng=0), "seen.npy")
     found = []
 
     def learn(*_, **options):

@@ -14,7 +14,7 @@ from jotlight.evaluation.methods import (
     requested_method,
 )
 from jotlight.networks.pretrained import unsupported_reason
-from jotlight.sensing.response import saturation_intensity
+from jotlight.sensing.reference import saturation_intensity
 
 SENSOR = jl.Sensor(frames=16)
 LARGE = jl.Sensor(frames=1000)

@@ -34,7 +34,7 @@ def test_some_patches_are_far_too_bright_or_too_dark(tied):
     # What is past the range is known by its bits alone.
     assert shares.max() > 0.99 > SENSOR.probability(np.full((1, 1), 0.8)).max()
     within = levels < SENSOR.max_intensity
-    rates = levels[within].astype(float) * SENSOR._gain / SENSOR.bits_per_pixel
+    rates = levels[within].astype(float) * SENSOR.gain / SENSOR.bits_per_pixel
     expected = -np.expm1(-rates)
     trials = SENSOR.bits_per_pixel * 64
     deviations = np.sqrt(expected * (1 - expected) / trials)

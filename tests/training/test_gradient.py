@@ -36,7 +36,7 @@ IMAGES = [
 
 def batch_of(sensor, *, images=IMAGES, patches=PATCHES, border=1, **changes):
     described = {
-        "sensor": sensor._engine_arguments(),
+        "sensor": sensor.engine_arguments(),
         "frames": sensor.frames,
         "images": images,
         "patches": np.array(patches, np.int64).reshape(-1, 5),
@@ -248,9 +248,9 @@ def test_patches_that_are_no_part_of_an_image_are_refused(call, patches):
         {"images": []},
         {"frames": 3},
         {"frames": 0},
-        {"sensor": PLAIN.replace(oversampling=3)._engine_arguments()},
-        {"sensor": PLAIN.replace(mask=np.zeros((24, 26), bool))._engine_arguments()},
-        {"sensor": PLAIN.replace(dark_counts=np.zeros((24, 26)))._engine_arguments()},
+        {"sensor": PLAIN.replace(oversampling=3).engine_arguments()},
+        {"sensor": PLAIN.replace(mask=np.zeros((24, 26), bool)).engine_arguments()},
+        {"sensor": PLAIN.replace(dark_counts=np.zeros((24, 26))).engine_arguments()},
     ],
     ids=["no images", "frames", "no frames", "block", "mask", "dark counts"],
 )

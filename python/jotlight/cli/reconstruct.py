@@ -26,7 +26,7 @@ from jotlight.images.video import windows
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import pretrained, unsupported_reason
 from jotlight.sensing.bits import Bits, check_fits
-from jotlight.sensing.response import saturation_intensity
+from jotlight.sensing.reference import saturation_intensity
 
 _OTHERWISE = "noniterative-tv"
 """What serves every sensor, and is the best where the kernel is a box."""
@@ -227,9 +227,9 @@ def reconstruct(
 
     def tell(largest: float, brightest: float) -> None:
         """Say what was assumed, and what is not as good as it could be."""
-        applied = [] if known is None else known.told(sensor, capture.source)
+        applied = [] if known is None else known.told(sensor, capture.provenance)
         for line in (
-            *capture_options.describe_source(capture.source),
+            *capture_options.describe_provenance(capture.provenance),
             *applied,
             f"{told}: {sensor!r}",
         ):
@@ -252,7 +252,7 @@ def reconstruct(
             levels = film(
                 seen, sensor, once, wanted, window=window, step=step, fps=fps, title=title
             )
-            record(sensor, method, data.name, capture.source)
+            record(sensor, method, data.name, capture.provenance)
         tell(*levels)
         return
     done = ""
@@ -275,9 +275,9 @@ def reconstruct(
                 picture = run(seen, sensor, threads=threads, **settings)
         seconds = time.perf_counter() - start
         title = METHODS[method].title
-        note = wanted.note(sensor, title, capture.source)
+        note = wanted.note(sensor, title, capture.provenance)
         wanted.write(files, picture, seen, sensor, white=white, note=note, threads=threads)
-        record(sensor, method, data.name, capture.source)
+        record(sensor, method, data.name, capture.provenance)
     size = " x ".join(map(str, picture.shape))
     scale = wanted.scale(sensor)
     what = "intensities" if units == "intensity" else output_.UNITS[units]

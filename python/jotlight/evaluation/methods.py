@@ -24,7 +24,7 @@ from jotlight.networks.pretrained import (
     unsupported_reason,
 )
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.response import saturation_intensity
+from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.sensor import Sensor
 
 Run = Callable[..., npt.NDArray[np.float32]]

@@ -11,11 +11,11 @@ import jotlight._engine as engine
 from jotlight.chunks import frame_chunks
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.estimators.inverse_response import equivalent_counts
-from jotlight.estimators.mle import Jot, reference_jot
 from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
 from jotlight.sensing.bits import Bits, check_fits
 from jotlight.sensing.pixel_counts import PixelCounts, count_pixels
+from jotlight.sensing.reference import Jot, reference_jot
 from jotlight.sensing.sensor import Sensor
 
 FLOPS_PER_BAND = 1 << 35
@@ -70,7 +70,7 @@ class Inference:
             np.arange(sensor.bits_per_pixel + 1, dtype=np.int32),
             sensor.bits_per_pixel,
             *reference_jot(sensor),
-            jots_differ=False,
+            varies_within_pixels=False,
         )
         table = self._tied_weights * equivalent_counts(all_counts, self.reference, self.threads)
         if isinstance(data, Bits):

@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from jotlight.chunks import pixel_chunks
 from jotlight.estimators.inverse_response import intensity_from_probability
-from jotlight.estimators.mle import reference_jot
 from jotlight.networks.architectures import (
     build_conditional,
     build_residual,
@@ -24,7 +23,8 @@ from jotlight.networks.inference import Inference
 from jotlight.networks.layer import Layer
 from jotlight.networks.network_files import read_network, write_network
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.channels import by_channel
+from jotlight.sensing.pixel_counts import carried_sensor, map_channels
+from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
 _PIXELS_AT_ONCE = 1 << 21
@@ -250,7 +250,7 @@ class Network:
             When pixels without a valid jot were inpainted from their neighbors.
         """
         if sensor is None:
-            sensor = (data.sensor if isinstance(data, Bits) else None) or self.sensor
+            sensor = carried_sensor(data) or self.sensor
         self.check_sensor(sensor)
         if self.trials_range is not None:
             estimate = self.conditioned_on(sensor).reconstruct(data, sensor, threads=threads)
@@ -262,7 +262,7 @@ class Network:
         # The check has established that both efficiencies are equal.
         reference = reference_jot(sensor)[0], reference_jot(self.sensor)[1]
         inference = Inference(self.layers, sensor, reference, threads)
-        return by_channel(inference.run, data)
+        return map_channels(inference.run, data)
 
     def conditioned_on(self, sensor: Sensor) -> "Network":
         """Return a K-conditioned network's layers for the K of a sensor.
@@ -344,5 +344,5 @@ class Network:
 
 def _response_to_light(sensor: Sensor) -> tuple[int, float, float]:
     """Return q, the detections per jot and frame at intensity 1, and S."""
-    threshold, light, max_intensity = sensor._response()
+    threshold, light, max_intensity = sensor.pixel_response()
     return threshold, reference_jot(sensor)[0] * light, max_intensity

@@ -45,7 +45,7 @@ def write_network(
         "format": _FORMAT,
         "version": _VERSION,
         "layers": json.dumps([layer.metadata() for layer in layers]),
-        "sensor": json.dumps(sensor.numbers()),
+        "sensor": json.dumps(sensor.scalars()),
         "trials_range": json.dumps(trials_range),
         "history": json.dumps(history),
     }

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from jotlight.estimators.mle import reference_jot
 from jotlight.networks.architectures import SIZES
 from jotlight.networks.network import Network
+from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
 BITS_PER_PIXEL = tuple(side**2 for side in range(3, 11))
@@ -116,7 +116,7 @@ def _unsupported_by_conditional(sensor: Sensor) -> str | None:
 def _unsupported_by_one_exposure(sensor: Sensor, trained: tuple[int, ...]) -> str | None:
     """Return what keeps networks for one K and exposure each from serving a sensor."""
     efficiency, dark_counts = reference_jot(sensor)
-    detections = efficiency * sensor._gain / sensor.bits_per_pixel
+    detections = efficiency * sensor.gain / sensor.bits_per_pixel
     if sensor.bits_per_pixel not in trained:
         numbers = ", ".join(map(str, trained))
         return f"{sensor.bits_per_pixel} bits per pixel, only for {numbers}"
@@ -145,8 +145,8 @@ def training_command(sensor: Sensor) -> str:
     'jotlight train FOLDER_OF_PHOTOGRAPHS -o model.safetensors --oversampling 1 --frames 20'
     """
     options = [f"--oversampling {sensor.oversampling}", f"--frames {sensor.frames}"]
-    if sensor._gain != sensor.bits_per_pixel:
-        options.append(f"--gain {float(sensor._gain)!r}")
+    if sensor.gain != sensor.bits_per_pixel:
+        options.append(f"--gain {float(sensor.gain)!r}")
     if sensor.threshold != 1:
         options.append(f"--threshold {sensor.threshold}")
     if sensor.kernel != "box":

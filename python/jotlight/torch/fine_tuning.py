@@ -13,10 +13,9 @@ import torch
 from torch import Tensor
 
 import jotlight
-from jotlight.checks import above_0, at_least
+from jotlight.checks import positive_number, whole_number
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.channels import channels_of
-from jotlight.sensing.pixel_counts import PixelCounts, count_pixels
+from jotlight.sensing.pixel_counts import PixelCounts, carried_sensor, count_pixels, split_channels
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.bit_splitting import Splits, check_kernel
 from jotlight.torch.distributed import Processes, place, together, with_threads
@@ -122,23 +121,23 @@ def fine_tune(
     True
     """
     if sensor is None:
-        sensor = (data.sensor if isinstance(data, Bits) else None) or network.sensor
+        sensor = carried_sensor(data) or network.sensor
     seen = _seen(network, data, sensor, threads)
     here = place(device)
-    steps = at_least("steps", steps, 1)
-    batch = at_least("batch", BATCH if batch is None else batch, 1)
-    above_0("rate", rate)
+    steps = whole_number("steps", steps, 1)
+    batch = whole_number("batch", BATCH if batch is None else batch, 1)
+    positive_number("rate", rate)
     most = min(seen[0].counts.shape)
     side = min(PATCH, most) if patch is None else operator.index(patch)
     if not 1 <= side <= most:
         raise ValueError(f"patch: expected 1 to the {most} pixels of the image, got {side}")
     with together(here) as processes, with_threads(threads):
-        drawn = torch.tensor(secrets.randbits(32) if rng is None else at_least("rng", rng, 0))
+        drawn = torch.tensor(secrets.randbits(32) if rng is None else whole_number("rng", rng, 0))
         processes.spread(drawn)
         seed = int(drawn)
         run: dict[str, object] = {
             "network": fingerprint_network(network),
-            "sensor": sensor.numbers(),
+            "sensor": sensor.scalars(),
             "capture": _fingerprint(seen),
             "optimizer": f"Adam(learning_rate={rate})",
             "steps": steps,
@@ -172,8 +171,8 @@ def _seen(
             "count the same can its bits be split at random"
         )
     check_kernel(sensor)
-    seen = [count_pixels(channel, sensor, threads) for channel in channels_of(data)]
-    if any(plane.jots_differ for plane in seen):
+    seen = [count_pixels(channel, sensor, threads) for channel in split_channels(data)]
+    if any(plane.varies_within_pixels for plane in seen):
         raise ValueError(
             "sensor: expected jots of the same efficiency and dark counts inside of each pixel, "
             "since its bits are split at random; give their means over the pixels"

@@ -180,7 +180,7 @@ class Patches:
         side, tied = self.sensor.oversampling, self.network.tied
         seen = []
         for patch, factor, seed in zip(truth, factors, seeds, strict=True):
-            sensor = dataclasses.replace(self.sensor, gain=self.sensor._gain * float(factor))
+            sensor = dataclasses.replace(self.sensor, gain=self.sensor.gain * float(factor))
             bits = sensor.expose(patch, seed, threads=threads)
             counts = bits.counts(side, threads=threads)[None] if tied else bits.to_array()
             seen.append(counts.astype(np.float32))

@@ -11,7 +11,7 @@ from torch import Tensor
 
 import jotlight
 from jotlight import metrics
-from jotlight.checks import above_0, at_least
+from jotlight.checks import positive_number, whole_number
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.distributed import Processes, place, together, with_threads
 from jotlight.torch.network import Network
@@ -116,9 +116,9 @@ def train(
     sensor = network.sensor if sensor is None else sensor
     network.check_sensor(sensor)
     here = place(device)
-    steps = at_least("steps", STEPS if steps is None else steps, 1)
-    batch = at_least("batch", BATCH if batch is None else batch, 1)
-    above_0("rate", rate)
+    steps = whole_number("steps", STEPS if steps is None else steps, 1)
+    batch = whole_number("batch", BATCH if batch is None else batch, 1)
+    positive_number("rate", rate)
     if seconds is not None and not seconds > 0:
         raise ValueError(f"seconds: expected a number above 0, got {seconds}")
     scenes: Images | ImageGenerator = images if callable(images) else check_images(images)
@@ -133,12 +133,12 @@ def train(
                 f"batch: expected at least a patch for each of the {processes.number} processes, "
                 f"got {batch}"
             )
-        seed = torch.tensor(secrets.randbits(32) if rng is None else at_least("rng", rng, 0))
+        seed = torch.tensor(secrets.randbits(32) if rng is None else whole_number("rng", rng, 0))
         processes.spread(seed)
         patches = Patches(scenes, network, patch_sensor(sensor), int(seed), batch, side)
         run: dict[str, object] = {
             "network": fingerprint_network(network),
-            "sensor": patches.sensor.numbers(),
+            "sensor": patches.sensor.scalars(),
             "images": fingerprint_images(scenes),
             "test": None if tests is None else fingerprint_images(tests),
             "optimizer": f"Adam(learning_rate={rate})",

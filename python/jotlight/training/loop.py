@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import at_least
+from jotlight.checks import whole_number
 from jotlight.networks.graph import is_sequential
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
@@ -144,11 +144,11 @@ def train(
             "learn with PyTorch, jotlight.torch.train"
         )
     chosen = _optimizer(optimizer)
-    steps = at_least("steps", chosen.steps if steps is None else steps, 0)
-    seed = secrets.randbits(32) if rng is None else at_least("rng", rng, 0)
+    steps = whole_number("steps", chosen.steps if steps is None else steps, 0)
+    seed = secrets.randbits(32) if rng is None else whole_number("rng", rng, 0)
     admissible = SafeSet() if admissible is None else admissible
     if threads is not None:
-        at_least("threads", threads, 1)
+        whole_number("threads", threads, 1)
     if seconds is not None and not seconds > 0:
         raise ValueError(f"seconds: expected a number above 0, got {seconds}")
     examples = _examples(network, sensor, images, patch, batch, chosen.pixels, seed)
@@ -158,7 +158,7 @@ def train(
 
     run = {
         "network": fingerprint_network(network),
-        "sensor": examples.sensor.numbers(),
+        "sensor": examples.sensor.scalars(),
         "images": examples.fingerprint(),
         "test": None
         if tests is None
@@ -293,7 +293,7 @@ def _examples(
     seen = patch_sensor(sensor)
     # A smooth kernel brings light from two pixels away, which a patch does not know.
     border = network.halo + (0 if seen.kernel == "box" else 2)
-    batch = None if batch is None else at_least("batch", batch, 1)
+    batch = None if batch is None else whole_number("batch", batch, 1)
     if callable(images):
         if patch is not None:
             raise ValueError("patch: is for images; what a callable makes is seen whole")

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import as_image
-from jotlight.estimators.mle import reference_jot
 from jotlight.seeds import seed_bytes
+from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
 Stack = npt.NDArray[np.float32]
@@ -71,7 +71,7 @@ class PatchSampler:
     ) -> dict[str, Any]:
         rows, columns = zip(first.T, last.T, strict=True)
         return {
-            "sensor": self.sensor._engine_arguments(),
+            "sensor": self.sensor.engine_arguments(),
             "frames": self.sensor.frames,
             "images": images,
             "patches": np.stack([chosen, *rows, *columns], axis=1).astype(np.int64),

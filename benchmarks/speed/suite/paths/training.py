@@ -77,7 +77,7 @@ def cases(quick: bool) -> Iterator[Case]:
 def counted(batch: dict[str, Any], scenes: np.ndarray) -> np.ndarray:
     """Counts of the patches of a batch: patch i has the frames of number i."""
     counts = np.empty(scenes.shape, np.int32)
-    sensor = SENSOR._engine_arguments()
+    sensor = SENSOR.engine_arguments()
     jots = SIDE * SENSOR.oversampling
     for index, scene in enumerate(scenes):
         packed = np.empty((1, jots, jots // 8), np.uint8)
