@@ -7,8 +7,9 @@ import pytest
 
 import jotlight as jl
 import jotlight._engine as engine
-from jotlight.networks import network as networks
-from jotlight.networks.layer import conditioning_weights, count_sets, halo_radius, size_divisor
+from jotlight.networks import inference
+from jotlight.networks.conditioning import conditioning_weights, count_sets
+from jotlight.networks.graph import halo_radius, size_divisor
 from reference import deep, methods
 from reference.networks import random_bits
 
@@ -21,7 +22,7 @@ ROUNDING = 1e-6
 
 def member(name, seed=0, **options):
     rng = np.random.default_rng(seed)
-    return deep.lively(jl.Network.deep(SENSOR, name, rng=seed), rng, **options)
+    return deep.lively(jl.Network.residual(SENSOR, name, rng=seed), rng, **options)
 
 
 def conditional(name="small", seed=0):
@@ -128,7 +129,7 @@ def test_rows_past_the_last_one_need_those_above():
     ]
     network = jl.Network(layers, SENSOR)
     counts = counts_of(SENSOR, 65, 9)
-    prepared = [layer.prepared for layer in layers]
+    prepared = [layer.engine_layer for layer in layers]
     top, bottom = engine.input_rows(prepared, 65, (64, 65))
     part = network.reconstruct(counts[top:bottom])
     np.testing.assert_array_equal(part[64 - top :], network.reconstruct(counts)[64:])
@@ -183,7 +184,7 @@ def test_the_picture_of_a_network_that_is_told_k_is_the_twins(bits, size):
     # Trained filters are kept in float32.
     sums = counts[None] * np.float64(layers[0].filters.reshape(()))
     expected = deep.picture(layers, sums, size_divisor(layers))
-    shares = network._at(sensor).reconstruct(counts, sensor)
+    shares = network.conditioned_on(sensor).reconstruct(counts, sensor)
     np.testing.assert_allclose(shares, expected, atol=1e-5)
     light = (-np.log1p(-expected.clip(0, 1 - 1e-9))).clip(0, 5)
     near = expected < 0.95
@@ -204,9 +205,9 @@ def test_shares_are_those_of_splines(number):
 def test_a_network_of_equal_sets_is_the_same_for_every_k():
     network = jl.Network.conditional("small", rng=0)
     layer = network.layers[5]
-    assert layer.sets
+    assert layer.set_counts
     for bits in (1, 7, 256):
-        at = layer.at(conditioning_weights(bits, BETWEEN, 6))
+        at = layer.interpolate(conditioning_weights(bits, BETWEEN, 6))
         np.testing.assert_allclose(at.coefficients, layer.coefficients[0], atol=1e-6)
 
 
@@ -228,7 +229,7 @@ def test_large_pictures_in_parts_are_those_in_one(monkeypatch, tied):
     height = 65 * network.halo + 11
     bits = jl.Bits.from_array(random_bits(rng, sensor, height, 25))
     whole = network.reconstruct(bits)
-    monkeypatch.setattr(networks, "_WORK", 1)
+    monkeypatch.setattr(inference, "FLOPS_PER_BAND", 1)
     np.testing.assert_array_equal(network.reconstruct(bits), whole)
     if tied:
         counts = bits.counts(sensor.oversampling)
@@ -240,7 +241,7 @@ def test_large_pictures_in_parts_are_those_in_one(monkeypatch, tied):
 def test_rows_are_made_of_the_rows_that_they_need(name, rows):
     network, (start, stop) = member(name), rows
     counts = counts_of(SENSOR, 403, 20)
-    layers = [layer.prepared for layer in network.layers]
+    layers = [layer.engine_layer for layer in network.layers]
     top, bottom = engine.input_rows(layers, 403, rows)
     part = network.reconstruct(counts[top:bottom])[start - top : stop - top]
     np.testing.assert_array_equal(part, network.reconstruct(counts)[start:stop])
@@ -293,7 +294,7 @@ def test_the_halo_is_no_wider_than_it_has_to_be():
 def test_a_member_starts_as_a_classical_estimate(name):
     image = np.full((40, 40), 0.5)
     bits = SENSOR.expose(image, 0)
-    picture = jl.Network.deep(SENSOR, name, rng=0).reconstruct(bits)
+    picture = jl.Network.residual(SENSOR, name, rng=0).reconstruct(bits)
     assert abs(picture.mean() - 0.5) < 0.05
     assert picture.std() < 0.1
     for frames in (1, 16, 256):
@@ -306,7 +307,7 @@ def test_a_member_starts_as_a_classical_estimate(name):
 def test_every_output_lies_between_0_and_the_largest_intensity(most):
     sensor = jl.Sensor(oversampling=4, max_intensity=most)
     for seed in range(4):
-        start = jl.Network.deep(sensor, "small", rng=seed)
+        start = jl.Network.residual(sensor, "small", rng=seed)
         network = deep.lively(start, np.random.default_rng(seed), size=5.0)
         picture = network.reconstruct(counts_of(sensor, 60, 70, seed))
         assert picture.min() >= 0
@@ -321,7 +322,7 @@ def test_a_file_keeps_everything(tmp_path, make):
     loaded = jl.Network.load(tmp_path / "deep.safetensors")
     assert (loaded.sensor, loaded.trials_range) == (network.sensor, network.trials_range)
     for one, other in zip(network.layers, loaded.layers, strict=True):
-        assert one.numbers() == other.numbers()
+        assert one.metadata() == other.metadata()
         np.testing.assert_array_equal(one.filters, other.filters)
         assert (one.coefficients is None) == (other.coefficients is None)
         if one.coefficients is not None:
@@ -343,18 +344,27 @@ LAST = layer(1, 2)
         ([layer(1, 1, 1, input=0)], "the first one to read the data"),
         ([layer(1, 1, 1, skip=0)], "the first one to read the data"),
         ([layer(4, 1, 1, upsampling=2)], "the first one to read the data"),
-        ([FIRST, layer(1, 2, input=1)], "layer 1 to take planes of 0 to 0, got input 1"),
-        ([FIRST, layer(1, 2, skip=-1)], "layer 1 to take planes of 0 to 0, got skip -1"),
+        ([FIRST, layer(1, 2, input=1)], "input of layer 1 to be 0 to 0, got 1"),
+        ([FIRST, layer(1, 2, skip=-1)], "skip of layer 1 to be 0 to 0, got -1"),
         ([FIRST, layer(3, 2), layer(1, 2)], "expected 3 input channels in layer 2"),
-        ([FIRST, layer(3, 2), layer(1, 3, skip=1)], "layer 2 to add planes like its own, of 1"),
+        (
+            [FIRST, layer(3, 2), layer(1, 3, skip=1)],
+            "the skip connection of layer 2 to have its 1 channels",
+        ),
         (
             [FIRST, layer(2, 2, stride=2), layer(2, 2, skip=0), LAST],
-            "layer 2 to add planes like its own, of 2 channels, got those of layer 0",
+            "layer 2 to have its 2 channels and its size, got the output of layer 0",
         ),
         ([FIRST, layer(2, 2)], "one output channel of the last layer"),
-        ([FIRST, layer(1, 2, stride=2)], "one output channel of the last layer, in the pict"),
-        ([FIRST, layer(4, 2, upsampling=2)], "one output channel of the last layer, in the pict"),
-        ([FIRST, layer(3, 2), layer(1, 2, input=0)], "layer 1 to be read or added, got no layer"),
+        ([FIRST, layer(1, 2, stride=2)], "one output channel of the last layer, in the size of"),
+        (
+            [FIRST, layer(4, 2, upsampling=2)],
+            "one output channel of the last layer, in the size of",
+        ),
+        (
+            [FIRST, layer(3, 2), layer(1, 2, input=0)],
+            "another layer to use the output of layer 1, got none",
+        ),
     ],
 )
 def test_layers_that_do_not_fit_each_other_are_refused(layers, message):
@@ -369,7 +379,7 @@ def test_layers_that_do_not_fit_each_other_are_refused(layers, message):
         ({"stride": 17}, "stride: expected 1 to 16, got 17"),
         ({"upsampling": 17}, "upsampling: expected 1 to 16, got 17"),
         ({"stride": 4}, "at least as many rows and columns as the stride of 4"),
-        ({"upsampling": 3}, "expected a multiple of 9 of them, for an upsampling of 3, got 4"),
+        ({"upsampling": 3}, "expected a multiple of 9 filters for an upsampling of 3, got 4"),
         ({"trainable": "some"}, "trainable: expected one of all, filters, nothing, got 'some'"),
     ],
 )
@@ -386,11 +396,11 @@ def test_coefficients_are_one_row_for_each_channel_after_the_upsampling():
 @pytest.mark.parametrize(
     ("bits", "message"),
     [
-        (None, "trials_range: expected a range of bits per pixel for layers with sets"),
-        ((0, 16), "trials_range: expected the least and the most bits per pixel of a tied network"),
+        (None, "trials_range: expected a range of K for layers with sets"),
+        ((0, 16), "trials_range: expected the smallest and the largest K of a tied network"),
         (
             (16, 16),
-            "trials_range: expected the least and the most bits per pixel of a tied network",
+            "trials_range: expected the smallest and the largest K of a tied network",
         ),
     ],
 )
@@ -403,18 +413,18 @@ def test_sets_are_as_many_in_all_layers_and_four_at_least():
     layers = list(conditional().layers)
     for kept in (3, 5):
         cut = dataclasses.replace(layers[1], filters=layers[1].filters[:kept])
-        with pytest.raises(ValueError, match="the same number of sets"):
-            jl.Network([layers[0], cut, *layers[2:]], jl.Sensor(), bits=BETWEEN)
+        with pytest.raises(ValueError, match="the same number of parameter sets"):
+            jl.Network([layers[0], cut, *layers[2:]], jl.Sensor(), trials_range=BETWEEN)
 
 
 def test_a_k_out_of_range_is_refused():
     with pytest.raises(ValueError, match="for 1 to 256 bits per pixel, got 257"):
         conditional().reconstruct(np.ones((4, 4), int), jl.Sensor(frames=257))
-    with pytest.raises(ValueError, match="member: expected one of small, medium, large"):
-        jl.Network.deep(SENSOR, "huge")
+    with pytest.raises(ValueError, match="architecture: expected one of small, medium, large"):
+        jl.Network.residual(SENSOR, "huge")
 
 
 def test_the_halo_of_members():
     for name in ARCHITECTURES:
-        layers = jl.Network.deep(SENSOR, name, rng=0).layers
+        layers = jl.Network.residual(SENSOR, name, rng=0).layers
         assert halo_radius(layers) % size_divisor(layers) == 0

@@ -18,7 +18,7 @@ from jotlight.images.image_stack import stack_writer
 from jotlight.images.io import DISPLAYED, FLOATS, image_writer
 from jotlight.images.tone import CURVES, Tone, check_curve
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 UNITS = {"intensity": "intensity", "photons": "detected photons per pixel and frame"}
@@ -156,15 +156,15 @@ class OutputOptions:
             planes = known.arrays(float(self.scale(sensor)))
             stack_writer(self.uncertainty, facts)(rest.pop(0), planes)
 
-    def note(self, sensor: Sensor, method: str, source: Source | None) -> dict[str, Any]:
+    def note(self, sensor: Sensor, method: str, provenance: Provenance | None) -> dict[str, Any]:
         """What a file says of itself."""
         return {
             "software": f"jotlight {__version__}",
             "units": UNITS[self.units],
             "largest_value": sensor.max_intensity * float(self.scale(sensor)),
             "method": method,
-            "sensor": {**sensor.numbers(), **dict.fromkeys(sensor.maps(), "a map")},
-            "source": None if source is None else source.to_json(),
+            "sensor": {**sensor.scalars(), **dict.fromkeys(sensor.maps(), "a map")},
+            "provenance": None if provenance is None else provenance.to_json(),
         }
 
     def film_tone(self, pictures: list[npt.NDArray[np.float32]]) -> Tone:

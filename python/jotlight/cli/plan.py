@@ -145,7 +145,10 @@ def _words(expected: Plan, frame_rate: float | None) -> list[str]:
     if expected.target_psnr is None:
         return words
     if expected.required_frames is None:
-        return [*words, f"A PSNR of {expected.target_psnr:g} dB is not reached with 2**31 bits a pixel."]
+        return [
+            *words,
+            f"A PSNR of {expected.target_psnr:g} dB is not reached with 2**31 bits a pixel.",
+        ]
     seconds = "" if frame_rate is None else f" ({expected.required_frames / frame_rate:.3g} s)"
     plural = "" if expected.required_frames == 1 else "s"
     verb = "is" if expected.required_frames == 1 else "are"
