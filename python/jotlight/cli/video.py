@@ -56,7 +56,9 @@ def film(
             begin("choosing the tone curve", 0)
             parts = some_windows(bits, window, step)
             tone = wanted.film_tone([run(part, sensor) for part in parts])
-        with video_writer(wanted.picture, len(spans), tone=tone, fps=fps, depth=wanted.depth) as add:
+        with video_writer(
+            wanted.picture, len(spans), tone=tone, fps=fps, depth=wanted.depth
+        ) as add:
             for number, span in enumerate(spans):
                 begin(f"window {number + 1} of {len(spans)}")
                 picture = run(_part(bits, span), sensor)
