@@ -28,7 +28,7 @@ from jotlight.experiments.report.content import (
 from jotlight.experiments.training_runs import paper_sensor, train_by_default
 from jotlight.metrics import psnr, snr, ssim
 from jotlight.networks.network import Network
-from jotlight.plots import most_detailed
+from jotlight.plots import find_detail
 
 NETWORK_FILE = "network.safetensors"
 
@@ -215,7 +215,7 @@ def _scenes(results: Results) -> list[Scene]:
             subtitle = f"{row['psnr']:.2f} dB, SSIM {row['ssim']:.3f}"
             file = (results.files / f"{name}-{row['method']}.png").read_bytes()
             images.append(SceneImage(method_title(str(row["method"])), subtitle, file))
-        scenes.append(Scene(f"Image {name}", truth.shape, most_detailed(truth), images))
+        scenes.append(Scene(f"Image {name}", truth.shape, find_detail(truth), images))
     return scenes
 
 
