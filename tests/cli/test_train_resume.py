@@ -208,7 +208,7 @@ def test_resuming_with_other_pictures_says_so(run, pictures, monkeypatch):
     (pictures / "1.png").unlink()
     status, said = run("train", pictures, "-o", NETWORK, *SMALL, "--resume")
     assert status == 1
-    assert "images is" in said
+    assert "different images" in said
 
 
 @pytest.mark.parametrize("share", [0, 0.5, 0.99])

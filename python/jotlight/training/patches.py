@@ -136,8 +136,8 @@ def patch_sensor(sensor: Sensor) -> Sensor:
 
     Examples
     --------
-    >>> patch_sensor(Sensor(dark_counts=np.array([[0.1, 0.3], [0.2, 0.2]]))).dark_counts
-    0.2
+    >>> patch_sensor(Sensor(dark_counts=np.array([[0.25, 0.5], [0.25, 0.0]]))).dark_counts
+    0.25
     """
     efficiency, dark_counts = reference_jot(sensor)
     return sensor.replace(mask=None, efficiency=efficiency, dark_counts=dark_counts)
