@@ -12,8 +12,8 @@ from jotlight.sensing.operators import differences
 NORMS = ("isotropic", "anisotropic")
 """The norms of the two differences of a pixel that total variation can sum."""
 
-_STRENGTH, _POWER = 0.62, 0.4
-"""Fitted to BSDS training images over six exposures by ``benchmarks/studies/weights.py``."""
+STRENGTH, POWER = 0.62, 0.4
+"""Fitted to BSDS training images over six exposures by ``benchmarks/studies/tv_weights.py``."""
 
 _BLOCK = 4
 """The side in pixels of the blocks that the roughness is measured on."""
@@ -155,14 +155,14 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
     light_of_ones = operator.forward(np.ones(operator.input_shape))
     score = operator.adjoint(likelihood.gradient_and_curvature(constant)[0])
     information = operator.adjoint(likelihood.information(constant) * light_of_ones)
-    local = np.sqrt(_local_information(problem, light_of_ones))
+    local = np.sqrt(local_information(problem, light_of_ones))
     roughness = 1.0
     # In a scene so bright that it saturates nearly all bits, the roughness is unknown.
     if information.mean() > 1e-6 * np.square(local).mean():
         noise = 1 / math.sqrt(information.mean())
         roughness = _roughness(score, information, problem.max_intensity) / noise
     per_direction = math.pi / 4 if check_norm(norm) == "anisotropic" and local.ndim == 2 else 1.0
-    return np.asarray(per_direction * _STRENGTH * roughness**-_POWER * local)
+    return np.asarray(per_direction * STRENGTH * roughness**-POWER * local)
 
 
 def _roughness(score: Array, information: Array, max_intensity: float) -> float:
@@ -194,7 +194,7 @@ def _block_sums(image: Array, sides: list[int]) -> Array:
     return image
 
 
-def _local_information(problem: Problem, light_of_ones: Array) -> Array:
+def local_information(problem: Problem, light_of_ones: Array) -> Array:
     """Return I of each pixel, as if all pixels had the mean number of valid bits."""
     from scipy.ndimage import gaussian_filter
     from scipy.special import gammaincinv
