@@ -8,7 +8,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.formats.arrays import read_npy, read_npz
-from jotlight.formats.npy import create_bits
+from jotlight.formats.cube import create_bits
 from jotlight.formats.writing import write_capture
 
 

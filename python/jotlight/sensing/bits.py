@@ -205,9 +205,9 @@ class Bits:
         The `.npy` opens in ``numpy.unpackbits`` and every tool that takes photon cubes; the
         `.json` keeps the true width and the sensor, whose maps stand in `.npy` files of their own.
         """
-        from jotlight.formats.npy import save_bits
+        from jotlight.formats.cube import write_cube
 
-        save_bits(self, path)
+        write_cube(self, path)
 
     def __repr__(self) -> str:
         frames, height, width, *channels = self.shape
