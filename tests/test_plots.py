@@ -3,7 +3,7 @@ import pytest
 
 import jotlight as jl
 from jotlight import plots
-from jotlight.evaluation.compare import chosen, compare_methods
+from jotlight.evaluation.compare import compare_methods, select_methods
 from jotlight.evaluation.methods import METHODS
 
 
@@ -57,12 +57,12 @@ def test_comparing_measures_each_method_against_the_image():
     image = jl.datasets.photograph("camera")[100:140, 180:220]
     sensor = jl.Sensor(oversampling=4)
     bits = sensor.expose(image, rng=0)
-    names = [name for name in chosen(sensor) if METHODS[name].needs is None]
+    names = [name for name in select_methods(sensor) if METHODS[name].required_package is None]
     begun = []
     results = compare_methods(image, bits, sensor, names, begin=begun.append)
     assert begun == [METHODS[name].title for name in names]
     for name, result in zip(names, results, strict=True):
         picture = METHODS[name].run(bits, sensor)
-        assert (result.picture == picture).all()
+        assert (result.estimate == picture).all()
         assert result.psnr == jl.metrics.psnr(picture, image)
         assert result.seconds > 0

@@ -38,7 +38,7 @@ def train_one(bits: int, scenes: list, names: list[str], tests: list) -> None:
     learned, _ = jl.train(start, scenes, steps=STEPS, batch=BATCH, patch=PATCH, rng=SEED)
     seconds = time.perf_counter() - begun
     learned.history["trained on"] = "BSDS300 train, grey"
-    learned.save(FOLDER / f"k{bits}.safetensors")
+    learned.save(FOLDER / f"two-layer-k{bits}.safetensors")
     scores = jl.evaluate(learned, tests, sensor, names=names)
     other = jl.evaluate(jl.mle, tests, sensor, names=names)
     card = CARD.read_text(encoding="utf-8").format(
@@ -51,13 +51,13 @@ def train_one(bits: int, scenes: list, names: list[str], tests: list) -> None:
         seconds=seconds,
         psnr=scores.mean("psnr"),
         first=Evaluation(scores.scores[:20]).mean("psnr"),
-        worst=scores.worst("psnr", 0.05),
+        worst=scores.mean_of_worst("psnr", 0.05),
         snr=scores.mean("snr"),
         ssim=scores.mean("ssim"),
         mle_psnr=other.mean("psnr"),
         mle_ssim=other.mean("ssim"),
     )
-    (FOLDER / f"k{bits}.md").write_text(card, encoding="utf-8")
+    (FOLDER / f"two-layer-k{bits}.md").write_text(card, encoding="utf-8")
     print(
         f"K = {bits}: {scores.mean('psnr'):.2f} dB, SSIM {scores.mean('ssim'):.3f}, "
         f"{seconds:.0f} s",

@@ -1,4 +1,7 @@
-"""Write the page and its figures anew from the JSON of a run: python benchmarks/speed/remake.py docs."""
+"""Write the page and its figures anew from the JSON of a run.
+
+python benchmarks/speed/remake.py docs/results
+"""
 
 import sys
 from pathlib import Path

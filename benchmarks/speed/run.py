@@ -1,6 +1,6 @@
 """Measure every hot path beside its rivals, and write raw JSON and a page of Markdown.
 
-    python benchmarks/speed/run.py [--quick] [--only NAME ...] [--threads 1 2] [--output docs]
+    python benchmarks/speed/run.py [--quick] [--only NAME ...] [--threads 1 2] [--output FOLDER]
 
 The names are those of the hot paths, `scaling` and `latency`. Rivals are in the extra `bench`, but
 for BM3D, which is in `bm3d`; one that is not installed is left out, and the page says so.
@@ -58,7 +58,7 @@ def arguments() -> argparse.Namespace:
         "--output",
         type=Path,
         default=ROOT / "target" / "benchmarks",
-        help="folder for benchmarks.md, and benchmarks/ with the JSON and the figures",
+        help="folder for speed.md, and speed/ with the JSON and the figures",
     )
     options = parser.parse_args()
     if any(not 1 <= number <= cores() for number in options.threads):

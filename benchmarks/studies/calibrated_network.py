@@ -13,7 +13,7 @@ import warnings
 import numpy as np
 
 import jotlight as jl
-from jotlight.estimators.brightness import sensor_for
+from jotlight.estimators.brightness import training_sensor
 from jotlight.evaluation.methods import METHODS
 
 LEVEL = 0.3
@@ -40,14 +40,14 @@ def main() -> None:
     rows = {
         "network for this capture, learned with the calibration": by(with_it, seen, known),
         "network for this capture, learned without": by(without, seen, known),
-        "network that comes with jotlight": by(jl.pretrained(known, "fast"), seen, known),
+        "network that comes with jotlight": by(jl.pretrained(known, "two-layer"), seen, known),
         **{
             METHODS[name].title: METHODS[name].run(seen, known)
             for name in ("noniterative-gaussian", "noniterative-tv", "admm-tv", "mle")
         },
         "network for this capture, calibration never used": by(without, seen, unknown),
         "network that comes with jotlight, likewise": by(
-            jl.pretrained(unknown, "fast"), seen, unknown
+            jl.pretrained(unknown, "two-layer"), seen, unknown
         ),
     }
     print("| method | PSNR, dB |")
@@ -57,7 +57,7 @@ def main() -> None:
 
 
 def learned(seen: jl.Bits, sensor: jl.Sensor) -> jl.Network:
-    fitted, scale = sensor_for(seen, sensor)
+    fitted, scale = training_sensor(seen, sensor)
     names = [name for name in jl.datasets.PHOTOGRAPHS if name != PHOTO]
     photographs = [np.float32(scale) * jl.datasets.photograph(name, gray=True) for name in names]
     return jl.train(jl.Network.initial(fitted), photographs, rng=0)[0]

@@ -137,7 +137,13 @@ def limits(name: str, dark: np.ndarray) -> None:
     for frames, photons in ((16, 1.0), (16, 0.1), (256, 0.1)):
         camera = jl.Sensor(frames=frames, gain=frames * photons, dark_counts=dark)
         scenes = [(scene, camera.expose(scene, seed)) for seed, scene in enumerate(photographs())]
-        for method in ("mle", "noniterative-gaussian", "noniterative-tv", "admm-tv", "network"):
+        for method in (
+            "mle",
+            "noniterative-gaussian",
+            "noniterative-tv",
+            "admm-tv",
+            "network-two-layer",
+        ):
             run = METHODS[method]
             if run.unsupported_reason(known[0].sensor(frames, gain=camera.gain)) is not None:
                 continue

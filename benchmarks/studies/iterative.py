@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 
 import jotlight as jl
 import jotlight._engine as engine
-from jotlight.estimators.problem import problem_of
+from jotlight.estimators.problem import build_problem
 from jotlight.images.io import read_image
 
 
@@ -81,7 +81,7 @@ def lbfgs(images: list[np.ndarray]) -> None:
 
 
 def by_lbfgs(bits: jl.Bits, sensor: jl.Sensor) -> float:
-    problem = problem_of(bits, sensor, None)
+    problem = build_problem(bits, sensor, None)
     shape = problem.operator.input_shape
 
     def cost(flat: np.ndarray) -> tuple[float, np.ndarray]:
@@ -92,7 +92,7 @@ def by_lbfgs(bits: jl.Bits, sensor: jl.Sensor) -> float:
 
     found = minimize(
         cost,
-        np.full(np.prod(shape), problem.level()),
+        np.full(np.prod(shape), problem.constant_estimate()),
         jac=True,
         method="L-BFGS-B",
         bounds=[(0, sensor.max_intensity)] * int(np.prod(shape)),

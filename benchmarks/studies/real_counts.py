@@ -18,7 +18,7 @@ import numpy as np
 from skimage.restoration import denoise_tv_chambolle
 
 import jotlight as jl
-from jotlight.estimators.brightness import sensor_for
+from jotlight.estimators.brightness import training_sensor
 from jotlight.evaluation.methods import METHODS
 
 
@@ -80,7 +80,7 @@ def estimates(image, frames):
         yield {"noniterative-bm3d": jl.noniterative(image, sensor, denoiser="bm3d")}
     yield {"network-medium": jl.pretrained(sensor, "medium").reconstruct(image, sensor)}
     begun = time.perf_counter()
-    fitted, scale = sensor_for(image, sensor)
+    fitted, scale = training_sensor(image, sensor)
     photographs = [jl.datasets.photograph(name, gray=True) for name in jl.datasets.PHOTOGRAPHS]
     network, _ = jl.train(
         jl.Network.initial(fitted), [np.float32(scale) * photo for photo in photographs], rng=0

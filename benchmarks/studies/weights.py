@@ -14,7 +14,7 @@ import numpy as np
 
 import jotlight as jl
 from jotlight.estimators import tv
-from jotlight.estimators.problem import problem_of
+from jotlight.estimators.problem import build_problem
 from jotlight.images.io import read_image
 
 EXPOSURES = ((2, 1.0), (4, 0.1), (4, 0.3), (4, 1.0), (4, 3.0), (8, 1.0))
@@ -48,7 +48,7 @@ def measured(sensor: jl.Sensor, path: Path, seed: int) -> tuple[float, np.ndarra
     """The scene's roughness in units of the noise, and the PSNR for each factor."""
     image = read_image(path, gray=True)[40:280, 40:280]
     counts = sensor.expose(image, rng=seed).counts()
-    problem = problem_of(counts, sensor, None)
+    problem = build_problem(counts, sensor, None)
     automatic = tv.automatic_weight(problem)
     # √I of each pixel, and from what the rule makes of it how rough it takes the scene to be.
     light = problem.operator.forward(np.ones(image.shape))

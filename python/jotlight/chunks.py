@@ -1,6 +1,9 @@
 """Work cut into parts, so that Ctrl-C and a progress bar need not wait for the whole."""
 
 from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
 
 _SLAB = 1 << 26
 """Jots that the engine handles between two looks at Ctrl-C: some tens of milliseconds."""
@@ -36,3 +39,8 @@ def pixel_chunks(pixels: int, at_once: int | None = None) -> Iterator[slice]:
     at_once = at_once or _PIXELS
     for start in range(0, pixels, at_once):
         yield slice(start, min(start + at_once, pixels))
+
+
+def take_pixels(value: Any, chunk: slice) -> Any:
+    """Return the pixels of `chunk` as a flat view of a map, or the number that all pixels share."""
+    return value.reshape(-1)[chunk] if isinstance(value, np.ndarray) else value

@@ -166,8 +166,8 @@ def expectation(plan: Plan) -> "Figure":
     left, right = figure.subplots(1, 2)
     left.plot(plan.frames, plan.psnr, color=_MARK, marker="o", markersize=4)
     left.set_xscale("log", base=2)
-    if plan.target is not None:
-        left.axhline(plan.target, color=_QUIET, linestyle=":")
+    if plan.target_psnr is not None:
+        left.axhline(plan.target_psnr, color=_QUIET, linestyle=":")
     left.set_title("PSNR of the scene, dB", fontsize=11, color=_INK, loc="left")
     left.set_xlabel("frames", color=_QUIET)
     shown = range(len(plan.frames) - 1, -1, -max(1, len(plan.frames) // 5))
@@ -176,7 +176,7 @@ def expectation(plan: Plan) -> "Figure":
         colour = f"C{place}"
         label = f"{plan.frames[row]} frame{'' if plan.frames[row] == 1 else 's'}"
         right.plot(plan.light, plan.snr[row], color=colour, label=label, **style)
-        right.plot(plan.light, plan.bound_snr[row], color=colour, linestyle=":", linewidth=1)
+        right.plot(plan.light, plan.snr_bound[row], color=colour, linestyle=":", linewidth=1)
     right.set_xscale("log")
     right.set_title(
         "SNR of a pixel, dB (dotted: Cramér-Rao bound)", fontsize=11, color=_INK, loc="left"

@@ -153,14 +153,19 @@ def fig7_results(**psnr):
     ],
 )
 def test_comparable_with_bm3d(network, verdict, structure):
-    measured = {"mle": 15.0, "noniterative-bm3d": 25.2, ALGEBRAIC: 25.05, "network": network}
+    measured = {
+        "mle": 15.0,
+        "noniterative-bm3d": 25.2,
+        ALGEBRAIC: 25.05,
+        "network-two-layer": network,
+    }
     claims = fig7.section(fig7_results(**measured)).claims
     assert [claim.verdict for claim in claims] == [verdict, structure]
     assert all(bool(claim.why) == (claim.verdict == "not reproduced") for claim in claims)
 
 
 def test_without_bm3d_nothing_is_said_of_it():
-    claims = fig7.section(fig7_results(mle=15.0, network=24.0)).claims
+    claims = fig7.section(fig7_results(**{"mle": 15.0, "network-two-layer": 24.0})).claims
     assert {claim.verdict for claim in claims} == {"not tested"}
 
 
@@ -191,7 +196,7 @@ def timing_results(**milliseconds):
     ],
 )
 def test_ratios_of_times(bm3d, untied, beside_bm3d, beside_mle):
-    measured = {"mle": 10.0, "noniterative-bm3d": bm3d, "network": 50.0, UNTIED: untied}
+    measured = {"mle": 10.0, "noniterative-bm3d": bm3d, "network-two-layer": 50.0, UNTIED: untied}
     section = timing.section(timing_results(**measured))
     assert claims_of(section, "5.25 times").verdict == beside_bm3d
     assert claims_of(section, "8.7 times").verdict == beside_mle
@@ -201,19 +206,21 @@ def test_ratios_of_times(bm3d, untied, beside_bm3d, beside_mle):
 
 
 def test_times_without_bm3d():
-    section = timing.section(timing_results(mle=1.0, network=5.0, **{UNTIED: 9.0}))
+    section = timing.section(
+        timing_results(**{"mle": 1.0, "network-two-layer": 5.0}, **{UNTIED: 9.0})
+    )
     assert claims_of(section, "5.25 times").verdict == "not tested"
 
 
 def test_the_winners_are_those_of_the_numbers():
-    psnr = {"mle": 20.0, "noniterative-bm3d": 30.0, "admm-tv": 29.0, "network": 28.0}
+    psnr = {"mle": 20.0, "noniterative-bm3d": 30.0, "admm-tv": 29.0, "network-two-layer": 28.0}
     rows = [
         {"axis": axis, "bits": 16, "gain": 16, "image": "a", "method": name, "psnr": value}
         for axis in ("exposure", "bits")
         for name, value in psnr.items()
     ]
     settings = {"bits": 16, "gains": [16], "many_bits": [16], "side": 8}
-    speeds = timing_results(**{"mle": 1.0, "network": 5.0, "admm-tv": 400.0, UNTIED: 9.0})
+    speeds = timing_results(**{"mle": 1.0, "network-two-layer": 5.0, "admm-tv": 400.0, UNTIED: 9.0})
     section = gain.section(Results(settings, rows, others={"timing": speeds}))
     winners = section.tables[1].rows[0]
     names = ["non-iterative, BM3D", "ADMM, total variation", "network, learned"]

@@ -215,15 +215,15 @@ def test_the_command_writes_json_and_a_page(tmp_path):
         "counting",
     ]
     subprocess.run([*command, "--output", str(tmp_path)], check=True, capture_output=True)
-    record = json.loads((tmp_path / "benchmarks/run.json").read_text("utf-8"))
-    assert page(record) == (tmp_path / "benchmarks.md").read_text("utf-8")
+    record = json.loads((tmp_path / "speed/run.json").read_text("utf-8"))
+    assert page(record) == (tmp_path / "speed.md").read_text("utf-8")
     (counting,) = record["paths"]
     assert counting["differences"]["NumPy, unpack and sum"] == 0
 
 
 def test_a_debug_build_is_refused():
     code = (
-        "import sys; sys.path.insert(0, 'benchmarks'); sys.argv = ['run.py', '--quick']\n"
+        "import sys; sys.path.insert(0, 'benchmarks/speed'); sys.argv = ['run.py', '--quick']\n"
         "from jotlight import _engine; _engine.DEBUG_BUILD = True\n"
         "import run; run.main()"
     )

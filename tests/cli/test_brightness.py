@@ -18,7 +18,7 @@ QUICK = ("--steps", 1, "--batch", 8)
 def captured(scene, frames=16, name="seen.npy", **sensor):
     """A capture as from a camera, which does not tell its sensor."""
     bits = jl.Sensor(frames=frames, **sensor).expose(scene, rng=0)
-    jl.Bits(bits.packed, bits.width).save(name)
+    jl.save(jl.Bits(bits.packed, bits.width), name)
     return bits
 
 
@@ -35,7 +35,7 @@ def test_a_scene_that_is_not_as_bright_as_those_learned_from(run, tmp_path, leve
     bits = captured(level * PHOTO)
     np.save("counts.npy", bits.counts())
     for words in (["seen.npy"], ["counts.npy", "--frames", 16]):
-        status, said = run("reconstruct", *words, "-o", "out.npy", "--method", "network")
+        status, said = run("reconstruct", *words, "-o", "out.npy", "--method", "network-two-layer")
         assert status == 0, said
         if fits:
             assert "jotlight train" not in said
@@ -51,17 +51,20 @@ def test_a_scene_that_is_not_as_bright_as_those_learned_from(run, tmp_path, leve
 
 def test_who_asks_for_a_network_that_a_scene_is_too_bright_for_gets_it_and_is_told(run, tmp_path):
     bits = captured(5 * PHOTO)
-    status, said = run("reconstruct", "seen.npy", "-o", "out.npy", "-m", "network")
+    status, said = run("reconstruct", "seen.npy", "-o", "out.npy", "-m", "network-two-layer")
     assert status == 0
-    assert "by network: the scene comes up to the largest intensity 1 that the network" in said
+    assert (
+        "by network-two-layer: the scene comes up to the largest intensity 1 that the network"
+        in said
+    )
     assert "--method network-medium goes on to 3.47" in said
     assert command_in(said)[2] == "seen.npy"
-    expected = jl.pretrained(jl.Sensor(frames=16), "fast").reconstruct(bits)
+    expected = jl.pretrained(jl.Sensor(frames=16), "two-layer").reconstruct(bits)
     np.testing.assert_array_equal(np.load("out.npy"), expected)
 
 
 def test_a_sensor_that_says_its_range_is_believed(run):
-    jl.Sensor(frames=16).expose(5 * PHOTO, rng=0).save("known.npy")
+    jl.save(jl.Sensor(frames=16).expose(5 * PHOTO, rng=0), "known.npy")
     status, said = run("reconstruct", "known.npy", "-o", "out.npy")
     assert status == 0
     assert "by network, medium in" in said
@@ -76,7 +79,7 @@ def test_films_are_told_of_once(run, level):
     assert status == 0
     assert "jotlight train" not in said
     assert (np.load("film.npy").max() > 1) == (level > 1)
-    status, said = run(*words, "--method", "network")
+    status, said = run(*words, "--method", "network-two-layer")
     assert status == 0
     command = command_in(said)
     assert command[1:] == ["--sensor", "seen.npy", "--frames", "16", "-o", "model.safetensors"]
@@ -100,7 +103,7 @@ def camera(run, tmp_path):
         sensor.expose(np.zeros(PHOTO.shape), 1), sensor.expose(np.full(PHOTO.shape, 0.7), 2)
     ).save(tmp_path / "my camera.safetensors")
     seen = sensor.replace(frames=16).expose(0.3 * PHOTO, 3)
-    jl.Bits(seen.packed, seen.width).save(tmp_path / "seen.npy")
+    jl.save(jl.Bits(seen.packed, seen.width), tmp_path / "seen.npy")
     return sensor
 
 
@@ -130,13 +133,13 @@ def test_the_command_runs_as_it_is_printed_and_its_network_serves(run, camera, w
     frames = np.random.default_rng(0).random((4, 256, 512)) < 0.2
     np.packbits(frames, axis=2, bitorder="little").tofile("raw frames.bin")
     back = bits.to_array()[:, ::-1]
-    jl.Bits.from_array(np.rot90(back, -1, (1, 2))).save("turned.npy")
+    jl.save(jl.Bits.from_array(np.rot90(back, -1, (1, 2))), "turned.npy")
     np.save("odd.npy", jl.Bits.from_array(bits.to_array()[:, :, :253]).packed)
     np.save("small.npy", np.stack([bits[:3].counts(), bits[3:6].counts()]).astype(np.uint8))
     np.save("dark.npy", np.full(PHOTO.shape, 0.01))
     captured(0.3 * PHOTO, frames=100, name="long.npy")
     # Where there is none that could be asked for, that is an error, with the same advice.
-    _, said = run("reconstruct", *words, "-o", "out.npy", "--method", "network")
+    _, said = run("reconstruct", *words, "-o", "out.npy", "--method", "network-two-layer")
     command = command_in(said)
     assert "FOLDER_OF_PHOTOGRAPHS" not in said
     status, said = run(*command, *QUICK)

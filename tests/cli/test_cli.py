@@ -52,7 +52,8 @@ def test_simulate_then_reconstruct_gives_what_the_python_interface_gives(run, ph
 
 
 @pytest.mark.parametrize(
-    "method", ["mle", "noniterative-tv", "noniterative-gaussian", "network-initial", "network"]
+    "method",
+    ["mle", "noniterative-tv", "noniterative-gaussian", "network-initial", "network-two-layer"],
 )
 def test_every_method_reconstructs_colour(run, colour, tmp_path, method):
     assert run("simulate", colour, "-o", "bits.npy", "-k", 4)[0] == 0
@@ -110,14 +111,14 @@ def test_a_network_file_is_used(run, photo, tmp_path):
     network = jl.Network.initial(jl.Sensor(oversampling=2), sigma=1.0)
     network.save(tmp_path / "model.safetensors")
     assert run("simulate", photo, "-o", "bits.npy", "-k", 2)[0] == 0
-    words = ["reconstruct", "bits.npy", "-o", "out.npy", "-m", "network"]
+    words = ["reconstruct", "bits.npy", "-o", "out.npy", "-m", "network-two-layer"]
     assert run(*words, "--model", "model.safetensors")[0] == 0
     bits = jl.open(tmp_path / "bits.npy")
     assert (np.load(tmp_path / "out.npy") == network.reconstruct(bits)).all()
 
 
 def test_compare_prints_a_table_and_writes_one_figure(run, photo, tmp_path):
-    status, said = run("compare", photo, "-m", "mle,noniterative-gaussian,network")
+    status, said = run("compare", photo, "-m", "mle,noniterative-gaussian,network-two-layer")
     assert status == 0
     for word in (
         "maximum likelihood",
@@ -213,7 +214,7 @@ def test_version_and_help(run):
     ],
 )
 def test_bad_input_gets_one_clear_line_and_leaves_nothing(run, photo, tmp_path, words, expected):
-    jl.Bits.from_array(np.ones((1, 8, 8), bool), jl.Sensor(oversampling=4)).save("bits.npy")
+    jl.save(jl.Bits.from_array(np.ones((1, 8, 8), bool), jl.Sensor(oversampling=4)), "bits.npy")
     np.save("counts.npy", np.arange(64).reshape(8, 8))
     np.save("nan.npy", np.full((20, 20), np.nan))
     np.save("pickle.npy", np.array([{}, None], dtype=object))
@@ -338,7 +339,7 @@ def test_a_file_that_is_read_is_never_overwritten(run, photo, tmp_path, words):
     np.save("dead.npy", dead)
     np.save("dark.npy", np.full((40, 49), 0.1, np.float32))
     np.save("same.npy", np.full((20, 20), 0.5, np.float32))
-    jl.Sensor(mask=dead).expose(np.full((40, 49), 0.5), rng=0).save("bits.npy")
+    jl.save(jl.Sensor(mask=dead).expose(np.full((40, 49), 0.5), rng=0), "bits.npy")
     (tmp_path / "link.npy").symlink_to("bits.npy")
     (tmp_path / "sub").mkdir()
     before = {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}

@@ -8,7 +8,7 @@ import pytest
 import jotlight as jl
 from jotlight.evaluation.methods import METHODS
 from jotlight.images.io import read_image
-from jotlight.networks.pretrained import pretrained, unsupported_bits_reason, unsupported_reason
+from jotlight.networks.pretrained import pretrained, unsupported_message, unsupported_reason
 
 SERVED = jl.Sensor(oversampling=4)
 OTHER = jl.Sensor(oversampling=2, frames=100)
@@ -17,7 +17,7 @@ DEFAULT_ELSEWHERE = "non-iterative, total variation"
 
 def expose(pictures, sensor):
     bits = sensor.expose(read_image(pictures / "0.png"), rng=0)
-    bits.save("bits.npy")
+    jl.save(bits, "bits.npy")
     return bits
 
 
@@ -28,7 +28,9 @@ def test_reconstruct_takes_the_learned_network_where_there_is_one_and_says_so(ru
     assert "by network, medium in" in said
     assert "trained network" not in said
     np.testing.assert_array_equal(np.load("out.npy"), pretrained(SERVED).reconstruct(bits))
-    names = {"network": "fast"} | {f"network-{name}": name for name in ("small", "medium", "large")}
+    names = {"network-two-layer": "two-layer"} | {
+        f"network-{name}": name for name in ("small", "medium", "large")
+    }
     for method, quality in names.items():
         assert run("reconstruct", "bits.npy", "-o", "same.npy", "-m", method)[0] == 0
         expected = pretrained(SERVED, quality).reconstruct(bits)
@@ -49,10 +51,10 @@ def test_reconstruct_says_what_it_takes_instead_and_why_and_how_to_train(run, pi
 
 def test_reconstruct_by_the_network_fails_where_there_is_none(run, pictures, tmp_path):
     expose(pictures, OTHER)
-    status, said = run("reconstruct", "bits.npy", "-o", "out.npy", "-m", "network")
+    status, said = run("reconstruct", "bits.npy", "-o", "out.npy", "-m", "network-two-layer")
     assert status == 1
     assert said.startswith(
-        f"error: {unsupported_bits_reason(OTHER, 'fast')}; learn one for this capture"
+        f"error: {unsupported_reason(OTHER, 'two-layer')}; learn one for this capture"
     )
     assert said.endswith(": jotlight train --sensor bits.npy -o model.safetensors\n")
     assert not (tmp_path / "out.npy").exists()
@@ -86,7 +88,7 @@ def test_options_that_change_the_sensor_decide_whether_there_is_a_network(run, p
     status, said = run(*words)
     assert status == 0
     assert "by network, medium in" in said
-    status, said = run(*words, "-m", "network")
+    status, said = run(*words, "-m", "network-two-layer")
     assert status == 1
     assert "0.5 detections per jot" in said
 
@@ -126,10 +128,10 @@ def test_compare_leaves_the_learned_network_out_where_there_is_none_and_says_so(
 
 
 def test_compare_by_the_network_alone_fails_where_there_is_none(run, pictures, tmp_path):
-    words = ["compare", pictures / "0.png", "-k", 2, "-t", 3, "-m", "mle,network"]
+    words = ["compare", pictures / "0.png", "-k", 2, "-t", 3, "-m", "mle,network-two-layer"]
     status, said = run(*words)
     assert status == 1
-    assert said.startswith("error: network: there is no trained network for 12 bits")
+    assert said.startswith("error: network-two-layer: there is no trained network for 12 bits")
     assert not (tmp_path / "0-compare.png").exists()
 
 
@@ -166,9 +168,9 @@ def test_a_sensor_without_a_network_gets_the_reason_and_a_command_that_makes_one
     run, pictures, reason, sensor
 ):
     with pytest.raises(ValueError, match="there is no trained network for") as caught:
-        pretrained(sensor, "fast")
+        pretrained(sensor, "two-layer")
     message = str(caught.value)
-    assert unsupported_reason(sensor, "fast") == message
+    assert unsupported_message(sensor, "two-layer") == message
     assert reason in message
     words = shlex.split(message[message.index("jotlight train ") :])[1:]
     words[words.index("FOLDER_OF_PHOTOGRAPHS")] = str(pictures)
@@ -176,7 +178,7 @@ def test_a_sensor_without_a_network_gets_the_reason_and_a_command_that_makes_one
     status, said = run(*words, *small)
     assert status == 0, said
     side = 96 if sensor.oversampling == 4 else 24
-    sensor.expose(read_image(pictures / "0.png"), rng=0).save("bits.npy")
+    jl.save(sensor.expose(read_image(pictures / "0.png"), rng=0), "bits.npy")
     assert jl.open("bits.npy").shape[1] == side
     status, said = run("reconstruct", "bits.npy", "-o", "out.npy", "--model", "model.safetensors")
     assert status == 0, said

@@ -9,7 +9,7 @@ from PIL import Image
 
 import jotlight as jl
 from jotlight import cli
-from jotlight.evaluation.methods import DEEPER, METHODS
+from jotlight.evaluation.methods import DEEP_NETWORKS, METHODS
 from jotlight.experiments import EXPERIMENTS
 from jotlight.experiments.experiment import Data
 from jotlight.experiments.fig7 import part_of
@@ -45,7 +45,7 @@ def installed():
     return {
         name
         for name, method in METHODS.items()
-        if method.available and name not in ("mle-iterative", *DEEPER)
+        if method.available and name not in ("mle-iterative", *DEEP_NETWORKS)
     }
 
 
@@ -60,18 +60,20 @@ def test_each_experiment_leaves_its_table_and_figures(made):
 
 def test_the_page_and_the_markdown_have_every_experiment(made):
     page = (made / "report.html").read_text("utf-8")
-    text = (made / "reproduction.md").read_text("utf-8")
+    text = (made / "results/reproduction.md").read_text("utf-8")
     for experiment in EXPERIMENTS.values():
         assert experiment.title in page
         assert f"## {experiment.title}" in text
     assert "quick runs" in page
     assert "quick runs" in text
-    for target in re.findall(r"\]\((results/[^)]+)\)", text):
-        assert (made / target).is_file(), target
+    targets = re.findall(r"\]\(([^)#]+)\)", text)
+    assert targets
+    for target in targets:
+        assert (made / "results" / target).is_file(), target
 
 
 def test_the_markdown_follows_from_the_tables_alone(made):
-    text = (made / "reproduction.md").read_text("utf-8")
+    text = (made / "results/reproduction.md").read_text("utf-8")
     again = markdown(read_report(made / "results"))
     assert again == text
 
@@ -151,7 +153,7 @@ def test_fig7_tells_what_its_pictures_show(made, data):
                 shown = np.asarray(file, np.float32) / 255
             # The picture has 8 bits.
             assert float(row["psnr"]) == pytest.approx(jl.metrics.psnr(shown, truth), abs=0.05)
-            if row["method"] in METHODS and row["method"] != "network":
+            if row["method"] in METHODS and row["method"] != "network-two-layer":
                 estimate = METHODS[row["method"]].run(bits, sensor)
                 for measure in ("psnr", "snr", "ssim"):
                     expected = getattr(jl.metrics, measure)(estimate, truth)

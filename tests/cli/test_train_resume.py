@@ -9,7 +9,7 @@ import pytest
 from safetensors.numpy import load_file
 
 import jotlight as jl
-from jotlight.training import vector_of
+from jotlight.training import parameter_vector
 
 # The module; the package's attribute of this name is the command.
 train_module = sys.modules["jotlight.cli.train"]
@@ -24,7 +24,9 @@ def files(folder):
 
 
 def assert_same(one, other):
-    np.testing.assert_array_equal(*(vector_of(jl.Network.load(name)) for name in (one, other)))
+    np.testing.assert_array_equal(
+        *(parameter_vector(jl.Network.load(name)) for name in (one, other))
+    )
 
 
 def stop(monkeypatch, run, pictures, *words, step=1):
@@ -276,7 +278,7 @@ def test_a_run_that_has_no_time_for_all_its_steps_says_so(run, pictures, tmp_pat
 def test_learning_for_a_capture_has_a_time_unless_it_is_told_its_steps(
     run, pictures, monkeypatch, words, seconds
 ):
-    jl.Sensor(frames=4).expose(np.full((16, 16), 0.5), rng=0).save("seen.npy")
+    jl.save(jl.Sensor(frames=4).expose(np.full((16, 16), 0.5), rng=0), "seen.npy")
     found = []
 
     def learn(*_, **options):

@@ -11,21 +11,21 @@ from suite.page import page
 from suite.paths import PATHS
 from suite.record import PAGE, read
 
-DOCS = Path(__file__).parents[2] / "docs"
+RESULTS = Path(__file__).parents[2] / "docs/results"
 
 
 @pytest.fixture(scope="module")
 def found():
-    return read(DOCS)
+    return read(RESULTS)
 
 
 def test_the_page_is_made_of_the_json(found):
-    assert page(found) == (DOCS / PAGE).read_text("utf-8")
+    assert page(found) == (RESULTS / PAGE).read_text("utf-8")
 
 
 def test_the_figures_are_made_of_the_json(found):
     for name, svg in curves(found).items():
-        kept = (DOCS / "benchmarks" / f"{name}.svg").read_text("utf-8")
+        kept = (RESULTS / "speed" / f"{name}.svg").read_text("utf-8")
         if f"Matplotlib v{mpl.__version__}" not in kept:
             pytest.skip("another Matplotlib drew them, whose lines may lie elsewhere")
         assert svg == kept, name
@@ -41,7 +41,7 @@ def test_all_rivals_were_there(found):
 
 
 def test_every_claim_has_a_row_with_its_verdict(found):
-    rows = (DOCS / PAGE).read_text("utf-8").splitlines()
+    rows = (RESULTS / PAGE).read_text("utf-8").splitlines()
     for claim in claims(found):
         busy = claim.bound.startswith("the machine was busy")
         assert claim.verdict in (("not measured",) if busy else ("met", "not met"))

@@ -11,20 +11,20 @@ from jotlight.experiments.report.markdown import markdown
 from jotlight.experiments.report.report import read_report
 from jotlight.experiments.running import read_results
 
-DOCS = Path(__file__).parents[2] / "docs"
+RESULTS = Path(__file__).parents[2] / "docs/results"
 
 
 @pytest.fixture(scope="module")
 def report():
-    return read_report(DOCS / "results")
+    return read_report(RESULTS)
 
 
 def test_the_page_is_made_of_the_tables(report):
-    assert markdown(report) == (DOCS / "reproduction.md").read_text("utf-8")
+    assert markdown(report) == (RESULTS / "reproduction.md").read_text("utf-8")
 
 
 def test_the_tables_are_those_of_a_full_run():
-    results = read_results(DOCS / "results", lambda _: None)
+    results = read_results(RESULTS, lambda _: None)
     assert list(results) == list(EXPERIMENTS)
     for name, found in results.items():
         settings = dict(found.settings)
@@ -53,7 +53,7 @@ def test_the_tables_are_those_of_a_full_run():
     ],
 )
 def test_every_claim_of_section_4_has_a_row_with_a_verdict(words):
-    page = (DOCS / "reproduction.md").read_text("utf-8")
+    page = (RESULTS / "reproduction.md").read_text("utf-8")
     rows = [line for line in page.splitlines() if line.startswith("| ") and words in line]
     assert len(rows) == 1
     said, found, verdict = (cell.strip() for cell in re.split(r"(?<!\\)\|", rows[0])[1:4])
@@ -65,7 +65,7 @@ def test_every_claim_of_section_4_has_a_row_with_a_verdict(words):
 def test_the_drawings_are_made_of_the_tables(report):
     for section in report.sections:
         for curve in section.curves:
-            kept = (DOCS / "results" / f"{curve.name}.svg").read_text("utf-8")
+            kept = (RESULTS / f"{curve.name}.svg").read_text("utf-8")
             if f"Matplotlib v{mpl.__version__}" not in kept:
                 pytest.skip("another Matplotlib drew them, whose lines may lie elsewhere")
             assert curve.svg == kept, curve.name

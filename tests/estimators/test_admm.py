@@ -22,7 +22,7 @@ def run(data, sensor=None, **options):
     picture, history = jl.admm_tv(
         data,
         sensor,
-        callback=lambda step: images.append(step.image.copy()),
+        callback=lambda step: images.append(step.estimate.copy()),
         return_history=True,
         **options,
     )
@@ -208,7 +208,7 @@ def test_a_callback_is_told_where_the_run_stands_and_may_end_it():
 
     def watch(step):
         steps.append(step)
-        assert not step.image.flags.writeable
+        assert not step.estimate.flags.writeable
         if step.number == 4:
             raise StopIteration
 
@@ -220,7 +220,7 @@ def test_a_callback_is_told_where_the_run_stands_and_may_end_it():
     worst = np.maximum(history.residuals["primal"], history.residuals["dual"] / 10)
     np.testing.assert_allclose([step.residual for step in steps], worst, rtol=1e-12)
     assert (history.converged, history.iterations) == (False, 4)
-    np.testing.assert_array_equal(picture, steps[-1].image.astype(np.float32))
+    np.testing.assert_array_equal(picture, steps[-1].estimate.astype(np.float32))
 
 
 def test_too_few_iterations_are_warned_of():

@@ -3,7 +3,12 @@ import pytest
 from scipy.stats import poisson
 
 import jotlight as jl
-from jotlight.estimators.brightness import HEADROOM, brightest_measurable, brightness, sensor_for
+from jotlight.estimators.brightness import (
+    HEADROOM,
+    estimate_brightness,
+    max_measurable_intensity,
+    training_sensor,
+)
 from jotlight.networks.network import Network
 
 
@@ -13,7 +18,7 @@ def test_the_brightest_measurable_light_leaves_half_a_zero(threshold, frames):
     sensor = jl.Sensor(
         frames=frames, threshold=threshold, gain=2.5 * frames, efficiency=0.5, dark_counts=0.1
     )
-    rate = 0.5 * 2.5 * brightest_measurable(sensor) + 0.1
+    rate = 0.5 * 2.5 * max_measurable_intensity(sensor) + 0.1
     assert frames * poisson.cdf(threshold - 1, rate) == pytest.approx(0.5, rel=1e-6)
 
 
@@ -21,21 +26,21 @@ def test_the_brightest_measurable_light_leaves_half_a_zero(threshold, frames):
 def test_an_even_scene_is_as_bright_as_it_is(level):
     sensor = jl.Sensor(frames=100, dark_counts=0.01)
     bits = sensor.expose(np.full((64, 64), level), rng=0)
-    assert brightness(bits, sensor) == pytest.approx(level, rel=0.1, abs=0.008)
-    assert brightness(bits.counts(), sensor) == brightness(bits, sensor)
+    assert estimate_brightness(bits, sensor) == pytest.approx(level, rel=0.1, abs=0.008)
+    assert estimate_brightness(bits.counts(), sensor) == estimate_brightness(bits, sensor)
 
 
 def test_small_highlights_are_left_out_but_not_bright_parts():
     scene = np.full((100, 100), 0.1)
     sensor = jl.Sensor(frames=400)
     scene[50, 50] = 3.0
-    assert brightness(sensor.expose(scene, rng=0), sensor) < 0.25
+    assert estimate_brightness(sensor.expose(scene, rng=0), sensor) < 0.25
     scene[20:40, 20:40] = 0.8
-    assert brightness(sensor.expose(scene, rng=0), sensor) == pytest.approx(0.8, rel=0.1)
+    assert estimate_brightness(sensor.expose(scene, rng=0), sensor) == pytest.approx(0.8, rel=0.1)
 
 
 def test_a_dark_capture_has_a_scale_too():
-    sensor, scale = sensor_for(np.zeros((16, 16), int), jl.Sensor(frames=16))
+    sensor, scale = training_sensor(np.zeros((16, 16), int), jl.Sensor(frames=16))
     assert scale > 0
     assert sensor.max_intensity == HEADROOM * scale
 
@@ -47,7 +52,7 @@ def capture(tmp_path):
     dark = np.full((64, 64), 0.01)
     dark[5, 7] = 0.5
     bits = jl.Sensor(frames=16, dark_counts=dark).expose(scene, rng=0)
-    bits.save(tmp_path / "capture.npy")
+    jl.save(bits, tmp_path / "capture.npy")
     return bits
 
 
@@ -59,7 +64,7 @@ def test_a_network_for_a_capture(run, tmp_path, capture, name):
     status, said = run("train", "--sensor", name, "-o", "own.safetensors", *QUICK)
     assert status == 0, said
     own = Network.load(tmp_path / "own.safetensors")
-    _, scale = sensor_for(capture, capture.sensor)
+    _, scale = training_sensor(capture, capture.sensor)
     assert f"brightest parts have intensity {scale:.3g}" in said
     assert own.sensor.max_intensity == pytest.approx(HEADROOM * scale)
     assert own.sensor.frames == 16
@@ -76,7 +81,7 @@ def test_learning_sees_scenes_as_bright_as_the_capture(run, tmp_path, capture):
     run("train", "--sensor", "capture.npy", "-o", "own.safetensors", *QUICK)
     scenes = tmp_path / "scenes"
     scenes.mkdir()
-    _, scale = sensor_for(capture, capture.sensor)
+    _, scale = training_sensor(capture, capture.sensor)
     photo = jl.datasets.photograph("camera")
     np.save(scenes / "0.npy", photo)
     np.save(scenes / "1.npy", photo[::-1])

@@ -67,8 +67,8 @@ def test_a_gaussian_has_the_standard_deviation_in_pixels():
 
 
 def test_pick_gives_what_was_named_or_given():
-    assert denoise.pick("tv") is denoise.tv
-    assert denoise.pick(np.copy) is np.copy
+    assert denoise.resolve_denoiser("tv") is denoise.tv
+    assert denoise.resolve_denoiser(np.copy) is np.copy
 
 
 def test_without_its_package_bm3d_says_which_extra_and_licence(monkeypatch):

@@ -20,7 +20,7 @@ def run(data, sensor=None, **options):
     picture, history = jl.mle_iterative(
         data,
         sensor,
-        callback=lambda step: images.append(step.image.copy()),
+        callback=lambda step: images.append(step.estimate.copy()),
         return_history=True,
         **options,
     )
@@ -243,7 +243,7 @@ def test_a_callback_is_told_where_the_run_stands_and_may_end_it():
 
     def watch(step):
         steps.append(step)
-        assert not step.image.flags.writeable
+        assert not step.estimate.flags.writeable
         if step.number == 4:
             raise StopIteration
 
@@ -254,7 +254,7 @@ def test_a_callback_is_told_where_the_run_stands_and_may_end_it():
     assert {(step.tol, step.max_iter) for step in steps} == {(1e-5, 77)}
     assert [step.residual for step in steps] == list(history.residuals["projected gradient"])
     assert (history.converged, history.iterations) == (False, 4)
-    np.testing.assert_array_equal(picture, steps[-1].image.astype(np.float32))
+    np.testing.assert_array_equal(picture, steps[-1].estimate.astype(np.float32))
 
 
 def test_an_error_in_a_callback_comes_through():

@@ -5,7 +5,8 @@ import pytest
 
 import jotlight as jl
 from jotlight.estimators import planning
-from jotlight.sensing.response import detection_probability, saturation_intensity
+from jotlight.sensing.reference import saturation_intensity
+from jotlight.sensing.response import detection_probability
 
 SENSORS = [
     {},
@@ -30,7 +31,7 @@ def test_bias_and_error_are_those_of_simulated_pictures(options, frames):
     spread = error.std() / 150
     assert abs(error.mean() - expected.bias[0, 0]) < 4.5 * spread
     spread = (error**2).std() / 150
-    assert abs((error**2).mean() - expected.error[0, 0] ** 2) < 4.5 * spread
+    assert abs((error**2).mean() - expected.rmse[0, 0] ** 2) < 4.5 * spread
 
 
 def test_a_single_bit_has_its_closed_form():
@@ -39,22 +40,22 @@ def test_a_single_bit_has_its_closed_form():
     chance, one = -np.expm1(-light), np.log(2)  # half a count from saturation
     np.testing.assert_allclose(expected.bias[0], chance * one - light)
     square = chance * (one - light) ** 2 + (1 - chance) * light**2
-    np.testing.assert_allclose(expected.error[0] ** 2, square)
+    np.testing.assert_allclose(expected.rmse[0] ** 2, square)
     assert expected.psnr[0] == pytest.approx(10 * np.log10(light[0] ** 2 / square[0]))
 
 
 def test_the_bound_has_its_closed_form_and_is_reached_with_many_bits():
     expected = jl.plan(jl.Sensor(), (0.1, 2.0), frames=[1, 10_000])
     closed = np.sqrt(np.expm1(expected.light)[None] / np.array([[1], [10_000]]))
-    np.testing.assert_allclose(expected.bound, closed, rtol=1e-9)
-    np.testing.assert_allclose(expected.error[1], expected.bound[1], rtol=2e-3)
-    np.testing.assert_allclose(expected.snr[1], expected.bound_snr[1], atol=0.02)
+    np.testing.assert_allclose(expected.cramer_rao_bound, closed, rtol=1e-9)
+    np.testing.assert_allclose(expected.rmse[1], expected.cramer_rao_bound[1], rtol=2e-3)
+    np.testing.assert_allclose(expected.snr[1], expected.snr_bound[1], atol=0.02)
 
 
 def test_a_bit_tells_most_where_theory_has_it():
     # s² / (exp(s) - 1) is highest at s = 2 (1 - exp(-s)).
-    assert jl.plan(jl.Sensor(), 1.0, frames=[1]).best == pytest.approx(1.5936, rel=2e-3)
-    assert jl.plan(jl.Sensor(efficiency=0.5), 1.0, frames=[1]).best == pytest.approx(
+    assert jl.plan(jl.Sensor(), 1.0, frames=[1]).optimal_light == pytest.approx(1.5936, rel=2e-3)
+    assert jl.plan(jl.Sensor(efficiency=0.5), 1.0, frames=[1]).optimal_light == pytest.approx(
         3.187, rel=2e-3
     )
 
@@ -76,10 +77,10 @@ def test_the_psnr_is_that_of_a_scene_spread_over_the_range():
 def test_more_frames_are_better_and_enough_is_the_fewest(options):
     light = (0.05, 1.5 * options.get("threshold", 1))
     sensor = jl.Sensor(**options)
-    expected = jl.plan(sensor, light, target=25.0)
+    expected = jl.plan(sensor, light, target_psnr=25.0)
     assert (np.diff(expected.psnr[expected.frames >= 8]) > 0).all()
-    assert (np.diff(expected.saturation) > 0).all()
-    near = jl.plan(sensor, light, frames=[expected.enough - 1, expected.enough])
+    assert (np.diff(expected.saturation_light) > 0).all()
+    near = jl.plan(sensor, light, frames=[expected.required_frames - 1, expected.required_frames])
     assert near.psnr[0] < 25 <= near.psnr[1]
 
 
@@ -87,7 +88,7 @@ def test_saturation_begins_where_one_pixel_in_a_hundred_is_full():
     sensor = jl.Sensor(threshold=2, dark_counts=0.1, efficiency=0.6, oversampling=2)
     expected = jl.plan(sensor, 1.0, frames=[1, 9, 10**6])
     bits = 4 * expected.frames
-    chances = detection_probability(2, 0.6 * expected.saturation + 0.1)
+    chances = detection_probability(2, 0.6 * expected.saturation_light + 0.1)
     np.testing.assert_allclose(chances[:2] ** bits[:2], 0.01, rtol=1e-9)
     np.testing.assert_allclose(chances[2] ** bits[2], 0.01, rtol=1e-6)
 
@@ -97,15 +98,15 @@ def test_sums_over_some_of_very_many_counts_are_sums_over_all(monkeypatch):
     some = jl.plan(jl.Sensor(), (0.3, 3.2), **options)
     monkeypatch.setattr(planning, "_PER_SIGMA", 10**9)
     every = jl.plan(jl.Sensor(), (0.3, 3.2), **options)
-    np.testing.assert_allclose(some.error, every.error, rtol=1e-9)
+    np.testing.assert_allclose(some.rmse, every.rmse, rtol=1e-9)
     np.testing.assert_allclose(some.psnr, every.psnr, rtol=1e-6)
 
 
 def test_a_largest_intensity_that_is_told_clips():
     expected = jl.plan(
-        jl.Sensor(gain=0.5), (0.1, 3.0), frames=[4096], target=30.0, max_intensity=2.0
+        jl.Sensor(gain=0.5), (0.1, 3.0), frames=[4096], target_psnr=30.0, max_intensity=2.0
     )
-    assert expected.enough is None
+    assert expected.required_frames is None
     assert expected.bias[0, -1] == pytest.approx(1.0 - 3.0, abs=1e-9)
 
 
@@ -117,7 +118,7 @@ def test_a_largest_intensity_that_is_told_clips():
         (1.0, {"frames": []}, "whole numbers from 1"),
         (1.0, {"frames": [0, 1]}, "whole numbers from 1"),
         (1.0, {"frames": [2**40]}, "at most"),
-        (1.0, {"target": -3.0}, "between 0 and 200"),
+        (1.0, {"target_psnr": -3.0}, "between 0 and 200"),
         (1.0, {"max_intensity": 0.0}, "above 0"),
     ],
 )
@@ -127,11 +128,14 @@ def test_what_cannot_be_is_refused(light, options, words):
 
 
 def test_the_command_tells_how_many_frames_are_enough(run, tmp_path):
-    expected = jl.plan(jl.Sensor(threshold=2), (0.1, 2.0), target=20.0)
+    expected = jl.plan(jl.Sensor(threshold=2), (0.1, 2.0), target_psnr=20.0)
     words = ["plan", "100:2000", "--frame-rate", 1000, "-q", 2, "--target", 20, "--plot", "a.png"]
     status, said = run(*words)
     assert status == 0
-    assert f"{expected.enough} frames ({expected.enough / 1000:.3g} s) are enough" in said
+    assert (
+        f"{expected.required_frames} frames ({expected.required_frames / 1000:.3g} s) are enough"
+        in said
+    )
     assert f"{expected.psnr[-1]:.1f}" in said
     assert (tmp_path / "a.png").stat().st_size > 10_000
     status, said = run("plan", "0.5", "--frames", 100)

@@ -5,7 +5,8 @@ import pytest
 from scipy import stats
 
 import jotlight as jl
-from jotlight.sensing.response import detection_probability, saturation_intensity
+from jotlight.sensing.reference import saturation_intensity
+from jotlight.sensing.response import detection_probability
 
 FLUXES = [0.0, 0.003, 0.05, 0.4, 1.5, 4.0, 9.0]
 
@@ -14,7 +15,7 @@ def coverage(sensor, light, level=0.95):
     """The exact probability that the interval holds the truth: a sum over all counts."""
     bits = sensor.bits_per_pixel
     counts = np.arange(bits + 1)
-    known = jl.uncertainty(counts[None], sensor, level=level)
+    known = jl.uncertainty(counts[None], sensor, confidence_level=level)
     chance = float(
         detection_probability(sensor.threshold, sensor.efficiency * light + sensor.dark_counts)
     )
@@ -42,7 +43,9 @@ def test_the_coverage_is_close_where_there_are_many_bits():
 
 def test_the_interval_is_the_exact_binomial_one():
     counts = np.arange(21)
-    known = jl.uncertainty(counts[None], jl.Sensor(frames=20, max_intensity=9.0), level=0.9)
+    known = jl.uncertainty(
+        counts[None], jl.Sensor(frames=20, max_intensity=9.0), confidence_level=0.9
+    )
     for count in counts:
         exact = stats.binomtest(int(count), 20).proportion_ci(0.9, method="exact")
         assert -np.expm1(-known.low[0, count]) == pytest.approx(exact.low, abs=1e-6)
@@ -93,11 +96,11 @@ def test_pixels_whose_jots_differ_are_covered_too(threshold):
         known[:] = 0
         for seed in range(runs):
             found = jl.uncertainty(
-                sensor.expose(np.full((4, 4), light), rng=seed), sensor, level=0.9
+                sensor.expose(np.full((4, 4), light), rng=seed), sensor, confidence_level=0.9
             )
             known += (found.low <= light) & (light <= found.high)
-        assert found.blind[0, 0]
-        assert found.blind.sum() == 1
+        assert found.dead[0, 0]
+        assert found.dead.sum() == 1
         # 15 pixels, each below the 1e-6 quantile of a binomial with 0.9: by chance once in 20,000.
         assert known.min() >= stats.binom.ppf(1e-6, runs, 0.9)
 
@@ -140,7 +143,7 @@ def test_colour_is_done_channel_by_channel():
 @pytest.mark.parametrize("level", [0.4, 1.0, float("nan")])
 def test_a_level_that_cannot_be_is_refused(level):
     with pytest.raises(ValueError, match=r"0\.5 to below 1"):
-        jl.uncertainty(np.zeros((1, 1), int), jl.Sensor(), level=level)
+        jl.uncertainty(np.zeros((1, 1), int), jl.Sensor(), confidence_level=level)
 
 
 def test_counts_of_jots_that_differ_are_refused():

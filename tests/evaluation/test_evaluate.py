@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.evaluation.evaluate import MEASURES, Evaluation, Score
+from jotlight.evaluation.evaluate import METRICS, Evaluation, Score
 
 SENSOR = jl.Sensor(oversampling=2, frames=2)
 IMAGES = [np.random.default_rng(i).random((12 + i, 14), np.float32) for i in range(4)]
@@ -85,7 +85,7 @@ def test_progress_is_told_after_each_image():
 
 def test_mean_is_over_the_images():
     result = jl.evaluate(jl.mle, IMAGES, SENSOR)
-    for measure in MEASURES:
+    for measure in METRICS:
         by_hand = [getattr(score, measure) for score in result.scores]
         assert result.values(measure).tolist() == by_hand
         assert result.mean(measure) == pytest.approx(sum(by_hand) / 4)
@@ -102,31 +102,31 @@ def test_worst_is_the_mean_over_the_share_rounded_up(number, share, worst):
     order = np.random.default_rng(number).permutation(number)
     result = scored(*((i, float(20 + i)) for i in order))
     expected = np.mean(20 + np.arange(worst))
-    assert result.worst("psnr", share) == pytest.approx(expected, rel=1e-12)
-    assert result.worst("snr", share) == pytest.approx(expected / 2, rel=1e-12)
-    assert result.worst("ssim", share) == pytest.approx(expected / 100, rel=1e-12)
+    assert result.mean_of_worst("psnr", share) == pytest.approx(expected, rel=1e-12)
+    assert result.mean_of_worst("snr", share) == pytest.approx(expected / 2, rel=1e-12)
+    assert result.mean_of_worst("ssim", share) == pytest.approx(expected / 100, rel=1e-12)
 
 
 def test_a_share_that_binary_fractions_miss_takes_no_image_more():
     # 0.07 x 100 is 7.000000000000001 in binary.
     result = scored(*((i, float(i)) for i in range(100)))
-    assert result.worst("psnr", 0.07) == np.mean(range(7))
+    assert result.mean_of_worst("psnr", 0.07) == np.mean(range(7))
 
 
 def test_each_measure_has_its_own_worst_images():
     result = Evaluation([Score("a", 10.0, 30.0, 0.9), Score("b", 20.0, 5.0, 0.2)])
-    worst = [result.worst(measure, 0.5) for measure in MEASURES]
+    worst = [result.mean_of_worst(measure, 0.5) for measure in METRICS]
     assert worst == [10.0, 5.0, 0.2]
 
 
 @pytest.mark.parametrize("share", [0, -0.1, 1.01, math.nan])
 def test_a_share_outside_of_its_range_is_refused(share):
-    with pytest.raises(ValueError, match=r"share: expected a number in \(0, 1\]"):
-        scored((0, 1.0)).worst("psnr", share)
+    with pytest.raises(ValueError, match=r"fraction: expected a number in \(0, 1\]"):
+        scored((0, 1.0)).mean_of_worst("psnr", share)
 
 
 def test_an_unknown_measure_is_refused():
-    with pytest.raises(ValueError, match="measure: expected one of psnr, snr, ssim, got 'mse'"):
+    with pytest.raises(ValueError, match="metric: expected one of psnr, snr, ssim, got 'mse'"):
         scored((0, 1.0)).mean("mse")
 
 

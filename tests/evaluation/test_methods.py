@@ -18,7 +18,7 @@ BITS = SENSOR.expose(np.linspace(0, 1, SIZE * SIZE).reshape(SIZE, SIZE), rng=0)
 @pytest.fixture(params=METHODS)
 def name(request):
     if not METHODS[request.param].available:
-        pytest.skip(f"{request.param} needs the package {METHODS[request.param].needs}")
+        pytest.skip(f"{request.param} needs the package {METHODS[request.param].required_package}")
     return request.param
 
 
@@ -78,7 +78,7 @@ def test_no_bits_lead_out_of_the_range(name, run, pattern):
     assert picture.max() <= np.float32(most)
     if pattern == "none":
         # What is learned knows that photographs are seldom quite black.
-        assert picture.max() < (0.03 if name == "network" else 0.01)
+        assert picture.max() < (0.03 if name == "network-two-layer" else 0.01)
     if pattern == "all":
         assert picture.min() > most - 0.01
 

@@ -37,7 +37,8 @@ def head(found: dict[str, Any]) -> list[str]:
     return [
         "# Benchmarks",
         "",
-        f"Made by `{COMMAND}{quick} --output docs` from [what it measured](benchmarks/run.json), "
+        f"Made by `{COMMAND}{quick} --output docs/results` from [what it measured]"
+        "(speed/run.json), "
         "every single time. "
         + ("**Few rounds and small sizes: not for comparison.**" if found["quick"] else ""),
         "",
@@ -118,12 +119,12 @@ def scaling(found: dict[str, Any]) -> list[str]:
         return []
     lines = ["## Scaling", ""]
     if "threads" in drawn:
-        lines += ["![Speed by number of threads](benchmarks/threads.svg)", ""]
+        lines += ["![Speed by number of threads](speed/threads.svg)", ""]
     if "sizes" not in drawn:
         return lines[:-1]
     rows = found["scaling"]["sizes"]
-    lines += ["![Time and memory by size](benchmarks/sizes.svg)", "", *flatness(rows), ""]
-    lines += [*sizes_table(rows), "", "![Cost by bits, frames and taps](benchmarks/costs.svg)", ""]
+    lines += ["![Time and memory by size](speed/sizes.svg)", "", *flatness(rows), ""]
+    lines += [*sizes_table(rows), "", "![Cost by bits, frames and taps](speed/costs.svg)", ""]
     side = found["scaling"]["side"]
     return [
         *lines,

@@ -7,7 +7,7 @@ from typing import Any
 from suite.curves import curves
 from suite.page import page
 
-FOLDER, NAME, PAGE = "benchmarks", "run.json", "benchmarks.md"
+FOLDER, NAME, PAGE = "speed", "run.json", "speed.md"
 
 
 def write(found: dict[str, Any], folder: Path) -> Path:

@@ -13,13 +13,13 @@ import numpy as np
 from jotlight._engine import __version__
 from jotlight.calibration import Calibration
 from jotlight.files import atomic_write
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 _FORMAT = "jotlight picture"
 _MOST_JSON = 1 << 20
 _RECORDED = (
-    "sources", "false_positive_rate", "most_dark", "hot_from", "hot_chance", "prnu", "scale",
+    "provenance", "false_positive_rate", "most_dark", "hot_from", "hot_chance", "prnu", "scale",
 )  # fmt: skip
 
 
@@ -50,7 +50,7 @@ class AppliedCalibration:
             )
         return cls(calibration, path.name, hashlib.sha256(path.read_bytes()).hexdigest(), record)
 
-    def told(self, sensor: Sensor, source: Source | None) -> list[str]:
+    def told(self, sensor: Sensor, provenance: Provenance | None) -> list[str]:
         """What was applied, one line each; maps that options gave take the calibration's place."""
         found = self.calibration
         used = self._used(sensor)
@@ -62,7 +62,7 @@ class AppliedCalibration:
         if used["efficiency"]:
             applied.append(f"response (PRNU {found.prnu:.2%})")
         lines = [f"calibration {self.name}: {', '.join(applied) or 'nothing of it'}"]
-        if applied and (unsure := found.unsure(source)) is not None:
+        if applied and (unsure := found.unsure(provenance)) is not None:
             lines.append(f"calibration {self.name}: {unsure}; jots are taken to lie alike")
         return lines
 
@@ -76,7 +76,7 @@ class AppliedCalibration:
         }
 
     def description(
-        self, sensor: Sensor, method: str, data: str, source: Source | None
+        self, sensor: Sensor, method: str, data: str, provenance: Provenance | None
     ) -> dict[str, Any]:
         """What goes into the record."""
         return {
@@ -84,9 +84,9 @@ class AppliedCalibration:
             "version": 1,
             "jotlight": __version__,
             "data": data,
-            "source": None if source is None else source.to_json(),
+            "provenance": None if provenance is None else provenance.to_json(),
             "method": method,
-            "sensor": sensor.numbers(),
+            "sensor": sensor.scalars(),
             "calibration": {
                 "file": self.name,
                 "sha256": self.sha256,
@@ -109,8 +109,8 @@ def recorded(known: AppliedCalibration | None) -> Iterator[Callable[..., None]]:
         return
     with atomic_write(known.record) as temporary:
 
-        def record(sensor: Sensor, method: str, data: str, source: Source | None) -> None:
-            description = known.description(sensor, method, data, source)
+        def record(sensor: Sensor, method: str, data: str, provenance: Provenance | None) -> None:
+            description = known.description(sensor, method, data, provenance)
             temporary.write_text(json.dumps(description, indent=2) + "\n", encoding="utf-8")
 
         yield record

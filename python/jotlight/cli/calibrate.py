@@ -109,10 +109,10 @@ def calibrate(
             most_dark=most_dark,
             threads=threads,
             progress=update,
-            sources={
-                name: capture.source
+            provenance={
+                name: capture.provenance
                 for name, capture in zip(("dark", "flat"), captures, strict=False)
-                if capture.source is not None
+                if capture.provenance is not None
             },
         )
         found.save(temporary)
@@ -122,7 +122,7 @@ def calibrate(
             with atomic_write(plot) as temporary_plot:
                 page(found).savefig(temporary_plot, dpi=110)
     for capture in captures:
-        for line in capture_options.describe_source(capture.source):
+        for line in capture_options.describe_provenance(capture.provenance):
             out.print(line, soft_wrap=True, markup=False)
     from jotlight.calibration.figure import facts
 

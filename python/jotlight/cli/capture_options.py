@@ -17,7 +17,8 @@ from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.description import companion_files
 from jotlight.formats.orientation import FLIPS
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.pixel_counts import carried_sensor
+from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 
@@ -128,9 +129,9 @@ def refuse_capture_overwrite(output: Path, data: Path) -> None:
         )
 
 
-def describe_source(source: Source | None) -> list[str]:
+def describe_provenance(provenance: Provenance | None) -> list[str]:
     """What was assumed of a file, one line each."""
-    return [] if source is None else source.describe()
+    return [] if provenance is None else provenance.describe()
 
 
 def check_told(path: Path, told: int | None, given: int, words: str) -> None:
@@ -176,22 +177,23 @@ def seen_by_sensor(
     """The data, their sensor, and in a word where it is from."""
     if isinstance(capture, Bits):
         if calibration is not None:
-            calibration.check_capture(capture.shape[1:3], capture.source)
-        if capture.sensor is None:
+            calibration.check_capture(capture.shape[1:3], capture.provenance)
+        sensor = carried_sensor(capture)
+        if sensor is None:
             words = "nothing beside the bits tells their sensor; assumed"
             if calibration is not None:
                 return capture, calibration.sensor(**{"frames": len(capture), **given}), words
             return capture, Sensor(**{"frames": len(capture), **given}), words
         if calibration is not None:
-            return capture, calibration.applied_to(capture.sensor, **given), "sensor"
-        return capture, capture.sensor.replace(**given), "sensor"
+            return capture, calibration.applied_to(sensor, **given), "sensor"
+        return capture, sensor.replace(**given), "sensor"
     given = with_frames(capture, path, given)
     with progress(1) as begin:
         counts = capture.sum(begin("summing"))
     if calibration is None:
         return counts, Sensor(**given), "assumed"
     side = given.get("oversampling", 1)
-    calibration.check_capture(tuple(side * size for size in counts.shape[:2]), capture.source)
+    calibration.check_capture(tuple(side * size for size in counts.shape[:2]), capture.provenance)
     return counts, calibration.sensor(**given), "assumed"
 
 
@@ -201,6 +203,6 @@ def seen_and_told(
     """The data and their sensor, once it is said where that is from."""
     found = None if calibration is None else Calibration.load(calibration)
     seen, sensor, where = seen_by_sensor(capture, path, given, found)
-    for line in (*describe_source(capture.source), f"{where}: {sensor!r}"):
+    for line in (*describe_provenance(capture.provenance), f"{where}: {sensor!r}"):
         out.print(line, soft_wrap=True, markup=False)
     return seen, sensor

@@ -12,8 +12,8 @@ from rich.table import Table
 
 from jotlight.cli import sensor_options
 from jotlight.cli.console import out, progress
-from jotlight.evaluation.compare import Result, chosen, compare_methods
-from jotlight.evaluation.methods import DEFAULT, METHODS, Method
+from jotlight.evaluation.compare import MethodResult, compare_methods, select_methods
+from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS, Method
 from jotlight.files import atomic_write, refuse_overwrite
 from jotlight.images.io import read_image
 from jotlight.networks.network import Network
@@ -57,14 +57,14 @@ def compare(
     image = read_image(photo, white=white, gray=gray)
     output = output or Path(f"{photo.stem}-compare.png")
     refuse_overwrite(output, [photo, model, *inputs])
-    known, selected = dict(METHODS), chosen(sensor, names)
+    known, selected = dict(METHODS), select_methods(sensor, names)
     if model is not None:
         network = Network.load(model)
-        network._check_sensor(sensor)
+        network.check_sensor(sensor)
         known[str(model)] = Method(str(model), network.reconstruct)
         selected.append(str(model))
     run_comparison(image, sensor, output, selected, seed, threads, known)
-    if names is None and (reason := METHODS[DEFAULT].unsupported_reason(sensor)) is not None:
+    if names is None and (reason := METHODS[DEFAULT_METHOD].unsupported_reason(sensor)) is not None:
         out.print(f"[yellow]Without the learned network:[/] {escape(reason)}", soft_wrap=True)
 
 
@@ -100,7 +100,7 @@ def run_comparison(
             plots.Panel(
                 methods[result.method].title,
                 f"{result.psnr:.2f} dB   SSIM {_ssim(result)}   {_time(result.seconds)}",
-                result.picture,
+                result.estimate,
             )
             for result in results
         ]
@@ -108,7 +108,7 @@ def run_comparison(
         figure = plots.comparison(panels, heading, white=sensor.max_intensity)
         figure.savefig(temporary, dpi=110)
     out.print(_table(results, methods))
-    missing = [method.needs for method in METHODS.values() if not method.available]
+    missing = [method.required_package for method in METHODS.values() if not method.available]
     if missing:
         extras = ", ".join(f"jotlight\\[{name}]" for name in missing)
         out.print(
@@ -118,7 +118,7 @@ def run_comparison(
     out.print(f"Look at [bold]{output}[/]", soft_wrap=True)
 
 
-def _table(results: list[Result], methods: Mapping[str, Method]) -> Table:
+def _table(results: list[MethodResult], methods: Mapping[str, Method]) -> Table:
     table = Table(box=None, header_style="bold", pad_edge=False)
     table.add_column("method")
     for column in ("PSNR", "SSIM", "time"):
@@ -135,7 +135,7 @@ def _table(results: list[Result], methods: Mapping[str, Method]) -> Table:
     return table
 
 
-def _ssim(result: Result) -> str:
+def _ssim(result: MethodResult) -> str:
     return "none" if result.ssim is None else f"{result.ssim:.3f}"
 
 

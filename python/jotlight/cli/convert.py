@@ -49,7 +49,7 @@ def convert(
         data, format_, width, frame_range, rotate, flip, key, counts, unpacked
     )
     capture = reading.open()
-    source = capture.source
+    provenance = capture.provenance
     with progress(1) as begin:
         update = begin("converting")
         if isinstance(capture, Bits):
@@ -59,9 +59,9 @@ def convert(
                 what = f"counts of {capture!r}"
         else:
             image = capture.sum(update)
-            write_capture(image, output, name, trials=capture.total_trials, source=source)
+            write_capture(image, output, name, trials=capture.total_trials, provenance=provenance)
             size = " x ".join(map(str, image.shape))
             what = f"<counts: {size}, {image.min()} to {image.max()}>"
     out.print(f"{output}: {name}, {what}", soft_wrap=True, markup=False)
-    for line in capture_options.describe_source(source):
+    for line in capture_options.describe_provenance(provenance):
         out.print(line, soft_wrap=True, markup=False)

@@ -8,7 +8,7 @@ import typer
 from jotlight.cli.compare import run_comparison
 from jotlight.cli.console import out
 from jotlight.datasets import PHOTOGRAPHS, photograph
-from jotlight.evaluation.compare import chosen
+from jotlight.evaluation.compare import select_methods
 from jotlight.evaluation.methods import METHODS
 from jotlight.sensing.sensor import Sensor
 
@@ -32,5 +32,5 @@ def demo(
         "the picture.\n"
     )
     # Those with a package of their own take longer than a demonstration should; `compare` has them.
-    names = [name for name in chosen(sensor) if METHODS[name].needs is None]
+    names = [name for name in select_methods(sensor) if METHODS[name].required_package is None]
     run_comparison(image, sensor, output, names, seed=0)

@@ -10,9 +10,9 @@ from rich.table import Table
 
 from jotlight.cli import sensor_options
 from jotlight.cli.console import out, progress
-from jotlight.evaluation.evaluate import MEASURES, Evaluation
+from jotlight.evaluation.evaluate import METRICS, Evaluation
 from jotlight.evaluation.evaluate import evaluate as measure
-from jotlight.evaluation.methods import DEFAULT, METHODS
+from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS
 from jotlight.files import atomic_write, refuse_overwrite
 from jotlight.images.sets import read_image_set
 from jotlight.networks.network import Network
@@ -47,9 +47,9 @@ def evaluate(
     The sensor is the model's, changed by the options given here; without a model, or with one for
     any sensor, it has 4 x 4 jots per pixel and one frame. Colour photographs are turned into grey.
     """
-    if model is not None and method not in (None, "network"):
-        raise ValueError(f"model: is for the method network, not for {method}")
-    method = method or (DEFAULT if model is None else "network")
+    if model is not None and method not in (None, "network-two-layer"):
+        raise ValueError(f"model: is for the method network-two-layer, not for {method}")
+    method = method or (DEFAULT_METHOD if model is None else "network-two-layer")
     if method not in METHODS:
         raise ValueError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
     if output is not None:
@@ -103,11 +103,11 @@ def _table(result: Evaluation) -> Table:
         table.add_column(column, justify="right")
     rows = {
         "mean": result.mean,
-        "worst 5 %": lambda name: result.worst(name, 0.05),
-        "worst 1 %": lambda name: result.worst(name, 0.01),
+        "worst 5 %": lambda name: result.mean_of_worst(name, 0.05),
+        "worst 1 %": lambda name: result.mean_of_worst(name, 0.01),
     }
     for title, value in rows.items():
-        psnr, snr, ssim = (value(name) for name in MEASURES)
+        psnr, snr, ssim = (value(name) for name in METRICS)
         shown = "none" if math.isnan(ssim) else f"{ssim:.3f}"
         table.add_row(title, f"{psnr:.2f} dB", f"{snr:.2f} dB", shown)
     return table

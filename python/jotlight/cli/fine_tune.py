@@ -8,7 +8,7 @@ from typing import Any
 from jotlight.cli import capture_options, networks, training_run
 from jotlight.cli.console import err, out, silent
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import pretrained, unsupported_bits_reason
+from jotlight.networks.pretrained import pretrained, unsupported_reason
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import History
 
@@ -132,7 +132,7 @@ def _start(path: Path | None, sensor: Sensor) -> Network:
     if path is not None:
         out.print(f"starts from {path}", soft_wrap=True, markup=False)
         return Network.load(path)
-    if (reason := unsupported_bits_reason(sensor, _QUALITY)) is not None:
+    if (reason := unsupported_reason(sensor, _QUALITY)) is not None:
         raise ValueError(
             f"start: expected a network to start from, since {reason}; give one with --start, or "
             "some of the frames with --frame-range"

@@ -4,13 +4,11 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from jotlight.networks.architectures import ARCHITECTURES
-from jotlight.networks.layer import is_sequential
+from jotlight.networks.architectures import ARCHITECTURES, SIZES, TWO_LAYER
+from jotlight.networks.graph import is_sequential
 from jotlight.networks.network import Network
 from jotlight.training import History
 
-TWO_LAYER = "two-layer"
-NETWORKS = TWO_LAYER, *ARCHITECTURES
 DEVICES = "cpu", "cuda"
 
 _OF_DEEP = "device", "rate", "any_bits"
@@ -40,8 +38,8 @@ def is_deep(network: str | None, start: Network | None) -> bool:
                 "start: a given network comes with its own layers; leave out --network"
             )
         return not is_sequential(start.layers)
-    if network not in (None, *NETWORKS):
-        raise ValueError(f"network: expected one of {', '.join(NETWORKS)}, got {network!r}")
+    if network not in (None, *SIZES):
+        raise ValueError(f"network: expected one of {', '.join(SIZES)}, got {network!r}")
     return network not in (None, TWO_LAYER)
 
 

@@ -11,14 +11,14 @@ import numpy.typing as npt
 import typer
 
 from jotlight import __version__
-from jotlight.estimators.brightness import detected
+from jotlight.estimators.brightness import detected_photons
 from jotlight.estimators.uncertainty import uncertainty
 from jotlight.files import atomic_write
 from jotlight.images.image_stack import stack_writer
 from jotlight.images.io import DISPLAYED, FLOATS, image_writer
 from jotlight.images.tone import CURVES, Tone, check_curve
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 UNITS = {"intensity": "intensity", "photons": "detected photons per pixel and frame"}
@@ -119,7 +119,7 @@ class OutputOptions:
 
     def scale(self, sensor: Sensor) -> np.float32:
         """What an intensity is to be multiplied by for the units."""
-        return np.float32(detected(sensor) if self.units == "photons" else 1)
+        return np.float32(detected_photons(sensor) if self.units == "photons" else 1)
 
     @contextlib.contextmanager
     def files(self) -> Iterator[list[Path]]:
@@ -151,20 +151,20 @@ class OutputOptions:
             tone = Tone.fit(picture, self.curve or _DEFAULT_CURVE)
             image_writer(self.preview)(rest.pop(0), tone(picture))
         if self.uncertainty is not None:
-            known = uncertainty(seen, sensor, level=self.level, threads=threads)
-            facts = {**note, "level": self.level, "flags": "1 unlit, 2 saturated, 4 blind"}
-            planes = known.planes(float(self.scale(sensor)))
+            known = uncertainty(seen, sensor, confidence_level=self.level, threads=threads)
+            facts = {**note, "level": self.level, "flags": "1 unlit, 2 saturated, 4 dead"}
+            planes = known.arrays(float(self.scale(sensor)))
             stack_writer(self.uncertainty, facts)(rest.pop(0), planes)
 
-    def note(self, sensor: Sensor, method: str, source: Source | None) -> dict[str, Any]:
+    def note(self, sensor: Sensor, method: str, provenance: Provenance | None) -> dict[str, Any]:
         """What a file says of itself."""
         return {
             "software": f"jotlight {__version__}",
             "units": UNITS[self.units],
             "largest_value": sensor.max_intensity * float(self.scale(sensor)),
             "method": method,
-            "sensor": {**sensor.numbers(), **dict.fromkeys(sensor.maps(), "a map")},
-            "source": None if source is None else source.to_json(),
+            "sensor": {**sensor.scalars(), **dict.fromkeys(sensor.maps(), "a map")},
+            "provenance": None if provenance is None else provenance.to_json(),
         }
 
     def film_tone(self, pictures: list[npt.NDArray[np.float32]]) -> Tone:

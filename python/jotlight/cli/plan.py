@@ -71,7 +71,7 @@ def plan(
         sensor,
         per_frame,
         frames=_numbers(last),
-        target=target,
+        target_psnr=target,
         max_intensity=given.get("max_intensity"),
     )
     out.print(_table(expected, frame_rate))
@@ -120,7 +120,7 @@ def _table(expected: Plan, frame_rate: float | None) -> Table:
     for row, frames in enumerate(expected.frames):
         time = [] if frame_rate is None else [f"{frames / frame_rate:.3g}"]
         snr = [
-            f"{expected.snr[row, place]:.1f} ({expected.bound_snr[row, place]:.1f})"
+            f"{expected.snr[row, place]:.1f} ({expected.snr_bound[row, place]:.1f})"
             for place in places
         ]
         table.add_row(
@@ -128,7 +128,7 @@ def _table(expected: Plan, frame_rate: float | None) -> Table:
             *time,
             f"{expected.psnr[row]:.1f}",
             *snr,
-            f"{expected.saturation[row] * scale:.3g}",
+            f"{expected.saturation_light[row] * scale:.3g}",
         )
     return table
 
@@ -137,20 +137,23 @@ def _words(expected: Plan, frame_rate: float | None) -> list[str]:
     unit = "photons per jot and " + ("frame" if frame_rate is None else "second")
     scale = frame_rate or 1
     words = [
-        f"In dB, light in {unit}. A bit tells most at {expected.best * scale:.3g}; where "
+        f"In dB, light in {unit}. A bit tells most at {expected.optimal_light * scale:.3g}; where "
         "saturation begins, 1 % of the pixels have every bit at 1.",
         "For maximum likelihood, pixel by pixel: methods that look at neighbours need fewer "
         "frames, how many depends on the scene.",
     ]
-    if expected.target is None:
+    if expected.target_psnr is None:
         return words
-    if expected.enough is None:
-        return [*words, f"A PSNR of {expected.target:g} dB is not reached with 2**31 bits a pixel."]
-    seconds = "" if frame_rate is None else f" ({expected.enough / frame_rate:.3g} s)"
-    plural = "" if expected.enough == 1 else "s"
-    verb = "is" if expected.enough == 1 else "are"
+    if expected.required_frames is None:
+        return [
+            *words,
+            f"A PSNR of {expected.target_psnr:g} dB is not reached with 2**31 bits a pixel.",
+        ]
+    seconds = "" if frame_rate is None else f" ({expected.required_frames / frame_rate:.3g} s)"
+    plural = "" if expected.required_frames == 1 else "s"
+    verb = "is" if expected.required_frames == 1 else "are"
     return [
         *words,
-        f"{expected.enough} frame{plural}{seconds} {verb} enough for a PSNR of "
-        f"{expected.target:g} dB.",
+        f"{expected.required_frames} frame{plural}{seconds} {verb} enough for a PSNR of "
+        f"{expected.target_psnr:g} dB.",
     ]

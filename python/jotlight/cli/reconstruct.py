@@ -15,18 +15,18 @@ from jotlight.cli import output_options as output_
 from jotlight.cli.applied_calibration import AppliedCalibration, recorded
 from jotlight.cli.console import err, live_iterations, out, progress
 from jotlight.cli.video import check_film, film, refuse_existing_folder
-from jotlight.estimators.brightness import BRIGHT
-from jotlight.estimators.problem import Histories
+from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE
+from jotlight.estimators.problem import ConvergenceHistories
 from jotlight.estimators.tv import NORMS
 from jotlight.estimators.vst import INVERSES
-from jotlight.evaluation.methods import DEFAULT, METHODS
+from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS
 from jotlight.files import refuse_overwrite
 from jotlight.images.io import image_writer
 from jotlight.images.video import windows
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import pretrained, unsupported_bits_reason
+from jotlight.networks.pretrained import pretrained, unsupported_reason
 from jotlight.sensing.bits import Bits, check_fits
-from jotlight.sensing.response import saturation_intensity
+from jotlight.sensing.reference import saturation_intensity
 
 _OTHERWISE = "noniterative-tv"
 """What serves every sensor, and is the best where the kernel is a box."""
@@ -35,7 +35,7 @@ _SMOOTH = "admm-tv"
 """What knows how a smooth kernel spreads the light."""
 
 _SHIPPED = {
-    "network": "fast",
+    "network-two-layer": "two-layer",
     "network-small": "small",
     "network-medium": "medium",
     "network-large": "large",
@@ -67,7 +67,7 @@ def reconstruct(
         typer.Option(
             "--method",
             "-m",
-            help=f"One of {', '.join(METHODS)}. Default: {DEFAULT}, where it serves the "
+            help=f"One of {', '.join(METHODS)}. Default: {DEFAULT_METHOD}, where it serves the "
             f"sensor, and else {_OTHERWISE}, or {_SMOOTH} where the kernel is smooth.",
         ),
     ] = None,
@@ -164,13 +164,13 @@ def reconstruct(
     if method is None and uncertainty is not None:
         method = "mle"
     if method is None and model is not None:
-        method = "network"
+        method = "network-two-layer"
     if method is None and inverse is not None:
         method = _OTHERWISE
     if method is None and any(value is not None for value in (weight, norm, tol, max_iter)):
         method = _SMOOTH
     settings = _method_settings(
-        method or DEFAULT,
+        method or DEFAULT_METHOD,
         inverse=inverse,
         model=model,
         weight=weight,
@@ -205,14 +205,14 @@ def reconstruct(
     shipped = network is None and (method is None or method in _SHIPPED)
     if (
         shipped
-        and (reason := unsupported_bits_reason(sensor, _SHIPPED[method or DEFAULT])) is not None
+        and (reason := unsupported_reason(sensor, _SHIPPED[method or DEFAULT_METHOD])) is not None
     ):
         advice.append(f"{reason}; {learn}")
         if method is not None:
             raise ValueError(advice[0])
         shipped = False
         method = _SMOOTH if sensor.kernel != "box" and isinstance(seen, Bits) else _OTHERWISE
-    method = method or DEFAULT
+    method = method or DEFAULT_METHOD
     if shipped:
         network = pretrained(sensor, _SHIPPED[method])
     white, free = sensor.max_intensity, saturation_intensity(sensor)
@@ -227,9 +227,9 @@ def reconstruct(
 
     def tell(largest: float, brightest: float) -> None:
         """Say what was assumed, and what is not as good as it could be."""
-        applied = [] if known is None else known.told(sensor, capture.source)
+        applied = [] if known is None else known.told(sensor, capture.provenance)
         for line in (
-            *capture_options.describe_source(capture.source),
+            *capture_options.describe_provenance(capture.provenance),
             *applied,
             f"{told}: {sensor!r}",
         ):
@@ -237,7 +237,9 @@ def reconstruct(
         if raised:
             out.print(f"{_RAISED}; --max-intensity sets another", soft_wrap=True)
         if higher and not raised and brightness.comes_up(largest, white):
-            advice.append(brightness.held_down(white, DEFAULT, free, learn if shipped else None))
+            advice.append(
+                brightness.held_down(white, DEFAULT_METHOD, free, learn if shipped else None)
+            )
         elif shipped and one_range and (dim := brightness.too_dim(brightest, learn)) is not None:
             advice.append(dim)
         for line in advice:
@@ -250,7 +252,7 @@ def reconstruct(
             levels = film(
                 seen, sensor, once, wanted, window=window, step=step, fps=fps, title=title
             )
-            record(sensor, method, data.name, capture.source)
+            record(sensor, method, data.name, capture.provenance)
         tell(*levels)
         return
     done = ""
@@ -273,9 +275,9 @@ def reconstruct(
                 picture = run(seen, sensor, threads=threads, **settings)
         seconds = time.perf_counter() - start
         title = METHODS[method].title
-        note = wanted.note(sensor, title, capture.source)
+        note = wanted.note(sensor, title, capture.provenance)
         wanted.write(files, picture, seen, sensor, white=white, note=note, threads=threads)
-        record(sensor, method, data.name, capture.source)
+        record(sensor, method, data.name, capture.provenance)
     size = " x ".join(map(str, picture.shape))
     scale = wanted.scale(sensor)
     what = "intensities" if units == "intensity" else output_.UNITS[units]
@@ -288,7 +290,7 @@ def reconstruct(
     for beside, told_ in ((preview, "to look at"), (uncertainty, f"intervals of {level:g}")):
         if beside is not None:
             out.print(f"{beside}: {told_}", soft_wrap=True, markup=False)
-    tell(float(picture.max()), float(np.quantile(picture, BRIGHT)))
+    tell(float(picture.max()), float(np.quantile(picture, BRIGHTNESS_QUANTILE)))
 
 
 def _method_settings(
@@ -309,7 +311,7 @@ def _method_settings(
 
 _WHOSE: dict[str, tuple[str, Callable[[str], bool]]] = {
     "inverse": ("the non-iterative methods", lambda method: method.startswith("noniterative")),
-    "model": ("the method network", lambda method: method == "network"),
+    "model": ("the method network-two-layer", lambda method: method == "network-two-layer"),
     "weight": ("the method admm-tv", lambda method: method == "admm-tv"),
     "norm": ("the method admm-tv", lambda method: method == "admm-tv"),
     "tol": ("the iterative methods", lambda method: METHODS[method].iterative),
@@ -318,7 +320,7 @@ _WHOSE: dict[str, tuple[str, Callable[[str], bool]]] = {
 """To which methods each setting belongs."""
 
 
-def _told(histories: Histories) -> str:
+def _told(histories: ConvergenceHistories) -> str:
     """How the iterations ended, the longest of those of all channels."""
     each = histories if isinstance(histories, list) else [histories]
     longest = max(history.iterations for history in each)

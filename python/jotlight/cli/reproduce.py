@@ -55,8 +55,8 @@ def reproduce(
 
     Stopped by Ctrl-C, the same command goes on where it was.
 
-    Results go to a folder: report.html to look at, reproduction.md, and results/ with a .csv of all
-    numbers and the figures.
+    Results go to a folder: report.html to look at, and results/ with reproduction.md, a .csv of all
+    numbers, and the figures.
     """
     # Not sooner: nothing else needs them.
     from jotlight.experiments import EXPERIMENTS, running

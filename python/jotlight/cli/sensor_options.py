@@ -12,7 +12,8 @@ import typer
 
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.image_files import read_mask
-from jotlight.sensing.sensor import KERNELS, MAPS
+from jotlight.sensing.maps import MAPS
+from jotlight.sensing.sensor import KERNELS
 
 
 def _sensor_option(help_: str, *names: str) -> Any:

@@ -13,15 +13,16 @@ from jotlight.cli import capture_options, networks, sensor_options, training_run
 from jotlight.cli import fine_tune as own_bits
 from jotlight.cli.console import out, progress, silent
 from jotlight.datasets import PHOTOGRAPHS, photograph, uniform_scenes
-from jotlight.estimators.brightness import sensor_for
+from jotlight.estimators.brightness import training_sensor
 from jotlight.files import refuse_overwrite
 from jotlight.images.sets import read_image_set
+from jotlight.networks.architectures import SIZES, TWO_LAYER
 from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import OPTIMIZERS, History, Optimizer, Record
 from jotlight.training import train as learn
-from jotlight.training.patches import sensor_of_patches
+from jotlight.training.patches import patch_sensor
 
 _SYNTHETIC = "synthetic"
 _TEST_SCENES = 512
@@ -74,8 +75,8 @@ def train(
         str | None,
         typer.Option(
             "--network",
-            help=f"One of {', '.join(networks.NETWORKS)}: how many layers and channels. All but the "
-            f"first take PyTorch to learn, the extra torch, and longer. Default: {networks.TWO_LAYER}.",
+            help=f"One of {', '.join(SIZES)}: how many layers and channels. All but the "
+            f"first take PyTorch to learn, the extra torch, and longer. Default: {TWO_LAYER}.",
         ),
     ] = None,
     any_bits: Annotated[
@@ -271,7 +272,7 @@ def train(
         rate=rate,
         any_bits=any_bits,
     )
-    kind = kind or networks.TWO_LAYER
+    kind = kind or TWO_LAYER
     if is_deep:
         learner = networks.learner(device, rate)
     else:
@@ -299,7 +300,7 @@ def train(
                     kind, trials_range=networks.bits_of(any_bits), rng=seed
                 )
             elif is_deep:
-                network = Network.deep(sensor, kind, rng=seed)
+                network = Network.residual(sensor, kind, rng=seed)
             else:
                 wide = 0.7 if sigma is None else sigma
                 network = Network.initial(sensor, sigma=wide, tied=not untied)
@@ -370,9 +371,9 @@ def _sensor_of(
         # The capture tells its own; those that are given are of a film's windows.
         numbers.pop("frames", None)
     seen, own = capture_options.seen_and_told(capture, reading.path, numbers, calibration)
-    sensor, scale = sensor_for(seen, own, threads=threads)
+    sensor, scale = training_sensor(seen, own, threads=threads)
     chosen = {name: given[name] for name in ("frames", "max_intensity") if name in given}
-    sensor = sensor_of_patches(sensor.replace(**chosen))
+    sensor = patch_sensor(sensor.replace(**chosen))
     out.print(
         f"{reading.path}: its brightest parts have intensity {scale:.3g}; learning for {sensor!r}",
         soft_wrap=True,

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from jotlight.cli.console import out, progress
 from jotlight.cli.output_options import UNITS, OutputOptions
-from jotlight.estimators.brightness import BRIGHT
+from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE
 from jotlight.images.io import image_writer
 from jotlight.images.video import film_writer, is_floats, windows
 from jotlight.sensing.bits import Bits
@@ -61,7 +61,7 @@ def film(
                 begin(f"window {number + 1} of {len(spans)}")
                 picture = run(_part(bits, span), sensor)
                 least, most = min(least, float(picture.min())), max(most, float(picture.max()))
-                brightest = max(brightest, float(np.quantile(picture, BRIGHT)))
+                brightest = max(brightest, float(np.quantile(picture, BRIGHTNESS_QUANTILE)))
                 add(picture * scale)
     size = " x ".join(map(str, picture.shape))
     how = UNITS[wanted.units] if tone is None else f"{tone.curve} curve, white at {tone.white:.3g}"

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.estimators.convergence import Callback, ConvergenceMonitor, History
-from jotlight.estimators.problem import Histories, solve_each
-from jotlight.estimators.tv import automatic_weight, checked, per_pixel, total_variation
+from jotlight.estimators.convergence import Callback, ConvergenceHistory, ConvergenceMonitor
+from jotlight.estimators.problem import ConvergenceHistories, solve_channels
+from jotlight.estimators.tv import automatic_weight, check_map, check_norm, total_variation
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.likelihood import Array, Problem
 from jotlight.sensing.operators import Operator, Scaling, Spread, differences, dot, spread
@@ -80,7 +80,7 @@ def admm_tv(
     callback: Callback | None = ...,
     return_history: Literal[True],
     threads: int | None = ...,
-) -> tuple[Picture, Histories]: ...
+) -> tuple[Picture, ConvergenceHistories]: ...
 
 
 def admm_tv(
@@ -95,7 +95,7 @@ def admm_tv(
     callback: Callback | None = None,
     return_history: bool = False,
     threads: int | None = None,
-) -> Picture | tuple[Picture, Histories]:
+) -> Picture | tuple[Picture, ConvergenceHistories]:
     """Find the image in [0, S] with the least -ℓ(c) + λ TV(c), likely and without needless change.
 
     Parameters
@@ -123,7 +123,7 @@ def admm_tv(
         Called with a :class:`jotlight.estimators.convergence.Iteration` after each; raises StopIteration to
         end the run.
     return_history : bool
-        Give a :class:`jotlight.estimators.convergence.History` too, or a list of them, one for each channel.
+        Give a :class:`jotlight.estimators.convergence.ConvergenceHistory` too, or a list of them, one for each channel.
     threads : int, optional
         Threads to use. Default: all.
 
@@ -160,17 +160,19 @@ def admm_tv(
     >>> history.converged, bool(abs(picture - scene).mean() < 0.05)
     (True, True)
     """
-    checked(norm)
+    check_norm(norm)
     if weight is not None:
-        per_pixel("weight", weight, np.shape(weight))
+        check_map("weight", weight, np.shape(weight))
     ConvergenceMonitor("admm_tv", max_iter, tol, None)  # what is wrong with them is said at once
 
-    def solve(problem: Problem, begin: Array | None, channel: str) -> tuple[Array, History]:
+    def solve(
+        problem: Problem, begin: Array | None, channel: str
+    ) -> tuple[Array, ConvergenceHistory]:
         watch = ConvergenceMonitor("admm_tv" + channel, max_iter, tol, callback)
         chosen = automatic_weight(problem, norm=norm) if weight is None else weight
         return _minimise(problem, np.asarray(chosen), norm, begin, watch, threads)
 
-    picture, history = solve_each(solve, data, sensor, start, threads)
+    picture, history = solve_channels(solve, data, sensor, start, threads)
     return (picture, history) if return_history else picture
 
 
@@ -254,7 +256,7 @@ class _Variation(_Term):
         image: Array,
         threads: int | None,
     ) -> None:
-        self._weight = per_pixel("weight", weight, image.shape)
+        self._weight = check_map("weight", weight, image.shape)
         self._isotropic, self._threads = norm == "isotropic", threads
         self._shape = image.shape
         self._rows = image.shape if image.ndim == 2 else (1, *image.shape)
@@ -304,9 +306,9 @@ def _minimise(
     begin: Array | None,
     watch: ConvergenceMonitor,
     threads: int | None,
-) -> tuple[Array, History]:
+) -> tuple[Array, ConvergenceHistory]:
     operator, most = problem.operator, problem.max_intensity
-    mean = problem.level()
+    mean = problem.constant_estimate()
     image = np.full(operator.input_shape, mean) if begin is None else begin
     normal = _Normal(operator, min(_CG_ENOUGH, 0.01 * watch.tol), threads)
     # The likelihood is about as stiff as its information, and so are the penalties.
@@ -364,7 +366,7 @@ class _Normal:
         shape = operator.input_shape
         self._operator, self._enough = operator, enough
         self._exact = isinstance(operator, Scaling) or (
-            isinstance(operator, Spread) and operator.even
+            isinstance(operator, Spread) and operator.symmetric
         )
         self._workers = threads or os.cpu_count() or 1
         self._ones = np.ones(operator.output_shape)

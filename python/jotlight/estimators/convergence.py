@@ -21,7 +21,7 @@ class Iteration:
     """By name."""
     residual: float
     """The largest of them, in the measure in which the method is done when it is at most `tol`."""
-    image: npt.NDArray[np.float64]
+    estimate: npt.NDArray[np.float64]
     """The estimate so far, read-only."""
     tol: float
     max_iter: int
@@ -39,7 +39,7 @@ Callback = Callable[[Iteration], object]
 
 
 @dataclasses.dataclass(frozen=True)
-class History:
+class ConvergenceHistory:
     """How an iterative method came to its picture."""
 
     converged: bool
@@ -109,7 +109,9 @@ class ConvergenceMonitor:
         """Say why there cannot be another iteration."""
         self._remedy = reason
 
-    def finish(self, objective: float, weight: float | npt.NDArray[np.floating] = 0.0) -> History:
+    def finish(
+        self, objective: float, weight: float | npt.NDArray[np.floating] = 0.0
+    ) -> ConvergenceHistory:
         """Sum up, and warn when the method is not done; who ended it himself knows."""
         names = self._residuals[0]
         residuals = {
@@ -122,7 +124,7 @@ class ConvergenceMonitor:
                 f"{self._name}: not converged after {self.number} iteration{plural}: residual "
                 f"{self._worst:.2g} ({last}), expected at most tol = {self.tol:g}; {self._remedy}"
             )
-        return History(self.converged, residuals, objective, weight)
+        return ConvergenceHistory(self.converged, residuals, objective, weight)
 
 
 def _readonly(image: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

@@ -118,7 +118,7 @@ DENOISERS: dict[str, Callable[[Image], Image]] = {
 """The denoisers by name."""
 
 
-def pick(denoiser: str | Denoiser) -> Denoiser:
+def resolve_denoiser(denoiser: str | Denoiser) -> Denoiser:
     """A denoiser by its name, or the callable itself.
 
     Raises

@@ -6,9 +6,9 @@ from typing import Literal, overload
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.convergence import Callback, ConvergenceMonitor, History
+from jotlight.estimators.convergence import Callback, ConvergenceHistory, ConvergenceMonitor
 from jotlight.estimators.inpaint import inpaint_dead_pixels
-from jotlight.estimators.problem import Histories, solve_each
+from jotlight.estimators.problem import ConvergenceHistories, solve_channels
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.likelihood import Array, Problem
 from jotlight.sensing.operators import dot
@@ -59,7 +59,7 @@ def mle_iterative(
     callback: Callback | None = ...,
     return_history: Literal[True],
     threads: int | None = ...,
-) -> tuple[Picture, Histories]: ...
+) -> tuple[Picture, ConvergenceHistories]: ...
 
 
 def mle_iterative(
@@ -73,7 +73,7 @@ def mle_iterative(
     callback: Callback | None = None,
     return_history: bool = False,
     threads: int | None = None,
-) -> Picture | tuple[Picture, Histories]:
+) -> Picture | tuple[Picture, ConvergenceHistories]:
     """Find the image in [0, S] that makes all bits together most likely, for any kernel.
 
     With the box kernel that is what :func:`jotlight.mle` gives at once. A smooth kernel spreads the
@@ -102,7 +102,7 @@ def mle_iterative(
         Called with a :class:`jotlight.estimators.convergence.Iteration` after each; raises StopIteration to
         end the run.
     return_history : bool
-        Give a :class:`jotlight.estimators.convergence.History` too, or a list of them, one for each channel.
+        Give a :class:`jotlight.estimators.convergence.ConvergenceHistory` too, or a list of them, one for each channel.
     threads : int, optional
         Threads to use. Default: all.
 
@@ -141,7 +141,9 @@ def mle_iterative(
         "mle_iterative", max_iter, tol, None
     )  # what is wrong with them is said at once
 
-    def solve(problem: Problem, begin: Array | None, channel: str) -> tuple[Array, History]:
+    def solve(
+        problem: Problem, begin: Array | None, channel: str
+    ) -> tuple[Array, ConvergenceHistory]:
         watch = ConvergenceMonitor("mle_iterative" + channel, max_iter, tol, callback)
         image, history = _maximise(problem, begin, SOLVERS[solver], watch)
         blind = problem.operator.adjoint((_trials(problem) > 0).astype(np.float64)) == 0
@@ -149,7 +151,7 @@ def mle_iterative(
             image = inpaint_dead_pixels(image.astype(np.float32), blind).astype(np.float64)
         return image, history
 
-    picture, history = solve_each(solve, data, sensor, start, threads)
+    picture, history = solve_channels(solve, data, sensor, start, threads)
     return (picture, history) if return_history else picture
 
 
@@ -222,10 +224,10 @@ SOLVERS: dict[str, Direction] = {"newton": _newton_direction, "gradient": _gradi
 
 def _maximise(
     problem: Problem, begin: Array | None, direction_of: Direction, watch: ConvergenceMonitor
-) -> tuple[Array, History]:
+) -> tuple[Array, ConvergenceHistory]:
     operator, likelihood, most = problem.operator, problem.likelihood, problem.max_intensity
     spread_of_ones = operator.forward(np.ones(operator.input_shape))
-    image = np.full(operator.input_shape, problem.level()) if begin is None else begin
+    image = np.full(operator.input_shape, problem.constant_estimate()) if begin is None else begin
     # A pixel all of whose bits are 0, or 1, is as dark, or bright, as can be.
     ones, zeros = likelihood.ones, _trials(problem) - likelihood.ones
     fired = operator.adjoint((ones > 0).astype(np.float64)) > 0

@@ -4,11 +4,14 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators import vst
-from jotlight.estimators.denoise import Denoiser, pick
-from jotlight.estimators.mle import equivalent_counts, from_probability, reference_jot
+from jotlight.estimators.denoise import Denoiser, resolve_denoiser
+from jotlight.estimators.inverse_response import (
+    equivalent_counts,
+    intensity_from_probability,
+)
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.channels import by_channel
-from jotlight.sensing.pixel_counts import count_pixels, warn_about_smooth_kernel
+from jotlight.sensing.pixel_counts import count_pixels, map_channels, warn_about_smooth_kernel
+from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
 
@@ -66,7 +69,7 @@ def noniterative(
     >>> noniterative(counts, Sensor(frames=16), denoiser=lambda z: z)[0, 0].round(3)
     np.float32(0.693)
     """
-    run = pick(denoiser)
+    run = resolve_denoiser(denoiser)
     if inverse not in vst.INVERSES:
         raise ValueError(f"inverse: expected one of {', '.join(vst.INVERSES)}, got {inverse!r}")
 
@@ -84,6 +87,6 @@ def noniterative(
                 f"{denoised.shape}" + ("" if denoised.shape != z.shape else " with NaN or infinity")
             )
         counts = vst.inverse_anscombe(denoised, bits, inverse=inverse, threads=threads)
-        return from_probability(counts / np.float32(bits), sensor, threads)
+        return intensity_from_probability(counts / np.float32(bits), sensor, threads)
 
-    return by_channel(one_channel, data)
+    return map_channels(one_channel, data)

@@ -6,14 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.mle import reference_jot
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.pixel_counts import warn_about_smooth_kernel
-from jotlight.sensing.response import (
-    detection_probability,
-    inverse_detection_probability,
-    light_per_intensity,
-)
+from jotlight.sensing.reference import reference_jot
+from jotlight.sensing.response import detection_probability, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
 
 Array = npt.NDArray[np.float64]
@@ -46,30 +42,30 @@ class Plan:
     """Numbers of frames, (M,)."""
     bias: Array
     """The mean error of the estimate at each number of frames and level, (M, N), as light."""
-    error: Array
+    rmse: Array
     """The root mean square error, likewise: its bias and its spread."""
-    bound: Array
+    cramer_rao_bound: Array
     """The Cramér-Rao bound: the least standard deviation of an unbiased estimate."""
     psnr: Array
     """In dB, (M,), of a scene whose light is spread evenly over the range, its most for peak."""
-    saturation: Array
+    saturation_light: Array
     """The light at which 1 % of the pixels have every bit at 1, (M,)."""
-    best: float
+    optimal_light: float
     """The light at which a bit tells most: where the bound on SNR is highest."""
-    target: float | None = None
+    target_psnr: float | None = None
     """A PSNR in dB that is asked for."""
-    enough: int | None = None
+    required_frames: int | None = None
     """The frames that reach it, or None if no number of them does."""
 
     @property
     def snr(self) -> Array:
         """Light over root mean square error in dB, (M, N)."""
-        return _decibel(self.light / self.error)
+        return _decibel(self.light / self.rmse)
 
     @property
-    def bound_snr(self) -> Array:
+    def snr_bound(self) -> Array:
         """Light over the Cramér-Rao bound in dB, (M, N)."""
-        return _decibel(self.light / self.bound)
+        return _decibel(self.light / self.cramer_rao_bound)
 
 
 def plan(
@@ -77,7 +73,7 @@ def plan(
     light: float | tuple[float, float],
     *,
     frames: Sequence[int] | None = None,
-    target: float | None = None,
+    target_psnr: float | None = None,
     max_intensity: float | None = None,
 ) -> Plan:
     """Expected quality of `jotlight.mle` against the number of frames.
@@ -90,7 +86,7 @@ def plan(
         Photons per jot and frame: one level, or the least and the most of a scene.
     frames : sequence of int, optional
         Numbers of frames. Default: 1, 2, 4 and so on to 4096.
-    target : float, optional
+    target_psnr : float, optional
         A PSNR in dB; the plan then tells how many frames are enough.
     max_intensity : float, optional
         S of the estimates. Default: for each number of frames the intensity half a count from
@@ -117,8 +113,8 @@ def plan(
 
     Examples
     --------
-    >>> expected = plan(Sensor(), (0.05, 1.0), frames=[16, 256], target=30.0)
-    >>> expected.psnr.round(1).tolist(), expected.enough
+    >>> expected = plan(Sensor(), (0.05, 1.0), frames=[16, 256], target_psnr=30.0)
+    >>> expected.psnr.round(1).tolist(), expected.required_frames
     ([12.3, 25.3], 758)
     """
     warn_about_smooth_kernel(sensor)
@@ -129,8 +125,8 @@ def plan(
         raise ValueError(f"frames: expected whole numbers from 1 on, got {frames!r}")
     if numbers.max() > most_frames:
         raise ValueError(f"frames: expected {most_frames} at most, got {numbers.max()}")
-    if target is not None and not 0 < target < 200:
-        raise ValueError(f"target: expected a PSNR in dB between 0 and 200, got {target}")
+    if target_psnr is not None and not 0 < target_psnr < 200:
+        raise ValueError(f"target_psnr: expected a PSNR in dB between 0 and 200, got {target_psnr}")
     if max_intensity is not None and not 0 < max_intensity < np.inf:
         raise ValueError(f"max_intensity: expected a number above 0, got {max_intensity}")
     pixel = _Pixel(sensor, max_intensity)
@@ -142,13 +138,15 @@ def plan(
         light=levels,
         frames=numbers,
         bias=np.array([bias for bias, _ in rows]),
-        error=np.sqrt([square for _, square in rows]),
-        bound=1 / np.sqrt(seen),
+        rmse=np.sqrt([square for _, square in rows]),
+        cramer_rao_bound=1 / np.sqrt(seen),
         psnr=np.array([scene.psnr(pixel, int(number)) for number in numbers]),
-        saturation=np.array([pixel.saturation(int(number)) for number in numbers]),
-        best=float(grid[np.argmax(grid**2 * pixel.information(grid))]),
-        target=target,
-        enough=None if target is None else scene.enough(pixel, target, most_frames),
+        saturation_light=np.array([pixel.saturation(int(number)) for number in numbers]),
+        optimal_light=float(grid[np.argmax(grid**2 * pixel.information(grid))]),
+        target_psnr=target_psnr,
+        required_frames=None
+        if target_psnr is None
+        else scene.enough(pixel, target_psnr, most_frames),
     )
 
 
@@ -159,7 +157,7 @@ class _Pixel:
         self.threshold = sensor.threshold
         self.jots = sensor.oversampling**2
         self.efficiency, self.dark = reference_jot(sensor)
-        self.most = None if max_intensity is None else max_intensity * light_per_intensity(sensor)
+        self.most = None if max_intensity is None else max_intensity * sensor.light_per_intensity
 
     def expected(self, frames: int, levels: Array) -> tuple[Array, Array]:
         """Bias and mean square error of the estimate, clipped, at each level."""
@@ -209,16 +207,16 @@ class _Scene:
         square = pixel.expected(frames, self.levels)[1]
         return float(_decibel(self.most / np.sqrt(self.weights @ square)))
 
-    def enough(self, pixel: _Pixel, target: float, most_frames: int) -> int | None:
+    def enough(self, pixel: _Pixel, target_psnr: float, most_frames: int) -> int | None:
         above = 1
-        while self.psnr(pixel, above) < target:
+        while self.psnr(pixel, above) < target_psnr:
             if above == most_frames:
                 return None
             above = min(2 * above, most_frames)
         below = above // 2
         while above - below > 1:
             middle = (above + below) // 2
-            short = self.psnr(pixel, middle) < target
+            short = self.psnr(pixel, middle) < target_psnr
             below, above = (middle, above) if short else (below, middle)
         return above
 

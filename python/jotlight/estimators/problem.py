@@ -6,25 +6,30 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.convergence import History
+from jotlight.estimators.convergence import ConvergenceHistory
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.channels import Picture, by_channel
 from jotlight.sensing.likelihood import Array, Likelihood, Problem
 from jotlight.sensing.operators import scaling, spread
-from jotlight.sensing.pixel_counts import PixelCounts, count_pixels
+from jotlight.sensing.pixel_counts import (
+    Estimate,
+    PixelCounts,
+    carried_sensor,
+    count_pixels,
+    map_channels,
+)
 from jotlight.sensing.sensor import Sensor
 
-Histories = History | list[History]
+ConvergenceHistories = ConvergenceHistory | list[ConvergenceHistory]
 """Of one channel, or of each channel of a colour image."""
 
 
-def solve_each(
-    solve: Callable[[Problem, Array | None, str], tuple[Array, History]],
+def solve_channels(
+    solve: Callable[[Problem, Array | None, str], tuple[Array, ConvergenceHistory]],
     data: Bits | Problem | npt.ArrayLike,
     sensor: Sensor | None,
     start: npt.ArrayLike | None,
     threads: int | None,
-) -> tuple[Picture, Histories]:
+) -> tuple[Estimate, ConvergenceHistories]:
     """Solve a problem, or that of each channel of data, from the start that belongs to it.
 
     `solve` takes the problem, the start, and words that tell which channel it is, where there are
@@ -49,17 +54,17 @@ def solve_each(
             f"start: expected (H, W) and as many channels as the data {tuple(channels)}, "
             f"got shape {begin.shape}"
         )
-    histories: list[History] = []
+    histories: list[ConvergenceHistory] = []
 
-    def one_channel(channel: Bits | npt.NDArray[np.int32]) -> Picture:
-        problem = problem_of(channel, sensor, threads)
+    def one_channel(channel: Bits | npt.NDArray[np.int32]) -> Estimate:
+        problem = build_problem(channel, sensor, threads)
         own = begin if begin is None or begin.ndim == 2 else begin[..., len(histories)]
         words = f", channel {len(histories)}" if channels else ""
         estimate, history = solve(problem, _fitting_start(own, problem), words)
         histories.append(history)
         return estimate.astype(np.float32)
 
-    picture = by_channel(one_channel, data)
+    picture = map_channels(one_channel, data)
     return picture, histories if channels else histories[0]
 
 
@@ -82,7 +87,9 @@ def _fitting_start(start: Array | None, problem: Problem) -> Array | None:
     return np.clip(start, 0, problem.max_intensity)
 
 
-def problem_of(data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int | None) -> Problem:
+def build_problem(
+    data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int | None
+) -> Problem:
     """Give the problem of one channel's bits or counts.
 
     With the box kernel a pixel's bits are exchangeable and their count says all: the cells are the
@@ -94,7 +101,7 @@ def problem_of(data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int 
     TypeError, ValueError
         When data and sensor do not fit.
     """
-    carried = data.sensor if isinstance(data, Bits) else None
+    carried = carried_sensor(data)
     if carried is not None and carried.kernel != sensor.kernel:
         raise ValueError(
             f"kernel: expected {carried.kernel!r}, with which the bits were made, got "
@@ -103,13 +110,13 @@ def problem_of(data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int 
     seen = count_pixels(data, sensor, threads)
     if np.max(seen.trials) == 0:
         raise ValueError("mask: expected at least one jot that is alive, got none")
-    if sensor.kernel == "box" and not seen.jots_differ:
+    if sensor.kernel == "box" and not seen.varies_within_pixels:
         return _of_pixels(seen, threads)
     return _of_jots(data, sensor, seen.counts.shape, threads)
 
 
 def _of_pixels(seen: PixelCounts, threads: int | None) -> Problem:
-    _, light, most = seen.sensor._response()
+    _, light, most = seen.sensor.pixel_response()
     likelihood = Likelihood(
         seen.counts,
         seen.trials,
@@ -144,7 +151,7 @@ def _of_jots(
         shape,
         sensor.oversampling,
         sensor.kernel,
-        gain=sensor._gain / sensor.frames,
+        gain=sensor.gain / sensor.frames,
         threads=threads,
     )
     likelihood = Likelihood(

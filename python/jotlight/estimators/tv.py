@@ -44,8 +44,8 @@ def total_variation(
         raise ValueError(f"image: expected shape (H, W) or (N,), none of it 0, got {values.shape}")
     rows = values.reshape((1, -1) if values.ndim == 1 else values.shape)
     planes = differences(rows.shape).forward(rows)
-    weights = per_pixel("weight", weight, values.shape)
-    return engine.total_variation(planes, weights, checked(norm) == "isotropic", None)
+    weights = check_map("weight", weight, values.shape)
+    return engine.total_variation(planes, weights, check_norm(norm) == "isotropic", None)
 
 
 def shrink(
@@ -68,8 +68,8 @@ def shrink(
     if np.isnan(values).any():
         raise ValueError("planes: expected numbers, got NaN")
     whole = values if values.ndim == 3 else np.stack([np.zeros_like(values), values])
-    thresholds = per_pixel("threshold", threshold, values.shape[1:])
-    engine.shrink(whole, thresholds, checked(norm) == "isotropic", None)
+    thresholds = check_map("threshold", threshold, values.shape[1:])
+    engine.shrink(whole, thresholds, check_norm(norm) == "isotropic", None)
     return whole if values.ndim == 3 else whole[1]
 
 
@@ -113,7 +113,7 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
     ((64, 64), True)
     """
     operator, likelihood = problem.operator, problem.likelihood
-    mean = problem.level()
+    mean = problem.constant_estimate()
     even = operator.forward(np.full(operator.input_shape, mean))
     of_ones = operator.forward(np.ones(operator.input_shape))
     score = operator.adjoint(likelihood.gradient_and_curvature(even)[0])
@@ -124,7 +124,7 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
     if information.mean() > 1e-6 * np.square(local).mean():
         noise = 1 / math.sqrt(information.mean())
         roughness = _roughness(score, information, problem.max_intensity) / noise
-    per_direction = math.pi / 4 if checked(norm) == "anisotropic" and local.ndim == 2 else 1.0
+    per_direction = math.pi / 4 if check_norm(norm) == "anisotropic" and local.ndim == 2 else 1.0
     return np.asarray(per_direction * _STRENGTH * roughness**-_POWER * local)
 
 
@@ -179,7 +179,7 @@ def _local_information(problem: Problem, of_ones: Array) -> Array:
     return np.asarray(bits * of_ones.mean() ** 2 * information)
 
 
-def per_pixel(name: str, value: float | npt.ArrayLike, shape: tuple[int, ...]) -> float | Array:
+def check_map(name: str, value: float | npt.ArrayLike, shape: tuple[int, ...]) -> float | Array:
     """Check a number or a map of numbers, 0 or more; the map comes back flat, for the engine.
 
     Raises
@@ -200,7 +200,7 @@ def per_pixel(name: str, value: float | npt.ArrayLike, shape: tuple[int, ...]) -
     return np.array(array, np.float64).reshape(-1)
 
 
-def checked(norm: str) -> str:
+def check_norm(norm: str) -> str:
     """Give the name of a norm back.
 
     Raises

@@ -11,14 +11,15 @@ from jotlight.errors import JotlightWarning
 from jotlight.estimators.light_inversion import Inverse, UniqueCounts, light_of, maps_of
 from jotlight.estimators.mle import mle
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.channels import stack_channels
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.pixel_counts import (
     PixelCounts,
-    as_counts,
     count_pixels,
+    split_channels,
     warn_about_smooth_kernel,
 )
-from jotlight.sensing.response import Array, light_per_intensity
+from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 
 
@@ -27,7 +28,7 @@ class Uncertainty:
     """What is known of each pixel's intensity; all arrays are of the picture's shape."""
 
     standard_error: npt.NDArray[np.float32]
-    """Of the estimate, in units of intensity; inf for a blind pixel."""
+    """Of the estimate, in units of intensity; inf for a dead pixel."""
     low: npt.NDArray[np.float32]
     """Lower end of the interval, in units of intensity."""
     high: npt.NDArray[np.float32]
@@ -36,16 +37,16 @@ class Uncertainty:
     """No more ones than dark counts explain: the interval reaches down to 0."""
     saturated: npt.NDArray[np.bool_]
     """All valid bits are 1: any more light would look the same."""
-    blind: npt.NDArray[np.bool_]
+    dead: npt.NDArray[np.bool_]
     """No valid bit: nothing is known."""
-    level: float
+    confidence_level: float
     """The coverage of the intervals."""
 
     def flags(self) -> npt.NDArray[np.uint8]:
-        """1 for unlit, 2 for saturated and 4 for blind pixels, 0 for others."""
-        return np.asarray(1 * self.unlit + 2 * self.saturated + 4 * self.blind, np.uint8)
+        """1 for unlit, 2 for saturated and 4 for dead pixels, 0 for others."""
+        return np.asarray(1 * self.unlit + 2 * self.saturated + 4 * self.dead, np.uint8)
 
-    def planes(self, scale: float = 1.0) -> dict[str, npt.NDArray[Any]]:
+    def arrays(self, scale: float = 1.0) -> dict[str, npt.NDArray[Any]]:
         """Give standard error, ends of the interval, times `scale`, and flags by name."""
         numbers = {
             name: np.asarray(getattr(self, name) * np.float32(scale))
@@ -58,7 +59,7 @@ def uncertainty(
     data: Bits | npt.ArrayLike,
     sensor: Sensor,
     *,
-    level: float = 0.95,
+    confidence_level: float = 0.95,
     threads: int | None = None,
 ) -> Uncertainty:
     """Standard error and confidence interval of `jotlight.mle` for each pixel.
@@ -69,7 +70,7 @@ def uncertainty(
         Bits, or an image of counts L of shape (H, W) or (H, W, C).
     sensor : Sensor
         As for `jotlight.mle`.
-    level : float
+    confidence_level : float
         Coverage of the intervals, from 0.5 to below 1.
     threads : int, optional
         Threads to use. Default: all.
@@ -82,7 +83,7 @@ def uncertainty(
     Raises
     ------
     TypeError, ValueError
-        When data and sensor do not fit, or the level is out of range.
+        When data and sensor do not fit, or the confidence_level is out of range.
 
     Warns
     -----
@@ -98,7 +99,7 @@ def uncertainty(
 
     The interval is that of Clopper and Pearson for the probability p that a bit is 1, carried to
     intensities by the monotone response P(q, η s + d) and clipped to [0, S]. Its coverage is at
-    least `level` for any number of bits and any true intensity in [0, S]; near 0 and saturation,
+    least `confidence_level` for any number of bits and any true intensity in [0, S]; near 0 and saturation,
     and with few bits, it is well above. Where jots of one pixel differ, p is their mean: the sum
     of different bits varies less than a binomial count (Hoeffding 1956), so the coverage holds and
     the interval is somewhat wider than it need be. It then takes bits, as `jotlight.mle` does.
@@ -113,56 +114,50 @@ def uncertainty(
     >>> known.flags().tolist()
     [[1, 0, 2]]
     """
-    if not 0.5 <= level < 1:
-        raise ValueError(f"level: expected a coverage from 0.5 to below 1, got {level!r}")
+    if not 0.5 <= confidence_level < 1:
+        raise ValueError(
+            f"confidence_level: expected a coverage from 0.5 to below 1, got {confidence_level!r}"
+        )
     warn_about_smooth_kernel(sensor)
-    if isinstance(data, Bits):
-        if len(data.shape) == 3:
-            return _of_channel(data, sensor, level, threads)
-        channels: list[Any] = [
-            Bits(data.packed[..., c], data.width, data.sensor) for c in range(data.shape[3])
-        ]
-    else:
-        counts = as_counts(data)
-        if counts.ndim == 2:
-            return _of_channel(counts, sensor, level, threads)
-        channels = [np.ascontiguousarray(counts[..., c]) for c in range(counts.shape[2])]
-    each = [_of_channel(channel, sensor, level, threads) for channel in channels]
+    each = [
+        _of_channel(channel, sensor, confidence_level, threads) for channel in split_channels(data)
+    ]
+    color = (len(data.shape) - 1 if isinstance(data, Bits) else np.ndim(data)) == 3
     stacked = {
-        field.name: np.stack([getattr(one, field.name) for one in each], axis=-1)
+        field.name: stack_channels([getattr(one, field.name) for one in each], color=color)
         for field in dataclasses.fields(Uncertainty)
-        if field.name != "level"
+        if field.name != "confidence_level"
     }
-    return Uncertainty(level=level, **stacked)
+    return Uncertainty(confidence_level=confidence_level, **stacked)
 
 
 def _of_channel(
-    data: Bits | npt.NDArray[np.int32], sensor: Sensor, level: float, threads: int | None
+    data: Bits | npt.NDArray[np.int32], sensor: Sensor, confidence_level: float, threads: int | None
 ) -> Uncertainty:
     seen = count_pixels(data, sensor, threads)
-    if seen.jots_differ and not isinstance(data, Bits):
+    if seen.varies_within_pixels and not isinstance(data, Bits):
         raise ValueError(
             "counts: where jots of one pixel differ in their efficiency or dark counts the bits "
             "are needed, since a count does not tell which jots fired"
         )
     trials = np.broadcast_to(np.asarray(seen.trials, np.int64), seen.counts.shape)
-    blind = trials == 0
-    saturated = (seen.counts == trials) & ~blind
+    dead = trials == 0
+    saturated = (seen.counts == trials) & ~dead
     distinct = UniqueCounts(seen)
     inverse = light_of(seen, distinct)
-    bounds = _clopper_pearson(distinct, (1 - level) / 2, seen.jots_differ)
-    per_light = 1 / light_per_intensity(sensor)
+    bounds = _clopper_pearson(distinct, (1 - confidence_level) / 2, seen.varies_within_pixels)
+    per_light = 1 / sensor.light_per_intensity
     most = sensor.max_intensity
     low, high = (np.clip(inverse(p, rest) * per_light, 0, most) for p, rest in bounds)
-    low[blind], high[blind | saturated] = 0, most
+    low[dead], high[dead | saturated] = 0, most
     return Uncertainty(
         standard_error=_standard_error(data, seen, distinct, inverse, threads).astype(np.float32),
         low=low.astype(np.float32),
         high=high.astype(np.float32),
-        unlit=(low <= 0) & ~blind,
+        unlit=(low <= 0) & ~dead,
         saturated=saturated,
-        blind=blind,
-        level=level,
+        dead=dead,
+        confidence_level=confidence_level,
     )
 
 
@@ -197,21 +192,21 @@ def _standard_error(
 ) -> Array:
     """(K/α) I^(-1/2) at the estimate, kept half a count from where no bit or every bit is 1."""
     sensor = seen.sensor
-    per_light = light_per_intensity(sensor)
+    per_light = sensor.light_per_intensity
     trials = distinct.spread(distinct.bits)
     bits = np.maximum(distinct.bits, 1)
     inside = np.clip(distinct.ones, 0.5, bits - 0.5) / bits
-    if seen.jots_differ:
+    if seen.varies_within_pixels:
         estimate = _likely(data, seen, threads) * per_light
         edge = (seen.counts == 0) | (seen.counts == trials)
         light = np.where(edge, inverse(inside, 1 - inside), estimate)
     else:
         light = inverse(inside, 1 - inside)
     light = np.clip(light, 0, sensor.max_intensity * per_light)
-    side = sensor.oversampling if seen.jots_differ else 1
+    side = sensor.oversampling if seen.varies_within_pixels else 1
     cells = (light.shape[0] * side, light.shape[1] * side)
     spread = light.repeat(side, 0).repeat(side, 1)
-    if seen.jots_differ:
+    if seen.varies_within_pixels:
         efficiency, dark, alive = maps_of(sensor)
         number = np.broadcast_to(np.where(alive, sensor.frames, 0), cells)
     else:
@@ -232,7 +227,7 @@ def _standard_error(
 def _likely(
     data: Bits | npt.NDArray[np.int32], seen: PixelCounts, threads: int | None
 ) -> npt.NDArray[np.float32]:
-    """The estimate, without a word on blind pixels, which the picture itself has said."""
+    """The estimate, without a word on dead pixels, which the picture itself has said."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", JotlightWarning)
         return mle(data, seen.sensor, threads=threads)

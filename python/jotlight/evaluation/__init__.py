@@ -1,1 +1,8 @@
-"""Placeholder."""
+"""Methods by name, their choice for a sensor, and their quality on images.
+
+In reading order:
+
+- ``methods``: every method by name, and the function that chooses one.
+- ``evaluate``: one method on many images.
+- ``compare``: many methods on one image.
+"""

@@ -1,4 +1,4 @@
-"""Methods side by side on one photograph."""
+"""Many methods on one image."""
 
 import dataclasses
 import time
@@ -17,20 +17,28 @@ from jotlight.sensing.sensor import Sensor
 
 
 @dataclasses.dataclass(frozen=True)
-class Result:
-    """What a method made of the bits."""
+class MethodResult:
+    """Estimate of one method, with its quality and time."""
 
     method: str
-    picture: npt.NDArray[np.float32]
+    estimate: npt.NDArray[np.float32]
     psnr: float
     """In dB, for a peak of 1."""
     ssim: float | None
-    """None for pictures smaller than its window."""
+    """None for images smaller than the window of SSIM."""
     seconds: float
 
 
-def chosen(sensor: Sensor, names: Sequence[str] | None = None) -> list[str]:
-    """Check the names of methods; without names, take all that are installed and serve the sensor.
+def select_methods(sensor: Sensor, names: Sequence[str] | None = None) -> list[str]:
+    """Return the names of methods that serve a sensor.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor of the data.
+    names : sequence of str, optional
+        Names to check. Default: all methods that are installed, serve the sensor, and differ from
+        a faster method.
 
     Raises
     ------
@@ -62,37 +70,53 @@ def compare_methods(
     threads: int | None = None,
     begin: Callable[[str], object] = lambda title: None,
     methods: Mapping[str, Method] = METHODS,
-) -> list[Result]:
-    """Run methods on the same bits and measure each against the image.
+) -> list[MethodResult]:
+    """Return the estimate, quality and time of each method on the same bits.
 
-    `begin` is called with each method's title before it runs; what it gives, if that can be called,
-    is told the share that a method which iterates has done. Each is run on a small corner first, so
-    that loading its library is not counted in its time.
+    Each method first runs on a small corner, so that its time excludes the loading of libraries.
+
+    Parameters
+    ----------
+    image : ndarray, shape (H, W) or (H, W, C)
+        Ground truth, in units of intensity.
+    bits : Bits
+        Bits of the image.
+    sensor : Sensor
+        Sensor of the bits.
+    names : sequence of str
+        Keys of `methods`.
+    threads : int, optional
+        Threads to use. Default: all.
+    begin : callable, optional
+        Called with the title of each method before it runs. If it returns a callable, an iterative
+        method calls that with its progress in [0, 1].
+    methods : mapping of str to Method, optional
+        Methods by name.
     """
     results = []
-    corner = Bits(
-        np.ascontiguousarray(bits.packed[:, : 16 * sensor.oversampling, : 2 * sensor.oversampling]),
-    )
     for name in names:
         method = methods[name]
         update = begin(method.title)
-        if min(image.shape[:2]) >= 16:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", JotlightWarning)
-                method.run(corner, sensor.without_maps(), threads=threads)
+        _warm_up(method, bits, sensor, image.shape, threads)
         options: dict[str, Any] = {}
         if method.iterative and callable(update):
             options["callback"] = lambda step, update=update: update(step.progress)
         start = time.perf_counter()
-        picture = method.run(bits, sensor, threads=threads, **options)
+        estimate = method.run(bits, sensor, threads=threads, **options)
         seconds = time.perf_counter() - start
-        results.append(
-            Result(
-                name,
-                picture,
-                metrics.psnr(picture, image),
-                metrics.ssim(picture, image) if min(image.shape[:2]) >= 11 else None,
-                seconds,
-            )
-        )
+        ssim = metrics.ssim(estimate, image) if min(image.shape[:2]) >= 11 else None
+        results.append(MethodResult(name, estimate, metrics.psnr(estimate, image), ssim, seconds))
     return results
+
+
+def _warm_up(
+    method: Method, bits: Bits, sensor: Sensor, shape: tuple[int, ...], threads: int | None
+) -> None:
+    """Run a method on the bits of 16 x 16 pixels, where the image has that many."""
+    if min(shape[:2]) < 16:
+        return
+    side = sensor.oversampling
+    corner = Bits(np.ascontiguousarray(bits.packed[:, : 16 * side, : 2 * side]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", JotlightWarning)
+        method.run(corner, sensor.without_maps(), threads=threads)

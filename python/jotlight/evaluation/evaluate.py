@@ -1,4 +1,4 @@
-"""One method on many images: how good it is on average, and where it is worst."""
+"""One method on many images: its mean quality, and its quality on the worst images."""
 
 import csv
 import dataclasses
@@ -13,12 +13,12 @@ from jotlight import metrics
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
 
-MEASURES = ("psnr", "snr", "ssim")
+METRICS = ("psnr", "snr", "ssim")
 
 
 @dataclasses.dataclass(frozen=True)
 class Score:
-    """How close the estimate of one image came."""
+    """Quality of the estimate of one image."""
 
     image: str
     psnr: float
@@ -26,39 +26,39 @@ class Score:
     snr: float
     """In dB."""
     ssim: float | None
-    """None for images smaller than its window."""
+    """None for images smaller than the window of SSIM."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Evaluation:
-    """The scores of all images."""
+    """Scores of all images."""
 
     scores: list[Score]
 
-    def values(self, measure: str) -> npt.NDArray[np.float64]:
-        """Give one measure ("psnr", "snr" or "ssim") of all images, NaN where it has none."""
-        if measure not in MEASURES:
-            raise ValueError(f"measure: expected one of {', '.join(MEASURES)}, got {measure!r}")
-        return np.array([getattr(score, measure) for score in self.scores], np.float64)
+    def values(self, metric: str) -> npt.NDArray[np.float64]:
+        """Return one metric ("psnr", "snr" or "ssim") of each image, NaN where it is None."""
+        if metric not in METRICS:
+            raise ValueError(f"metric: expected one of {', '.join(METRICS)}, got {metric!r}")
+        return np.array([getattr(score, metric) for score in self.scores], np.float64)
 
-    def mean(self, measure: str) -> float:
-        """Give the mean over the images."""
-        return float(np.mean(self.values(measure)))
+    def mean(self, metric: str) -> float:
+        """Return the mean of a metric over the images."""
+        return float(np.mean(self.values(metric)))
 
-    def worst(self, measure: str, share: float) -> float:
-        """Give the mean over the worst share of the images, at least one.
+    def mean_of_worst(self, metric: str, fraction: float) -> float:
+        """Return the mean of a metric over the worst fraction of the images, at least one image.
 
         Examples
         --------
         >>> scores = [Score(str(psnr), psnr, psnr, None) for psnr in (20.0, 30.0, 40.0, 50.0)]
-        >>> Evaluation(scores).worst("psnr", 0.5)
+        >>> Evaluation(scores).mean_of_worst("psnr", 0.5)
         25.0
         """
-        if not 0 < share <= 1:
-            raise ValueError(f"share: expected a number in (0, 1], got {share}")
-        # Less what binary fractions may have too much.
-        number = math.ceil(share * len(self.scores) - 1e-9)
-        return float(np.mean(np.sort(self.values(measure))[:number]))
+        if not 0 < fraction <= 1:
+            raise ValueError(f"fraction: expected a number in (0, 1], got {fraction}")
+        # 0.07 * 100 rounds to just above 7; the tolerance keeps it from becoming 8.
+        number = math.ceil(fraction * len(self.scores) - 1e-9)
+        return float(np.mean(np.sort(self.values(metric))[:number]))
 
     def write_csv(self, path: Path) -> None:
         """Write one row for each image."""
@@ -80,24 +80,24 @@ def evaluate(
     threads: int | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Evaluation:
-    """Expose every image, reconstruct it, and compare.
+    """Return the quality of a method on images that the sensor exposes.
 
     Parameters
     ----------
     method : Network or callable
-        A callable is run as ``method(bits, sensor, threads=threads)``, like `jotlight.mle`.
+        A callable runs as ``method(bits, sensor, threads=threads)``, like `jotlight.mle`.
     images : sequence of arrays (H, W) or (H, W, C), or one array (N, H, W)
         Intensities.
     sensor : Sensor
-        What sees them.
+        Sensor that exposes the images.
     names : sequence of str, optional
-        Of the images. Default: their numbers.
+        Names of the images. Default: their numbers.
     rng : int
-        Seed of the first image's bits; the next image has the next number.
+        Seed of the bits of the first image. Each further image uses the next integer.
     threads : int, optional
         Threads to use. Default: all.
     progress : callable, optional
-        Called with the share that is done.
+        Called after each image with the fraction that is done.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def evaluate(
     Raises
     ------
     ValueError
-        For no images, or names that do not fit them.
+        When there are no images, or the number of names differs from that of the images.
 
     Examples
     --------
@@ -116,7 +116,7 @@ def evaluate(
     True
     """
     if not isinstance(rng, int | np.integer):
-        raise TypeError(f"rng: expected the whole number that is the first seed, got {rng!r}")
+        raise TypeError(f"rng: expected an int, the seed of the first image, got {rng!r}")
     images = [np.asarray(image) for image in images]
     if len(images) == 0:
         raise ValueError("images: expected at least one, got none")

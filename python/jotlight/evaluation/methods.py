@@ -1,7 +1,10 @@
-"""Every method by name, for the command line, comparisons and the tests that all must pass."""
+"""Every reconstruction method by name, and the choice of one for a sensor.
+
+The command line, the experiments, and the contract tests take the methods from :data:`METHODS`.
+"""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import partial
 from importlib.util import find_spec
 from typing import Any
@@ -14,8 +17,14 @@ from jotlight.estimators.mle import mle
 from jotlight.estimators.mle_iterative import mle_iterative
 from jotlight.estimators.noniterative import noniterative
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import pretrained, unsupported_reason
+from jotlight.networks.pretrained import (
+    pretrained,
+    training_command,
+    unsupported_message,
+    unsupported_reason,
+)
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.sensor import Sensor
 
 Run = Callable[..., npt.NDArray[np.float32]]
@@ -24,78 +33,271 @@ Run = Callable[..., npt.NDArray[np.float32]]
 def initial_network(
     data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = None, **options: Any
 ) -> npt.NDArray[np.float32]:
-    """Run the network at its initial parameters; `options` are those of `Network.initial`."""
+    """Return the estimate of a network at its initial parameters.
+
+    `options` are those of :meth:`jotlight.Network.initial`.
+    """
     return Network.initial(sensor, **options).reconstruct(data, sensor, threads=threads)
 
 
-def learned_network(
+def trained_network(
     data: Bits | npt.ArrayLike,
     sensor: Sensor,
     *,
     quality: str = "medium",
     threads: int | None = None,
 ) -> npt.NDArray[np.float32]:
-    """Run the trained network that comes with jotlight for this sensor."""
+    """Return the estimate of the network that ships with jotlight for this sensor."""
     return pretrained(sensor, quality).reconstruct(data, sensor, threads=threads)
 
 
 @dataclasses.dataclass(frozen=True)
 class Method:
-    """A reconstruction method: ``run(data, sensor, *, threads)`` gives a picture."""
+    """A reconstruction method."""
 
     title: str
     run: Run
-    needs: str | None = None
-    """A package beyond those that jotlight brings."""
+    """``run(data, sensor, *, threads)`` returns the estimate."""
+    options: frozenset[str] = frozenset()
+    """Optional arguments that set this method apart: see :data:`OPTION_DEFAULTS`."""
+    quality: str | None = None
+    """Size of the shipped network, or None for other methods."""
+    required_package: str | None = None
+    """Package that must be installed in addition to jotlight's own dependencies."""
     unsupported_reason: Callable[[Sensor], str | None] = lambda _: None
-    """Says why the method cannot serve a sensor, or None if it can."""
+    """Return why the method cannot serve a sensor, or None if it can."""
     is_distinct: Callable[[Sensor], bool] = lambda _: True
-    """Whether its picture for a sensor is another than that of a faster method."""
+    """Return whether the estimate for a sensor differs from that of a faster method."""
     iterative: bool = False
-    """Whether it takes `tol`, `max_iter`, `callback` and `return_history`."""
+    """Whether `run` takes `tol`, `max_iter`, `callback` and `return_history`."""
 
     @property
     def available(self) -> bool:
-        """Whether the package that it needs is installed."""
-        return self.needs is None or find_spec(self.needs) is not None
+        """Whether the required package is installed."""
+        return self.required_package is None or find_spec(self.required_package) is not None
 
 
-def _learned(title: str, quality: str) -> Method:
-    run = partial(learned_network, quality=quality)
-    return Method(title, run, unsupported_reason=partial(unsupported_reason, quality=quality))
+_ITERATIVE_OPTIONS = frozenset({"tol", "max_iter"})
+
+
+def _noniterative(title: str, denoiser: str, required_package: str | None = None) -> Method:
+    run = partial(noniterative, denoiser=denoiser)
+    return Method(
+        f"non-iterative, {title}", run, frozenset({"inverse"}), required_package=required_package
+    )
+
+
+def _shipped_network(title: str, quality: str) -> Method:
+    return Method(
+        f"network, {title}",
+        partial(trained_network, quality=quality),
+        quality=quality,
+        unsupported_reason=partial(unsupported_message, quality=quality),
+    )
 
 
 METHODS: dict[str, Method] = {
-    "mle": Method("maximum likelihood", mle),
+    "mle": Method("maximum likelihood", mle, frozenset({"uncertainty"})),
     "mle-iterative": Method(
         "maximum likelihood, iterative",
         mle_iterative,
+        _ITERATIVE_OPTIONS,
         is_distinct=lambda sensor: sensor.kernel != "box",
         iterative=True,
     ),
-    "noniterative-gaussian": Method(
-        "non-iterative, Gaussian", partial(noniterative, denoiser="gaussian")
+    "noniterative-gaussian": _noniterative("Gaussian", "gaussian"),
+    "noniterative-tv": _noniterative("total variation", "tv"),
+    "noniterative-nlm": _noniterative("non-local means", "nlm"),
+    "noniterative-bm3d": _noniterative("BM3D", "bm3d", required_package="bm3d"),
+    "admm-tv": Method(
+        "ADMM, total variation",
+        admm_tv,
+        _ITERATIVE_OPTIONS | {"weight", "norm"},
+        iterative=True,
     ),
-    "noniterative-tv": Method(
-        "non-iterative, total variation", partial(noniterative, denoiser="tv")
-    ),
-    "noniterative-nlm": Method(
-        "non-iterative, non-local means", partial(noniterative, denoiser="nlm")
-    ),
-    "noniterative-bm3d": Method(
-        "non-iterative, BM3D", partial(noniterative, denoiser="bm3d"), needs="bm3d"
-    ),
-    "admm-tv": Method("ADMM, total variation", admm_tv, iterative=True),
     "network-initial": Method("network, initial", initial_network),
-    "network": _learned("network, learned", "fast"),
-    "network-small": _learned("network, small", "small"),
-    "network-medium": _learned("network, medium", "medium"),
-    "network-large": _learned("network, large", "large"),
+    "network-two-layer": _shipped_network("learned", "two-layer"),
+    "network-small": _shipped_network("small", "small"),
+    "network-medium": _shipped_network("medium", "medium"),
+    "network-large": _shipped_network("large", "large"),
 }
-"""The methods that can be compared, in the order in which they are shown."""
+"""All methods, in the order in which tables list them."""
 
-DEEPER = "network-small", "network-medium", "network-large"
-"""Those that go beyond the paper."""
+DEEP_NETWORKS = "network-small", "network-medium", "network-large"
+"""Methods that go beyond the paper."""
 
-DEFAULT = "network-medium"
-"""The method to take where none is asked for."""
+DEFAULT_METHOD = "network-medium"
+"""Method for every sensor that it serves, unless another one is requested."""
+
+FALLBACK_METHOD = "noniterative-tv"
+"""Method for sensors that the default does not serve. It serves every sensor."""
+
+SMOOTH_KERNEL_METHOD = "admm-tv"
+"""Fallback for the bits of a sensor with a smooth kernel, because it models the kernel."""
+
+OWN_NETWORK = "network"
+"""Name of the method that runs a network of the caller."""
+
+OPTION_DEFAULTS = {
+    "uncertainty": "mle",
+    "inverse": FALLBACK_METHOD,
+    "weight": SMOOTH_KERNEL_METHOD,
+    "norm": SMOOTH_KERNEL_METHOD,
+    "tol": SMOOTH_KERNEL_METHOD,
+    "max_iter": SMOOTH_KERNEL_METHOD,
+}
+"""Options of some methods only, and the method that each one selects. The first match decides."""
+
+
+def requested_method(method: str | None, options: Collection[str] = ()) -> str | None:
+    """Return the method that a name or an option of one method requests.
+
+    Parameters
+    ----------
+    method : str or None
+        Name of a method.
+    options : collection of str
+        Names in :data:`OPTION_DEFAULTS` that are set.
+
+    Returns
+    -------
+    str or None
+        A key of :data:`METHODS`, or None without a request.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name, or an option of another method.
+
+    Examples
+    --------
+    >>> requested_method(None, ["weight"])
+    'admm-tv'
+    >>> requested_method("mle", ["weight"])
+    Traceback (most recent call last):
+      ...
+    ValueError: weight: is an option of admm-tv, not of mle
+    """
+    if method is None:
+        method = next((name for key, name in OPTION_DEFAULTS.items() if key in options), None)
+    if method is None:
+        return None
+    if method not in METHODS:
+        raise ValueError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
+    for option in options:
+        if option not in METHODS[method].options:
+            owners = [name for name, other in METHODS.items() if option in other.options]
+            raise ValueError(f"{option}: is an option of {', '.join(owners)}, not of {method}")
+    return method
+
+
+@dataclasses.dataclass(frozen=True)
+class Choice:
+    """A method for some data, with the range of its estimate."""
+
+    method: str
+    """Key of :data:`METHODS`, or :data:`OWN_NETWORK`."""
+    quality: str | None
+    """Size of the shipped network to load, or None for other methods."""
+    white: float
+    """Intensity that a linear display shows as white."""
+    max_intensity: float
+    """Largest intensity S of the estimate."""
+    has_fixed_range: bool
+    """Whether a network was trained for this one S."""
+    saturation: float | None
+    """Intensity at which the bits saturate, if the network's S lies below it; otherwise None."""
+    notes: tuple[str, ...]
+    """Assumptions to report."""
+    warnings: tuple[str, ...]
+    """Reasons why this is not the default method."""
+
+    @property
+    def title(self) -> str:
+        """Name of the method in tables and messages."""
+        return "network, own" if self.method == OWN_NETWORK else METHODS[self.method].title
+
+
+def choose_method(
+    sensor: Sensor,
+    *,
+    requested: str | None = None,
+    network: Network | None = None,
+    is_bits: bool = True,
+    is_range_known: bool = True,
+    remedy: str | None = None,
+) -> Choice:
+    """Return the method for some data: the requested one, or the best one for the sensor.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor of the data.
+    requested : str, optional
+        Key of :data:`METHODS`, as returned by :func:`requested_method`. Default: the network
+        `DEFAULT_METHOD` where it serves the sensor, else `SMOOTH_KERNEL_METHOD` for the bits of a
+        smooth kernel, else `FALLBACK_METHOD`.
+    network : Network, optional
+        Network of the caller. It replaces the request.
+    is_bits : bool
+        Whether the data are bits. Counts do not show how a smooth kernel spread the light.
+    is_range_known : bool
+        Whether the data or the user state the largest intensity S. Otherwise, with a box kernel, S
+        rises to the saturation of the bits, if the method allows it.
+    remedy : str, optional
+        Advice after the reason why no network serves the sensor. Default: the command that trains
+        one.
+
+    Returns
+    -------
+    Choice
+
+    Raises
+    ------
+    ValueError
+        When the requested network does not serve the sensor.
+
+    Examples
+    --------
+    >>> choose_method(Sensor(frames=16)).method
+    'network-medium'
+    >>> choose_method(Sensor(frames=1000)).method
+    'noniterative-tv'
+    """
+    warnings: list[str] = []
+    if network is not None:
+        method, quality, has_fixed_range = OWN_NETWORK, None, network.trials_range is None
+    else:
+        method = requested or DEFAULT_METHOD
+        quality = METHODS[method].quality
+        if quality is not None and (reason := unsupported_reason(sensor, quality)) is not None:
+            message = f"{reason}; {remedy or 'train one: ' + training_command(sensor)}"
+            if requested is not None:
+                raise ValueError(message)
+            warnings.append(message)
+            is_smooth = is_bits and sensor.kernel != "box"
+            method, quality = SMOOTH_KERNEL_METHOD if is_smooth else FALLBACK_METHOD, None
+        # The medium network serves any S. Every other size was trained for S = 1.
+        has_fixed_range = quality is not None and quality != "medium"
+    white = max_intensity = sensor.max_intensity
+    limit, notes = None, []
+    saturation = saturation_intensity(sensor)
+    if not is_range_known and sensor.kernel == "box" and saturation > white:
+        if has_fixed_range:
+            limit = saturation
+        else:
+            max_intensity = saturation
+            notes.append(
+                "the largest intensity is half a count from saturation, so that nothing else is "
+                "clipped; max_intensity=S (--max-intensity) sets another"
+            )
+    return Choice(
+        method,
+        quality,
+        white,
+        max_intensity,
+        has_fixed_range,
+        limit,
+        tuple(notes),
+        tuple(warnings),
+    )

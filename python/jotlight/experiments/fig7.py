@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 import jotlight as jl
 from jotlight import plots
-from jotlight.evaluation.methods import DEEPER, METHODS
+from jotlight.evaluation.methods import DEEP_NETWORKS, METHODS
 from jotlight.experiments.by_bits import TOLERANCE
 from jotlight.experiments.experiment import (
     Experiment,
@@ -100,7 +100,7 @@ def methods(network: jl.Network) -> dict[str, Callable[..., Image]]:
     runs = {
         name: method.run
         for name, method in METHODS.items()
-        if method.available and name not in ("mle-iterative", "network", *DEEPER)
+        if method.available and name not in ("mle-iterative", "network-two-layer", *DEEP_NETWORKS)
     }
     if "noniterative-bm3d" in runs:
         kept: list[Image] = []
@@ -119,7 +119,7 @@ def methods(network: jl.Network) -> dict[str, Callable[..., Image]]:
 
         runs["noniterative-bm3d"] = exact
         runs[ALGEBRAIC] = algebraic
-    runs["network"] = network.reconstruct
+    runs["network-two-layer"] = network.reconstruct
     return runs
 
 
@@ -194,7 +194,7 @@ def _claims(means: dict[str, list[float]]) -> list[Claim]:
     )
     if ALGEBRAIC not in means:
         return [Claim(words, "BM3D was not installed.", "not tested") for words in said]
-    ours, theirs, exact = means["network"], means[ALGEBRAIC], means["noniterative-bm3d"]
+    ours, theirs, exact = means["network-two-layer"], means[ALGEBRAIC], means["noniterative-bm3d"]
     psnr, ssim = ours[0] - theirs[0], ours[2] - theirs[2]
     comparable: Verdict = "reproduced" if abs(psnr) <= TOLERANCE else "not reproduced"
     if psnr > TOLERANCE:

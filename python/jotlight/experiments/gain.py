@@ -45,8 +45,8 @@ def parts(lab: Lab) -> list[Part]:
 
     def one_sensor(axis: str, sensor: jl.Sensor) -> Callable[[Update], Outcome]:
         def run(update: Update) -> Outcome:
-            if unsupported_reason(sensor, "fast") is None:
-                network = jl.pretrained(sensor, "fast")
+            if unsupported_reason(sensor, "two-layer") is None:
+                network = jl.pretrained(sensor, "two-layer")
             else:
                 _, scenes = lab.data.photographs("train", settings["learning_images"])
                 network, _ = learn(
@@ -145,7 +145,7 @@ def _axes(means: dict[float, dict[str, float]], x: str, ticks: list[float]) -> A
             list(means),
             [row[method] for row in means.values()],
             color=COLOURS[method],
-            marker="o" if method == "network" else ".",
+            marker="o" if method == "network-two-layer" else ".",
         )
         for method in found
     ]
@@ -178,7 +178,7 @@ def _winners(first: str, means: dict[float, dict[str, float]], fast: set[str]) -
     """The best method, and the best of some."""
     groups: dict[str, Callable[[str], bool]] = {
         "best": lambda name: True,
-        "best under a free licence": lambda name: METHODS[name].needs != "bm3d",
+        "best under a free licence": lambda name: METHODS[name].required_package != "bm3d",
     }
     if fast:
         groups[f"best in less than {_FAST:g} ms"] = lambda name: name in fast

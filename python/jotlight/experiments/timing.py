@@ -15,7 +15,7 @@ import numpy as np
 
 import jotlight as jl
 import jotlight._engine as engine
-from jotlight.evaluation.methods import DEEPER, METHODS
+from jotlight.evaluation.methods import DEEP_NETWORKS, METHODS
 from jotlight.experiments.experiment import (
     Experiment,
     Image,
@@ -59,7 +59,7 @@ def parts(lab: Lab) -> list[Part]:
         methods = [
             name
             for name, method in METHODS.items()
-            if method.available and name not in ("mle-iterative", *DEEPER)
+            if method.available and name not in ("mle-iterative", *DEEP_NETWORKS)
         ] + [UNTIED]
         rows: list[Row] = []
         rounds = lab.settings["rounds"]
@@ -132,8 +132,8 @@ _networks: dict[str, Callable[..., Image]] = {}
 def _seconds(method: str, packed: Any, sensor: jl.Sensor, threads: int | None) -> float:
     """In a worker: the time from bits to a picture, the median of some runs."""
     bits = jl.Bits(packed)
-    if method == "network":
-        run = _networks.setdefault(method, jl.pretrained(sensor, "fast").reconstruct)
+    if method == "network-two-layer":
+        run = _networks.setdefault(method, jl.pretrained(sensor, "two-layer").reconstruct)
     elif method == UNTIED:
         network = jl.Network.initial(sensor, tied=False)
         run = _networks.setdefault(method, network.reconstruct)
@@ -165,7 +165,7 @@ def section(results: Results) -> Section:
         row: list[Any] = [title(method)]
         for cores in medians:
             median = medians[cores][method]
-            row += [median, median / medians[cores]["network"]]
+            row += [median, median / medians[cores]["network-two-layer"]]
         rows.append(row)
     columns = [Column("method")]
     for cores in medians:
@@ -199,7 +199,7 @@ def _claims(cores: str, medians: dict[str, float]) -> list[Claim]:
         Claim(
             f"MLE takes 52 ms and the learned network 453 ms: {_BESIDE_MLE} times as long.",
             f"{times} and MLE {mle:.2f} ms: {network / mle:.1f} times as long (with one weight for "
-            f"all jots {medians['network'] / mle:.1f} times).",
+            f"all jots {medians['network-two-layer'] / mle:.1f} times).",
             _verdict(network / mle),
             f"Within {_NEAR:.0%} of the paper's ratio counts as reproduced, less as better.",
         )
@@ -217,7 +217,7 @@ def _claims(cores: str, medians: dict[str, float]) -> list[Claim]:
             said,
             f"{times} and the non-iterative method with BM3D {rival:.0f} ms: the network is "
             f"{ratio:.0f} times as fast (with one weight for all jots "
-            f"{rival / medians['network']:.0f} times).",
+            f"{rival / medians['network-two-layer']:.0f} times).",
             "better" if ratio > _BESIDE_BM3D else "not reproduced",
             f"Our network is {453 / network:.0f} times as fast as the paper's in Matlab on another "
             f"processor; BM3D's package takes {rival / 2377:.1f} times as long as the paper's.",

@@ -13,5 +13,6 @@
 
 from jotlight.formats.reading import open, open_capture
 from jotlight.formats.registry import FORMATS
+from jotlight.formats.writing import save
 
-__all__ = ["FORMATS", "open", "open_capture"]
+__all__ = ["FORMATS", "open", "open_capture", "save"]

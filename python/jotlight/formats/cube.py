@@ -21,10 +21,9 @@ from jotlight.formats.description import (
 from jotlight.formats.labels import make_bits_label
 from jotlight.formats.packing import check_packed
 from jotlight.memory_maps import release
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits import Bits, SensorLike
 from jotlight.sensing.frames import Frames, read_in_chunks
 from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.sensor import Sensor
 
 
 def open_cube(
@@ -88,7 +87,7 @@ def create_bits(
     path: str | os.PathLike[str],
     shape: tuple[int, ...],
     width: int,
-    sensor: Sensor | None,
+    sensor: SensorLike | None,
     provenance: Provenance | None = None,
 ) -> Iterator[npt.NDArray[np.uint8]]:
     """Yield a memory map of packed bits to fill; the cube appears when the block ends.
@@ -139,7 +138,7 @@ def describe_cube(
     path: Path,
     shape: tuple[int, ...],
     width: int,
-    sensor: Sensor | None,
+    sensor: SensorLike | None,
     provenance: Provenance | None,
 ) -> Iterator[Path]:
     """Yield a temporary path to write a cube to.

@@ -12,8 +12,9 @@ from jotlight.errors import warn
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.labels import BITS, MAX_LABEL_BYTES, VERSION, parse_label
 from jotlight.formats.safe_paths import resolve_sibling
+from jotlight.sensing.maps import MAPS
 from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.sensor import MAPS, Sensor
+from jotlight.sensing.sensor import Sensor
 
 
 def description_path(cube: Path) -> Path:

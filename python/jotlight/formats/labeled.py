@@ -12,8 +12,9 @@ from jotlight.formats.labels import BITS, make_bits_label, parse_label
 from jotlight.formats.packing import check_packed, pack_lazily
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
+from jotlight.sensing.maps import MAPS
 from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.sensor import MAPS, Sensor
+from jotlight.sensing.sensor import Sensor
 
 ATTRIBUTE = "jotlight"
 """Name of the attribute that holds the label of an array."""

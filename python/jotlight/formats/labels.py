@@ -3,8 +3,8 @@
 import json
 from typing import Any
 
+from jotlight.sensing.bits import SensorLike
 from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.sensor import Sensor
 
 BITS = "jotlight bits"
 """Value of "format" in a label of packed bits."""
@@ -37,7 +37,7 @@ def parse_label(text: str, format_: str) -> dict[str, Any] | None:
 
 
 def make_bits_label(
-    width: int, sensor: Sensor | None, provenance: Provenance | None
+    width: int, sensor: SensorLike | None, provenance: Provenance | None
 ) -> dict[str, Any]:
     """Return the label of packed bits; the caller adds where each of the sensor's maps is."""
     label: dict[str, Any] = {"format": BITS, "version": VERSION, "width": width}

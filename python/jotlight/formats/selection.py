@@ -7,10 +7,9 @@ import numpy.typing as npt
 
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.orientation import orient_image, orient_packed, parse_orientation
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits import Bits, SensorLike
 from jotlight.sensing.frames import Frames, format_frame_range
 from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.sensor import Sensor
 
 
 def select(
@@ -89,6 +88,6 @@ def _orient_images(
     return Frames(shape, read, images.dtype)
 
 
-def _orient_sensor(sensor: Sensor, quarters: int, flip: str | None) -> Sensor:
+def _orient_sensor(sensor: SensorLike, quarters: int, flip: str | None) -> SensorLike:
     maps = {name: orient_image(map_, quarters, flip) for name, map_ in sensor.maps().items()}
     return sensor.replace(**maps)

@@ -1,5 +1,6 @@
 """Captures written in any format: completely or not at all, and part by part."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -53,6 +54,56 @@ def choose_output_format(path: Path, name: str | None = None) -> str:
             allowed.append("a name without extension, of a new folder,")
         raise ValueError(f"{path}: expected {' or '.join(allowed)} for {name}")
     return name
+
+
+def save(data: Bits | Counts, path: str | os.PathLike[str], *, format: str | None = None) -> None:
+    """Write bits, or an image of counts, to a file or folder that :func:`jotlight.open` reads.
+
+    Either all files appear, or none. A `.npy` of bits is a photon cube: every program that reads
+    photon cubes opens it, and ``numpy.unpackbits`` unpacks it. A `.json` next to it keeps the true
+    width, the provenance, and the sensor, and the maps of the sensor are `.npy` files of their own.
+
+    Parameters
+    ----------
+    data : Bits or ndarray of int, shape (H, W) or (H, W, C)
+        Bits of any size, which are written part by part, or counts. Bits are summed to counts if
+        the format has only counts.
+    path : path
+        A file, or for a format of many files a new folder.
+    format : str, optional
+        Name of the format. Default: the one that the extension implies.
+
+    Raises
+    ------
+    TypeError
+        When `data` is neither :class:`jotlight.Bits` nor an array of integers.
+    ValueError
+        When the extension implies no single format, or the format cannot hold the data.
+    OSError
+        When a file cannot be written, or would replace one that jotlight did not write.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from jotlight import open
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "capture.npy"
+    >>> save(Bits.from_array(np.eye(10, dtype=bool)), path)
+    >>> open(path)
+    <Bits: 1 frame of 10 x 10 jots>
+    """
+    path = Path(path)
+    if not isinstance(data, Bits):
+        if not isinstance(data, np.ndarray) or data.dtype.kind not in "iu":
+            kind = getattr(data, "dtype", type(data).__name__)
+            raise TypeError(f"data: expected jotlight.Bits or an array of counts, got {kind}")
+        if data.ndim not in (2, 3) or data.size == 0:
+            raise ValueError(f"data: expected counts (H, W) or (H, W, C), got shape {data.shape}")
+        if data.min() < 0 or data.max() >= 2**31:
+            raise ValueError(
+                f"data: expected counts from 0 to 2**31 - 1, got {data.min()} to {data.max()}"
+            )
+        data = data.astype(np.int32)
+    write_capture(data, path, choose_output_format(path, format))
 
 
 def write_capture(

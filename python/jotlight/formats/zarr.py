@@ -17,8 +17,8 @@ from jotlight.formats.labeled import ATTRIBUTE, StoredArray, bits_label, open_st
 from jotlight.formats.limits import check_claimed_size
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
+from jotlight.sensing.maps import MAPS
 from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.sensor import MAPS
 
 _METADATA_FILES = ("zarr.json", ".zarray", ".zgroup")
 """Names of the files that describe an array or a group, in versions 3 and 2 of zarr."""

@@ -23,7 +23,7 @@ COLOURS = {
     "noniterative-bm3d-algebraic": "#5bb898",
     "admm-tv": "#c98a00",
     "network-initial": "#a58c6f",
-    "network": "#d55e00",
+    "network-two-layer": "#d55e00",
 }
 """The methods' colours, the same in every figure."""
 

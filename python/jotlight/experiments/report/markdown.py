@@ -8,8 +8,8 @@ _MOST_ROWS = 20
 """Of a table that is shown; longer ones are in the CSV."""
 
 
-def markdown(report: Report, folder: str = "results") -> str:
-    """Give the page; `folder` holds ``NAME.csv``, the curves' ``.svg`` and the scenes' ``.jpg``."""
+def markdown(report: Report) -> str:
+    """Return the page; ``NAME.csv``, the curves' ``.svg`` and the scenes' ``.jpg`` are beside it."""
     lines = [f"# {report.title}", "", report.words, ""]
     lines += [f"- {name}: {value}" for name, value in report.facts]
     claims = [(section, claim) for section in report.sections for claim in section.claims]
@@ -18,7 +18,7 @@ def markdown(report: Report, folder: str = "results") -> str:
         lines += ["| the paper | here | verdict | why |", "| --- | --- | --- | --- |"]
         lines += [_claim(section, claim) for section, claim in claims]
     for section in report.sections:
-        lines += ["", *_section(section, folder)]
+        lines += ["", *_section(section)]
     return "\n".join(lines) + "\n"
 
 
@@ -33,15 +33,15 @@ def _claim(section: Section, claim: Claim) -> str:
     )
 
 
-def _section(section: Section, folder: str) -> list[str]:
+def _section(section: Section) -> list[str]:
     lines = [f"## {section.title}", "", section.words]
     if section.command:
-        rows = f"[{section.name}.csv]({folder}/{section.name}.csv)"
+        rows = f"[{section.name}.csv]({section.name}.csv)"
         lines[-1] += f" `{section.command}`, {rows}."
     for curve in section.curves:
-        lines += ["", f"![{curve.title}]({folder}/{curve.name}.svg)"]
+        lines += ["", f"![{curve.title}]({curve.name}.svg)"]
     if section.picture:
-        lines += ["", f"![Bits and pictures, by every method]({folder}/{section.picture})"]
+        lines += ["", f"![Bits and pictures, by every method]({section.picture})"]
     for table in section.tables:
         if len(table.rows) <= _MOST_ROWS:
             lines += ["", f"**{table.title}.**" + (f" {table.note}" if table.note else ""), ""]

@@ -82,15 +82,21 @@ def write_report(folder: Folder) -> Report:
     results = running.read_results(folder.results, lambda name: folder.path / "parts" / name)
     report = report_of(results, running.read_facts(folder.results / "run.csv"))
     for section in report.sections:
-        for curve in section.curves:
-            _write(folder.results / f"{curve.name}.svg", curve.svg.encode())
         if section.scenes:
             # A wide scene makes a figure that fits a page.
             widest = max(section.scenes, key=lambda scene: scene.size[1] / scene.size[0])
             _write(folder.results / section.picture, figure_of(widest))
-    _write(folder.path / "reproduction.md", markdown(report).encode())
+    write_markdown(report, folder.results)
     _write(folder.page, page(report).encode())
     return report
+
+
+def write_markdown(report: Report, results: Path) -> None:
+    """Write the page of Markdown and its curves beside the tables."""
+    for section in report.sections:
+        for curve in section.curves:
+            _write(results / f"{curve.name}.svg", curve.svg.encode())
+    _write(results / "reproduction.md", markdown(report).encode())
 
 
 def figure_of(scene: Scene) -> bytes:

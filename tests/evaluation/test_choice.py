@@ -1,0 +1,154 @@
+"""The choice of method, network size, and range for a sensor."""
+
+import pytest
+
+import jotlight as jl
+from jotlight.evaluation.methods import (
+    DEFAULT_METHOD,
+    FALLBACK_METHOD,
+    METHODS,
+    OPTION_DEFAULTS,
+    OWN_NETWORK,
+    SMOOTH_KERNEL_METHOD,
+    choose_method,
+    requested_method,
+)
+from jotlight.networks.pretrained import unsupported_reason
+from jotlight.sensing.reference import saturation_intensity
+
+SENSOR = jl.Sensor(frames=16)
+LARGE = jl.Sensor(frames=1000)
+CUBIC = jl.Sensor(frames=16, oversampling=2, kernel="cubic")
+SHIPPED = [name for name, method in METHODS.items() if method.quality is not None]
+CONDITIONAL = jl.Network.conditional("small", trials_range=(1, 64), rng=0)
+
+
+def test_the_default_is_the_shipped_network_where_it_serves_the_sensor():
+    choice = choose_method(SENSOR)
+    assert (choice.method, choice.quality) == (DEFAULT_METHOD, "medium")
+    assert choice.title == "network, medium"
+    assert (choice.notes, choice.warnings) == ((), ())
+
+
+def test_a_sensor_without_a_network_gets_the_fallback_and_a_warning_with_the_reason():
+    choice = choose_method(LARGE)
+    assert (choice.method, choice.quality) == (FALLBACK_METHOD, None)
+    [warning] = choice.warnings
+    assert warning.startswith(f"{unsupported_reason(LARGE)}; train one: jotlight train ")
+    assert "--frames 1000" in warning
+
+
+def test_bits_of_a_smooth_kernel_get_the_method_that_models_it_and_counts_do_not():
+    assert choose_method(CUBIC).method == SMOOTH_KERNEL_METHOD
+    assert choose_method(CUBIC, is_bits=False).method == FALLBACK_METHOD
+
+
+def test_the_fallback_serves_every_sensor():
+    for sensor in (SENSOR, LARGE, CUBIC):
+        assert METHODS[FALLBACK_METHOD].unsupported_reason(sensor) is None
+
+
+def test_the_caller_s_remedy_ends_the_message():
+    assert choose_method(LARGE, remedy="use a tripod").warnings[0].endswith("; use a tripod")
+    with pytest.raises(ValueError, match=r"use a tripod$"):
+        choose_method(LARGE, requested="network-medium", remedy="use a tripod")
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_request_is_kept_without_a_warning(name):
+    choice = choose_method(SENSOR, requested=name)
+    assert choice.method == name
+    assert choice.title == METHODS[name].title
+    assert choice.warnings == ()
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_requested_network_that_does_not_serve_the_sensor_is_refused(name):
+    with pytest.raises(ValueError, match=r"there is no trained network for .*; train one: "):
+        choose_method(LARGE, requested=name)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_fixed_range_is_that_of_the_shipped_network(name):
+    choice = choose_method(SENSOR, requested=name)
+    network = jl.pretrained(SENSOR, choice.quality)
+    assert choice.has_fixed_range == (network.trials_range is None)
+
+
+@pytest.mark.parametrize(
+    ("network", "has_fixed_range"), [(jl.Network.initial(SENSOR), True), (CONDITIONAL, False)]
+)
+def test_a_network_of_the_caller_comes_first(network, has_fixed_range):
+    choice = choose_method(LARGE, requested="mle", network=network)
+    assert (choice.method, choice.quality, choice.warnings) == (OWN_NETWORK, None, ())
+    assert choice.has_fixed_range == has_fixed_range
+    assert choice.title == "network, own"
+
+
+@pytest.mark.parametrize("name", ["mle", "admm-tv", "network-medium"])
+def test_an_unknown_range_reaches_up_to_saturation(name):
+    choice = choose_method(SENSOR, requested=name, is_range_known=False)
+    assert choice.max_intensity == saturation_intensity(SENSOR) > 1
+    assert choice.white == 1
+    assert choice.saturation is None
+    [note] = choice.notes
+    assert "max_intensity=S (--max-intensity) sets another" in note
+
+
+def test_a_network_with_a_fixed_range_keeps_it_and_names_the_saturation():
+    choice = choose_method(SENSOR, requested="network-small", is_range_known=False)
+    assert (choice.max_intensity, choice.white) == (1, 1)
+    assert choice.saturation == saturation_intensity(SENSOR)
+    assert choice.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("sensor", "is_range_known"),
+    [
+        (SENSOR, True),
+        (CUBIC, False),
+        (jl.Sensor(frames=16, max_intensity=50.0), False),
+    ],
+    ids=["known", "smooth kernel", "above saturation"],
+)
+def test_any_other_range_stays(sensor, is_range_known):
+    choice = choose_method(sensor, requested="mle", is_range_known=is_range_known)
+    assert choice.max_intensity == choice.white == sensor.max_intensity
+    assert choice.saturation is None
+    assert choice.notes == ()
+
+
+def test_without_a_name_or_an_option_nothing_is_requested():
+    assert requested_method(None) is None
+
+
+@pytest.mark.parametrize(("option", "method"), OPTION_DEFAULTS.items())
+def test_an_option_selects_a_method_that_takes_it(option, method):
+    assert requested_method(None, [option]) == method
+    assert option in METHODS[method].options
+
+
+@pytest.mark.parametrize(
+    ("method", "option"),
+    [("noniterative-gaussian", "inverse"), ("mle-iterative", "tol"), ("mle", "uncertainty")],
+)
+def test_a_name_is_kept_beside_its_options(method, option):
+    assert requested_method(method, [option]) == method
+
+
+@pytest.mark.parametrize(
+    ("method", "options", "message"),
+    [
+        ("magic", [], "method: expected one of mle, .*, got 'magic'"),
+        ("mle-iterative", ["norm"], "norm: is an option of admm-tv, not of mle-iterative"),
+        ("admm-tv", ["inverse"], "inverse: is an option of noniterative-gaussian, .* not of admm"),
+        (None, ["uncertainty", "tol"], "tol: is an option of mle-iterative, admm-tv, not of mle"),
+    ],
+)
+def test_a_request_that_cannot_be_met_is_refused(method, options, message):
+    with pytest.raises(ValueError, match=message):
+        requested_method(method, options)
+
+
+def test_every_option_of_a_method_selects_one():
+    assert set(OPTION_DEFAULTS) == set().union(*(method.options for method in METHODS.values()))
