@@ -20,7 +20,7 @@ from jotlight.formats.magic import has_type
 from jotlight.formats.packing import pack_lazily
 from jotlight.formats.tiff_directories import open_checked_tiff
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, joined
+from jotlight.sensing.frames import Frames, concatenate
 from jotlight.sensing.provenance import Provenance
 
 _TIFF_EXTENSIONS = (".tif", ".tiff")
@@ -69,7 +69,7 @@ def _open_images(
         provenance = provenance.with_notes(
             f"{len(files)} files in the natural order of their names"
         )
-    frames = joined(parts)
+    frames = concatenate(parts)
     if frames.dtype == np.bool_ and frames.ndim == 3:
         provenance = provenance.with_notes("black-and-white images are frames of bits, white for 1")
         return Bits(pack_lazily(frames, path.name), frames.shape[2], provenance=provenance)

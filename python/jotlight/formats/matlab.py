@@ -19,7 +19,7 @@ from jotlight.formats.magic import has_type
 from jotlight.formats.mat_sizes import check_sizes
 from jotlight.formats.packing import pack_lazily
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, joined
+from jotlight.sensing.frames import Frames, concatenate
 from jotlight.sensing.provenance import Provenance
 
 _VARIABLE = "OUTPUT"
@@ -56,7 +56,7 @@ def open_matlab(path: Path, options: OpenOptions) -> Capture:
     parts = [_open_part(file, options.key) for file in files]
     if len({part.shape[1:] for part in parts}) != 1:
         raise ValueError(f"{path}: expected parts of one height and width")
-    frames = joined(parts)
+    frames = concatenate(parts)
     if total is not None and total < len(frames):
         notes.append(f"the first {total} of {len(frames)} frames, as info.json states")
         frames = frames[:total]

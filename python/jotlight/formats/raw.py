@@ -11,7 +11,7 @@ from jotlight.files import atomic_folder, atomic_write
 from jotlight.formats.compressed import Stream, naming_file, open_gzip
 from jotlight.formats.magic import file_type
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, joined, read_in_chunks
+from jotlight.sensing.frames import Frames, concatenate, read_in_chunks
 
 Packed = npt.NDArray[np.uint8]
 
@@ -109,7 +109,7 @@ def read_raw(
     ValueError
         When no file has a complete frame.
     """
-    frames = joined([_read_raw_file(file, shape, decode, trailer) for file in files])
+    frames = concatenate([_read_raw_file(file, shape, decode, trailer) for file in files])
     if len(frames) == 0:
         where = f"any of {len(files)} files" if len(files) > 1 else "it"
         raise ValueError(

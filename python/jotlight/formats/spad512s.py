@@ -28,7 +28,7 @@ from jotlight.formats.raw import (
     write_raw,
 )
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, joined
+from jotlight.sensing.frames import Frames, concatenate
 from jotlight.sensing.provenance import Provenance
 
 FRAMES_PER_FILE = 1000
@@ -97,7 +97,7 @@ def open_spad512s(path: Path, options: OpenOptions, *, sparse: bool = False) -> 
     """Return the bits of a file, or of a folder in natural order."""
     files = list_files(path, EXTENSIONS, "SPAD512S")
     if sparse:
-        frames = joined([_read_sparse(file) for file in files])
+        frames = concatenate([_read_sparse(file) for file in files])
         if len(frames) == 0:
             raise ValueError(
                 f"{path}: expected frames that end in {_END_OF_FRAME}, got no such end"

@@ -17,7 +17,7 @@ from jotlight.formats.packing import pack_lazily
 from jotlight.formats.safe_paths import resolve_below
 from jotlight.memory_maps import release
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, joined, read_in_chunks
+from jotlight.sensing.frames import Frames, concatenate, read_in_chunks
 from jotlight.sensing.provenance import Provenance
 
 _FILE_NAME = "transforms.json"
@@ -83,7 +83,7 @@ def _open_frames(path: Path, content: dict[str, Any]) -> Bits:
         widths.add(width)
     if len(widths) != 1 or len({part.shape[1:] for part in parts}) != 1:
         raise ValueError("frames: expected at least one, and frames of one size")
-    packed = joined(parts)
+    packed = concatenate(parts)
     stated = len(content["frames"])
     if len(packed) != stated:
         warn(f"{path}: lists {stated} frames, and there are {len(packed)}; the fewer are used")
