@@ -11,7 +11,7 @@ from jotlight.cli.console import out, progress
 from jotlight.cli.output_options import UNITS, OutputOptions
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE
 from jotlight.images.io import image_writer
-from jotlight.images.video import film_writer, is_floats, windows
+from jotlight.images.video import video_writer, is_floats, windows
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
 
@@ -56,7 +56,9 @@ def film(
             begin("choosing the tone curve", 0)
             parts = some_windows(bits, window, step)
             tone = wanted.film_tone([run(part, sensor) for part in parts])
-        with film_writer(wanted.picture, len(spans), tone=tone, fps=fps, depth=wanted.depth) as add:
+        with video_writer(
+            wanted.picture, len(spans), tone=tone, fps=fps, depth=wanted.depth
+        ) as add:
             for number, span in enumerate(spans):
                 begin(f"window {number + 1} of {len(spans)}")
                 picture = run(_part(bits, span), sensor)
