@@ -97,8 +97,8 @@ def measure_response(
             "and with the exposure of the dark capture"
         )
     local = np.maximum(local, 1e-3 * np.median(local[~bad]))
-    weak = detection_probability(threshold, np.maximum(MIN_RESPONSE * local + dark, 0))
-    strong = detection_probability(threshold, np.maximum(local / MIN_RESPONSE + dark, 0))
+    weak = detection_probability(threshold, MIN_RESPONSE * local + dark)
+    strong = detection_probability(threshold, local / MIN_RESPONSE + dark)
     dead = binom.cdf(ones, frames, weak) <= false_positive_rate
     dead |= binom.sf(ones - 1, frames, strong) <= false_positive_rate
 
