@@ -17,7 +17,7 @@ from scipy.ndimage import binary_dilation, distance_transform_edt, label
 from skimage.restoration import inpaint_biharmonic
 
 import jotlight as jl
-from jotlight.calibration.flat import drawn_in
+from jotlight.calibration.flat import shrink_response
 from jotlight.calibration.rates import detections, variance
 from jotlight.datasets.scenes import PHOTOGRAPHS
 from jotlight.estimators.inpaint import inpaint_dead_pixels
@@ -85,8 +85,9 @@ def false_positives(maps: int) -> None:
             ones = rng.binomial(frames, chance(), SHAPE).astype(np.int32)
             results.append(jl.calibrate(ones, frames=frames, false_positive_rate=RATE))
         row(
-            kind, frames, mean, f"{np.mean([one.bulk.chance(frames) for one in results]):.2g}",
-            f"{1e4 * np.mean([one.hot_chance for one in results]):.2f} · 10⁻⁴",
+            kind, frames, mean,
+            f"{np.mean([one.bulk.tail_probability(frames) for one in results]):.2g}",
+            f"{1e4 * np.mean([one.hot_probability for one in results]):.2f} · 10⁻⁴",
             f"{1e4 * np.mean([one.hot.mean() for one in results]):.2f} · 10⁻⁴",
         )  # fmt: skip
 
@@ -107,10 +108,8 @@ def outliers() -> None:
                 truth[compared] = outlier
             ones = rng.binomial(frames, -np.expm1(-light * truth)).astype(np.int32)
             measured = detections(ones, frames, 1) / light
-            errors = [
-                np.sqrt(np.mean((drawn_in(measured, noise, limit)[0] - truth)[compared] ** 2))
-                for limit in limits
-            ]
+            shrunk = [shrink_response(measured, noise, limit)[0] for limit in limits]
+            errors = [np.sqrt(np.mean((each - truth)[compared] ** 2)) for each in shrunk]
             name = "1 ± 0.05" if outlier == 1 else outlier
             row(frames, name, *(f"{error:.3f}" for error in errors))
 
@@ -127,7 +126,7 @@ def hot_jots(name: str, dark: np.ndarray) -> None:
     rng = np.random.default_rng(3)
     masking_limits = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
     ones = rng.binomial(4096, -np.expm1(-dark)).astype(np.int32)
-    calibrations = [jl.calibrate(ones, frames=4096, most_dark=limit) for limit in masking_limits]
+    calibrations = [jl.calibrate(ones, frames=4096, max_dark=limit) for limit in masking_limits]
     print(f"\n{name} dark map; masked: ", end="")
     print(", ".join(f"{one.mask.mean():.1%}" for one in calibrations))
     columns = [f"limit {limit:g}" for limit in masking_limits]
