@@ -1,6 +1,6 @@
 """``python -m jotlight``: the command line."""
 
-from jotlight.cli import main
+from jotlight.cli.app import main
 
 if __name__ == "__main__":
     main()
