@@ -1,6 +1,10 @@
-"""Every check by name; plain `nox` is the gate."""
+"""Every check by name. `nox` runs the gate; `nox --tags release` runs what takes longer.
+
+The tags below are the only list of the gate's steps: `.ci/run` and CONTRIBUTING refer to them.
+"""
 
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -10,29 +14,22 @@ from nox.command import CommandFailed
 nox.needs_version = ">=2024.10.9"
 nox.options.default_venv_backend = "venv"
 nox.options.reuse_existing_virtualenvs = True
-nox.options.sessions = [
-    "lint", "rust", "wheel", "types", "stubs", "tests", "torch", "docs", "browser", "reproduce",
-]  # fmt: skip
+nox.options.tags = ["gate"]
 
-DIST = Path("dist")
-DATA = Path(os.environ.get("JOTLIGHT_DATA", "../shared/data"))
-EXTRAS = (
-    "tests/cli/test_convert.py",
-    "tests/cli/test_output_options.py",
-    "tests/cli/test_signals.py",
-    "tests/images/test_video.py",
-    "tests/formats/test_arrays.py",
-    "tests/formats/test_hostile_files.py",
-)
+ROOT = Path(__file__).parent
+DIST = ROOT / "dist"
+DATA = Path(os.environ.get("JOTLIGHT_DATA", ROOT.parent / "shared" / "data")).resolve()
+NEEDS_TORCH = ("tests/torch", "tests/cli/test_train_deep.py", "tests/cli/test_fine_tune.py")
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
-@nox.session
+@nox.session(tags=["gate"])
 def lint(session: nox.Session) -> None:
-    """Style and lints of Python and Rust."""
+    """Style and lints of Python and Rust, and the words of the glossary."""
     session.install("ruff>=0.9")
     session.run("ruff", "check", ".")
     session.run("ruff", "format", "--check", ".")
+    session.run("python", "tools/check_words.py")
     for tool, arguments in (
         ("rustfmt", ["fmt", "--all", "--check"]),
         ("cargo-clippy", ["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]),
@@ -43,89 +40,64 @@ def lint(session: nox.Session) -> None:
             session.warn(f"{tool} is not installed: its check was NOT made")
 
 
-@nox.session(venv_backend="none")
+@nox.session(venv_backend="none", tags=["gate"])
+def readme(session: nox.Session) -> None:
+    """The README's test commands as they stand, in a copy of the tracked files."""
+    copy = Path(session.create_tmp()).resolve() / "jotlight"
+    shutil.rmtree(copy, ignore_errors=True)
+    tracked = session.run("git", "ls-files", "-z", external=True, silent=True) or ""
+    for name in filter(None, tracked.split("\0")):
+        (copy / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(ROOT / name, copy / name)
+    blocks = re.findall(r"^```sh\n(.*?)^```", (copy / "README.md").read_text(), re.S | re.M)
+    with session.chdir(copy):
+        # The engine is compiled once for all sessions.
+        env = {"CARGO_TARGET_DIR": str(ROOT / "target"), "JOTLIGHT_DATA": str(DATA)}
+        session.run("bash", "-ec", blocks[1], env=env, external=True)
+
+
+@nox.session(venv_backend="none", tags=["gate"])
 def rust(session: nox.Session) -> None:
-    """The engine's own tests, and its documentation's examples."""
+    """The engine's own tests, and the examples of its documentation."""
     session.run("cargo", "test", "--workspace", external=True)
 
 
-@nox.session
+@nox.session(tags=["gate"])
 def wheel(session: nox.Session) -> None:
-    """Build the one wheel that the sessions below install."""
+    """Build the wheel that the sessions below install."""
     session.install("maturin>=1.9.4,<2")
     shutil.rmtree(DIST, ignore_errors=True)
     session.run("maturin", "build", "--release", "--locked", "--out", str(DIST))
 
 
-@nox.session
+@nox.session(tags=["gate"])
 def types(session: nox.Session) -> None:
-    """Strict types."""
+    """Strict types, and the stub of the engine against the compiled module."""
     install_wheel(session, "mypy>=1.13")
     session.run("mypy")
-
-
-@nox.session
-def stubs(session: nox.Session) -> None:
-    """The stub of the engine against the compiled module."""
-    install_wheel(session, "mypy>=1.13")
     session.run("python", "-m", "mypy.stubtest", "jotlight._engine")
 
 
-@nox.session
-def tests(session: nox.Session) -> None:
-    """The default suite; arguments go to pytest."""
-    install_wheel(session, extra="test,hdf5,zarr,exr,video")
-    session.run("pytest", *session.posargs)
+@nox.session(tags=["gate"])
+def slow(session: nox.Session) -> None:
+    """The tests that the README's command leaves out."""
+    install_wheel(session, extra="test")
+    session.run("pytest", "-m", "slow", env={"JOTLIGHT_DATA": str(DATA)})
 
 
-@nox.session
-def extras(session: nox.Session) -> None:
-    """What the default suite skips for want of a package."""
-    install_wheel(session, extra="test,hdf5,zarr,exr,video")
-    session.run("pytest", *EXTRAS, *session.posargs)
-
-
-@nox.session
+@nox.session(tags=["gate"])
 def torch(session: nox.Session) -> None:
-    """The modules of PyTorch, their commands, what deepinv takes of them; arguments go to pytest.
+    """All tests that need PyTorch; arguments go to pytest.
 
-    Where pip is told of an index with builds for the CPU alone (PIP_EXTRA_INDEX_URL), it takes
-    those; else it installs gigabytes of CUDA libraries that the tests do not use.
+    Where pip knows an index with builds for the CPU alone (PIP_EXTRA_INDEX_URL), it takes those.
+    Otherwise it installs gigabytes of CUDA libraries that the tests do not use.
     """
     install_wheel(session, extra="test,deepinv")
-    examples = ("tests/docs/test_documents.py", "-k", "test_torch or (docstring and torch)")
-    modules = sorted(str(path) for path in Path("tests/unit").glob("test_torch_*.py"))
-    modules += ["tests/cli/test_train_deep.py", "tests/cli/test_fine_tune.py"]
-    session.run("pytest", *modules, *examples, *session.posargs)
+    session.run("pytest", "-m", "slow or not slow", *NEEDS_TORCH, *session.posargs)
+    session.run("pytest", "tests/docs/test_documents.py", "-k", "torch", *session.posargs)
 
 
-@nox.session
-def fuzz(session: nox.Session) -> None:
-    """Every reader of files, a few seconds each; arguments as of fuzz/readers.py."""
-    try:
-        install_wheel(session, "atheris>=3", extra="test,hdf5,zarr")
-    except CommandFailed:
-        session.error("atheris cannot be installed here: the readers were NOT fuzzed")
-    session.run("python", "fuzz/readers.py", *(session.posargs or ["all", "--seconds", "5"]))
-
-
-@nox.session
-def docs(session: nox.Session) -> None:
-    """README, docs, docstrings and examples run as they stand."""
-    install_wheel(session, extra="test")
-    session.run("pytest", "tests/docs", *session.posargs)
-
-
-@nox.session
-def browser(session: nox.Session) -> None:
-    """The report's page in a browser."""
-    if not any(map(shutil.which, BROWSERS)):
-        session.skip(f"none of {', '.join(BROWSERS)} is installed: the page was NOT tested")
-    install_wheel(session, extra="test,browser")
-    session.run("pytest", "tests/browser", *session.posargs)
-
-
-@nox.session
+@nox.session(tags=["gate"])
 def reproduce(session: nox.Session) -> None:
     """All of the paper's experiments, quickly, on the data that JOTLIGHT_DATA names."""
     if not DATA.is_dir():
@@ -138,8 +110,36 @@ def reproduce(session: nox.Session) -> None:
     )
 
 
-def install_wheel(session: nox.Session, *packages: str, extra: str | None = None) -> None:
-    found = sorted(DIST.glob("jotlight-*.whl"))
-    if not found:
-        session.error("there is no wheel in dist/; run `nox -s wheel` first")
-    session.install(f"{found[-1]}[{extra}]" if extra else str(found[-1]), *packages)
+@nox.session(tags=["release"])
+def browser(session: nox.Session) -> None:
+    """The page of the reproduction in a browser."""
+    if not any(map(shutil.which, BROWSERS)):
+        session.error(f"none of {', '.join(BROWSERS)} is installed: the page was NOT tested")
+    install_wheel(session, extra="test,browser")
+    session.run("pytest", "tests/experiments/test_page_in_a_browser.py", *session.posargs)
+
+
+@nox.session(tags=["release"])
+def fuzz(session: nox.Session) -> None:
+    """Every reader of files, a few seconds each; arguments as of fuzz/readers.py."""
+    try:
+        install_wheel(session, "atheris>=3", extra="test")
+    except CommandFailed:
+        session.error("atheris cannot be installed here: the readers were NOT fuzzed")
+    session.run("python", "fuzz/readers.py", *(session.posargs or ["all", "--seconds", "5"]))
+
+
+@nox.session
+def tests(session: nox.Session) -> None:
+    """The tests that arguments choose, such as `nox -s tests -- -k sensor`."""
+    install_wheel(session, extra="test")
+    session.run("pytest", *session.posargs, env={"JOTLIGHT_DATA": str(DATA)})
+
+
+def install_wheel(session: nox.Session, *others: str, extra: str = "") -> None:
+    """Install the wheel that the session `wheel` built, and other packages."""
+    wheels = sorted(DIST.glob("jotlight-*.whl"))
+    if len(wheels) != 1:
+        session.error(f"expected one wheel in {DIST}, got {len(wheels)}: run `nox -s wheel` first")
+    session.install(f"{wheels[0]}[{extra}]" if extra else str(wheels[0]), *others)
+    session.run("pip", "install", "--quiet", "--force-reinstall", "--no-deps", str(wheels[0]))

@@ -16,10 +16,10 @@ import numpy as np
 
 import jotlight as jl
 from jotlight.images.sets import read_image_set
-from jotlight.networks.layer import flops_per_pixel
+from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.pretrained import BITS_PER_PIXEL, FOLDER
 from jotlight.torch import train
-from jotlight.training.loop import fingerprint_of
+from jotlight.training.loop import fingerprint_network
 
 Stages = tuple[tuple[int, float], ...]
 """Steps and rates of runs that begin where the one before ended, with seeds 1, 2 and so on."""
@@ -72,7 +72,7 @@ def start_of(name: str, elsewhere: Path) -> jl.Network:
     sensor, member = sensor_of(name), name.split("-")[0]
     if name == "medium":
         return jl.Network.conditional(member, rng=0)
-    start = jl.Network.deep(sensor, member, rng=0)
+    start = jl.Network.residual(sensor, member, rng=0)
     if name in STAGES:
         return start
     # The counts and x0 of its own K, and all else of the network for 16.
@@ -88,7 +88,7 @@ def learned(name: str, scenes: list[np.ndarray], options: argparse.Namespace) ->
             earlier = jl.Network.load(done)
             # A stage of other steps, or from another start, is run anew.
             run = earlier.history["run"]
-            if (run["steps"], run["network"]) == (steps, fingerprint_of(network)):
+            if (run["steps"], run["network"]) == (steps, fingerprint_network(network)):
                 network = earlier
                 continue
         checkpoint = options.elsewhere / f"{name}.{seed}.checkpoint.safetensors"
@@ -140,7 +140,7 @@ def card_of(name: str, network: jl.Network, tests: list[np.ndarray]) -> str:
     return CARD.read_text(encoding="utf-8").format(
         name=name,
         title=f"Layers of {' → '.join(str(layer.channels) for layer in network.layers)} channels",
-        parameters=sum(layer.parameters for layer in network.layers),
+        parameters=sum(layer.parameter_count for layer in network.layers),
         work=flops_per_pixel(network.layers) / 1000,
         purpose=purpose,
         trainer=trainer,

@@ -38,7 +38,7 @@ def train_one(bits: int, scenes: list, names: list[str], tests: list) -> None:
     learned, _ = jl.train(start, scenes, steps=STEPS, batch=BATCH, patch=PATCH, rng=SEED)
     seconds = time.perf_counter() - begun
     learned.history["trained on"] = "BSDS300 train, grey"
-    learned.save(FOLDER / f"k{bits}.safetensors")
+    learned.save(FOLDER / f"two-layer-k{bits}.safetensors")
     scores = jl.evaluate(learned, tests, sensor, names=names)
     other = jl.evaluate(jl.mle, tests, sensor, names=names)
     card = CARD.read_text(encoding="utf-8").format(
@@ -57,7 +57,7 @@ def train_one(bits: int, scenes: list, names: list[str], tests: list) -> None:
         mle_psnr=other.mean("psnr"),
         mle_ssim=other.mean("ssim"),
     )
-    (FOLDER / f"k{bits}.md").write_text(card, encoding="utf-8")
+    (FOLDER / f"two-layer-k{bits}.md").write_text(card, encoding="utf-8")
     print(
         f"K = {bits}: {scores.mean('psnr'):.2f} dB, SSIM {scores.mean('ssim'):.3f}, "
         f"{seconds:.0f} s",

@@ -40,14 +40,14 @@ def main() -> None:
     rows = {
         "network for this capture, learned with the calibration": by(with_it, seen, known),
         "network for this capture, learned without": by(without, seen, known),
-        "network that comes with jotlight": by(jl.pretrained(known, "fast"), seen, known),
+        "network that comes with jotlight": by(jl.pretrained(known, "two-layer"), seen, known),
         **{
             METHODS[name].title: METHODS[name].run(seen, known)
             for name in ("noniterative-gaussian", "noniterative-tv", "admm-tv", "mle")
         },
         "network for this capture, calibration never used": by(without, seen, unknown),
         "network that comes with jotlight, likewise": by(
-            jl.pretrained(unknown, "fast"), seen, unknown
+            jl.pretrained(unknown, "two-layer"), seen, unknown
         ),
     }
     print("| method | PSNR, dB |")

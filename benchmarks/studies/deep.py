@@ -17,7 +17,8 @@ import numpy as np
 import jotlight as jl
 from jotlight.files import atomic_write
 from jotlight.images.sets import read_image_set
-from jotlight.networks.pretrained import BITS_PER_PIXEL, QUALITIES, unsupported_reason
+from jotlight.networks.architectures import SIZES
+from jotlight.networks.pretrained import BITS_PER_PIXEL, unsupported_reason
 
 BITS = 1, 4, *BITS_PER_PIXEL, 256
 FLUX = 0.05, 0.2, 1.0, 4.0
@@ -67,7 +68,7 @@ def methods(sensor: jl.Sensor, models: list[Path]) -> list[tuple[str, Reconstruc
     ]
     found += [
         (quality, jl.pretrained(sensor, quality).reconstruct)
-        for quality in QUALITIES
+        for quality in SIZES
         if unsupported_reason(sensor, quality) is None
     ]
     for path in models:

@@ -92,7 +92,7 @@ def by_lbfgs(bits: jl.Bits, sensor: jl.Sensor) -> float:
 
     found = minimize(
         cost,
-        np.full(np.prod(shape), problem.level()),
+        np.full(np.prod(shape), problem.constant_estimate()),
         jac=True,
         method="L-BFGS-B",
         bounds=[(0, sensor.max_intensity)] * int(np.prod(shape)),

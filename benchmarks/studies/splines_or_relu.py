@@ -75,7 +75,7 @@ def learned(
     options: argparse.Namespace,
 ) -> float:
     with patch.dict(deep.ARCHITECTURES, small=deep.Architecture((channels,), (3,))):
-        network = jl.Network.deep(SENSOR, "small", rng=seed)
+        network = jl.Network.residual(SENSOR, "small", rng=seed)
     module = kind(network)
     patches = Patches(scenes, network, SENSOR, seed, training.BATCH, training.PATCH)
     trainer = training.Learning(module, patches, {}, training.RATE, None, Processes())

@@ -23,7 +23,7 @@ from jotlight.estimators.noniterative import noniterative
 from jotlight.estimators.planning import Plan, plan
 from jotlight.estimators.uncertainty import Uncertainty, uncertainty
 from jotlight.evaluation.evaluate import evaluate
-from jotlight.formats import open
+from jotlight.formats import open, save
 from jotlight.networks.layer import Layer
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import pretrained
@@ -59,6 +59,7 @@ __all__ = [
     "operators",
     "plan",
     "pretrained",
+    "save",
     "train",
     "training",
     "tv",

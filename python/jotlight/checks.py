@@ -1,4 +1,4 @@
-"""Checks of arguments: images of intensities, and numbers."""
+"""Checks of arguments that several modules share: numbers, images of intensities, and counts."""
 
 import math
 import operator
@@ -8,15 +8,123 @@ import numpy as np
 import numpy.typing as npt
 
 
-def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
-    """Check an image of intensities; float32 or float64, and never copied when it is that already.
+def whole_number(name: str, value: Any, minimum: int) -> int:
+    """Return a whole number that is at least `minimum`.
 
     Raises
     ------
     TypeError
-        For integers and whatever else is not a real number with a known scale.
+        When it is not an integer.
     ValueError
-        For an image that is empty, negative, not finite, or not of 2 or 3 dimensions.
+        When it is smaller.
+
+    Examples
+    --------
+    >>> whole_number("steps", 3, 1)
+    3
+    """
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise TypeError(f"{name}: expected a whole number, got {value!r}") from None
+    if number < minimum:
+        raise ValueError(f"{name}: expected at least {minimum}, got {number}")
+    return number
+
+
+def whole_number_in_range(name: str, value: Any, minimum: int, maximum: int) -> int:
+    """Return a whole number from `minimum` to `maximum`; 4.0 counts as one.
+
+    Raises
+    ------
+    ValueError
+        For anything else, text and bool included.
+
+    Examples
+    --------
+    >>> whole_number_in_range("threshold", 2.0, 1, 65535)
+    2
+    """
+    number = real_number(value)
+    if not minimum <= number <= maximum or number != int(number):
+        raise ValueError(
+            f"{name}: expected a whole number from {minimum} to {maximum}, got {value!r}"
+        )
+    return int(number)
+
+
+def positive_number(name: str, value: Any) -> float:
+    """Return a finite number above 0.
+
+    Raises
+    ------
+    ValueError
+        For anything else, text and bool included.
+
+    Examples
+    --------
+    >>> positive_number("learning_rate", 1e-3)
+    0.001
+    """
+    number = float(real_number(value))
+    if not (math.isfinite(number) and number > 0):
+        raise ValueError(f"{name}: expected a finite number above 0, got {value!r}")
+    return number
+
+
+def real_number(value: Any) -> float:
+    """Return a single real number as it is, and NaN for anything else, text and bool included.
+
+    Examples
+    --------
+    >>> real_number(2), real_number("2"), real_number([2])
+    (2, nan, nan)
+    """
+    array = np.asarray(value)
+    return array.item() if array.ndim == 0 and array.dtype.kind in "iuf" else math.nan
+
+
+def refuse_masked(name: str, data: object) -> None:
+    """Raise TypeError for a masked array, because its mask would be ignored."""
+    if isinstance(data, np.ma.MaskedArray):
+        raise TypeError(
+            f"{name}: expected a plain array, got a masked one; fill it, and give the sensor a mask"
+        )
+
+
+def whole_numbers(name: str, values: npt.ArrayLike) -> npt.NDArray[np.int32]:
+    """Return an array of whole numbers from 0 to 2**31 - 1 as aligned int32 in C order.
+
+    Raises
+    ------
+    TypeError
+        For floats and for masked arrays.
+    ValueError
+        When a number is out of range.
+
+    Examples
+    --------
+    >>> whole_numbers("ones", [True, False]).tolist()
+    [1, 0]
+    """
+    refuse_masked(name, values)
+    array = np.asarray(values)
+    if array.dtype.kind not in "iub":
+        raise TypeError(f"{name}: expected whole numbers, got {array.dtype}")
+    if array.size and (array.min() < 0 or array.max() >= 2**31):
+        raise ValueError(f"{name}: expected 0 to 2**31 - 1, got {array.min()} to {array.max()}")
+    return np.require(array, np.int32, ["C", "ALIGNED"])
+
+
+def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
+    """Return an image of intensities as float32 or float64, without a copy where it already is.
+
+    Raises
+    ------
+    TypeError
+        For integers, and for anything else that is not a real number with a known scale.
+    ValueError
+        When the image is empty, negative, not finite, or does not have 2 or 3 dimensions.
     """
     refuse_masked("image", image)
     array = np.asarray(image)
@@ -33,12 +141,12 @@ def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
         )
     if array.ndim == 3 and array.shape[2] > 4:
         raise ValueError(
-            f"image: expected at most 4 colour channels in (H, W, C), got shape {array.shape}; "
+            f"image: expected at most 4 color channels in (H, W, C), got shape {array.shape}; "
             "expose the images of a stack one by one"
         )
     if array.size == 0:
         raise ValueError(f"image: expected at least one pixel, got shape {array.shape}")
-    # NaN and infinity show in the extremes, and no array of the image's size is made to find them.
+    # The extremes reveal NaN and infinity without a temporary array of the image's size.
     low, high = array.min(), array.max()
     if not (np.isfinite(low) and np.isfinite(high)):
         raise ValueError("image: expected finite intensities, got NaN or infinity")
@@ -49,60 +157,29 @@ def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
     return array if array.flags.aligned else array.copy()
 
 
-def refuse_masked(name: str, data: object) -> None:
-    """Raise TypeError for a masked array, whose mask would be lost."""
-    if isinstance(data, np.ma.MaskedArray):
-        raise TypeError(
-            f"{name}: expected a plain array, got a masked one; fill it, and give the sensor a mask"
-        )
-
-
-def luma(image: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Grey of a colour image (H, W, 3), 0.299 R + 0.587 G + 0.114 B: ITU-R BT.601.
-
-    Examples
-    --------
-    >>> luma(np.ones((2, 3, 3))).shape
-    (2, 3)
-    """
-    return np.asarray(image @ np.array([0.299, 0.587, 0.114]))
-
-
-def at_least(name: str, value: int, least: int) -> int:
-    """Give a whole number that is not less than `least`.
+def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
+    """Return an image of counts, (H, W) or (H, W, C), as aligned int32 in C order.
 
     Raises
     ------
-    TypeError, ValueError
-        When it is no whole number, or less.
-
-    Examples
-    --------
-    >>> at_least("steps", 3, 1)
-    3
-    """
-    try:
-        value = operator.index(value)
-    except TypeError:
-        raise TypeError(f"{name}: expected a whole number, got {value!r}") from None
-    if value < least:
-        raise ValueError(f"{name}: expected at least {least}, got {value}")
-    return value
-
-
-def above_0(name: str, value: float) -> float:
-    """Give a finite number above 0.
-
-    Raises
-    ------
+    TypeError
+        For bool and floats, and for masked arrays.
     ValueError
-        When it is another one.
-
-    Examples
-    --------
-    >>> above_0("rate", 1e-3)
-    0.001
+        When the shape is another one, or a count is out of range.
     """
-    if not (math.isfinite(value) and value > 0):
-        raise ValueError(f"{name}: expected a finite number above 0, got {value}")
-    return value
+    refuse_masked("counts", data)
+    counts = np.asarray(data)
+    if counts.dtype.kind not in "iu":
+        raise TypeError(
+            f"data: expected jotlight.Bits or an image of counts in whole numbers, got "
+            f"{counts.dtype}; Bits.from_array takes bool, and rounded floats can be cast by "
+            "astype(int)"
+        )
+    if counts.ndim not in (2, 3) or counts.size == 0 or (counts.ndim == 3 and counts.shape[2] > 4):
+        raise ValueError(
+            f"counts: expected shape (H, W) or (H, W, C) with at most 4 channels, got "
+            f"{counts.shape}; Bits.from_array takes the single frames (T, H, W) of 0 and 1"
+        )
+    if counts.min() < 0 or counts.max() >= 2**31:
+        raise ValueError(f"counts: expected 0 to 2**31 - 1, got {counts.min()} to {counts.max()}")
+    return np.require(counts, np.int32, ["C", "ALIGNED"])

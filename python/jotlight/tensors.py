@@ -28,7 +28,7 @@ def write_tensors(
         temporary.write_bytes(len(header).to_bytes(8, "little") + header + content[end:])
 
 
-def told_format(path: Path) -> str:
+def stored_format(path: Path) -> str:
     """The format that a file says it has; empty where it says nothing or cannot be read."""
     from safetensors import SafetensorError, safe_open
 

@@ -8,7 +8,7 @@ import jotlight as jl
 from jotlight.calibration import fit_bulk
 from jotlight.calibration.flat import LEAST_RESPONSE
 from jotlight.calibration.rates import detections, variance
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.provenance import Provenance
 
 SHAPE = (160, 160)
 
@@ -219,7 +219,7 @@ def calibration():
     ones, light, relative, dark = flat_scene(rng, 0.1, (32, 40))
     flat = jl.Bits.from_array(rng.random((800, 32, 40)) < 1 - np.exp(-dark - light * relative))
     ones[3, 4] = 4000
-    return jl.calibrate(ones, flat, frames=4000, sources={"dark": Source("npy", "dark.npy")})
+    return jl.calibrate(ones, flat, frames=4000, provenance={"dark": Provenance("npy", "dark.npy")})
 
 
 def test_the_sensor_has_the_maps_and_a_gain_that_counts_ordinary_jots(calibration):

@@ -7,7 +7,7 @@ import pytest
 from safetensors.numpy import load_file, save_file
 
 import jotlight as jl
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.provenance import Provenance
 
 
 @pytest.fixture(scope="module")
@@ -16,7 +16,7 @@ def calibration():
     dark = rng.binomial(4000, 0.008, (32, 40))
     dark[3, 4] = 4000
     flat = jl.Bits.from_array(rng.random((800, 32, 40)) < rng.uniform(0.4, 0.6, (32, 40)))
-    return jl.calibrate(dark, flat, frames=4000, sources={"dark": Source("npy", "dark.npy")})
+    return jl.calibrate(dark, flat, frames=4000, provenance={"dark": Provenance("npy", "dark.npy")})
 
 
 def test_what_is_saved_is_loaded(calibration, tmp_path):
@@ -26,7 +26,7 @@ def test_what_is_saved_is_loaded(calibration, tmp_path):
     for name in ("dark_counts", "mask", "hot", "dead", "efficiency", "dark_ones", "flat_ones"):
         np.testing.assert_array_equal(getattr(again, name), getattr(calibration, name))
     np.testing.assert_array_equal(again.flat_steadiness.map, calibration.flat_steadiness.map)
-    assert again.sources == {"dark": Source("npy", "dark.npy")}
+    assert again.provenance == {"dark": Provenance("npy", "dark.npy")}
     again.save(tmp_path / "b.safetensors")
     assert (tmp_path / "a.safetensors").read_bytes() == (tmp_path / "b.safetensors").read_bytes()
 
@@ -59,14 +59,17 @@ HOSTILE = {
     "an infinite number": lambda tensors, told: (tensors, {**told, "prnu": float("inf")}),
     "a number too many": lambda tensors, told: (tensors, {**told, "mask": 1}),
     "no bulk": lambda tensors, told: (tensors, {**told, "bulk": None}),
-    "a source that is none": lambda tensors, told: (tensors, {**told, "sources": {"dark": 3}}),
-    "a source of another capture": lambda tensors, told: (
+    "a provenance that is none": lambda tensors, told: (
         tensors,
-        {**told, "sources": {"light": told["sources"]["dark"]}},
+        {**told, "provenance": {"dark": 3}},
+    ),
+    "a provenance of another capture": lambda tensors, told: (
+        tensors,
+        {**told, "provenance": {"light": told["provenance"]["dark"]}},
     ),
     "a turn that is none": lambda tensors, told: (
         tensors,
-        {**told, "sources": {"dark": {**told["sources"]["dark"], "turned": [4, False]}}},
+        {**told, "provenance": {"dark": {**told["provenance"]["dark"], "orientation": [4, False]}}},
     ),
     "steadiness without map": lambda tensors, told: (
         tensors,
@@ -79,14 +82,14 @@ def test_earlier_files_without_a_record_of_their_captures_are_read(calibration, 
     path = tmp_path / "a.safetensors"
     calibration.save(path)
     told = calibration.numbers()
-    del told["sources"], told["hot_chance"]
+    del told["provenance"], told["hot_chance"]
     told["files"] = {"dark": "dark.npy"}
     metadata = {"format": "jotlight calibration", "version": "1", "numbers": json.dumps(told)}
     save_file(load_file(path), path, metadata)
     again = jl.Calibration.load(path)
     assert again.sensor(4) == calibration.sensor(4)
     assert again.hot_chance == calibration.hot_chance
-    turned = Source("npy", "seen.npy", turned=(1, False))
+    turned = Provenance("npy", "seen.npy", orientation=(1, False))
     again.check_capture(again.shape, turned)
     assert again.unsure(turned) == "how the captures of the calibration were turned is not known"
 

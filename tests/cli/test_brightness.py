@@ -18,7 +18,7 @@ QUICK = ("--steps", 1, "--batch", 8)
 def captured(scene, frames=16, name="seen.npy", **sensor):
     """A capture as from a camera, which does not tell its sensor."""
     bits = jl.Sensor(frames=frames, **sensor).expose(scene, rng=0)
-    jl.Bits(bits.packed, bits.width).save(name)
+    jl.save(jl.Bits(bits.packed, bits.width), name)
     return bits
 
 
@@ -59,12 +59,12 @@ def test_who_asks_for_a_network_that_a_scene_is_too_bright_for_gets_it_and_is_to
     )
     assert "--method network-medium goes on to 3.47" in said
     assert command_in(said)[2] == "seen.npy"
-    expected = jl.pretrained(jl.Sensor(frames=16), "fast").reconstruct(bits)
+    expected = jl.pretrained(jl.Sensor(frames=16), "two-layer").reconstruct(bits)
     np.testing.assert_array_equal(np.load("out.npy"), expected)
 
 
 def test_a_sensor_that_says_its_range_is_believed(run):
-    jl.Sensor(frames=16).expose(5 * PHOTO, rng=0).save("known.npy")
+    jl.save(jl.Sensor(frames=16).expose(5 * PHOTO, rng=0), "known.npy")
     status, said = run("reconstruct", "known.npy", "-o", "out.npy")
     assert status == 0
     assert "by network, medium in" in said
@@ -103,7 +103,7 @@ def camera(run, tmp_path):
         sensor.expose(np.zeros(PHOTO.shape), 1), sensor.expose(np.full(PHOTO.shape, 0.7), 2)
     ).save(tmp_path / "my camera.safetensors")
     seen = sensor.replace(frames=16).expose(0.3 * PHOTO, 3)
-    jl.Bits(seen.packed, seen.width).save(tmp_path / "seen.npy")
+    jl.save(jl.Bits(seen.packed, seen.width), tmp_path / "seen.npy")
     return sensor
 
 
@@ -133,7 +133,7 @@ def test_the_command_runs_as_it_is_printed_and_its_network_serves(run, camera, w
     frames = np.random.default_rng(0).random((4, 256, 512)) < 0.2
     np.packbits(frames, axis=2, bitorder="little").tofile("raw frames.bin")
     back = bits.to_array()[:, ::-1]
-    jl.Bits.from_array(np.rot90(back, -1, (1, 2))).save("turned.npy")
+    jl.save(jl.Bits.from_array(np.rot90(back, -1, (1, 2))), "turned.npy")
     np.save("odd.npy", jl.Bits.from_array(bits.to_array()[:, :, :253]).packed)
     np.save("small.npy", np.stack([bits[:3].counts(), bits[3:6].counts()]).astype(np.uint8))
     np.save("dark.npy", np.full(PHOTO.shape, 0.01))

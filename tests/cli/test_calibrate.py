@@ -30,12 +30,12 @@ def captures(tmp_path):
         dark_counts=dark,
         efficiency=np.clip(relative / 1.3, 1e-4, 1),
     )
-    sensor.expose(np.zeros(SHAPE), 1).save(tmp_path / "dark.npy")
-    sensor.expose(np.full(SHAPE, 0.7), 2).save(tmp_path / "flat.npy")
+    jl.save(sensor.expose(np.zeros(SHAPE), 1), tmp_path / "dark.npy")
+    jl.save(sensor.expose(np.full(SHAPE, 0.7), 2), tmp_path / "flat.npy")
     scene = np.tile(np.linspace(0.1, 0.8, SHAPE[1]), (SHAPE[0], 1))
     seen = sensor.replace(frames=16).expose(scene, 3)
     # As from a camera, which does not tell its sensor.
-    jl.Bits(seen.packed, seen.width).save(tmp_path / "seen.npy")
+    jl.save(jl.Bits(seen.packed, seen.width), tmp_path / "seen.npy")
     np.save(tmp_path / "counts.npy", seen.counts(1))
     return tmp_path
 
@@ -68,7 +68,7 @@ def test_calibrate_gives_what_the_python_interface_gives(run, captures):
     assert f"PRNU: {found.prnu:.2%} ± " in said
     assert "dark: frames correlate: " in said
     assert (captures / "page.png").read_bytes().startswith(b"\x89PNG")
-    assert {name: source.name for name, source in found.sources.items()} == {
+    assert {name: provenance.name for name, provenance in found.provenance.items()} == {
         "dark": "dark.npy",
         "flat": "flat.npy",
     }
@@ -145,10 +145,10 @@ def test_photons_are_those_of_the_median_jot_whatever_the_brightest_is(run, tmp_
         response[20, 30] = brightest
     truth = np.full(response.shape, 0.4)
     camera = jl.Sensor(frames=512, gain=512 * 4.0, efficiency=response / 4)
-    camera.expose(0 * truth, 1).save("dark.npy")
-    camera.expose(truth, 2).save("flat.npy")
+    jl.save(camera.expose(0 * truth, 1), "dark.npy")
+    jl.save(camera.expose(truth, 2), "flat.npy")
     seen = camera.expose(truth, 3)
-    jl.Bits(seen.packed, seen.width).save("seen.npy")
+    jl.save(jl.Bits(seen.packed, seen.width), "seen.npy")
     assert run("calibrate", "dark.npy", "flat.npy", "-o", "c.safetensors")[0] == 0
     given = ("reconstruct", "seen.npy", "-m", "mle", "--calibration", "c.safetensors")
     words = ("-o", "a.tif", "--units", "photons", "--uncertainty", "u.npz")
@@ -175,7 +175,7 @@ def test_the_default_method_serves_a_calibrated_sensor(run, captures, calibrated
 
 def test_bits_that_carry_a_sensor_keep_its_other_parameters(run, captures, calibrated):
     sensor = jl.Sensor(frames=4, gain=2.0, oversampling=2)
-    sensor.expose(np.full((12, 16), 0.5), 0).save(captures / "carried.npy")
+    jl.save(sensor.expose(np.full((12, 16), 0.5), 0), captures / "carried.npy")
     given = ("reconstruct", "carried.npy", "-m", "mle", "-o", "a.npy")
     assert run(*given, "--calibration", "c.safetensors")[0] == 0
     expected = jl.mle(jl.open("carried.npy"), calibrated.applied_to(sensor))
@@ -211,8 +211,8 @@ def test_a_capture_that_is_turned_in_another_way_is_refused(run, captures, calib
     # The same turn, by other words.
     assert run(*given, "--rotate", -180)[0] == 0
     told = json.loads((captures / "a.npy.json").read_text())
-    assert told["source"]["turned"] == [2, False]
-    assert told["calibration"]["sources"]["flat"]["turned"] == [2, False]
+    assert told["provenance"]["orientation"] == [2, False]
+    assert told["calibration"]["provenance"]["flat"]["orientation"] == [2, False]
 
 
 def test_what_is_not_known_of_turns_is_said(run, captures, calibrated):
@@ -231,16 +231,16 @@ def test_two_arrays_of_one_file_are_told_apart(run, captures):
     assert status == 0
     assert "npz: the array flat" in said
     assert "both.npz (npz; the array dark)" in run("info", "c.safetensors")[1]
-    sources = jl.Calibration.load(captures / "c.safetensors").sources
-    assert [sources[name].notes for name in ("dark", "flat")] == [
+    provenance = jl.Calibration.load(captures / "c.safetensors").provenance
+    assert [provenance[name].notes for name in ("dark", "flat")] == [
         ("the array dark",),
         ("the array flat",),
     ]
     words = ("reconstruct", "both.npz", "--key", "flat", "-t", 600, "-m", "mle", "-o", "a.tif")
     assert run(*words, "--calibration", "c.safetensors")[0] == 0
     with tifffile.TiffFile("a.tif") as file:
-        assert json.loads(file.pages[0].description)["source"]["notes"] == ["the array flat"]
-    assert json.loads((captures / "a.tif.json").read_text())["source"]["notes"] == [
+        assert json.loads(file.pages[0].description)["provenance"]["notes"] == ["the array flat"]
+    assert json.loads((captures / "a.tif.json").read_text())["provenance"]["notes"] == [
         "the array flat"
     ]
 

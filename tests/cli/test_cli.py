@@ -214,7 +214,7 @@ def test_version_and_help(run):
     ],
 )
 def test_bad_input_gets_one_clear_line_and_leaves_nothing(run, photo, tmp_path, words, expected):
-    jl.Bits.from_array(np.ones((1, 8, 8), bool), jl.Sensor(oversampling=4)).save("bits.npy")
+    jl.save(jl.Bits.from_array(np.ones((1, 8, 8), bool), jl.Sensor(oversampling=4)), "bits.npy")
     np.save("counts.npy", np.arange(64).reshape(8, 8))
     np.save("nan.npy", np.full((20, 20), np.nan))
     np.save("pickle.npy", np.array([{}, None], dtype=object))
@@ -296,7 +296,7 @@ def long_command(folder):
     np.save(folder / "large.npy", np.full((2000, 2000), 0.5, np.float32))
     # A shell lets its background jobs ignore SIGINT, and these tests may be one.
     code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
-    code += f"import sys; sys.argv = ['jotlight', *{LONG!r}]; from jotlight.cli import main; main()"
+    code += f"import sys; sys.argv = ['jotlight', *{LONG!r}]; from jotlight.cli.app import main; main()"
     with subprocess.Popen(
         [sys.executable, "-c", code], cwd=folder, stderr=subprocess.PIPE, text=True
     ) as child:
@@ -339,7 +339,7 @@ def test_a_file_that_is_read_is_never_overwritten(run, photo, tmp_path, words):
     np.save("dead.npy", dead)
     np.save("dark.npy", np.full((40, 49), 0.1, np.float32))
     np.save("same.npy", np.full((20, 20), 0.5, np.float32))
-    jl.Sensor(mask=dead).expose(np.full((40, 49), 0.5), rng=0).save("bits.npy")
+    jl.save(jl.Sensor(mask=dead).expose(np.full((40, 49), 0.5), rng=0), "bits.npy")
     (tmp_path / "link.npy").symlink_to("bits.npy")
     (tmp_path / "sub").mkdir()
     before = {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}

@@ -74,8 +74,8 @@ def test_sensor_and_source_are_kept(tmp_path, name):
     bits.sensor = jl.Sensor(frames=2, gain=4.0)
     write_capture(bits, path_of(tmp_path, name), name)
     again = jl.open(path_of(tmp_path, name))
-    assert (again.sensor, again.source.origin) == (bits.sensor, bits.source)
-    assert (again.source.format, again.source.name) == (name, path_of(tmp_path, name).name)
+    assert (again.sensor, again.provenance.origin) == (bits.sensor, bits.provenance)
+    assert (again.provenance.format, again.provenance.name) == (name, path_of(tmp_path, name).name)
 
 
 @pytest.mark.parametrize(("first", "second"), [*itertools.product(COUNTS, COUNTS)])
@@ -119,8 +119,8 @@ def test_convert_prints_and_records_what_was_assumed(run, tmp_path):
     for expected in ("2 frames of 512 x 256", "least significant bit first", "rotated by 90"):
         assert expected in said
     told = json.loads((tmp_path / "a.json").read_text())
-    assert (told["source"]["format"], told["source"]["name"]) == ("swissspad2", "a.bin")
-    assert "frames 1:3 of 4" in told["source"]["notes"]
+    assert (told["provenance"]["format"], told["provenance"]["name"]) == ("swissspad2", "a.bin")
+    assert "frames 1:3 of 4" in told["provenance"]["notes"]
     bits = jl.open(tmp_path / "a.npy")
     np.testing.assert_array_equal(bits.to_array(), twin.turned(array[1:3], 90, "horizontal"))
     status, said = run("info", "a.npy")
@@ -130,7 +130,7 @@ def test_convert_prints_and_records_what_was_assumed(run, tmp_path):
 
 def test_convert_sums_bits_where_the_format_holds_counts(run, tmp_path):
     array = random(4, 6, 8)
-    jl.Bits.from_array(array).save(tmp_path / "a.npy")
+    jl.save(jl.Bits.from_array(array), tmp_path / "a.npy")
     assert run("convert", "a.npy", "-o", "a.tif")[0] == 0
     np.testing.assert_array_equal(jl.open(tmp_path / "a.tif"), array.sum(0))
 
@@ -206,7 +206,7 @@ def test_folders_are_reconstructed_and_described(run, tmp_path):
     ],
 )
 def test_what_cannot_be_converted_gets_one_line_and_leaves_nothing(run, tmp_path, words, expected):
-    jl.Bits.from_array(random(3, 5, 13)).save("a.npy")
+    jl.save(jl.Bits.from_array(random(3, 5, 13)), "a.npy")
     write_capture(np.ones((4, 5), np.int32), tmp_path / "counts.tif", "tiff")
     write_capture(jl.Bits.from_array(random(400, 64, 64)), tmp_path / "cut.npy.gz", "npy.gz")
     content = (tmp_path / "cut.npy.gz").read_bytes()
@@ -268,7 +268,7 @@ def test_the_maps_of_a_sensor_are_kept(tmp_path, name, maps):
 def test_counts_tell_out_of_how_many_bits_they_are(run, tmp_path, name):
     pytest.importorskip(NEEDS.get(name, "numpy"))
     array = random(40, 6, 8)
-    jl.Bits.from_array(array).save(tmp_path / "a.npy")
+    jl.save(jl.Bits.from_array(array), tmp_path / "a.npy")
     first, second = path_of(tmp_path, name), path_of(tmp_path, "tiff", "again")
     assert run("convert", "a.npy", "-o", "t.tif")[0] == 0
     assert run("convert", "t.tif", "-o", first)[0] == 0

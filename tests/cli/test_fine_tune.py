@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.training import History, vector_of
+from jotlight.training import History, parameter_vector
 
 torch = pytest.importorskip("torch")
 
@@ -22,7 +22,7 @@ FEW = ["--steps", 3, "--batch", 2, "--patch", 24, "--device", "cpu", "--threads"
 @pytest.fixture
 def learn(run, tmp_path):
     """Learn from a capture of a photograph, from a network that is told K."""
-    SENSOR.expose(SCENE, rng=0).save(tmp_path / "seen.npy")
+    jl.save(SENSOR.expose(SCENE, rng=0), tmp_path / "seen.npy")
     jl.Network.conditional("small", rng=0).save(tmp_path / "start.safetensors")
 
     def learn(*words, capture="seen.npy", start="start.safetensors"):
@@ -68,7 +68,7 @@ def test_it_is_the_network_that_python_gives(learn):
         jl.Network.load("start.safetensors"), jl.open("seen.npy"), steps=3, batch=2, patch=24,
         rate=0.002, rng=7, device="cpu", threads=1,
     )  # fmt: skip
-    np.testing.assert_array_equal(vector_of(jl.Network.load(OWN)), vector_of(own))
+    np.testing.assert_array_equal(parameter_vector(jl.Network.load(OWN)), parameter_vector(own))
     np.testing.assert_array_equal(held_out(), history.held_out)
 
 
@@ -126,7 +126,7 @@ def test_a_network_for_one_sensor_keeps_its_range(learn, tmp_path):
 
 def test_a_calibration_is_of_the_likelihood(learn, run, tmp_path):
     dark = jl.Sensor(frames=200, dark_counts=0.05).expose(np.zeros((64, 64)), rng=1)
-    dark.save(tmp_path / "dark.npy")
+    jl.save(dark, tmp_path / "dark.npy")
     assert run("calibrate", "dark.npy", "-o", "c.safetensors")[0] == 0
     status, said = learn("--calibration", "c.safetensors")
     assert status == 0
@@ -164,7 +164,7 @@ def test_a_stopped_run_goes_on_as_if_it_had_not_been(learn, tmp_path, monkeypatc
     resumed = jl.Network.load(OWN)
     assert learn()[0] == 0
     whole = jl.Network.load(OWN)
-    np.testing.assert_array_equal(vector_of(resumed), vector_of(whole))
+    np.testing.assert_array_equal(parameter_vector(resumed), parameter_vector(whole))
     assert resumed.history == whole.history
     assert CHECKPOINT not in files(tmp_path)
 
@@ -173,7 +173,7 @@ def test_what_learned_nothing_says_so(learn):
     status, said = learn("--learning-rate", 30)
     assert status == 0
     assert "nothing learned" in said
-    start, own = (vector_of(jl.Network.load(name)) for name in ("start.safetensors", OWN))
+    start, own = (parameter_vector(jl.Network.load(name)) for name in ("start.safetensors", OWN))
     np.testing.assert_array_equal(start, own)
 
 
@@ -219,7 +219,7 @@ def test_bad_input_gets_one_line(learn, tmp_path, words, expected):
     ],
 )
 def test_a_capture_that_cannot_be_learned_from_says_why(learn, tmp_path, sensor, words, expected):
-    jl.Sensor(**sensor).expose(SCENE, rng=0).save(tmp_path / "other.npy")
+    jl.save(jl.Sensor(**sensor).expose(SCENE, rng=0), tmp_path / "other.npy")
     status, said = learn(*words, capture="other.npy", start=None)
     assert status == 1
     assert expected in said

@@ -7,7 +7,7 @@ import tifffile
 from PIL import Image
 
 from jotlight.formats.writing import write_capture
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.provenance import Provenance
 
 COUNTS = np.random.default_rng(0).integers(0, 5, (6, 9), np.uint8)
 COUNTS[0, :2] = 0, 4
@@ -47,8 +47,8 @@ def test_colour_is_a_picture(run, tmp_path):
 @pytest.mark.parametrize("name", ["tiff", "npz"])
 def test_what_we_wrote_is_told_as_counts(run, tmp_path, name):
     path = "a.tif" if name == "tiff" else "a.npz"
-    source = Source("npy", "cube.npy")
-    write_capture(COUNTS.astype(np.int32), tmp_path / path, name, trials=64, source=source)
+    provenance = Provenance("npy", "cube.npy")
+    write_capture(COUNTS.astype(np.int32), tmp_path / path, name, trials=64, provenance=provenance)
     said = lines(run, path)
     assert f"format {name}" in said
     assert "assumed counts out of 64, as the file tells" in said

@@ -38,7 +38,7 @@ def bits(scene, tmp_path):
     """Bits by kernel, each in a file of that name, and files of the counts of the box."""
     made = {"box": BOX.expose(scene, rng=1), "cubic": CUBIC.expose(scene, rng=2)}
     for name, data in made.items():
-        data.save(tmp_path / f"{name}.npy")
+        jl.save(data, tmp_path / f"{name}.npy")
     counts = made["box"].counts()
     np.save(tmp_path / "counts.npy", counts)
     np.savez(tmp_path / "counts.npz", ones=counts, other=counts[:5])
@@ -124,7 +124,7 @@ def test_a_run_that_is_cut_short_warns_and_writes_the_picture_all_the_same(
 @pytest.mark.parametrize("method", FUNCTIONS)
 def test_colour_tells_the_iterations_of_the_slowest_channel(run, tmp_path, method):
     data = BOX.expose(jl.datasets.photograph("coffee")[100:116, 180:200], rng=3)
-    data.save(tmp_path / "colour.npy")
+    jl.save(data, tmp_path / "colour.npy")
     status, said = run("reconstruct", "colour.npy", "-o", "out.npy", "-m", method)
     assert status == 0
     picture, histories = FUNCTIONS[method](data, BOX, return_history=True)
@@ -137,7 +137,7 @@ def test_colour_tells_the_iterations_of_the_slowest_channel(run, tmp_path, metho
 def test_one_channel_that_is_cut_short_is_enough_to_say_so(run, tmp_path):
     scene = np.zeros((12, 12, 3), np.float32)  # dark channels are done at once
     scene[..., 1] = jl.datasets.photograph("camera")[100:112, 180:192]
-    BOX.expose(scene, rng=4).save(tmp_path / "green.npy")
+    jl.save(BOX.expose(scene, rng=4), tmp_path / "green.npy")
     words = ["reconstruct", "green.npy", "-o", "out.png", "-m", "mle-iterative"]
     status, said = run(*words, "--max-iter", 2)
     assert status == 0
@@ -262,7 +262,7 @@ def on_a_terminal(folder, *words):
     """Start a command whose messages go to a pseudo-terminal; give it and what it shows."""
     # A shell lets its background jobs ignore SIGINT, and these tests may be one.
     code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
-    code += "from jotlight.cli import main; main()"
+    code += "from jotlight.cli.app import main; main()"
     leader, follower = os.openpty()
     with subprocess.Popen(
         [sys.executable, "-c", code, *map(str, words)],

@@ -15,7 +15,7 @@ TWO_LAYER = "the network two-layer"
 @pytest.fixture
 def networks(run):
     """A deep network and one that is told K, in files."""
-    jl.Network.deep(jl.Sensor(oversampling=4), "small", rng=0).save("deep.safetensors")
+    jl.Network.residual(jl.Sensor(oversampling=4), "small", rng=0).save("deep.safetensors")
     jl.Network.conditional("small", trials_range=(1, 64), rng=0).save("told.safetensors")
 
 
@@ -82,7 +82,7 @@ def test_info_tells_of_a_network_that_is_told_its_bits(run, networks):
 def test_a_network_that_is_told_its_bits_serves_captures_of_any_sensor(run, networks, sensor):
     sensor = jl.Sensor(**sensor)
     bits = sensor.expose(jl.datasets.photograph("camera")[:64, :48], rng=0)
-    bits.save("bits.npy")
+    jl.save(bits, "bits.npy")
     assert run("reconstruct", "bits.npy", "-o", "out.npy", "--model", "told.safetensors")[0] == 0
     expected = jl.Network.load("told.safetensors").reconstruct(bits)
     assert (np.load("out.npy") == expected).all()
@@ -92,7 +92,7 @@ def test_a_network_that_is_told_its_bits_goes_on_to_saturation_where_no_sensor_i
     run, networks, tmp_path
 ):
     bits = jl.Sensor(frames=16).expose(np.full((16, 16), 2.0), rng=0)
-    bits.save("bits.npy")
+    jl.save(bits, "bits.npy")
     (tmp_path / "bits.json").unlink()
     status, said = run("reconstruct", "bits.npy", "-o", "o.npy", "--model", "told.safetensors")
     assert status == 0
@@ -121,6 +121,6 @@ def test_compare_takes_a_network_of_ones_own(run, networks, pictures, tmp_path):
 
 
 def test_the_engine_sends_deep_networks_to_pytorch():
-    network = jl.Network.deep(jl.Sensor(oversampling=4), "small", rng=0)
+    network = jl.Network.residual(jl.Sensor(oversampling=4), "small", rng=0)
     with pytest.raises(ValueError, match=r"jotlight\.torch\.train"):
         jl.train(network, jl.datasets.uniform_scenes, steps=1)

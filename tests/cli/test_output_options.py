@@ -16,7 +16,7 @@ SCENE = np.linspace(0.2, 12, 24 * 30).reshape(24, 30)
 @pytest.fixture
 def capture(tmp_path):
     bits = SENSOR.expose(SCENE, rng=0)
-    bits.save(tmp_path / "known.npy")
+    jl.save(bits, tmp_path / "known.npy")
     np.save(tmp_path / "cube.npy", SENSOR.replace(gain=40.0).expose(SCENE / 4, rng=0).packed)
     return bits
 
@@ -49,7 +49,7 @@ def test_floats_come_in_photons_and_say_so(run, capture, tmp_path, ending):
         about = json.loads(note)
         assert about["units"] == "detected photons per pixel and frame"
         assert about["sensor"]["gain"] == 10
-        assert about["source"]["name"] == "known.npy"
+        assert about["provenance"]["name"] == "known.npy"
 
 
 def test_a_capture_of_an_unknown_sensor_is_not_clipped(run, capture, tmp_path):

@@ -8,7 +8,7 @@ import pytest
 import jotlight as jl
 from jotlight.evaluation.methods import METHODS
 from jotlight.images.io import read_image
-from jotlight.networks.pretrained import pretrained, unsupported_bits_reason, unsupported_reason
+from jotlight.networks.pretrained import pretrained, unsupported_message, unsupported_reason
 
 SERVED = jl.Sensor(oversampling=4)
 OTHER = jl.Sensor(oversampling=2, frames=100)
@@ -17,7 +17,7 @@ DEFAULT_ELSEWHERE = "non-iterative, total variation"
 
 def expose(pictures, sensor):
     bits = sensor.expose(read_image(pictures / "0.png"), rng=0)
-    bits.save("bits.npy")
+    jl.save(bits, "bits.npy")
     return bits
 
 
@@ -28,7 +28,7 @@ def test_reconstruct_takes_the_learned_network_where_there_is_one_and_says_so(ru
     assert "by network, medium in" in said
     assert "trained network" not in said
     np.testing.assert_array_equal(np.load("out.npy"), pretrained(SERVED).reconstruct(bits))
-    names = {"network-two-layer": "fast"} | {
+    names = {"network-two-layer": "two-layer"} | {
         f"network-{name}": name for name in ("small", "medium", "large")
     }
     for method, quality in names.items():
@@ -54,7 +54,7 @@ def test_reconstruct_by_the_network_fails_where_there_is_none(run, pictures, tmp
     status, said = run("reconstruct", "bits.npy", "-o", "out.npy", "-m", "network-two-layer")
     assert status == 1
     assert said.startswith(
-        f"error: {unsupported_bits_reason(OTHER, 'fast')}; learn one for this capture"
+        f"error: {unsupported_reason(OTHER, 'two-layer')}; learn one for this capture"
     )
     assert said.endswith(": jotlight train --sensor bits.npy -o model.safetensors\n")
     assert not (tmp_path / "out.npy").exists()
@@ -168,9 +168,9 @@ def test_a_sensor_without_a_network_gets_the_reason_and_a_command_that_makes_one
     run, pictures, reason, sensor
 ):
     with pytest.raises(ValueError, match="there is no trained network for") as caught:
-        pretrained(sensor, "fast")
+        pretrained(sensor, "two-layer")
     message = str(caught.value)
-    assert unsupported_reason(sensor, "fast") == message
+    assert unsupported_message(sensor, "two-layer") == message
     assert reason in message
     words = shlex.split(message[message.index("jotlight train ") :])[1:]
     words[words.index("FOLDER_OF_PHOTOGRAPHS")] = str(pictures)
@@ -178,7 +178,7 @@ def test_a_sensor_without_a_network_gets_the_reason_and_a_command_that_makes_one
     status, said = run(*words, *small)
     assert status == 0, said
     side = 96 if sensor.oversampling == 4 else 24
-    sensor.expose(read_image(pictures / "0.png"), rng=0).save("bits.npy")
+    jl.save(sensor.expose(read_image(pictures / "0.png"), rng=0), "bits.npy")
     assert jl.open("bits.npy").shape[1] == side
     status, said = run("reconstruct", "bits.npy", "-o", "out.npy", "--model", "model.safetensors")
     assert status == 0, said

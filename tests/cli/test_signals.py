@@ -17,7 +17,7 @@ def started(folder, output, before=""):
     """Start a long conversion in a program of its own, and wait until it writes."""
     words = ["jotlight", "convert", "a.npy", "-o", output]
     words += ["--to", "matlab"] if output == "out" else []
-    code = f"{before}; import sys; sys.argv = {words!r}; from jotlight.cli import main; main()"
+    code = f"{before}; import sys; sys.argv = {words!r}; from jotlight.cli.app import main; main()"
     child = subprocess.Popen(
         [sys.executable, "-c", code], cwd=folder, stderr=subprocess.PIPE, text=True
     )

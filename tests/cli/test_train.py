@@ -7,7 +7,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.images.sets import read_image_set
-from jotlight.training import Adam, vector_of
+from jotlight.training import Adam, parameter_vector
 
 # The module; the package's attribute of this name is the command.
 train_module = sys.modules["jotlight.cli.train"]
@@ -25,7 +25,7 @@ def contents(folder):
 
 
 def assert_same(one, other):
-    np.testing.assert_array_equal(vector_of(one), vector_of(other))
+    np.testing.assert_array_equal(parameter_vector(one), parameter_vector(other))
 
 
 def test_a_folder_of_pictures_gives_the_network_that_python_gives(run, pictures, tmp_path):
@@ -101,7 +101,7 @@ def test_an_array_of_an_archive_is_taken_by_its_key(run, pictures):
     assert_same(jl.Network.load(NETWORK), jl.Network.load("same.safetensors"))
     assert run("train", "sets.npz", "--key", "dim", "-o", "other.safetensors", *SMALL)[0] == 0
     networks = [jl.Network.load(name) for name in (NETWORK, "other.safetensors")]
-    assert (vector_of(networks[0]) != vector_of(networks[1])).any()
+    assert (parameter_vector(networks[0]) != parameter_vector(networks[1])).any()
     status, said = run("train", "sets.npz", "-o", "none.safetensors", *SMALL)
     assert status == 1
     assert "--key" in said
@@ -155,8 +155,8 @@ def test_a_network_to_start_from_is_improved(run, pictures):
     words = ["--start", "start.safetensors", "--steps", 0]
     assert run("train", pictures, "-o", NETWORK, *SMALL, *words)[0] == 0
     np.testing.assert_allclose(
-        vector_of(jl.Network.load(NETWORK)),
-        vector_of(jl.Network.load("start.safetensors")),
+        parameter_vector(jl.Network.load(NETWORK)),
+        parameter_vector(jl.Network.load("start.safetensors")),
         atol=1e-5,
     )
 

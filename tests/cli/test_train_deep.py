@@ -5,7 +5,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.images.sets import read_image_set
-from jotlight.training import History, vector_of
+from jotlight.training import History, parameter_vector
 
 torch = pytest.importorskip("torch")
 
@@ -21,7 +21,9 @@ def files(folder):
 
 
 def assert_same(one, other):
-    np.testing.assert_array_equal(*(vector_of(jl.Network.load(name)) for name in (one, other)))
+    np.testing.assert_array_equal(
+        *(parameter_vector(jl.Network.load(name)) for name in (one, other))
+    )
 
 
 def stop(monkeypatch, run, *words, step):
@@ -61,12 +63,12 @@ def test_a_folder_of_pictures_gives_the_network_that_python_gives(run, pictures,
     sensor = jl.Sensor(oversampling=4, frames=2)
     images = read_image_set(pictures)[1]
     learned, history = jl.torch.train(
-        jl.Network.deep(sensor, "small", rng=7), images, sensor, steps=3, batch=2, rate=0.002,
+        jl.Network.residual(sensor, "small", rng=7), images, sensor, steps=3, batch=2, rate=0.002,
         rng=7, test=images, device="cpu", threads=1,
     )  # fmt: skip
     network = jl.Network.load(NETWORK)
     assert network.sensor == sensor
-    np.testing.assert_array_equal(vector_of(network), vector_of(learned))
+    np.testing.assert_array_equal(parameter_vector(network), parameter_vector(learned))
     assert network.history["records"] == learned.history["records"]
     assert history.steps.tolist() == [0, 1, 2, 3]
     assert np.isfinite(history.test_psnr[-1])
@@ -86,12 +88,12 @@ def test_a_network_for_any_bits_is_learned_and_improved(run, pictures, tmp_path)
     assert run("train", pictures, "-o", "more.safetensors", *words)[0] == 0
     more = jl.Network.load("more.safetensors")
     assert more.bits == (2, 64)
-    assert (vector_of(more) != vector_of(network)).any()
+    assert (parameter_vector(more) != parameter_vector(network)).any()
 
 
 def test_a_network_for_a_capture_is_as_bright_as_it(run):
     sensor = jl.Sensor(frames=16)
-    sensor.expose(0.3 * jl.datasets.photograph("camera")[:64, :64], rng=0).save("seen.npy")
+    jl.save(sensor.expose(0.3 * jl.datasets.photograph("camera")[:64, :64], rng=0), "seen.npy")
     status, said = run("train", "--sensor", "seen.npy", "-o", NETWORK, *SMALL)
     assert status == 0
     assert "learned in 3 steps" in said
@@ -193,9 +195,9 @@ def test_files_keep_some_of_the_records():
             "test_psnr": [30.0 if step % 1000 == 0 else None for step in range(20_001)],
         }
     )
-    kept = History.from_json(history.thinned().to_json())
+    kept = History.from_json(history.subsample().to_json())
     assert 500 <= len(kept) <= 525
     assert (kept.loss == kept.steps).all()
     assert kept.steps[-1] == 20_000
     assert np.isfinite(kept.test_psnr).sum() == 21
-    assert history.thinned(30_000).records == history.records
+    assert history.subsample(30_000).records == history.records

@@ -9,7 +9,7 @@ import pytest
 from safetensors.numpy import load_file
 
 import jotlight as jl
-from jotlight.training import vector_of
+from jotlight.training import parameter_vector
 
 # The module; the package's attribute of this name is the command.
 train_module = sys.modules["jotlight.cli.train"]
@@ -24,7 +24,9 @@ def files(folder):
 
 
 def assert_same(one, other):
-    np.testing.assert_array_equal(*(vector_of(jl.Network.load(name)) for name in (one, other)))
+    np.testing.assert_array_equal(
+        *(parameter_vector(jl.Network.load(name)) for name in (one, other))
+    )
 
 
 def stop(monkeypatch, run, pictures, *words, step=1):
@@ -51,7 +53,7 @@ def long_run(folder):
     # A shell lets its background jobs ignore SIGINT, and these tests may be one.
     code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
     code += f"import sys; sys.argv = ['jotlight', *{words!r}];"
-    code += "from jotlight.cli import main; main()"
+    code += "from jotlight.cli.app import main; main()"
     with subprocess.Popen(
         [sys.executable, "-c", code], cwd=folder, stderr=subprocess.PIPE, text=True
     ) as child:
@@ -276,7 +278,7 @@ def test_a_run_that_has_no_time_for_all_its_steps_says_so(run, pictures, tmp_pat
 def test_learning_for_a_capture_has_a_time_unless_it_is_told_its_steps(
     run, pictures, monkeypatch, words, seconds
 ):
-    jl.Sensor(frames=4).expose(np.full((16, 16), 0.5), rng=0).save("seen.npy")
+    jl.save(jl.Sensor(frames=4).expose(np.full((16, 16), 0.5), rng=0), "seen.npy")
     found = []
 
     def learn(*_, **options):
@@ -292,7 +294,7 @@ def test_a_disk_that_is_full_from_the_start_is_named(pictures, tmp_path):
     pytest.importorskip("resource")
     code = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000));"
     code += f"sys.argv = ['jotlight', 'train', 'pictures', '-o', {NETWORK!r}, "
-    code += f"*{list(map(str, SMALL))!r}]; from jotlight.cli import main; main()"
+    code += f"*{list(map(str, SMALL))!r}]; from jotlight.cli.app import main; main()"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True
     )

@@ -6,8 +6,8 @@ import pytest
 import jotlight as jl
 import jotlight._engine as engine
 from jotlight.training.cost import Cost
-from jotlight.training.parameters import vector_of
-from jotlight.training.patches import Examples
+from jotlight.training.parameters import parameter_vector
+from jotlight.training.patches import PatchSampler
 from reference import deep
 
 SENSOR = jl.Sensor(oversampling=4)
@@ -88,7 +88,10 @@ def test_pictures_of_networks_that_weigh_jots_singly(level, frames, side):
 def test_pictures_of_deep_networks(level, member, width):
     rng = np.random.default_rng(3)
     bits = SENSOR.expose(IMAGE[:, :width], 0)
-    for network in (jl.Network.deep(SENSOR, member, rng=0), jl.Network.conditional(member, rng=0)):
+    for network in (
+        jl.Network.residual(SENSOR, member, rng=0),
+        jl.Network.conditional(member, rng=0),
+    ):
         alive = deep.lively(network, rng)
         same(
             level,
@@ -108,9 +111,9 @@ def test_gradients(level):
     scenes = jl.datasets.uniform_scene((4, 33, 47), rng=1)
 
     def gradient(threads=1):
-        examples = Examples(scenes, SENSOR, 0, 8, 32, network.halo)
+        examples = PatchSampler(scenes, SENSOR, 0, 8, 32, network.halo)
         cost = Cost(network, examples, 0, 1, jl.training.SafeSet(), threads)
-        return cost.gradient(vector_of(network))[1]
+        return cost.gradient(parameter_vector(network))[1]
 
     same(level, gradient, 1e-4)
 

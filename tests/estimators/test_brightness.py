@@ -52,7 +52,7 @@ def capture(tmp_path):
     dark = np.full((64, 64), 0.01)
     dark[5, 7] = 0.5
     bits = jl.Sensor(frames=16, dark_counts=dark).expose(scene, rng=0)
-    bits.save(tmp_path / "capture.npy")
+    jl.save(bits, tmp_path / "capture.npy")
     return bits
 
 

@@ -125,7 +125,7 @@ def test_the_proximal_map_is_the_minimum(threshold):
     eta, ones = RNG.uniform(0.2, 1, 40), RNG.integers(0, 9, 40)
     point = RNG.uniform(-1, 3, 40)
     seen = jl.Likelihood(ones, 8, threshold=threshold, efficiency=eta, dark_counts=0.1)
-    x = seen.proximal(point, 2.0, most=2.5)
+    x = seen.proximal(point, 2.0, max_light=2.5)
     for i in range(40):
         one = jl.Likelihood(
             ones[i : i + 1], 8, threshold=threshold, efficiency=eta[i], dark_counts=0.1
@@ -147,7 +147,7 @@ def test_the_iterative_estimate_is_the_closed_form():
 def test_bits_keep_their_map(tmp_path, capsys):
     sensor = jl.Sensor(oversampling=2, efficiency=JOTS)
     bits = sensor.expose(np.full((6, 8), 0.5), rng=0)
-    bits.save(tmp_path / "bits.npy")
+    jl.save(bits, tmp_path / "bits.npy")
     assert jl.open(tmp_path / "bits.npy").sensor == sensor
     part = sensor.expose(np.full((6, 8), 0.5), rng=0, tile=(slice(1, 3), slice(2, 5)))
     np.testing.assert_array_equal(part.sensor.efficiency, JOTS[2:6, 4:10])

@@ -5,7 +5,8 @@ import pytest
 
 import jotlight as jl
 from jotlight.estimators import planning
-from jotlight.sensing.response import detection_probability, saturation_intensity
+from jotlight.sensing.reference import saturation_intensity
+from jotlight.sensing.response import detection_probability
 
 SENSORS = [
     {},

@@ -5,7 +5,8 @@ import pytest
 from scipy import stats
 
 import jotlight as jl
-from jotlight.sensing.response import detection_probability, saturation_intensity
+from jotlight.sensing.reference import saturation_intensity
+from jotlight.sensing.response import detection_probability
 
 FLUXES = [0.0, 0.003, 0.05, 0.4, 1.5, 4.0, 9.0]
 

@@ -13,8 +13,8 @@ from jotlight.evaluation.methods import (
     choose_method,
     requested_method,
 )
-from jotlight.networks.pretrained import unsupported_bits_reason
-from jotlight.sensing.response import saturation_intensity
+from jotlight.networks.pretrained import unsupported_reason
+from jotlight.sensing.reference import saturation_intensity
 
 SENSOR = jl.Sensor(frames=16)
 LARGE = jl.Sensor(frames=1000)
@@ -34,7 +34,7 @@ def test_a_sensor_without_a_network_gets_the_fallback_and_a_warning_with_the_rea
     choice = choose_method(LARGE)
     assert (choice.method, choice.quality) == (FALLBACK_METHOD, None)
     [warning] = choice.warnings
-    assert warning.startswith(f"{unsupported_bits_reason(LARGE)}; train one: jotlight train ")
+    assert warning.startswith(f"{unsupported_reason(LARGE)}; train one: jotlight train ")
     assert "--frames 1000" in warning
 
 

@@ -36,12 +36,12 @@ def test_a_compressed_cube_is_read_from_front_to_back_and_back_again(tmp_path, s
     np.testing.assert_array_equal(bits.to_array(), array)
     np.testing.assert_array_equal(bits[2:4].to_array(), array[2:4])
     np.testing.assert_array_equal(bits[1:].counts(1), array[1:].sum(0))
-    assert bits.source.format == "npy.gz"
+    assert bits.provenance.format == "npy.gz"
 
 
 def test_a_compressed_cube_has_a_description_too(tmp_path):
     array = random((3, 4, 10))
-    jl.Bits.from_array(array, jl.Sensor(frames=3)).save(tmp_path / "cube.npy")
+    jl.save(jl.Bits.from_array(array, jl.Sensor(frames=3)), tmp_path / "cube.npy")
     content = (tmp_path / "cube.npy").read_bytes()
     (tmp_path / "cube.npy").unlink()
     (tmp_path / "cube.npy.gz").write_bytes(gzip.compress(content))
@@ -111,7 +111,7 @@ def test_what_looks_packed_is_not_asked_about(tmp_path):
     for cube in (dark, dark * 0, dark * 0 + 255, np.packbits(random((5, 6, 32)), axis=2)):
         np.save(tmp_path / "a.npy", cube)
         np.testing.assert_array_equal(jl.open(tmp_path / "a.npy").packed, cube)
-    jl.Bits(np.tile(np.uint8([0, 1]), (2, 9, 9))).save(tmp_path / "a.npy")
+    jl.save(jl.Bits(np.tile(np.uint8([0, 1]), (2, 9, 9))), tmp_path / "a.npy")
     assert jl.open(tmp_path / "a.npy").shape == (2, 9, 144)
 
 

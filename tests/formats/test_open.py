@@ -28,7 +28,7 @@ def edit(path, **changes):
 @pytest.mark.parametrize("shape", [(3, 5, 16), (1, 1, 1), (2, 4, 13), (4, 3, 9, 3)])
 def test_plain_numpy_reads_our_files(tmp_path, shape):
     bits = random_bits(shape)
-    bits.save(tmp_path / "cube.npy")
+    jl.save(bits, tmp_path / "cube.npy")
     packed = np.load(tmp_path / "cube.npy", allow_pickle=False)
     unpacked = np.unpackbits(packed, axis=2, count=shape[2])
     np.testing.assert_array_equal(unpacked, bits.to_array())
@@ -54,7 +54,7 @@ def test_every_version_of_npy_is_read(tmp_path, version):
 
 
 def test_a_file_is_mapped_into_memory_and_not_read(tmp_path):
-    random_bits((2, 3, 16)).save(tmp_path / "cube.npy")
+    jl.save(random_bits((2, 3, 16)), tmp_path / "cube.npy")
     bits = jl.open(tmp_path / "cube.npy")
     assert isinstance(bits.packed, np.memmap)
     assert not bits.packed.flags.writeable
@@ -63,7 +63,7 @@ def test_a_file_is_mapped_into_memory_and_not_read(tmp_path):
 @pytest.mark.parametrize("width", range(9, 17))
 def test_the_true_width_is_kept(tmp_path, width):
     bits = random_bits((2, 3, width))
-    bits.save(tmp_path / "cube.npy")
+    jl.save(bits, tmp_path / "cube.npy")
     loaded = jl.open(tmp_path / "cube.npy")
     assert loaded.shape == (2, 3, width)
     np.testing.assert_array_equal(loaded.to_array(), bits.to_array())
@@ -77,7 +77,7 @@ def test_the_true_width_of_others_files_can_be_told(tmp_path):
 
 
 def test_a_width_against_the_description_is_refused(tmp_path):
-    random_bits((2, 3, 13)).save(tmp_path / "cube.npy")
+    jl.save(random_bits((2, 3, 13)), tmp_path / "cube.npy")
     assert jl.open(tmp_path / "cube.npy", width=13).width == 13
     with pytest.raises(ValueError, match="says a width of 13, not 12"):
         jl.open(tmp_path / "cube.npy", width=12)
@@ -97,7 +97,7 @@ def test_a_width_against_the_description_is_refused(tmp_path):
     ids=repr,
 )
 def test_the_sensor_and_its_maps_are_kept(tmp_path, sensor):
-    random_bits((3, 4, 10), sensor).save(tmp_path / "cube.npy")
+    jl.save(random_bits((3, 4, 10), sensor), tmp_path / "cube.npy")
     assert jl.open(tmp_path / "cube.npy").sensor == sensor
     assert set(names(tmp_path)) == {
         "cube.npy",
@@ -109,22 +109,22 @@ def test_the_sensor_and_its_maps_are_kept(tmp_path, sensor):
 def test_files_may_be_moved_together(tmp_path):
     sensor = jl.Sensor(mask=np.eye(4, dtype=bool))
     (tmp_path / "a").mkdir()
-    random_bits((1, 4, 4), sensor).save(tmp_path / "a" / "cube.npy")
+    jl.save(random_bits((1, 4, 4), sensor), tmp_path / "a" / "cube.npy")
     (tmp_path / "a").rename(tmp_path / "b")
     assert jl.open(tmp_path / "b" / "cube.npy").sensor == sensor
 
 
 def test_bits_can_be_saved_over_the_file_they_are_mapped_from(tmp_path):
     bits = random_bits((3, 4, 10))
-    bits.save(tmp_path / "cube.npy")
-    jl.open(tmp_path / "cube.npy")[:2].save(tmp_path / "cube.npy")
+    jl.save(bits, tmp_path / "cube.npy")
+    jl.save(jl.open(tmp_path / "cube.npy")[:2], tmp_path / "cube.npy")
     np.testing.assert_array_equal(jl.open(tmp_path / "cube.npy").to_array(), bits.to_array()[:2])
 
 
 def test_names_with_dots_do_not_meet(tmp_path):
     first, second = random_bits((1, 2, 9), seed=1), random_bits((1, 2, 10), seed=2)
-    first.save(tmp_path / "run.1.npy")
-    second.save(tmp_path / "run.2.npy")
+    jl.save(first, tmp_path / "run.1.npy")
+    jl.save(second, tmp_path / "run.2.npy")
     assert jl.open(tmp_path / "run.1.npy").width == 9
     assert jl.open(tmp_path / "run.2.npy").width == 10
 
@@ -219,15 +219,15 @@ def test_a_foreign_description_is_not_used_and_that_is_said(tmp_path, text):
 def test_a_foreign_description_is_never_overwritten(tmp_path, text):
     (tmp_path / "cube.json").write_text(text)
     with pytest.raises(FileExistsError, match="jotlight did not write it"):
-        random_bits((1, 2, 8)).save(tmp_path / "cube.npy")
+        jl.save(random_bits((1, 2, 8)), tmp_path / "cube.npy")
     assert names(tmp_path) == ["cube.json"]
     assert (tmp_path / "cube.json").read_text() == text
 
 
 def test_our_own_files_are_overwritten(tmp_path):
-    random_bits((1, 2, 9)).save(tmp_path / "cube.npy")
+    jl.save(random_bits((1, 2, 9)), tmp_path / "cube.npy")
     bits = random_bits((2, 3, 17), jl.Sensor(frames=2))
-    bits.save(tmp_path / "cube.npy")
+    jl.save(bits, tmp_path / "cube.npy")
     loaded = jl.open(tmp_path / "cube.npy")
     np.testing.assert_array_equal(loaded.to_array(), bits.to_array())
     assert loaded.sensor == bits.sensor
@@ -236,9 +236,9 @@ def test_our_own_files_are_overwritten(tmp_path):
 def test_a_cube_and_its_compressed_twin_have_a_description_each(tmp_path):
     first = random_bits((3, 4, 13), jl.Sensor(frames=3, mask=np.eye(4, 13, dtype=bool)), seed=1)
     second = random_bits((2, 5, 10), jl.Sensor(frames=2, dark_counts=np.ones((5, 10))), seed=2)
-    first.save(tmp_path / "cube.npy")
+    jl.save(first, tmp_path / "cube.npy")
     write_capture(second, tmp_path / "cube.npy.gz", "npy.gz")
-    first.save(tmp_path / "cube.npy")
+    jl.save(first, tmp_path / "cube.npy")
     for name, bits in (("cube.npy", first), ("cube.npy.gz", second)):
         again = jl.open(tmp_path / name)
         np.testing.assert_array_equal(again.to_array(), bits.to_array())
@@ -249,7 +249,7 @@ def test_a_cube_and_its_compressed_twin_have_a_description_each(tmp_path):
 
 
 def test_a_description_of_another_cube_is_refused(tmp_path):
-    random_bits((2, 3, 13)).save(tmp_path / "cube.npy")
+    jl.save(random_bits((2, 3, 13)), tmp_path / "cube.npy")
     np.save(tmp_path / "cube.npy", np.zeros((4, 3, 2), np.uint8))
     with pytest.raises(ValueError, match=r"cube\.json: describes a cube of shape \[2, 3, 2\]"):
         jl.open(tmp_path / "cube.npy")
@@ -260,10 +260,10 @@ def test_a_description_of_another_cube_is_refused(tmp_path):
 def test_what_a_file_was_converted_from_is_remembered_for_some_steps(tmp_path):
     np.save(tmp_path / "cube.npy", np.zeros((2, 3, 2), np.uint8))
     for _ in range(40):
-        jl.open(tmp_path / "cube.npy").save(tmp_path / "cube.npy")
-    source = jl.open(tmp_path / "cube.npy").source
-    assert source.describe()[0] == "npy: converted from cube.npy"
-    assert 10 < len(source.describe()) < 20
+        jl.save(jl.open(tmp_path / "cube.npy"), tmp_path / "cube.npy")
+    provenance = jl.open(tmp_path / "cube.npy").provenance
+    assert provenance.describe()[0] == "npy: converted from cube.npy"
+    assert 10 < len(provenance.describe()) < 20
 
 
 @pytest.fixture
@@ -273,7 +273,7 @@ def saved(tmp_path):
     folder = tmp_path / "folder"
     folder.mkdir()
     sensor = jl.Sensor(mask=np.eye(4, dtype=bool))
-    random_bits((1, 4, 4), sensor).save(folder / "cube.npy")
+    jl.save(random_bits((1, 4, 4), sensor), folder / "cube.npy")
     return folder / "cube.npy"
 
 
@@ -333,7 +333,7 @@ def test_a_map_of_objects_is_refused(saved):
 def test_an_interrupted_save_leaves_what_was_there(tmp_path, before):
     old = random_bits((1, 2, 9))
     if before:
-        old.save(tmp_path / "cube.npy")
+        jl.save(old, tmp_path / "cube.npy")
     there = names(tmp_path)
 
     def interrupted():
@@ -351,12 +351,14 @@ def test_an_interrupted_save_leaves_what_was_there(tmp_path, before):
 
 def test_a_place_that_cannot_be_written_to_leaves_nothing(tmp_path):
     with pytest.raises(FileNotFoundError, match="there is no folder"):
-        random_bits((1, 2, 8)).save(tmp_path / "missing" / "cube.npy")
+        jl.save(random_bits((1, 2, 8)), tmp_path / "missing" / "cube.npy")
     with pytest.raises(ValueError, match=r"ends in \.npy"):
-        random_bits((1, 2, 8)).save(tmp_path / "cube.bin")
+        jl.save(random_bits((1, 2, 8)), tmp_path / "cube.bin")
     (tmp_path / "cube.mask.npy").mkdir()
     with pytest.raises(IsADirectoryError):
-        random_bits((1, 2, 8), jl.Sensor(mask=np.zeros((2, 8), bool))).save(tmp_path / "cube.npy")
+        jl.save(
+            random_bits((1, 2, 8), jl.Sensor(mask=np.zeros((2, 8), bool))), tmp_path / "cube.npy"
+        )
     assert names(tmp_path) == ["cube.mask.npy"]
 
 
@@ -366,18 +368,18 @@ def test_a_map_that_is_a_strangers_is_never_overwritten(tmp_path):
     sensor = jl.Sensor(mask=np.zeros((4, 8), bool))
     bits = jl.Bits.from_array(np.ones((1, 4, 8), bool), sensor)
     with pytest.raises(FileExistsError, match=r"capture\.mask\.npy stands where"):
-        bits.save(tmp_path / "capture.npy")
+        jl.save(bits, tmp_path / "capture.npy")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["capture.mask.npy"]
     assert np.load(stranger).tolist() == [0, 1, 2]
     stranger.unlink()
-    bits.save(tmp_path / "capture.npy")
-    bits.save(tmp_path / "capture.npy")
+    jl.save(bits, tmp_path / "capture.npy")
+    jl.save(bits, tmp_path / "capture.npy")
     assert jl.open(tmp_path / "capture.npy").sensor == sensor
 
 
 @pytest.mark.parametrize("maps", ['{"kernel": "x.npy"}', "[1]", '"mask"', "7"])
 def test_maps_of_another_kind_are_refused(tmp_path, maps):
-    jl.Bits.from_array(np.ones((1, 2, 8), bool), jl.Sensor()).save(tmp_path / "cube.npy")
+    jl.save(jl.Bits.from_array(np.ones((1, 2, 8), bool), jl.Sensor()), tmp_path / "cube.npy")
     beside = tmp_path / "cube.json"
     beside.write_text(beside.read_text().replace('"maps": {}', f'"maps": {maps}'))
     with pytest.raises(ValueError, match=r"cube\.json: maps: expected files for dark"):

@@ -35,8 +35,8 @@ def test_a_file_is_read_as_its_twin_says(name, tmp_path):
     np.testing.assert_array_equal(bits.to_array(), array)
     np.testing.assert_array_equal(bits.counts(), array.sum(0))
     np.testing.assert_array_equal(bits[1:2].to_array(), array[1:2])
-    assert bits.source.format == name
-    assert bits.source.notes
+    assert bits.provenance.format == name
+    assert bits.provenance.notes
 
 
 @pytest.mark.parametrize("name", RAW)
@@ -80,7 +80,7 @@ def test_a_folder_is_sorted_by_the_number_in_the_names(tmp_path):
     bits = jl.open(tmp_path, format="swissspad2")
     np.testing.assert_array_equal(bits.to_array(), array)
     np.testing.assert_array_equal(bits[3:11].counts(), array[3:11].sum(0))
-    assert "12 files" in str(bits.source.notes)
+    assert "12 files" in str(bits.provenance.notes)
 
 
 def test_missing_and_doubled_files_are_said(tmp_path):
@@ -99,7 +99,7 @@ def test_a_done_at_the_end_tells_the_format_and_is_no_frame(tmp_path):
     for number, part in enumerate((array[:2], array[2:])):
         (tmp_path / f"RAW{number:05d}.bin").write_bytes(twin.encode_spad512s(part) + b"DONE")
     bits = jl.open(tmp_path)
-    assert bits.source.format == "spad512s"
+    assert bits.provenance.format == "spad512s"
     np.testing.assert_array_equal(bits.to_array(), array)
     np.testing.assert_array_equal(jl.open(tmp_path / "RAW00001.bin").to_array(), array[2:])
 
@@ -113,7 +113,7 @@ def test_a_done_is_taken_off_whatever_is_left_of_the_last_frame(name, cut, tmp_p
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         bits = jl.open(tmp_path / "a.bin")
-    assert bits.source.format == name
+    assert bits.provenance.format == name
     np.testing.assert_array_equal(bits.to_array(), array[: 1 if cut else 2])
     assert ["1 whole frame" in str(one.message) for one in caught] == [True] * (cut > 0)
 
@@ -125,7 +125,7 @@ def test_one_done_in_a_folder_tells_the_format(ended, tmp_path):
         content = twin.encode_spad512s(frame[None]) + (b"DONE" if number == ended else b"")
         (tmp_path / f"RAW{number}.bin").write_bytes(content)
     bits = jl.open(tmp_path)
-    assert bits.source.format == "spad512s"
+    assert bits.provenance.format == "spad512s"
     np.testing.assert_array_equal(bits.to_array(), array)
 
 
@@ -208,12 +208,14 @@ def test_frames_are_chosen_turned_and_mirrored(tmp_path):
     )
     np.testing.assert_array_equal(bits.to_array(), twin.turned(array[2:5], 90, "vertical"))
     for words in ("frames 2:5 of 6", "rotated by 90 degrees", "mirrored, vertical"):
-        assert words in str(bits.source.notes)
+        assert words in str(bits.provenance.notes)
 
 
 def test_the_turn_of_a_sensor_turns_its_maps(tmp_path):
     mask = random(1, (4, 10))[0]
-    jl.Bits.from_array(random(2, (4, 10)), jl.Sensor(frames=2, mask=mask)).save(tmp_path / "a.npy")
+    jl.save(
+        jl.Bits.from_array(random(2, (4, 10)), jl.Sensor(frames=2, mask=mask)), tmp_path / "a.npy"
+    )
     bits = jl.open(tmp_path / "a.npy", rotate=90)
     np.testing.assert_array_equal(bits.sensor.mask, np.rot90(mask))
     counts = jl.open(tmp_path / "a.npy").counts(mask=mask)

@@ -8,7 +8,8 @@ import pytest
 import jotlight as jl
 import jotlight._engine as engine
 from jotlight.networks import network as networks
-from jotlight.networks.layer import conditioning_weights, count_sets, halo_radius, size_divisor
+from jotlight.networks.conditioning import conditioning_weights, count_sets
+from jotlight.networks.graph import halo_radius, size_divisor
 from reference import deep, methods
 from reference.networks import random_bits
 
@@ -21,7 +22,7 @@ ROUNDING = 1e-6
 
 def member(name, seed=0, **options):
     rng = np.random.default_rng(seed)
-    return deep.lively(jl.Network.deep(SENSOR, name, rng=seed), rng, **options)
+    return deep.lively(jl.Network.residual(SENSOR, name, rng=seed), rng, **options)
 
 
 def conditional(name="small", seed=0):
@@ -128,7 +129,7 @@ def test_rows_past_the_last_one_need_those_above():
     ]
     network = jl.Network(layers, SENSOR)
     counts = counts_of(SENSOR, 65, 9)
-    prepared = [layer.prepared for layer in layers]
+    prepared = [layer.engine_layer for layer in layers]
     top, bottom = engine.input_rows(prepared, 65, (64, 65))
     part = network.reconstruct(counts[top:bottom])
     np.testing.assert_array_equal(part[64 - top :], network.reconstruct(counts)[64:])
@@ -183,7 +184,7 @@ def test_the_picture_of_a_network_that_is_told_k_is_the_twins(bits, size):
     # Trained filters are kept in float32.
     sums = counts[None] * np.float64(layers[0].filters.reshape(()))
     expected = deep.picture(layers, sums, size_divisor(layers))
-    shares = network._at(sensor).reconstruct(counts, sensor)
+    shares = network.conditioned_on(sensor).reconstruct(counts, sensor)
     np.testing.assert_allclose(shares, expected, atol=1e-5)
     light = (-np.log1p(-expected.clip(0, 1 - 1e-9))).clip(0, 5)
     near = expected < 0.95
@@ -204,9 +205,9 @@ def test_shares_are_those_of_splines(number):
 def test_a_network_of_equal_sets_is_the_same_for_every_k():
     network = jl.Network.conditional("small", rng=0)
     layer = network.layers[5]
-    assert layer.sets
+    assert layer.set_counts
     for bits in (1, 7, 256):
-        at = layer.at(conditioning_weights(bits, BETWEEN, 6))
+        at = layer.interpolate(conditioning_weights(bits, BETWEEN, 6))
         np.testing.assert_allclose(at.coefficients, layer.coefficients[0], atol=1e-6)
 
 
@@ -240,7 +241,7 @@ def test_large_pictures_in_parts_are_those_in_one(monkeypatch, tied):
 def test_rows_are_made_of_the_rows_that_they_need(name, rows):
     network, (start, stop) = member(name), rows
     counts = counts_of(SENSOR, 403, 20)
-    layers = [layer.prepared for layer in network.layers]
+    layers = [layer.engine_layer for layer in network.layers]
     top, bottom = engine.input_rows(layers, 403, rows)
     part = network.reconstruct(counts[top:bottom])[start - top : stop - top]
     np.testing.assert_array_equal(part, network.reconstruct(counts)[start:stop])
@@ -293,7 +294,7 @@ def test_the_halo_is_no_wider_than_it_has_to_be():
 def test_a_member_starts_as_a_classical_estimate(name):
     image = np.full((40, 40), 0.5)
     bits = SENSOR.expose(image, 0)
-    picture = jl.Network.deep(SENSOR, name, rng=0).reconstruct(bits)
+    picture = jl.Network.residual(SENSOR, name, rng=0).reconstruct(bits)
     assert abs(picture.mean() - 0.5) < 0.05
     assert picture.std() < 0.1
     for frames in (1, 16, 256):
@@ -306,7 +307,7 @@ def test_a_member_starts_as_a_classical_estimate(name):
 def test_every_output_lies_between_0_and_the_largest_intensity(most):
     sensor = jl.Sensor(oversampling=4, max_intensity=most)
     for seed in range(4):
-        start = jl.Network.deep(sensor, "small", rng=seed)
+        start = jl.Network.residual(sensor, "small", rng=seed)
         network = deep.lively(start, np.random.default_rng(seed), size=5.0)
         picture = network.reconstruct(counts_of(sensor, 60, 70, seed))
         assert picture.min() >= 0
@@ -321,7 +322,7 @@ def test_a_file_keeps_everything(tmp_path, make):
     loaded = jl.Network.load(tmp_path / "deep.safetensors")
     assert (loaded.sensor, loaded.trials_range) == (network.sensor, network.trials_range)
     for one, other in zip(network.layers, loaded.layers, strict=True):
-        assert one.numbers() == other.numbers()
+        assert one.metadata() == other.metadata()
         np.testing.assert_array_equal(one.filters, other.filters)
         assert (one.coefficients is None) == (other.coefficients is None)
         if one.coefficients is not None:
@@ -404,17 +405,17 @@ def test_sets_are_as_many_in_all_layers_and_four_at_least():
     for kept in (3, 5):
         cut = dataclasses.replace(layers[1], filters=layers[1].filters[:kept])
         with pytest.raises(ValueError, match="the same number of sets"):
-            jl.Network([layers[0], cut, *layers[2:]], jl.Sensor(), bits=BETWEEN)
+            jl.Network([layers[0], cut, *layers[2:]], jl.Sensor(), trials_range=BETWEEN)
 
 
 def test_a_k_out_of_range_is_refused():
     with pytest.raises(ValueError, match="for 1 to 256 bits per pixel, got 257"):
         conditional().reconstruct(np.ones((4, 4), int), jl.Sensor(frames=257))
-    with pytest.raises(ValueError, match="member: expected one of small, medium, large"):
-        jl.Network.deep(SENSOR, "huge")
+    with pytest.raises(ValueError, match="architecture: expected one of small, medium, large"):
+        jl.Network.residual(SENSOR, "huge")
 
 
 def test_the_halo_of_members():
     for name in ARCHITECTURES:
-        layers = jl.Network.deep(SENSOR, name, rng=0).layers
+        layers = jl.Network.residual(SENSOR, name, rng=0).layers
         assert halo_radius(layers) % size_divisor(layers) == 0

@@ -158,14 +158,14 @@ def test_missing_metadata_are_refused(tmp_path, parts, name):
     refused(tmp_path / "net", content, f"damaged network file: '{name}'")
 
 
-@pytest.mark.parametrize("version", ["1", "", None])
+@pytest.mark.parametrize("version", ["1", "2", "", None])
 def test_other_versions_are_refused(tmp_path, parts, version):
     header, body = parts
     metadata = {key: value for key, value in header["__metadata__"].items() if key != "version"}
     if version is not None:
         metadata["version"] = version
     content = joined(header | {"__metadata__": metadata}, body)
-    refused(tmp_path / "net", content, "expected format version 2")
+    refused(tmp_path / "net", content, "expected format version 3")
 
 
 GOOD = {

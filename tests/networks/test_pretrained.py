@@ -9,8 +9,8 @@ from scipy.interpolate import BSpline
 
 import jotlight as jl
 from jotlight.images.io import read_image
-from jotlight.networks.pretrained import BITS_PER_PIXEL, FOLDER, pretrained, unsupported_reason
-from jotlight.training import SafeSet, vector_of
+from jotlight.networks.pretrained import BITS_PER_PIXEL, FOLDER, pretrained, unsupported_message
+from jotlight.training import SafeSet, parameter_vector
 
 SPACE = [jl.Sensor(oversampling=round(bits**0.5)) for bits in BITS_PER_PIXEL]
 TIME = [jl.Sensor(frames=bits) for bits in BITS_PER_PIXEL]
@@ -34,7 +34,7 @@ by_bits = pytest.mark.parametrize("bits", BITS_PER_PIXEL)
 
 @functools.cache
 def model(bits):
-    return jl.Network.load(FOLDER / f"k{bits}.safetensors")
+    return jl.Network.load(FOLDER / f"two-layer-k{bits}.safetensors")
 
 
 @functools.cache
@@ -59,10 +59,12 @@ def test_the_counts_of_bits_are_those_that_are_promised():
 
 @pytest.mark.parametrize("sensor", [*SPACE, *TIME, *MIXED], ids=repr)
 def test_jots_in_space_and_frames_in_time_are_served_by_one_tied_network(sensor):
-    assert unsupported_reason(sensor, "fast") is None
-    network = pretrained(sensor, "fast")
+    assert unsupported_message(sensor, "two-layer") is None
+    network = pretrained(sensor, "two-layer")
     assert network.tied
-    np.testing.assert_array_equal(vector_of(network), vector_of(model(sensor.bits_per_pixel)))
+    np.testing.assert_array_equal(
+        parameter_vector(network), parameter_vector(model(sensor.bits_per_pixel))
+    )
     image = camera()[100:130, 180:220]
     bits = sensor.expose(image, rng=0)
     picture = network.reconstruct(bits)
@@ -74,16 +76,16 @@ def test_jots_in_space_and_frames_in_time_are_served_by_one_tied_network(sensor)
 
 @by_bits
 def test_a_file_is_small_and_has_no_more_beside_it_than_its_card(bits):
-    assert (FOLDER / f"k{bits}.safetensors").stat().st_size < 20_000
-    assert sorted(path.name for path in FOLDER.glob(f"k{bits}.*")) == [
-        f"k{bits}.md",
-        f"k{bits}.safetensors",
+    assert (FOLDER / f"two-layer-k{bits}.safetensors").stat().st_size < 20_000
+    assert sorted(path.name for path in FOLDER.glob(f"two-layer-k{bits}.*")) == [
+        f"two-layer-k{bits}.md",
+        f"two-layer-k{bits}.safetensors",
     ]
 
 
 @by_bits
 def test_the_card_names_data_command_seed_and_quality(bits):
-    card = (FOLDER / f"k{bits}.md").read_text(encoding="utf-8")
+    card = (FOLDER / f"two-layer-k{bits}.md").read_text(encoding="utf-8")
     assert f"K = {bits} " in card
     assert "BSDS300" in card
     assert f"tools/train_two_layer.py DATA --bits {bits}`" in card
@@ -95,7 +97,7 @@ def test_the_card_names_data_command_seed_and_quality(bits):
     likelihood = float(re.search(r"likelihood on the same bits:\s+PSNR ([\d.]+) dB", card)[1])
     assert likelihood + 3 < quality < 40
     parameters = int(re.search(r"(\d+) parameters", card)[1])
-    assert parameters == vector_of(model(bits)).size
+    assert parameters == parameter_vector(model(bits)).size
 
 
 @by_bits
@@ -110,7 +112,7 @@ def test_a_network_was_trained_for_its_sensor_on_what_the_card_says(bits):
 
 @by_bits
 def test_the_parameters_are_admissible(bits):
-    vector = vector_of(model(bits))
+    vector = parameter_vector(model(bits))
     projected = SafeSet().project(model(bits), vector)
     # To the rounding of float32.
     np.testing.assert_allclose(vector, projected, rtol=1e-6, atol=1e-6)
@@ -153,7 +155,7 @@ def test_a_network_beats_maximum_likelihood_and_its_own_start(sensor):
     quality = {
         name: jl.metrics.psnr(picture, camera())
         for name, picture in {
-            "learned": pretrained(sensor, "fast").reconstruct(bits),
+            "learned": pretrained(sensor, "two-layer").reconstruct(bits),
             "likelihood": jl.mle(bits, sensor),
             "start": jl.Network.initial(sensor).reconstruct(bits),
         }.items()
@@ -177,7 +179,7 @@ def test_on_photographs_like_those_of_the_training_a_network_errs_least(data, se
 
     for sigma in (0.7, 1.0):
         smoother = jl.Network.initial(sensor, sigma=sigma)
-        assert quality(pretrained(sensor, "fast")) > quality(smoother) + 0.1
+        assert quality(pretrained(sensor, "two-layer")) > quality(smoother) + 0.1
 
 
 # From K = 49 on smoothing with σ = 1 is better there.
@@ -186,7 +188,7 @@ def test_with_few_bits_a_network_beats_smoothing_on_other_photographs_too(side, 
     sensor = jl.Sensor(oversampling=side)
     bits = sensor.expose(camera(), rng=0)
     smooth = jl.Network.initial(sensor, sigma=1.0).reconstruct(bits)
-    learned = jl.metrics.psnr(pretrained(sensor, "fast").reconstruct(bits), camera())
+    learned = jl.metrics.psnr(pretrained(sensor, "two-layer").reconstruct(bits), camera())
     assert learned > jl.metrics.psnr(smooth, camera()) + gain
 
 
@@ -194,7 +196,7 @@ def test_more_bits_give_a_better_picture():
     image = camera()[100:300, 100:300]
     quality = []
     for sensor in SPACE:
-        picture = pretrained(sensor, "fast").reconstruct(sensor.expose(image, rng=0))
+        picture = pretrained(sensor, "two-layer").reconstruct(sensor.expose(image, rng=0))
         quality.append(jl.metrics.psnr(picture, image))
     assert (np.diff(quality) > 0.1).all()
 
@@ -204,10 +206,10 @@ def test_dead_jots_are_served():
     mask = np.random.default_rng(0).random((200, 200)) < 0.1
     sensor = jl.Sensor(oversampling=4, mask=mask)
     bits = sensor.expose(image, rng=0)
-    masked = jl.metrics.psnr(pretrained(sensor, "fast").reconstruct(bits), image)
+    masked = jl.metrics.psnr(pretrained(sensor, "two-layer").reconstruct(bits), image)
     whole = jl.Sensor(oversampling=4)
     unmasked = jl.metrics.psnr(
-        pretrained(whole, "fast").reconstruct(whole.expose(image, rng=0)), image
+        pretrained(whole, "two-layer").reconstruct(whole.expose(image, rng=0)), image
     )
     # A tenth less of light costs a tenth of the noise's power at most, 0.5 dB.
     assert unmasked - 0.6 < masked < unmasked + 0.6
@@ -217,13 +219,13 @@ def test_colour_is_served_channel_by_channel():
     image = jl.datasets.photograph("coffee")[100:140, 180:229]
     sensor = jl.Sensor(oversampling=4)
     bits = sensor.expose(image, rng=0)
-    picture = pretrained(sensor, "fast").reconstruct(bits)
+    picture = pretrained(sensor, "two-layer").reconstruct(bits)
     assert picture.shape == image.shape
     assert jl.metrics.psnr(picture, image) > jl.metrics.psnr(jl.mle(bits, sensor), image) + 3
     for channel in range(3):
         counts = bits.counts(4)[..., channel]
         np.testing.assert_array_equal(
-            pretrained(sensor, "fast").reconstruct(counts, sensor), picture[..., channel]
+            pretrained(sensor, "two-layer").reconstruct(counts, sensor), picture[..., channel]
         )
 
 
@@ -231,19 +233,20 @@ def test_weak_dark_counts_are_served():
     image = camera()[100:200, 100:200]
     sensor = jl.Sensor(oversampling=4, dark_counts=0.05)
     bits = sensor.expose(image, rng=0)
-    assert unsupported_reason(sensor, "fast") is None
-    picture = pretrained(sensor, "fast").reconstruct(bits)
+    assert unsupported_message(sensor, "two-layer") is None
+    picture = pretrained(sensor, "two-layer").reconstruct(bits)
     assert jl.metrics.psnr(picture, image) > jl.metrics.psnr(jl.mle(bits, sensor), image) + 5
     assert abs(picture.mean() - image.mean()) < 0.02
 
 
 def test_efficiency_and_gain_may_share_the_exposure():
-    assert unsupported_reason(jl.Sensor(frames=16, gain=32, efficiency=0.5), "fast") is None
-    assert unsupported_reason(jl.Sensor(frames=16, efficiency=0.5), "fast") is not None
+    assert unsupported_message(jl.Sensor(frames=16, gain=32, efficiency=0.5), "two-layer") is None
+    assert unsupported_message(jl.Sensor(frames=16, efficiency=0.5), "two-layer") is not None
 
 
 @pytest.mark.parametrize(
-    ("quality", "least"), [("fast", 24.30), ("small", 25.95), ("medium", 26.43), ("large", 26.70)]
+    ("quality", "least"),
+    [("two-layer", 24.30), ("small", 25.95), ("medium", 26.43), ("large", 26.70)],
 )
 def test_the_promised_quality_is_met_on_photographs(data, quality, least):
     sensor = jl.Sensor(frames=16)
@@ -278,7 +281,7 @@ def test_the_small_network_is_better_than_the_fast_one(bits):
     seen = sensor.expose(image, rng=1)
     small, fast = (
         jl.metrics.psnr(pretrained(sensor, quality).reconstruct(seen), image)
-        for quality in ("small", "fast")
+        for quality in ("small", "two-layer")
     )
     assert small > fast + 0.5
 
@@ -304,8 +307,8 @@ def test_no_file_of_a_network_is_large():
 
 def test_there_is_no_other_quality():
     with pytest.raises(
-        ValueError, match="quality: expected one of fast, small, medium, large, got 'best'"
+        ValueError, match="quality: expected one of two-layer, small, medium, large, got 'best'"
     ):
         pretrained(jl.Sensor(oversampling=4), "best")
-    assert "only for 1 to 256" in unsupported_reason(jl.Sensor(frames=300))
-    assert "the cubic kernel" in unsupported_reason(jl.Sensor(oversampling=4, kernel="cubic"))
+    assert "only for 1 to 256" in unsupported_message(jl.Sensor(frames=300))
+    assert "the cubic kernel" in unsupported_message(jl.Sensor(oversampling=4, kernel="cubic"))

@@ -3,8 +3,8 @@ import pytest
 
 import jotlight as jl
 from jotlight.formats.orientation import orient_packed, transpose_packed
-from jotlight.sensing.frames import Frames, joined, parts_of_frames
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.frames import Frames, joined, read_in_chunks
+from jotlight.sensing.provenance import Provenance
 from reference import formats as twin
 
 
@@ -55,7 +55,7 @@ def test_a_reader_that_gives_too_little_is_found_out():
 
 def test_parts_are_of_bounded_size():
     asked = []
-    parts = list(parts_of_frames(lazy(CUBE, asked), 18 * 7))
+    parts = list(read_in_chunks(lazy(CUBE, asked), 18 * 7))
     assert asked == [(0, 7), (7, 14), (14, 20)]
     np.testing.assert_array_equal(np.concatenate([part for _, part in parts]), CUBE)
 
@@ -79,7 +79,7 @@ def test_bits_in_files_do_what_bits_in_memory_do(shape, tmp_path):
     mask = random(shape[1:3], 1)
     np.testing.assert_array_equal(bits.counts(1, mask=mask), kept.counts(1, mask=mask))
     np.testing.assert_array_equal(bits[2:7].to_array(), array[2:7])
-    bits.save(tmp_path / "bits.npy")
+    jl.save(bits, tmp_path / "bits.npy")
     np.testing.assert_array_equal(jl.open(tmp_path / "bits.npy").to_array(), array)
     sensor = jl.Sensor(frames=9)
     np.testing.assert_array_equal(jl.mle(bits, sensor), jl.mle(kept, sensor))
@@ -105,10 +105,10 @@ def test_a_network_that_weighs_jots_takes_bits_in_files():
 
 
 def test_a_slice_tells_which_frames_it_has():
-    source = Source("npy", "cube.npy")
-    bits = jl.Bits(CUBE, source=source)
-    assert bits[4:10].source.notes == ("frames 4:10 of 20",)
-    assert bits[:].source == source
+    provenance = Provenance("npy", "cube.npy")
+    bits = jl.Bits(CUBE, provenance=provenance)
+    assert bits[4:10].provenance.notes == ("frames 4:10 of 20",)
+    assert bits[:].provenance == provenance
 
 
 @pytest.mark.parametrize("shape", [(2, 8, 8), (3, 5, 13), (1, 1, 1), (2, 17, 9), (1, 24, 16)])

@@ -346,7 +346,7 @@ def test_the_number_of_threads_changes_no_bit(threshold):
             *same.gradient_and_curvature(light),
             same.information(light),
         ]
-        arrays.append(same.proximal(light, 3.0, most=9.0))
+        arrays.append(same.proximal(light, 3.0, max_light=9.0))
         results.append(b"".join(array.tobytes() for array in arrays))
     assert results[0] == results[1] == results[2]
 
@@ -357,14 +357,14 @@ def test_very_many_cells_are_handled_in_parts(threshold, monkeypatch):
     whole = [
         *cells.gradient_and_curvature(light),
         cells.information(light),
-        cells.proximal(light, 2.0, most=5.0),
+        cells.proximal(light, 2.0, max_light=5.0),
     ]
     value = cells.value(light)
     monkeypatch.setattr("jotlight.sensing.likelihood._AT_ONCE", 7001)
     parts = [
         *cells.gradient_and_curvature(light),
         cells.information(light),
-        cells.proximal(light, 2.0, most=5.0),
+        cells.proximal(light, 2.0, max_light=5.0),
     ]
     np.testing.assert_array_equal(parts, whole)
     assert cells.value(light) == pytest.approx(value, rel=1e-13)
@@ -413,7 +413,7 @@ def test_bits_that_cannot_be_are_refused(ones, options, error, message):
         jl.Likelihood(ones, **options)
 
 
-@pytest.mark.parametrize("method", ["value", "slopes", "information"])
+@pytest.mark.parametrize("method", ["value", "gradient_and_curvature", "information"])
 @pytest.mark.parametrize(
     ("light", "message"),
     [

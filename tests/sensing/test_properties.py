@@ -100,7 +100,7 @@ def test_saved_bits_come_back_with_their_width_and_sensor(case):
     bits = jl.Bits.from_array(values, sensor)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "cube.npy"
-        bits.save(path)
+        jl.save(bits, path)
         loaded = jl.open(path)
         assert loaded.shape == bits.shape
         assert loaded.sensor == sensor
@@ -113,7 +113,7 @@ def test_saved_bits_come_back_with_their_width_and_sensor(case):
 def test_plain_bits_of_any_width_and_colour_come_back(values):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "cube.npy"
-        jl.Bits.from_array(values).save(path)
+        jl.save(jl.Bits.from_array(values), path)
         np.testing.assert_array_equal(jl.open(path).to_array(), values)
 
 

@@ -22,7 +22,7 @@ ULP = np.finfo(float).eps * MOST
 
 def proximal(threshold, penalty, **options):
     cells = jl.Likelihood(ONES, TRIALS, threshold=threshold, dark_counts=DARK)
-    return cells.proximal(POINT, penalty, most=MOST, **options)
+    return cells.proximal(POINT, penalty, max_light=MOST, **options)
 
 
 def stays_dark(threshold, rate):
@@ -107,16 +107,18 @@ def test_the_result_is_as_good_a_guess_as_any(threshold):
 @pytest.mark.parametrize(("point", "guess"), [(0.5, 1e-100), (1e-100, None)])
 def test_a_guess_next_to_nothing_changes_nothing(threshold, point, guess):
     cell = jl.Likelihood([4], TRIALS, threshold=threshold)
-    expected = cell.proximal(point, 1.0, most=MOST, guess=1.0)
-    assert cell.proximal(point, 1.0, most=MOST, guess=guess) == pytest.approx(expected, rel=1e-8)
+    expected = cell.proximal(point, 1.0, max_light=MOST, guess=1.0)
+    assert cell.proximal(point, 1.0, max_light=MOST, guess=guess) == pytest.approx(
+        expected, rel=1e-8
+    )
 
 
 @pytest.mark.parametrize("threshold", [1, 2, 5])
 @pytest.mark.parametrize("most", [1e4, 1e16, 1e30])
 def test_a_bound_far_away_changes_nothing(threshold, most):
     cell = jl.Likelihood([4], TRIALS, threshold=threshold)
-    expected = cell.proximal(-5.0, 1.0, most=100.0)
-    assert cell.proximal(-5.0, 1.0, most=most) == pytest.approx(expected, rel=1e-8)
+    expected = cell.proximal(-5.0, 1.0, max_light=100.0)
+    assert cell.proximal(-5.0, 1.0, max_light=most) == pytest.approx(expected, rel=1e-8)
 
 
 @pytest.mark.parametrize("threshold", [1, 2, 5])
@@ -124,7 +126,7 @@ def test_a_cell_without_bits_goes_to_its_point(threshold):
     points = np.array([-1e9, -1.0, 0.0, 1e-7, 0.3, 1.0, 4.0, 5.0, 1e9])
     dead = jl.Likelihood(np.zeros(9, int), 0, threshold=threshold)
     for guess in (None, 0.0, 2.0, 3.0):
-        found = dead.proximal(points, 0.7, most=MOST, guess=guess)
+        found = dead.proximal(points, 0.7, max_light=MOST, guess=guess)
         np.testing.assert_allclose(found, points.clip(0, MOST), rtol=1e-12, atol=ULP)
 
 
@@ -132,19 +134,19 @@ def test_a_cell_without_bits_goes_to_its_point(threshold):
 def test_a_huge_penalty_leaves_the_point_and_a_tiny_one_the_most_likely_light(threshold):
     cells = jl.Likelihood(np.arange(TRIALS + 1), TRIALS, threshold=threshold)
     points = RANDOM.uniform(0.1, 3.9, TRIALS + 1)
-    np.testing.assert_allclose(cells.proximal(points, 1e15, most=MOST), points, rtol=1e-12)
+    np.testing.assert_allclose(cells.proximal(points, 1e15, max_light=MOST), points, rtol=1e-12)
     counts = np.arange(TRIALS + 1)[None]
     likely = jl.mle(counts, jl.Sensor(frames=TRIALS, threshold=threshold, gain=TRIALS,
                                       max_intensity=MOST))  # fmt: skip
     np.testing.assert_allclose(
-        cells.proximal(points, 1e-13, most=MOST), likely[0], rtol=1e-6, atol=1e-6
+        cells.proximal(points, 1e-13, max_light=MOST), likely[0], rtol=1e-6, atol=1e-6
     )
 
 
 @pytest.mark.parametrize("threshold", [1, 2])
 @pytest.mark.parametrize("point", [-np.inf, np.inf])
 def test_a_point_at_infinity_goes_to_the_end(threshold, point):
-    found = jl.Likelihood([0, 1, 3], 3, threshold=threshold).proximal(point, 1.0, most=MOST)
+    found = jl.Likelihood([0, 1, 3], 3, threshold=threshold).proximal(point, 1.0, max_light=MOST)
     np.testing.assert_array_equal(found, MOST if point > 0 else 0)
 
 
@@ -160,7 +162,7 @@ def test_two_points_come_no_further_apart_and_keep_their_order(
     threshold, ones, zeros, dark, penalty, points
 ):
     cell = jl.Likelihood([ones, ones], ones + zeros, threshold=threshold, dark_counts=dark)
-    low, high = cell.proximal(np.sort(points), penalty, most=MOST)
+    low, high = cell.proximal(np.sort(points), penalty, max_light=MOST)
     assert -1e-8 <= high - low <= np.ptp(points) + 1e-8
 
 
@@ -172,38 +174,42 @@ def test_cells_do_not_know_of_each_other(threshold, size):
     dark = RANDOM.choice([0, 0.1], size)
     points = RANDOM.normal(1, 2, size)
     cells = jl.Likelihood(ones, trials, threshold=threshold, dark_counts=dark)
-    together = cells.proximal(points, 2.0, most=MOST)
+    together = cells.proximal(points, 2.0, max_light=MOST)
     for i in [*range(0, size, 500), size - 1]:
         cell = jl.Likelihood([ones[i]], trials[i], threshold=threshold, dark_counts=dark[i])
-        assert cell.proximal([points[i]], 2.0, most=MOST) == together[i]
+        assert cell.proximal([points[i]], 2.0, max_light=MOST) == together[i]
 
 
 @pytest.mark.parametrize("threshold", [1, 3])
 def test_the_shape_of_the_cells_changes_nothing(threshold):
     ones, points = RANDOM.integers(0, 5, (4, 6)), RANDOM.normal(0, 2, (4, 6))
     flat = jl.Likelihood(ones.ravel(), 4, threshold=threshold)
-    expected = flat.proximal(points.ravel(), 1.0, most=MOST).reshape(4, 6)
+    expected = flat.proximal(points.ravel(), 1.0, max_light=MOST).reshape(4, 6)
     before = points.copy()
     for change in (np.asarray, np.asfortranarray, np.ndarray.tolist):
         cells = jl.Likelihood(change(ones), 4, threshold=threshold)
-        np.testing.assert_array_equal(cells.proximal(change(points), 1.0, most=MOST), expected)
+        np.testing.assert_array_equal(cells.proximal(change(points), 1.0, max_light=MOST), expected)
     np.testing.assert_array_equal(points, before)
     same = jl.Likelihood(ones, 4, threshold=threshold)
     np.testing.assert_array_equal(
-        same.proximal(0.7, 1.0, most=MOST), same.proximal(np.full((4, 6), 0.7), 1.0, most=MOST)
+        same.proximal(0.7, 1.0, max_light=MOST),
+        same.proximal(np.full((4, 6), 0.7), 1.0, max_light=MOST),
     )
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"penalty": 0.0}, "penalty and most: expected finite numbers above 0, got 0.0 and 1.0"),
-        ({"penalty": -1.0}, "penalty and most: .*got -1.0 and 1.0"),
-        ({"penalty": np.nan}, "penalty and most: .*got nan and 1.0"),
-        ({"penalty": np.inf}, "penalty and most: .*got inf and 1.0"),
-        ({"most": 0.0}, "penalty and most: .*got 1.0 and 0.0"),
-        ({"most": np.inf}, "penalty and most: .*got 1.0 and inf"),
-        ({"most": np.nan}, "penalty and most: .*got 1.0 and nan"),
+        (
+            {"penalty": 0.0},
+            "penalty and max_light: expected finite numbers above 0, got 0.0 and 1.0",
+        ),
+        ({"penalty": -1.0}, "penalty and max_light: .*got -1.0 and 1.0"),
+        ({"penalty": np.nan}, "penalty and max_light: .*got nan and 1.0"),
+        ({"penalty": np.inf}, "penalty and max_light: .*got inf and 1.0"),
+        ({"max_light": 0.0}, "penalty and max_light: .*got 1.0 and 0.0"),
+        ({"max_light": np.inf}, "penalty and max_light: .*got 1.0 and inf"),
+        ({"max_light": np.nan}, "penalty and max_light: .*got 1.0 and nan"),
         ({"point": [0.5, np.nan]}, "point: expected numbers, got NaN"),
         ({"point": [0.5, 0.5, 0.5]}, r"point: expected shape \(2,\), got \(3,\)"),
         ({"guess": [0.5, -0.5]}, "expected 0 or more, got -0.5"),
@@ -215,7 +221,7 @@ def test_the_shape_of_the_cells_changes_nothing(threshold):
 def test_a_proximal_map_that_cannot_be_is_refused(arguments, message):
     with pytest.raises(ValueError, match=message):
         jl.Likelihood([0, 1]).proximal(
-            **{"point": [0.5, 0.5], "penalty": 1.0, "most": 1.0} | arguments
+            **{"point": [0.5, 0.5], "penalty": 1.0, "max_light": 1.0} | arguments
         )
 
 

@@ -171,7 +171,7 @@ def test_more_bits_per_pixel_than_a_count_can_hold_are_refused(parameters):
 def test_numpy_numbers_become_plain_ones():
     sensor = jl.Sensor(np.uint8(3), np.int64(2), np.float32(4), np.float64(2), "box", np.array(0.5))
     assert sensor == jl.Sensor(3, 2, 4.0, 2, "box", 0.5)
-    assert [type(value) for value in sensor.numbers().values()] == [
+    assert [type(value) for value in sensor.scalars().values()] == [
         int, int, float, int, str, float, float, float,
     ]  # fmt: skip
 
@@ -215,7 +215,7 @@ BAD_IMAGES = [
     (np.zeros(4), ValueError, r"\(H, W\) or \(H, W, C\), got 1 dimensions"),
     (np.array(0.5), ValueError, "got 0 dimensions"),
     (np.zeros((2, 4, 4, 3)), ValueError, "got 4 dimensions"),
-    (np.zeros((4, 4, 5)), ValueError, "at most 4 colour channels"),
+    (np.zeros((4, 4, 5)), ValueError, "at most 4 color channels"),
     (np.zeros((4, 4), np.uint8), TypeError, r"scale is unknown; divide by .*image / 255\.0"),
     (np.zeros((4, 4), int), TypeError, "scale is unknown"),
     (np.zeros((4, 4), bool), TypeError, "scale is unknown"),
@@ -273,12 +273,12 @@ def test_a_sensor_equals_nothing_else():
 
 @pytest.mark.parametrize("sensor", SENSORS, ids=repr)
 def test_numbers_and_maps_make_the_sensor_again(sensor):
-    numbers = json.loads(json.dumps(sensor.numbers()))
-    assert jl.Sensor.from_parts(numbers, sensor.maps()) == sensor
+    scalars = json.loads(json.dumps(sensor.scalars()))
+    assert jl.Sensor.from_parts(scalars, sensor.maps()) == sensor
 
 
 @pytest.mark.parametrize(
-    ("numbers", "maps", "message"),
+    ("scalars", "maps", "message"),
     [
         ([1], None, "got list"),
         ({"oversampling": 2, "colour": 3}, None, "unknown parameters colour"),
@@ -286,9 +286,9 @@ def test_numbers_and_maps_make_the_sensor_again(sensor):
         ({}, {"q": np.zeros((2, 2))}, "q"),
     ],
 )
-def test_parts_that_make_no_sensor_are_refused(numbers, maps, message):
+def test_parts_that_make_no_sensor_are_refused(scalars, maps, message):
     with pytest.raises(ValueError, match=message):
-        jl.Sensor.from_parts(numbers, maps)
+        jl.Sensor.from_parts(scalars, maps)
 
 
 @pytest.mark.parametrize(

@@ -167,7 +167,7 @@ def test_a_network_is_a_model():
         if network.trials_range is None:
             expected = network.reconstruct(y[0, 0].numpy().astype(int))
         else:
-            expected = network._at(SENSOR).reconstruct(y[0, 0].numpy().astype(int))
+            expected = network.conditioned_on(SENSOR).reconstruct(y[0, 0].numpy().astype(int))
         np.testing.assert_allclose(picture[0, 0], expected, atol=1e-5)
 
 

@@ -22,7 +22,7 @@ SCENE = np.kron([[0.1, 0.7, 0.3], [0.9, 0.2, 0.5], [0.4, 0.8, 0.1]], np.ones((16
 SENSOR = jl.Sensor(frames=8)
 BITS = SENSOR.expose(SCENE, rng=0)
 TOLD = jl.Network.conditional("small", rng=0)
-ONE = jl.Network.deep(SENSOR, "small", rng=0)
+ONE = jl.Network.residual(SENSOR, "small", rng=0)
 SHIPPED = jl.Network.initial(SENSOR, taps=5, coefficients=20)
 FALSE_ALARMS = 1e-9
 """How often a test of chance fails although all is well."""
@@ -119,7 +119,9 @@ def test_the_truth_is_the_most_likely(network, threshold):
         efficiency=rng.uniform(0.3, 1, SCENE.shape),
     )
     if network is ONE:
-        network = jl.Network.deep(sensor.replace(dark_counts=0.1, efficiency=0.6), "small", rng=0)
+        network = jl.Network.residual(
+            sensor.replace(dark_counts=0.1, efficiency=0.6), "small", rng=0
+        )
     splits = splits_of(network, sensor, sensor.expose(SCENE, rng=1))
     (held,) = splits.held_out
 
@@ -145,7 +147,7 @@ def test_the_truth_is_the_most_likely(network, threshold):
 @pytest.mark.parametrize("threshold", [1, 2])
 def test_the_slope_is_that_of_differences(threshold):
     sensor = SENSOR.replace(threshold=threshold, dark_counts=np.full(SCENE.shape, 0.1))
-    for network in (TOLD, jl.Network.deep(sensor.replace(dark_counts=0.1), "small", rng=0)):
+    for network in (TOLD, jl.Network.residual(sensor.replace(dark_counts=0.1), "small", rng=0)):
         splits = splits_of(network, sensor, sensor.expose(SCENE, rng=1))
         (held,) = splits.held_out
         picture = torch.from_numpy(0.2 + 0.5 * SCENE)[None, None].requires_grad_()

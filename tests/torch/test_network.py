@@ -18,7 +18,7 @@ SIZES = [(1, 1), (2, 5), (33, 47), (64, 40)]
 
 
 def member(name):
-    return deep.lively(jl.Network.deep(SENSOR, name, rng=0), np.random.default_rng(0))
+    return deep.lively(jl.Network.residual(SENSOR, name, rng=0), np.random.default_rng(0))
 
 
 def conditional(name):
@@ -83,7 +83,9 @@ def test_a_module_that_is_told_k_gives_the_engines_shares(make, bits, size):
     with torch.no_grad():
         given = Network(network)(torch.from_numpy(counts).float()[:, None], bits)
     for one, shares in zip(counts, given[:, 0], strict=True):
-        np.testing.assert_allclose(shares, network._at(sensor).reconstruct(one), atol=1e-5)
+        np.testing.assert_allclose(
+            shares, network.conditioned_on(sensor).reconstruct(one), atol=1e-5
+        )
 
 
 def test_a_module_is_told_k_if_and_only_if_it_has_to_be():
@@ -176,7 +178,7 @@ def test_compiling_changes_nothing():
 
 
 def test_what_is_known_exactly_does_not_learn():
-    module = Network(jl.Network.deep(SENSOR, "small", rng=0))
+    module = Network(jl.Network.residual(SENSOR, "small", rng=0))
     for layer, filters in zip(module.origin.layers, module.filters, strict=True):
         assert filters.requires_grad == (layer.trainable != "nothing")
     for index, coefficients in module.coefficients.items():
@@ -185,7 +187,7 @@ def test_what_is_known_exactly_does_not_learn():
 
 
 def test_what_is_learned_further_does_not_change_a_network_that_was_given():
-    module = Network(jl.Network.deep(jl.Sensor(frames=4), "small", rng=0))
+    module = Network(jl.Network.residual(jl.Sensor(frames=4), "small", rng=0))
     given = module.network()
     before = given.layers[2].filters.copy()
     with torch.no_grad():

@@ -34,7 +34,7 @@ def test_some_patches_are_far_too_bright_or_too_dark(tied):
     # What is past the range is known by its bits alone.
     assert shares.max() > 0.99 > SENSOR.probability(np.full((1, 1), 0.8)).max()
     within = levels < SENSOR.max_intensity
-    rates = levels[within].astype(float) * SENSOR._gain / SENSOR.bits_per_pixel
+    rates = levels[within].astype(float) * SENSOR.gain / SENSOR.bits_per_pixel
     expected = -np.expm1(-rates)
     trials = SENSOR.bits_per_pixel * 64
     deviations = np.sqrt(expected * (1 - expected) / trials)
@@ -43,7 +43,7 @@ def test_some_patches_are_far_too_bright_or_too_dark(tied):
 
 def test_a_process_sees_its_part_of_the_patches_of_all():
     images = [np.random.default_rng(0).random((20, 24), np.float32)]
-    network = jl.Network.deep(SENSOR, "small", rng=0)
+    network = jl.Network.residual(SENSOR, "small", rng=0)
     batch = Patches(images, network, SENSOR, 1, 64, 8)
     whole, part = batch.views(5, slice(0, 64), 1), batch.views(5, slice(16, 32), 1)
     np.testing.assert_array_equal(whole.data[16:32], part.data)

@@ -18,7 +18,7 @@ SENSOR = jl.Sensor(oversampling=3)
 IMAGES = np.random.default_rng(0).random((5, 20, 24), np.float32)
 STEPS = 6
 STARTS = {
-    "small": jl.Network.deep(SENSOR, "small", rng=0),
+    "small": jl.Network.residual(SENSOR, "small", rng=0),
     "told": jl.Network.conditional("small", rng=0),
     "jots": jl.Network.initial(SENSOR, tied=False, taps=3, coefficients=12),
 }
@@ -63,7 +63,7 @@ def test_only_what_may_learn_does(start):
         assert (before.filters == after.filters).all() == (before.trainable == "nothing")
         if before.trainable != "all" and before.coefficients is not None:
             np.testing.assert_array_equal(before.coefficients, after.coefficients)
-        assert before.numbers() == after.numbers()
+        assert before.metadata() == after.metadata()
 
 
 def test_learning_lowers_the_cost():
@@ -145,7 +145,7 @@ import numpy as np
 import jotlight as jl
 from jotlight.torch import train
 
-network = jl.Network.deep(jl.Sensor(oversampling=3), "small", rng=0)
+network = jl.Network.residual(jl.Sensor(oversampling=3), "small", rng=0)
 images = np.random.default_rng(0).random((5, 20, 24), np.float32)
 told = []
 learned, history = train(

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jotlight as jl
-from jotlight.training import SafeSet, network_of, split_vector, vector_of
+from jotlight.training import SafeSet, parameter_vector, split_vector, with_parameters
 from jotlight.training.admissible import nearest_filter, nearest_monotone, nearest_weights
 from reference import methods, sensing
 from reference import training as twins
@@ -106,7 +106,7 @@ def test_splines_rise_where_there_is_one_channel_throughout_and_it_is_asked_for(
         ([2, 1], True, False),
     ]:
         network = bare_network(sensor, channels, [(3, 3)], tied=True)
-        start = np.random.default_rng(0).normal(0, 1, len(vector_of(network)))
+        start = np.random.default_rng(0).normal(0, 1, len(parameter_vector(network)))
         for _, coefficients in split_vector(
             network, SafeSet(0.5, monotone).project(network, start)
         ):
@@ -117,7 +117,7 @@ def test_splines_rise_where_there_is_one_channel_throughout_and_it_is_asked_for(
 def test_projection_leads_into_the_set_and_then_nowhere(case):
     sensor, shape, tied, nu, seed = case
     network = bare_network(sensor, *shape, tied=tied)
-    start = far_out(np.random.default_rng(seed), len(vector_of(network)))
+    start = far_out(np.random.default_rng(seed), len(parameter_vector(network)))
     before = start.copy()
     once = SafeSet(nu).project(network, start)
     np.testing.assert_array_equal(start, before)
@@ -129,7 +129,7 @@ def test_projection_leads_into_the_set_and_then_nowhere(case):
 def test_projection_brings_no_two_points_apart(case):
     sensor, shape, tied, nu, seed = case
     network, rng = bare_network(sensor, *shape, tied=tied), np.random.default_rng(seed)
-    one = far_out(rng, len(vector_of(network)))
+    one = far_out(rng, len(parameter_vector(network)))
     other = one + far_out(rng, len(one)) * rng.choice([1e-3, 1.0])
     here, there = (SafeSet(nu).project(network, x) for x in (one, other))
     assert np.linalg.norm(here - there) <= np.linalg.norm(one - other) * (1 + 1e-12)
@@ -139,7 +139,7 @@ def test_projection_brings_no_two_points_apart(case):
 def test_no_point_of_the_set_is_nearer_than_the_projection(case):
     sensor, shape, tied, nu, seed = case
     network, rng = bare_network(sensor, *shape, tied=tied), np.random.default_rng(seed)
-    start = far_out(rng, len(vector_of(network)))
+    start = far_out(rng, len(parameter_vector(network)))
     nearest = SafeSet(nu).project(network, start)
     for _ in range(5):
         # Of a convex set no point lies beyond the plane that the way to it stands upright on.
@@ -153,7 +153,7 @@ def test_no_point_of_the_set_is_nearer_than_the_projection(case):
 @pytest.mark.parametrize("sensor", SENSORS, ids=repr)
 def test_initial_networks_are_in_the_set(sensor, sigma, nu, tied):
     network = jl.Network.initial(sensor, sigma=sigma, tied=tied, nu=nu)
-    vector = vector_of(network)
+    vector = parameter_vector(network)
     moved = np.abs(SafeSet(nu).project(network, vector) - vector)
     assert moved.max() < 1e-6 * max(1, np.abs(vector).max())
 
@@ -188,7 +188,7 @@ def adversaries(rng, network):
     yield random_bits(rng, network.sensor, side, side)
     if len(network.layers) == 1:
         return
-    layers = twins.layers_of(network, vector_of(network))
+    layers = twins.layers_of(network, parameter_vector(network))
     alone = whole(choice[None])
     answers = twins.sums(layers[0].filters, alone, network.sensor.oversampling)[:, 0]
     for plane, coefficients in zip(answers, layers[0].coefficients, strict=True):
@@ -209,8 +209,10 @@ def test_no_bits_whatever_lead_out_of_a_range(case):
     sensor, shape, tied, nu, seed = case
     rng = np.random.default_rng(seed)
     bare = bare_network(sensor, *shape, tied=tied)
-    network = network_of(bare, SafeSet(nu).project(bare, far_out(rng, len(vector_of(bare)))))
-    vector = vector_of(network)
+    network = with_parameters(
+        bare, SafeSet(nu).project(bare, far_out(rng, len(parameter_vector(bare))))
+    )
+    vector = parameter_vector(network)
     for bits in adversaries(rng, network):
         sums = twins.inputs(network, vector, bits)
         for plane, (low, high) in zip(sums, domains_of(network), strict=True):
@@ -230,15 +232,15 @@ def test_no_bits_whatever_lead_out_of_a_range(case):
 @pytest.mark.parametrize("tied", [True, False])
 def test_the_bounds_are_reached_and_so_no_tighter_than_needed(tied, nu):
     bare = bare_network(SENSORS[1], [1, 1], [(1, 3)], tied=tied)
-    vector = vector_of(bare)
+    vector = parameter_vector(bare)
     (taps, first), (filters, second) = split_vector(bare, vector)
     taps[...] = 1e3
     first[0, :4], first[0, 4:] = -1e3, 1e3
     filters[0, 0, 0] = -900, 1000, -950
     second[0, :4], second[0, 4:] = -1e3, 1e3
-    network = network_of(bare, SafeSet(nu).project(bare, vector))
+    network = with_parameters(bare, SafeSet(nu).project(bare, vector))
     bits = np.repeat([[[False, True, False], [True, False, True]]], 3, axis=2).repeat(3, axis=1)
-    p, r = twins.inputs(network, vector_of(network), bits)
+    p, r = twins.inputs(network, parameter_vector(network), bits)
     np.testing.assert_allclose([p.min(), p.max()], (0, 9), rtol=1e-6)
     np.testing.assert_allclose(r[0, :, 1], (2, -1), rtol=2e-6)
     picture = network.reconstruct(jl.Bits.from_array(bits))
@@ -268,9 +270,9 @@ def test_train_stays_in_the_set_it_is_given(optimizer):
         optimizer=optimizer,
         admissible=Frozen(),
     )
-    found = vector_of(learned)
+    found = parameter_vector(learned)
     np.testing.assert_allclose(found, Frozen().project(learned, found), rtol=1e-6)
-    assert (vector_of(network) != found).any()
+    assert (parameter_vector(network) != found).any()
 
 
 @pytest.mark.parametrize("nu", [-0.1, np.nan, np.inf])
@@ -284,7 +286,7 @@ def test_a_first_spline_without_0_in_its_domain_is_refused(start, spacing):
     network = jl.Network([jl.Layer(np.ones((1, 1, 1, 1)), np.ones((1, 9)), start, spacing)],
                          jl.Sensor(oversampling=3))  # fmt: skip
     with pytest.raises(ValueError, match="network: expected a first spline that starts at 0"):
-        SafeSet().project(network, vector_of(network))
+        SafeSet().project(network, parameter_vector(network))
 
 
 def test_a_vector_of_another_network_is_refused():

@@ -8,7 +8,7 @@ import pytest
 import jotlight as jl
 import jotlight._engine as engine
 from jotlight.seeds import seed_bytes
-from jotlight.training.parameters import engine_layers, vector_of
+from jotlight.training.parameters import engine_layers, parameter_vector
 from reference import training as twins
 from reference.networks import random_network
 
@@ -36,7 +36,7 @@ IMAGES = [
 
 def batch_of(sensor, *, images=IMAGES, patches=PATCHES, border=1, **changes):
     described = {
-        "sensor": sensor._engine_arguments(),
+        "sensor": sensor.engine_arguments(),
         "frames": sensor.frames,
         "images": images,
         "patches": np.array(patches, np.int64).reshape(-1, 5),
@@ -66,7 +66,7 @@ def network_off_the_rims(case, sensor, *, tied):
     """A network whose sums keep away from the ends of a spline, where its slope jumps to 0."""
     for seed in range(100):
         network = random_network(np.random.default_rng(seed), sensor, *CASES[case], tied=tied)
-        vector = vector_of(network)
+        vector = parameter_vector(network)
         gaps = [
             np.abs(plane - end).min()
             for bits in bits_of(sensor)
@@ -111,7 +111,7 @@ def test_every_derivative_is_that_of_central_differences(case, sensor, tied):
 @pytest.mark.parametrize("border", [0, 1, 2])
 def test_errors_are_the_twins_over_the_pixels_that_count(sensor, border, tied):
     network = random_network(np.random.default_rng(3), sensor, *CASES["three layers"], tied=tied)
-    vector = vector_of(network)
+    vector = parameter_vector(network)
     errors, pixels = engine.squared_errors(
         double(network, vector), batch_of(sensor, border=border), None
     )
@@ -159,7 +159,7 @@ def test_a_whole_image_is_a_patch_whose_rim_counts():
     whole = [(0, 0, 12, 0, 13)]
     batch = batch_of(sensor, patches=whole, border=5)
     (error,), (pixels,) = engine.squared_errors(
-        engine_layers(network, vector_of(network)), batch, None
+        engine_layers(network, parameter_vector(network)), batch, None
     )
     picture = network.reconstruct(sensor.expose(IMAGES[0], SEED)).astype(float)
     assert pixels == 12 * 13
@@ -169,7 +169,7 @@ def test_a_whole_image_is_a_patch_whose_rim_counts():
 def test_a_patch_that_is_all_border_counts_for_nothing():
     sensor = SENSORS["box"]
     network = random_network(np.random.default_rng(4), sensor, *CASES["two layers"], tied=True)
-    layers = engine_layers(network, vector_of(network))
+    layers = engine_layers(network, parameter_vector(network))
     batch = batch_of(sensor, patches=[(0, 2, 6, 3, 7)], border=2)
     (errors, pixels), gradient, matrix = engine.normal_equations(layers, batch, None)
     assert (errors[0], pixels[0]) == (0, 0)
@@ -182,7 +182,7 @@ def test_a_patch_that_is_all_border_counts_for_nothing():
 def test_threads_change_nothing(dtype, tied):
     sensor = SENSORS["box"]
     network = random_network(np.random.default_rng(6), sensor, *CASES["three layers"], tied=tied)
-    layers = engine_layers(network, vector_of(network), dtype)
+    layers = engine_layers(network, parameter_vector(network), dtype)
     scenes = np.random.default_rng(7).random((37, 9, 11), np.float32)
     patches = [(i, 0, 9, 0, 11) if i % 2 else (i, 1, 8, 2, 9) for i in range(37)]
     results = []
@@ -199,7 +199,7 @@ def test_threads_change_nothing(dtype, tied):
 def test_a_stack_of_images_is_as_good_as_a_list():
     sensor = SENSORS["cubic"]
     network = random_network(np.random.default_rng(6), sensor, *CASES["two layers"], tied=False)
-    layers = engine_layers(network, vector_of(network))
+    layers = engine_layers(network, parameter_vector(network))
     scenes = np.random.default_rng(7).random((3, 9, 11), np.float32)
     patches = [(2, 0, 9, 0, 11), (0, 1, 8, 2, 9), (1, 0, 5, 6, 11)]
     stack, each = (
@@ -238,7 +238,7 @@ CALLS = [engine.squared_errors, engine.gradient, engine.normal_equations]
 def test_patches_that_are_no_part_of_an_image_are_refused(call, patches):
     batch = {**batch_of(PLAIN), "patches": np.array(patches, np.int64)}
     with pytest.raises(ValueError, match="expected"):
-        call(engine_layers(ONE, vector_of(ONE)), batch, None)
+        call(engine_layers(ONE, parameter_vector(ONE)), batch, None)
 
 
 @pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__name__)
@@ -248,15 +248,15 @@ def test_patches_that_are_no_part_of_an_image_are_refused(call, patches):
         {"images": []},
         {"frames": 3},
         {"frames": 0},
-        {"sensor": PLAIN.replace(oversampling=3)._engine_arguments()},
-        {"sensor": PLAIN.replace(mask=np.zeros((24, 26), bool))._engine_arguments()},
-        {"sensor": PLAIN.replace(dark_counts=np.zeros((24, 26)))._engine_arguments()},
+        {"sensor": PLAIN.replace(oversampling=3).engine_arguments()},
+        {"sensor": PLAIN.replace(mask=np.zeros((24, 26), bool)).engine_arguments()},
+        {"sensor": PLAIN.replace(dark_counts=np.zeros((24, 26))).engine_arguments()},
     ],
     ids=["no images", "frames", "no frames", "block", "mask", "dark counts"],
 )
 def test_a_batch_that_does_not_fit_is_refused(call, changes):
     with pytest.raises(ValueError, match="expected"):
-        call(engine_layers(ONE, vector_of(ONE)), {**batch_of(PLAIN), **changes}, None)
+        call(engine_layers(ONE, parameter_vector(ONE)), {**batch_of(PLAIN), **changes}, None)
 
 
 @pytest.fixture
@@ -282,7 +282,7 @@ def ticks():
 
 @pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__name__)
 def test_other_threads_run_meanwhile(call, ticks):
-    layers = engine_layers(ONE, vector_of(ONE))
+    layers = engine_layers(ONE, parameter_vector(ONE))
     scenes = np.full((64, 32, 32), 0.5, np.float32)
     batch = batch_of(PLAIN, images=scenes, patches=[(i, 0, 32, 0, 32) for i in range(64)])
     seen = 0

@@ -7,11 +7,11 @@ from scipy.optimize import LinearConstraint, lsq_linear, minimize
 
 import jotlight as jl
 import jotlight._engine as engine
-from jotlight.training import Adam, GaussNewton, ProjectedGradient, SafeSet, Step, vector_of
+from jotlight.training import Adam, GaussNewton, ProjectedGradient, SafeSet, Step, parameter_vector
 from jotlight.training.cost import Cost
 from jotlight.training.optimizers import _constrained_minimum
 from jotlight.training.parameters import engine_layers
-from jotlight.training.patches import Examples
+from jotlight.training.patches import PatchSampler
 from reference import training as twins
 
 SENSOR = jl.Sensor(oversampling=3)
@@ -23,7 +23,7 @@ def scenes(rng, number):
 
 
 def cost_of(network, *, step=0, steps=10, patches=16):
-    examples = Examples(scenes, SENSOR, 0, patches, None, network.halo)
+    examples = PatchSampler(scenes, SENSOR, 0, patches, None, network.halo)
     return Cost(network, examples, step, steps, SafeSet(), None)
 
 
@@ -79,18 +79,20 @@ def on_simplex(vector):
 def test_the_cost_falls(optimizer, steps):
     learned, history = jl.train(SMALL, scenes, steps=steps, batch=16, rng=0, optimizer=optimizer)
     fresh = cost_of(SMALL, step=1000, patches=64)
-    before, after = fresh.value(vector_of(SMALL)), fresh.value(vector_of(learned))
+    before, after = fresh.value(parameter_vector(SMALL)), fresh.value(parameter_vector(learned))
     assert after < 0.8 * before
     assert history.loss[-1] < 0.8 * history.loss[0]
 
 
 def test_projected_gradient_takes_just_the_step_of_equation_13():
     size = 1e-3
-    start = vector_of(SMALL) + np.random.default_rng(1).normal(0, 0.05, len(vector_of(SMALL)))
+    start = parameter_vector(SMALL) + np.random.default_rng(1).normal(
+        0, 0.05, len(parameter_vector(SMALL))
+    )
     cost = cost_of(SMALL)
     step = ProjectedGradient(size).take_step(cost, start, {})
     layers = engine_layers(SMALL, start, np.float64)
-    examples = Examples(scenes, SENSOR, 0, 16, None, SMALL.halo)
+    examples = PatchSampler(scenes, SENSOR, 0, 16, None, SMALL.halo)
     (errors, _), gradient = engine.gradient(layers, examples.batch(0), None)
     expected = SafeSet().project(SMALL, start - size * gradient)
     assert np.linalg.norm(step.vector - expected) < 1e-4 * np.linalg.norm(expected - start)
@@ -100,7 +102,7 @@ def test_projected_gradient_takes_just_the_step_of_equation_13():
 
 
 def test_cost_is_half_the_squared_error_of_a_patch_in_the_mean():
-    examples = Examples(scenes, SENSOR, 0, 3, None, 0)
+    examples = PatchSampler(scenes, SENSOR, 0, 3, None, 0)
     batch = examples.batch(0)
     frames = SENSOR.replace(frames=3)
     seed = np.random.SeedSequence(0, spawn_key=(0, 1))
@@ -108,7 +110,7 @@ def test_cost_is_half_the_squared_error_of_a_patch_in_the_mean():
         np.sum((SMALL.reconstruct(frames.expose(c, seed, frames=slice(i, i + 1)), SENSOR) - c) ** 2)
         for i, c in enumerate(batch["images"])
     ]
-    found = Cost(SMALL, examples, 0, 1, SafeSet(), None).value(vector_of(SMALL))
+    found = Cost(SMALL, examples, 0, 1, SafeSet(), None).value(parameter_vector(SMALL))
     assert found == pytest.approx(0.5 * np.mean(squares), rel=1e-5)
 
 
@@ -216,7 +218,7 @@ def test_gauss_newton_finds_the_posterior_mean_of_each_count():
 def test_optimisers_do_not_change_what_they_are_given():
     cost = cost_of(SMALL)
     for optimizer in (ProjectedGradient(1e-3), Adam(), GaussNewton()):
-        vector, state = vector_of(SMALL), {}
+        vector, state = parameter_vector(SMALL), {}
         for _ in range(2):
             before = vector.copy(), {name: array.copy() for name, array in state.items()}
             step = optimizer.take_step(cost, vector, state)
@@ -237,10 +239,10 @@ def test_a_setting_that_is_not_above_0_is_refused(make, name, value):
         make(**{name: value})
 
 
-@pytest.mark.parametrize("memory", [(1.0, 0.9), (0.9, 1.0), (-0.1, 0.9), (np.nan, 0.9)])
-def test_betas_of_1_or_more_is_refused(memory):
-    with pytest.raises(ValueError, match=r"memory: expected two shares in \[0, 1\)"):
-        Adam(memory=memory)
+@pytest.mark.parametrize("betas", [(1.0, 0.9), (0.9, 1.0), (-0.1, 0.9), (np.nan, 0.9)])
+def test_betas_of_1_or_more_is_refused(betas):
+    with pytest.raises(ValueError, match=r"betas: expected two shares in \[0, 1\)"):
+        Adam(betas=betas)
 
 
 def test_learning_reaches_the_limit_of_the_synthetic_scene():
@@ -275,7 +277,7 @@ class Wrong:
     place: float = 0.0
     steps = 5
     pixels = 1000
-    remedy = "lower its expectations"
+    advice = "lower its expectations"
 
     def take_step(self, cost, vector, state):
         slope = np.full_like(vector, self.slope)

@@ -6,7 +6,7 @@ from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
 
 import jotlight as jl
-from jotlight.training import Adam, GaussNewton, ProjectedGradient, SafeSet, loop, vector_of
+from jotlight.training import Adam, GaussNewton, ProjectedGradient, SafeSet, loop, parameter_vector
 
 SENSOR = jl.Sensor(oversampling=3)
 START = jl.Network.initial(SENSOR, taps=3, coefficients=12)
@@ -28,7 +28,7 @@ def train(network=START, images=IMAGES, sensor=None, **options):
 
 def assert_same(one, other):
     (network, history), (again, history_again) = one, other
-    np.testing.assert_array_equal(vector_of(network), vector_of(again))
+    np.testing.assert_array_equal(parameter_vector(network), parameter_vector(again))
     assert network.history == again.history
     assert history.to_json() == history_again.to_json()
 
@@ -43,14 +43,14 @@ def test_a_seed_gives_one_network_for_any_number_of_threads(images, optimizer):
     for other in runs[1:]:
         assert_same(runs[0], other)
     unlike = train(images=images, optimizer=optimizer, test=IMAGES[:2], rng=4)
-    assert (vector_of(unlike[0]) != vector_of(runs[0][0])).any()
+    assert (parameter_vector(unlike[0]) != parameter_vector(runs[0][0])).any()
 
 
 def test_without_a_seed_runs_differ_and_tell_theirs():
     one, other = (train(rng=None, steps=1)[0] for _ in range(2))
-    assert (vector_of(one) != vector_of(other)).any()
+    assert (parameter_vector(one) != parameter_vector(other)).any()
     again = train(rng=one.history["run"]["seed"], steps=1)[0]
-    np.testing.assert_array_equal(vector_of(one), vector_of(again))
+    np.testing.assert_array_equal(parameter_vector(one), parameter_vector(again))
 
 
 def stopping(step):
@@ -186,18 +186,18 @@ def test_history_has_a_record_more_than_steps():
     assert np.isfinite(history.test_psnr).all()
     same, again = train(learned, steps=0, test=IMAGES[:2])
     assert again.test_psnr == pytest.approx(history.test_psnr[-1:], abs=1e-3)
-    np.testing.assert_allclose(vector_of(same), vector_of(learned), atol=1e-6)
+    np.testing.assert_allclose(parameter_vector(same), parameter_vector(learned), atol=1e-6)
 
 
 def test_a_learned_network_tells_how_it_was_learned(tmp_path):
-    before, told = vector_of(START), dict(START.history)
+    before, told = parameter_vector(START), dict(START.history)
     learned, history = train(test=IMAGES[:1])
-    np.testing.assert_array_equal(vector_of(START), before)
+    np.testing.assert_array_equal(parameter_vector(START), before)
     assert START.history == told
     learned.save(tmp_path / "net")
     loaded = jl.Network.load(tmp_path / "net")
     assert loaded.history == learned.history
-    np.testing.assert_array_equal(vector_of(loaded), vector_of(learned))
+    np.testing.assert_array_equal(parameter_vector(loaded), parameter_vector(learned))
     records = loaded.history["records"]
     np.testing.assert_allclose(records["loss"], history.loss, rtol=1e-6)
     np.testing.assert_allclose(records["test_psnr"], history.test_psnr, rtol=1e-6)
@@ -210,7 +210,7 @@ def test_maps_of_the_sensor_enter_by_the_median_of_live_jots(tmp_path):
     network = jl.Network.initial(mapped, taps=3, coefficients=12)
     learned = train(network)[0]
     plain = train(network, sensor=jl.Sensor(frames=9, dark_counts=0.25))[0]
-    np.testing.assert_array_equal(vector_of(learned), vector_of(plain))
+    np.testing.assert_array_equal(parameter_vector(learned), parameter_vector(plain))
     assert learned.sensor == mapped
     train(network, checkpoint=tmp_path / "run")
     assert_same(train(network), train(network, checkpoint=tmp_path / "run", resume=True))
@@ -357,4 +357,4 @@ def test_a_disk_that_fills_up_leaves_the_last_good_checkpoint(tmp_path, monkeypa
     seen = []
     resumed = train(checkpoint=path, resume=True, callback=lambda x: seen.append(x.step))
     assert seen[0] == 3
-    np.testing.assert_array_equal(vector_of(resumed[0]), vector_of(train()[0]))
+    np.testing.assert_array_equal(parameter_vector(resumed[0]), parameter_vector(train()[0]))

@@ -6,6 +6,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+import jotlight as jl
 from suite.machine import cores
 from suite.paths.scene import bits
 from suite.timing import Effort, race
@@ -17,7 +18,7 @@ def measure(effort: Effort) -> dict[str, list[float]]:
     """Seconds of each process; the first of each has to read the disk and is not counted."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "bits.npy"
-        bits().save(file)
+        jl.save(bits(), file)
         commands = {
             "Python, nothing else": ["-c", "pass"],
             NUMPY: ["-c", "import numpy"],

@@ -47,7 +47,7 @@ def reconstruct(side: int) -> tuple[Callable[[], object], int]:
     jots = side * SENSOR.oversampling
     packed = np.random.default_rng(0).integers(0, 256, (1, jots, jots // 8), np.uint8)
     bits = jl.Bits(packed, jots)
-    network = jl.pretrained(SENSOR, "fast")
+    network = jl.pretrained(SENSOR, "two-layer")
     return lambda: network.reconstruct(bits, SENSOR, threads=1), 4 * side**2
 
 

@@ -11,10 +11,10 @@ from jotlight.calibration.flat import response
 from jotlight.calibration.rates import Counts, detections, variance
 from jotlight.calibration.result import Calibration, check_alike
 from jotlight.calibration.steadiness import Steadiness, steadiness
+from jotlight.checks import as_counts
 from jotlight.errors import warn
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.pixel_counts import as_counts
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.provenance import Provenance
 
 MOST_DARK = 0.1
 """Dark counts per frame above which a hot jot is masked: measured, see docs/guide/calibration.md."""
@@ -31,7 +31,7 @@ def calibrate(
     threshold: int = 1,
     false_positive_rate: float = 1e-4,
     most_dark: float = MOST_DARK,
-    sources: dict[str, Source] | None = None,
+    provenance: dict[str, Provenance] | None = None,
     threads: int | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Calibration:
@@ -54,7 +54,7 @@ def calibrate(
     most_dark : float
         Dark counts per frame above which a hot jot is masked; below, reconstruction uses its bits,
         knowing its dark counts.
-    sources : dict, optional
+    provenance : dict, optional
         Where the captures are from, by ``"dark"`` and ``"flat"``, to be kept with the calibration.
         Default: what bits tell of themselves.
     threads : int, optional
@@ -98,7 +98,7 @@ def calibrate(
         )
     if not 0 < most_dark < np.inf:
         raise ValueError(f"most_dark: expected a finite number above 0, got {most_dark!r}")
-    known = _sources(dark=dark, flat=flat) if sources is None else dict(sources)
+    known = _provenance(dark=dark, flat=flat) if provenance is None else dict(provenance)
     if "dark" in known and "flat" in known:
         check_alike("flat", known["flat"], "dark", known["dark"])
     half = 0.5 if flat is not None else 1.0
@@ -135,7 +135,7 @@ def calibrate(
         dark_ones=ones,
         dark_frames=number,
         dark_steadiness=steady,
-        sources=known,
+        provenance=known,
     )
     if hot_from > number:
         warn(
@@ -224,11 +224,11 @@ def _seen(
     return ones, int(frames), None
 
 
-def _sources(**data: object) -> dict[str, Source]:
+def _provenance(**data: object) -> dict[str, Provenance]:
     return {
-        name: part.source
+        name: part.provenance
         for name, part in data.items()
-        if isinstance(part, Bits) and part.source is not None
+        if isinstance(part, Bits) and part.provenance is not None
     }
 
 

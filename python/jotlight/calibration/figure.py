@@ -22,7 +22,7 @@ def page(calibration: Calibration) -> "Figure":
 
     figure = Figure(figsize=(17, 9), facecolor="white", layout="constrained")
     axes = figure.subplots(2, 4)
-    captures = (f"{name}: {source}" for name, source in calibration.sources.items())
+    captures = (f"{name}: {provenance}" for name, provenance in calibration.provenance.items())
     heading = "\n".join(["calibration", *captures])
     figure.suptitle(heading, x=0.01, ha="left", color=_INK, fontsize=12)
     _dark_map(axes[0, 0], calibration)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from jotlight.calibration.bulk import Bulk
 from jotlight.calibration.steadiness import Steadiness
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import Tensors, read_tensors, write_tensors
 
@@ -75,7 +75,7 @@ class Calibration:
         response of one jot, as shares of the response.
     dark_steadiness, flat_steadiness : Steadiness, optional
         What the frames of the captures told, where they were given one by one.
-    sources : dict
+    provenance : dict
         Where the captures are from and how they were turned, by ``"dark"`` and ``"flat"``, as far
         as that is known.
     """
@@ -101,7 +101,7 @@ class Calibration:
     flat_noise: float | None = None
     dark_steadiness: Steadiness | None = None
     flat_steadiness: Steadiness | None = None
-    sources: dict[str, Source] = dataclasses.field(default_factory=dict)
+    provenance: dict[str, Provenance] = dataclasses.field(default_factory=dict)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -151,7 +151,7 @@ class Calibration:
             plain = plain.replace(gain=plain.gain * self.scale)
         return plain.replace(**{**maps, **chosen})
 
-    def check_capture(self, shape: tuple[int, ...], source: Source | None = None) -> None:
+    def check_capture(self, shape: tuple[int, ...], provenance: Provenance | None = None) -> None:
         """Raise ValueError unless a capture has as many rows and columns, and is turned alike."""
         if tuple(shape) != self.shape:
             raise ValueError(
@@ -159,19 +159,19 @@ class Calibration:
                 f"has {' x '.join(map(str, shape))}; make it from captures that are opened in the "
                 "same way (--rotate, --flip, --width)"
             )
-        for name, own in self.sources.items():
-            if source is not None:
-                check_alike("this", source, f"the calibration's {name}", own)
+        for name, own in self.provenance.items():
+            if provenance is not None:
+                check_alike("this", provenance, f"the calibration's {name}", own)
 
-    def unsure(self, source: Source | None) -> str | None:
+    def unsure(self, provenance: Provenance | None) -> str | None:
         """Say why nothing tells that a capture's jots lie as they do here, or None."""
-        if source is None or source.turned is None:
+        if provenance is None or provenance.orientation is None:
             return "how the capture was turned is not known"
-        known = self.sources.get("dark")
-        if known is None or known.turned is None:
+        known = self.provenance.get("dark")
+        if known is None or known.orientation is None:
             return "how the captures of the calibration were turned is not known"
         # Files that were converted lie as those that they were made of.
-        own, its = [*known.steps()][-1].format, [*source.steps()][-1].format
+        own, its = [*known.lineage()][-1].format, [*provenance.lineage()][-1].format
         if own != its:
             return f"the calibration is from {own} and the capture is {its}"
         return None
@@ -187,8 +187,8 @@ class Calibration:
                     for part in dataclasses.fields(value)
                     if part.name != "map"
                 }
-            if field.name == "sources":
-                value = {name: source.to_json() for name, source in value.items()}
+            if field.name == "provenance":
+                value = {name: provenance.to_json() for name, provenance in value.items()}
             if value is not None and not isinstance(value, np.ndarray):
                 told[field.name] = value
         return told
@@ -290,10 +290,10 @@ def _checked(tensors: Tensors, numbers: Any) -> dict[str, Any]:
             values[name] = Steadiness(**found, map=tensors[name])
     # Earlier calibrations name files and nothing more, which is not used.
     values.pop("files", None)
-    sources = values.get("sources", {})
-    if not isinstance(sources, dict) or not sources.keys() <= {"dark", "flat"}:
-        raise ValueError("sources: expected an object with dark and flat")
-    values["sources"] = {name: Source.from_json(told) for name, told in sources.items()}
+    provenance = values.get("provenance", {})
+    if not isinstance(provenance, dict) or not provenance.keys() <= {"dark", "flat"}:
+        raise ValueError("provenance: expected an object with dark and flat")
+    values["provenance"] = {name: Provenance.from_json(told) for name, told in provenance.items()}
     for name in _MAPS.keys() - {"dark_steadiness", "flat_steadiness"}:
         values[name] = tensors.get(name)
     # What the sensor says of its maps holds here.
@@ -305,12 +305,17 @@ def _checked(tensors: Tensors, numbers: Any) -> dict[str, Any]:
     return values
 
 
-def check_alike(name: str, source: Source, other_name: str, other: Source) -> None:
+def check_alike(name: str, provenance: Provenance, other_name: str, other: Provenance) -> None:
     """Raise ValueError when two captures are known to be turned in different ways."""
-    if None not in (source.turned, other.turned) and source.turned != other.turned:
+    if (
+        None not in (provenance.orientation, other.orientation)
+        and provenance.orientation != other.orientation
+    ):
         raise ValueError(
-            f"calibration: {name} capture is {source.how_turned()}, and {other_name} capture "
-            f"{other.how_turned()}; open them so that they are turned alike (--rotate, --flip)"
+            f"calibration: {name} capture is {provenance.describe_orientation()}, and "
+            f"{other_name} capture "
+            f"{other.describe_orientation()}; open them so that they are turned alike "
+            "(--rotate, --flip)"
         )
 
 

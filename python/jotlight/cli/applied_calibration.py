@@ -13,13 +13,13 @@ import numpy as np
 from jotlight._engine import __version__
 from jotlight.calibration import Calibration
 from jotlight.files import atomic_write
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 _FORMAT = "jotlight image"
 _MAX_JSON_BYTES = 1 << 20
 _RECORDED = (
-    "sources", "false_positive_rate", "most_dark", "hot_from", "hot_chance", "prnu", "scale",
+    "provenance", "false_positive_rate", "most_dark", "hot_from", "hot_chance", "prnu", "scale",
 )  # fmt: skip
 """Numbers of a calibration that the record repeats."""
 
@@ -51,7 +51,7 @@ class AppliedCalibration:
             )
         return cls(calibration, path.name, hashlib.sha256(path.read_bytes()).hexdigest(), record)
 
-    def notes(self, sensor: Sensor, source: Source | None) -> list[str]:
+    def notes(self, sensor: Sensor, provenance: Provenance | None) -> list[str]:
         """Return what was applied, one line each. Maps from options replace the calibration's."""
         found = self.calibration
         used = self._used(sensor)
@@ -63,7 +63,7 @@ class AppliedCalibration:
         if used["efficiency"]:
             applied.append(f"response (PRNU {found.prnu:.2%})")
         lines = [f"calibration {self.name}: {', '.join(applied) or 'nothing'}"]
-        if applied and (unsure := found.unsure(source)) is not None:
+        if applied and (unsure := found.unsure(provenance)) is not None:
             lines.append(
                 f"calibration {self.name}: {unsure}; the jots are assumed to be oriented alike"
             )
@@ -79,7 +79,7 @@ class AppliedCalibration:
         }
 
     def description(
-        self, sensor: Sensor, method: str, data: str, source: Source | None
+        self, sensor: Sensor, method: str, data: str, provenance: Provenance | None
     ) -> dict[str, Any]:
         """Return the contents of the record."""
         return {
@@ -87,9 +87,9 @@ class AppliedCalibration:
             "version": 1,
             "jotlight": __version__,
             "data": data,
-            "source": None if source is None else source.to_json(),
+            "provenance": None if provenance is None else provenance.to_json(),
             "method": method,
-            "sensor": sensor.numbers(),
+            "sensor": sensor.scalars(),
             "calibration": {
                 "file": self.name,
                 "sha256": self.sha256,
@@ -111,15 +111,15 @@ def recorded(applied: AppliedCalibration | None) -> Iterator[Callable[..., None]
     Yields
     ------
     callable
-        Takes the sensor, the method, the name of the data, and their source.
+        Takes the sensor, the method, the name of the data, and their provenance.
     """
     if applied is None:
         yield lambda *_: None
         return
     with atomic_write(applied.record) as temporary:
 
-        def record(sensor: Sensor, method: str, data: str, source: Source | None) -> None:
-            description = applied.description(sensor, method, data, source)
+        def record(sensor: Sensor, method: str, data: str, provenance: Provenance | None) -> None:
+            description = applied.description(sensor, method, data, provenance)
             temporary.write_text(json.dumps(description, indent=2) + "\n", encoding="utf-8")
 
         yield record

@@ -10,7 +10,7 @@ from jotlight.calibration import Calibration
 from jotlight.calibration import calibrate as estimate_calibration
 from jotlight.calibration.estimate import MOST_DARK
 from jotlight.cli.capture_options import CaptureOptions
-from jotlight.cli.captured import check_trials, refuse_capture_overwrite, source_notes
+from jotlight.cli.captured import check_trials, provenance_notes, refuse_capture_overwrite
 from jotlight.cli.common_options import CAPTURE_PANEL, Threads
 from jotlight.cli.console import progress, report
 from jotlight.files import atomic_write, refuse_overwrite
@@ -96,17 +96,17 @@ def calibrate(
             most_dark=options.max_dark_counts,
             threads=threads,
             progress=update,
-            sources={
-                name: opened.source
+            provenance={
+                name: opened.provenance
                 for name, opened in zip(("dark", "flat"), captures, strict=False)
-                if opened.source is not None
+                if opened.provenance is not None
             },
         )
         calibration.save(temporary)
         if plot is not None:
             _draw(calibration, plot)
     for opened in captures:
-        report(*source_notes(opened.source))
+        report(*provenance_notes(opened.provenance))
     from jotlight.calibration.figure import facts
 
     report(*(f"{name}: {value}" for name, value in facts(calibration)))

@@ -13,7 +13,8 @@ from jotlight.files import refuse_overwrite
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.description import companion_files
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.pixel_counts import carried_sensor
+from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 
@@ -25,7 +26,7 @@ class Captured:
     sensor: Sensor
     has_own_sensor: bool
     """Whether the file states the sensor."""
-    source: Source | None
+    provenance: Provenance | None
 
     def notes(self) -> list[str]:
         """Return the assumptions about the file and the sensor, one line each."""
@@ -35,12 +36,12 @@ class Captured:
             origin = "the bits do not state their sensor; assumed"
         else:
             origin = "assumed"
-        return [*source_notes(self.source), f"{origin}: {self.sensor!r}"]
+        return [*provenance_notes(self.provenance), f"{origin}: {self.sensor!r}"]
 
 
-def source_notes(source: Source | None) -> list[str]:
+def provenance_notes(provenance: Provenance | None) -> list[str]:
     """Return the assumptions about a file, one line each."""
-    return [] if source is None else source.describe()
+    return [] if provenance is None else provenance.describe()
 
 
 def add_sensor(
@@ -74,27 +75,28 @@ def add_sensor(
     else:
         side = sensor_kwargs.get("oversampling", 1)
         jots = tuple(side * size for size in counts.shape[:2])
-        calibration.check_capture(jots, capture.source)
+        calibration.check_capture(jots, capture.provenance)
         sensor = calibration.sensor(**sensor_kwargs)
-    return Captured(counts, sensor, False, capture.source)
+    return Captured(counts, sensor, False, capture.provenance)
 
 
 def _add_sensor_to_bits(
     bits: Bits, sensor_kwargs: dict[str, Any], calibration: Calibration | None
 ) -> Captured:
     if calibration is not None:
-        calibration.check_capture(bits.shape[1:3], bits.source)
-    if bits.sensor is None:
+        calibration.check_capture(bits.shape[1:3], bits.provenance)
+    stated = carried_sensor(bits)
+    if stated is None:
         sensor_kwargs = {"frames": len(bits), **sensor_kwargs}
         if calibration is not None:
             sensor = calibration.sensor(**sensor_kwargs)
         else:
             sensor = Sensor(**sensor_kwargs)
     elif calibration is not None:
-        sensor = calibration.applied_to(bits.sensor, **sensor_kwargs)
+        sensor = calibration.applied_to(stated, **sensor_kwargs)
     else:
-        sensor = bits.sensor.replace(**sensor_kwargs)
-    return Captured(bits, sensor, bits.sensor is not None, bits.source)
+        sensor = stated.replace(**sensor_kwargs)
+    return Captured(bits, sensor, stated is not None, bits.provenance)
 
 
 def _with_trials(capture: CountStack, path: Path, sensor_kwargs: dict[str, Any]) -> dict[str, Any]:

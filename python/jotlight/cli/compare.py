@@ -56,7 +56,7 @@ def compare(
     known, selected = dict(METHODS), select_methods(exposed, names)
     if model is not None:
         network = Network.load(model)
-        network._check_sensor(exposed)
+        network.check_sensor(exposed)
         known[str(model)] = Method(str(model), network.reconstruct)
         selected.append(str(model))
     run_comparison(image, exposed, output, selected, seed=seed, threads=threads, methods=known)

@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from jotlight.cli.capture_options import CaptureOptions
-from jotlight.cli.captured import refuse_capture_overwrite, source_notes
+from jotlight.cli.captured import provenance_notes, refuse_capture_overwrite
 from jotlight.cli.common_options import Capture
 from jotlight.cli.console import progress, report
 from jotlight.formats.description import companion_files
@@ -41,7 +41,7 @@ def convert(
     for file in outputs:
         refuse_capture_overwrite(file, data)
     opened = capture.open(data)
-    source = opened.source
+    provenance = opened.provenance
     with progress(1) as begin:
         update = begin("converting")
         if isinstance(opened, Bits):
@@ -49,7 +49,7 @@ def convert(
             written = f"{opened!r}" if WRITERS[name].bits else f"counts of {opened!r}"
         else:
             counts = opened.sum(update)
-            write_capture(counts, output, name, trials=opened.total_trials, source=source)
+            write_capture(counts, output, name, trials=opened.total_trials, provenance=provenance)
             size = " x ".join(map(str, counts.shape))
             written = f"<counts: {size}, {counts.min()} to {counts.max()}>"
-    report(f"{output}: {name}, {written}", *source_notes(source))
+    report(f"{output}: {name}, {written}", *provenance_notes(provenance))

@@ -23,7 +23,7 @@ from jotlight.cli.training_run import (
 )
 from jotlight.files import refuse_overwrite
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import pretrained, unsupported_bits_reason
+from jotlight.networks.pretrained import pretrained, unsupported_reason
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import History
 
@@ -124,7 +124,7 @@ def _start(path: Path | None, sensor: Sensor) -> Network:
     if path is not None:
         report(f"starts from {path}")
         return Network.load(path)
-    if (reason := unsupported_bits_reason(sensor, _QUALITY)) is not None:
+    if (reason := unsupported_reason(sensor, _QUALITY)) is not None:
         raise ValueError(
             f"start: expected a network to start from, since {reason}; name one with --start, or "
             "select some of the frames with --frame-range"

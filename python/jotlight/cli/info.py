@@ -20,10 +20,11 @@ from jotlight.formats.description import read_counts_label
 from jotlight.formats.detect import detect_format
 from jotlight.formats.tiff import open_checked_tiff
 from jotlight.images.io import read_image
-from jotlight.networks.layer import Layer, flops_per_pixel
+from jotlight.networks.graph import flops_per_pixel
+from jotlight.networks.layer import Layer
 from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
-from jotlight.tensors import told_format
+from jotlight.tensors import stored_format
 from jotlight.training import History
 
 
@@ -52,7 +53,7 @@ def info(
     for name, value in _facts(file, capture):
         table.add_row(name, value)
     out.print(table)
-    if file.suffix.lower() == ".safetensors" and told_format(file) != CALIBRATION:
+    if file.suffix.lower() == ".safetensors" and stored_format(file) != CALIBRATION:
         out.print(_layers(Network.load(file).layers))
 
 
@@ -60,7 +61,7 @@ def _draw(file: Path, plot: Path) -> None:
     from jotlight import plots
 
     plots.check_figure(plot)
-    if told_format(file) == CALIBRATION:
+    if stored_format(file) == CALIBRATION:
         from jotlight.calibration.figure import page
 
         refuse_overwrite(plot, [file])
@@ -86,7 +87,7 @@ def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
     """Return the rows of the table: names and values."""
     ending = file.suffix.lower()
     if ending == ".safetensors":
-        if told_format(file) == CALIBRATION:
+        if stored_format(file) == CALIBRATION:
             return _calibration_facts(Calibration.load(file))
         return _network_facts(Network.load(file))
     if capture == CaptureOptions() and file.is_file():
@@ -146,7 +147,7 @@ def _capture_facts(capture: Capture) -> list[tuple[str, str]]:
         number = len(capture.images)
         with progress(1) as begin:
             counts = capture.sum(begin("summing"))
-        facts = [("kind", "counts"), ("format", capture.source.format)]
+        facts = [("kind", "counts"), ("format", capture.provenance.format)]
         facts += [("images", str(number))] if number > 1 else []
         return [*facts, ("shape", _by(counts.shape)), *_range(counts), *_notes(capture)]
     return [*_bits_facts(capture), *_notes(capture)]
@@ -154,8 +155,8 @@ def _capture_facts(capture: Capture) -> list[tuple[str, str]]:
 
 def _notes(capture: Capture) -> list[tuple[str, str]]:
     facts: list[tuple[str, str]] = []
-    for step in capture.source.steps() if capture.source is not None else ():
-        if step is not capture.source:
+    for step in capture.provenance.lineage() if capture.provenance is not None else ():
+        if step is not capture.provenance:
             facts.append(("from", f"{step.format}, {step.name}"))
         facts += [("" if index else "assumed", note) for index, note in enumerate(step.notes)]
     return facts
@@ -167,7 +168,7 @@ def _bits_facts(bits: Bits) -> list[tuple[str, str]]:
     frames, height, width, *channels = bits.shape
     facts = [
         ("kind", "bits" if not channels else f"bits of {channels[0]} channels"),
-        *([("format", bits.source.format)] if bits.source is not None else []),
+        *([("format", bits.provenance.format)] if bits.provenance is not None else []),
         ("frames", str(frames)),
         ("jots", f"{height} x {width}"),
         ("size", f"{bits.packed.nbytes / 1e6:.3g} MB packed"),
@@ -186,8 +187,8 @@ def _bits_facts(bits: Bits) -> list[tuple[str, str]]:
 def _calibration_facts(calibration: Calibration) -> list[tuple[str, str]]:
     from jotlight.calibration.figure import facts
 
-    sources = [(name, str(source)) for name, source in calibration.sources.items()]
-    return [("kind", "calibration"), *sources, *facts(calibration)]
+    captures = [(name, str(capture)) for name, capture in calibration.provenance.items()]
+    return [("kind", "calibration"), *captures, *facts(calibration)]
 
 
 def _network_facts(network: Network) -> list[tuple[str, str]]:
@@ -200,7 +201,7 @@ def _network_facts(network: Network) -> list[tuple[str, str]]:
     facts = [
         ("kind", "network"),
         ("sensor", sensor),
-        ("parameters", f"{sum(layer.parameters for layer in layers):,}"),
+        ("parameters", f"{sum(layer.parameter_count for layer in layers):,}"),
         ("work", f"{flops_per_pixel(layers) / 1000:.3g} kFLOP per pixel"),
         ("halo", f"{network.halo} pixels"),
     ]

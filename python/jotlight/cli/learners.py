@@ -5,14 +5,12 @@ from collections.abc import Callable
 from typing import Any
 
 from jotlight import training
-from jotlight.networks.architectures import ARCHITECTURES
-from jotlight.networks.layer import is_sequential
+from jotlight.networks.architectures import ARCHITECTURES, SIZES, TWO_LAYER
+from jotlight.networks.graph import is_sequential
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import OPTIMIZERS, History
 
-TWO_LAYER = "two-layer"
-NETWORKS = TWO_LAYER, *ARCHITECTURES
 DEVICES = "cpu", "cuda"
 DEFAULT_OPTIMIZER = "gauss-newton"
 
@@ -40,8 +38,8 @@ def is_deep(network: str | None, start: Network | None) -> bool:
         if network is not None:
             raise ValueError("start: this network has its own layers; leave out --network")
         return not is_sequential(start.layers)
-    if network not in (None, *NETWORKS):
-        raise ValueError(f"network: expected one of {', '.join(NETWORKS)}, got {network!r}")
+    if network not in (None, *SIZES):
+        raise ValueError(f"network: expected one of {', '.join(SIZES)}, got {network!r}")
     return network not in (None, TWO_LAYER)
 
 
@@ -117,7 +115,7 @@ def initial_network(
         parsed = parse_trials_range(trials_range)
         return Network.conditional(network or TWO_LAYER, trials_range=parsed, rng=seed)
     if network not in (None, TWO_LAYER):
-        return Network.deep(sensor, network, rng=seed)
+        return Network.residual(sensor, network, rng=seed)
     return Network.initial(sensor, sigma=0.7 if sigma is None else sigma, tied=tied)
 
 

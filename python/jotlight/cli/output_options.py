@@ -19,7 +19,7 @@ from jotlight.files import atomic_write
 from jotlight.images.image_stack import stack_writer
 from jotlight.images.io import DISPLAYED, FLOATS, image_writer
 from jotlight.images.tone import CURVES, Tone, check_curve
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 UNITS = {"intensity": "intensity", "photons": "detected photons per pixel and frame"}
@@ -148,15 +148,17 @@ class OutputOptions:
             write_stack = stack_writer(self.uncertainty, facts)
             write_stack(remaining.pop(0), known.arrays(float(scale)))
 
-    def metadata(self, sensor: Sensor, method: str, source: Source | None) -> dict[str, Any]:
+    def metadata(
+        self, sensor: Sensor, method: str, provenance: Provenance | None
+    ) -> dict[str, Any]:
         """Return the facts that a file of floats states about itself."""
         return {
             "software": f"jotlight {__version__}",
             "units": UNITS[self.units],
             "largest_value": sensor.max_intensity * float(self.scale(sensor)),
             "method": method,
-            "sensor": {**sensor.numbers(), **dict.fromkeys(sensor.maps(), "a map")},
-            "source": None if source is None else source.to_json(),
+            "sensor": {**sensor.scalars(), **dict.fromkeys(sensor.maps(), "a map")},
+            "provenance": None if provenance is None else provenance.to_json(),
         }
 
     def video_tone(self, estimates: list[npt.NDArray[np.float32]]) -> Tone:

@@ -119,13 +119,13 @@ def _of_window(captured: Captured, path: Path, window: int, step: int | None) ->
 
 def _report_assumptions(job: Reconstruction, brightness: Brightness, training: str) -> None:
     """Print what was assumed, and what could be better."""
-    source_notes_, sensor_note = job.captured.notes()[:-1], job.captured.notes()[-1]
+    provenance_notes_, sensor_note = job.captured.notes()[:-1], job.captured.notes()[-1]
     applied = (
         []
         if job.calibration is None
-        else job.calibration.notes(job.captured.sensor, job.captured.source)
+        else job.calibration.notes(job.captured.sensor, job.captured.provenance)
     )
-    report(*source_notes_, *applied, sensor_note, *job.choice.notes)
+    report(*provenance_notes_, *applied, sensor_note, *job.choice.notes)
     label = f"by {job.choice.method}"
     for message in job.choice.warnings:
         caution(label, message)

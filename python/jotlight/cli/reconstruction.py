@@ -33,7 +33,7 @@ class Reconstruction:
     def record_arguments(self) -> tuple[Any, ...]:
         """Arguments of the function that :func:`recorded` yields."""
         captured = self.captured
-        return captured.sensor, self.choice.method, self.path.name, captured.source
+        return captured.sensor, self.choice.method, self.path.name, captured.provenance
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,7 +67,7 @@ def reconstruct_image(job: Reconstruction, threads: int | None) -> Brightness:
                 begin(title)
                 estimate = run(captured.data, captured.sensor, threads=threads, **job.settings)
         seconds = time.perf_counter() - start
-        metadata = outputs.metadata(captured.sensor, title, captured.source)
+        metadata = outputs.metadata(captured.sensor, title, captured.provenance)
         outputs.write(
             files, estimate, captured, white=job.choice.white, metadata=metadata, threads=threads
         )

@@ -11,7 +11,8 @@ from cyclopts import Parameter
 from jotlight.cli.common_options import SENSOR_PANEL
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.image_files import read_mask
-from jotlight.sensing.sensor import KERNELS, MAPS
+from jotlight.sensing.maps import MAPS
+from jotlight.sensing.sensor import KERNELS
 
 Oversampling = Annotated[int, Parameter(alias="-k", help="K̂: each pixel covers K̂ x K̂ jots.")]
 Frames = Annotated[int, Parameter(alias="-t", help="T: number of binary frames.")]

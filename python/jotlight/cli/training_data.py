@@ -16,7 +16,7 @@ from jotlight.estimators.brightness import training_sensor
 from jotlight.images.sets import read_image_set
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
-from jotlight.training.patches import sensor_of_patches
+from jotlight.training.patches import patch_sensor
 
 SYNTHETIC = "synthetic"
 """Word that stands for the random scenes of the paper."""
@@ -111,7 +111,7 @@ def read_training_sensor(
     )
     report(*captured.notes())
     sensor, scale = training_sensor(captured.data, captured.sensor, threads=threads)
-    sensor = sensor_of_patches(sensor.replace(**chosen))
+    sensor = patch_sensor(sensor.replace(**chosen))
     report(f"{path}: the brightness of the scene is {scale:.3g}; training for {sensor!r}")
     return sensor, scale
 

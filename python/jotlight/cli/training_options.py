@@ -14,7 +14,8 @@ from jotlight.cli.common_options import (
     Threads,
     White,
 )
-from jotlight.cli.learners import DEFAULT_OPTIMIZER, DEVICES, NETWORKS, TWO_LAYER
+from jotlight.cli.learners import DEFAULT_OPTIMIZER, DEVICES
+from jotlight.networks.architectures import SIZES, TWO_LAYER
 from jotlight.training import OPTIMIZERS
 
 TRAINING_SECONDS = 45.0
@@ -90,7 +91,7 @@ class NetworkOptions:
     network: Annotated[
         str | None,
         Parameter(
-            help=f"Size: one of {', '.join(NETWORKS)}. All sizes but {TWO_LAYER} need PyTorch, the "
+            help=f"Size: one of {', '.join(SIZES)}. All sizes but {TWO_LAYER} need PyTorch, the "
             f"extra torch, and more time. Default: {TWO_LAYER}."
         ),
     ] = None

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import luma
+from jotlight.images.color import luma
 
 PHOTOGRAPHS = ("camera", "coins", "moon", "astronaut", "coffee", "chelsea", "rocket")
 """Photographs that come with scikit-image: three in grey, four in colour."""

@@ -308,7 +308,7 @@ def _minimise(
     threads: int | None,
 ) -> tuple[Array, ConvergenceHistory]:
     operator, most = problem.operator, problem.max_intensity
-    mean = problem.level()
+    mean = problem.constant_estimate()
     image = np.full(operator.input_shape, mean) if begin is None else begin
     normal = _Normal(operator, min(_CG_ENOUGH, 0.01 * watch.tol), threads)
     # The likelihood is about as stiff as its information, and so are the penalties.
@@ -366,7 +366,7 @@ class _Normal:
         shape = operator.input_shape
         self._operator, self._enough = operator, enough
         self._exact = isinstance(operator, Scaling) or (
-            isinstance(operator, Spread) and operator.even
+            isinstance(operator, Spread) and operator.symmetric
         )
         self._workers = threads or os.cpu_count() or 1
         self._ones = np.ones(operator.output_shape)

@@ -7,9 +7,9 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.estimators import denoise
-from jotlight.estimators.mle import reference_jot
 from jotlight.estimators.noniterative import noniterative
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
 _BLUR = 3.0
@@ -33,7 +33,7 @@ def detected_photons(sensor: Sensor) -> float:
     >>> detected_photons(Sensor(frames=10, gain=20.0, efficiency=efficiency))
     1.0
     """
-    return reference_jot(sensor)[0] * sensor._gain / sensor.frames
+    return reference_jot(sensor)[0] * sensor.gain / sensor.frames
 
 
 def max_measurable_intensity(sensor: Sensor) -> float:
@@ -47,7 +47,7 @@ def max_measurable_intensity(sensor: Sensor) -> float:
     3.466
     """
     bits = sensor.bits_per_pixel
-    threshold, light, _ = sensor._response()
+    threshold, light, _ = sensor.pixel_response()
     efficiency, dark = reference_jot(sensor)
     rate = engine.inverse_detection_probability(threshold, 1 - 0.5 / bits)
     return max(rate - dark, 1e-12) / (efficiency * light)

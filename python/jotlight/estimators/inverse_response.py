@@ -6,8 +6,8 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.chunks import pixel_chunks, take_pixels
 from jotlight.estimators.inpaint import inpaint_dead_pixels
-from jotlight.estimators.mle import Jot, reference_jot
 from jotlight.sensing.pixel_counts import PixelCounts
+from jotlight.sensing.reference import Jot, reference_jot
 from jotlight.sensing.sensor import Sensor
 
 
@@ -25,7 +25,7 @@ def equivalent_counts(
     out = np.empty(seen.counts.shape, np.float32)
     for part in pixel_chunks(out.size):
         engine.equivalent_counts(
-            seen.sensor._response(),
+            seen.sensor.pixel_response(),
             take_pixels(seen.counts, part),
             take_pixels(seen.trials, part),
             (take_pixels(seen.efficiency, part), take_pixels(seen.dark_counts, part)),
@@ -34,7 +34,7 @@ def equivalent_counts(
             take_pixels(out, part),
             threads,
         )
-    return inpaint_dead_pixels(out, seen.blind)
+    return inpaint_dead_pixels(out, seen.dead_pixels)
 
 
 def intensity_from_probability(
@@ -47,7 +47,7 @@ def intensity_from_probability(
     out = np.empty(probability.shape, np.float32)
     for part in pixel_chunks(out.size):
         engine.mle_from_probability(
-            sensor._response(),
+            sensor.pixel_response(),
             take_pixels(probability, part),
             reference_jot(sensor),
             take_pixels(out, part),

@@ -12,7 +12,6 @@ from jotlight.sensing.response import (
     detection_density,
     detection_probability,
     inverse_detection_probability,
-    light_per_intensity,
 )
 from jotlight.sensing.sensor import Sensor
 
@@ -53,7 +52,7 @@ def light_of(seen: PixelCounts, distinct: UniqueCounts) -> Inverse:
 
     Where the jots of a pixel differ, p is their mean, and the light is kept in what S casts.
     """
-    return _of_differing(seen, distinct) if seen.jots_differ else _of_alike(seen, distinct)
+    return _of_differing(seen, distinct) if seen.varies_within_pixels else _of_alike(seen, distinct)
 
 
 def _of_alike(seen: PixelCounts, distinct: UniqueCounts) -> Inverse:
@@ -66,7 +65,7 @@ def _of_alike(seen: PixelCounts, distinct: UniqueCounts) -> Inverse:
 
 def _of_differing(seen: PixelCounts, distinct: UniqueCounts) -> Inverse:
     sensor = seen.sensor
-    most = sensor.max_intensity * light_per_intensity(sensor)
+    most = sensor.max_intensity * sensor.light_per_intensity
     maps = [jots_of(seen, value).reshape(seen.counts.size, -1) for value in maps_of(sensor)]
 
     def light(p: Array, rest: Array) -> Array:

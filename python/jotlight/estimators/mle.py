@@ -9,8 +9,12 @@ import jotlight._engine as engine
 from jotlight.chunks import pixel_chunks, take_pixels
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.channels import by_channel
-from jotlight.sensing.pixel_counts import PixelCounts, count_pixels, warn_about_smooth_kernel
+from jotlight.sensing.pixel_counts import (
+    PixelCounts,
+    count_pixels,
+    map_channels,
+    warn_about_smooth_kernel,
+)
 from jotlight.sensing.sensor import Sensor
 
 _ROWS = 64
@@ -66,21 +70,21 @@ def mle(
     def one_channel(data: Bits | npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
         seen = count_pixels(data, sensor, threads)
         out = np.empty(seen.counts.shape, np.float32)
-        if seen.jots_differ:
+        if seen.varies_within_pixels:
             _jot_by_jot(data, seen, out, threads)
         else:
             for part in pixel_chunks(out.size):
                 engine.mle_from_counts(
-                    sensor._response(),
+                    sensor.pixel_response(),
                     take_pixels(seen.counts, part),
                     take_pixels(seen.trials, part),
                     (take_pixels(seen.efficiency, part), take_pixels(seen.dark_counts, part)),
                     take_pixels(out, part),
                     threads,
                 )
-        return inpaint_dead_pixels(out, seen.blind)
+        return inpaint_dead_pixels(out, seen.dead_pixels)
 
-    return by_channel(one_channel, data)
+    return map_channels(one_channel, data)
 
 
 def _jot_by_jot(
@@ -101,7 +105,7 @@ def _jot_by_jot(
     for start in range(0, len(out), _ROWS):
         jots = slice(start * sensor.oversampling, (start + _ROWS) * sensor.oversampling)
         engine.mle_from_jots(
-            sensor._response(),
+            sensor.pixel_response(),
             ones[jots].ravel(),
             (_rows(sensor.efficiency, jots), _rows(sensor.dark_counts, jots)),
             None if mask is None else mask[jots].ravel(),
@@ -116,19 +120,3 @@ def _jot_by_jot(
 def _rows(value: float | npt.NDArray[np.float32], jots: slice) -> Any:
     """Some rows of a map over the jots, as the engine takes them, or the number for all of them."""
     return value[jots].astype(np.float64).ravel() if isinstance(value, np.ndarray) else value
-
-
-Jot = tuple[float, float]
-"""η and d of a jot."""
-
-
-def reference_jot(sensor: Sensor) -> Jot:
-    """The efficiency and the dark counts that stand for all jots: the median where it is a map."""
-    return _median(sensor.efficiency, sensor), _median(sensor.dark_counts, sensor)
-
-
-def _median(value: float | npt.NDArray[np.float32], sensor: Sensor) -> float:
-    if not isinstance(value, np.ndarray):
-        return value
-    living = value if sensor.mask is None or sensor.mask.all() else value[~sensor.mask]
-    return float(np.median(living))

@@ -227,7 +227,7 @@ def _maximise(
 ) -> tuple[Array, ConvergenceHistory]:
     operator, likelihood, most = problem.operator, problem.likelihood, problem.max_intensity
     spread_of_ones = operator.forward(np.ones(operator.input_shape))
-    image = np.full(operator.input_shape, problem.level()) if begin is None else begin
+    image = np.full(operator.input_shape, problem.constant_estimate()) if begin is None else begin
     # A pixel all of whose bits are 0, or 1, is as dark, or bright, as can be.
     ones, zeros = likelihood.ones, _trials(problem) - likelihood.ones
     fired = operator.adjoint((ones > 0).astype(np.float64)) > 0

@@ -9,10 +9,9 @@ from jotlight.estimators.inverse_response import (
     equivalent_counts,
     intensity_from_probability,
 )
-from jotlight.estimators.mle import reference_jot
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.channels import by_channel
-from jotlight.sensing.pixel_counts import count_pixels, warn_about_smooth_kernel
+from jotlight.sensing.pixel_counts import count_pixels, map_channels, warn_about_smooth_kernel
+from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
 
@@ -90,4 +89,4 @@ def noniterative(
         counts = vst.inverse_anscombe(denoised, bits, inverse=inverse, threads=threads)
         return intensity_from_probability(counts / np.float32(bits), sensor, threads)
 
-    return by_channel(one_channel, data)
+    return map_channels(one_channel, data)

@@ -6,14 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.mle import reference_jot
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.pixel_counts import warn_about_smooth_kernel
-from jotlight.sensing.response import (
-    detection_probability,
-    inverse_detection_probability,
-    light_per_intensity,
-)
+from jotlight.sensing.reference import reference_jot
+from jotlight.sensing.response import detection_probability, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
 
 Array = npt.NDArray[np.float64]
@@ -161,7 +157,7 @@ class _Pixel:
         self.threshold = sensor.threshold
         self.jots = sensor.oversampling**2
         self.efficiency, self.dark = reference_jot(sensor)
-        self.most = None if max_intensity is None else max_intensity * light_per_intensity(sensor)
+        self.most = None if max_intensity is None else max_intensity * sensor.light_per_intensity
 
     def expected(self, frames: int, levels: Array) -> tuple[Array, Array]:
         """Bias and mean square error of the estimate, clipped, at each level."""

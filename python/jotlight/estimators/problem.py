@@ -8,10 +8,15 @@ import numpy.typing as npt
 
 from jotlight.estimators.convergence import ConvergenceHistory
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.channels import Picture, by_channel
 from jotlight.sensing.likelihood import Array, Likelihood, Problem
 from jotlight.sensing.operators import scaling, spread
-from jotlight.sensing.pixel_counts import PixelCounts, count_pixels
+from jotlight.sensing.pixel_counts import (
+    Estimate,
+    PixelCounts,
+    carried_sensor,
+    count_pixels,
+    map_channels,
+)
 from jotlight.sensing.sensor import Sensor
 
 ConvergenceHistories = ConvergenceHistory | list[ConvergenceHistory]
@@ -24,7 +29,7 @@ def solve_channels(
     sensor: Sensor | None,
     start: npt.ArrayLike | None,
     threads: int | None,
-) -> tuple[Picture, ConvergenceHistories]:
+) -> tuple[Estimate, ConvergenceHistories]:
     """Solve a problem, or that of each channel of data, from the start that belongs to it.
 
     `solve` takes the problem, the start, and words that tell which channel it is, where there are
@@ -51,7 +56,7 @@ def solve_channels(
         )
     histories: list[ConvergenceHistory] = []
 
-    def one_channel(channel: Bits | npt.NDArray[np.int32]) -> Picture:
+    def one_channel(channel: Bits | npt.NDArray[np.int32]) -> Estimate:
         problem = build_problem(channel, sensor, threads)
         own = begin if begin is None or begin.ndim == 2 else begin[..., len(histories)]
         words = f", channel {len(histories)}" if channels else ""
@@ -59,7 +64,7 @@ def solve_channels(
         histories.append(history)
         return estimate.astype(np.float32)
 
-    picture = by_channel(one_channel, data)
+    picture = map_channels(one_channel, data)
     return picture, histories if channels else histories[0]
 
 
@@ -96,7 +101,7 @@ def build_problem(
     TypeError, ValueError
         When data and sensor do not fit.
     """
-    carried = data.sensor if isinstance(data, Bits) else None
+    carried = carried_sensor(data)
     if carried is not None and carried.kernel != sensor.kernel:
         raise ValueError(
             f"kernel: expected {carried.kernel!r}, with which the bits were made, got "
@@ -105,13 +110,13 @@ def build_problem(
     seen = count_pixels(data, sensor, threads)
     if np.max(seen.trials) == 0:
         raise ValueError("mask: expected at least one jot that is alive, got none")
-    if sensor.kernel == "box" and not seen.jots_differ:
+    if sensor.kernel == "box" and not seen.varies_within_pixels:
         return _of_pixels(seen, threads)
     return _of_jots(data, sensor, seen.counts.shape, threads)
 
 
 def _of_pixels(seen: PixelCounts, threads: int | None) -> Problem:
-    _, light, most = seen.sensor._response()
+    _, light, most = seen.sensor.pixel_response()
     likelihood = Likelihood(
         seen.counts,
         seen.trials,
@@ -146,7 +151,7 @@ def _of_jots(
         shape,
         sensor.oversampling,
         sensor.kernel,
-        gain=sensor._gain / sensor.frames,
+        gain=sensor.gain / sensor.frames,
         threads=threads,
     )
     likelihood = Likelihood(

@@ -113,7 +113,7 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
     ((64, 64), True)
     """
     operator, likelihood = problem.operator, problem.likelihood
-    mean = problem.level()
+    mean = problem.constant_estimate()
     even = operator.forward(np.full(operator.input_shape, mean))
     of_ones = operator.forward(np.ones(operator.input_shape))
     score = operator.adjoint(likelihood.gradient_and_curvature(even)[0])

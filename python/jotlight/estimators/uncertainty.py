@@ -11,14 +11,15 @@ from jotlight.errors import JotlightWarning
 from jotlight.estimators.light_inversion import Inverse, UniqueCounts, light_of, maps_of
 from jotlight.estimators.mle import mle
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.channels import stack_channels
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.pixel_counts import (
     PixelCounts,
-    as_counts,
     count_pixels,
+    split_channels,
     warn_about_smooth_kernel,
 )
-from jotlight.sensing.response import Array, light_per_intensity
+from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 
 
@@ -118,20 +119,12 @@ def uncertainty(
             f"confidence_level: expected a coverage from 0.5 to below 1, got {confidence_level!r}"
         )
     warn_about_smooth_kernel(sensor)
-    if isinstance(data, Bits):
-        if len(data.shape) == 3:
-            return _of_channel(data, sensor, confidence_level, threads)
-        channels: list[Any] = [
-            Bits(data.packed[..., c], data.width, data.sensor) for c in range(data.shape[3])
-        ]
-    else:
-        counts = as_counts(data)
-        if counts.ndim == 2:
-            return _of_channel(counts, sensor, confidence_level, threads)
-        channels = [np.ascontiguousarray(counts[..., c]) for c in range(counts.shape[2])]
-    each = [_of_channel(channel, sensor, confidence_level, threads) for channel in channels]
+    each = [
+        _of_channel(channel, sensor, confidence_level, threads) for channel in split_channels(data)
+    ]
+    color = (len(data.shape) - 1 if isinstance(data, Bits) else np.ndim(data)) == 3
     stacked = {
-        field.name: np.stack([getattr(one, field.name) for one in each], axis=-1)
+        field.name: stack_channels([getattr(one, field.name) for one in each], color=color)
         for field in dataclasses.fields(Uncertainty)
         if field.name != "confidence_level"
     }
@@ -142,7 +135,7 @@ def _of_channel(
     data: Bits | npt.NDArray[np.int32], sensor: Sensor, confidence_level: float, threads: int | None
 ) -> Uncertainty:
     seen = count_pixels(data, sensor, threads)
-    if seen.jots_differ and not isinstance(data, Bits):
+    if seen.varies_within_pixels and not isinstance(data, Bits):
         raise ValueError(
             "counts: where jots of one pixel differ in their efficiency or dark counts the bits "
             "are needed, since a count does not tell which jots fired"
@@ -152,8 +145,8 @@ def _of_channel(
     saturated = (seen.counts == trials) & ~dead
     distinct = UniqueCounts(seen)
     inverse = light_of(seen, distinct)
-    bounds = _clopper_pearson(distinct, (1 - confidence_level) / 2, seen.jots_differ)
-    per_light = 1 / light_per_intensity(sensor)
+    bounds = _clopper_pearson(distinct, (1 - confidence_level) / 2, seen.varies_within_pixels)
+    per_light = 1 / sensor.light_per_intensity
     most = sensor.max_intensity
     low, high = (np.clip(inverse(p, rest) * per_light, 0, most) for p, rest in bounds)
     low[dead], high[dead | saturated] = 0, most
@@ -199,21 +192,21 @@ def _standard_error(
 ) -> Array:
     """(K/α) I^(-1/2) at the estimate, kept half a count from where no bit or every bit is 1."""
     sensor = seen.sensor
-    per_light = light_per_intensity(sensor)
+    per_light = sensor.light_per_intensity
     trials = distinct.spread(distinct.bits)
     bits = np.maximum(distinct.bits, 1)
     inside = np.clip(distinct.ones, 0.5, bits - 0.5) / bits
-    if seen.jots_differ:
+    if seen.varies_within_pixels:
         estimate = _likely(data, seen, threads) * per_light
         edge = (seen.counts == 0) | (seen.counts == trials)
         light = np.where(edge, inverse(inside, 1 - inside), estimate)
     else:
         light = inverse(inside, 1 - inside)
     light = np.clip(light, 0, sensor.max_intensity * per_light)
-    side = sensor.oversampling if seen.jots_differ else 1
+    side = sensor.oversampling if seen.varies_within_pixels else 1
     cells = (light.shape[0] * side, light.shape[1] * side)
     spread = light.repeat(side, 0).repeat(side, 1)
-    if seen.jots_differ:
+    if seen.varies_within_pixels:
         efficiency, dark, alive = maps_of(sensor)
         number = np.broadcast_to(np.where(alive, sensor.frames, 0), cells)
     else:

@@ -20,11 +20,11 @@ from jotlight.networks.network import Network
 from jotlight.networks.pretrained import (
     pretrained,
     training_command,
-    unsupported_bits_reason,
+    unsupported_message,
     unsupported_reason,
 )
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.response import saturation_intensity
+from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.sensor import Sensor
 
 Run = Callable[..., npt.NDArray[np.float32]]
@@ -92,7 +92,7 @@ def _shipped_network(title: str, quality: str) -> Method:
         f"network, {title}",
         partial(trained_network, quality=quality),
         quality=quality,
-        unsupported_reason=partial(unsupported_reason, quality=quality),
+        unsupported_reason=partial(unsupported_message, quality=quality),
     )
 
 
@@ -116,7 +116,7 @@ METHODS: dict[str, Method] = {
         iterative=True,
     ),
     "network-initial": Method("network, initial", initial_network),
-    "network-two-layer": _shipped_network("learned", "fast"),
+    "network-two-layer": _shipped_network("learned", "two-layer"),
     "network-small": _shipped_network("small", "small"),
     "network-medium": _shipped_network("medium", "medium"),
     "network-large": _shipped_network("large", "large"),
@@ -270,7 +270,7 @@ def choose_method(
     else:
         method = requested or DEFAULT_METHOD
         quality = METHODS[method].quality
-        if quality is not None and (reason := unsupported_bits_reason(sensor, quality)) is not None:
+        if quality is not None and (reason := unsupported_reason(sensor, quality)) is not None:
             message = f"{reason}; {remedy or 'train one: ' + training_command(sensor)}"
             if requested is not None:
                 raise ValueError(message)

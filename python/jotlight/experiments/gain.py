@@ -45,8 +45,8 @@ def parts(lab: Lab) -> list[Part]:
 
     def one_sensor(axis: str, sensor: jl.Sensor) -> Callable[[Update], Outcome]:
         def run(update: Update) -> Outcome:
-            if unsupported_reason(sensor, "fast") is None:
-                network = jl.pretrained(sensor, "fast")
+            if unsupported_reason(sensor, "two-layer") is None:
+                network = jl.pretrained(sensor, "two-layer")
             else:
                 _, scenes = lab.data.photographs("train", settings["learning_images"])
                 network, _ = learn(

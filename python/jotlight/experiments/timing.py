@@ -133,7 +133,7 @@ def _seconds(method: str, packed: Any, sensor: jl.Sensor, threads: int | None) -
     """In a worker: the time from bits to a picture, the median of some runs."""
     bits = jl.Bits(packed)
     if method == "network-two-layer":
-        run = _networks.setdefault(method, jl.pretrained(sensor, "fast").reconstruct)
+        run = _networks.setdefault(method, jl.pretrained(sensor, "two-layer").reconstruct)
     elif method == UNTIED:
         network = jl.Network.initial(sensor, tied=False)
         run = _networks.setdefault(method, network.reconstruct)

@@ -22,14 +22,14 @@ from jotlight.formats.detect import FORMATS, RAW, detect_format
 from jotlight.formats.hdf5 import open_hdf5
 from jotlight.formats.image_files import open_png, open_tiff
 from jotlight.formats.matlab import open_matlab
-from jotlight.formats.npy import load_bits, open_described_cube
+from jotlight.formats.npy import load_bits, open_described_cube, write_cube
 from jotlight.formats.spad512s import open_spad512s
 from jotlight.formats.swissspad import open_swissspad
 from jotlight.formats.visionsim import open_visionsim
 from jotlight.formats.zarr import open_zarr
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.provenance import Provenance
 
 _KEYED = ("npz", "matlab", "hdf5", "zarr")
 
@@ -75,7 +75,7 @@ def open(
     Returns
     -------
     Bits
-        With ``source``, which tells what was assumed.
+        With ``provenance``, which tells what was assumed.
     ndarray of int32, shape (H, W) or (H, W, C)
         For counts; a stack of images is summed, with a warning unless `frames` were chosen.
 
@@ -96,7 +96,7 @@ def open(
     >>> bits = open(path)
     >>> bits
     <Bits: 4 frames of 6 x 16 jots>
-    >>> bits.source.notes[0]
+    >>> bits.provenance.notes[0]
     'taken for bits, the most significant first, along the width'
     """
     capture = open_capture(
@@ -212,8 +212,8 @@ def _of_array(
     """Bits or counts in an array: told by its type and shape unless `counts` says."""
     dimensions = len(array.shape)
     if array.dtype == np.bool_ and dimensions in (3, 4) and not counts and 0 not in array.shape:
-        source = Source(name, path.name, ("frames of bool, one bit each",))
-        return Bits(pack_lazily(array, path.name), array.shape[2], source=source)
+        provenance = Provenance(name, path.name, ("frames of bool, one bit each",))
+        return Bits(pack_lazily(array, path.name), array.shape[2], provenance=provenance)
     if counts is False or (counts is None and array.dtype == np.uint8 and dimensions in (3, 4)):
         if array.dtype != np.uint8 or dimensions not in (3, 4):
             raise ValueError(
@@ -221,7 +221,43 @@ def _of_array(
                 f"got {array.dtype} of shape {array.shape}"
             )
         return open_described_cube(array, path, width, name, sure=sure)
-    return as_count_stack(array, Source(name, path.name), label)
+    return as_count_stack(array, Provenance(name, path.name), label)
 
 
-__all__ = ["FORMATS", "load_bits", "open", "open_capture"]
+def save(bits: Bits, path: str | os.PathLike[str]) -> None:
+    """Write bits to `path` (`.npy`, a photon cube) and their description to a `.json` beside it.
+
+    Every program that reads photon cubes opens the `.npy`, and `numpy.unpackbits` unpacks it. The
+    `.json` keeps the true width, the provenance and the sensor. The sensor's maps are `.npy` files
+    of their own. Either all files appear, or none. :func:`open` reads them back.
+
+    Parameters
+    ----------
+    bits : Bits
+        Bits of any size; they are written part by part.
+    path : path
+        A name that ends in `.npy`.
+
+    Raises
+    ------
+    TypeError
+        For anything that is not :class:`jotlight.Bits`.
+    ValueError
+        When the name does not end in `.npy`.
+    OSError
+        When a file cannot be written, or would replace one that jotlight did not write.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "capture.npy"
+    >>> save(Bits.from_array(np.eye(10, dtype=bool)), path)
+    >>> open(path)
+    <Bits: 1 frame of 10 x 10 jots>
+    """
+    if not isinstance(bits, Bits):
+        raise TypeError(f"bits: expected jotlight.Bits, got {type(bits).__name__}")
+    write_cube(bits, path)
+
+
+__all__ = ["FORMATS", "load_bits", "open", "open_capture", "save"]

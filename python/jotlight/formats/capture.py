@@ -10,10 +10,9 @@ import numpy.typing as npt
 from jotlight.errors import warn
 from jotlight.formats.description import read_counts_label
 from jotlight.formats.orientation import orient_image, orient_packed, parse_orientation
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, parts_of_frames, range_of
-from jotlight.sensing.provenance import Source
-from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.bits import Bits, SensorLike
+from jotlight.sensing.frames import Frames, format_frame_range, read_in_chunks
+from jotlight.sensing.provenance import Provenance
 
 Counts = npt.NDArray[np.int32]
 
@@ -29,7 +28,7 @@ class CountStack:
 
     images: npt.NDArray[Any] | Frames
     """(T, H, W) or (T, H, W, C), whole numbers."""
-    source: Source
+    provenance: Provenance
     trials: int | None = None
     """Number of binary readings behind each count of one image, if the file states it."""
 
@@ -41,25 +40,25 @@ class CountStack:
     def sum(self, progress: Callable[[float], object] | None = None) -> Counts:
         """The sum of all images, (H, W) or (H, W, C), in memory of a few images."""
         total = np.zeros(self.images.shape[1:], np.int64)
-        for place, part in parts_of_frames(self.images):
+        for place, part in read_in_chunks(self.images):
             if part.min() < 0 or part.max() >= 2**31:
                 raise ValueError(
-                    f"{self.source.name}: expected counts from 0 to 2**31 - 1, got "
+                    f"{self.provenance.name}: expected counts from 0 to 2**31 - 1, got "
                     f"{part.min()} to {part.max()}"
                 )
             if self.trials is not None and part.max() > self.trials:
                 raise ValueError(
-                    f"{self.source.name}: its label tells of counts out of {self.trials}, and it "
+                    f"{self.provenance.name}: its label tells of counts out of {self.trials}, and it "
                     f"has {part.max()}"
                 )
             total += part.sum(axis=0, dtype=np.int64)
             if progress:
                 progress(place.stop / len(self.images))
         if total.max() >= 2**31:
-            raise ValueError(f"{self.source.name}: the sum of its counts is 2**31 or more")
+            raise ValueError(f"{self.provenance.name}: the sum of its counts is 2**31 or more")
         if total.any() and not (total % 255).any():
             warn(
-                f"{self.source.name}: all of its counts are multiples of 255, as in a picture of "
+                f"{self.provenance.name}: all of its counts are multiples of 255, as in a picture of "
                 "black and white, where a count of 1 is meant"
             )
         return total.astype(np.int32)
@@ -74,7 +73,7 @@ def is_single_image(shape: tuple[int, ...]) -> bool:
 
 
 def as_count_stack(
-    images: npt.NDArray[Any] | Frames, source: Source, label: str | None = None
+    images: npt.NDArray[Any] | Frames, provenance: Provenance, label: str | None = None
 ) -> CountStack:
     """Images of counts as a stack, or raise ValueError when their shape or type does not fit.
 
@@ -90,12 +89,12 @@ def as_count_stack(
     if len(shape) == 4 and shape[3] > 4:
         raise ValueError(f"expected at most 4 channels, got shape {shape}")
     frames, origin = read_counts_label(label)
-    source = source.converted_from(origin)
+    provenance = provenance.converted_from(origin)
     if frames is not None:
-        source = source.with_note(f"counts out of {frames}, as the file tells")
+        provenance = provenance.with_notes(f"counts out of {frames}, as the file tells")
     if is_single_image(shape):
         images = np.asarray(images)[None]
-    return CountStack(images, source, frames)
+    return CountStack(images, provenance, frames)
 
 
 def pack_lazily(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
@@ -104,7 +103,7 @@ def pack_lazily(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
 
     def read(start: int, stop: int) -> npt.NDArray[np.uint8]:
         out = np.empty((stop - start, height, (width + 7) // 8, *channels), np.uint8)
-        for place, part in parts_of_frames(frames[start:stop]):
+        for place, part in read_in_chunks(frames[start:stop]):
             bits = np.isin(part, (0, 1)).all() or np.isin(part, (0, 255)).all()
             if part.dtype != np.bool_ and not bits:
                 raise ValueError(
@@ -119,9 +118,9 @@ def pack_lazily(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
 
 def pack_stack(stack: CountStack) -> Bits:
     """Images of which each number is one bit, as bits."""
-    images, source = stack.images, stack.source
-    packed = pack_lazily(images, source.name)
-    return Bits(packed, images.shape[2], source=source.with_note("one bit in each number"))
+    images, provenance = stack.images, stack.provenance
+    packed = pack_lazily(images, provenance.name)
+    return Bits(packed, images.shape[2], provenance=provenance.with_notes("one bit in each number"))
 
 
 def check_packed(frames: npt.NDArray[np.uint8] | Frames, name: str) -> None:
@@ -162,29 +161,33 @@ def select(
     if flip is not None:
         notes.append(f"mirrored, {flip}")
 
-    def told(source: Source) -> Source:
-        return source.with_note(*notes).turned_by(quarters, flip)
+    def told(provenance: Provenance) -> Provenance:
+        return provenance.with_notes(*notes).reoriented(quarters, flip)
 
     if isinstance(capture, CountStack):
-        images, source = capture.images, capture.source
+        images, provenance = capture.images, capture.provenance
         if len(images) > 1:
-            source = source.with_note(f"the sum of a stack of {len(images)} images of counts")
-        source = told(source)
+            provenance = provenance.with_notes(
+                f"the sum of a stack of {len(images)} images of counts"
+            )
+        provenance = told(provenance)
         if frames is not None:
             images = images[frames]
             if len(images) == 0:
                 raise ValueError(
-                    f"frames: no frames in {range_of(frames)} of {len(capture.images)}"
+                    f"frames: no frames in {format_frame_range(frames)} of {len(capture.images)}"
                 )
-            source = source.with_note(f"of the stack {len(images)} of {len(capture.images)}")
-        return CountStack(_turned_images(images, quarters, flip), source, capture.trials)
+            provenance = provenance.with_notes(
+                f"of the stack {len(images)} of {len(capture.images)}"
+            )
+        return CountStack(_turned_images(images, quarters, flip), provenance, capture.trials)
     if frames is not None:
         capture = capture[frames]
     if not notes:
         return capture
     packed, width = orient_packed(capture.packed, capture.width, quarters, flip)
     sensor = capture.sensor and _turned_sensor(capture.sensor, quarters, flip)
-    return Bits(packed, width, sensor, capture.source and told(capture.source))
+    return Bits(packed, width, sensor, capture.provenance and told(capture.provenance))
 
 
 def _turned_images(
@@ -203,6 +206,6 @@ def _turned_images(
     return Frames(shape, read, images.dtype)
 
 
-def _turned_sensor(sensor: Sensor, quarters: int, flip: str | None) -> Sensor:
+def _turned_sensor(sensor: SensorLike, quarters: int, flip: str | None) -> SensorLike:
     maps = {name: orient_image(map_, quarters, flip) for name, map_ in sensor.maps().items()}
     return sensor.replace(**maps)

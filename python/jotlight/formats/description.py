@@ -1,4 +1,4 @@
-"""What a photon cube cannot say, in a `.json` beside it: true width, sensor and source."""
+"""What a photon cube cannot say, in a `.json` beside it: true width, sensor and provenance."""
 
 import contextlib
 import json
@@ -9,8 +9,10 @@ import numpy as np
 
 from jotlight.errors import warn
 from jotlight.formats.arrays import read_npy
-from jotlight.sensing.provenance import Source
-from jotlight.sensing.sensor import MAPS, Sensor
+from jotlight.sensing.bits import SensorLike
+from jotlight.sensing.maps import MAPS
+from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.sensor import Sensor
 
 BITS = "jotlight bits"
 COUNTS = "jotlight counts"
@@ -21,36 +23,38 @@ _MOST_JSON = 1 << 20
 """Bytes of a description that are read at most."""
 
 
-def describe(width: int, sensor: Sensor | None, source: Source | None) -> dict[str, Any]:
+def describe(
+    width: int, sensor: SensorLike | None, provenance: Provenance | None
+) -> dict[str, Any]:
     """What goes into the `.json`; the names of files with maps are the caller's to add."""
     description: dict[str, Any] = {"format": BITS, "version": _VERSION, "width": width}
     if sensor is not None:
-        description["sensor"] = sensor.numbers()
+        description["sensor"] = sensor.scalars()
         description["maps"] = {}
-    if source is not None:
-        description["source"] = source.to_json()
+    if provenance is not None:
+        description["provenance"] = provenance.to_json()
     return description
 
 
-def make_counts_label(frames: int | None, source: Source | None) -> str | None:
+def make_counts_label(frames: int | None, provenance: Provenance | None) -> str | None:
     """What goes into a file beside counts: out of how many bits each is, and where it is from."""
-    if frames is None and source is None:
+    if frames is None and provenance is None:
         return None
     told: dict[str, Any] = {"format": COUNTS, "version": _VERSION, "frames": frames}
-    return json.dumps({**told, "source": None if source is None else source.to_json()})
+    return json.dumps({**told, "provenance": None if provenance is None else provenance.to_json()})
 
 
-def read_counts_label(label: str | None) -> tuple[int | None, Source | None]:
+def read_counts_label(label: str | None) -> tuple[int | None, Provenance | None]:
     """Undo :func:`make_counts_label`; nothing where the label is none of ours."""
     told = parse_label(label, COUNTS) if label is not None and len(label) <= _MOST_JSON else None
     if told is None:
         return None, None
-    frames, source = told.get("frames"), told.get("source")
+    frames, provenance = told.get("frames"), told.get("provenance")
     if told.get("version") != _VERSION or (frames is not None and type(frames) is not int):
         raise ValueError(f"label: expected version {_VERSION} and a whole number of frames")
     if frames is not None and not 1 <= frames < 2**31:
         raise ValueError(f"label: expected 1 to 2**31 - 1 frames, got {frames}")
-    return frames, None if source is None else Source.from_json(source)
+    return frames, None if provenance is None else Provenance.from_json(provenance)
 
 
 def description_path(path: Path) -> Path:
@@ -91,8 +95,8 @@ def maps_in_description(beside: Path) -> set[Path]:
 
 def read_description(
     path: Path, shape: tuple[int, ...]
-) -> tuple[int | None, Sensor | None, Source | None]:
-    """The width, the sensor and the source that the `.json` beside a cube of this shape tells."""
+) -> tuple[int | None, Sensor | None, Provenance | None]:
+    """The width, the sensor and the provenance that the `.json` beside a cube of this shape tells."""
     beside = _json_of(path)
     if not beside.is_file():
         return None, None, None
@@ -112,17 +116,17 @@ def read_description(
             f"{list(shape)}; it belongs to another, so move it away"
         )
     try:
-        told = description.get("source")
-        source = None if told is None else Source.from_json(told)
+        told = description.get("provenance")
+        provenance = None if told is None else Provenance.from_json(told)
         if description.get("sensor") is None:
-            return width, None, source
+            return width, None, provenance
         files = description.get("maps") or {}
         if not isinstance(files, dict) or not files.keys() <= set(MAPS):
             raise ValueError(f"maps: expected files for {' and '.join(MAPS)}, got {files!r}")
         maps = {
             name: np.array(read_npy(resolve_sibling(path, file))) for name, file in files.items()
         }
-        return width, Sensor.from_parts(description["sensor"], maps), source
+        return width, Sensor.from_parts(description["sensor"], maps), provenance
     except FileNotFoundError as error:
         raise FileNotFoundError(f"{beside}: {error}") from error
     except (TypeError, ValueError) as error:

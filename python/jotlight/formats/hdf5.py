@@ -14,8 +14,8 @@ from jotlight.formats.capture import Capture
 from jotlight.formats.labeled import StoredArray, label, open_stored_array
 from jotlight.formats.limits import check_claimed_size
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, parts_of_frames
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.frames import Frames, read_in_chunks
+from jotlight.sensing.provenance import Provenance
 
 _MOST_SETS = 1000
 _MOST_CHUNK = 1 << 28
@@ -109,8 +109,8 @@ def open_hdf5(
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
     found = open_file(path)
-    source = Source("hdf5", path.name)
-    return open_stored_array(found, source, key=key, counts=counts, width=width, sure=sure)
+    provenance = Provenance("hdf5", path.name)
+    return open_stored_array(found, provenance, key=key, counts=counts, width=width, sure=sure)
 
 
 def write_hdf5(path: Path, data: Bits | npt.NDArray[np.int32], told: str | None = None) -> None:
@@ -124,7 +124,7 @@ def write_hdf5(path: Path, data: Bits | npt.NDArray[np.int32], told: str | None 
             cube = file.create_dataset(
                 "bits", shape, np.uint8, chunks=chunks, compression="gzip", compression_opts=1
             )
-            for place, part in parts_of_frames(data.packed):
+            for place, part in read_in_chunks(data.packed):
                 cube[place] = part
             cube.attrs["jotlight"] = np.bytes_(label(data).encode())
             for name, map_ in (data.sensor.maps() if data.sensor else {}).items():

@@ -17,7 +17,7 @@ from jotlight.formats.raw import list_files
 from jotlight.formats.tiff import open_checked_tiff
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, joined
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.provenance import Provenance
 
 _EXPANDED = {2: 85, 4: 17}
 """By what Pillow multiplies grey levels of so many bits, to fill eight."""
@@ -43,14 +43,18 @@ def _images(
     parts, labels = zip(*map(read, files), strict=True)
     if len({(part.shape[1:], part.dtype) for part in parts}) != 1:
         raise ValueError(f"{path}: expected images of one size and type")
-    source = Source(name, path.name)
+    provenance = Provenance(name, path.name)
     if len(files) > 1:
-        source = source.with_note(f"{len(files)} files in the natural order of their names")
+        provenance = provenance.with_notes(
+            f"{len(files)} files in the natural order of their names"
+        )
     frames = joined(parts)
     if frames.dtype == np.bool_ and frames.ndim == 3:
-        source = source.with_note("black and white pictures are frames of bits, white for 1")
-        return Bits(pack_lazily(frames, path.name), frames.shape[2], source=source)
-    return as_count_stack(frames, source, labels[0] if len(files) == 1 else None)
+        provenance = provenance.with_notes(
+            "black and white pictures are frames of bits, white for 1"
+        )
+        return Bits(pack_lazily(frames, path.name), frames.shape[2], provenance=provenance)
+    return as_count_stack(frames, provenance, labels[0] if len(files) == 1 else None)
 
 
 def _tiff_frames(path: Path) -> tuple[Frames, str | None]:

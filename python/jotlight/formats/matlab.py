@@ -16,7 +16,7 @@ from jotlight.formats.mat_sizes import check_sizes
 from jotlight.formats.raw import natural_sort_key
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, joined
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.provenance import Provenance
 
 VARIABLE = "OUTPUT"
 FRAMES_PER_PART = 256
@@ -45,11 +45,11 @@ def open_matlab(path: Path, *, key: str | None = None, counts: bool | None = Non
         frames = frames[:total]
     if 0 in frames.shape:
         raise ValueError(f"{path}: expected frames, none of their sizes 0, got {frames.shape}")
-    source = Source("matlab", path.name, tuple(notes))
+    provenance = Provenance("matlab", path.name, tuple(notes))
     if counts:
-        return as_count_stack(frames, source)
-    source = source.with_note("the frames are of one bit each, (H, W, T)")
-    return Bits(pack_lazily(frames, path.name), frames.shape[2], source=source)
+        return as_count_stack(frames, provenance)
+    provenance = provenance.with_notes("the frames are of one bit each, (H, W, T)")
+    return Bits(pack_lazily(frames, path.name), frames.shape[2], provenance=provenance)
 
 
 def _check_info(folder: Path, parts: int) -> int | None:

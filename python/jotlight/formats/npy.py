@@ -22,10 +22,9 @@ from jotlight.formats.description import (
     read_own_description,
 )
 from jotlight.memory_maps import release
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, parts_of_frames
-from jotlight.sensing.provenance import Source
-from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.bits import Bits, SensorLike
+from jotlight.sensing.frames import Frames, read_in_chunks
+from jotlight.sensing.provenance import Provenance
 
 
 def is_cube(array: npt.NDArray[Any]) -> bool:
@@ -59,27 +58,29 @@ def open_described_cube(
     Without that, and unless the user is `sure`, its first frames are to look packed.
     """
     told_width, sensor, origin = read_description(path, packed.shape)
-    source = Source(format_, path.name).converted_from(origin)
+    provenance = Provenance(format_, path.name).converted_from(origin)
     if told_width is None:
         if not sure:
             check_packed(packed, str(path))
-        source = source.with_note("taken for bits, the most significant first, along the width")
+        provenance = provenance.with_notes(
+            "taken for bits, the most significant first, along the width"
+        )
         if width is None:
-            source = source.with_note("the width is taken to be a multiple of 8")
+            provenance = provenance.with_notes("the width is taken to be a multiple of 8")
     if width is not None and told_width is not None and width != told_width:
         raise ValueError(
             f"{path}: the description beside it says a width of {told_width}, not {width}"
         )
     try:
-        return Bits(packed, width if width is not None else told_width, sensor, source)
+        return Bits(packed, width if width is not None else told_width, sensor, provenance)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
 
 
-def save_bits(bits: Bits, path: str | os.PathLike[str]) -> None:
+def write_cube(bits: Bits, path: str | os.PathLike[str]) -> None:
     """Write bits and their description, whole or not at all."""
-    with create_bits(path, bits.packed.shape, bits.width, bits.sensor, bits.source) as packed:
-        for place, part in parts_of_frames(bits.packed):
+    with create_bits(path, bits.packed.shape, bits.width, bits.sensor, bits.provenance) as packed:
+        for place, part in read_in_chunks(bits.packed):
             packed[place] = part
             release(packed[place])
 
@@ -89,14 +90,14 @@ def create_bits(
     path: str | os.PathLike[str],
     shape: tuple[int, ...],
     width: int,
-    sensor: Sensor | None,
-    source: Source | None = None,
+    sensor: SensorLike | None,
+    provenance: Provenance | None = None,
 ) -> Iterator[npt.NDArray[np.uint8]]:
     """Give a memory map of packed bits to fill; file and description appear when the block ends."""
     path = Path(path)
     if path.suffix != ".npy":
         raise ValueError(f"{path}: expected a name that ends in .npy for packed bits")
-    with described(path, shape, width, sensor, source) as cube:
+    with described(path, shape, width, sensor, provenance) as cube:
         packed = np.lib.format.open_memmap(cube, mode="w+", dtype=np.uint8, shape=shape)
         # Filling a memory map whose blocks the disk does not have would end the program.
         _allocate(cube)
@@ -110,8 +111,8 @@ def described(
     path: Path,
     shape: tuple[int, ...],
     width: int,
-    sensor: Sensor | None,
-    source: Source | None,
+    sensor: SensorLike | None,
+    provenance: Provenance | None,
 ) -> Iterator[Path]:
     """Give a temporary path for a cube; it and all that describes it appear when the block ends."""
     beside = description_path(path)
@@ -125,7 +126,7 @@ def described(
             f"{foreign[0]} stands where a file that goes with {path.name} would be written, and "
             "jotlight did not write it for these bits; move it, or choose another name"
         )
-    description = {**describe(width, sensor, source), "shape": list(shape)}
+    description = {**describe(width, sensor, provenance), "shape": list(shape)}
     with contextlib.ExitStack() as stack:
         # What is entered first is put in place last: the bits once all that describes them stands.
         cube = stack.enter_context(atomic_write(path))

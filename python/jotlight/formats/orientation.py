@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.sensing.frames import Frames, parts_of_frames
+from jotlight.sensing.frames import Frames, read_in_chunks
 
 FLIPS = ("horizontal", "vertical")
 
@@ -49,7 +49,7 @@ def orient_packed(
 
     def read(start: int, stop: int) -> Packed:
         out = np.empty((stop - start, *shape[1:]), np.uint8)
-        for place, part in parts_of_frames(packed[start:stop], _AT_ONCE):
+        for place, part in read_in_chunks(packed[start:stop], _AT_ONCE):
             if not channels:
                 out[place] = _turned(part, width, quarters, flip)
             for channel in range(part.shape[3] if channels else 0):

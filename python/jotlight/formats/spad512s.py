@@ -18,7 +18,7 @@ from jotlight.formats.orientation import transpose_packed
 from jotlight.formats.raw import ENDINGS, RawFile, list_files, raw_frames
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, joined
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.provenance import Provenance
 
 Packed = npt.NDArray[np.uint8]
 
@@ -76,7 +76,7 @@ def open_spad512s(path: Path, *, sparse: bool = False) -> Bits:
         notes = [f"frames of {SIDE} x {SIDE}, the most significant bit first; {_SHOWN}"]
     if len(files) > 1:
         notes.append(f"{len(files)} files in the natural order of their names")
-    return Bits(frames, source=Source(name, path.name, tuple(notes)))
+    return Bits(frames, provenance=Provenance(name, path.name, tuple(notes)))
 
 
 def _sparse_frames(path: Path) -> Frames:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from jotlight.errors import warn
 from jotlight.formats.raw import ENDINGS, list_files, raw_frames
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.provenance import Provenance
 
 Packed = npt.NDArray[np.uint8]
 
@@ -67,7 +67,7 @@ def open_swissspad(path: Path, *, full: bool) -> Bits:
     if len(files) > 1:
         notes.append(f"{len(files)} files in the order of the numbers in their names")
     name = "swissspad2-full" if full else "swissspad2"
-    return Bits(frames, source=Source(name, path.name, tuple(notes)))
+    return Bits(frames, provenance=Provenance(name, path.name, tuple(notes)))
 
 
 def _by_number(path: Path, files: list[Path]) -> list[Path]:

@@ -14,8 +14,8 @@ from jotlight.formats.description import resolve_below
 from jotlight.formats.orientation import transpose_packed
 from jotlight.memory_maps import release
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, joined, parts_of_frames
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.frames import Frames, joined, read_in_chunks
+from jotlight.sensing.provenance import Provenance
 
 NAME = "transforms.json"
 
@@ -63,8 +63,8 @@ def _open(path: Path, told: dict[str, Any]) -> Bits:
     if len(packed) != number:
         warn(f"{path}: tells of {number} frames, and there are {len(packed)}; the fewer are used")
         packed = packed[: min(number, len(packed))]
-    source = Source("visionsim", path.parent.name or path.name)
-    return Bits(packed, widths.pop(), source=source)
+    provenance = Provenance("visionsim", path.parent.name or path.name)
+    return Bits(packed, widths.pop(), provenance=provenance)
 
 
 def _runs(told: dict[str, Any]) -> list[tuple[Any, int, int | None, Any]]:
@@ -128,7 +128,7 @@ def _packed_along_width(array: npt.NDArray[np.uint8], height: int, width: int) -
 
     def read(start: int, stop: int) -> npt.NDArray[np.uint8]:
         out = np.empty((stop - start, *shape[1:]), np.uint8)
-        for place, part in parts_of_frames(array[start:stop]):
+        for place, part in read_in_chunks(array[start:stop]):
             columns = part.swapaxes(1, 2)
             for channel in range(channels[0] if channels else 0):
                 out[place, ..., channel] = transpose_packed(columns[..., channel], height)
@@ -145,7 +145,7 @@ def write_visionsim(folder: Path, bits: Bits) -> None:
     channel = channels[0] if channels else 1
     shape = (frames, height, (width + 7) // 8, channel)
     cube = np.lib.format.open_memmap(folder / "frames.npy", mode="w+", dtype=np.uint8, shape=shape)
-    for place, part in parts_of_frames(bits.packed):
+    for place, part in read_in_chunks(bits.packed):
         cube[place] = part.reshape(len(part), *shape[1:])
         release(cube[place])
     cube.flush()

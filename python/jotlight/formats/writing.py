@@ -17,12 +17,12 @@ from jotlight.formats.arrays import LABEL
 from jotlight.formats.description import make_counts_label
 from jotlight.formats.hdf5 import write_hdf5
 from jotlight.formats.matlab import write_matlab
-from jotlight.formats.npy import described, save_bits
+from jotlight.formats.npy import described, write_cube
 from jotlight.formats.visionsim import write_visionsim
 from jotlight.formats.zarr import write_zarr
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, parts_of_frames
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.frames import Frames, read_in_chunks
+from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 Counts = npt.NDArray[np.int32]
@@ -37,9 +37,9 @@ class Writer:
     bits: bool = True
     counts: bool = False
     keeps_sensor: bool = False
-    """Whether it has a place for the true width, the sensor and the source of bits."""
+    """Whether it has a place for the true width, the sensor and the provenance of bits."""
     keeps_label: bool = False
-    """Whether it has a place for the frames and the source of counts."""
+    """Whether it has a place for the frames and the provenance of counts."""
     folder: bool = False
     """Whether it can be a folder."""
 
@@ -99,12 +99,12 @@ def write_capture(
     progress: Callable[[float], object] = lambda share: None,
     *,
     trials: int | None = None,
-    source: Source | None = None,
+    provenance: Provenance | None = None,
 ) -> None:
     """Write bits, or an image of counts, in the format of this name.
 
     Where there is a place for it, a file of counts tells out of how many `frames` they are, and
-    their `source`.
+    their `provenance`.
 
     Raises
     ------
@@ -121,29 +121,29 @@ def write_capture(
                 f"{', '.join(each for each in WRITERS if WRITERS[each].counts)}"
             )
         if not target.keeps_label:
-            _tell_turn(source, path, name)
+            _tell_turn(provenance, path, name)
         with _place(path, folder=name == "zarr") as temporary:
-            _write_counts(data, temporary, name, make_counts_label(trials, source))
+            _write_counts(data, temporary, name, make_counts_label(trials, provenance))
         return
     if not target.bits:
         # Counts tell their frames, and nothing else of a sensor.
         if data.sensor not in (None, Sensor(frames=len(data))):
             warn(f"{path}: counts have no place for the sensor, which is left out")
         counts = data.counts(1, progress=progress)
-        write_capture(counts, path, name, trials=len(data), source=data.source)
+        write_capture(counts, path, name, trials=len(data), provenance=data.provenance)
         return
     if not target.keeps_sensor:
         if data.sensor is not None:
             warn(f"{path}: {name} has no place for the sensor, which is left out")
-        _tell_turn(data.source, path, name)
+        _tell_turn(data.provenance, path, name)
     _write_bits(_watched(data, progress), path, name)
 
 
-def _tell_turn(source: Source | None, path: Path, name: str) -> None:
+def _tell_turn(provenance: Provenance | None, path: Path, name: str) -> None:
     """Warn that what is written will not tell how it was turned."""
-    if source is not None and source.turned != (0, False):
+    if provenance is not None and provenance.orientation != (0, False):
         warn(
-            f"{path}: {name} has no place to tell that the capture is {source.how_turned()}, so a "
+            f"{path}: {name} has no place to tell that the capture is {provenance.describe_orientation()}, so a "
             "calibration is applied to it unchecked"
         )
 
@@ -151,10 +151,10 @@ def _tell_turn(source: Source | None, path: Path, name: str) -> None:
 def _write_bits(bits: Bits, path: Path, name: str) -> None:
     match name:
         case "npy":
-            save_bits(bits, path)
+            write_cube(bits, path)
         case "npy.gz":
             shape = bits.packed.shape
-            with described(path, shape, bits.width, bits.sensor, bits.source) as cube:
+            with described(path, shape, bits.width, bits.sensor, bits.provenance) as cube:
                 _write_gzip(cube, bits.packed)
         case "hdf5":
             with atomic_write(path) as temporary:
@@ -199,7 +199,7 @@ def _write_frames(
     trailer: bytes,
 ) -> None:
     with path.open("wb") as file:
-        for _, part in parts_of_frames(frames, 1 << 20):
+        for _, part in read_in_chunks(frames, 1 << 20):
             file.write(encode(part).tobytes())
         file.write(trailer)
 
@@ -247,7 +247,7 @@ def _write_gzip(path: Path, array: npt.NDArray[np.generic] | Frames) -> None:
     # The name and the time would make the same data into other bytes.
     with path.open("wb") as raw, gzip.GzipFile("", "wb", 6, raw, mtime=0) as file:
         np.lib.format.write_array_header_1_0(file, header)
-        for _, part in parts_of_frames(array, 1 << 20):
+        for _, part in read_in_chunks(array, 1 << 20):
             file.write(np.ascontiguousarray(part).tobytes())
 
 
@@ -265,4 +265,4 @@ def _watched(bits: Bits, progress: Callable[[float], object]) -> Bits:
         progress(stop / len(bits))
         return np.asarray(part)
 
-    return Bits(Frames(bits.packed.shape, read), bits.width, bits.sensor, bits.source)
+    return Bits(Frames(bits.packed.shape, read), bits.width, bits.sensor, bits.provenance)

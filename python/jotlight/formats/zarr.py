@@ -15,8 +15,8 @@ from jotlight.formats.labeled import StoredArray, label, open_stored_array
 from jotlight.formats.limits import check_claimed_size
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
-from jotlight.sensing.provenance import Source
-from jotlight.sensing.sensor import MAPS
+from jotlight.sensing.maps import MAPS
+from jotlight.sensing.provenance import Provenance
 
 DESCRIPTIONS = ("zarr.json", ".zarray", ".zgroup")
 
@@ -56,8 +56,8 @@ def open_zarr(
         # Of the others only those that may belong to it.
         folders = {name: folders[name] for name in (key, *MAPS) if name in folders}
     found = {name: _item(zarr, folder) for name, folder in folders.items()}
-    source = Source("zarr", path.name)
-    return open_stored_array(found, source, key=key, counts=counts, width=width, sure=sure)
+    provenance = Provenance("zarr", path.name)
+    return open_stored_array(found, provenance, key=key, counts=counts, width=width, sure=sure)
 
 
 def _arrays(path: Path) -> list[Path]:

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import luma
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.tiff import open_checked_tiff
+from jotlight.images.color import luma
 from jotlight.images.exr import check_exr, write_exr
 
 Picture = npt.NDArray[np.floating[Any]]

@@ -2,16 +2,17 @@
 
 import dataclasses
 import math
-from collections.abc import Callable
+import operator
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.estimators import vst
+from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.networks.layer import Layer
-
-Array = npt.NDArray[np.float32]
-Function = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]]
+from jotlight.networks.splines import Array, Function, fit_spline, identity_spline, relu_spline
+from jotlight.sensing.sensor import Sensor
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,7 +30,13 @@ ARCHITECTURES = {
     "medium": Architecture((24, 52), (2, 3)),
     "large": Architecture((40, 80), (2, 5)),
 }
-"""Sizes by name; the two-layer network is smaller still."""
+"""The deep architectures, by name."""
+
+TWO_LAYER = "two-layer"
+"""The name of the paper's two-layer network."""
+
+SIZES = TWO_LAYER, *ARCHITECTURES
+"""All sizes, from the fastest to the most accurate."""
 
 _SIGMA, _TAPS = 1.2, 7
 _LOW, _HIGH, _KNOTS = -3.0, 3.0, 13
@@ -64,25 +71,18 @@ class Builder:
         filters = self.rng.normal(0, size, shape).astype(np.float32)
         # What is even is as large as anything else, and would drive the splines out of their range.
         filters -= remove_mean * filters.mean((2, 3), keepdims=True)
-        coefficients = np.repeat(relu_spline(), outputs, axis=0) if splines else None
+        coefficients = (
+            np.repeat(relu_spline(_LOW, _HIGH, _KNOTS), outputs, axis=0) if splines else None
+        )
         knots = (_LOW, (_HIGH - _LOW) / (_KNOTS - 3)) if splines else (0.0, 1.0)
         self.layers.append(Layer(filters, coefficients, *knots, upsampling=upsampling, **options))
         return len(self.layers) - 1
 
 
-def relu_spline() -> Array:
-    """Coefficients (1, N_w) of a spline that is nearly max(z, 0)."""
-    places = np.linspace(_LOW, _HIGH, _KNOTS - 2)
-    spacing = places[1] - places[0]
-    every = np.concatenate([[places[0] - spacing], places, [places[-1] + spacing]])
-    coefficients: Array = np.maximum(every, 0)[None].astype(np.float32)
-    return coefficients
-
-
-def add_unet(build: Builder, architecture: Architecture, input: int) -> None:
+def add_unet(build: Builder, architecture: Architecture, source: int) -> None:
     """Append the layers of a member, all but the last."""
     build.add(
-        architecture.channels[0], 6, stride=2, input=input, gain=3.0, remove_mean=_MEAN_REMOVED
+        architecture.channels[0], 6, stride=2, input=source, gain=3.0, remove_mean=_MEAN_REMOVED
     )
     kept = []
     for depth, (channels, number) in enumerate(
@@ -116,11 +116,6 @@ def gaussian_filter(sigma: float, taps: int) -> Array:
     return filters
 
 
-def identity_spline(most: float) -> tuple[Array, float, float]:
-    """Coefficients, start and spacing of a spline that is z between 0 and `most`."""
-    return (most * np.array([[-1, 0, 1, 2]])).astype(np.float32), 0.0, most
-
-
 def build_residual(
     architecture: Architecture, bits: int, inverse: Function, most: float, rng: np.random.Generator
 ) -> list[Layer]:
@@ -139,7 +134,7 @@ def build_residual(
         ),
     ]
     build = Builder(start, rng)
-    add_unet(build, architecture, input=0)
+    add_unet(build, architecture, source=0)
     return add_head(build, identity_spline(most), skip=1)
 
 
@@ -166,7 +161,7 @@ def build_conditional(
         ],
         rng,
     )
-    add_unet(build, architecture, input=2)
+    add_unet(build, architecture, source=2)
     layers = add_head(build, fit_spline(lambda z: np.sin(z) ** 2, 0.0, np.pi / 2, _INVERSE), skip=1)
     return [
         layer if layer.trainable == "nothing" else _with_parameter_sets(layer) for layer in layers
@@ -182,18 +177,43 @@ def _with_parameter_sets(layer: Layer) -> Layer:
     return dataclasses.replace(layer, filters=filters, coefficients=coefficients)
 
 
-def fit_spline(
-    function: Function,
-    low: float,
-    high: float,
-    number: int,
-) -> tuple[Array, float, float]:
-    """Coefficients (1, number), start and spacing of the least-squares spline on [low, high]."""
-    from scipy.interpolate import make_lsq_spline
+def build_two_layer(
+    sensor: Sensor, sigma: float, tied: bool, taps: int, coefficients: int, nu: float
+) -> list[Layer]:
+    """Give the layers; :meth:`jotlight.Network.initial` says what these are."""
+    if not (math.isfinite(sigma) and sigma > 0):
+        raise ValueError(f"sigma: expected a number above 0, got {sigma}")
+    taps, coefficients = operator.index(taps), operator.index(coefficients)
+    if taps < 1 or taps % 2 == 0:
+        raise ValueError(f"taps: expected an odd number, got {taps}")
+    if coefficients < 5:
+        raise ValueError(f"coefficients: expected at least 5, got {coefficients}")
+    if not (math.isfinite(nu) and nu >= 0):
+        raise ValueError(f"nu: expected a number of 0 or more, got {nu}")
+    bits = sensor.bits_per_pixel
 
-    spacing = (high - low) / (number - 3)
-    knots = low + spacing * (np.arange(number + 4) - 3)
-    # Eight samples to an interval, kept inside where rounding might put the last one out.
-    samples = np.linspace(low, high, 8 * (number - 3) + 1).clip(knots[3], knots[-4])
-    spline = make_lsq_spline(samples, function(samples), knots, k=3)
-    return spline.c[None].astype(np.float32), float(low), float(spacing)
+    from scipy.optimize import isotonic_regression
+
+    low, high = vst.anscombe([0, bits], bits).astype(float)
+
+    def intensity(z: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        counts = vst.inverse_anscombe(z.clip(low, high), bits, inverse="algebraic")
+        return intensity_from_probability(counts / np.float32(bits), sensor, None).astype(
+            np.float64
+        )
+
+    block = (1, 1, 1) if tied else (sensor.frames, sensor.oversampling, sensor.oversampling)
+    first = fit_spline(
+        lambda counts: vst.anscombe(counts, bits).astype(np.float64), 0.0, bits, coefficients
+    )
+    # A spline stays in the hull of its coefficients, so u lies there, and r not far from there.
+    least, most = float(first[0].min()), float(first[0].max())
+    room = nu * (most - least)
+    second = fit_spline(intensity, least - room, most + room, coefficients)
+    # At the ends of [0, S] the fit swings a little; more light never gives less.
+    rising = isotonic_regression(second[0][0]).x[None].astype(np.float32)
+    second = (rising.clip(0, sensor.max_intensity), *second[1:])
+    return [
+        Layer(np.ones((1, *block), np.float32), *first),
+        Layer(gaussian_filter(sigma, taps), *second),
+    ]

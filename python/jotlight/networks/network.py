@@ -19,25 +19,19 @@ from jotlight.estimators.inverse_response import (
     equivalent_counts,
     intensity_from_probability,
 )
-from jotlight.estimators.mle import reference_jot
 from jotlight.networks.architectures import (
     ARCHITECTURES,
     Architecture,
     build_conditional,
     build_residual,
+    build_two_layer,
 )
-from jotlight.networks.layer import (
-    Layer,
-    conditioning_weights,
-    count_sets,
-    flops_per_pixel,
-    halo_radius,
-    size_divisor,
-)
-from jotlight.networks.two_layer import build_two_layer
+from jotlight.networks.conditioning import conditioning_weights, count_sets
+from jotlight.networks.graph import flops_per_pixel, halo_radius, size_divisor
+from jotlight.networks.layer import Layer
 from jotlight.sensing.bits import Bits, check_fits
-from jotlight.sensing.channels import by_channel
-from jotlight.sensing.pixel_counts import PixelCounts, count_pixels
+from jotlight.sensing.pixel_counts import PixelCounts, carried_sensor, count_pixels, map_channels
+from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import read_tensors, write_tensors
 
@@ -98,7 +92,7 @@ class Network:
                 f"layer, or (C, 1, 1, 1) when it is tied, got {self.layers[0].filters.shape}"
             )
         size_divisor(self.layers)
-        if trials_range is None and any(layer.sets for layer in self.layers):
+        if trials_range is None and any(layer.set_counts for layer in self.layers):
             raise ValueError(
                 "trials_range: expected a range of bits per pixel for layers with sets of parameters, got "
                 "none"
@@ -155,7 +149,9 @@ class Network:
         return cls(layers, sensor, {"start": f"initial parameters of the paper, sigma = {sigma}"})
 
     @classmethod
-    def deep(cls, sensor: Sensor, architecture: str = "small", *, rng: int | None = None) -> Self:
+    def residual(
+        cls, sensor: Sensor, architecture: str = "small", *, rng: int | None = None
+    ) -> Self:
         """A build_residual member of the family at its start, x0 = P⁻¹(G * L/K): a classical estimate.
 
         Its filters are random, but for the last, which are 0; training with
@@ -257,10 +253,10 @@ class Network:
             When pixels without a valid jot were filled from their neighbours.
         """
         if sensor is None:
-            sensor = (data.sensor if isinstance(data, Bits) else None) or self.sensor
-        self._check_sensor(sensor)
+            sensor = carried_sensor(data) or self.sensor
+        self.check_sensor(sensor)
         if self.trials_range is not None:
-            picture = self._at(sensor).reconstruct(data, sensor, threads=threads)
+            picture = self.conditioned_on(sensor).reconstruct(data, sensor, threads=threads)
             # In its own place, since memory may not hold it twice.
             for rows in pixel_chunks(len(picture), max(1, _AT_ONCE * len(picture) // picture.size)):
                 picture[rows] = intensity_from_probability(picture[rows], sensor, threads)
@@ -278,9 +274,9 @@ class Network:
             sums = self._weights[:, None] * equivalent_counts(seen, reference, threads)
             return self._of_sums(sums, threads)
 
-        return by_channel(one_channel, data)
+        return map_channels(one_channel, data)
 
-    def _at(self, sensor: Sensor) -> "Network":
+    def conditioned_on(self, sensor: Sensor) -> "Network":
         """The network that was told the sensor's K; its picture is the share of bits that fire."""
         assert self.trials_range is not None, "a network that is told K"
         bits, last = sensor.bits_per_pixel, self._last
@@ -306,7 +302,7 @@ class Network:
         """The picture of a tied network where p is a function of the count alone."""
         every = np.arange(sensor.bits_per_pixel + 1, dtype=np.int32)
         jot = reference_jot(sensor)
-        seen = PixelCounts(sensor, every, sensor.bits_per_pixel, *jot, jots_differ=False)
+        seen = PixelCounts(sensor, every, sensor.bits_per_pixel, *jot, varies_within_pixels=False)
         sums = self._weights * equivalent_counts(seen, reference, threads)
         side = sensor.oversampling
         if isinstance(data, Bits):
@@ -328,7 +324,7 @@ class Network:
 
     @property
     def _layers(self) -> list[engine.Layer]:
-        return [layer.prepared for layer in self.layers]
+        return [layer.engine_layer for layer in self.layers]
 
     def _of_jots(
         self, data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int | None
@@ -363,7 +359,7 @@ class Network:
         for _, part in frame_chunks(1, height, width * filters.size):
             rows = slice(part.start, part.stop)
             sums[:, rows] = engine.masked_sums(
-                self.layers[0].prepared,
+                self.layers[0].engine_layer,
                 jots(rows),
                 data.width,
                 valid[rows.start * side : rows.stop * side],
@@ -400,7 +396,7 @@ class Network:
             picture[start:stop] = part[start - top : stop - top]
         return picture
 
-    def _check_sensor(self, sensor: Sensor) -> None:
+    def check_sensor(self, sensor: Sensor) -> None:
         """A tied network serves jots in space and frames in time alike."""
         mine, its = self.sensor, sensor
         if (
@@ -444,8 +440,8 @@ class Network:
         metadata = {
             "format": _FORMAT,
             "version": _VERSION,
-            "layers": json.dumps([layer.numbers() for layer in self.layers]),
-            "sensor": json.dumps(self.sensor.numbers()),
+            "layers": json.dumps([layer.metadata() for layer in self.layers]),
+            "sensor": json.dumps(self.sensor.scalars()),
             "trials_range": json.dumps(self.trials_range),
             "history": json.dumps(self.history),
         }
@@ -491,7 +487,7 @@ class Network:
 
     def __repr__(self) -> str:
         channels = " -> ".join(str(layer.channels) for layer in self.layers)
-        parameters = sum(layer.parameters for layer in self.layers)
+        parameters = sum(layer.parameter_count for layer in self.layers)
         whose = repr(self.sensor)
         if self.trials_range is not None:
             whose = f"{self.trials_range[0]} to {self.trials_range[1]} bits per pixel"
@@ -506,5 +502,5 @@ def _architecture(name: str) -> Architecture:
 
 def _detections(sensor: Sensor) -> tuple[int, float, float]:
     """q, detections per jot and frame at intensity 1, and S."""
-    threshold, light, most = sensor._response()
+    threshold, light, most = sensor.pixel_response()
     return threshold, reference_jot(sensor)[0] * light, most

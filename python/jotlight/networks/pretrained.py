@@ -2,21 +2,19 @@
 
 from pathlib import Path
 
-from jotlight.estimators.mle import reference_jot
+from jotlight.networks.architectures import SIZES
 from jotlight.networks.network import Network
+from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
 BITS_PER_PIXEL = tuple(side**2 for side in range(3, 11))
-"""K of the qualities "fast" and "small". All have α = K, q = 1, S = 1 and the box kernel."""
+"""K of the qualities "two-layer" and "small". All have α = K, q = 1, S = 1 and the box kernel."""
 
 LARGE_BITS_PER_PIXEL = (16,)
 """K of the quality "large", which is alike in all else."""
 
-QUALITIES = "fast", "small", "medium", "large"
-"""The two-layer network of the paper, and deeper networks, each slower and better."""
-
 FOLDER = Path(__file__).parent / "weights"
-"""Where they are: `k16.safetensors`, say, with its card `k16.md`."""
+"""Where they are: `small-k16.safetensors`, for example, with its card `small-k16.md`."""
 
 MOST_BITS = 256
 """K of the network of quality "medium", at most."""
@@ -37,7 +35,7 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
         With the box kernel. For "medium" 1 to 256 bits per pixel, at any exposure; for the others
         K = 9, 16, 25, 36, 49, 64, 81 or 100 bits per pixel, for "large" 16 alone, ηα = K,
         threshold 1, S = 1, and no more than weak dark counts. Dead jots are allowed.
-    quality : {"fast", "small", "medium", "large"}
+    quality : {"two-layer", "small", "medium", "large"}
         The paper's two layers; six layers of up to 12 channels; thirteen of up to 52, which are
         told K; or fourteen of up to 80.
 
@@ -60,31 +58,30 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     >>> import numpy as np
     >>> sensor = Sensor(oversampling=2, frames=4)
     >>> bits = sensor.expose(np.full((8, 8), 0.5), rng=0)
-    >>> pretrained(sensor, "fast").reconstruct(bits).shape
+    >>> pretrained(sensor, "two-layer").reconstruct(bits).shape
     (8, 8)
     """
-    if (reason := unsupported_reason(sensor, quality)) is not None:
+    if (reason := unsupported_message(sensor, quality)) is not None:
         raise ValueError(reason)
-    prefix = {"fast": "k", "small": "small-k", "large": "large-k"}.get(quality)
-    name = quality if prefix is None else f"{prefix}{sensor.bits_per_pixel}"
+    name = quality if quality == "medium" else f"{quality}-k{sensor.bits_per_pixel}"
     return Network.load(FOLDER / f"{name}.safetensors")
 
 
-def unsupported_reason(sensor: Sensor, quality: str = "medium") -> str | None:
+def unsupported_message(sensor: Sensor, quality: str = "medium") -> str | None:
     """Say why there is no trained network for a sensor and how to train one, or None if there is.
 
     Examples
     --------
-    >>> unsupported_reason(Sensor(frames=16)) is None
+    >>> unsupported_message(Sensor(frames=16)) is None
     True
-    >>> unsupported_reason(Sensor(frames=20), "fast").split(": ")[1]
+    >>> unsupported_message(Sensor(frames=20), "two-layer").split(": ")[1]
     'jotlight train FOLDER_OF_PHOTOGRAPHS -o model.safetensors --oversampling 1 --frames 20'
     """
-    reason = unsupported_bits_reason(sensor, quality)
+    reason = unsupported_reason(sensor, quality)
     return reason and f"{reason}; train one: {training_command(sensor)}"
 
 
-def unsupported_bits_reason(sensor: Sensor, quality: str = "medium") -> str | None:
+def unsupported_reason(sensor: Sensor, quality: str = "medium") -> str | None:
     """Say why there is no trained network for a sensor, or None if there is.
 
     Raises
@@ -94,11 +91,11 @@ def unsupported_bits_reason(sensor: Sensor, quality: str = "medium") -> str | No
 
     Examples
     --------
-    >>> print(unsupported_bits_reason(Sensor(frames=16, threshold=2), "fast"))
+    >>> print(unsupported_reason(Sensor(frames=16, threshold=2), "two-layer"))
     there is no trained network for the threshold 2, only for 1
     """
-    if quality not in QUALITIES:
-        raise ValueError(f"quality: expected one of {', '.join(QUALITIES)}, got {quality!r}")
+    if quality not in SIZES:
+        raise ValueError(f"quality: expected one of {', '.join(SIZES)}, got {quality!r}")
     if quality == "medium":
         reason = _beyond_any(sensor)
     else:
@@ -119,7 +116,7 @@ def _beyond_any(sensor: Sensor) -> str | None:
 def _beyond_one(sensor: Sensor, known: tuple[int, ...]) -> str | None:
     """Why networks for one K and exposure do not serve a sensor."""
     efficiency, dark = reference_jot(sensor)
-    response = efficiency * sensor._gain / sensor.bits_per_pixel
+    response = efficiency * sensor.gain / sensor.bits_per_pixel
     if sensor.bits_per_pixel not in known:
         numbers = ", ".join(map(str, known))
         return f"{sensor.bits_per_pixel} bits per pixel, only for {numbers}"
@@ -142,8 +139,8 @@ def _beyond_one(sensor: Sensor, known: tuple[int, ...]) -> str | None:
 def training_command(sensor: Sensor) -> str:
     """Give the command that trains a network for a sensor."""
     options = [f"--oversampling {sensor.oversampling}", f"--frames {sensor.frames}"]
-    if sensor._gain != sensor.bits_per_pixel:
-        options.append(f"--gain {float(sensor._gain)!r}")
+    if sensor.gain != sensor.bits_per_pixel:
+        options.append(f"--gain {float(sensor.gain)!r}")
     if sensor.threshold != 1:
         options.append(f"--threshold {sensor.threshold}")
     if sensor.kernel != "box":

@@ -1,9 +1,8 @@
-"""The data: bits in packed form."""
+"""Bits of a single-photon camera, in packed form."""
 
 import operator
-import os
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -12,11 +11,27 @@ import jotlight._engine as engine
 from jotlight.checks import refuse_masked
 from jotlight.chunks import JOTS_PER_COUNT, frame_chunks
 from jotlight.memory_maps import release
-from jotlight.sensing.frames import Frames, range_of
-from jotlight.sensing.provenance import Source
+from jotlight.sensing.channels import channel_views
+from jotlight.sensing.frames import Frames, format_frame_range
+from jotlight.sensing.provenance import Provenance
 
-if TYPE_CHECKING:
-    from jotlight.sensing.sensor import Sensor
+
+class SensorLike(Protocol):
+    """The part of :class:`jotlight.Sensor` that bits and their files use."""
+
+    @property
+    def oversampling(self) -> int: ...  # noqa: D102
+    @property
+    def frames(self) -> int: ...  # noqa: D102
+    @property
+    def bits_per_pixel(self) -> int: ...  # noqa: D102
+    @property
+    def kernel(self) -> str: ...  # noqa: D102
+
+    def replace(self, **changes: Any) -> Self: ...  # noqa: D102
+    def check_map_shapes(self, height: int, width: int) -> None: ...  # noqa: D102
+    def maps(self) -> dict[str, npt.NDArray[Any]]: ...  # noqa: D102
+    def scalars(self) -> dict[str, Any]: ...  # noqa: D102
 
 
 class Bits:
@@ -25,20 +40,20 @@ class Bits:
     Parameters
     ----------
     packed : ndarray of uint8 or Frames, shape (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C)
-        The layout of ``numpy.packbits`` along the width, most significant bit first, as photon
-        cubes have it. May be a memory map, or :class:`jotlight.sensing.frames.Frames` that are read from
-        files as they are needed; it is never unpacked whole.
+        The layout of ``numpy.packbits`` along the width, most significant bit first, which photon
+        cubes have. It may be a memory map, or :class:`jotlight.sensing.frames.Frames`, which are
+        read from files when they are needed. It is never unpacked as a whole.
     width : int, optional
-        The true width W in jots. Default: ``8 * packed.shape[2]``.
+        W: the true width in jots. Default: ``8 * packed.shape[2]``.
     sensor : Sensor, optional
-        What made the bits, where it is known.
-    source : jotlight.sensing.provenance.Source, optional
-        The file they are from and what was assumed of it, which :func:`jotlight.open` tells.
+        The sensor that made the bits, where it is known.
+    provenance : jotlight.sensing.provenance.Provenance, optional
+        The file that the bits come from, and what :func:`jotlight.open` assumed about it.
 
     Raises
     ------
     TypeError, ValueError
-        When the array or the width do not fit.
+        When the array, the width, or the sensor do not fit.
 
     Examples
     --------
@@ -51,13 +66,13 @@ class Bits:
         self,
         packed: npt.NDArray[np.uint8] | Frames,
         width: int | None = None,
-        sensor: "Sensor | None" = None,
-        source: Source | None = None,
+        sensor: SensorLike | None = None,
+        provenance: Provenance | None = None,
     ) -> None:
         if not isinstance(packed, np.ndarray | Frames) or packed.dtype != np.uint8:
-            given = getattr(packed, "dtype", type(packed).__name__)
+            kind = getattr(packed, "dtype", type(packed).__name__)
             raise TypeError(
-                f"packed: expected an array of uint8 with eight bits to a byte, got {given}; "
+                f"packed: expected an array of uint8 with eight bits to a byte, got {kind}; "
                 "Bits.from_array packs an array of 0 and 1"
             )
         if packed.ndim not in (3, 4) or packed.size == 0:
@@ -69,7 +84,7 @@ class Bits:
         self.packed = packed
         self.width = full if width is None else operator.index(width)
         self.sensor = sensor
-        self.source = source
+        self.provenance = provenance
         if not full - 8 < self.width <= full:
             raise ValueError(
                 f"width: expected {full - 7} to {full} for {packed.shape[2]} bytes a row, "
@@ -79,8 +94,20 @@ class Bits:
             check_fits(self, sensor)
 
     @classmethod
-    def from_array(cls, array: npt.ArrayLike, sensor: "Sensor | None" = None) -> Self:
-        """Pack an array of bool, or of 0 and 1, of shape (T, H, W), (H, W) or (T, H, W, C).
+    def from_array(cls, array: npt.ArrayLike, sensor: SensorLike | None = None) -> Self:
+        """Return packed bits of an array of bool, or of 0 and 1.
+
+        Parameters
+        ----------
+        array : array_like of bool or int, shape (T, H, W), (H, W) or (T, H, W, C)
+            The bits.
+        sensor : Sensor, optional
+            The sensor that made them.
+
+        Raises
+        ------
+        TypeError, ValueError
+            When the array has another type or shape, or holds other values.
 
         Examples
         --------
@@ -112,26 +139,26 @@ class Bits:
         return (frames, height, self.width, *channels)
 
     def __len__(self) -> int:
-        """The number of frames."""
+        """Return the number of frames."""
         return int(self.packed.shape[0])
 
     def __getitem__(self, frames: slice) -> Self:
-        """Some of the frames, as a view; the sensor it carries then has that many."""
+        """Return some of the frames, as a view; its sensor has that number of frames."""
         if not isinstance(frames, slice):
             raise TypeError(f"bits: expected a slice of frames such as bits[:16], got {frames!r}")
         packed = self.packed[frames]
         if len(packed) == 0:
-            raise ValueError(f"bits: no frames in {range_of(frames)} of {len(self)}")
+            raise ValueError(f"bits: no frames in {format_frame_range(frames)} of {len(self)}")
         sensor = self.sensor and self.sensor.replace(frames=len(packed))
-        source = self.source
-        if source is not None and len(packed) < len(self):
+        provenance = self.provenance
+        if provenance is not None and len(packed) < len(self):
             start, stop, step = frames.indices(len(self))
-            taken = range_of(slice(start, stop, None if step == 1 else step))
-            source = source.with_note(f"frames {taken} of {len(self)}")
-        return type(self)(packed, self.width, sensor, source)
+            taken = format_frame_range(slice(start, stop, None if step == 1 else step))
+            provenance = provenance.with_notes(f"frames {taken} of {len(self)}")
+        return type(self)(packed, self.width, sensor, provenance)
 
     def to_array(self) -> npt.NDArray[np.bool_]:
-        """Unpack into bool, (T, H, W) or (T, H, W, C): eight times the memory."""
+        """Return unpacked bits of bool, (T, H, W) or (T, H, W, C): eight times the memory."""
         return np.unpackbits(np.asarray(self.packed), axis=2, count=self.width).view(np.bool_)
 
     def counts(
@@ -142,22 +169,27 @@ class Bits:
         threads: int | None = None,
         progress: Callable[[float], object] | None = None,
     ) -> npt.NDArray[np.int32]:
-        """L: the ones among each pixel's bits, counted in the packed domain.
+        """Return L, the number of ones of each pixel, counted without unpacking the bits.
 
         Parameters
         ----------
         oversampling : int, optional
-            K̂. Default: that of the sensor which the bits carry, or 1 when they carry none.
+            K̂. Default: that of the sensor that the bits carry, or 1 when they carry none.
         mask : ndarray of bool, shape (H, W) in jots, optional
-            True marks jots that are left out.
+            True marks jots that are not counted.
         threads : int, optional
-            Threads to use. Default: all.
+            The number of threads. Default: all.
         progress : callable, optional
-            Called now and then with the share that is done.
+            A function that is called now and then with the completed share, from 0 to 1.
 
         Returns
         -------
         ndarray of int32, shape (H / K̂, W / K̂) or (H / K̂, W / K̂, C)
+
+        Raises
+        ------
+        ValueError
+            When the bits are not whole pixels, or the mask does not fit them.
 
         Examples
         --------
@@ -179,45 +211,40 @@ class Bits:
             )
         valid = None if mask is None else np.packbits(~mask, axis=1)
         counts = np.zeros((height // oversampling, width // oversampling, *channels), np.int32)
-        slabs = list(frame_chunks(frames, counts.shape[0], width * oversampling, JOTS_PER_COUNT))
-        planes = [counts[..., c] for c in range(channels[0])] if channels else [counts]
-        for index, (f, r) in enumerate(slabs):
+        chunks = list(frame_chunks(frames, counts.shape[0], width * oversampling, JOTS_PER_COUNT))
+        for index, (f, r) in enumerate(chunks):
             jots = slice(r.start * oversampling, r.stop * oversampling)
-            # Read once for all channels, where it comes from files.
+            # Bits in files are read once for all channels.
             part = self.packed[f.start : f.stop, jots]
-            for channel, plane in enumerate(planes):
+            for bits, ones in zip(channel_views(part, 3), channel_views(counts), strict=True):
                 engine.add_block_counts(
-                    part[..., channel] if channels else part,
+                    bits,
                     width,
                     oversampling,
                     None if valid is None else valid[jots],
-                    plane[r.start : r.stop],
+                    ones[r.start : r.stop],
                     threads,
                 )
             release(part)
             if progress:
-                progress((index + 1) / len(slabs))
+                progress((index + 1) / len(chunks))
         return counts
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write ``path`` (`.npy`, a photon cube) and beside it a small `.json`.
-
-        The `.npy` opens in ``numpy.unpackbits`` and every tool that takes photon cubes; the
-        `.json` keeps the true width and the sensor, whose maps stand in `.npy` files of their own.
-        """
-        from jotlight.formats.npy import save_bits
-
-        save_bits(self, path)
+    def channels(self) -> list["Bits"]:
+        """Return the bits of each channel, (T, H, W); gray bits are their own only channel."""
+        if len(self.shape) == 3:
+            return [self]
+        return [Bits(packed, self.width, self.sensor) for packed in channel_views(self.packed, 3)]
 
     def __repr__(self) -> str:
         frames, height, width, *channels = self.shape
-        colour = f" x {channels[0]} channels" if channels else ""
+        color = f" x {channels[0]} channels" if channels else ""
         plural = "" if frames == 1 else "s"
         sensor = f", {self.sensor!r}" if self.sensor else ""
-        return f"<Bits: {frames} frame{plural} of {height} x {width} jots{colour}{sensor}>"
+        return f"<Bits: {frames} frame{plural} of {height} x {width} jots{color}{sensor}>"
 
 
-def check_fits(bits: Bits, sensor: "Sensor") -> None:
+def check_fits(bits: Bits, sensor: SensorLike) -> None:
     """Raise ValueError unless a sensor can have reported these bits."""
     frames, height, width = bits.shape[:3]
     if frames != sensor.frames:
@@ -232,4 +259,4 @@ def check_fits(bits: Bits, sensor: "Sensor") -> None:
             f"bits: expected rows and columns of jots that are multiples of the oversampling "
             f"{sensor.oversampling}, got {height} x {width}"
         )
-    sensor.check_jots(height, width)
+    sensor.check_map_shapes(height, width)

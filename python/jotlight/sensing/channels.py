@@ -1,37 +1,52 @@
-"""Colour: every method works on one channel, and this runs it on each."""
+"""The channels of color arrays: how they are taken apart and put together."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Sequence
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.pixel_counts import as_counts
 
-Picture = npt.NDArray[np.float32]
+class _Stack(Protocol):
+    """An array, or frames in files."""
 
-
-def channels_of(data: Bits | npt.ArrayLike) -> Iterator[Bits | npt.NDArray[np.int32]]:
-    """Give (T, H, W) bits or (H, W) counts of each channel of `data`, of grey the data."""
-    if isinstance(data, Bits):
-        if len(data.shape) == 3:
-            yield data
-            return
-        for c in range(data.shape[3]):
-            yield Bits(data.packed[..., c], data.width, data.sensor)
-        return
-    counts = as_counts(data)
-    if counts.ndim == 2:
-        yield counts
-        return
-    for c in range(counts.shape[2]):
-        yield np.ascontiguousarray(counts[..., c])
+    @property
+    def ndim(self) -> int: ...
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+    def __getitem__(self, key: Any, /) -> Any: ...
 
 
-def by_channel(
-    method: Callable[[Bits | npt.NDArray[np.int32]], Picture], data: Bits | npt.ArrayLike
-) -> Picture:
-    """Run a method of one channel on each channel of `data`."""
-    pictures = [method(channel) for channel in channels_of(data)]
-    dimensions = len(data.shape) - 1 if isinstance(data, Bits) else np.ndim(data)
-    return pictures[0] if dimensions == 2 else np.stack(pictures, axis=-1)
+S = TypeVar("S", bound=_Stack)
+Scalar = TypeVar("Scalar", bound=np.generic)
+
+
+def channel_views(array: S, dimensions: int = 2) -> list[S]:
+    """Return views of an array's channels; a gray array is its own only channel.
+
+    Parameters
+    ----------
+    array : ndarray or Frames
+        An array of `dimensions` dimensions, or one more for the channels, which is the last.
+    dimensions : int
+        The number of dimensions without channels: 2 for images (H, W), 3 for frames (T, H, W).
+
+    Examples
+    --------
+    >>> [channel.shape for channel in channel_views(np.zeros((4, 6, 3)))]
+    [(4, 6), (4, 6), (4, 6)]
+    """
+    if array.ndim == dimensions:
+        return [array]
+    return [array[..., channel] for channel in range(array.shape[-1])]
+
+
+def stack_channels(images: Sequence[npt.NDArray[Scalar]], *, color: bool) -> npt.NDArray[Scalar]:
+    """Return the images stacked along a last axis of channels, or the only one of a gray image.
+
+    Examples
+    --------
+    >>> stack_channels([np.zeros((4, 6))] * 3, color=True).shape
+    (4, 6, 3)
+    """
+    return np.stack(images, axis=-1) if color else images[0]

@@ -15,12 +15,12 @@ _PART = 1 << 23
 """Bytes of frames that are read at once."""
 
 
-def range_of(frames: slice) -> str:
+def format_frame_range(frames: slice) -> str:
     """Some frames as `--frame-range` takes them.
 
     Examples
     --------
-    >>> range_of(slice(100, 200)), range_of(slice(None, 16, 2))
+    >>> format_frame_range(slice(100, 200)), format_frame_range(slice(None, 16, 2))
     ('100:200', ':16:2')
     """
     ends = [frames.start, frames.stop, *([] if frames.step is None else [frames.step])]
@@ -90,7 +90,7 @@ class Frames:
 
     def parts(self) -> Iterator[tuple[slice, npt.NDArray[Any]]]:
         """All frames in order, some at a time."""
-        return parts_of_frames(self)
+        return read_in_chunks(self)
 
     def __getitem__(self, key: Any) -> Any:
         if isinstance(key, slice):
@@ -142,7 +142,7 @@ class Frames:
         return Frames(shape, lambda a, b: self.read(a, b)[key], self.dtype)
 
 
-def parts_of_frames(
+def read_in_chunks(
     frames: npt.NDArray[Any] | Frames, at_once: int = _PART
 ) -> Iterator[tuple[slice, npt.NDArray[Any]]]:
     """Give all frames of an array, or in files, in order and some bytes at a time."""

@@ -142,21 +142,21 @@ class Likelihood:
         point: npt.ArrayLike,
         penalty: float,
         *,
-        most: float,
+        max_light: float,
         guess: npt.ArrayLike | None = None,
     ) -> Array:
-        """Give the x in [0, `most`] with the least -ℓ(x) + ½ `penalty` ‖x - point‖².
+        """Return the x in [0, `max_light`] that minimizes -ℓ(x) + ½ `penalty` ‖x - point‖².
 
         `guess` is where the search begins; a good one saves time and changes nothing else.
 
         Examples
         --------
-        >>> Likelihood([2], trials=4).proximal([0.5], 1e9, most=2.0).round(6).tolist()
+        >>> Likelihood([2], trials=4).proximal([0.5], 1e9, max_light=2.0).round(6).tolist()
         [0.5]
         """
-        if not 0 < penalty < np.inf or not 0 < most < np.inf:
+        if not 0 < penalty < np.inf or not 0 < max_light < np.inf:
             raise ValueError(
-                f"penalty and most: expected finite numbers above 0, got {penalty} and {most}"
+                f"penalty and max_light: expected finite numbers above 0, got {penalty} and {max_light}"
             )
         # A copy, which the engine turns into the result.
         flat = np.array(self._fitting("point", point)).reshape(-1)
@@ -165,7 +165,7 @@ class Likelihood:
         start = flat.copy() if guess is None else self._light(guess, "guess").reshape(-1)
         for part in pixel_chunks(flat.size, _AT_ONCE):
             engine.likelihood_proximal(
-                self._seen(part), penalty, most, start[part], flat[part], self._threads
+                self._seen(part), penalty, max_light, start[part], flat[part], self._threads
             )
         return flat.reshape(self.shape)
 
@@ -256,7 +256,7 @@ class Problem:
                 f"max_intensity: expected a finite number above 0, got {self.max_intensity!r}"
             )
 
-    def level(self) -> float:
+    def constant_estimate(self) -> float:
         """Give the intensity that would make as many bits fire as did, were it the same everywhere.
 
         It is kept from 0 and from S, so that an iterative method can begin there.

@@ -77,8 +77,8 @@ class Spread(Operator):
     weighted: Callable[[Array, Array], Array]
 
     @property
-    def even(self) -> bool:
-        """Whether the kernel is even about its pixel, and not half a jot to the right."""
+    def symmetric(self) -> bool:
+        """Whether the kernel is symmetric about its pixel, and not shifted by half a jot."""
         return KERNELS.index(self.kernel) * self.oversampling % 2 == 0
 
     def normal(self, weights: Array, image: Array) -> Array:

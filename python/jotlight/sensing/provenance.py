@@ -1,19 +1,24 @@
-"""Where data are from: what a file was taken for, what was assumed, and what it was made of."""
+"""Provenance of data: the file it comes from, what was assumed, and how it was converted."""
 
 import dataclasses
 from collections.abc import Iterator
 from typing import Any, Self
 
-_MOST_NOTES = 64
-_LONGEST = 1000
-_MOST_STEPS = 16
-"""Conversions that are remembered, the last ones."""
-_TURNS = [[quarters, mirrored] for quarters in range(4) for mirrored in (False, True)]
+_MAX_TEXTS = 64
+"""Maximum number of texts (format, name and notes) that are read from JSON."""
+
+_MAX_LENGTH = 1000
+"""Maximum length of a text that is read from JSON."""
+
+_MAX_CONVERSIONS = 16
+"""Maximum number of conversions that are remembered; the latest are kept."""
+
+_ORIENTATIONS = [[quarters, mirrored] for quarters in range(4) for mirrored in (False, True)]
 
 
 @dataclasses.dataclass(frozen=True)
-class Source:
-    r"""Where bits are from.
+class Provenance:
+    r"""The file that bits or counts come from, and the files that it was converted from.
 
     Parameters
     ----------
@@ -22,20 +27,20 @@ class Source:
     name : str
         The name of the file or folder.
     notes : tuple of str
-        What was assumed or done when reading, in words.
-    turned : (int, bool), optional
-        Quarter turns anticlockwise since the file was read first, 0 to 3, and whether left and
-        right were exchanged after that. None where it is not known.
-    origin : Source, optional
-        What the file was converted from, where it tells.
+        Sentences about what was assumed or done on reading.
+    orientation : (int, bool), optional
+        The number of quarter turns anticlockwise since the first file was read, 0 to 3, and whether
+        left and right were exchanged after that. None where it is unknown.
+    origin : Provenance, optional
+        The provenance of the file that this one was converted from, where it is known.
 
     Examples
     --------
-    >>> raw = Source("swissspad2", "a.bin", ("the least significant bit first",))
-    >>> source = Source("npy", "a.npy").converted_from(raw).with_note("frames 0:16 of 64")
-    >>> print(source)
+    >>> raw = Provenance("swissspad2", "a.bin", ("the least significant bit first",))
+    >>> cube = Provenance("npy", "a.npy").converted_from(raw).with_notes("frames 0:16 of 64")
+    >>> print(cube)
     a.npy (npy; frames 0:16 of 64)
-    >>> print(*source.describe(), sep="\n")
+    >>> print(*cube.describe(), sep="\n")
     npy: frames 0:16 of 64
     npy: converted from a.bin
     swissspad2: the least significant bit first
@@ -44,97 +49,104 @@ class Source:
     format: str
     name: str
     notes: tuple[str, ...] = ()
-    turned: tuple[int, bool] | None = (0, False)
-    origin: "Source | None" = None
+    orientation: tuple[int, bool] | None = (0, False)
+    origin: "Provenance | None" = None
 
     def __str__(self) -> str:
         return f"{self.name} ({'; '.join((self.format, *self.notes))})"
 
-    def with_note(self, *notes: str) -> Self:
-        """The same with more notes."""
+    def with_notes(self, *notes: str) -> Self:
+        """Return the same provenance with more notes."""
         return dataclasses.replace(self, notes=(*self.notes, *notes))
 
-    def turned_by(self, quarters: int, flip: str | None) -> Self:
-        """The same, turned anticlockwise and then mirrored once more.
+    def reoriented(self, quarters: int, flip: str | None) -> Self:
+        """Return the same provenance, rotated anticlockwise and then mirrored once more.
 
         Examples
         --------
-        >>> Source("npy", "cube.npy").turned_by(1, "vertical").turned_by(3, None).turned
+        >>> turned = Provenance("npy", "cube.npy").reoriented(1, "vertical").reoriented(3, None)
+        >>> turned.orientation
         (0, True)
         """
-        if self.turned is None:
+        if self.orientation is None:
             return self
-        before, mirrored = self.turned
-        # Top and bottom exchanged is left and right exchanged after half a turn, and a turn that
-        # comes after a mirror is the opposite turn before it.
+        before, mirrored = self.orientation
+        # Exchanging top and bottom is half a turn, then exchanging left and right. A turn after
+        # a mirror is the opposite turn before it.
         after = quarters + 2 * (flip == "vertical")
-        now = (before - after if mirrored else before + after) % 4
-        return dataclasses.replace(self, turned=(now, mirrored ^ (flip is not None)))
+        total = (before - after if mirrored else before + after) % 4
+        return dataclasses.replace(self, orientation=(total, mirrored ^ (flip is not None)))
 
-    def converted_from(self, origin: "Source | None") -> Self:
-        """The same with what the file was converted from, which may have been turned."""
+    def converted_from(self, origin: "Provenance | None") -> Self:
+        """Return the same provenance with an origin, whose orientation it takes over."""
         if origin is None:
             return self
-        return dataclasses.replace(self, origin=origin, turned=origin.turned)
+        return dataclasses.replace(self, origin=origin, orientation=origin.orientation)
 
-    def how_turned(self) -> str:
-        """How, in words."""
-        if self.turned is None:
+    def describe_orientation(self) -> str:
+        """Return the orientation in words."""
+        if self.orientation is None:
             return "turned in a way that is not known"
-        quarters, mirrored = self.turned
+        quarters, mirrored = self.orientation
         words = [f"rotated by {90 * quarters} degrees"] if quarters else []
         words += ["mirrored left to right"] if mirrored else []
         return " and ".join(words) or "not turned"
 
     def describe(self) -> list[str]:
-        """All of it in words, one line each, from this file back to the first."""
+        """Return all notes and conversions, one line each, from this file back to the first."""
         lines = []
-        for step in self.steps():
+        for step in self.lineage():
             lines += [f"{step.format}: {note}" for note in step.notes]
             if step.origin is not None:
                 lines.append(f"{step.format}: converted from {step.origin.name}")
         return lines
 
-    def steps(self) -> Iterator["Source"]:
-        """The file itself, what it was converted from, and so on."""
-        step: Source | None = self
+    def lineage(self) -> Iterator["Provenance"]:
+        """Yield this provenance, its origin, the origin's origin, and so on."""
+        step: Provenance | None = self
         while step is not None:
             yield step
             step = step.origin
 
     def to_json(self) -> dict[str, Any]:
-        """An object that JSON can hold."""
-        told: dict[str, Any] = {"format": self.format, "name": self.name, "notes": list(self.notes)}
-        if self.turned is not None:
-            told["turned"] = list(self.turned)
+        """Return an object that JSON can hold."""
+        value: dict[str, Any] = {
+            "format": self.format,
+            "name": self.name,
+            "notes": list(self.notes),
+        }
+        if self.orientation is not None:
+            value["orientation"] = list(self.orientation)
         if self.origin is not None:
-            told["origin"] = self.origin.to_json()
-        return told
+            value["origin"] = self.origin.to_json()
+        return value
 
     @classmethod
-    def from_json(cls, value: Any, steps: int = _MOST_STEPS) -> Self:
-        """Undo :meth:`to_json`; of what is before so many `steps` nothing is kept.
+    def from_json(cls, value: Any, max_conversions: int = _MAX_CONVERSIONS) -> Self:
+        """Return the provenance that :meth:`to_json` described, without its oldest origins.
 
         Raises
         ------
         ValueError
-            When it is no such object.
+            When the object does not describe a provenance.
         """
-        optional = {"turned", "origin"}
+        optional = {"orientation", "origin"}
         if not isinstance(value, dict) or value.keys() - optional != {"format", "name", "notes"}:
             raise ValueError(
-                "source: expected an object with format, name, notes, turned and origin"
+                "provenance: expected an object with format, name, notes, orientation and origin"
             )
-        turned = value.get("turned")
-        if turned is not None and turned not in _TURNS:
-            raise ValueError(f"source: expected quarter turns and whether mirrored, got {turned!r}")
+        stored = value.get("orientation")
+        if stored is not None and stored not in _ORIENTATIONS:
+            raise ValueError(
+                f"provenance: expected quarter turns and whether mirrored, got {stored!r}"
+            )
         texts = [value["format"], value["name"]]
         texts += value["notes"] if isinstance(value["notes"], list) else [None]
-        if len(texts) > _MOST_NOTES or not all(
-            isinstance(text, str) and len(text) <= _LONGEST for text in texts
+        if len(texts) > _MAX_TEXTS or not all(
+            isinstance(text, str) and len(text) <= _MAX_LENGTH for text in texts
         ):
-            raise ValueError("source: expected short texts, and a list of them for notes")
-        known = None if turned is None else (int(turned[0]), bool(turned[1]))
-        traced = "origin" in value and steps > 1
-        origin = cls.from_json(value["origin"], steps - 1) if traced else None
-        return cls(texts[0], texts[1], tuple(texts[2:]), known, origin)
+            raise ValueError("provenance: expected short texts, and a list of them for notes")
+        orientation = None if stored is None else (int(stored[0]), bool(stored[1]))
+        has_origin = "origin" in value and max_conversions > 1
+        origin = cls.from_json(value["origin"], max_conversions - 1) if has_origin else None
+        return cls(texts[0], texts[1], tuple(texts[2:]), orientation, origin)

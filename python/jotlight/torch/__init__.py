@@ -6,7 +6,7 @@ Examples
 --------
 >>> import jotlight, torch
 >>> sensor = jotlight.Sensor(oversampling=4)
->>> network = Network(jotlight.Network.deep(sensor, "small", rng=0))
+>>> network = Network(jotlight.Network.residual(sensor, "small", rng=0))
 >>> image = torch.full((1, 1, 24, 32), 0.5)
 >>> network(Sensing(sensor)(image)).shape
 torch.Size([1, 1, 24, 32])

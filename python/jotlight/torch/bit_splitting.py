@@ -11,9 +11,9 @@ from torch import Tensor
 
 import jotlight
 from jotlight.estimators.inverse_response import equivalent_counts
-from jotlight.estimators.mle import reference_jot
 from jotlight.sensing import response
 from jotlight.sensing.pixel_counts import PixelCounts
+from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.response import detection_probability
 
@@ -194,7 +194,9 @@ class Splits:
         efficiency, dark = _part(plane.efficiency, where), _part(plane.dark_counts, where)
         ones, trials = (x.astype(np.int32) for x in shown)
         counts = equivalent_counts(
-            PixelCounts(self.sensor_at(bits), ones, trials, efficiency, dark, jots_differ=False),
+            PixelCounts(
+                self.sensor_at(bits), ones, trials, efficiency, dark, varies_within_pixels=False
+            ),
             self.reference,
             None,
         )
@@ -215,7 +217,7 @@ class Splits:
         split : Split
         """
         _, ones, trials, efficiency, dark = split.planes.to(pictures).split(1, dim=1)
-        threshold, light, _ = self._sensor._response()
+        threshold, light, _ = self._sensor.pixel_response()
         if self.told:
             own_efficiency, own_dark = self.reference
             detected = (_rates(threshold, pictures) - own_dark) / own_efficiency
@@ -233,7 +235,7 @@ class Splits:
         """Give that of the bits held out, where the network sees all others."""
         total = number = 0.0
         for split in self.held_out:
-            ready = network._at(self.sensor_at(split.bits)) if self.told else network
+            ready = network.conditioned_on(self.sensor_at(split.bits)) if self.told else network
             sums = ready._weights[:, None] * split.counts[0].numpy()
             picture = torch.from_numpy(ready._of_sums(sums, threads)).double()[None, None]
             total += split.number * float(self.negative_log_likelihood(picture, split))

@@ -126,7 +126,7 @@ class BitLikelihood(DataFidelity):  # type: ignore[misc, unused-ignore]
             found: Tensor = super().prox(x, y, physics, *args, gamma=gamma, **options)
             return found.clamp(0, physics.sensing.sensor.max_intensity)
         sensor = physics.sensing.sensor
-        _, light, most = sensor._response()
+        _, light, most = sensor.pixel_response()
         # The engine's variable is the light s = α c / K.
         penalty = 1 / (torch.as_tensor(gamma).detach().item() * light**2)
         likelihood = Likelihood(
@@ -137,7 +137,7 @@ class BitLikelihood(DataFidelity):  # type: ignore[misc, unused-ignore]
             dark_counts=sensor.dark_counts,
         )
         point = light * x.detach().double().cpu().numpy()
-        best = likelihood.proximal(point, penalty, most=light * most)
+        best = likelihood.proximal(point, penalty, max_light=light * most)
         if not (x.requires_grad or (isinstance(gamma, Tensor) and gamma.requires_grad)):
             return torch.from_numpy(best / light).to(x)
         # A step of Newton's method from the solution does not move, and has its derivatives.

@@ -10,7 +10,7 @@ import torch
 import torch.distributed as group
 from torch import Tensor
 
-from jotlight.checks import at_least
+from jotlight.checks import whole_number
 
 _LETTING_GO = 0.2
 """Seconds."""
@@ -89,7 +89,7 @@ def with_threads(number: int | None) -> Iterator[None]:
     before = torch.get_num_threads()
     try:
         if number is not None:
-            torch.set_num_threads(at_least("threads", number, 1))
+            torch.set_num_threads(whole_number("threads", number, 1))
         yield
     finally:
         torch.set_num_threads(before)

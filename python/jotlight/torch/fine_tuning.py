@@ -13,10 +13,9 @@ import torch
 from torch import Tensor
 
 import jotlight
-from jotlight.checks import above_0, at_least
+from jotlight.checks import positive_number, whole_number
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.channels import channels_of
-from jotlight.sensing.pixel_counts import PixelCounts, count_pixels
+from jotlight.sensing.pixel_counts import PixelCounts, carried_sensor, count_pixels, split_channels
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.bit_splitting import Splits, check_kernel
 from jotlight.torch.distributed import Processes, place, together, with_threads
@@ -24,9 +23,9 @@ from jotlight.torch.network import Network
 from jotlight.torch.trainer import Trainer
 from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.history import History, Record
-from jotlight.training.loop import fingerprint_of
+from jotlight.training.loop import fingerprint_network
 from jotlight.training.optimizers import State
-from jotlight.training.patches import fingerprint
+from jotlight.training.patches import fingerprint_images
 
 STEPS = 500
 BATCH, PATCH = 16, 48
@@ -122,23 +121,23 @@ def fine_tune(
     True
     """
     if sensor is None:
-        sensor = (data.sensor if isinstance(data, Bits) else None) or network.sensor
+        sensor = carried_sensor(data) or network.sensor
     seen = _seen(network, data, sensor, threads)
     here = place(device)
-    steps = at_least("steps", steps, 1)
-    batch = at_least("batch", BATCH if batch is None else batch, 1)
-    above_0("rate", rate)
+    steps = whole_number("steps", steps, 1)
+    batch = whole_number("batch", BATCH if batch is None else batch, 1)
+    positive_number("rate", rate)
     most = min(seen[0].counts.shape)
     side = min(PATCH, most) if patch is None else operator.index(patch)
     if not 1 <= side <= most:
         raise ValueError(f"patch: expected 1 to the {most} pixels of the image, got {side}")
     with together(here) as processes, with_threads(threads):
-        drawn = torch.tensor(secrets.randbits(32) if rng is None else at_least("rng", rng, 0))
+        drawn = torch.tensor(secrets.randbits(32) if rng is None else whole_number("rng", rng, 0))
         processes.spread(drawn)
         seed = int(drawn)
         run: dict[str, object] = {
-            "network": fingerprint_of(network),
-            "sensor": sensor.numbers(),
+            "network": fingerprint_network(network),
+            "sensor": sensor.scalars(),
             "capture": _fingerprint(seen),
             "optimizer": f"Adam(learning_rate={rate})",
             "steps": steps,
@@ -156,7 +155,7 @@ def fine_tune(
             callback(last)
     history = History([*trainer.history.records, last])
     own = module.network()
-    told = {"run": run, "records": history.thinned().to_json()}
+    told = {"run": run, "records": history.subsample().to_json()}
     own.history = {**network.history, "fine tuning": told}
     return own, history
 
@@ -165,15 +164,15 @@ def _seen(
     network: jotlight.Network, data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None
 ) -> list[PixelCounts]:
     """The channels of a capture, whose bits can be split."""
-    network._check_sensor(sensor)
+    network.check_sensor(sensor)
     if not network.tied:
         raise ValueError(
             "network: expected a tied one, which takes counts: only where all jots of a pixel "
             "count the same can its bits be split at random"
         )
     check_kernel(sensor)
-    seen = [count_pixels(channel, sensor, threads) for channel in channels_of(data)]
-    if any(plane.jots_differ for plane in seen):
+    seen = [count_pixels(channel, sensor, threads) for channel in split_channels(data)]
+    if any(plane.varies_within_pixels for plane in seen):
         raise ValueError(
             "sensor: expected jots of the same efficiency and dark counts inside of each pixel, "
             "since its bits are split at random; give their means over the pixels"
@@ -190,7 +189,7 @@ def _seen(
 def _fingerprint(seen: Sequence[PixelCounts]) -> str:
     """A word that tells what was seen, and by which jots, from others."""
     told = [(x.counts, x.trials, x.efficiency, x.dark_counts) for x in seen]
-    return fingerprint([np.asarray(array) for arrays in told for array in arrays])
+    return fingerprint_images([np.asarray(array) for arrays in told for array in arrays])
 
 
 class _Tuning(Trainer):

@@ -11,7 +11,9 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 import jotlight
-from jotlight.networks.layer import Layer, conditioning_weights, count_sets, size_divisor, sources
+from jotlight.networks.conditioning import conditioning_weights, count_sets
+from jotlight.networks.graph import size_divisor, sources
+from jotlight.networks.layer import Layer
 from jotlight.torch.spline import spline
 
 
@@ -35,7 +37,7 @@ def places_of(layers: Sequence[Layer]) -> list[Place]:
     for layer, source in zip(layers, sources(layers), strict=True):
         rows, columns = (
             (before, size - layer.stride - before)
-            for before, size in zip(layer.before, layer.shape[2:], strict=True)
+            for before, size in zip(layer.padding, layer.shape[2:], strict=True)
         )
         found.append(
             Place(

@@ -12,7 +12,7 @@ from torch import Tensor
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.network import Network as Module
-from jotlight.training.patches import Scenes, Source, made_scenes
+from jotlight.training.patches import ImageGenerator, Images, generate_images
 
 FLUX = 0.02, 3.0
 """Photons per jot and frame, in the mean of an image, that a network for many K is for."""
@@ -90,7 +90,7 @@ class Batch:
 class Patches:
     """Patches of images; those of a step depend on the seed and the number of the step alone."""
 
-    images: Scenes | Source
+    images: Images | ImageGenerator
     network: Network
     sensor: Sensor
     seed: int
@@ -102,7 +102,7 @@ class Patches:
         """Give those of a step, or some of them."""
         choice = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(step, 0)))
         if callable(self.images):
-            images: Scenes = made_scenes(self.images, choice, self.batch)
+            images: Images = generate_images(self.images, choice, self.batch)
             chosen = np.arange(len(images))
         else:
             images = self.images
@@ -180,7 +180,7 @@ class Patches:
         side, tied = self.sensor.oversampling, self.network.tied
         seen = []
         for patch, factor, seed in zip(truth, factors, seeds, strict=True):
-            sensor = dataclasses.replace(self.sensor, gain=self.sensor._gain * float(factor))
+            sensor = dataclasses.replace(self.sensor, gain=self.sensor.gain * float(factor))
             bits = sensor.expose(patch, seed, threads=threads)
             counts = bits.counts(side, threads=threads)[None] if tied else bits.to_array()
             seen.append(counts.astype(np.float32))

@@ -147,9 +147,9 @@ class Sensing(nn.Module):
             light = torch.where(light < 0, 0, light)
             if jots:
                 side = self.sensor.oversampling
-                self.sensor.check_jots(*(size * side for size in light.shape[2:]))
+                self.sensor.check_map_shapes(*(size * side for size in light.shape[2:]))
                 light = self._spread(light)
-            _, per_intensity, _ = self.sensor._response()
+            _, per_intensity, _ = self.sensor.pixel_response()
             light = per_intensity * light
             return self._of_jots("efficiency", wide) * light + self._of_jots("dark_counts", wide)
 

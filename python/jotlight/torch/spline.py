@@ -8,16 +8,9 @@ import torch
 from torch import Tensor, nn
 
 import jotlight._engine as engine
+from jotlight.networks.splines import CUBIC_BASIS
 
-_BASIS = np.array(
-    [
-        [1 / 6, -1 / 2, 1 / 2, -1 / 6],
-        [4 / 6, 0, -1, 1 / 2],
-        [1 / 6, 1 / 2, 1 / 2, -1 / 2],
-        [0, 0, 0, 1 / 6],
-    ]
-)
-"""The four cubic B-splines that are not zero past a knot, in powers of the distance past it."""
+_BASIS = np.array(CUBIC_BASIS) / 6
 
 
 def spline(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Tensor:

@@ -77,7 +77,7 @@ class Trainer:
                 raise ValueError("resume: expected a checkpoint to resume from, got none")
             self.restore(Checkpoint.load(checkpoint, self.settings), checkpoint)
         elif checkpoint is not None:
-            Checkpoint.spare_others(checkpoint)
+            Checkpoint.refuse_overwrite(checkpoint)
 
     def run(
         self,

@@ -11,22 +11,22 @@ from torch import Tensor
 
 import jotlight
 from jotlight import metrics
-from jotlight.checks import above_0, at_least
+from jotlight.checks import positive_number, whole_number
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.distributed import Processes, place, together, with_threads
 from jotlight.torch.network import Network
 from jotlight.torch.patches import Patches
 from jotlight.torch.trainer import Trainer
 from jotlight.training.history import History, Record
-from jotlight.training.loop import Images, fingerprint_of
+from jotlight.training.loop import TrainingImages, fingerprint_network
 from jotlight.training.patches import (
-    Scenes,
-    Source,
-    checked_scenes,
-    fingerprint,
-    made_scenes,
-    sensor_of_patches,
-    side_of_patches,
+    ImageGenerator,
+    Images,
+    check_images,
+    fingerprint_images,
+    generate_images,
+    patch_sensor,
+    patch_size,
 )
 
 STEPS = 20_000
@@ -36,7 +36,7 @@ RATE = 3e-3
 
 def train(
     network: jotlight.Network,
-    images: Images,
+    images: TrainingImages,
     sensor: Sensor | None = None,
     *,
     steps: int | None = None,
@@ -60,7 +60,7 @@ def train(
     Parameters
     ----------
     network : jotlight.Network
-        Where to start, such as ``jotlight.Network.deep(sensor, "small")``, or
+        Where to start, such as ``jotlight.Network.residual(sensor, "small")``, or
         ``jotlight.Network.conditional("medium")`` for a network that serves many K and any exposure.
     images : array (N, H, W), sequence of arrays (H, W), or callable
         As in :func:`jotlight.train`.
@@ -108,39 +108,39 @@ def train(
 
     Examples
     --------
-    >>> start = jotlight.Network.deep(jotlight.Sensor(oversampling=4), "small", rng=0)
+    >>> start = jotlight.Network.residual(jotlight.Sensor(oversampling=4), "small", rng=0)
     >>> learned, history = train(start, jotlight.datasets.uniform_scenes, steps=3, patch=32, rng=0)
     >>> len(history)
     4
     """
     sensor = network.sensor if sensor is None else sensor
-    network._check_sensor(sensor)
+    network.check_sensor(sensor)
     here = place(device)
-    steps = at_least("steps", STEPS if steps is None else steps, 1)
-    batch = at_least("batch", BATCH if batch is None else batch, 1)
-    above_0("rate", rate)
+    steps = whole_number("steps", STEPS if steps is None else steps, 1)
+    batch = whole_number("batch", BATCH if batch is None else batch, 1)
+    positive_number("rate", rate)
     if seconds is not None and not seconds > 0:
         raise ValueError(f"seconds: expected a number above 0, got {seconds}")
-    scenes: Scenes | Source = images if callable(images) else checked_scenes(images)
-    seen = made_scenes(scenes, np.random.default_rng(0), 1) if callable(scenes) else scenes
-    side = side_of_patches(seen, patch)
+    scenes: Images | ImageGenerator = images if callable(images) else check_images(images)
+    seen = generate_images(scenes, np.random.default_rng(0), 1) if callable(scenes) else scenes
+    side = patch_size(seen, patch)
     if patch is None:
         side = min(PATCH, side)
-    tests = None if test is None else checked_scenes(test)
+    tests = None if test is None else check_images(test)
     with together(here) as processes:
         if batch < processes.number:
             raise ValueError(
                 f"batch: expected at least a patch for each of the {processes.number} processes, "
                 f"got {batch}"
             )
-        seed = torch.tensor(secrets.randbits(32) if rng is None else at_least("rng", rng, 0))
+        seed = torch.tensor(secrets.randbits(32) if rng is None else whole_number("rng", rng, 0))
         processes.spread(seed)
-        patches = Patches(scenes, network, sensor_of_patches(sensor), int(seed), batch, side)
+        patches = Patches(scenes, network, patch_sensor(sensor), int(seed), batch, side)
         run: dict[str, object] = {
-            "network": fingerprint_of(network),
-            "sensor": patches.sensor.numbers(),
-            "images": fingerprint(scenes),
-            "test": None if tests is None else fingerprint(tests),
+            "network": fingerprint_network(network),
+            "sensor": patches.sensor.scalars(),
+            "images": fingerprint_images(scenes),
+            "test": None if tests is None else fingerprint_images(tests),
             "optimizer": f"Adam(learning_rate={rate})",
             "steps": steps,
             "batch": batch,
@@ -156,7 +156,7 @@ def train(
             if processes.first and callback is not None:
                 callback(last)
     history = History([*trainer.history.records, last])
-    told = {**network.history, "run": run, "records": history.thinned().to_json()}
+    told = {**network.history, "run": run, "records": history.subsample().to_json()}
     learned = trainer.module.network()
     if network.trials_range is None:
         learned = jotlight.Network(learned.layers, sensor)
@@ -173,7 +173,7 @@ class Learning(Trainer):
         patches: Patches,
         run: dict[str, object],
         rate: float,
-        tests: Scenes | None,
+        tests: Images | None,
         processes: Processes,
     ) -> None:
         super().__init__(module, run, rate, processes)

@@ -12,7 +12,7 @@ from jotlight.training.optimizers import (
     ProjectedGradient,
     Step,
 )
-from jotlight.training.parameters import network_of, split_vector, vector_of
+from jotlight.training.parameters import parameter_vector, split_vector, with_parameters
 
 __all__ = [
     "OPTIMIZERS",
@@ -26,8 +26,8 @@ __all__ = [
     "Record",
     "SafeSet",
     "Step",
-    "network_of",
+    "parameter_vector",
     "split_vector",
     "train",
-    "vector_of",
+    "with_parameters",
 ]

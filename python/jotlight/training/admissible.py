@@ -54,9 +54,9 @@ class SafeSet:
     Examples
     --------
     >>> from jotlight import Sensor
-    >>> from jotlight.training import vector_of
+    >>> from jotlight.training import parameter_vector
     >>> network = Network.initial(Sensor(oversampling=4))
-    >>> vector = vector_of(network)
+    >>> vector = parameter_vector(network)
     >>> safe = SafeSet().project(network, vector)
     >>> np.abs(safe - vector).max() < 1e-6  # starts inside
     np.True_

@@ -43,7 +43,7 @@ class Checkpoint:
         write_tensors(path, tensors, metadata)
 
     @staticmethod
-    def spare_others(path: str | os.PathLike[str]) -> None:
+    def refuse_overwrite(path: str | os.PathLike[str]) -> None:
         """Raise ValueError when a file stands at the path that is not a checkpoint."""
         path = Path(path)
         if not path.exists():

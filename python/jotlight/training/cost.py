@@ -9,7 +9,7 @@ import jotlight._engine as engine
 from jotlight.networks.network import Network
 from jotlight.training.admissible import AdmissibleSet
 from jotlight.training.parameters import Vector, engine_layers
-from jotlight.training.patches import Examples
+from jotlight.training.patches import PatchSampler
 
 _LARGE = 96
 """Pixels: the side of a patch past which JᵀJ looks at a part of it."""
@@ -24,7 +24,7 @@ class Cost:
     def __init__(
         self,
         network: Network,
-        examples: Examples,
+        examples: PatchSampler,
         step: int,
         steps: int,
         admissible: AdmissibleSet,
@@ -86,6 +86,6 @@ class Cost:
 def mean_psnr(
     network: Network, vector: Vector, images: dict[str, Any], threads: int | None
 ) -> float:
-    """Mean PSNR in dB, for a peak of 1, of the images of :meth:`Examples.every`."""
+    """Mean PSNR in dB, for a peak of 1, of the images of :meth:`PatchSampler.whole_images`."""
     errors, pixels = engine.squared_errors(engine_layers(network, vector), images, threads)
     return float(np.mean(10 * np.log10(pixels / np.maximum(errors, 1e-300))))

@@ -102,12 +102,12 @@ class History:
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise ValueError(f"history: expected the records of a run, got {columns!r}") from error
 
-    def thinned(self, most: int = 500) -> Self:
+    def subsample(self, most: int = 500) -> Self:
         """Give about so many records: of every so many steps one, the tested ones and the last.
 
         Examples
         --------
-        >>> History([Record(step, 1.0, 1.0, None) for step in range(1001)]).thinned(3).steps
+        >>> History([Record(step, 1.0, 1.0, None) for step in range(1001)]).subsample(3).steps
         array([   0,  334,  668, 1000])
         """
         every = -(-len(self) // most)

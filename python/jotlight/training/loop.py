@@ -11,8 +11,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import at_least
-from jotlight.networks.layer import is_sequential
+from jotlight.checks import whole_number
+from jotlight.networks.graph import is_sequential
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
 from jotlight.training.admissible import AdmissibleSet, SafeSet
@@ -20,18 +20,18 @@ from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.cost import Cost, mean_psnr
 from jotlight.training.history import History, Record
 from jotlight.training.optimizers import OPTIMIZERS, Optimizer, Step
-from jotlight.training.parameters import Vector, network_of, vector_of
+from jotlight.training.parameters import Vector, parameter_vector, with_parameters
 from jotlight.training.patches import (
-    Examples,
-    Scenes,
-    Source,
-    checked_scenes,
-    made_scenes,
-    sensor_of_patches,
-    side_of_patches,
+    ImageGenerator,
+    Images,
+    PatchSampler,
+    check_images,
+    generate_images,
+    patch_sensor,
+    patch_size,
 )
 
-Images = npt.NDArray[np.floating] | Sequence[npt.ArrayLike] | Source
+TrainingImages = npt.NDArray[np.floating] | Sequence[npt.ArrayLike] | ImageGenerator
 
 _TESTS = 100
 """Tests of a run, at most."""
@@ -45,7 +45,7 @@ _WORSE = 2.0
 
 def train(
     network: Network,
-    images: Images,
+    images: TrainingImages,
     sensor: Sensor | None = None,
     *,
     optimizer: str | Optimizer = "gauss-newton",
@@ -137,28 +137,28 @@ def train(
     True
     """
     sensor = network.sensor if sensor is None else sensor
-    network._check_sensor(sensor)
+    network.check_sensor(sensor)
     if not is_sequential(network.layers):
         raise ValueError(
             "network: expected layers that each filter and bend what the one before gave; others "
             "learn with PyTorch, jotlight.torch.train"
         )
     chosen = _optimizer(optimizer)
-    steps = at_least("steps", chosen.steps if steps is None else steps, 0)
-    seed = secrets.randbits(32) if rng is None else at_least("rng", rng, 0)
+    steps = whole_number("steps", chosen.steps if steps is None else steps, 0)
+    seed = secrets.randbits(32) if rng is None else whole_number("rng", rng, 0)
     admissible = SafeSet() if admissible is None else admissible
     if threads is not None:
-        at_least("threads", threads, 1)
+        whole_number("threads", threads, 1)
     if seconds is not None and not seconds > 0:
         raise ValueError(f"seconds: expected a number above 0, got {seconds}")
     examples = _examples(network, sensor, images, patch, batch, chosen.pixels, seed)
     tests = None
     if test is not None:
-        tests = dataclasses.replace(examples, images=checked_scenes(test), side=None).every()
+        tests = dataclasses.replace(examples, images=check_images(test), side=None).whole_images()
 
     run = {
-        "network": fingerprint_of(network),
-        "sensor": examples.sensor.numbers(),
+        "network": fingerprint_network(network),
+        "sensor": examples.sensor.scalars(),
         "images": examples.fingerprint(),
         "test": None
         if tests is None
@@ -170,7 +170,7 @@ def train(
         "patch": examples.side,
         "seed": seed,
     }
-    start = admissible.project(network, vector_of(network))
+    start = admissible.project(network, parameter_vector(network))
     at = Checkpoint(run, start, {}, History())
     if resume:
         if checkpoint is None:
@@ -181,7 +181,7 @@ def train(
         if not np.allclose(admissible.project(network, at.vector), at.vector, rtol=0, atol=1e-6):
             raise ValueError(f"{checkpoint}: damaged checkpoint: its parameters are not in the set")
     elif checkpoint is not None:
-        Checkpoint.spare_others(checkpoint)
+        Checkpoint.refuse_overwrite(checkpoint)
     try:
         saved, saved_at = len(at.history), -math.inf
         begun, longest = time.monotonic(), 0.0
@@ -219,7 +219,7 @@ def train(
         callback(record)
     history = History([*at.history.records, record])
     told = {**network.history, "run": run, "records": history.to_json()}
-    return Network(network_of(network, at.vector).layers, sensor, told), history
+    return Network(with_parameters(network, at.vector).layers, sensor, told), history
 
 
 def _optimizer(optimizer: str | Optimizer) -> Optimizer:
@@ -267,7 +267,7 @@ def _check_trainer(
     if not (np.isfinite([record.loss, record.gradient_norm]).all() and usable):
         raise FloatingPointError(
             f"step {record.step}: not a number any more (cost {record.loss:.4g}, gradient norm "
-            f"{record.gradient_norm:.4g}); {optimizer.remedy}, now {optimizer}"
+            f"{record.gradient_norm:.4g}); {optimizer.advice}, now {optimizer}"
         )
     recent = [record.loss for record in records[-10:]]
     if len(recent) < 10 or np.mean(recent) < 1.5 * records[0].loss:
@@ -277,49 +277,49 @@ def _check_trainer(
     if record.loss > _WORSE * at_start:
         raise FloatingPointError(
             f"step {record.step}: the run diverges: its network costs {record.loss:.4g} where that "
-            f"at the start costs {at_start:.4g}; {optimizer.remedy}, now {optimizer}"
+            f"at the start costs {at_start:.4g}; {optimizer.advice}, now {optimizer}"
         )
 
 
 def _examples(
     network: Network,
     sensor: Sensor,
-    images: Images,
+    images: TrainingImages,
     patch: int | None,
     batch: int | None,
     pixels: int,
     seed: int,
-) -> Examples:
-    seen = sensor_of_patches(sensor)
+) -> PatchSampler:
+    seen = patch_sensor(sensor)
     # A smooth kernel brings light from two pixels away, which a patch does not know.
     border = network.halo + (0 if seen.kernel == "box" else 2)
-    batch = None if batch is None else at_least("batch", batch, 1)
+    batch = None if batch is None else whole_number("batch", batch, 1)
     if callable(images):
         if patch is not None:
             raise ValueError("patch: is for images; what a callable makes is seen whole")
         if batch is None:
-            one = made_scenes(images, np.random.default_rng(0), 1)[0]
+            one = generate_images(images, np.random.default_rng(0), 1)[0]
             batch = max(1, pixels // one.size)
-        return Examples(images, seen, seed, batch, None, border)
-    scenes = checked_scenes(images)
-    side = side_of_patches(scenes, patch)
+        return PatchSampler(images, seen, seed, batch, None, border)
+    scenes = check_images(images)
+    side = patch_size(scenes, patch)
     if side <= 2 * border and any(max(image.shape) > side for image in scenes):
         raise ValueError(
             f"patch: expected more than {2 * border} pixels, got {side}: the network sees {border} "
             f"pixels past its rim, so that none would count. {_smallest(scenes)}"
         )
-    return Examples(scenes, seen, seed, batch or max(1, pixels // side**2), side, border)
+    return PatchSampler(scenes, seen, seed, batch or max(1, pixels // side**2), side, border)
 
 
-def _smallest(scenes: Scenes) -> str:
+def _smallest(scenes: Images) -> str:
     index = min(range(len(scenes)), key=lambda index: min(scenes[index].shape))
     height, width = scenes[index].shape
     return f"The smallest image, number {index}, is {height} x {width}; leave out what is too small"
 
 
-def fingerprint_of(network: Network) -> str:
+def fingerprint_network(network: Network) -> str:
     """Give a word that tells this network from others."""
-    digest = hashlib.sha256(vector_of(network).tobytes())
+    digest = hashlib.sha256(parameter_vector(network).tobytes())
     for layer in network.layers:
-        digest.update(repr((layer.filters.shape, layer.numbers())).encode())
+        digest.update(repr((layer.filters.shape, layer.metadata())).encode())
     return digest.hexdigest()

@@ -55,7 +55,7 @@ class Optimizer(Protocol):
         """How many pixels a step should see as a rule."""
 
     @property
-    def remedy(self) -> str:
+    def advice(self) -> str:
         """What to do when the cost grows."""
 
     def take_step(self, cost: Cost, vector: Vector, state: State) -> Step:
@@ -75,7 +75,7 @@ class ProjectedGradient:
     learning_rate: float = 5e-6
     steps: ClassVar[int] = 10_000
     pixels: ClassVar[int] = 2**17
-    remedy: ClassVar[str] = "lower its learning_rate"
+    advice: ClassVar[str] = "lower its learning_rate"
 
     def __post_init__(self) -> None:
         _check_positive("learning_rate", self.learning_rate)
@@ -94,7 +94,7 @@ class Adam:
     ----------
     learning_rate : float
         The first steps' size, as a share of the range of a coefficient, or of a filter's sum.
-    memory : (float, float)
+    betas : (float, float)
         How much of the mean gradient and of its mean square is kept from step to step.
 
     Notes
@@ -107,12 +107,12 @@ class Adam:
     betas: tuple[float, float] = (0.9, 0.999)
     steps: ClassVar[int] = 2000
     pixels: ClassVar[int] = 2**17
-    remedy: ClassVar[str] = "lower its learning_rate"
+    advice: ClassVar[str] = "lower its learning_rate"
 
     def __post_init__(self) -> None:
         _check_positive("learning_rate", self.learning_rate)
         if not all(0 <= share < 1 for share in self.betas):
-            raise ValueError(f"memory: expected two shares in [0, 1), got {self.betas}")
+            raise ValueError(f"betas: expected two shares in [0, 1), got {self.betas}")
 
     def take_step(self, cost: Cost, vector: Vector, state: State) -> Step:
         """Walk against the mean gradient over its root mean square."""
@@ -133,7 +133,7 @@ class Adam:
     @staticmethod
     def _ranges(network: Network) -> Vector:
         """How far each parameter can be expected to go."""
-        ranges = np.empty(sum(x.parameters for x in network.layers))
+        ranges = np.empty(sum(x.parameter_count for x in network.layers))
         for index, (filters, coefficients) in enumerate(split_vector(network, ranges)):
             filters[...] = 0.2
             if index + 1 < len(network.layers):
@@ -171,7 +171,7 @@ class GaussNewton:
     damping: float = 0.1
     steps: ClassVar[int] = 30
     pixels: ClassVar[int] = 2**20
-    remedy: ClassVar[str] = "raise its damping, or give it more patches a step"
+    advice: ClassVar[str] = "raise its damping, or give it more patches a step"
 
     def __post_init__(self) -> None:
         _check_positive("damping", self.damping)

@@ -12,13 +12,13 @@ from jotlight.networks.network import Network
 Vector = npt.NDArray[np.float64]
 
 
-def vector_of(network: Network) -> Vector:
+def parameter_vector(network: Network) -> Vector:
     """Give the parameters in the order of the layers, of each first the filters.
 
     Examples
     --------
     >>> from jotlight import Sensor
-    >>> vector_of(Network.initial(Sensor(oversampling=4))).shape  # 1 + 150 + 15 * 15 + 150
+    >>> parameter_vector(Network.initial(Sensor(oversampling=4))).shape  # 1 + 150 + 15 * 15 + 150
     (526,)
     """
     arrays = [
@@ -43,7 +43,7 @@ def split_vector(network: Network, vector: Vector) -> Iterator[tuple[Vector, Vec
         raise ValueError(f"vector: expected {start} parameters, got {vector.size}")
 
 
-def network_of(network: Network, vector: Vector) -> Network:
+def with_parameters(network: Network, vector: Vector) -> Network:
     """Give a network like this one with other parameters."""
     layers = [
         dataclasses.replace(
@@ -61,7 +61,7 @@ def network_of(network: Network, vector: Vector) -> Network:
 def engine_layers(network: Network, vector: Vector, dtype: npt.DTypeLike = np.float32) -> list[Any]:
     """Give the layers as the engine takes them, in 32 bits to work or in 64 to check."""
     return [
-        layer.for_engine(
+        layer.to_engine(
             np.ascontiguousarray(filters, dtype), np.ascontiguousarray(coefficients, dtype)
         )
         for layer, (filters, coefficients) in zip(

@@ -10,26 +10,26 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import as_image
-from jotlight.estimators.mle import reference_jot
 from jotlight.seeds import seed_bytes
+from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
 Stack = npt.NDArray[np.float32]
-Scenes = Stack | list[Stack]
+Images = Stack | list[Stack]
 """Images of one size in one array (N, H, W), or of any size each."""
 
-Source = Callable[[np.random.Generator, int], npt.NDArray[np.floating]]
+ImageGenerator = Callable[[np.random.Generator, int], npt.NDArray[np.floating]]
 """Makes so many new images (N, H, W) from a generator."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Examples:
-    """Images, and how patches of them are taken and exposed.
+class PatchSampler:
+    """TrainingImages, and how patches of them are taken and exposed.
 
     The patches and bits of a step depend on the seed and the number of the step alone.
     """
 
-    images: Scenes | Source
+    images: Images | ImageGenerator
     sensor: Sensor
     seed: int
     patches: int
@@ -44,7 +44,7 @@ class Examples:
         choice = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(step, 0)))
         images = self.images
         if callable(images):
-            images = made_scenes(images, choice, self.patches)
+            images = generate_images(images, choice, self.patches)
             chosen = np.arange(len(images))
         else:
             chosen = choice.integers(len(images), size=self.patches)
@@ -53,7 +53,7 @@ class Examples:
         first = choice.integers(sizes - sides + 1)
         return self._described(images, chosen, first, first + sides, step)
 
-    def every(self) -> dict[str, Any]:
+    def whole_images(self) -> dict[str, Any]:
         """Give the engine's description of all images, whole, with bits of their own."""
         assert not callable(self.images)
         sizes = np.array([image.shape for image in self.images])
@@ -63,7 +63,7 @@ class Examples:
 
     def _described(
         self,
-        images: Scenes,
+        images: Images,
         chosen: npt.NDArray[np.int64],
         first: npt.NDArray[np.int64],
         last: npt.NDArray[np.int64],
@@ -71,7 +71,7 @@ class Examples:
     ) -> dict[str, Any]:
         rows, columns = zip(first.T, last.T, strict=True)
         return {
-            "sensor": self.sensor._engine_arguments(),
+            "sensor": self.sensor.engine_arguments(),
             "frames": self.sensor.frames,
             "images": images,
             "patches": np.stack([chosen, *rows, *columns], axis=1).astype(np.int64),
@@ -81,10 +81,10 @@ class Examples:
 
     def fingerprint(self) -> str:
         """Give a word that tells these images from others."""
-        return fingerprint(self.images)
+        return fingerprint_images(self.images)
 
 
-def fingerprint(images: Scenes | Source) -> str:
+def fingerprint_images(images: Images | ImageGenerator) -> str:
     """Give a word that tells these images from others; of callables it is their name."""
     if callable(images):
         return getattr(images, "__qualname__", type(images).__qualname__)
@@ -95,13 +95,13 @@ def fingerprint(images: Scenes | Source) -> str:
     return digest.hexdigest()
 
 
-def sensor_of_patches(sensor: Sensor) -> Sensor:
+def patch_sensor(sensor: Sensor) -> Sensor:
     """Give the sensor without its maps: no jot dead, and the median of the others."""
     efficiency, dark = reference_jot(sensor)
     return sensor.replace(mask=None, efficiency=efficiency, dark_counts=dark)
 
 
-def made_scenes(source: Source, rng: np.random.Generator, number: int) -> Scenes:
+def generate_images(source: ImageGenerator, rng: np.random.Generator, number: int) -> Images:
     """Have a source make images, and check them.
 
     Raises
@@ -115,10 +115,10 @@ def made_scenes(source: Source, rng: np.random.Generator, number: int) -> Scenes
         raise ValueError(
             f"images: expected the callable to give an array ({number}, H, W), got {given}"
         )
-    return checked_scenes(made)
+    return check_images(made)
 
 
-def checked_scenes(images: npt.ArrayLike | Sequence[npt.ArrayLike]) -> Scenes:
+def check_images(images: npt.ArrayLike | Sequence[npt.ArrayLike]) -> Images:
     """Check grey images of intensities, and bring them to float32.
 
     Raises
@@ -149,7 +149,7 @@ def checked_scenes(images: npt.ArrayLike | Sequence[npt.ArrayLike]) -> Scenes:
     return checked
 
 
-def side_of_patches(images: Scenes, side: int | None) -> int:
+def patch_size(images: Images, side: int | None) -> int:
     """Check the side of patches against the images; without one, 64 or what fits all of them.
 
     Raises

@@ -12,7 +12,7 @@ from reference import methods
 def filtered(planes, layer):
     """Equation (9) with a stride: past the rim, planes are mirrored."""
     outputs, _, height, width = layer.filters.shape
-    row, column = layer.before
+    row, column = layer.padding
     rows, columns = (size // layer.stride for size in planes.shape[1:])
     wide = np.pad(planes, ((0, 0), (height, height), (width, width)), mode="symmetric")
     found = np.zeros((outputs, rows, columns))

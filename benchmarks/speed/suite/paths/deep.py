@@ -9,7 +9,8 @@ import numpy as np
 
 import jotlight as jl
 from jotlight.estimators.inverse_response import intensity_from_probability
-from jotlight.networks.layer import scales
+from jotlight.networks.architectures import SIZES
+from jotlight.networks.graph import scales
 from suite.case import CannotRunError, Case, Rival, largest
 from suite.paths.reconstruction import BM3D, COMPILED, TORCH, noniterative
 from suite.paths.scene import HEIGHT, PIXELS, SENSOR, WIDTH, bits
@@ -48,9 +49,9 @@ def cases(member: str, quick: bool) -> Iterator[Case]:
 
 def network_of(member: str) -> jl.Network:
     """The one in the package, or of the same size with other parameters."""
-    if member in jl.models.QUALITIES:
+    if member in SIZES:
         return jl.pretrained(SENSOR, member)
-    return jl.Network.deep(SENSOR, member, rng=0)
+    return jl.Network.residual(SENSOR, member, rng=0)
 
 
 def flops_per_pixel(network: jl.Network) -> tuple[float, float]:

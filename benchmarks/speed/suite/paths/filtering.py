@@ -51,7 +51,7 @@ def cases(quick: bool) -> Iterator[Case]:
 
 def forward(image: np.ndarray, taps: np.ndarray) -> Callable[[int], np.ndarray]:
     layers = [same_again(np.ones((1, 1), np.float32)), same_again(taps)]
-    prepared = [layer.prepared for layer in layers]
+    prepared = [layer.engine_layer for layer in layers]
     return lambda threads: engine.forward(prepared, image[None], threads)
 
 

@@ -11,13 +11,13 @@ from suite.paths.scene import HEIGHT, PIXELS, SENSOR, WIDTH, bits, unpacked, unt
 
 
 def cases(quick: bool) -> Iterator[Case]:
-    layer = untied(jl.pretrained(SENSOR, "fast")).layers[0]
+    layer = untied(jl.pretrained(SENSOR, "two-layer")).layers[0]
     side = SENSOR.oversampling
     # Gives what it is given: φ of a line of coefficients is that line.
     most = float(layer.filters.sum())
     line = np.linspace(-most / 4, 5 * most / 4, 7)[None]
     given = jl.Layer(layer.filters, line, 0.0, most / 4)
-    engine = [given.prepared]
+    engine = [given.engine_layer]
 
     def ours(threads: int) -> np.ndarray:
         packed, width = bits().packed, bits().width

@@ -17,7 +17,7 @@ BM3D = "non-iterative, BM3D"
 
 
 def cases(quick: bool) -> Iterator[Case]:
-    tied = jl.pretrained(SENSOR, "fast")
+    tied = jl.pretrained(SENSOR, "two-layer")
     methods = [
         Rival("non-iterative, TV", partial(noniterative, "tv"), "skimage", same=False),
         Rival(BM3D, partial(noniterative, "bm3d"), "bm3d", same=False),

@@ -17,7 +17,7 @@ SLOTS = 8
 
 def cases(quick: bool) -> Iterator[Case]:
     side = 512 if quick else 2048
-    first = jl.pretrained(SENSOR, "fast").layers[0]
+    first = jl.pretrained(SENSOR, "two-layer").layers[0]
     layer = dataclasses.replace(first, filters=np.ones((1, 1, 1, 1), np.float32))
     z = np.random.default_rng(0).uniform(0, 16, (side, side)).astype(np.float32)
 
@@ -28,7 +28,7 @@ def cases(quick: bool) -> Iterator[Case]:
         f"{side} numbers.",
         items=side**2,
         unit="numbers",
-        ours=lambda threads: engine.forward([layer.prepared], z[None], threads),
+        ours=lambda threads: engine.forward([layer.engine_layer], z[None], threads),
         rivals=[
             Rival("NumPy", lambda _: lambda: of_numpy(layer, z)),
             Rival(

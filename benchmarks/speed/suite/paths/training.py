@@ -9,8 +9,8 @@ import numpy as np
 import jotlight as jl
 import jotlight._engine as engine
 from jotlight.training.cost import Cost
-from jotlight.training.parameters import vector_of
-from jotlight.training.patches import Examples
+from jotlight.training.parameters import parameter_vector
+from jotlight.training.patches import PatchSampler
 from suite.case import Case, Rival
 from suite.paths.filtering import TAPS
 from suite.paths.sampling import SLOTS as DRAWING
@@ -25,10 +25,10 @@ DRAWN, PLAIN = "PyTorch, bits drawn too", "PyTorch, as one writes it at first"
 def cases(quick: bool) -> Iterator[Case]:
     scenes = jl.datasets.uniform_scene((SCENES, SIDE, SIDE), rng=0)
     network = jl.Network.initial(SENSOR)
-    examples = Examples(scenes, SENSOR, 0, SCENES, SIDE, network.halo)
+    examples = PatchSampler(scenes, SENSOR, 0, SCENES, SIDE, network.halo)
     batch = examples.batch(0)
     order = batch["patches"][:, 0]
-    vector = vector_of(network)
+    vector = parameter_vector(network)
     # A network without filters has next to nothing to do but the drawing.
     table = jl.Network([jl.Layer(np.ones((1, 1, 1, 1)), np.zeros((1, 4)), 0.0, 16.0)], SENSOR)
 
@@ -68,7 +68,7 @@ def cases(quick: bool) -> Iterator[Case]:
         "and the drawing of 16 bits; scenes read once",
         parts={
             "jotlight, drawing and counting alone": lambda threads: cost(table, threads).value(
-                vector_of(table)
+                parameter_vector(table)
             )
         },
     )
@@ -77,7 +77,7 @@ def cases(quick: bool) -> Iterator[Case]:
 def counted(batch: dict[str, Any], scenes: np.ndarray) -> np.ndarray:
     """Counts of the patches of a batch: patch i has the frames of number i."""
     counts = np.empty(scenes.shape, np.int32)
-    sensor = SENSOR._engine_arguments()
+    sensor = SENSOR.engine_arguments()
     jots = SIDE * SENSOR.oversampling
     for index, scene in enumerate(scenes):
         packed = np.empty((1, jots, jots // 8), np.uint8)

@@ -1,0 +1,17 @@
+"""Color images: conversion to gray."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+
+def luma(image: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return the gray of a color image (H, W, 3): 0.299 R + 0.587 G + 0.114 B (ITU-R BT.601).
+
+    Examples
+    --------
+    >>> luma(np.ones((2, 3, 3))).shape
+    (2, 3)
+    """
+    return np.asarray(image @ np.array([0.299, 0.587, 0.114]))

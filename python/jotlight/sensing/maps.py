@@ -1,0 +1,95 @@
+"""Checks of the sensor parameters that may be maps over the jots."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.checks import positive_number
+
+MAPS = ("dark_counts", "efficiency", "mask")
+"""The parameters of a sensor that may have a value for each jot."""
+
+_TITLES = {"dark_counts": "dark counts", "efficiency": "efficiency", "mask": "dead jots"}
+
+
+def checked_maps(
+    dark_counts: npt.ArrayLike, efficiency: npt.ArrayLike, mask: npt.ArrayLike | None
+) -> dict[str, Any]:
+    """Return the three parameters by name: numbers, read-only maps, and None for no mask.
+
+    Raises
+    ------
+    ValueError
+        When a value is out of range, an array is not a map, or two maps have different shapes.
+    """
+    checked = {
+        "dark_counts": _checked_dark_counts(dark_counts),
+        "efficiency": _checked_efficiency(efficiency),
+        "mask": _checked_mask(mask),
+    }
+    maps = [(name, map_) for name, map_ in checked.items() if isinstance(map_, np.ndarray)]
+    for name, map_ in maps[1:]:
+        first, expected = maps[0][0], maps[0][1].shape
+        if map_.shape != expected:
+            raise ValueError(
+                f"{name}: expected the shape of the map of {_TITLES[first]} {expected}, "
+                f"got {map_.shape}"
+            )
+    return checked
+
+
+def _checked_dark_counts(dark_counts: npt.ArrayLike) -> float | npt.NDArray[np.float32]:
+    dark = np.asarray(dark_counts)
+    if dark.dtype.kind not in "iuf" or dark.ndim not in (0, 2):
+        raise ValueError(
+            "dark_counts: expected a number, or a map of numbers with one per jot, "
+            f"got {dark.dtype} of {dark.ndim} dimensions"
+        )
+    if dark.ndim == 2:
+        # The check is made in float32, which is kept and has a smaller range.
+        with np.errstate(over="ignore"):
+            dark = dark.astype(np.float32)
+    if dark.size == 0 or not (np.isfinite(dark).all() and dark.min() >= 0):
+        raise ValueError("dark_counts: expected finite numbers, 0 or more, in range of float32")
+    return float(dark) if dark.ndim == 0 else _read_only_copy(dark, np.float32)
+
+
+def _checked_efficiency(efficiency: npt.ArrayLike) -> float | npt.NDArray[np.float32]:
+    share = np.asarray(efficiency)
+    if share.ndim == 0:
+        number = positive_number("efficiency", efficiency)
+        if number > 1:
+            raise ValueError(f"efficiency: expected a number in (0, 1], got {number}")
+        return number
+    if share.dtype.kind not in "iuf" or share.ndim != 2:
+        raise ValueError(
+            "efficiency: expected a number, or a map of numbers with one per jot, "
+            f"got {share.dtype} of {share.ndim} dimensions"
+        )
+    share = share.astype(np.float32)
+    if share.size == 0 or not (share > 0).all() or share.max() > 1:
+        raise ValueError(
+            "efficiency: expected numbers in (0, 1]; divide efficiencies relative to the mean by "
+            "their maximum, and multiply gain by it; a jot that detects nothing belongs in the mask"
+        )
+    return _read_only_copy(share, np.float32)
+
+
+def _checked_mask(mask: npt.ArrayLike | None) -> npt.NDArray[np.bool_] | None:
+    if mask is None:
+        return None
+    array = np.asarray(mask)
+    if array.dtype != np.bool_ or array.ndim != 2:
+        raise ValueError(
+            "mask: expected a 2-D array of bool with True for a dead jot, "
+            f"got {array.dtype} of {array.ndim} dimensions"
+        )
+    return _read_only_copy(array, np.bool_)
+
+
+def _read_only_copy(array: npt.NDArray[Any], dtype: type[np.generic]) -> npt.NDArray[Any]:
+    """Return a copy that nobody can change while a sensor holds it."""
+    copy = np.array(array, dtype=dtype, order="C")
+    copy.flags.writeable = False
+    return copy

@@ -1,0 +1,52 @@
+"""Numbers that stand for a whole sensor: its median jot, and the intensity that saturates it."""
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.sensing.response import inverse_detection_probability
+from jotlight.sensing.sensor import Sensor
+
+Jot = tuple[float, float]
+"""The efficiency η and the dark counts d of a jot."""
+
+
+def reference_jot(sensor: Sensor) -> Jot:
+    """Return the efficiency and the dark counts that stand for all jots: the medians of maps.
+
+    Examples
+    --------
+    >>> reference_jot(Sensor(efficiency=np.array([[0.5, 0.5, 1.0]]), dark_counts=0.1))
+    (0.5, 0.1)
+    """
+    medians = [
+        float(np.median(_of_live_jots(value, sensor))) if isinstance(value, np.ndarray) else value
+        for value in (sensor.efficiency, sensor.dark_counts)
+    ]
+    return medians[0], medians[1]
+
+
+def saturation_intensity(sensor: Sensor) -> float:
+    """Return an S that clips no pixel except those whose bits are all 1.
+
+    It is the intensity at which a pixel of the jots that need most light is expected to miss half
+    a one. So an estimate from K - 1 ones is below S, and a saturated pixel, which has no finite
+    estimate, becomes S.
+
+    Examples
+    --------
+    >>> round(saturation_intensity(Sensor(frames=16)), 4)  # log(2 * 16)
+    3.4657
+    """
+    dark, efficiency = (
+        float(_of_live_jots(value, sensor).min()) if isinstance(value, np.ndarray) else float(value)
+        for value in (sensor.dark_counts, sensor.efficiency)
+    )
+    half = 0.5 / sensor.bits_per_pixel
+    rate = float(inverse_detection_probability(sensor.threshold, 1 - half, half))
+    light = max(rate - dark, 0.0) / efficiency
+    return light / sensor.light_per_intensity or 1.0
+
+
+def _of_live_jots(map_: npt.NDArray[np.float32], sensor: Sensor) -> npt.NDArray[np.float32]:
+    """Return the values of the jots that are not dead, or all when all are dead."""
+    return map_ if sensor.mask is None or sensor.mask.all() else map_[~sensor.mask]
