@@ -174,7 +174,7 @@ def test_folders_are_reconstructed_and_described(run, tmp_path):
     before = files(folder)
     status, said = run("reconstruct", "set", "-o", "set/frames.npy", "-m", "mle")
     assert status == 1
-    assert "nothing is written into it" in said
+    assert "which is read; choose another name" in said
     assert files(folder) == before
 
 
@@ -287,7 +287,7 @@ def test_counts_tell_out_of_how_many_bits_they_are(run, tmp_path, name):
         status, said = run(*reconstruct, *words)
         assert status == 1
         option = " and ".join(map(" ".join, zip(words[::2], map(str, words[1::2]), strict=True)))
-        assert f"tells of counts out of 40 bits, and {option} of {given}" in said
+        assert f"states counts of 40 trials, but {option} means {given}" in said
     for words in (["--frames", 40], ["--oversampling", 2], ["--frames", 10, "--oversampling", 2]):
         assert run(*reconstruct, *words)[0] == 0
         np.testing.assert_allclose(np.load(tmp_path / "b.npy"), expected, rtol=1e-6)

@@ -64,15 +64,15 @@ for number, command in enumerate(COMMANDS):
 app.register_install_completion_command(help="Install completion for the current shell.")
 
 
-def run(argv: Sequence[str] | None = None) -> int:
+def run(argv: Sequence[str]) -> int:
     """Run one command line and return its exit code.
 
     Errors that the user can correct print one line, without a traceback.
 
     Parameters
     ----------
-    argv : sequence of str, optional
-        The words after ``jotlight``. Default: those of this process.
+    argv : sequence of str
+        The words after ``jotlight``.
     """
     try:
         app(argv, exit_on_error=False, print_error=False, result_action="return_value")
@@ -102,4 +102,4 @@ def main() -> None:
     """Run the command line of this process."""
     warnings.showwarning = show_warning
     exit_on_signals()
-    sys.exit(run())
+    sys.exit(run(sys.argv[1:]))
