@@ -7,18 +7,18 @@ from jotlight.evaluation.compare import compare_methods, select_methods
 from jotlight.evaluation.methods import METHODS
 
 
-def test_the_crop_lies_on_the_edges_and_inside_of_the_picture():
-    picture = np.zeros((60, 80))
-    picture[40:50, 10:20] = 1
-    top, left, tall, wide = plots.most_detailed(picture)
+def test_the_crop_lies_on_the_edges_and_inside_the_image():
+    image = np.zeros((60, 80))
+    image[40:50, 10:20] = 1
+    top, left, tall, wide = plots.find_detail(image)
     assert (tall, wide) == (12, 20)
     assert top <= 45 <= top + tall
     assert left <= 15 <= left + wide
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 7), (40, 3), (5, 5, 3)])
-def test_the_crop_of_a_tiny_picture_lies_inside(shape):
-    top, left, tall, wide = plots.most_detailed(np.random.default_rng(0).random(shape))
+def test_the_crop_of_a_tiny_image_lies_inside(shape):
+    top, left, tall, wide = plots.find_detail(np.random.default_rng(0).random(shape))
     assert top >= 0
     assert top + tall <= shape[0]
     assert left >= 0
@@ -26,7 +26,7 @@ def test_the_crop_of_a_tiny_picture_lies_inside(shape):
 
 
 @pytest.mark.parametrize("number", [1, 2, 4, 5, 9])
-def test_every_panel_has_a_picture_and_a_crop_that_do_not_overlap(number):
+def test_every_panel_has_an_image_and_a_crop_that_do_not_overlap(number):
     panels = [plots.Panel(f"title {i}", "below", np.full((30, 40), 0.5)) for i in range(number)]
     figure = plots.comparison(panels, "heading")
     boxes = [axes.get_position() for axes in figure.axes]
@@ -49,7 +49,7 @@ def test_the_bits_panel_shows_single_jots():
     panel = plots.bits_panel(bits, 3)
     jots = bits.to_array()[0]
     assert (panel.detail == jots).all()
-    assert (panel.picture == jots[::3, ::3]).all()
+    assert (panel.image == jots[::3, ::3]).all()
     assert f"{jots.mean():.0%}" in panel.subtitle
 
 
@@ -62,7 +62,7 @@ def test_comparing_measures_each_method_against_the_image():
     results = compare_methods(image, bits, sensor, names, begin=begun.append)
     assert begun == [METHODS[name].title for name in names]
     for name, result in zip(names, results, strict=True):
-        picture = METHODS[name].run(bits, sensor)
-        assert (result.estimate == picture).all()
-        assert result.psnr == jl.metrics.psnr(picture, image)
+        estimate = METHODS[name].run(bits, sensor)
+        assert (result.estimate == estimate).all()
+        assert result.psnr == jl.metrics.psnr(estimate, image)
         assert result.seconds > 0

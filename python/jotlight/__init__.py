@@ -1,7 +1,7 @@
-"""Pictures from the bits of single-photon cameras.
+"""Images from the bits of single-photon cameras.
 
 A quanta image sensor reports one bit per tiny pixel (jot) and frame: did at least q photons
-arrive? jotlight simulates such sensors and estimates the picture behind the bits.
+arrive? jotlight simulates such sensors and estimates the image behind the bits.
 
 >>> import jotlight as jl
 >>> import numpy as np

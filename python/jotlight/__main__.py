@@ -1,4 +1,4 @@
-"""``python -m jotlight``: the command line."""
+"""The command line, for ``python -m jotlight``."""
 
 from jotlight.cli.app import main
 

@@ -1,46 +1,81 @@
-"""Work cut into parts, so that Ctrl-C and a progress bar need not wait for the whole."""
+"""Ranges of frames, rows, and pixels, short enough for Ctrl-C and progress bars to respond."""
 
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-_SLAB = 1 << 26
-"""Jots that the engine handles between two looks at Ctrl-C: some tens of milliseconds."""
+_MAX_JOTS = 1 << 26
+"""Maximum number of jots of a chunk: the engine handles them in tens of milliseconds."""
 
-JOTS_PER_COUNT = 1 << 28
-"""Jots that it counts between two such looks: counting is faster."""
+MAX_COUNTED_JOTS = 1 << 28
+"""Maximum number of jots of a chunk for counting, which is faster."""
 
-_PIXELS = 1 << 18
-"""Pixels that the engine handles one by one between two looks at Ctrl-C."""
+_MAX_PIXELS = 1 << 18
+"""Maximum number of pixels of a chunk when each may take a few microseconds."""
 
-_SHORT_ROW = 1 << 9
-"""A row of pixels with fewer jots takes as much time and memory as one with so many."""
+_MIN_ROW_COST = 1 << 9
+"""Number of jots whose time and memory even the shortest row of pixels takes."""
 
 
 def frame_chunks(
-    frames: int, rows: int, jots_per_row: int, at_once: int | None = None
+    frames: int, rows: int, jots_per_row: int, max_jots: int | None = None
 ) -> Iterator[tuple[range, range]]:
-    """Cut frames and rows into parts of which each takes well under a second."""
-    cost = max(_SHORT_ROW, jots_per_row)
-    at_once = at_once or _SLAB
-    rows_at_once = max(1, min(rows, at_once // cost))
-    frames_at_once = max(1, at_once // (rows_at_once * cost))
-    for frame in range(0, frames, frames_at_once):
-        for row in range(0, rows, rows_at_once):
+    """Yield ranges of frames and of rows that together cover all of them.
+
+    Parameters
+    ----------
+    frames, rows : int
+        The number of frames, and of rows of pixels.
+    jots_per_row : int
+        The number of jots of a row of pixels in one frame.
+    max_jots : int, optional
+        The maximum number of jots of a chunk, except that a chunk has at least one row. Default:
+        the engine handles a chunk in well under a second.
+
+    Examples
+    --------
+    >>> list(frame_chunks(2, 3, 1024, max_jots=3072))
+    [(range(0, 1), range(0, 3)), (range(1, 2), range(0, 3))]
+    """
+    row_cost = max(_MIN_ROW_COST, jots_per_row)
+    max_jots = max_jots or _MAX_JOTS
+    rows_per_chunk = max(1, min(rows, max_jots // row_cost))
+    frames_per_chunk = max(1, max_jots // (rows_per_chunk * row_cost))
+    for frame in range(0, frames, frames_per_chunk):
+        for row in range(0, rows, rows_per_chunk):
             yield (
-                range(frame, min(frame + frames_at_once, frames)),
-                range(row, min(row + rows_at_once, rows)),
+                range(frame, min(frame + frames_per_chunk, frames)),
+                range(row, min(row + rows_per_chunk, rows)),
             )
 
 
-def pixel_chunks(pixels: int, at_once: int | None = None) -> Iterator[slice]:
-    """Cut pixels into parts; unless told otherwise each may take a few microseconds."""
-    at_once = at_once or _PIXELS
-    for start in range(0, pixels, at_once):
-        yield slice(start, min(start + at_once, pixels))
+def pixel_chunks(pixels: int, max_pixels: int | None = None) -> Iterator[slice]:
+    """Yield slices that together cover all pixels.
+
+    Parameters
+    ----------
+    pixels : int
+        The number of pixels.
+    max_pixels : int, optional
+        The maximum number of pixels of a slice. By default each pixel may take a few microseconds.
+
+    Examples
+    --------
+    >>> list(pixel_chunks(5, 2))
+    [slice(0, 2, None), slice(2, 4, None), slice(4, 5, None)]
+    """
+    max_pixels = max_pixels or _MAX_PIXELS
+    for start in range(0, pixels, max_pixels):
+        yield slice(start, min(start + max_pixels, pixels))
 
 
 def take_pixels(value: Any, chunk: slice) -> Any:
-    """Return the pixels of `chunk` as a flat view of a map, or the number that all pixels share."""
+    """Return the pixels of `chunk` as a flat view of a map, or the number that all pixels share.
+
+    Examples
+    --------
+    >>> take_pixels(np.arange(6).reshape(2, 3), slice(2, 4)), take_pixels(0.5, slice(2, 4))
+    (array([2, 3]), 0.5)
+    """
     return value.reshape(-1)[chunk] if isinstance(value, np.ndarray) else value

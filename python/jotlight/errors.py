@@ -1,10 +1,10 @@
-"""What goes wrong, said in the user's words.
+"""Errors and warnings of jotlight.
 
-Bad values raise :class:`ValueError`, bad types :class:`TypeError`, files :class:`OSError` or
-:class:`ValueError`; only what has no built-in name is named here.
+Bad values raise :class:`ValueError`, bad types :class:`TypeError`, and bad files :class:`OSError`
+or :class:`ValueError`. This module defines only the cases that have no built-in class.
 
-Advice names the parameter with its option in brackets, as in ``counts=True (--counts)``; the
-command line shows the option alone.
+Messages name the parameter and, in brackets, its option of the command line, as in
+``counts=True (--counts)``. The command line shows the option alone.
 """
 
 import sys
@@ -12,15 +12,15 @@ import warnings
 
 
 class JotlightWarning(UserWarning):
-    """Something was done that the user should know of, such as a dead pixel filled in."""
+    """A warning about something that jotlight did, such as inpainting a dead pixel."""
 
 
 class MissingExtraError(ImportError):
-    """An optional package is needed and not installed."""
+    """An error that says which optional package to install."""
 
 
 def warn(message: str) -> None:
-    """Warn at the line outside of jotlight that led here."""
+    """Warn at the first line of the call stack that is outside of jotlight."""
     level, frame = 1, sys._getframe()
     while frame.f_back and frame.f_globals.get("__name__", "").split(".")[0] == "jotlight":
         level, frame = level + 1, frame.f_back

@@ -1,4 +1,4 @@
-"""Pages of mapped files, let go of once read, so that a long capture takes little memory."""
+"""Memory-mapped files: releasing pages that were read, so that long captures need little memory."""
 
 import mmap
 from typing import Any
@@ -8,11 +8,11 @@ import numpy.typing as npt
 
 
 def release(part: npt.NDArray[Any]) -> None:
-    """Let go of the pages behind a part of a memory map; nothing, for other arrays.
+    """Release the pages behind a part of a memory map; other arrays are left alone.
 
-    What was written goes to the file in time, what was read stays cached while there is room, and
-    both are there again when asked for; but they no longer count as memory of this process. A map
-    whose changes are private keeps its pages.
+    The system writes changes to the file in time, and caches what was read while there is room.
+    The contents remain accessible, but they do not count as memory of this process. A map with
+    private changes keeps its pages.
     """
     if not part.size:
         return

@@ -1,4 +1,4 @@
-"""How close an estimate is to the truth."""
+"""Measures of how close an estimate is to the truth."""
 
 from typing import Any
 
@@ -7,7 +7,21 @@ import numpy.typing as npt
 
 
 def psnr(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, peak: float = 1.0) -> float:
-    """Peak signal-to-noise ratio, 10 log10(peak² / mean((ĉ - c)²)), in dB; inf for equal images.
+    """Return the peak signal-to-noise ratio in dB, 10 log10(peak² / mean((ĉ - c)²)).
+
+    It is infinite for equal images.
+
+    Parameters
+    ----------
+    estimate, truth : array_like of float, shape (H, W) or (H, W, C)
+        ĉ and c, images of one shape.
+    peak : float
+        The largest possible intensity.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the images are not floats, are empty, or have different shapes.
 
     Examples
     --------
@@ -19,7 +33,19 @@ def psnr(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, peak: float = 1.0) ->
 
 
 def snr(estimate: npt.ArrayLike, truth: npt.ArrayLike) -> float:
-    """Signal-to-noise ratio, 10 log10(‖c‖² / ‖ĉ - c‖²), in dB; inf for equal images.
+    """Return the signal-to-noise ratio in dB, 10 log10(‖c‖² / ‖ĉ - c‖²).
+
+    It is infinite for equal images.
+
+    Parameters
+    ----------
+    estimate, truth : array_like of float, shape (H, W) or (H, W, C)
+        ĉ and c, images of one shape.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the images are not floats, are empty, or have different shapes.
 
     Examples
     --------
@@ -31,10 +57,23 @@ def snr(estimate: npt.ArrayLike, truth: npt.ArrayLike) -> float:
 
 
 def ssim(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, peak: float = 1.0) -> float:
-    """Structural similarity of Wang et al. (2004), at most 1; the mean over colour channels.
+    """Return the structural similarity of Wang et al. (2004), at most 1.
 
-    With their window, a Gaussian of standard deviation 1.5 cut to 11 x 11 pixels, their constants
-    0.01 and 0.03, and the biased covariance (scikit-image). Images of at least 11 x 11 pixels.
+    The window is their Gaussian of standard deviation 1.5, cut to 11 x 11 pixels. The constants
+    are theirs, 0.01 and 0.03, and the covariance is the biased one (scikit-image). For color
+    images the result is the mean over the channels.
+
+    Parameters
+    ----------
+    estimate, truth : array_like of float, shape (H, W) or (H, W, C)
+        ĉ and c, images of one shape, of at least 11 x 11 pixels.
+    peak : float
+        The largest possible intensity.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the images are not floats, are too small, or have different shapes.
 
     Examples
     --------

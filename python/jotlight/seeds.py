@@ -1,4 +1,4 @@
-"""The seed of the engine's generator, from whatever NumPy's users give."""
+"""Seeds of the engine's random generator, from what NumPy accepts as `rng`."""
 
 import numpy as np
 
@@ -6,12 +6,17 @@ SeedLike = int | np.random.Generator | np.random.SeedSequence | None
 
 
 def seed_bytes(rng: SeedLike) -> bytes:
-    """256 bits: of a number or nothing by NumPy's `SeedSequence`, of a generator its next draw.
+    """Return a seed of 256 bits.
+
+    A number, a `SeedSequence`, or None (fresh entropy) yields the state of NumPy's `SeedSequence`.
+    A generator yields its next 32 bytes.
 
     Raises
     ------
-    TypeError, ValueError
-        For anything else, and for a negative number.
+    TypeError
+        For anything else.
+    ValueError
+        For a negative number.
 
     Examples
     --------

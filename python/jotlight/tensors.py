@@ -16,11 +16,11 @@ Tensors = dict[str, npt.NDArray[Any]]
 def write_tensors(
     path: str | os.PathLike[str], tensors: Tensors, metadata: Mapping[str, str]
 ) -> None:
-    """Write a file whose bytes depend on what is in it, and on nothing else."""
+    """Write a file whose bytes depend only on its contents."""
     from safetensors.numpy import save
 
     content = save(tensors, dict(metadata))
-    # The library puts the entries of its header, which is JSON, in an order that changes.
+    # The library writes the entries of its JSON header in an order that changes.
     end = 8 + int.from_bytes(content[:8], "little")
     header = json.dumps(json.loads(content[8:end]), sort_keys=True).encode()
     header += b" " * (-len(header) % 8)
@@ -29,7 +29,7 @@ def write_tensors(
 
 
 def stored_format(path: Path) -> str:
-    """The format that a file says it has; empty where it says nothing or cannot be read."""
+    """Return the format that a file names; empty if it names none or cannot be read."""
     from safetensors import SafetensorError, safe_open
 
     try:
@@ -40,12 +40,14 @@ def stored_format(path: Path) -> str:
 
 
 def read_tensors(path: Path, format_: str, version: str) -> tuple[Tensors, dict[str, str]]:
-    """Read a file of one of our formats, without running anything in it.
+    """Return the arrays and metadata of a file in one of jotlight's formats.
+
+    Reading never runs code from the file.
 
     Raises
     ------
     ValueError
-        When it is damaged, or of another format or version.
+        When the file is damaged, or has another format or version.
     """
     from safetensors import SafetensorError, safe_open
 
@@ -54,9 +56,9 @@ def read_tensors(path: Path, format_: str, version: str) -> tuple[Tensors, dict[
             metadata = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (SafetensorError, TypeError, AttributeError) as error:
-        # The latter two for tensors of a type that NumPy lacks.
+        # The library raises the latter two for tensors of types that NumPy lacks.
         raise ValueError(
-            f"{path}: expected a safetensors file, which this is not or no more ({error})"
+            f"{path}: expected a safetensors file, and this is none or is damaged ({error})"
         ) from error
     kind = metadata.get("format", "")
     if kind != format_:

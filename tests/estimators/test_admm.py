@@ -232,7 +232,7 @@ def test_too_few_iterations_are_warned_of():
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("_STIFF", 0.6), ("_STIFF", 60.0), ("_PATIENCE", 3), ("_PATIENCE", 10**9)]
+    ("name", "value"), [("INITIAL_PENALTY", 0.6), ("INITIAL_PENALTY", 60.0), ("BALANCE_INTERVAL", 3), ("BALANCE_INTERVAL", 10**9)]
 )
 @pytest.mark.parametrize("kernel", ["box", "linear"])
 def test_how_the_penalties_are_chosen_does_not_change_the_answer(kernel, name, value, monkeypatch):

@@ -107,7 +107,7 @@ def test_methods_are_the_same_in_parts_of_any_size(monkeypatch):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", jl.JotlightWarning)
         whole = pictures()
-        monkeypatch.setattr("jotlight.chunks._PIXELS", 7)
-        monkeypatch.setattr("jotlight.networks.network._WORK", 1)
+        monkeypatch.setattr("jotlight.chunks._MAX_PIXELS", 7)
+        monkeypatch.setattr("jotlight.networks.inference.FLOPS_PER_BAND", 1)
         for one, other in zip(whole, pictures(), strict=True):
             np.testing.assert_array_equal(one, other)

@@ -96,7 +96,7 @@ def test_saturation_begins_where_one_pixel_in_a_hundred_is_full():
 def test_sums_over_some_of_very_many_counts_are_sums_over_all(monkeypatch):
     options = {"frames": [200_000], "max_intensity": 3.0}
     some = jl.plan(jl.Sensor(), (0.3, 3.2), **options)
-    monkeypatch.setattr(planning, "_PER_SIGMA", 10**9)
+    monkeypatch.setattr(planning, "_COUNTS_PER_SIGMA", 10**9)
     every = jl.plan(jl.Sensor(), (0.3, 3.2), **options)
     np.testing.assert_allclose(some.rmse, every.rmse, rtol=1e-9)
     np.testing.assert_allclose(some.psnr, every.psnr, rtol=1e-6)
@@ -114,9 +114,9 @@ def test_a_largest_intensity_that_is_told_clips():
     ("light", "options", "words"),
     [
         (0.0, {}, "above 0"),
-        ((2.0, 1.0), {}, "the least and the most"),
-        (1.0, {"frames": []}, "whole numbers from 1"),
-        (1.0, {"frames": [0, 1]}, "whole numbers from 1"),
+        ((2.0, 1.0), {}, "the minimum and the maximum"),
+        (1.0, {"frames": []}, "whole numbers of at least 1"),
+        (1.0, {"frames": [0, 1]}, "whole numbers of at least 1"),
         (1.0, {"frames": [2**40]}, "at most"),
         (1.0, {"target_psnr": -3.0}, "between 0 and 200"),
         (1.0, {"max_intensity": 0.0}, "above 0"),

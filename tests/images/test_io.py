@@ -10,11 +10,11 @@ from PIL import Image
 
 from jotlight.images.io import image_writer, read_image
 
-GREY = np.linspace(0, 1, 35, dtype=np.float32).reshape(5, 7)
-COLOUR = np.stack([GREY, GREY[::-1], 1 - GREY], axis=-1)
+GRAY = np.linspace(0, 1, 35, dtype=np.float32).reshape(5, 7)
+COLOR = np.stack([GRAY, GRAY[::-1], 1 - GRAY], axis=-1)
 
 
-@pytest.mark.parametrize("picture", [GREY, COLOUR], ids=["grey", "colour"])
+@pytest.mark.parametrize("image", [GRAY, COLOR], ids=["gray", "color"])
 @pytest.mark.parametrize(
     ("name", "depth", "error"),
     [
@@ -25,32 +25,32 @@ COLOUR = np.stack([GREY, GREY[::-1], 1 - GREY], axis=-1)
         ("a.jpg", 8, 0.2),
     ],
 )
-def test_what_is_written_is_read_again(tmp_path, picture, name, depth, error):
+def test_a_written_image_reads_back(tmp_path, image, name, depth, error):
     path = tmp_path / name
-    image_writer(path, depth=depth)(path, picture)
+    image_writer(path, depth=depth)(path, image)
     again = read_image(path)
-    assert again.shape == picture.shape
-    assert np.abs(again - picture).max() <= error + 1e-6
+    assert again.shape == image.shape
+    assert np.abs(again - image).max() <= error + 1e-6
 
 
-@pytest.mark.parametrize("picture", [GREY, COLOUR], ids=["grey", "colour"])
-def test_a_16_bit_png_holds_all_its_levels(tmp_path, picture):
+@pytest.mark.parametrize("image", [GRAY, COLOR], ids=["gray", "color"])
+def test_a_16_bit_png_holds_all_its_levels(tmp_path, image):
     path = tmp_path / "a.png"
-    image_writer(path, depth=16)(path, picture)
+    image_writer(path, depth=16)(path, image)
     _, _, rows, information = png.Reader(bytes=path.read_bytes()).read()
     assert information["bitdepth"] == 16
-    levels = np.vstack([np.asarray(row) for row in rows]).reshape(picture.shape)
-    assert (levels == np.rint(picture.astype(np.float64) * 65535)).all()
+    levels = np.vstack([np.asarray(row) for row in rows]).reshape(image.shape)
+    assert (levels == np.rint(image.astype(np.float64) * 65535)).all()
 
 
 @pytest.mark.parametrize("name", ["a.tif", "a.npy"])
 def test_floats_are_never_clipped(tmp_path, name):
-    bright = (GREY * 1000).astype(np.float32)
+    bright = (GRAY * 1000).astype(np.float32)
     image_writer(tmp_path / name, white=1.0)(tmp_path / name, bright)
     assert (read_image(tmp_path / name) == bright).all()
 
 
-def test_white_is_the_brightest_level_of_a_picture_to_look_at(tmp_path):
+def test_white_is_the_brightest_level_of_a_displayed_image(tmp_path):
     path = tmp_path / "a.png"
     image_writer(path, white=2.0)(path, np.array([[0.0, 1.0, 2.0, 3.0]]))
     assert np.asarray(Image.open(path)).tolist() == [[0, 128, 255, 255]]
@@ -93,14 +93,14 @@ def test_gray_is_the_luma_of_bt_601_rounded_to_a_level(tmp_path):
 
 
 @pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGB", "RGBA", "CMYK"])
-def test_every_mode_of_pillow_becomes_grey_or_colour(tmp_path, mode):
+def test_every_mode_of_pillow_becomes_grey_or_color(tmp_path, mode):
     path = tmp_path / ("a.tiff" if mode == "CMYK" else "a.png")
     path = path.with_suffix(".jpg") if mode == "CMYK" else path
     Image.new("RGB", (6, 4), (200, 100, 50)).convert(mode).save(path)
     assert read_image(path).shape in ((4, 6), (4, 6, 3))
 
 
-def test_the_orientation_that_the_camera_noted_is_applied(tmp_path):
+def test_the_exif_orientation_is_applied(tmp_path):
     path = tmp_path / "a.jpg"
     exif = Image.Exif()
     exif[0x0112] = 6
@@ -108,7 +108,7 @@ def test_the_orientation_that_the_camera_noted_is_applied(tmp_path):
     assert read_image(path).shape == (8, 4)
 
 
-def test_a_picture_that_would_fill_the_memory_is_refused(tmp_path, monkeypatch):
+def test_an_image_that_would_fill_the_memory_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 100)
     path = tmp_path / "bomb.png"
     Image.new("L", (40, 40)).save(path)
@@ -116,9 +116,9 @@ def test_a_picture_that_would_fill_the_memory_is_refused(tmp_path, monkeypatch):
         read_image(path)
 
 
-def test_damaged_files_are_named(tmp_path):
+def test_the_error_of_a_damaged_file_names_it(tmp_path):
     buffer = io.BytesIO()
-    tifffile.imwrite(buffer, GREY)
+    tifffile.imwrite(buffer, GRAY)
     for name, content in {
         "a.tif": buffer.getvalue()[:60],
         "b.tif": b"no tiff",
@@ -129,7 +129,7 @@ def test_damaged_files_are_named(tmp_path):
             read_image(tmp_path / name)
 
 
-def test_transparency_is_left_out_of_a_16_bit_png(tmp_path):
+def test_transparency_of_a_16_bit_png_is_dropped(tmp_path):
     path = tmp_path / "a.png"
     values = np.random.default_rng(0).integers(0, 65536, (4, 5, 4), dtype=np.uint16)
     with path.open("wb") as file:
@@ -137,19 +137,19 @@ def test_transparency_is_left_out_of_a_16_bit_png(tmp_path):
         writer.write(file, values.reshape(4, -1))
     assert np.allclose(read_image(path), values[..., :3] / 65535, atol=1e-6)
     path.write_bytes(path.read_bytes()[:60])
-    with pytest.raises(ValueError, match=r"a\.png: the picture is damaged"):
+    with pytest.raises(ValueError, match=r"a\.png: the image is damaged"):
         read_image(path)
 
 
 @pytest.mark.parametrize("white", [0, -1, np.inf, np.nan])
-def test_a_white_level_that_is_none_is_refused(tmp_path, white):
-    np.save(tmp_path / "a.npy", GREY)
+def test_a_white_level_that_is_not_positive_and_finite_is_refused(tmp_path, white):
+    np.save(tmp_path / "a.npy", GRAY)
     with pytest.raises(ValueError, match="white"):
         read_image(tmp_path / "a.npy", white=white)
 
 
 def png16(path, values, *, before_data=b"", **options):
-    """Write a 16-bit PNG, with further chunks before its data."""
+    """Write a 16-bit PNG with more chunks before its data."""
     height, width = values.shape[:2]
     buffer = io.BytesIO()
     png.Writer(width, height, bitdepth=16, **options).write(buffer, values.reshape(height, -1))
@@ -183,12 +183,12 @@ def test_grey_with_transparency_keeps_its_16_bits(tmp_path):
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
-def test_a_16_bit_png_is_turned_as_pillow_turns_8_bits(tmp_path, orientation):
+def test_a_16_bit_png_has_the_orientation_of_8_bits_in_pillow(tmp_path, orientation):
     exif = Image.Exif()
     exif[0x0112] = orientation
     eight = Image.fromarray((VALUES >> 8).astype(np.uint8))
     eight.save(tmp_path / "eight.png", exif=exif)
-    # What Pillow writes for a PNG begins without the marker that a JPEG has before it.
+    # Pillow writes the EXIF data of a PNG without the marker of a JPEG.
     content = exif.tobytes().removeprefix(b"Exif\x00\x00")
     png16(tmp_path / "a.png", VALUES, greyscale=False, before_data=chunk(b"eXIf", content))
     turned = read_image(tmp_path / "a.png")
@@ -198,7 +198,7 @@ def test_a_16_bit_png_is_turned_as_pillow_turns_8_bits(tmp_path, orientation):
 
 
 @pytest.mark.parametrize("length", [0, 8, 20, 25, 26, 60])
-def test_a_16_bit_png_that_is_cut_is_named(tmp_path, length):
+def test_the_error_of_a_truncated_16_bit_png_names_it(tmp_path, length):
     path = tmp_path / "a.png"
     png16(path, VALUES, greyscale=False)
     path.write_bytes(path.read_bytes()[:length])

@@ -6,13 +6,13 @@ from PIL import Image
 from jotlight.images.sets import ENDINGS, read_image_set
 
 LEVELS = np.random.default_rng(0).integers(0, 256, (12, 15), np.uint8)
-COLOUR = np.random.default_rng(1).integers(0, 256, (12, 15, 3), np.uint8)
+COLOR = np.random.default_rng(1).integers(0, 256, (12, 15, 3), np.uint8)
 
 
 @pytest.fixture
 def folder(tmp_path):
-    """A folder with a picture in each format, whose names are not in the order of their making."""
-    folder = tmp_path / "pictures"
+    """A folder with one image per format. Their names do not sort in the order of creation."""
+    folder = tmp_path / "images"
     folder.mkdir()
     np.save(folder / "f.npy", LEVELS / np.float32(255))
     Image.fromarray(LEVELS).save(folder / "c.png")
@@ -24,7 +24,7 @@ def folder(tmp_path):
     return folder
 
 
-def test_pictures_of_every_format_come_in_the_order_of_their_names(folder):
+def test_images_of_every_format_are_sorted_by_name(folder):
     names, images = read_image_set(folder)
     assert names == ["a.bmp", "b.PNG", "c.png", "d.tif", "e.pgm", "f.npy", "g.webp"]
     for image in images:
@@ -39,27 +39,27 @@ def test_a_path_may_be_a_string(folder):
 
 def test_hidden_files_and_other_endings_are_left_out(folder):
     before = read_image_set(folder)[0]
-    (folder / ".hidden.png").write_bytes(b"no picture")
-    (folder / "notes.txt").write_text("no picture")
-    (folder / "noending").write_text("no picture")
-    (folder / "film.mp4").write_text("no picture")
+    (folder / ".hidden.png").write_bytes(b"no image")
+    (folder / "notes.txt").write_text("no image")
+    (folder / "noending").write_text("no image")
+    (folder / "video.mp4").write_text("no image")
     (folder / "below").mkdir()
     Image.fromarray(LEVELS).save(folder / "below" / "deeper.png")
     assert read_image_set(folder)[0] == before
 
 
-def test_pictures_of_several_sizes_keep_theirs(folder):
+def test_images_of_several_sizes_keep_theirs(folder):
     Image.fromarray(LEVELS[:5, :3]).save(folder / "c.png")
     assert {image.shape for image in read_image_set(folder)[1]} == {(12, 15), (5, 3)}
 
 
-@pytest.mark.parametrize("name", ["colour.png", "colour.tif"])
-def test_colour_becomes_the_luma_of_bt_601_in_whole_levels(tmp_path, name):
+@pytest.mark.parametrize("name", ["color.png", "color.tif"])
+def test_color_becomes_the_luma_of_bt_601_in_whole_levels(tmp_path, name):
     if name.endswith("png"):
-        Image.fromarray(COLOUR).save(tmp_path / name)
+        Image.fromarray(COLOR).save(tmp_path / name)
     else:
-        tifffile.imwrite(tmp_path / name, COLOUR, photometric="rgb")
-    red, green, blue = np.moveaxis(COLOUR.astype(float), 2, 0)
+        tifffile.imwrite(tmp_path / name, COLOR, photometric="rgb")
+    red, green, blue = np.moveaxis(COLOR.astype(float), 2, 0)
     luma = np.rint(0.299 * red + 0.587 * green + 0.114 * blue) / 255
     [image] = read_image_set(tmp_path)[1]
     np.testing.assert_allclose(image, luma, atol=1e-7)
@@ -73,19 +73,19 @@ def test_first_takes_the_first_by_name_and_reads_no_others(folder, first):
     some, theirs = read_image_set(folder, first=first)
     assert some == names[:first]
     assert len(theirs) == len(some) == min(first, 7)
-    (folder / "g.webp").write_text("no picture")
+    (folder / "g.webp").write_text("no image")
     if first < 7:
         assert read_image_set(folder, first=first)[0] == some
     np.testing.assert_array_equal(theirs[0], images[0])
 
 
 @pytest.mark.parametrize("first", [0, -1])
-def test_first_of_none_is_refused(folder, first):
+def test_first_below_1_is_refused(folder, first):
     with pytest.raises(ValueError, match=f"first: expected at least 1 image, got {first}"):
         read_image_set(folder, first=first)
 
 
-def test_progress_is_told_to_the_end(folder):
+def test_progress_is_reported_to_the_end(folder):
     shares = []
     read_image_set(folder, progress=shares.append)
     np.testing.assert_allclose(shares, np.arange(1, 8) / 7)
@@ -125,13 +125,13 @@ def test_names_of_an_array_sort_like_its_images(tmp_path):
 def test_other_whole_numbers_need_the_white_level(tmp_path, kind):
     stack = np.arange(24, dtype=kind).reshape(2, 3, 4)
     path = save_as(tmp_path / "a.npy", stack)
-    with pytest.raises(ValueError, match=rf"a\.npy: nothing tells the scale of {stack.dtype}"):
+    with pytest.raises(ValueError, match=rf"a\.npy: the scale of {stack.dtype} is unknown"):
         read_image_set(path)
     images = read_image_set(path, white=23)[1]
     np.testing.assert_allclose(images, stack / 23, rtol=1e-6)
 
 
-def test_white_scales_pictures_and_floats_too(tmp_path):
+def test_white_scales_images_and_floats_too(tmp_path):
     path = save_as(tmp_path / "a.npy", np.full((2, 3, 4), 5.0))
     np.testing.assert_array_equal(read_image_set(path, white=10)[1], np.full((2, 3, 4), 0.5))
     Image.fromarray(LEVELS).save(tmp_path / "b.png")
@@ -140,7 +140,7 @@ def test_white_scales_pictures_and_floats_too(tmp_path):
 
 
 @pytest.mark.parametrize("white", [0, -1.0, np.nan, np.inf])
-def test_a_senseless_white_level_is_refused(tmp_path, white):
+def test_a_white_level_that_is_not_positive_and_finite_is_refused(tmp_path, white):
     path = save_as(tmp_path / "a.npy", np.zeros((2, 3, 4)))
     with pytest.raises(ValueError, match="white: expected"):
         read_image_set(path, white=white)
@@ -156,22 +156,22 @@ def test_a_key_chooses_an_array_of_several(tmp_path):
         read_image_set(path, key="three")
 
 
-def test_a_key_for_what_has_none_is_refused(folder, tmp_path):
+def test_a_key_is_refused_unless_the_file_is_an_npz(folder, tmp_path):
     path = save_as(tmp_path / "a.npy", np.zeros((2, 3, 4)))
     for source in (folder, path):
         with pytest.raises(ValueError, match=r"key: names an array in a \.npz"):
             read_image_set(source, key="a")
 
 
-def test_a_place_that_is_not_there_is_named(tmp_path):
+def test_the_error_of_a_missing_path_names_it(tmp_path):
     for name in ("none", "none.npy", "none.npz"):
         with pytest.raises(FileNotFoundError, match=rf"there is no folder or file .*{name}$"):
             read_image_set(tmp_path / name)
 
 
-def test_a_folder_without_pictures_says_what_was_expected(tmp_path):
-    (tmp_path / "notes.txt").write_text("no picture")
-    with pytest.raises(ValueError, match="expected pictures") as caught:
+def test_the_error_of_a_folder_without_images_names_the_endings(tmp_path):
+    (tmp_path / "notes.txt").write_text("no image")
+    with pytest.raises(ValueError, match="expected images") as caught:
         read_image_set(tmp_path)
     assert str(tmp_path) in str(caught.value)
     assert all(ending in str(caught.value) for ending in ENDINGS)
@@ -180,27 +180,27 @@ def test_a_folder_without_pictures_says_what_was_expected(tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("ca.png", b"no picture", "no known format"),
-        ("ca.tif", b"no picture", "cannot be read"),
+        ("ca.png", b"no image", "no known format"),
+        ("ca.tif", b"no image", "cannot be read"),
         ("ca.npy", b"no array", "does not begin like one"),
         ("ca.jpg", b"", "no known format"),
     ],
 )
-def test_a_picture_that_cannot_be_read_is_named(folder, name, content, message):
+def test_the_error_of_an_unreadable_image_names_it(folder, name, content, message):
     (folder / name).write_bytes(content)
-    with pytest.raises(ValueError, match=rf"pictures/{name}: .*{message}"):
+    with pytest.raises(ValueError, match=rf"images/{name}: .*{message}"):
         read_image_set(folder)
 
 
-def test_a_truncated_picture_is_named(folder):
+def test_the_error_of_a_truncated_image_names_it(folder):
     whole = (folder / "c.png").read_bytes()
     (folder / "c.png").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(ValueError, match=r"c\.png: the picture is damaged or truncated"):
+    with pytest.raises(ValueError, match=r"c\.png: the image is damaged or truncated"):
         read_image_set(folder)
 
 
 @pytest.mark.parametrize("shape", [(7,), (2, 3, 4, 3), (3, 4, 2), (0, 4), (4, 0, 3)])
-def test_an_array_in_a_folder_that_is_no_picture_is_named(folder, shape):
+def test_an_array_in_a_folder_must_be_an_image(folder, shape):
     np.save(folder / "f.npy", np.zeros(shape, np.float32))
     with pytest.raises(ValueError, match=r"f\.npy: expected"):
         read_image_set(folder)
@@ -227,13 +227,13 @@ def test_python_objects_are_refused(tmp_path, ending):
     ids=lambda stack: f"{stack.dtype} {stack.shape}",
 )
 @pytest.mark.parametrize("ending", [".npy", ".npz"])
-def test_what_is_no_stack_of_images_is_refused(tmp_path, stack, ending):
+def test_an_array_of_another_shape_or_type_is_refused(tmp_path, stack, ending):
     path = save_as(tmp_path / f"a{ending}", stack)
     with pytest.raises(ValueError, match=rf"a\{ending}: expected an array of images \(N, H, W\)"):
         read_image_set(path)
 
 
-def test_a_single_picture_is_refused_as_a_set(tmp_path):
+def test_a_single_image_is_refused_as_a_set(tmp_path):
     Image.fromarray(LEVELS).save(tmp_path / "a.png")
-    with pytest.raises(ValueError, match=r"a\.png: expected a folder of pictures, a \.npy"):
+    with pytest.raises(ValueError, match=r"a\.png: expected a folder of images, a \.npy"):
         read_image_set(tmp_path / "a.png")

@@ -1,4 +1,4 @@
-"""Tone curves, and what they are for: pictures of any range on a display."""
+"""Tone curves map images of any range to a display."""
 
 import numpy as np
 import pytest
@@ -29,14 +29,14 @@ def test_the_curves_have_their_formulas():
 
 @pytest.mark.parametrize("curve", ["gamma", "log", "reinhard"])
 def test_dark_parts_of_a_wide_range_become_visible(curve):
-    picture = np.geomspace(1e-3, 10, 1000)
-    shown = Tone.fit(picture, curve)(picture)
-    assert np.median(shown) > 2 * np.median(Tone.fit(picture, "linear")(picture))
+    image = np.geomspace(1e-3, 10, 1000)
+    shown = Tone.fit(image, curve)(image)
+    assert np.median(shown) > 2 * np.median(Tone.fit(image, "linear")(image))
 
 
-def test_white_is_a_percentile_and_black_pictures_stay_black():
-    picture = np.append(np.ones(999), 1e6)
-    assert Tone.fit(picture, "linear").white == 1
+def test_white_is_a_percentile_and_black_images_stay_black():
+    image = np.append(np.ones(999), 1e6)
+    assert Tone.fit(image, "linear").white == 1
     assert Tone.fit(np.zeros((3, 3)))(np.zeros((3, 3))).max() == 0
     # A single light in the dark.
     assert Tone.fit(np.append(np.zeros(999), 7.0)).white == 7
@@ -50,6 +50,6 @@ def test_white_is_a_percentile_and_black_pictures_stay_black():
         (lambda: Tone.fit(np.ones(3), percentile=0), "percentile"),
     ],
 )
-def test_what_cannot_be_is_refused(make, words):
+def test_bad_arguments_are_refused(make, words):
     with pytest.raises(ValueError, match=words):
         make()

@@ -1,4 +1,4 @@
-"""Films of sliding windows: every picture that of its own frames, one curve for all."""
+"""Videos: each image comes from its own frames, and all share one tone curve."""
 
 import subprocess
 import sys
@@ -10,7 +10,7 @@ import pytest
 import jotlight as jl
 from jotlight.images.io import read_image
 from jotlight.images.tone import Tone
-from jotlight.images.video import film_writer, windows
+from jotlight.images.video import video_writer, windows
 from jotlight.sensing.frames import Frames
 
 RAMP = np.linspace(0, 1, 35, dtype=np.float32).reshape(5, 7)
@@ -28,15 +28,15 @@ def test_windows_are_whole_and_in_order():
 
 @pytest.mark.parametrize("shape", [(5, 7), (5, 7, 3)])
 def test_a_stack_of_floats_is_exact_and_unclipped(tmp_path, shape):
-    pictures = np.random.default_rng(0).random((4, *shape), np.float32) * 100
-    with film_writer(tmp_path / "a.npy", 4) as add:
-        for picture in pictures:
-            add(picture)
-    assert (np.load(tmp_path / "a.npy") == pictures).all()
+    images = np.random.default_rng(0).random((4, *shape), np.float32) * 100
+    with video_writer(tmp_path / "a.npy", 4) as add:
+        for image in images:
+            add(image)
+    assert (np.load(tmp_path / "a.npy") == images).all()
 
 
-def test_a_folder_of_pictures_has_one_curve(tmp_path):
-    with film_writer(tmp_path / "a", 2, tone=Tone("gamma", 2.0), depth=16) as add:
+def test_a_folder_of_images_has_one_curve(tmp_path):
+    with video_writer(tmp_path / "a", 2, tone=Tone("gamma", 2.0), depth=16) as add:
         add(RAMP)
         add(2 * RAMP)
     assert sorted(path.name for path in (tmp_path / "a").iterdir()) == ["00000.png", "00001.png"]
@@ -46,9 +46,9 @@ def test_a_folder_of_pictures_has_one_curve(tmp_path):
 
 
 @pytest.mark.parametrize("shape", [(5, 7), (32, 48, 3)])
-def test_an_mp4_has_every_picture(tmp_path, shape):
+def test_an_mp4_contains_every_image(tmp_path, shape):
     ffmpeg = pytest.importorskip("imageio_ffmpeg")
-    with film_writer(tmp_path / "a.mp4", 6, fps=10) as add:
+    with video_writer(tmp_path / "a.mp4", 6, fps=10) as add:
         for number in range(6):
             add(np.full(shape, number / 5, np.float32))
     words = [ffmpeg.get_ffmpeg_exe(), "-i", str(tmp_path / "a.mp4"), "-f", "rawvideo"]
@@ -59,12 +59,12 @@ def test_an_mp4_has_every_picture(tmp_path, shape):
 
 
 @pytest.mark.parametrize("name", ["a.npy", "a", "a.mp4"])
-def test_what_fails_halfway_leaves_nothing(tmp_path, name):
+def test_an_interrupted_video_leaves_no_file(tmp_path, name):
     if name == "a.mp4":
         pytest.importorskip("imageio_ffmpeg")
 
     def stopped():
-        with film_writer(tmp_path / name, 3) as add:
+        with video_writer(tmp_path / name, 3) as add:
             add(RAMP)
             raise KeyboardInterrupt
 
@@ -73,7 +73,7 @@ def test_what_fails_halfway_leaves_nothing(tmp_path, name):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_film_of_a_large_capture_takes_little_memory(tmp_path):
+def test_the_video_of_a_large_capture_takes_little_memory(tmp_path):
     def read(start, stop):
         return np.full((stop - start, 256, 32), 0b01010101, np.uint8)
 
@@ -81,7 +81,7 @@ def test_a_film_of_a_large_capture_takes_little_memory(tmp_path):
     spans = windows(bits, 1000)
     sensor = jl.Sensor(frames=1000, max_intensity=8.0)
     tracemalloc.start()
-    with film_writer(tmp_path / "a.npy", len(spans)) as add:
+    with video_writer(tmp_path / "a.npy", len(spans)) as add:
         for span in spans:
             add(jl.mle(bits[span], sensor))
     assert tracemalloc.get_traced_memory()[1] < 40e6
@@ -94,7 +94,8 @@ def test_without_the_package_mp4_says_what_to_install(tmp_path):
         "import sys, importlib.machinery; sys.modules['imageio_ffmpeg'] = None\n"
         "import importlib.util as u; real = u.find_spec\n"
         "u.find_spec = lambda n, *a: None if n == 'imageio_ffmpeg' else real(n, *a)\n"
-        "from pathlib import Path; from jotlight.images.video import is_floats; is_floats(Path('a.mp4'))"
+        "from pathlib import Path\n"
+        "from jotlight.images.video import is_floats; is_floats(Path('a.mp4'))"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path

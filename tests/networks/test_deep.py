@@ -7,7 +7,7 @@ import pytest
 
 import jotlight as jl
 import jotlight._engine as engine
-from jotlight.networks import network as networks
+from jotlight.networks import inference
 from jotlight.networks.conditioning import conditioning_weights, count_sets
 from jotlight.networks.graph import halo_radius, size_divisor
 from reference import deep, methods
@@ -229,7 +229,7 @@ def test_large_pictures_in_parts_are_those_in_one(monkeypatch, tied):
     height = 65 * network.halo + 11
     bits = jl.Bits.from_array(random_bits(rng, sensor, height, 25))
     whole = network.reconstruct(bits)
-    monkeypatch.setattr(networks, "_WORK", 1)
+    monkeypatch.setattr(inference, "FLOPS_PER_BAND", 1)
     np.testing.assert_array_equal(network.reconstruct(bits), whole)
     if tied:
         counts = bits.counts(sensor.oversampling)
@@ -344,18 +344,27 @@ LAST = layer(1, 2)
         ([layer(1, 1, 1, input=0)], "the first one to read the data"),
         ([layer(1, 1, 1, skip=0)], "the first one to read the data"),
         ([layer(4, 1, 1, upsampling=2)], "the first one to read the data"),
-        ([FIRST, layer(1, 2, input=1)], "layer 1 to take planes of 0 to 0, got input 1"),
-        ([FIRST, layer(1, 2, skip=-1)], "layer 1 to take planes of 0 to 0, got skip -1"),
+        ([FIRST, layer(1, 2, input=1)], "input of layer 1 to be 0 to 0, got 1"),
+        ([FIRST, layer(1, 2, skip=-1)], "skip of layer 1 to be 0 to 0, got -1"),
         ([FIRST, layer(3, 2), layer(1, 2)], "expected 3 input channels in layer 2"),
-        ([FIRST, layer(3, 2), layer(1, 3, skip=1)], "layer 2 to add planes like its own, of 1"),
+        (
+            [FIRST, layer(3, 2), layer(1, 3, skip=1)],
+            "the skip connection of layer 2 to have its 1 channels",
+        ),
         (
             [FIRST, layer(2, 2, stride=2), layer(2, 2, skip=0), LAST],
-            "layer 2 to add planes like its own, of 2 channels, got those of layer 0",
+            "layer 2 to have its 2 channels and its size, got the output of layer 0",
         ),
         ([FIRST, layer(2, 2)], "one output channel of the last layer"),
-        ([FIRST, layer(1, 2, stride=2)], "one output channel of the last layer, in the pict"),
-        ([FIRST, layer(4, 2, upsampling=2)], "one output channel of the last layer, in the pict"),
-        ([FIRST, layer(3, 2), layer(1, 2, input=0)], "layer 1 to be read or added, got no layer"),
+        ([FIRST, layer(1, 2, stride=2)], "one output channel of the last layer, in the size of"),
+        (
+            [FIRST, layer(4, 2, upsampling=2)],
+            "one output channel of the last layer, in the size of",
+        ),
+        (
+            [FIRST, layer(3, 2), layer(1, 2, input=0)],
+            "another layer to use the output of layer 1, got none",
+        ),
     ],
 )
 def test_layers_that_do_not_fit_each_other_are_refused(layers, message):
@@ -370,7 +379,7 @@ def test_layers_that_do_not_fit_each_other_are_refused(layers, message):
         ({"stride": 17}, "stride: expected 1 to 16, got 17"),
         ({"upsampling": 17}, "upsampling: expected 1 to 16, got 17"),
         ({"stride": 4}, "at least as many rows and columns as the stride of 4"),
-        ({"upsampling": 3}, "expected a multiple of 9 of them, for an upsampling of 3, got 4"),
+        ({"upsampling": 3}, "expected a multiple of 9 filters for an upsampling of 3, got 4"),
         ({"trainable": "some"}, "trainable: expected one of all, filters, nothing, got 'some'"),
     ],
 )
@@ -387,11 +396,11 @@ def test_coefficients_are_one_row_for_each_channel_after_the_upsampling():
 @pytest.mark.parametrize(
     ("bits", "message"),
     [
-        (None, "trials_range: expected a range of bits per pixel for layers with sets"),
-        ((0, 16), "trials_range: expected the least and the most bits per pixel of a tied network"),
+        (None, "trials_range: expected a range of K for layers with sets"),
+        ((0, 16), "trials_range: expected the smallest and the largest K of a tied network"),
         (
             (16, 16),
-            "trials_range: expected the least and the most bits per pixel of a tied network",
+            "trials_range: expected the smallest and the largest K of a tied network",
         ),
     ],
 )
@@ -404,7 +413,7 @@ def test_sets_are_as_many_in_all_layers_and_four_at_least():
     layers = list(conditional().layers)
     for kept in (3, 5):
         cut = dataclasses.replace(layers[1], filters=layers[1].filters[:kept])
-        with pytest.raises(ValueError, match="the same number of sets"):
+        with pytest.raises(ValueError, match="the same number of parameter sets"):
             jl.Network([layers[0], cut, *layers[2:]], jl.Sensor(), trials_range=BETWEEN)
 
 

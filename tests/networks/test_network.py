@@ -457,5 +457,5 @@ def test_parts_of_a_picture_whose_jots_are_weighed_singly_are_those_of_the_whole
     # Enough pixels for one table of all blocks, which the parts are too small for.
     bits = jl.Bits.from_array(random_bits(rng, sensor, 960, 140))
     whole = network.reconstruct(bits)
-    monkeypatch.setattr("jotlight.networks.network._WORK", 1)
+    monkeypatch.setattr("jotlight.networks.inference.FLOPS_PER_BAND", 1)
     np.testing.assert_array_equal(network.reconstruct(bits), whole)

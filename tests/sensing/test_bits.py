@@ -113,8 +113,8 @@ def test_counts_tell_their_progress_and_do_not_depend_on_the_slabs(monkeypatch):
     array = random_bits(7, 20, 12, 2)
     bits = jl.Bits.from_array(array)
     whole = bits.counts(4)
-    monkeypatch.setattr("jotlight.sensing.bits.JOTS_PER_COUNT", 100)
-    monkeypatch.setattr("jotlight.chunks._SHORT_ROW", 1)
+    monkeypatch.setattr("jotlight.sensing.bits.MAX_COUNTED_JOTS", 100)
+    monkeypatch.setattr("jotlight.chunks._MIN_ROW_COST", 1)
     done = []
     np.testing.assert_array_equal(bits.counts(4, progress=done.append), whole)
     assert done == sorted(set(done))

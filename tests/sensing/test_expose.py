@@ -190,8 +190,8 @@ def test_the_same_bits_in_slabs_of_any_size(monkeypatch, size):
     image = np.random.default_rng(0).random((33, 41, 3))
     whole = SENSOR.expose(image, rng=0)
     rate = SENSOR.rate(image)
-    monkeypatch.setattr("jotlight.chunks._SLAB", size)
-    monkeypatch.setattr("jotlight.chunks._SHORT_ROW", 1)
+    monkeypatch.setattr("jotlight.chunks._MAX_JOTS", size)
+    monkeypatch.setattr("jotlight.chunks._MIN_ROW_COST", 1)
     done = []
     np.testing.assert_array_equal(
         SENSOR.expose(image, rng=0, progress=done.append).packed, whole.packed

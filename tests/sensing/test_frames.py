@@ -3,7 +3,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.formats.orientation import orient_packed, transpose_packed
-from jotlight.sensing.frames import Frames, joined, read_in_chunks
+from jotlight.sensing.frames import Frames, concatenate, read_in_chunks
 from jotlight.sensing.provenance import Provenance
 from reference import formats as twin
 
@@ -62,7 +62,7 @@ def test_parts_are_of_bounded_size():
 
 @pytest.mark.parametrize("cuts", [[], [5], [0, 5, 5, 19, 20]])
 def test_joined_frames_are_as_one_array(cuts):
-    one = joined([lazy(part) for part in np.split(CUBE, cuts)])
+    one = concatenate([lazy(part) for part in np.split(CUBE, cuts)])
     for start in range(20):
         for stop in range(start + 1, 21):
             np.testing.assert_array_equal(one[start:stop, ...], CUBE[start:stop])

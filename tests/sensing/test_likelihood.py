@@ -360,7 +360,7 @@ def test_very_many_cells_are_handled_in_parts(threshold, monkeypatch):
         cells.proximal(light, 2.0, max_light=5.0),
     ]
     value = cells.value(light)
-    monkeypatch.setattr("jotlight.sensing.likelihood._AT_ONCE", 7001)
+    monkeypatch.setattr("jotlight.sensing.likelihood._MAX_CELLS", 7001)
     parts = [
         *cells.gradient_and_curvature(light),
         cells.information(light),

@@ -260,9 +260,9 @@ def test_what_is_not_finite_is_found(bad):
 
 
 def test_an_operator_that_gives_another_shape_says_so():
-    with pytest.raises(ValueError, match=r"what forward gives: expected shape \(6,\), got \(5,\)"):
+    with pytest.raises(ValueError, match=r"the output of forward: expected shape \(6,\), got \(5,\)"):
         own(lambda y: MATRIX.T @ y, lambda x: (MATRIX @ x)[1:]).forward(np.ones(4))
-    with pytest.raises(ValueError, match=r"what adjoint gives: .* \(4,\), got \(4, 1\)"):
+    with pytest.raises(ValueError, match=r"the output of adjoint: .* \(4,\), got \(4, 1\)"):
         check_adjoint(own(lambda y: (MATRIX.T @ y)[:, None]))
 
 

@@ -16,7 +16,7 @@ from jotlight.cli.reconstruction import Brightness, Reconstruction
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE
 from jotlight.images.io import image_writer
 from jotlight.images.tone import Tone
-from jotlight.images.video import film_writer, is_floats, windows
+from jotlight.images.video import is_floats, video_writer, windows
 from jotlight.sensing.bits import Bits
 
 
@@ -79,7 +79,7 @@ def reconstruct_video(
             if not is_floats(outputs.output):
                 begin("choosing the tone curve", 0)
                 tone = outputs.video_tone([estimate_window(span) for span in _samples(spans)])
-            with film_writer(
+            with video_writer(
                 outputs.output, len(spans), tone=tone, fps=video.fps, depth=outputs.depth
             ) as add:
                 for number, span in enumerate(spans):

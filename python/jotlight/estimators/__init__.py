@@ -1,1 +1,10 @@
-"""Placeholder."""
+"""Estimators of the intensity from bits or counts: sections 2.2.1 and 2.2.2 of the paper.
+
+In reading order:
+
+* closed form: ``mle``, ``inverse_response`` (equation 5), ``inpaint`` (dead pixels);
+* variance stabilization: ``vst`` (equations 6 and 7), ``denoise``, ``noniterative``;
+* iterative methods: ``problem`` (equation 4), ``convergence``, ``mle_iterative``, ``tv``, ``admm``
+  with ``admm_terms`` and ``linear_solver``;
+* what an estimate is worth: ``uncertainty`` with ``light_inversion``, ``planning``, ``brightness``.
+"""

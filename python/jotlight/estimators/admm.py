@@ -1,54 +1,54 @@
 """Maximum likelihood with total variation, by ADMM: the paper's reference [7]."""
 
-import abc
 import functools
-import os
 from collections.abc import Iterable
 from typing import Literal, overload
 
 import numpy as np
 import numpy.typing as npt
 
-import jotlight._engine as engine
-from jotlight.estimators.convergence import Callback, ConvergenceHistory, ConvergenceMonitor
+from jotlight.estimators.admm_terms import BoxTerm, DataTerm, SplittingTerm, VariationTerm
+from jotlight.estimators.convergence import (
+    Callback,
+    ConvergenceHistory,
+    ConvergenceMonitor,
+    check_stopping_rule,
+)
+from jotlight.estimators.linear_solver import NormalEquations
 from jotlight.estimators.problem import ConvergenceHistories, solve_channels
 from jotlight.estimators.tv import automatic_weight, check_map, check_norm, total_variation
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.likelihood import Array, Problem
-from jotlight.sensing.operators import Operator, Scaling, Spread, differences, dot, spread
+from jotlight.sensing.operators import Scaling, dot
+from jotlight.sensing.pixel_counts import Estimate
 from jotlight.sensing.sensor import Sensor
 
-Picture = npt.NDArray[np.float32]
+INITIAL_PENALTY = 6.0
+"""The initial penalty of the differences, in units of the weight over the mean intensity."""
 
-_RELAXATION = 1.7
-"""Over-relaxation, as Eckstein and Bertsekas (1992) advise: 1.5 to 1.8."""
+_JOT_PENALTY = 3.0
+"""The initial penalty of the light in units of the information, where the cells are jots."""
 
-_STIFF = 6.0
-"""The penalty on the differences to begin with, in units of the weight over the mean intensity."""
-
-_STIFF_JOTS = 3.0
-"""The penalty on the light to begin with, in units of the information, where the cells are jots."""
+BALANCE_INTERVAL = 10
+"""Iterations between two adjustments of the penalties."""
 
 _BALANCE = 0.1
-"""The primal residual counts as much as this share of the dual one."""
+"""The weight of the dual residual. The run ends at tol primal and tol/0.1 dual."""
 
-_PATIENCE = 10
-"""Iterations between two looks at the balance of the residuals."""
+_BALANCE_DAMPING = 0.8
+"""The exponent that successive adjustments of the penalties shrink by, so that they end."""
 
 _DARK = 1e-3
-"""A picture darker than this share of S is measured by it, since no share of nothing is small."""
+"""The primal residual is relative to the image, or to this share of S where it is darker."""
 
-_WEAK = 0.1
-"""The share of the likelihood's stiffness that counts as a force in any case."""
+_MIN_FORCE = 0.1
+"""The share of the likelihood's stiffness that counts as a force even without multipliers."""
 
-_UNLIT = 1e-6
-"""The share of the brightest light that stands for none where there must be some."""
+_MIN_LIGHT = 1e-6
+"""The share of the brightest light that replaces no light where a bit is 1."""
 
-_CALMING = 0.8
-"""Each change of the penalties is to this power of the one before."""
-
-_CG_STEPS = 50
-_CG_ENOUGH = 1e-6
+_CG_TOLERANCE = 1e-6
+"""The relative residual of the linear step, unless 0.01 `tol` is smaller."""
 
 
 @overload
@@ -64,7 +64,7 @@ def admm_tv(
     callback: Callback | None = ...,
     return_history: Literal[False] = ...,
     threads: int | None = ...,
-) -> Picture: ...
+) -> Estimate: ...
 
 
 @overload
@@ -80,9 +80,10 @@ def admm_tv(
     callback: Callback | None = ...,
     return_history: Literal[True],
     threads: int | None = ...,
-) -> tuple[Picture, ConvergenceHistories]: ...
+) -> tuple[Estimate, ConvergenceHistories]: ...
 
 
+# More than 9 parameters: each is an independent keyword of a public estimator.
 def admm_tv(
     data: Bits | Problem | npt.ArrayLike,
     sensor: Sensor | None = None,
@@ -95,47 +96,48 @@ def admm_tv(
     callback: Callback | None = None,
     return_history: bool = False,
     threads: int | None = None,
-) -> Picture | tuple[Picture, ConvergenceHistories]:
-    """Find the image in [0, S] with the least -ℓ(c) + λ TV(c), likely and without needless change.
+) -> Estimate | tuple[Estimate, ConvergenceHistories]:
+    """Return the image c that minimizes -ℓ(c) + λ TV(c) over [0, S].
 
     Parameters
     ----------
     data : Bits, array_like of int, or Problem
-        Bits, or an image of counts L of shape (H, W) or (H, W, C), which serves for the box
-        kernel, whose single jots are never looked at; or a problem of your own, for signals (N,)
-        and other operators, without a sensor.
+        Bits; or an image of counts L of shape (H, W) or (H, W, C), which suffices for the box
+        kernel; or a custom problem without a sensor, for signals (N,) and other operators.
     sensor : Sensor
-        What made the data.
+        The sensor that recorded the data.
     weight : float or array_like of float, optional
-        λ ≥ 0 in nats per unit of intensity, a number or one for each pixel. Default: chosen from
-        the data by :func:`jotlight.estimators.tv.automatic_weight`, which says how.
+        λ ≥ 0 in nats per unit of intensity: a number, or a map with one value for each pixel.
+        Default: :func:`jotlight.estimators.tv.automatic_weight` chooses it from the data.
     norm : {"isotropic", "anisotropic"}
-        TV is the sum over pixels of √(down² + right²), or of abs(down) + abs(right).
+        TV is the sum over the pixels of √(down² + right²), or of abs(down) + abs(right).
     start : array_like of float, optional
-        Where to begin, of the picture's shape; one near the result saves a few rounds. Default:
-        the same intensity everywhere.
+        The initial image, of the shape of the estimate. A start near the solution saves
+        iterations. Default: the same intensity everywhere.
     max_iter : int
-        Iterations at most; a JotlightWarning says when they were not enough.
+        The maximum number of iterations, at least 1.
     tol : float
-        The run ends when the primal residual is at most `tol` and the dual one at most 10 `tol`,
-        each as a share of what it is the difference of.
+        The run ends when the primal residual is at most `tol` and the dual residual at most
+        10 `tol`. Both residuals are relative.
     callback : callable, optional
-        Called with a :class:`jotlight.estimators.convergence.Iteration` after each; raises StopIteration to
-        end the run.
+        A function that receives a :class:`jotlight.estimators.convergence.Iteration` after each
+        iteration. It ends the run by raising StopIteration.
     return_history : bool
-        Give a :class:`jotlight.estimators.convergence.ConvergenceHistory` too, or a list of them, one for each channel.
+        Whether to return the history too: a
+        :class:`jotlight.estimators.convergence.ConvergenceHistory`, or a list with one for each
+        channel.
     threads : int, optional
-        Threads to use. Default: all.
+        The number of threads. Default: all cores.
 
     Returns
     -------
     ndarray of float32, shape (H, W) or (H, W, C)
-        Intensities in [0, S]. With `return_history` a tuple of it and the history.
+        Intensities in [0, S]. With `return_history`, a tuple of the estimate and the history.
 
     Raises
     ------
     TypeError, ValueError
-        When data, sensor and start do not fit, or a parameter is out of its range.
+        When data, sensor and start do not fit together, or a parameter is out of its range.
 
     Warns
     -----
@@ -144,301 +146,119 @@ def admm_tv(
 
     Notes
     -----
-    The alternating direction method of multipliers on A c = s, D c = v and, where the cells are
-    jots, c = w in [0, S] (Chan and Lu 2014; residuals and their stopping rule as in Boyd et al.
-    2011, section 3.3; penalties balanced as by Wohlberg 2017). The step in s is a scalar problem
-    for each cell, that in v a shrinkage; that in c is diagonal in the cosine basis, but for a few
-    steps of conjugate gradients where K̂ and the kernel's degree are both odd.
+    The alternating direction method of multipliers splits A c = s, D c = v and, where the cells
+    are jots, c = w in [0, S] (Chan and Lu 2014). The residuals and the stopping rule follow Boyd et
+    al. (2011), section 3.3, and the balance of the penalties Wohlberg (2017). The step in s solves
+    a scalar problem for each cell. The step in v is a shrinkage. The step in c is diagonal in the
+    cosine basis, except for a few steps of conjugate gradients where K̂ and the degree of the kernel
+    are both odd.
 
-    Pixels without a valid jot take part: total variation alone says what they are.
+    Pixels without a valid jot take part. The total variation alone determines them.
 
     Examples
     --------
     >>> sensor = Sensor(oversampling=4)
-    >>> scene = np.where(np.arange(32)[:, None] < 16, 0.2, 0.7) * np.ones((32, 32))
-    >>> picture, history = admm_tv(sensor.expose(scene, rng=0), sensor, return_history=True)
-    >>> history.converged, bool(abs(picture - scene).mean() < 0.05)
+    >>> image = np.where(np.arange(32)[:, None] < 16, 0.2, 0.7) * np.ones((32, 32))
+    >>> bits = sensor.expose(image, rng=0)
+    >>> estimate, history = admm_tv(bits, sensor, return_history=True)
+    >>> history.converged, bool(abs(estimate - image).mean() < 0.05)
     (True, True)
     """
     check_norm(norm)
     if weight is not None:
         check_map("weight", weight, np.shape(weight))
-    ConvergenceMonitor("admm_tv", max_iter, tol, None)  # what is wrong with them is said at once
+    check_stopping_rule(max_iter, tol)
 
     def solve(
-        problem: Problem, begin: Array | None, channel: str
+        problem: Problem, start: Array | None, channel: str
     ) -> tuple[Array, ConvergenceHistory]:
-        watch = ConvergenceMonitor("admm_tv" + channel, max_iter, tol, callback)
+        monitor = ConvergenceMonitor("admm_tv" + channel, max_iter, tol, callback)
         chosen = automatic_weight(problem, norm=norm) if weight is None else weight
-        return _minimise(problem, np.asarray(chosen), norm, begin, watch, threads)
+        return _minimize(problem, np.asarray(chosen), norm, start, monitor, threads)
 
-    picture, history = solve_channels(solve, data, sensor, start, threads)
-    return (picture, history) if return_history else picture
-
-
-class _Term(abc.ABC):
-    """A term f(A c) of the objective: f(x) with x = A c, and the penalty ½ ρ ‖A c - x + dual‖²."""
-
-    def __init__(self, penalty: float, x: Array, dual: Array) -> None:
-        self.penalty, self.x, self.dual = penalty, x, dual
-        self._back = self.adjoint(x)
-        self._back_dual = self.adjoint(dual)
-
-    @abc.abstractmethod
-    def adjoint(self, array: Array) -> Array:
-        """Give Aᵀ of an array like x."""
-
-    @abc.abstractmethod
-    def split(self, image: Array) -> float:
-        """Move x and the dual on; give the primal residual, squared, in units of intensity."""
-
-    def update(self, image: Array) -> tuple[float, Array]:
-        """Move x and the dual on; give the primal residual, squared, and the dual residual."""
-        primal = self.split(image)
-        before, self._back = self._back, self.adjoint(self.x)
-        self._back_dual = self.adjoint(self.dual)
-        return primal, self.penalty * (self._back - before)
-
-    def pull(self) -> Array:
-        """Give ρ Aᵀ(x - dual), where the term wants c to be."""
-        return self.penalty * (self._back - self._back_dual)
-
-    def force(self) -> Array:
-        """Give Aᵀ y of the multiplier y = ρ dual."""
-        return self.penalty * self._back_dual
-
-    def rescale(self, factor: float) -> None:
-        """Change ρ and leave the multiplier as it is."""
-        self.penalty *= factor
-        self.dual /= factor
-        self._back_dual /= factor
+    estimate, history = solve_channels(solve, data, sensor, start, threads)
+    return (estimate, history) if return_history else estimate
 
 
-class _Data(_Term):
-    """-ℓ of the light, which lies between 0 and what S casts."""
-
-    def __init__(
-        self, problem: Problem, penalty: float, gain: float, image: Array, threads: int | None
-    ) -> None:
-        self._operator, self._likelihood = problem.operator, problem.likelihood
-        self._gain, self._threads = gain, threads
-        brightest = self._operator.forward(np.full(image.shape, problem.max_intensity))
-        self.most = float(np.max(brightest))
-        light = self._operator.forward(image)
-        # Where x is best, ρ dual is the slope of ℓ: a start near the end has its multipliers too,
-        # but for cells that a start leaves nearly dark although they fired, whose slope is endless.
-        slope, _ = self._likelihood.gradient_and_curvature(light)
-        lit = (light > 0) & (light < self.most)
-        far = float(light.mean())
-        super().__init__(penalty, light, np.where(lit, np.clip(-slope / penalty, -far, far), 0.0))
-
-    def adjoint(self, array: Array) -> Array:
-        return self._operator.adjoint(array)
-
-    def split(self, image: Array) -> float:
-        light = self._operator.forward(image).reshape(-1)
-        return (
-            self._likelihood.admm_update(
-                (self.penalty, _RELAXATION), self.most, light, self.x, self.dual
-            )
-            / self._gain**2
-        )
-
-
-class _Variation(_Term):
-    """λ TV, of an image (H, W) or, as one row of it, a signal."""
-
-    def __init__(
-        self,
-        weight: npt.NDArray[np.floating],
-        norm: str,
-        penalty: float,
-        image: Array,
-        threads: int | None,
-    ) -> None:
-        self._weight = check_map("weight", weight, image.shape)
-        self._isotropic, self._threads = norm == "isotropic", threads
-        self._shape = image.shape
-        self._rows = image.shape if image.ndim == 2 else (1, *image.shape)
-        self._differences = differences(self._rows, threads=threads)
-        planes = self._differences.forward(image.reshape(self._rows))
-        # The part of each difference that shrinking takes away.
-        dual = planes.copy()
-        engine.shrink(dual, self._weight / penalty, self._isotropic, threads)
-        super().__init__(penalty, planes, planes - dual)
-
-    def adjoint(self, array: Array) -> Array:
-        return self._differences.adjoint(array).reshape(self._shape)
-
-    def split(self, image: Array) -> float:
-        return engine.total_variation_admm_update(
-            (self.penalty, _RELAXATION),
-            self._weight,
-            self._isotropic,
-            image.reshape(self._rows),
-            self.x,
-            self.dual,
-            self._threads,
-        )
-
-
-class _Box(_Term):
-    """0 ≤ c ≤ S, where the light's own range does not say so."""
-
-    def __init__(self, most: float, penalty: float, image: Array) -> None:
-        self._most = most
-        super().__init__(penalty, image.copy(), np.zeros_like(image))
-
-    def adjoint(self, array: Array) -> Array:
-        return array
-
-    def split(self, image: Array) -> float:
-        point = _RELAXATION * image + (1 - _RELAXATION) * self.x + self.dual
-        self.x = np.clip(point, 0, self._most)
-        self.dual = point - self.x
-        return _squares(image - self.x)
-
-
-def _minimise(
+def _minimize(
     problem: Problem,
     weight: npt.NDArray[np.floating],
     norm: str,
-    begin: Array | None,
-    watch: ConvergenceMonitor,
+    start: Array | None,
+    monitor: ConvergenceMonitor,
     threads: int | None,
 ) -> tuple[Array, ConvergenceHistory]:
-    operator, most = problem.operator, problem.max_intensity
-    mean = problem.constant_estimate()
-    image = np.full(operator.input_shape, mean) if begin is None else begin
-    normal = _Normal(operator, min(_CG_ENOUGH, 0.01 * watch.tol), threads)
-    # The likelihood is about as stiff as its information, and so are the penalties.
-    light = operator.forward(np.full(operator.input_shape, mean))
-    stiffness = float(np.mean(problem.likelihood.information(light)))
-    # In a glaring light nearly nothing of it is left; then what the light's own size allows.
-    stiffness = max(stiffness, 1e-9 * float(np.mean(problem.likelihood.trials) / light.mean() ** 2))
-    stiff = stiffness * normal.gain**2
-    differing = max(_STIFF * float(np.mean(weight)) / mean, 1e-2 * stiff)
-    variation = _Variation(weight, norm, differing, image, threads)
+    operator, max_intensity = problem.operator, problem.max_intensity
+    level = problem.constant_estimate()
+    image = np.full(operator.input_shape, level) if start is None else start
+    equations = NormalEquations(operator, min(_CG_TOLERANCE, 0.01 * monitor.tol), threads)
+    information = _mean_information(problem, level)
+    stiffness = information * equations.gain**2
+    # The stiffness of the likelihood is about its information. It sets the scale of the penalties.
+    smoothness = max(INITIAL_PENALTY * float(np.mean(weight)) / level, 1e-2 * stiffness)
+    variation = VariationTerm(weight, norm, smoothness, image, threads)
     if isinstance(operator, Scaling):
-        data = _Data(problem, stiffness, normal.gain, image, threads)
-        terms: list[_Term] = [data, variation]
+        data = DataTerm(problem, information, equations.gain, image)
+        terms: list[SplittingTerm] = [data, variation]
     else:
-        data = _Data(problem, _STIFF_JOTS * stiffness, normal.gain, image, threads)
-        terms = [data, variation, _Box(most, 0.1 * stiff, image)]
+        data = DataTerm(problem, _JOT_PENALTY * information, equations.gain, image)
+        terms = [data, variation, BoxTerm(max_intensity, 0.1 * stiffness, image)]
 
-    calm = 1.0
+    exponent = 1.0
     while True:
-        right = _sum(term.pull() for term in terms)
-        image = normal.solve(right, [term.penalty for term in terms], image)
-        apart, moves = zip(*(term.update(image) for term in terms), strict=True)
-        primal = _ratio(sum(apart), _squares(image) + image.size * (_DARK * most) ** 2)
-        # Without a prior the multipliers vanish; then the likelihood's resistance is the measure.
-        forces = sum(_squares(term.force()) for term in terms)
-        forces += (_WEAK * stiff) ** 2 * _squares(image)
-        dual = _ratio(_squares(_sum(moves)), forces)
+        right = _sum(term.right_hand_side() for term in terms)
+        image = equations.solve(right, [term.penalty for term in terms], image)
+        primal, dual = _update(terms, image, _DARK * max_intensity, _MIN_FORCE * stiffness)
         if isinstance(operator, Scaling):
-            estimate = np.clip(data.x / operator.factor, 0, most)
+            estimate = np.clip(data.x / operator.factor, 0, max_intensity)
         else:
             estimate = terms[-1].x
         residuals = {"primal": primal, "dual": dual}
-        if not watch.update(estimate, residuals, {"dual": 1 / _BALANCE}):
+        if not monitor.update(estimate, residuals, {"dual": 1 / _BALANCE}):
             break
-        if watch.number % _PATIENCE == 0 and primal > 0 and dual > 0:
+        if monitor.number % BALANCE_INTERVAL == 0 and primal > 0 and dual > 0:
             factor = float(np.sqrt(primal / (_BALANCE * dual)))
             if not 0.5 < factor < 2:
-                # Less and less, so that the penalties come to rest.
                 for term in terms:
-                    term.rescale(min(max(factor, 0.25), 4.0) ** calm)
-                calm *= _CALMING
+                    term.rescale(min(max(factor, 0.25), 4.0) ** exponent)
+                exponent *= _BALANCE_DAMPING
+    objective = total_variation(estimate, norm, weight=weight)
+    objective -= _finite_log_likelihood(problem, estimate, _MIN_LIGHT * data.max_light)
+    return estimate, monitor.finish(objective, weight if weight.ndim else float(weight))
+
+
+def _mean_information(problem: Problem, level: float) -> float:
+    """Return the mean Fisher information of a cell about its light, at a constant intensity."""
+    light = problem.operator.forward(np.full(problem.operator.input_shape, level))
+    information = float(np.mean(problem.likelihood.information(light)))
+    # Near saturation hardly any information remains. Then the light itself bounds it from below.
+    bound = 1e-9 * float(np.mean(problem.likelihood.trials) / light.mean() ** 2)
+    return max(information, bound)
+
+
+def _update(
+    terms: list[SplittingTerm], image: Array, dark: float, min_force: float
+) -> tuple[float, float]:
+    """Update all terms; return the relative primal and dual residuals.
+
+    `dark` is the intensity that bounds the denominator of the primal residual from below, and
+    `min_force` the stiffness that does so for the dual one.
+    """
+    distances, changes = zip(*(term.update(image) for term in terms), strict=True)
+    primal = _ratio(sum(distances), _square_sum(image) + image.size * dark**2)
+    # Without a prior the multipliers vanish. Then the stiffness of the likelihood is the scale.
+    forces = sum(_square_sum(term.multiplier_force()) for term in terms)
+    forces += min_force**2 * _square_sum(image)
+    return primal, _ratio(_square_sum(_sum(changes)), forces)
+
+
+def _finite_log_likelihood(problem: Problem, estimate: Array, min_light: float) -> float:
+    """Return ℓ of the estimate. Rounding to no light at a bit of 1 must not make it infinite."""
     value = problem.log_likelihood(estimate)
-    if not np.isfinite(value):
-        # A bit is 1 where the light has been rounded to 0.
-        light = np.maximum(operator.forward(estimate), _UNLIT * data.most)
-        value = problem.likelihood.value(light)
-    objective = total_variation(estimate, norm, weight=weight) - value
-    return estimate, watch.finish(objective, weight if weight.ndim else float(weight))
-
-
-class _Normal:
-    """Solves (ρ₁ AᵀA + ρ₂ DᵀD + ρ₃) c = r in the cosine basis."""
-
-    def __init__(self, operator: Operator, enough: float, threads: int | None) -> None:
-        shape = operator.input_shape
-        self._operator, self._enough = operator, enough
-        self._exact = isinstance(operator, Scaling) or (
-            isinstance(operator, Spread) and operator.symmetric
-        )
-        self._workers = threads or os.cpu_count() or 1
-        self._ones = np.ones(operator.output_shape)
-        self._differences = differences(shape, threads=threads)
-        self._laplacian = np.zeros((1,) * len(shape))
-        for axis, size in enumerate(shape):
-            symbol = 2 - 2 * np.cos(np.pi * np.arange(size) / size)
-            self._laplacian = self._laplacian + _along(axis, len(shape), symbol)
-        self._gram = _gram_symbol(operator)
-        self.gain = float(np.sqrt(np.max(self._gram)))
-        """The light of a cell, or cells, for an even intensity of 1: √‖AᵀA‖."""
-
-    def solve(self, right: Array, penalties: list[float], guess: Array) -> Array:
-        """Give c; `penalties` are those of the data, the differences and, if any, the box."""
-        data, differing, *rest = penalties
-        symbol = data * self._gram + differing * self._laplacian + sum(rest)
-        if self._exact:
-            return self._divide(right, symbol)
-
-        def multiply(image: Array) -> Array:
-            light = self._operator.normal(self._ones, image)
-            planes = self._differences.adjoint(self._differences.forward(image))
-            return data * light + differing * planes + sum(rest) * image
-
-        # Conjugate gradients, with the symbol as what they are preconditioned by.
-        solution, residual = guess, right - multiply(guess)
-        enough = self._enough**2 * _squares(right)
-        search, size = np.zeros_like(right), 1.0
-        for _ in range(_CG_STEPS):
-            if _squares(residual) <= enough:
-                break
-            divided = self._divide(residual, symbol)
-            size, before = dot(residual, divided), size
-            search = divided + size / before * search
-            product = multiply(search)
-            step = size / dot(search, product)
-            solution = solution + step * search
-            residual = residual - step * product
-        return solution
-
-    def _divide(self, right: Array, symbol: Array) -> Array:
-        from scipy.fft import dctn, idctn
-
-        spectrum = dctn(right, norm="ortho", workers=self._workers)
-        spectrum /= symbol
-        return np.asarray(idctn(spectrum, norm="ortho", workers=self._workers, overwrite_x=True))
-
-
-def _gram_symbol(operator: Operator) -> Array:
-    """AᵀA in the cosine basis: exact for a kernel that is even about its pixel, else nearly."""
-    from scipy.fft import dct
-
-    shape = operator.input_shape
-    if isinstance(operator, Scaling):
-        return np.full((1,) * len(shape), operator.factor**2)
-    if not isinstance(operator, Spread):
-        ones = np.ones(shape)
-        return np.full((1,) * len(shape), operator.adjoint(operator.forward(ones)).mean())
-    symbol = np.full((1,) * len(shape), operator.gain**2)
-    for axis, size in enumerate(shape):
-        line = spread((size,), operator.oversampling, operator.kernel)
-        impulse = np.zeros(size)
-        impulse[0] = 1
-        response = line.normal(np.ones(line.output_shape), impulse)
-        symbol = symbol * _along(axis, len(shape), np.maximum(dct(response) / dct(impulse), 0))
-    return symbol
-
-
-def _along(axis: int, dimensions: int, values: Array) -> Array:
-    shape = [1] * dimensions
-    shape[axis] = len(values)
-    return values.reshape(shape)
+    if np.isfinite(value):
+        return value
+    light = np.maximum(problem.operator.forward(estimate), min_light)
+    return problem.likelihood.value(light)
 
 
 def _ratio(part: float, whole: float) -> float:
@@ -449,5 +269,5 @@ def _sum(arrays: Iterable[Array]) -> Array:
     return functools.reduce(np.add, arrays)
 
 
-def _squares(array: Array) -> float:
+def _square_sum(array: Array) -> float:
     return dot(array, array)

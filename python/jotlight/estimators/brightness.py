@@ -1,4 +1,4 @@
-"""How bright a scene is, as its own bits tell: what a network for it should be trained for."""
+"""The brightness of a scene, estimated from its own bits, and the sensor to train a network for."""
 
 from functools import partial
 
@@ -6,26 +6,26 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.estimators import denoise
+from jotlight.estimators.denoise import gaussian
 from jotlight.estimators.noniterative import noniterative
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
 _BLUR = 3.0
-"""Pixels; so that noise does not make the brightest parts brighter."""
+"""The standard deviation in pixels of a Gaussian that keeps noise out of the brightest pixels."""
 
 BRIGHTNESS_QUANTILE = 0.999
-"""Share of the pixels that are darker than what counts as the scene's brightness."""
+"""The share of pixels that are darker than the brightness of the scene."""
 
 HEADROOM = 2.0
-"""How far above the scene's brightness a network's largest intensity lies: highlights are small."""
+"""The largest intensity of a network over the brightness. Highlights exceed the brightness."""
 
 
 def detected_photons(sensor: Sensor) -> float:
-    """Give the photons that a pixel of intensity 1 detects per frame: η α/T.
+    """Return η α/T: the photons that a pixel of intensity 1 detects per frame.
 
-    η is that of the median jot, so that no single jot, however bright, has a say in it.
+    η is that of the median jot, so that no single jot affects the result.
 
     Examples
     --------
@@ -37,9 +37,9 @@ def detected_photons(sensor: Sensor) -> float:
 
 
 def max_measurable_intensity(sensor: Sensor) -> float:
-    """Give the intensity at which a pixel misses a one in half of its bits' places: L = K - 1/2.
+    """Return the intensity at which a pixel is expected to show L = K - 1/2 ones.
 
-    Above that its bits say little more than that it is bright.
+    The bits of brighter pixels are nearly all 1 and hardly distinguish their intensities.
 
     Examples
     --------
@@ -56,26 +56,26 @@ def max_measurable_intensity(sensor: Sensor) -> float:
 def estimate_brightness(
     data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = None
 ) -> float:
-    """Give the intensity of the brightest parts of a scene: all but 0.1 % of it is darker.
+    """Return the intensity that 99.9 % of the pixels of a scene are darker than.
 
     Parameters
     ----------
     data : Bits or array_like of int
         Bits, or an image of counts (H, W) or (H, W, C).
     sensor : Sensor
-        What made them; its `max_intensity` does not matter.
+        The sensor that recorded the data. Its `max_intensity` has no effect.
     threads : int, optional
-        Threads to use. Default: all.
+        The number of threads. Default: all cores.
 
     Returns
     -------
     float
-        Above 0, in units of intensity; the quantile of the picture smoothed by a Gaussian.
+        The quantile of the estimate smoothed by a Gaussian, above 0, in units of intensity.
 
     Raises
     ------
     TypeError, ValueError
-        When data and sensor do not fit.
+        When data and sensor do not fit together.
 
     Examples
     --------
@@ -83,27 +83,48 @@ def estimate_brightness(
     >>> round(estimate_brightness(sensor.expose(np.full((32, 32), 0.3), rng=0), sensor), 1)
     0.3
     """
-    most = max_measurable_intensity(sensor)
-    blur = partial(denoise.gaussian, sigma=_BLUR)
-    picture = noniterative(data, sensor.replace(max_intensity=most), denoiser=blur, threads=threads)
-    # A dark capture still needs a scale.
-    return max(float(np.quantile(picture, BRIGHTNESS_QUANTILE)), 1e-3 * most)
+    max_intensity = max_measurable_intensity(sensor)
+    estimate = noniterative(
+        data,
+        sensor.replace(max_intensity=max_intensity),
+        denoiser=partial(gaussian, sigma=_BLUR),
+        threads=threads,
+    )
+    # A capture in darkness still needs a scale.
+    return max(float(np.quantile(estimate, BRIGHTNESS_QUANTILE)), 1e-3 * max_intensity)
 
 
 def training_sensor(
     data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = None
 ) -> tuple[Sensor, float]:
-    """Give the sensor that a network for this very capture is trained for, and the brightness.
+    """Return the sensor that a network for this capture is trained for, and the brightness.
 
-    Photographs with intensities in [0, 1], multiplied by the brightness, are then such scenes as
-    the capture's.
+    Photographs with intensities in [0, 1], multiplied by the brightness, are training scenes like
+    that of the capture.
+
+    Parameters
+    ----------
+    data, sensor, threads
+        As for :func:`estimate_brightness`.
+
+    Returns
+    -------
+    sensor : Sensor
+        The sensor with a `max_intensity` of :data:`HEADROOM` times the brightness.
+    brightness : float
+        As from :func:`estimate_brightness`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When data and sensor do not fit together.
 
     Examples
     --------
-    >>> seen = Sensor(frames=64).expose(np.full((32, 32), 0.3), rng=0)
-    >>> sensor, scale = training_sensor(seen, Sensor(frames=64))
-    >>> round(sensor.max_intensity / scale)
+    >>> bits = Sensor(frames=64).expose(np.full((32, 32), 0.3), rng=0)
+    >>> sensor, brightness = training_sensor(bits, Sensor(frames=64))
+    >>> round(sensor.max_intensity / brightness)
     2
     """
-    scale = estimate_brightness(data, sensor, threads=threads)
-    return sensor.replace(max_intensity=HEADROOM * scale), scale
+    brightness = estimate_brightness(data, sensor, threads=threads)
+    return sensor.replace(max_intensity=HEADROOM * brightness), brightness

@@ -1,4 +1,4 @@
-"""How an iterative method tells where it stands, and when it is done."""
+"""Progress and convergence of the iterative methods: callbacks, the stopping rule, the history."""
 
 import dataclasses
 import math
@@ -13,116 +13,158 @@ from jotlight.errors import warn
 
 @dataclasses.dataclass(frozen=True)
 class Iteration:
-    """Where an iterative method stands."""
+    """The state of an iterative method after one iteration, as a callback receives it."""
 
     number: int
-    """From 1 on."""
+    """The number of iterations so far, from 1."""
     residuals: Mapping[str, float]
-    """By name."""
+    """The residuals by name."""
     residual: float
-    """The largest of them, in the measure in which the method is done when it is at most `tol`."""
+    """The largest residual, scaled so that the method has converged when it is at most `tol`."""
     estimate: npt.NDArray[np.float64]
-    """The estimate so far, read-only."""
+    """The current estimate, in units of intensity; read-only."""
     tol: float
+    """The tolerance of the run."""
     max_iter: int
+    """The maximum number of iterations of the run."""
 
     @property
     def progress(self) -> float:
-        """How much is done, from 0 to 1: residuals fall by about the same factor each time."""
+        """The completed share of the run in [0, 1], if each iteration shrinks it by one factor."""
         if self.residual <= self.tol or self.tol >= 1:
             return 1.0
         return min(max(math.log(self.residual) / math.log(self.tol), 0.0), 1.0)
 
 
 Callback = Callable[[Iteration], object]
-"""Called after every iteration; it ends the run by raising StopIteration."""
+"""A function that is called after every iteration. It ends the run by raising StopIteration."""
 
 
 @dataclasses.dataclass(frozen=True)
 class ConvergenceHistory:
-    """How an iterative method came to its picture."""
+    """The course of an iterative method, of one channel."""
 
     converged: bool
-    """Whether the residuals came below `tol`."""
+    """Whether the residuals reached `tol`."""
     residuals: dict[str, npt.NDArray[np.float64]]
-    """By name, one number for each iteration."""
+    """The residuals by name, one number for each iteration."""
     objective: float
-    """What was minimised, -ℓ and the method's prior, at the picture in float64."""
+    """The minimized function, -ℓ plus the method's prior, at the final estimate in float64."""
     weight: float | npt.NDArray[np.floating] = 0.0
-    """Of the prior, a number or one for each pixel."""
+    """The weight of the prior: a number, or a map with one value for each pixel."""
 
     @property
     def iterations(self) -> int:
-        """How many there were."""
+        """The number of iterations."""
         return len(next(iter(self.residuals.values())))
 
 
+def check_stopping_rule(max_iter: int, tol: float) -> tuple[int, float]:
+    """Return `max_iter` as an int and `tol` as a float.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When `max_iter` is not a whole number of at least 1, or `tol` is not finite and positive.
+
+    Examples
+    --------
+    >>> check_stopping_rule(500, 1e-3)
+    (500, 0.001)
+    """
+    if not isinstance(tol, float | int | np.number) or not 0 < tol < np.inf:
+        raise ValueError(f"tol: expected a finite number above 0, got {tol!r}")
+    try:
+        iterations = operator.index(max_iter)
+    except TypeError:
+        raise TypeError(f"max_iter: expected a whole number, got {max_iter!r}") from None
+    if iterations < 1:
+        raise ValueError(f"max_iter: expected 1 or more, got {max_iter}")
+    return iterations, float(tol)
+
+
 class ConvergenceMonitor:
-    """Collects the residuals, calls the user back, and says when to stop."""
+    """The stopping rule of one run. It records the residuals and calls the user's callback.
+
+    Parameters
+    ----------
+    name : str
+        The name of the method in warnings.
+    max_iter : int
+        The maximum number of iterations, at least 1.
+    tol : float
+        The method has converged when the scaled residuals are at most this large.
+    callback : callable, optional
+        A function that receives an :class:`Iteration` after each iteration.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As :func:`check_stopping_rule`.
+    """
 
     def __init__(self, name: str, max_iter: int, tol: float, callback: Callback | None) -> None:
-        if not isinstance(tol, float | int | np.number) or not 0 < tol < np.inf:
-            raise ValueError(f"tol: expected a finite number above 0, got {tol!r}")
-        try:
-            self.max_iter = operator.index(max_iter)
-        except TypeError:
-            raise TypeError(f"max_iter: expected a whole number, got {max_iter!r}") from None
-        if self.max_iter < 1:
-            raise ValueError(f"max_iter: expected 1 or more, got {max_iter}")
-        self.tol = float(tol)
+        self.max_iter, self.tol = check_stopping_rule(max_iter, tol)
+        self.converged = False
         self._name = name
         self._callback = callback
         self._residuals: list[Mapping[str, float]] = []
-        self._ended = False
-        self._worst = math.inf
-        self._remedy = "raise max_iter, or tol"
-        self.converged = False
+        self._residual = math.inf
+        self._stopped_by_callback = False
+        self._advice = "raise max_iter, or tol"
 
     @property
     def number(self) -> int:
-        """Iterations so far."""
+        """The number of iterations so far."""
         return len(self._residuals)
 
     def update(
         self,
-        image: npt.NDArray[np.float64],
+        estimate: npt.NDArray[np.float64],
         residuals: Mapping[str, float],
-        leeway: Mapping[str, float] | None = None,
+        tolerance_factors: Mapping[str, float] | None = None,
     ) -> bool:
-        """Take note of an iteration and tell whether there is to be another.
+        """Record an iteration and return whether the method has to continue.
 
-        `leeway` says how many `tol` some of the residuals may have.
+        The residual of a name may reach `tol` times its factor in `tolerance_factors`. The default
+        factor is 1.
         """
         self._residuals.append(residuals)
-        worst = max(value / (leeway or {}).get(name, 1.0) for name, value in residuals.items())
-        step = Iteration(self.number, residuals, worst, _readonly(image), self.tol, self.max_iter)
-        self._worst = worst
-        self.converged = worst <= self.tol
+        factors = tolerance_factors or {}
+        residual = max(value / factors.get(name, 1.0) for name, value in residuals.items())
+        iteration = Iteration(
+            self.number, residuals, residual, _readonly(estimate), self.tol, self.max_iter
+        )
+        self._residual = residual
+        self.converged = residual <= self.tol
         if self._callback is not None:
             try:
-                self._callback(step)
+                self._callback(iteration)
             except StopIteration:
-                self._ended = True
-        return not (self.converged or self._ended or step.number >= self.max_iter)
+                self._stopped_by_callback = True
+        return not (
+            self.converged or self._stopped_by_callback or iteration.number >= self.max_iter
+        )
 
-    def give_up(self, reason: str) -> None:
-        """Say why there cannot be another iteration."""
-        self._remedy = reason
+    def fail(self, reason: str) -> None:
+        """Record why another iteration is impossible. The warning of `finish` shows the reason."""
+        self._advice = reason
 
     def finish(
         self, objective: float, weight: float | npt.NDArray[np.floating] = 0.0
     ) -> ConvergenceHistory:
-        """Sum up, and warn when the method is not done; who ended it himself knows."""
-        names = self._residuals[0]
+        """Return the history, and warn unless the method converged or the callback ended it."""
         residuals = {
-            name: np.array([step[name] for step in self._residuals], np.float64) for name in names
+            name: np.array([step[name] for step in self._residuals], np.float64)
+            for name in self._residuals[0]
         }
-        if not (self.converged or self._ended):
+        if not (self.converged or self._stopped_by_callback):
             last = ", ".join(f"{name} {values[-1]:.2g}" for name, values in residuals.items())
             plural = "" if self.number == 1 else "s"
             warn(
                 f"{self._name}: not converged after {self.number} iteration{plural}: residual "
-                f"{self._worst:.2g} ({last}), expected at most tol = {self.tol:g}; {self._remedy}"
+                f"{self._residual:.2g} ({last}), expected at most tol = {self.tol:g}; "
+                f"{self._advice}"
             )
         return ConvergenceHistory(self.converged, residuals, objective, weight)
 

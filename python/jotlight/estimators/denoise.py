@@ -1,7 +1,8 @@
-"""Denoisers for the stabilised counts, whose noise has a standard deviation of 1/2.
+"""Denoisers for stabilized counts, whose noise has a standard deviation of 1/2.
 
-Each takes and gives an image (H, W) of float32 and is a thin cover over a library. Strengths were
-chosen on the BSDS training images at K = 16 (``python benchmarks/studies/denoisers.py``).
+Each maps an image (H, W) of float32 to one of the same shape and wraps a function of a library. The
+default strengths were chosen on the BSDS training images at K = 16
+(``python benchmarks/studies/denoisers.py``).
 """
 
 import contextvars
@@ -19,11 +20,16 @@ from jotlight.estimators.vst import NOISE
 
 Image = npt.NDArray[np.float32]
 Denoiser = Callable[[Image], npt.ArrayLike]
+"""A function from an image (H, W) with white noise of standard deviation 1/2 to a denoised one."""
+
 P = ParamSpec("P")
 
 
-def _stoppable(denoise: Callable[P, Image]) -> Callable[P, Image]:
-    """Let Ctrl-C end the wait for a library that does not look for it; the library works on."""
+def _interruptible(denoise: Callable[P, Image]) -> Callable[P, Image]:
+    """Return the denoiser in a thread, so that Ctrl-C ends the wait for a library without checks.
+
+    The thread itself runs on until the library returns.
+    """
 
     @functools.wraps(denoise)
     def run(*arguments: P.args, **options: P.kwargs) -> Image:
@@ -36,7 +42,7 @@ def _stoppable(denoise: Callable[P, Image]) -> Callable[P, Image]:
             except BaseException as error:
                 outcome.put(error)
 
-        # As a daemon it does not hold up the end of the program.
+        # A daemon thread does not delay the end of the program.
         threading.Thread(target=work, daemon=True).start()
         while True:
             try:
@@ -50,26 +56,29 @@ def _stoppable(denoise: Callable[P, Image]) -> Callable[P, Image]:
     return run
 
 
-@_stoppable
+@_interruptible
 def gaussian(image: Image, sigma: float = 1.5) -> Image:
-    """Smooth by a Gaussian of standard deviation `sigma` in pixels (SciPy)."""
+    """Return the image smoothed by a Gaussian of standard deviation `sigma` in pixels (SciPy)."""
     from scipy.ndimage import gaussian_filter
 
     return np.asarray(gaussian_filter(image, sigma, mode="reflect"), np.float32)
 
 
 def tv(image: Image, weight: float = 0.5) -> Image:
-    """Minimise total variation by Chambolle's method (scikit-image)."""
+    """Return the image denoised by total variation, with Chambolle's method (scikit-image).
+
+    A larger `weight` smooths more.
+    """
     from skimage.restoration import denoise_tv_chambolle
 
     return np.asarray(denoise_tv_chambolle(image, weight=weight, max_num_iter=200), np.float32)
 
 
-@_stoppable
+@_interruptible
 def nlm(image: Image, strength: float = 0.7) -> Image:
-    """Average over similar patches: non-local means (scikit-image).
+    """Return the image denoised by non-local means, an average over similar patches (scikit-image).
 
-    `strength` is the cut-off h in units of the noise's standard deviation.
+    `strength` is the cut-off h in units of the standard deviation of the noise.
     """
     from skimage.restoration import denoise_nl_means
 
@@ -81,31 +90,30 @@ def nlm(image: Image, strength: float = 0.7) -> Image:
         sigma=NOISE,
         fast_mode=True,
     )
-    # scikit-image drops a height or width of 1.
+    # scikit-image drops dimensions of size 1.
     return np.asarray(denoised, np.float32).reshape(image.shape)
 
 
-@_stoppable
+@_interruptible
 def bm3d(image: Image) -> Image:
-    """Block matching and collaborative filtering, by its authors' package.
+    """Return the image denoised by block matching and 3D filtering, with its authors' package.
 
     Raises
     ------
     MissingExtraError
-        When the package is not installed. Its licence allows non-commercial use only.
+        When the package is not installed. Its license permits non-commercial use only.
     """
     try:
         from bm3d import bm3d as authors_bm3d
     except ImportError as error:
         raise MissingExtraError(
             "the denoiser 'bm3d' needs its authors' package: pip install 'jotlight[bm3d]'. "
-            "Its licence allows non-commercial use only; 'tv' and 'nlm' need no extra package"
+            "Its license permits non-commercial use only; 'tv' and 'nlm' need no extra package"
         ) from error
-    # The package refuses images smaller than its blocks of 8 x 8, and one of just that size
-    # crashes it.
+    # The package refuses images smaller than its blocks of 8 x 8, and crashes on 8 x 8 itself.
     height, width = image.shape
-    whole = np.pad(image, ((0, max(0, 16 - height)), (0, max(0, 16 - width))), mode="symmetric")
-    denoised = authors_bm3d(whole, sigma_psd=NOISE)
+    padded = np.pad(image, ((0, max(0, 16 - height)), (0, max(0, 16 - width))), mode="symmetric")
+    denoised = authors_bm3d(padded, sigma_psd=NOISE)
     return np.asarray(denoised[:height, :width], np.float32)
 
 
@@ -115,16 +123,21 @@ DENOISERS: dict[str, Callable[[Image], Image]] = {
     "nlm": nlm,
     "bm3d": bm3d,
 }
-"""The denoisers by name."""
+"""The denoisers by their names."""
 
 
 def resolve_denoiser(denoiser: str | Denoiser) -> Denoiser:
-    """A denoiser by its name, or the callable itself.
+    """Return the denoiser of a name, or the callable itself.
 
     Raises
     ------
     ValueError, TypeError
-        For an unknown name and for what cannot be called.
+        For an unknown name, and for an object that is not callable.
+
+    Examples
+    --------
+    >>> resolve_denoiser("nlm") is nlm
+    True
     """
     if isinstance(denoiser, str):
         if denoiser not in DENOISERS:

@@ -1,4 +1,4 @@
-"""Pixels of which nothing is known."""
+"""Dead pixels, which have no valid jot, filled from their neighbors."""
 
 import numpy as np
 import numpy.typing as npt
@@ -6,101 +6,129 @@ import numpy.typing as npt
 from jotlight.errors import warn
 
 _TOLERANCE = 1e-6
-"""Of the linear equations, relative."""
+"""The absolute residual of the linear equations, relative to their largest right-hand side."""
 
-_MOST_STEPS = 200
+_MAX_CG_STEPS = 200
+"""The maximum number of steps of conjugate gradients."""
 
 
 def inpaint_dead_pixels(
-    image: npt.NDArray[np.float32], blind: npt.NDArray[np.bool_] | None
+    image: npt.NDArray[np.float32], dead: npt.NDArray[np.bool_] | None
 ) -> npt.NDArray[np.float32]:
-    """Fill blind pixels so that each is the mean of its 8 neighbours (2 in a signal), and say so.
+    """Return the image with each dead pixel equal to the mean of its 8 neighbors (2 in a signal).
 
-    Neighbours may be blind themselves, so that a hole is a system of linear equations, the
-    discrete Laplace equation with the known pixels around for its boundary: a membrane spanned
-    over the hole. A filled pixel is never below the least or above the largest known one.
+    Neighbors may be dead themselves. A hole is then a system of linear equations: the discrete
+    Laplace equation with the known pixels around the hole as its boundary. Filled pixels stay
+    between the minimum and the maximum of the known ones.
+
+    Parameters
+    ----------
+    image : ndarray of float32, shape (H, W) or (N,)
+        An image or a signal. The values of dead pixels are ignored.
+    dead : ndarray of bool or None
+        The mask of dead pixels, of the same shape; None for an image without any.
+
+    Returns
+    -------
+    ndarray of float32
+        The filled image; the input itself where `dead` is None.
 
     Raises
     ------
     ValueError
-        When all pixels are blind.
+        When all pixels are dead.
+
+    Warns
+    -----
+    JotlightWarning
+        When pixels were filled.
 
     Notes
     -----
-    Better than growing from the rim in holes of 3 x 3 pixels and more, where that leaves seams, and
-    the same for single pixels. The biharmonic equation, whose slopes are smooth too, follows
-    pictures without noise more closely still, but carries the noise of the rim into the hole.
+    In holes of 3 x 3 pixels and more, filling from the border inwards leaves seams; this does not.
+    For single pixels both agree. The biharmonic equation, which also has continuous slopes, is
+    closer for images without noise, but it carries the noise of the border into the hole.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> image = np.float32([1.0, 0.0, 3.0])
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("ignore")
+    ...     inpaint_dead_pixels(image, np.array([False, True, False])).tolist()
+    [1.0, 2.0, 3.0]
     """
-    if blind is None:
+    if dead is None:
         return image
-    if blind.all():
+    if dead.all():
         raise ValueError("mask: expected at least one jot that is alive, got none")
     warn(
-        f"{blind.sum()} of {blind.size} pixels have no valid jot and were filled from their "
-        "neighbours"
+        f"{dead.sum()} of {dead.size} pixels have no valid jot and were filled from their neighbors"
     )
-    known = image[~blind]
-    filled = _grown(image, blind)
-    filled[blind] = np.clip(_membrane(filled, blind), known.min(), known.max())
+    known = image[~dead]
+    filled = _fill_inwards(image, dead)
+    filled[dead] = np.clip(_solve_laplace(filled, dead), known.min(), known.max())
     return filled.astype(np.float32)
 
 
-def _grown(image: npt.NDArray[np.float32], blind: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
-    """Fill from the rim of each hole inwards: where the equations' solution is looked for first."""
+def _fill_inwards(
+    image: npt.NDArray[np.float32], dead: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.float64]:
+    """Fill each hole from its border inwards: the initial guess of the linear equations."""
     from scipy.ndimage import correlate
 
-    known = ~blind
+    known = ~dead
     filled = np.where(known, image, 0).astype(np.float64)
-    # No running sums as in uniform_filter: what they leave of the sums gone by may be below 0.
+    # uniform_filter keeps running sums, and their rounding errors can make a result negative.
     window = np.ones((3,) * image.ndim)
     while not known.all():
         weight = correlate(known.astype(np.float64), window, mode="constant")
         total = correlate(np.where(known, filled, 0), window, mode="constant")
-        rim = ~known & (weight > 0)
-        filled[rim] = total[rim] / weight[rim]
-        known |= rim
+        border = ~known & (weight > 0)
+        filled[border] = total[border] / weight[border]
+        known |= border
     return filled
 
 
-def _membrane(
-    filled: npt.NDArray[np.float64], blind: npt.NDArray[np.bool_]
+def _solve_laplace(
+    filled: npt.NDArray[np.float64], dead: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.float64]:
-    """The blind pixels that are the mean of their neighbours, by conjugate gradients."""
+    """Return the values of the dead pixels that equal the mean of their neighbors."""
     from scipy.sparse import coo_array
     from scipy.sparse.linalg import cg
 
-    places = np.argwhere(blind)
-    number = np.full(blind.shape, -1)
-    number[blind] = np.arange(len(places))
-    degree = np.zeros(len(places))
-    around = np.zeros(len(places))
+    positions = np.argwhere(dead)
+    index = np.full(dead.shape, -1)
+    index[dead] = np.arange(len(positions))
+    degree = np.zeros(len(positions))
+    known_sum = np.zeros(len(positions))
     rows, columns = [], []
-    for offset in np.ndindex(*(3,) * blind.ndim):
+    for offset in np.ndindex(*(3,) * dead.ndim):
         step = np.array(offset) - 1
         if not step.any():
             continue
-        there = places + step
-        inside = np.flatnonzero(((there >= 0) & (there < blind.shape)).all(axis=1))
-        neighbour = tuple(there[inside].T)
+        shifted = positions + step
+        inside = np.flatnonzero(((shifted >= 0) & (shifted < dead.shape)).all(axis=1))
+        neighbor = tuple(shifted[inside].T)
         degree[inside] += 1
-        also = blind[neighbour]
-        around[inside[~also]] += filled[neighbour][~also]
-        rows.append(inside[also])
-        columns.append(number[neighbour][also])
+        unknown = dead[neighbor]
+        known_sum[inside[~unknown]] += filled[neighbor][~unknown]
+        rows.append(inside[unknown])
+        columns.append(index[neighbor][unknown])
     row, column = np.concatenate(rows), np.concatenate(columns)
-    guess = filled[blind]
+    guess = filled[dead]
     if not len(row):
         return guess
-    diagonal = np.arange(len(places))
+    diagonal = np.arange(len(positions))
     matrix = coo_array(
         (
             np.concatenate([-np.ones(len(row)), degree]),
             (np.concatenate([row, diagonal]), np.concatenate([column, diagonal])),
         )
     ).tocsr()
-    # From the guess on, so that what is solved by it, such as single pixels, stays as it is.
-    rest = around - matrix @ guess
-    limit = _TOLERANCE * float(np.abs(around).max() or 1.0)
-    scale = coo_array((1 / degree, (diagonal, diagonal))).tocsr()
-    change, _ = cg(matrix, rest, rtol=0, atol=limit, maxiter=_MOST_STEPS, M=scale)
+    # Solving for the change keeps what the guess already solves, such as single pixels, exact.
+    residual = known_sum - matrix @ guess
+    limit = _TOLERANCE * float(np.abs(known_sum).max() or 1.0)
+    jacobi = coo_array((1 / degree, (diagonal, diagonal))).tocsr()
+    change, _ = cg(matrix, residual, rtol=0, atol=limit, maxiter=_MAX_CG_STEPS, M=jacobi)
     return np.asarray(guess + change)

@@ -1,4 +1,4 @@
-"""The response of a pixel solved for the intensity, and counts of unequal pixels made comparable."""
+"""The inverse response of a pixel: intensities from probabilities, and counts that compare."""
 
 import numpy as np
 import numpy.typing as npt
@@ -12,45 +12,91 @@ from jotlight.sensing.sensor import Sensor
 
 
 def equivalent_counts(
-    seen: PixelCounts, reference: Jot, threads: int | None
+    pixels: PixelCounts, reference: Jot, threads: int | None
 ) -> npt.NDArray[np.float32]:
-    """Bring all pixels to K valid bits of jots like `reference`.
+    """Return the counts that K valid jots like `reference` would show for the same intensities.
 
-    Methods that look at many pixels at once take these, so that dead and hot jots do not
-    show as a pattern. The counts become real numbers in [0, K]; pixels without any
-    valid jot are filled from their neighbours.
+    Methods that combine neighboring pixels use them, so that dead and hot jots do not show as a
+    pattern.
+
+    Parameters
+    ----------
+    pixels : PixelCounts
+        The counts of one channel.
+    reference : (float, float)
+        η and d of the reference jot.
+    threads : int, optional
+        The number of threads. Default: all cores.
+
+    Returns
+    -------
+    ndarray of float32, shape (H, W)
+        Real numbers in [0, K].
+
+    Warns
+    -----
+    JotlightWarning
+        When pixels without a valid jot were filled from their neighbors.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.pixel_counts import count_pixels
+    >>> pixels = count_pixels(np.array([[2, 4]]), Sensor(frames=8), None)
+    >>> equivalent_counts(pixels, (0.5, 0.0), None).round(2)  # half the efficiency, fewer ones
+    array([[1.07, 2.34]], dtype=float32)
     """
-    if seen.uniform and (seen.efficiency, seen.dark_counts) == reference:
-        return seen.counts.astype(np.float32)
-    out = np.empty(seen.counts.shape, np.float32)
-    for part in pixel_chunks(out.size):
+    if pixels.uniform and (pixels.efficiency, pixels.dark_counts) == reference:
+        return pixels.counts.astype(np.float32)
+    out = np.empty(pixels.counts.shape, np.float32)
+    for chunk in pixel_chunks(out.size):
         engine.equivalent_counts(
-            seen.sensor.pixel_response(),
-            take_pixels(seen.counts, part),
-            take_pixels(seen.trials, part),
-            (take_pixels(seen.efficiency, part), take_pixels(seen.dark_counts, part)),
-            seen.sensor.bits_per_pixel,
+            pixels.sensor.pixel_response(),
+            take_pixels(pixels.counts, chunk),
+            take_pixels(pixels.trials, chunk),
+            (take_pixels(pixels.efficiency, chunk), take_pixels(pixels.dark_counts, chunk)),
+            pixels.sensor.bits_per_pixel,
             reference,
-            take_pixels(out, part),
+            take_pixels(out, chunk),
             threads,
         )
-    return inpaint_dead_pixels(out, seen.dead_pixels)
+    return inpaint_dead_pixels(out, pixels.dead_pixels)
 
 
 def intensity_from_probability(
     probability: npt.NDArray[np.float32], sensor: Sensor, threads: int | None
 ) -> npt.NDArray[np.float32]:
-    """The intensity that makes a pixel's bits fire with a probability: equation (5) with p for L/K.
+    """Return the intensity at which a bit of a pixel is 1 with a certain probability.
 
-    The jots are as :func:`reference_jot` gives them.
+    ``c = (K/α)(P⁻¹(q, p) - d)/η`` clipped to [0, S]: equation (5) with p for L/K, for the jot of
+    :func:`jotlight.sensing.reference.reference_jot`.
+
+    Parameters
+    ----------
+    probability : ndarray of float32, any shape
+        p in [0, 1].
+    sensor : Sensor
+        The sensor.
+    threads : int, optional
+        The number of threads. Default: all cores.
+
+    Returns
+    -------
+    ndarray of float32
+        Intensities in [0, S], of the same shape.
+
+    Examples
+    --------
+    >>> intensity_from_probability(np.float32([0.0, 0.5, 1.0]), Sensor(), None).round(4)
+    array([0.    , 0.6931, 1.    ], dtype=float32)
     """
+    reference = reference_jot(sensor)
     out = np.empty(probability.shape, np.float32)
-    for part in pixel_chunks(out.size):
+    for chunk in pixel_chunks(out.size):
         engine.mle_from_probability(
             sensor.pixel_response(),
-            take_pixels(probability, part),
-            reference_jot(sensor),
-            take_pixels(out, part),
+            take_pixels(probability, chunk),
+            reference,
+            take_pixels(out, chunk),
             threads,
         )
     return out

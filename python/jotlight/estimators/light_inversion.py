@@ -1,4 +1,4 @@
-"""From how often a pixel's bits are 1 to the light on it, for many pixels at once."""
+"""The light on many pixels at once, from the probabilities that their bits are 1."""
 
 from collections.abc import Callable
 from typing import Any
@@ -15,123 +15,135 @@ from jotlight.sensing.response import (
 )
 from jotlight.sensing.sensor import Sensor
 
-_STEPS = 60
-"""Of Newton's method between bounds at most."""
+_MAX_NEWTON_STEPS = 60
+"""The maximum number of steps of Newton's method between bounds."""
 
-_ROWS = 1 << 14
-"""Pixels at once whose jots differ, so that memory stays small."""
+_CHUNK = 1 << 14
+"""Pixels with unequal jots that are solved at once. It bounds the memory."""
 
 
 class UniqueCounts:
-    """The distinct pairs of ones and bits among a picture's pixels, of which there are few."""
+    """The distinct pairs of ones and valid bits among the pixels. There are few of them."""
 
-    def __init__(self, seen: PixelCounts) -> None:
-        counts = seen.counts
-        if isinstance(seen.trials, int) and seen.trials < counts.size:
-            self.ones = np.arange(seen.trials + 1)
-            self.bits = np.full(seen.trials + 1, seen.trials)
-            self._places = counts
+    def __init__(self, pixels: PixelCounts) -> None:
+        counts = pixels.counts
+        if isinstance(pixels.trials, int) and pixels.trials < counts.size:
+            self.ones = np.arange(pixels.trials + 1)
+            self.bits = np.full(pixels.trials + 1, pixels.trials)
+            self._indices = counts
             return
-        bits = np.broadcast_to(np.asarray(seen.trials, np.int64), counts.shape)
-        # Both are below 2**31.
-        keys, places = np.unique((bits << 31) | counts, return_inverse=True)
+        bits = np.broadcast_to(np.asarray(pixels.trials, np.int64), counts.shape)
+        # Both numbers are below 2**31, so that one integer holds the pair.
+        keys, indices = np.unique((bits << 31) | counts, return_inverse=True)
         self.ones, self.bits = keys & (2**31 - 1), keys >> 31
-        self._places = places.reshape(counts.shape)
+        self._indices = indices.reshape(counts.shape)
 
-    def spread(self, table: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Give each pixel the value of its pair."""
-        return table[self._places]
-
-
-Inverse = Callable[[Array, Array], Array]
-"""The light on each pixel, from tables of p and 1 - p for the distinct pairs; may be below 0."""
+    def expand(self, table: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Return an image (H, W) with each pixel's entry of a table over the pairs."""
+        return table[self._indices]
 
 
-def light_of(seen: PixelCounts, distinct: UniqueCounts) -> Inverse:
-    """How the light follows from the probability p that a bit of a pixel is 1.
+LightInverse = Callable[[Array, Array], Array]
+"""A function from p and 1 - p of the distinct pairs to the light on each pixel, also below 0."""
 
-    Where the jots of a pixel differ, p is their mean, and the light is kept in what S casts.
+
+def build_light_inverse(pixels: PixelCounts, unique: UniqueCounts) -> LightInverse:
+    """Return the inverse of the pixels' response: from the probability p of a 1 to the light.
+
+    Where the jots of a pixel differ, p is their mean, and the light is limited to that of
+    intensities in [0, S].
     """
-    return _of_differing(seen, distinct) if seen.varies_within_pixels else _of_alike(seen, distinct)
+    if pixels.varies_within_pixels:
+        return _build_unequal_inverse(pixels, unique)
+    return _build_equal_inverse(pixels, unique)
 
 
-def _of_alike(seen: PixelCounts, distinct: UniqueCounts) -> Inverse:
-    def light(p: Array, rest: Array) -> Array:
-        rate = distinct.spread(inverse_detection_probability(seen.sensor.threshold, p, rest))
-        return np.asarray((rate - seen.dark_counts) / seen.efficiency)
+def _build_equal_inverse(pixels: PixelCounts, unique: UniqueCounts) -> LightInverse:
+    threshold = pixels.sensor.threshold
 
-    return light
+    def invert(p: Array, complement: Array) -> Array:
+        rate = unique.expand(inverse_detection_probability(threshold, p, complement))
+        return np.asarray((rate - pixels.dark_counts) / pixels.efficiency)
 
-
-def _of_differing(seen: PixelCounts, distinct: UniqueCounts) -> Inverse:
-    sensor = seen.sensor
-    most = sensor.max_intensity * sensor.light_per_intensity
-    maps = [jots_of(seen, value).reshape(seen.counts.size, -1) for value in maps_of(sensor)]
-
-    def light(p: Array, rest: Array) -> Array:
-        guess = distinct.spread(inverse_detection_probability(sensor.threshold, p, rest))
-        guess = ((guess - seen.dark_counts) / seen.efficiency).ravel()
-        chance, out = distinct.spread(p).ravel(), np.empty(seen.counts.size)
-        for start in range(0, out.size, _ROWS):
-            part = slice(start, start + _ROWS)
-            pixels = _Differing(sensor.threshold, *(map_[part] for map_ in maps))
-            out[part] = pixels.light(chance[part], guess[part], most)
-        return out.reshape(seen.counts.shape)
-
-    return light
+    return invert
 
 
-class _Differing:
-    """Pixels with η, d and living of their jots, each (N, K̂²)."""
+def _build_unequal_inverse(pixels: PixelCounts, unique: UniqueCounts) -> LightInverse:
+    sensor, size = pixels.sensor, pixels.counts.size
+    max_light = sensor.max_intensity * sensor.light_per_intensity
+    maps = [_group_by_pixel(pixels, value).reshape(size, -1) for value in jot_maps(sensor)]
 
-    def __init__(self, threshold: int, efficiency: Array, dark: Array, living: Array) -> None:
+    def invert(p: Array, complement: Array) -> Array:
+        rate = unique.expand(inverse_detection_probability(sensor.threshold, p, complement))
+        guess = ((rate - pixels.dark_counts) / pixels.efficiency).ravel()
+        probability, out = unique.expand(p).ravel(), np.empty(size)
+        for start in range(0, size, _CHUNK):
+            chunk = slice(start, start + _CHUNK)
+            part = _UnequalJots(sensor.threshold, *(map_[chunk] for map_ in maps))
+            out[chunk] = part.light(probability[chunk], guess[chunk], max_light)
+        return out.reshape(pixels.counts.shape)
+
+    return invert
+
+
+class _UnequalJots:
+    """N pixels with unequal jots. η, d, and the live jots are arrays (N, K̂²)."""
+
+    def __init__(self, threshold: int, efficiency: Array, dark_counts: Array, alive: Array) -> None:
         self._threshold = threshold
-        self._efficiency, self._dark, self._living = efficiency, dark, living
-        self._number = np.maximum(living.sum(-1), 1)
+        self._efficiency, self._dark_counts, self._alive = efficiency, dark_counts, alive
+        self._number = np.maximum(alive.sum(-1), 1)
 
-    def light(self, chance: Array, guess: Array, most: float) -> Array:
-        """The light in [0, most] at which the jots fire so often in the mean."""
-        out = np.where(self._mean(np.zeros(chance.shape))[0] >= chance, 0.0, most)
-        inside = (out > 0) & (self._mean(out)[0] > chance)
-        pixels = _Differing(
-            self._threshold, self._efficiency[inside], self._dark[inside], self._living[inside]
+    def light(self, probability: Array, guess: Array, max_light: float) -> Array:
+        """Return the light in [0, max_light] at which the jots' mean probability is as stated."""
+        dark = self._mean_probability(np.zeros(probability.shape))[0]
+        out = np.where(dark >= probability, 0.0, max_light)
+        inside = (out > 0) & (self._mean_probability(out)[0] > probability)
+        part = _UnequalJots(
+            self._threshold,
+            self._efficiency[inside],
+            self._dark_counts[inside],
+            self._alive[inside],
         )
-        out[inside] = pixels._newton(chance[inside], guess[inside], most)
+        out[inside] = part._solve(probability[inside], guess[inside], max_light)
         return out
 
-    def _newton(self, chance: Array, guess: Array, most: float) -> Array:
-        low, high = np.zeros(chance.shape), np.full(chance.shape, most)
-        here = np.where((guess > 0) & (guess < most), guess, most / 2)
-        for _ in range(_STEPS):
-            value, slope = self._mean(here)
-            low, high = np.where(value < chance, here, low), np.where(value < chance, high, here)
+    def _solve(self, probability: Array, guess: Array, max_light: float) -> Array:
+        """Solve for the light by Newton's method, with bisection where a step leaves the bounds."""
+        low, high = np.zeros(probability.shape), np.full(probability.shape, max_light)
+        light = np.where((guess > 0) & (guess < max_light), guess, max_light / 2)
+        for _ in range(_MAX_NEWTON_STEPS):
+            value, slope = self._mean_probability(light)
+            below = value < probability
+            low, high = np.where(below, light, low), np.where(below, high, light)
             with np.errstate(divide="ignore", invalid="ignore"):
-                step = here + (chance - value) / slope
-            near = np.abs(step - here) <= 1e-8 * here + 1e-12 * most
-            if near.all():
+                newton = light + (probability - value) / slope
+            converged = np.abs(newton - light) <= 1e-8 * light + 1e-12 * max_light
+            if converged.all():
                 break
-            # Rounding may take a last tiny step across a bound, which must not halve.
-            there = np.where((low < step) & (step < high), step, (low + high) / 2)
-            here = np.where(near, here, there)
-        return here
+            # Rounding can move a last tiny step across a bound. Bisection must not follow it.
+            inside = (low < newton) & (newton < high)
+            candidate = np.where(inside, newton, (low + high) / 2)
+            light = np.where(converged, light, candidate)
+        return light
 
-    def _mean(self, light: Array) -> tuple[Array, Array]:
-        """The jots' mean probability, and its slope."""
-        rates = self._efficiency * light[:, None] + self._dark
-        slope = self._living * self._efficiency * detection_density(self._threshold, rates)
-        value = (self._living * detection_probability(self._threshold, rates)).sum(-1)
+    def _mean_probability(self, light: Array) -> tuple[Array, Array]:
+        """Return the mean probability of a 1 over each pixel's live jots, and its derivative."""
+        rates = self._efficiency * light[:, None] + self._dark_counts
+        slope = self._alive * self._efficiency * detection_density(self._threshold, rates)
+        value = (self._alive * detection_probability(self._threshold, rates)).sum(-1)
         return value / self._number, slope.sum(-1) / self._number
 
 
-def maps_of(sensor: Sensor) -> tuple[Any, Any, Any]:
-    """η, d, and which jots live: maps, or numbers for all."""
+def jot_maps(sensor: Sensor) -> tuple[Any, Any, Any]:
+    """Return η, d, and the live jots, each as a map over the jots or a number for all jots."""
     return sensor.efficiency, sensor.dark_counts, True if sensor.mask is None else ~sensor.mask
 
 
-def jots_of(seen: PixelCounts, value: Any) -> Array:
-    """A map of the jots as (H, W, K̂²), or the same number for all."""
-    side = seen.sensor.oversampling
-    height, width = seen.counts.shape
-    whole = np.broadcast_to(np.asarray(value, np.float64), (height * side, width * side))
-    blocks = whole.reshape(height, side, width, side).swapaxes(1, 2)
+def _group_by_pixel(pixels: PixelCounts, value: Any) -> Array:
+    """Return a map over the jots, or a number for all jots, as an array (H, W, K̂²)."""
+    side = pixels.sensor.oversampling
+    height, width = pixels.counts.shape
+    jots = np.broadcast_to(np.asarray(value, np.float64), (height * side, width * side))
+    blocks = jots.reshape(height, side, width, side).swapaxes(1, 2)
     return blocks.reshape(height, width, side * side)

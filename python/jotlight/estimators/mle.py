@@ -1,4 +1,4 @@
-"""Maximum likelihood in closed form: equation (5), for any threshold."""
+"""Maximum likelihood in closed form for the box kernel: equation (5), for any threshold."""
 
 from typing import Any
 
@@ -10,6 +10,7 @@ from jotlight.chunks import pixel_chunks, take_pixels
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.pixel_counts import (
+    Estimate,
     PixelCounts,
     count_pixels,
     map_channels,
@@ -17,25 +18,23 @@ from jotlight.sensing.pixel_counts import (
 )
 from jotlight.sensing.sensor import Sensor
 
-_ROWS = 64
-"""Rows of pixels whose likelihood equations are solved between two looks at Ctrl-C."""
+_ROWS_PER_CHUNK = 64
+"""Rows of pixels that the engine solves before Python handles Ctrl-C again."""
 
 
-def mle(
-    data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = None
-) -> npt.NDArray[np.float32]:
-    """Estimate each pixel by itself: the intensity that makes its bits most likely.
+def mle(data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = None) -> Estimate:
+    """Return the most likely intensity of each pixel, estimated from its own bits alone.
 
-    ``ĉ = (K/α)(P⁻¹(q, L/n) - d)/η`` clipped to [0, S], with L ones among the pixel's n valid bits.
+    ``ĉ = (K/α)(P⁻¹(q, L/n) - d)/η``, clipped to [0, S], where L of the pixel's n valid bits are 1.
 
     Parameters
     ----------
     data : Bits or array_like of int
-        Bits, or an image of counts L of shape (H, W) or (H, W, C).
+        Bits, or an image of counts L of shape (H, W) or (H, W, C), in [0, K].
     sensor : Sensor
-        With the box kernel. Bits of a smooth kernel are taken as if their kernel were the box.
+        The sensor that recorded the data. A smooth kernel is treated as the box kernel.
     threads : int, optional
-        Threads to use. Default: all.
+        The number of threads. Default: all cores.
 
     Returns
     -------
@@ -45,19 +44,19 @@ def mle(
     Raises
     ------
     TypeError, ValueError
-        When data and sensor do not fit, or a count is above K.
+        When data and sensor do not fit together, or a count is above K.
 
     Warns
     -----
     JotlightWarning
-        When pixels without a valid jot were filled from their neighbours, and when the kernel is
+        When pixels without a valid jot were filled from their neighbors, and when the kernel is
         smooth.
 
     Notes
     -----
-    Paper, equation (5), there for q = 1 without dark counts. Where the jots of one pixel differ in
-    their efficiency or dark counts there is no closed form; the scalar likelihood equation of each
-    pixel is then solved to rounding, which takes bits.
+    Paper, equation (5), which is for q = 1 without dark counts. Where the jots of one pixel differ
+    in efficiency or dark counts, no closed form exists. Then the scalar likelihood equation of each
+    pixel is solved to rounding, which requires bits.
 
     Examples
     --------
@@ -67,56 +66,73 @@ def mle(
     """
     warn_about_smooth_kernel(sensor)
 
-    def one_channel(data: Bits | npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
-        seen = count_pixels(data, sensor, threads)
-        out = np.empty(seen.counts.shape, np.float32)
-        if seen.varies_within_pixels:
-            _jot_by_jot(data, seen, out, threads)
+    def estimate_channel(data: Bits | npt.NDArray[np.int32]) -> Estimate:
+        pixels = count_pixels(data, sensor, threads)
+        out = np.empty(pixels.counts.shape, np.float32)
+        if pixels.varies_within_pixels:
+            _solve_jots(require_bits(data), pixels, out, threads)
         else:
-            for part in pixel_chunks(out.size):
+            for chunk in pixel_chunks(out.size):
                 engine.mle_from_counts(
                     sensor.pixel_response(),
-                    take_pixels(seen.counts, part),
-                    take_pixels(seen.trials, part),
-                    (take_pixels(seen.efficiency, part), take_pixels(seen.dark_counts, part)),
-                    take_pixels(out, part),
+                    take_pixels(pixels.counts, chunk),
+                    take_pixels(pixels.trials, chunk),
+                    (take_pixels(pixels.efficiency, chunk), take_pixels(pixels.dark_counts, chunk)),
+                    take_pixels(out, chunk),
                     threads,
                 )
-        return inpaint_dead_pixels(out, seen.dead_pixels)
+        return inpaint_dead_pixels(out, pixels.dead_pixels)
 
-    return map_channels(one_channel, data)
+    return map_channels(estimate_channel, data)
 
 
-def _jot_by_jot(
+def require_bits(
     data: Bits | npt.NDArray[np.int32],
-    seen: PixelCounts,
-    out: npt.NDArray[np.float32],
-    threads: int | None,
-) -> None:
-    sensor = seen.sensor
+    reason: str = "jots of one pixel differ in their efficiency or dark counts",
+) -> Bits:
+    """Return the data, which must be bits because of `reason`.
+
+    Raises
+    ------
+    ValueError
+        For counts, which do not say which jots of a pixel were 1.
+
+    Examples
+    --------
+    >>> require_bits(np.ones((2, 2), np.int32))
+    Traceback (most recent call last):
+        ...
+    ValueError: counts: where jots of one pixel differ in their efficiency or dark counts the bits \
+are needed, since a count does not tell which jots fired
+    """
     if not isinstance(data, Bits):
         raise ValueError(
-            "counts: where jots of one pixel differ in their efficiency or dark counts the bits "
-            "are needed, since a count does not tell which jots fired"
+            f"counts: where {reason} the bits are needed, since a count does not tell which jots "
+            "fired"
         )
-    mask = sensor.mask
-    ones = data.counts(1, threads=threads)
-    # Some rows at a time, so that Ctrl-C need not wait for all of them.
-    for start in range(0, len(out), _ROWS):
-        jots = slice(start * sensor.oversampling, (start + _ROWS) * sensor.oversampling)
+    return data
+
+
+def _solve_jots(bits: Bits, pixels: PixelCounts, out: Estimate, threads: int | None) -> None:
+    """Solve the likelihood equation of each pixel, whose jots differ, into `out`."""
+    sensor, mask = pixels.sensor, pixels.sensor.mask
+    ones = bits.counts(1, threads=threads)
+    for start in range(0, len(out), _ROWS_PER_CHUNK):
+        rows = slice(start, start + _ROWS_PER_CHUNK)
+        jots = slice(rows.start * sensor.oversampling, rows.stop * sensor.oversampling)
         engine.mle_from_jots(
             sensor.pixel_response(),
             ones[jots].ravel(),
-            (_rows(sensor.efficiency, jots), _rows(sensor.dark_counts, jots)),
+            (_jot_rows(sensor.efficiency, jots), _jot_rows(sensor.dark_counts, jots)),
             None if mask is None else mask[jots].ravel(),
             sensor.frames,
             sensor.oversampling,
             out.shape[1],
-            out[start : start + _ROWS].reshape(-1),
+            out[rows].reshape(-1),
             threads,
         )
 
 
-def _rows(value: float | npt.NDArray[np.float32], jots: slice) -> Any:
-    """Some rows of a map over the jots, as the engine takes them, or the number for all of them."""
+def _jot_rows(value: float | npt.NDArray[np.float32], jots: slice) -> Any:
+    """Return rows of a map over the jots as the engine takes them, or the number for all jots."""
     return value[jots].astype(np.float64).ravel() if isinstance(value, np.ndarray) else value

@@ -1,4 +1,4 @@
-"""The non-iterative method: stabilise, denoise, invert (paper, section 2.2.2)."""
+"""The non-iterative method: stabilize, denoise, invert (paper, section 2.2.2)."""
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +10,12 @@ from jotlight.estimators.inverse_response import (
     intensity_from_probability,
 )
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.pixel_counts import count_pixels, map_channels, warn_about_smooth_kernel
+from jotlight.sensing.pixel_counts import (
+    Estimate,
+    count_pixels,
+    map_channels,
+    warn_about_smooth_kernel,
+)
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
@@ -22,22 +27,22 @@ def noniterative(
     denoiser: str | Denoiser = "tv",
     inverse: str = "exact",
     threads: int | None = None,
-) -> npt.NDArray[np.float32]:
-    """Stabilise the variance of the counts, denoise them as if the noise were Gaussian, go back.
+) -> Estimate:
+    """Return the estimate of the non-iterative method, which denoises variance-stabilized counts.
 
     Parameters
     ----------
     data : Bits or array_like of int
         Bits, or an image of counts L of shape (H, W) or (H, W, C).
     sensor : Sensor
-        With the box kernel. Bits of a smooth kernel are taken as if their kernel were the box.
+        The sensor that recorded the data. A smooth kernel is treated as the box kernel.
     denoiser : {"tv", "gaussian", "nlm", "bm3d"} or callable
-        A callable takes an image (H, W) of float32 with white noise of standard deviation
-        `jotlight.estimators.vst.NOISE` = 1/2 and gives one of the same shape.
+        A callable takes an image (H, W) of float32 with white noise of standard deviation 1/2
+        (:data:`jotlight.estimators.vst.NOISE`) and returns one of the same shape.
     inverse : {"exact", "algebraic"}
         See :func:`jotlight.estimators.vst.inverse_anscombe`.
     threads : int, optional
-        Threads for the engine's part; a denoiser has its own ways. Default: all.
+        The number of threads of the engine; the denoiser has its own. Default: all cores.
 
     Returns
     -------
@@ -47,21 +52,22 @@ def noniterative(
     Raises
     ------
     TypeError, ValueError
-        When data and sensor do not fit, or the denoiser gives another shape or NaN.
+        When data and sensor do not fit together, for an unknown denoiser or inverse, and when the
+        denoiser returns another shape, NaN, or infinity.
     MissingExtraError
         For "bm3d" when its package is not installed.
 
     Warns
     -----
     JotlightWarning
-        When pixels without a valid jot were filled from their neighbours, and when the kernel is
+        When pixels without a valid jot were filled from their neighbors, and when the kernel is
         smooth.
 
     Notes
     -----
-    Counts of pixels with dead jots, or with an efficiency or dark counts other than the median, are
-    first brought to the counts that K valid jots with the median would have shown; their noise is
-    then only about that of the others.
+    Some pixels have dead jots, or an efficiency or dark counts other than the median. Their counts
+    are first replaced by those that K valid jots with the median values would show. The noise of
+    these pixels then differs slightly from that of the others.
 
     Examples
     --------
@@ -75,10 +81,10 @@ def noniterative(
 
     warn_about_smooth_kernel(sensor)
 
-    def one_channel(data: Bits | npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
+    def estimate_channel(data: Bits | npt.NDArray[np.int32]) -> Estimate:
         bits = sensor.bits_per_pixel
-        seen = count_pixels(data, sensor, threads)
-        counts = equivalent_counts(seen, reference_jot(sensor), threads)
+        pixels = count_pixels(data, sensor, threads)
+        counts = equivalent_counts(pixels, reference_jot(sensor), threads)
         z = vst.anscombe(counts, bits, threads=threads)
         denoised = np.asarray(run(z), np.float32)
         if denoised.shape != z.shape or not np.isfinite(denoised).all():
@@ -89,4 +95,4 @@ def noniterative(
         counts = vst.inverse_anscombe(denoised, bits, inverse=inverse, threads=threads)
         return intensity_from_probability(counts / np.float32(bits), sensor, threads)
 
-    return map_channels(one_channel, data)
+    return map_channels(estimate_channel, data)

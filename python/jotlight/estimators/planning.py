@@ -1,4 +1,4 @@
-"""How good a picture will be, before it is taken: exact expectations for maximum likelihood."""
+"""The expected quality of `jotlight.mle` before a capture: exact bias, error, bound, and PSNR."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -15,57 +15,61 @@ from jotlight.sensing.sensor import Sensor
 Array = npt.NDArray[np.float64]
 
 _LEVELS = 25
-"""Levels of light in a range."""
+"""The number of levels of light in a range."""
 
 _NODES = 20
-"""Levels of light at which the error is found for its mean over a range (Gauss, Legendre)."""
+"""The number of Gauss-Legendre nodes for the mean error over a range of light."""
 
-_SIGMAS = 12
-"""Standard deviations about the mean of a count beyond which nothing is summed."""
+_MAX_SIGMAS = 12
+"""The sums over counts end this many standard deviations from the mean."""
 
-_PER_SIGMA = 100
-"""Counts in a standard deviation that are summed, where there are more."""
+_COUNTS_PER_SIGMA = 100
+"""The maximum number of counts per standard deviation in the sums."""
 
-_SATURATED = 0.01
-"""Share of pixels with no bit left at 0 at which saturation is said to begin."""
+_SATURATED_SHARE = 0.01
+"""The share of pixels with only ones that defines the saturation light."""
 
-_MOST_BITS = 2**31 - 1
+_MAX_BITS = 2**31 - 1
+"""The maximum number of bits per pixel."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Plan:
-    """What `jotlight.mle` may be expected to give; light is in photons per jot and frame."""
+    """The expected quality of `jotlight.mle` for N levels of light and M numbers of frames.
+
+    Light is in photons per jot and frame.
+    """
 
     light: Array
-    """The levels of light, (N,), from the least to the most."""
+    """The levels of light in ascending order, (N,)."""
     frames: npt.NDArray[np.int64]
-    """Numbers of frames, (M,)."""
+    """The numbers of frames, (M,)."""
     bias: Array
-    """The mean error of the estimate at each number of frames and level, (M, N), as light."""
+    """The mean error of the estimated light for each number of frames and level, (M, N)."""
     rmse: Array
-    """The root mean square error, likewise: its bias and its spread."""
+    """The root mean square error of the estimated light, bias and spread, (M, N)."""
     cramer_rao_bound: Array
-    """The Cramér-Rao bound: the least standard deviation of an unbiased estimate."""
+    """The Cramér-Rao bound, (M, N): the minimum standard deviation of an unbiased estimate."""
     psnr: Array
-    """In dB, (M,), of a scene whose light is spread evenly over the range, its most for peak."""
+    """The PSNR in dB, (M,), of a scene with uniformly distributed light and its maximum as peak."""
     saturation_light: Array
-    """The light at which 1 % of the pixels have every bit at 1, (M,)."""
+    """The light at which all bits are 1 in 1 % of the pixels, (M,)."""
     optimal_light: float
-    """The light at which a bit tells most: where the bound on SNR is highest."""
+    """The light at which a bit is most informative: where the bound on the SNR is highest."""
     target_psnr: float | None = None
-    """A PSNR in dB that is asked for."""
+    """The requested PSNR in dB."""
     required_frames: int | None = None
-    """The frames that reach it, or None if no number of them does."""
+    """The number of frames that reaches the requested PSNR, or None if no number does."""
 
     @property
     def snr(self) -> Array:
-        """Light over root mean square error in dB, (M, N)."""
-        return _decibel(self.light / self.rmse)
+        """The light over the root mean square error in dB, (M, N)."""
+        return _decibels(self.light / self.rmse)
 
     @property
     def snr_bound(self) -> Array:
-        """Light over the Cramér-Rao bound in dB, (M, N)."""
-        return _decibel(self.light / self.cramer_rao_bound)
+        """The light over the Cramér-Rao bound in dB, (M, N)."""
+        return _decibels(self.light / self.cramer_rao_bound)
 
 
 def plan(
@@ -76,21 +80,23 @@ def plan(
     target_psnr: float | None = None,
     max_intensity: float | None = None,
 ) -> Plan:
-    """Expected quality of `jotlight.mle` against the number of frames.
+    """Return the expected quality of `jotlight.mle` as a function of the number of frames.
 
     Parameters
     ----------
     sensor : Sensor
-        Its number of frames does not matter; of maps the median of the living jots is taken.
+        The sensor. Its number of frames has no effect. Maps are replaced by the median of the live
+        jots.
     light : float or (float, float)
-        Photons per jot and frame: one level, or the least and the most of a scene.
+        The light in photons per jot and frame, in (0, 10,000]: one level, or the minimum and the
+        maximum of a scene.
     frames : sequence of int, optional
-        Numbers of frames. Default: 1, 2, 4 and so on to 4096.
+        The numbers of frames. Default: the powers of two from 1 to 4096.
     target_psnr : float, optional
-        A PSNR in dB; the plan then tells how many frames are enough.
+        A PSNR in dB, in (0, 200). The plan then includes the number of frames that reaches it.
     max_intensity : float, optional
-        S of the estimates. Default: for each number of frames the intensity half a count from
-        saturation, as ``jotlight reconstruct`` takes it for captures.
+        S of the estimates. Default: for each number of frames, the intensity half a count below
+        saturation, which is the default of ``jotlight reconstruct`` for captures.
 
     Returns
     -------
@@ -103,13 +109,14 @@ def plan(
 
     Notes
     -----
-    Bias and error are not simulated but exact: sums over the binomial distribution of a pixel's
-    count, of the estimate clipped to [0, S]. Where few bits are 0 or few are 1 the estimate is
-    biased, and its error may be below the bound, which holds for unbiased ones.
+    Bias and error are exact sums over the binomial distribution of a pixel's count, for estimates
+    clipped to [0, S]. Where few bits are 0 or few bits are 1 the estimate is biased. Its error may
+    then be below the bound, which holds for unbiased estimates.
 
-    `enough` is found by doubling and halving the frames; below some 10 dB, where a few bits a pixel
-    may be worse than one, fewer could do. It is for maximum likelihood, pixel by
-    pixel; methods that look at neighbours need fewer, how many depends on the scene.
+    `required_frames` results from doubling the frames and then bisecting. Below about 10 dB, where
+    a few bits per pixel may be worse than one, a smaller number may suffice. The number is for
+    maximum likelihood, pixel by pixel. Methods that combine neighboring pixels need fewer frames;
+    how many depends on the scene.
 
     Examples
     --------
@@ -118,134 +125,145 @@ def plan(
     ([12.3, 25.3], 758)
     """
     warn_about_smooth_kernel(sensor)
-    levels = _levels(light)
-    numbers = np.array([2**n for n in range(13)] if frames is None else frames, np.int64)
-    most_frames = _MOST_BITS // sensor.oversampling**2
-    if numbers.ndim != 1 or len(numbers) == 0 or not 1 <= numbers.min() <= numbers.max():
-        raise ValueError(f"frames: expected whole numbers from 1 on, got {frames!r}")
-    if numbers.max() > most_frames:
-        raise ValueError(f"frames: expected {most_frames} at most, got {numbers.max()}")
+    levels = _light_levels(light)
+    max_frames = _MAX_BITS // sensor.oversampling**2
+    numbers = _frame_numbers(frames, max_frames)
     if target_psnr is not None and not 0 < target_psnr < 200:
         raise ValueError(f"target_psnr: expected a PSNR in dB between 0 and 200, got {target_psnr}")
     if max_intensity is not None and not 0 < max_intensity < np.inf:
         raise ValueError(f"max_intensity: expected a number above 0, got {max_intensity}")
     pixel = _Pixel(sensor, max_intensity)
-    rows = [pixel.expected(int(number), levels) for number in numbers]
-    scene = _Scene(levels[0], levels[-1])
-    seen = [pixel.information(levels) * number * pixel.jots for number in numbers]
+    scene = _Scene(pixel, levels[0], levels[-1])
+    errors = [pixel.bias_and_mse(int(number), levels) for number in numbers]
+    information = [pixel.information(levels) * number * pixel.jots for number in numbers]
+    required = None if target_psnr is None else scene.required_frames(target_psnr, max_frames)
     grid = np.geomspace(1e-4, 1e2, 6001) * sensor.threshold
     return Plan(
         light=levels,
         frames=numbers,
-        bias=np.array([bias for bias, _ in rows]),
-        rmse=np.sqrt([square for _, square in rows]),
-        cramer_rao_bound=1 / np.sqrt(seen),
-        psnr=np.array([scene.psnr(pixel, int(number)) for number in numbers]),
-        saturation_light=np.array([pixel.saturation(int(number)) for number in numbers]),
+        bias=np.array([bias for bias, _ in errors]),
+        rmse=np.sqrt([mse for _, mse in errors]),
+        cramer_rao_bound=1 / np.sqrt(information),
+        psnr=np.array([scene.psnr(int(number)) for number in numbers]),
+        saturation_light=np.array([pixel.saturation_light(int(number)) for number in numbers]),
         optimal_light=float(grid[np.argmax(grid**2 * pixel.information(grid))]),
         target_psnr=target_psnr,
-        required_frames=None
-        if target_psnr is None
-        else scene.enough(pixel, target_psnr, most_frames),
+        required_frames=required,
     )
 
 
 class _Pixel:
-    """A pixel whose jots are all alike."""
+    """The distribution of the estimated light of one pixel with equal jots."""
 
     def __init__(self, sensor: Sensor, max_intensity: float | None) -> None:
         self.threshold = sensor.threshold
         self.jots = sensor.oversampling**2
-        self.efficiency, self.dark = reference_jot(sensor)
-        self.most = None if max_intensity is None else max_intensity * sensor.light_per_intensity
+        self.efficiency, self.dark_counts = reference_jot(sensor)
+        self.max_light = (
+            None if max_intensity is None else max_intensity * sensor.light_per_intensity
+        )
 
-    def expected(self, frames: int, levels: Array) -> tuple[Array, Array]:
-        """Bias and mean square error of the estimate, clipped, at each level."""
+    def bias_and_mse(self, frames: int, levels: Array) -> tuple[Array, Array]:
+        """Return the bias and the mean square error of the clipped estimate at each level."""
         bits = frames * self.jots
-        rates = self.efficiency * levels + self.dark
-        chances = detection_probability(self.threshold, rates)
-        most = self._light(1 - 0.5 / bits, 0.5 / bits) if self.most is None else self.most
-        bias, square = np.empty(len(levels)), np.empty(len(levels))
-        for place, (level, chance) in enumerate(zip(levels, chances, strict=True)):
-            counts, weights = _binomial(bits, float(chance))
-            estimates = np.clip(self._light(counts / bits, (bits - counts) / bits), 0, most)
-            bias[place] = weights @ (estimates - level)
-            square[place] = weights @ (estimates - level) ** 2
-        return bias, square
+        rates = self.efficiency * levels + self.dark_counts
+        probabilities = detection_probability(self.threshold, rates)
+        max_light = self.max_light
+        if max_light is None:
+            max_light = float(self._light(1 - 0.5 / bits, 0.5 / bits))
+        bias, mse = np.empty(len(levels)), np.empty(len(levels))
+        for index, (level, probability) in enumerate(zip(levels, probabilities, strict=True)):
+            counts, weights = _binomial_weights(bits, float(probability))
+            estimates = np.clip(self._light(counts / bits, (bits - counts) / bits), 0, max_light)
+            bias[index] = weights @ (estimates - level)
+            mse[index] = weights @ (estimates - level) ** 2
+        return bias, mse
 
     def information(self, levels: Array) -> Array:
-        """Fisher information of a bit about the light."""
+        """Return the Fisher information of one bit about the light, at each level."""
         return Likelihood(
             np.zeros(levels.shape, np.int32),
             threshold=self.threshold,
             efficiency=self.efficiency,
-            dark_counts=self.dark,
+            dark_counts=self.dark_counts,
         ).information(levels)
 
-    def saturation(self, frames: int) -> float:
-        # The chance is so near to 1 that its complement has to be found by itself.
-        logarithm = np.log(_SATURATED) / (frames * self.jots)
+    def saturation_light(self, frames: int) -> float:
+        """Return the light at which all bits are 1 with the probability that means saturation."""
+        # The probability of a 1 is so close to 1 that its complement needs its own formula.
+        logarithm = np.log(_SATURATED_SHARE) / (frames * self.jots)
         return float(np.maximum(self._light(np.exp(logarithm), -np.expm1(logarithm)), 0))
 
-    def _light(self, chance: npt.ArrayLike, complement: npt.ArrayLike) -> Array:
-        rate = inverse_detection_probability(self.threshold, chance, complement)
-        return np.asarray((rate - self.dark) / self.efficiency)
+    def _light(self, probability: npt.ArrayLike, complement: npt.ArrayLike) -> Array:
+        rate = inverse_detection_probability(self.threshold, probability, complement)
+        return np.asarray((rate - self.dark_counts) / self.efficiency)
 
 
 class _Scene:
-    """Light spread evenly from the least to the most."""
+    """A scene of such pixels, with light uniformly distributed between two levels."""
 
-    def __init__(self, least: float, most: float) -> None:
+    def __init__(self, pixel: _Pixel, min_light: float, max_light: float) -> None:
         nodes, weights = np.polynomial.legendre.leggauss(_NODES)
-        self.most = most
-        self.levels = least + (most - least) * (nodes + 1) / 2
-        self.weights = weights / 2
-        if least == most:
-            self.levels, self.weights = np.array([most]), np.ones(1)
+        self._pixel, self._max_light = pixel, max_light
+        self._levels = min_light + (max_light - min_light) * (nodes + 1) / 2
+        self._weights = weights / 2
+        if min_light == max_light:
+            self._levels, self._weights = np.array([max_light]), np.ones(1)
 
-    def psnr(self, pixel: _Pixel, frames: int) -> float:
-        square = pixel.expected(frames, self.levels)[1]
-        return float(_decibel(self.most / np.sqrt(self.weights @ square)))
+    def psnr(self, frames: int) -> float:
+        """Return the PSNR in dB of the estimate from a number of frames."""
+        mse = self._pixel.bias_and_mse(frames, self._levels)[1]
+        return float(_decibels(self._max_light / np.sqrt(self._weights @ mse)))
 
-    def enough(self, pixel: _Pixel, target_psnr: float, most_frames: int) -> int | None:
+    def required_frames(self, target_psnr: float, max_frames: int) -> int | None:
+        """Return a number of frames that reaches a PSNR while one less does not, or None."""
         above = 1
-        while self.psnr(pixel, above) < target_psnr:
-            if above == most_frames:
+        while self.psnr(above) < target_psnr:
+            if above == max_frames:
                 return None
-            above = min(2 * above, most_frames)
+            above = min(2 * above, max_frames)
         below = above // 2
         while above - below > 1:
             middle = (above + below) // 2
-            short = self.psnr(pixel, middle) < target_psnr
-            below, above = (middle, above) if short else (below, middle)
+            too_few = self.psnr(middle) < target_psnr
+            below, above = (middle, above) if too_few else (below, middle)
         return above
 
 
-def _levels(light: float | tuple[float, float]) -> Array:
-    least, most = np.broadcast_to(np.asarray(light, np.float64), 2)
-    if not 0 < least <= most <= 1e4:
+def _light_levels(light: float | tuple[float, float]) -> Array:
+    low, high = np.broadcast_to(np.asarray(light, np.float64), 2)
+    if not 0 < low <= high <= 1e4:
         raise ValueError(
-            "light: expected photons per jot and frame, the least and the most, above 0 and up to "
-            f"10,000, got {light!r}"
+            "light: expected photons per jot and frame, the minimum and the maximum, above 0 and "
+            f"up to 10,000, got {light!r}"
         )
-    return np.array([least]) if least == most else np.geomspace(least, most, _LEVELS)
+    return np.array([low]) if low == high else np.geomspace(low, high, _LEVELS)
 
 
-def _binomial(bits: int, chance: float) -> tuple[Array, Array]:
-    """The counts that may come, and their probabilities."""
+def _frame_numbers(frames: Sequence[int] | None, max_frames: int) -> npt.NDArray[np.int64]:
+    numbers = np.array([2**n for n in range(13)] if frames is None else frames, np.int64)
+    if numbers.ndim != 1 or len(numbers) == 0 or not 1 <= numbers.min() <= numbers.max():
+        raise ValueError(f"frames: expected whole numbers of at least 1, got {frames!r}")
+    if numbers.max() > max_frames:
+        raise ValueError(f"frames: expected at most {max_frames}, got {numbers.max()}")
+    return numbers
+
+
+def _binomial_weights(bits: int, probability: float) -> tuple[Array, Array]:
+    """Return the counts with noticeable probability, and their normalized probabilities."""
     from scipy.special import gammaln, xlog1py, xlogy
 
-    mean, spread = bits * chance, np.sqrt(bits * chance * (1 - chance))
-    reach = _SIGMAS * spread + 2 * _SIGMAS
-    # Where the spread is many counts, every so many-th of them gives the same sums: of smooth
-    # functions with a bell's weights they agree to far beyond ten digits.
-    step = max(1, int(spread / _PER_SIGMA))
+    mean, sigma = bits * probability, np.sqrt(bits * probability * (1 - probability))
+    reach = _MAX_SIGMAS * sigma + 2 * _MAX_SIGMAS
+    # For a wide distribution a coarser grid suffices. With bell-shaped weights, sums of smooth
+    # functions agree to far more than ten digits.
+    step = max(1, int(sigma / _COUNTS_PER_SIGMA))
     counts = np.arange(max(0, int(mean - reach)), min(bits, int(mean + reach) + 1) + 1.0, step)
-    logarithms = xlogy(counts, chance) + xlog1py(bits - counts, -chance)
+    logarithms = xlogy(counts, probability) + xlog1py(bits - counts, -probability)
     logarithms -= gammaln(counts + 1) + gammaln(bits - counts + 1)
     weights = np.exp(logarithms - logarithms.max())
     return counts, weights / weights.sum()
 
 
-def _decibel(ratio: npt.ArrayLike) -> Array:
+def _decibels(ratio: npt.ArrayLike) -> Array:
     return np.asarray(20 * np.log10(np.asarray(ratio, np.float64)))

@@ -1,4 +1,4 @@
-"""From data and a sensor to what is to be maximised."""
+"""The problem of equation (4), built from data and a sensor, and its solution by channel."""
 
 from collections.abc import Callable
 from typing import Any
@@ -7,68 +7,119 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.convergence import ConvergenceHistory
+from jotlight.estimators.mle import require_bits
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.likelihood import Array, Likelihood, Problem
 from jotlight.sensing.operators import scaling, spread
-from jotlight.sensing.pixel_counts import (
-    Estimate,
-    PixelCounts,
-    carried_sensor,
-    count_pixels,
-    map_channels,
-)
+from jotlight.sensing.pixel_counts import Estimate, PixelCounts, count_pixels, map_channels
 from jotlight.sensing.sensor import Sensor
 
 ConvergenceHistories = ConvergenceHistory | list[ConvergenceHistory]
-"""Of one channel, or of each channel of a colour image."""
+"""The history of one channel, or a list with one for each channel of a color image."""
+
+Solver = Callable[[Problem, Array | None, str], tuple[Array, ConvergenceHistory]]
+"""A function of the problem of one channel, its start, and the channel's name for warnings."""
 
 
 def solve_channels(
-    solve: Callable[[Problem, Array | None, str], tuple[Array, ConvergenceHistory]],
+    solve: Solver,
     data: Bits | Problem | npt.ArrayLike,
     sensor: Sensor | None,
     start: npt.ArrayLike | None,
     threads: int | None,
 ) -> tuple[Estimate, ConvergenceHistories]:
-    """Solve a problem, or that of each channel of data, from the start that belongs to it.
+    """Return the solution and the history of a problem, or of each channel of the data.
 
-    `solve` takes the problem, the start, and words that tell which channel it is, where there are
-    several.
+    Parameters
+    ----------
+    solve : callable
+        The iterative method. The name of the channel is "" where there is only one.
+    data : Bits, Problem, or array_like of int
+        Bits, an image of counts (H, W) or (H, W, C), or a problem without a sensor.
+    sensor : Sensor or None
+        The sensor that recorded the data; None for a problem.
+    start : array_like of float, optional
+        The initial image, of the shape of the estimate.
+    threads : int, optional
+        The number of threads. Default: all cores.
 
     Raises
     ------
     TypeError, ValueError
-        When data, sensor and start do not fit.
+        When data, sensor and start do not fit together.
     """
-    begin = None if start is None else _checked_start(start)
+    initial = None if start is None else _check_start(start)
     if isinstance(data, Problem):
         if sensor is not None:
             raise TypeError("sensor: expected none, since a Problem has its own operator")
-        estimate, history = solve(data, _fitting_start(begin, data), "")
+        estimate, history = solve(data, _fit_start(initial, data), "")
         return estimate.astype(np.float32), history
     if not isinstance(sensor, Sensor):
         raise TypeError(f"sensor: expected a jotlight.Sensor, got {type(sensor).__name__}")
     channels = data.shape[3:] if isinstance(data, Bits) else np.shape(data)[2:]
-    if begin is not None and begin.shape[2:] != channels:
+    if initial is not None and initial.shape[2:] != channels:
         raise ValueError(
             f"start: expected (H, W) and as many channels as the data {tuple(channels)}, "
-            f"got shape {begin.shape}"
+            f"got shape {initial.shape}"
         )
     histories: list[ConvergenceHistory] = []
 
-    def one_channel(channel: Bits | npt.NDArray[np.int32]) -> Estimate:
+    def solve_channel(channel: Bits | npt.NDArray[np.int32]) -> Estimate:
         problem = build_problem(channel, sensor, threads)
-        own = begin if begin is None or begin.ndim == 2 else begin[..., len(histories)]
-        words = f", channel {len(histories)}" if channels else ""
-        estimate, history = solve(problem, _fitting_start(own, problem), words)
+        index = len(histories)
+        own = initial if initial is None or initial.ndim == 2 else initial[..., index]
+        name = f", channel {index}" if channels else ""
+        estimate, history = solve(problem, _fit_start(own, problem), name)
         histories.append(history)
         return estimate.astype(np.float32)
 
-    picture = map_channels(one_channel, data)
-    return picture, histories if channels else histories[0]
+    result = map_channels(solve_channel, data)
+    return result, histories if channels else histories[0]
 
 
-def _checked_start(start: npt.ArrayLike) -> Array:
+def build_problem(
+    data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int | None
+) -> Problem:
+    """Return the problem of one channel of bits or counts: equation (4).
+
+    With the box kernel the bits of a pixel are exchangeable. Their count is then a sufficient
+    statistic, and the cells are the pixels. With a smooth kernel, or where the jots of a pixel
+    differ, the cells are the jots.
+
+    Parameters
+    ----------
+    data : Bits of shape (T, H·K̂, W·K̂), or ndarray of int32 of shape (H, W)
+        The bits or counts.
+    sensor : Sensor
+        The sensor that recorded them.
+    threads : int, optional
+        The number of threads. Default: all cores.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When data and sensor do not fit together, or no jot is alive.
+
+    Examples
+    --------
+    >>> build_problem(np.array([[3, 1]], np.int32), Sensor(oversampling=2), None).likelihood.shape
+    (1, 2)
+    """
+    recorded = data.sensor if isinstance(data, Bits) else None
+    if recorded is not None and recorded.kernel != sensor.kernel:
+        raise ValueError(
+            f"kernel: expected {recorded.kernel!r}, with which the bits were made, got "
+            f"{sensor.kernel!r}; Bits(bits.packed, bits.width) has no sensor and fits any"
+        )
+    pixels = count_pixels(data, sensor, threads)
+    if np.max(pixels.trials) == 0:
+        raise ValueError("mask: expected at least one jot that is alive, got none")
+    if sensor.kernel == "box" and not pixels.varies_within_pixels:
+        return _pixel_problem(pixels, threads)
+    return _jot_problem(data, sensor, pixels.counts.shape, threads)
+
+
+def _check_start(start: npt.ArrayLike) -> Array:
     array = np.asarray(start)
     if array.dtype.kind != "f":
         raise TypeError(f"start: expected floats in units of intensity, got {array.dtype}")
@@ -77,73 +128,40 @@ def _checked_start(start: npt.ArrayLike) -> Array:
     return array.astype(np.float64)
 
 
-def _fitting_start(start: Array | None, problem: Problem) -> Array | None:
+def _fit_start(start: Array | None, problem: Problem) -> Array | None:
     if start is None:
         return None
     if start.shape != problem.operator.input_shape:
         raise ValueError(
-            f"start: expected the picture's shape {problem.operator.input_shape}, got {start.shape}"
+            f"start: expected the image's shape {problem.operator.input_shape}, got {start.shape}"
         )
     return np.clip(start, 0, problem.max_intensity)
 
 
-def build_problem(
-    data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int | None
-) -> Problem:
-    """Give the problem of one channel's bits or counts.
-
-    With the box kernel a pixel's bits are exchangeable and their count says all: the cells are the
-    pixels. Where they are not, for a smooth kernel or jots that differ inside of a pixel, the cells
-    are the jots.
-
-    Raises
-    ------
-    TypeError, ValueError
-        When data and sensor do not fit.
-    """
-    carried = carried_sensor(data)
-    if carried is not None and carried.kernel != sensor.kernel:
-        raise ValueError(
-            f"kernel: expected {carried.kernel!r}, with which the bits were made, got "
-            f"{sensor.kernel!r}; Bits(bits.packed, bits.width) takes away what they know of it"
-        )
-    seen = count_pixels(data, sensor, threads)
-    if np.max(seen.trials) == 0:
-        raise ValueError("mask: expected at least one jot that is alive, got none")
-    if sensor.kernel == "box" and not seen.varies_within_pixels:
-        return _of_pixels(seen, threads)
-    return _of_jots(data, sensor, seen.counts.shape, threads)
-
-
-def _of_pixels(seen: PixelCounts, threads: int | None) -> Problem:
-    _, light, most = seen.sensor.pixel_response()
+def _pixel_problem(pixels: PixelCounts, threads: int | None) -> Problem:
+    _, light, max_intensity = pixels.sensor.pixel_response()
     likelihood = Likelihood(
-        seen.counts,
-        seen.trials,
-        threshold=seen.sensor.threshold,
-        efficiency=seen.efficiency,
-        dark_counts=seen.dark_counts,
+        pixels.counts,
+        pixels.trials,
+        threshold=pixels.sensor.threshold,
+        efficiency=pixels.efficiency,
+        dark_counts=pixels.dark_counts,
         threads=threads,
     )
-    return Problem(scaling(seen.counts.shape, light), likelihood, most)
+    return Problem(scaling(pixels.counts.shape, light), likelihood, max_intensity)
 
 
-def _of_jots(
+def _jot_problem(
     data: Bits | npt.NDArray[np.int32],
     sensor: Sensor,
     shape: tuple[int, ...],
     threads: int | None,
 ) -> Problem:
-    if not isinstance(data, Bits):
-        why = (
-            "jots of one pixel differ in their efficiency or dark counts"
-            if sensor.kernel == "box"
-            else f"the light of a {sensor.kernel} kernel differs from jot to jot"
-        )
-        raise ValueError(
-            f"counts: where {why} the bits are needed, since a count does not tell which jots fired"
-        )
-    ones = data.counts(1, mask=sensor.mask, threads=threads)
+    if sensor.kernel == "box":
+        bits = require_bits(data)
+    else:
+        bits = require_bits(data, f"the light of a {sensor.kernel} kernel differs from jot to jot")
+    ones = bits.counts(1, mask=sensor.mask, threads=threads)
     trials: Any = sensor.frames
     if sensor.mask is not None:
         trials = np.where(sensor.mask, np.int32(0), np.int32(sensor.frames))

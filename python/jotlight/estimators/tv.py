@@ -1,4 +1,4 @@
-"""Total variation: its value, its proximal map, and how much of it to allow."""
+"""Total variation: its value, its proximal map, and the automatic choice of its weight."""
 
 import math
 
@@ -10,28 +10,39 @@ from jotlight.sensing.likelihood import Array, Likelihood, Problem
 from jotlight.sensing.operators import differences
 
 NORMS = ("isotropic", "anisotropic")
-"""How the two differences of a pixel make its share of the total variation."""
+"""The norms of the two differences of a pixel that total variation can sum."""
 
 _STRENGTH, _POWER = 0.62, 0.4
-"""Chosen on BSDS training images over six exposures: ``benchmarks/studies/weights.py``."""
+"""Fitted to BSDS training images over six exposures by ``benchmarks/studies/weights.py``."""
 
 _BLOCK = 4
-"""Pixels along the side of the blocks by which roughness is measured."""
+"""The side in pixels of the blocks that the roughness is measured on."""
 
 _BLUR = 2.0
-"""Standard deviation in pixels of the Gaussian that gives a first idea of the local light."""
+"""The standard deviation in pixels of the Gaussian that estimates the local share of ones."""
 
-
-_POINTS = 1025
-"""Of the curve from the share of ones to the information of a bit."""
+_TABLE_SIZE = 1025
+"""The number of points in the table from the share of ones to the information of a bit."""
 
 
 def total_variation(
     image: npt.ArrayLike, norm: str = "isotropic", *, weight: float | npt.ArrayLike = 1.0
 ) -> float:
-    """Sum the lengths of the differences D c of an image (H, W) or a signal (N,).
+    """Return the sum over the pixels of the weighted norm of the differences D c.
 
-    `weight` may be a number or a map of the image's shape, by which each pixel's length counts.
+    Parameters
+    ----------
+    image : array_like of float, shape (H, W) or (N,)
+        An image or a signal.
+    norm : {"isotropic", "anisotropic"}
+        √(down² + right²), or abs(down) + abs(right).
+    weight : float or array_like of float
+        A number, or a map of the image's shape, finite and at least 0.
+
+    Raises
+    ------
+    ValueError
+        For another shape, norm, or weight.
 
     Examples
     --------
@@ -41,7 +52,9 @@ def total_variation(
     """
     values = np.asarray(image, np.float64)
     if values.ndim not in (1, 2) or values.size == 0:
-        raise ValueError(f"image: expected shape (H, W) or (N,), none of it 0, got {values.shape}")
+        raise ValueError(
+            f"image: expected shape (H, W) or (N,) with at least one pixel, got {values.shape}"
+        )
     rows = values.reshape((1, -1) if values.ndim == 1 else values.shape)
     planes = differences(rows.shape).forward(rows)
     weights = check_map("weight", weight, values.shape)
@@ -51,9 +64,28 @@ def total_variation(
 def shrink(
     planes: npt.ArrayLike, threshold: float | npt.ArrayLike, norm: str = "isotropic"
 ) -> Array:
-    """Give the proximal map of a sum of lengths, of differences (2, H, W) or (1, N).
+    """Return the proximal map of the norm of differences: shrinkage of each pixel's norm.
 
-    It is the v with the least ``sum(threshold * length(v)) + ½ ‖v - planes‖²``.
+    The result v minimizes ``sum(threshold * norm(v)) + ½ ‖v - planes‖²``.
+
+    Parameters
+    ----------
+    planes : array_like of float, shape (2, H, W) or (1, N)
+        The differences of an image, downwards and to the right, or of a signal.
+    threshold : float or array_like of float
+        A number, or a map (H, W) or (N,), finite and at least 0.
+    norm : {"isotropic", "anisotropic"}
+        As for :func:`total_variation`.
+
+    Returns
+    -------
+    ndarray of float64
+        An array of the same shape.
+
+    Raises
+    ------
+    ValueError
+        For another shape, norm, or threshold, and for NaN.
 
     Examples
     --------
@@ -67,60 +99,65 @@ def shrink(
         raise ValueError(f"planes: expected shape (2, H, W) or (1, N), got {values.shape}")
     if np.isnan(values).any():
         raise ValueError("planes: expected numbers, got NaN")
-    whole = values if values.ndim == 3 else np.stack([np.zeros_like(values), values])
+    pairs = values if values.ndim == 3 else np.stack([np.zeros_like(values), values])
     thresholds = check_map("threshold", threshold, values.shape[1:])
-    engine.shrink(whole, thresholds, check_norm(norm) == "isotropic", None)
-    return whole if values.ndim == 3 else whole[1]
+    engine.shrink(pairs, thresholds, check_norm(norm) == "isotropic", None)
+    return pairs if values.ndim == 3 else pairs[1]
 
 
 def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
-    """Choose the weight of total variation from the data alone, for each pixel.
+    """Return a weight of total variation for each pixel, chosen from the data alone.
 
-    ``λ = 0.62 √I (√Ī γ)^-0.4`` with I the Fisher information that the pixel's bits have about its
-    intensity, Ī that of a pixel as bright as the mean, and γ the roughness of the scene, the root
-    mean square difference between neighbouring blocks of 4 x 4 pixels less what noise makes of it.
+    ``λ = 0.62 √I (√Ī γ)^-0.4``. I is the Fisher information of the pixel's bits about its
+    intensity, and Ī that of a pixel of the mean intensity. γ is the roughness of the scene: the
+    root mean square difference between neighboring blocks of 4 x 4 pixels, minus the part that the
+    noise explains.
 
     Parameters
     ----------
     problem : Problem
-        The data.
+        The data and their operator.
     norm : {"isotropic", "anisotropic"}
-        Anisotropic variation is 4/π times as large for an edge in any direction, and its weight
-        that much smaller.
+        Averaged over the directions of an edge, anisotropic variation is 4/π times as large as
+        isotropic variation. Its weight is smaller by this factor.
 
     Returns
     -------
     ndarray of float64
-        Of the picture's shape, in nats per unit of intensity.
+        λ in nats per unit of intensity, of the shape of the image.
+
+    Raises
+    ------
+    ValueError
+        For another norm.
 
     Notes
     -----
-    1/√I is the noise of a pixel, and λ ∝ √I makes total variation what it would be on the scale on
-    which the noise is the same everywhere, that of the stabilised counts. √Ī γ is the scene's
-    roughness in units of the noise: the less of it shows, the more has to be smoothed. The two
-    numbers were fitted once, over a range of exposures, and are in no unit.
+    1/√I is the noise of a pixel. With λ ∝ √I, total variation acts as on a scale on which the noise
+    is the same everywhere, which is the scale of the stabilized counts. √Ī γ is the roughness in
+    units of the noise: the less structure is visible, the more smoothing is needed. The two
+    dimensionless constants were fitted once, over a range of exposures.
 
-    I is that at the local share of ones, seen through a Gaussian of standard deviation 2 pixels and
-    kept from 0 and 1 as in equation (6). A block's intensity, less the mean, is its score over its
-    information: one Fisher-scoring step from the even picture.
+    I is evaluated at the local share of ones, which is the share smoothed by a Gaussian of standard
+    deviation 2 pixels and kept away from 0 and 1 as in equation (6). The intensity of a block minus
+    the mean is its score over its information: one step of Fisher scoring from a constant image.
 
     Examples
     --------
     >>> from jotlight.sensing.operators import scaling
     >>> ones = np.random.default_rng(0).binomial(16, 0.3, (64, 64))
-    >>> even = automatic_weight(Problem(scaling((64, 64), 1.0), Likelihood(ones, trials=16)))
-    >>> even.shape, bool(even.mean() > 5)  # nothing but noise: smooth it all
+    >>> weight = automatic_weight(Problem(scaling((64, 64), 1.0), Likelihood(ones, trials=16)))
+    >>> weight.shape, bool(weight.mean() > 5)  # The image is nothing but noise: smooth it all.
     ((64, 64), True)
     """
     operator, likelihood = problem.operator, problem.likelihood
-    mean = problem.constant_estimate()
-    even = operator.forward(np.full(operator.input_shape, mean))
-    of_ones = operator.forward(np.ones(operator.input_shape))
-    score = operator.adjoint(likelihood.gradient_and_curvature(even)[0])
-    information = operator.adjoint(likelihood.information(even) * of_ones)
-    local = np.sqrt(_local_information(problem, of_ones))
+    constant = operator.forward(np.full(operator.input_shape, problem.constant_estimate()))
+    light_of_ones = operator.forward(np.ones(operator.input_shape))
+    score = operator.adjoint(likelihood.gradient_and_curvature(constant)[0])
+    information = operator.adjoint(likelihood.information(constant) * light_of_ones)
+    local = np.sqrt(_local_information(problem, light_of_ones))
     roughness = 1.0
-    # So much light that an even picture would say nothing: nothing tells how rough it is.
+    # In a scene so bright that it saturates nearly all bits, the roughness is unknown.
     if information.mean() > 1e-6 * np.square(local).mean():
         noise = 1 / math.sqrt(information.mean())
         roughness = _roughness(score, information, problem.max_intensity) / noise
@@ -128,8 +165,8 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
     return np.asarray(per_direction * _STRENGTH * roughness**-_POWER * local)
 
 
-def _roughness(score: Array, information: Array, most: float) -> float:
-    """γ; at least what noise alone may look like, and `most` for a picture of one block."""
+def _roughness(score: Array, information: Array, max_intensity: float) -> float:
+    """Return γ, at least its uncertainty from noise alone; S for an image of a single block."""
     sides = [min(_BLOCK, max(1, size // 2)) for size in score.shape]
     score, information = _block_sums(score, sides), _block_sums(information, sides)
     known = information > 0
@@ -137,28 +174,28 @@ def _roughness(score: Array, information: Array, most: float) -> float:
     deviation = score * variance
     squares, noise = [], []
     for axis in range(score.ndim):
-        lines, doubts = np.moveaxis(deviation, axis, 0), np.moveaxis(variance, axis, 0)
-        seen = np.moveaxis(known, axis, 0)
-        both = seen[1:] & seen[:-1]
+        lines, variances = np.moveaxis(deviation, axis, 0), np.moveaxis(variance, axis, 0)
+        valid = np.moveaxis(known, axis, 0)
+        both = valid[1:] & valid[:-1]
         squares.append(np.square(np.diff(lines, axis=0))[both])
-        noise.append((doubts[1:] + doubts[:-1])[both])
+        noise.append((variances[1:] + variances[:-1])[both])
     square, expected = np.concatenate(squares), np.concatenate(noise)
     if square.size == 0:
-        return most
-    doubt = expected.mean() * math.sqrt(2 / square.size)
-    return math.sqrt(max(square.mean() - expected.mean(), doubt))
+        return max_intensity
+    uncertainty = expected.mean() * math.sqrt(2 / square.size)
+    return math.sqrt(max(square.mean() - expected.mean(), uncertainty))
 
 
 def _block_sums(image: Array, sides: list[int]) -> Array:
     for axis, side in enumerate(sides):
         size = image.shape[axis] // side * side
-        cut = np.moveaxis(image, axis, 0)[:size]
-        image = np.moveaxis(cut.reshape(-1, side, *cut.shape[1:]).sum(axis=1), 0, axis)
+        cropped = np.moveaxis(image, axis, 0)[:size]
+        image = np.moveaxis(cropped.reshape(-1, side, *cropped.shape[1:]).sum(axis=1), 0, axis)
     return image
 
 
-def _local_information(problem: Problem, of_ones: Array) -> Array:
-    """I of each pixel, as if all of them had as many valid bits."""
+def _local_information(problem: Problem, light_of_ones: Array) -> Array:
+    """Return I of each pixel, as if all pixels had the mean number of valid bits."""
     from scipy.ndimage import gaussian_filter
     from scipy.special import gammaincinv
 
@@ -171,21 +208,26 @@ def _local_information(problem: Problem, of_ones: Array) -> Array:
     overall = likelihood.ones.sum() / trials.sum()
     share = np.where(valid > 0, ones / np.where(valid > 0, valid, 1), overall)
     bits = trials.sum() / share.size
-    # A smooth function of the share alone, as in equation (6) kept from both ends.
-    shares = np.linspace(0, 1, _POINTS)
+    # The information is a smooth function of the share alone, so a table suffices.
+    shares = np.linspace(0, 1, _TABLE_SIZE)
     rates = gammaincinv(likelihood.threshold, (bits * shares + 3 / 8) / (bits + 3 / 4))
-    one_bit = Likelihood(np.zeros(_POINTS, np.int32), 1, threshold=likelihood.threshold)
+    one_bit = Likelihood(np.zeros(_TABLE_SIZE, np.int32), 1, threshold=likelihood.threshold)
     information = np.interp(share, shares, one_bit.information(rates))
-    return np.asarray(bits * of_ones.mean() ** 2 * information)
+    return np.asarray(bits * light_of_ones.mean() ** 2 * information)
 
 
 def check_map(name: str, value: float | npt.ArrayLike, shape: tuple[int, ...]) -> float | Array:
-    """Check a number or a map of numbers, 0 or more; the map comes back flat, for the engine.
+    """Return a finite number of at least 0, or a map of such numbers, flat for the engine.
 
     Raises
     ------
     ValueError
-        For another shape, and for what is below 0, infinite or NaN.
+        For an array of another shape, and for negative or infinite numbers and NaN.
+
+    Examples
+    --------
+    >>> check_map("weight", 2, (4, 4)), check_map("weight", [[1.0, 3.0]], (1, 2)).tolist()
+    (2.0, [1.0, 3.0])
     """
     array = np.asarray(value)
     if array.dtype.kind not in "iuf" or array.shape not in ((), shape) or array.size == 0:
@@ -201,12 +243,17 @@ def check_map(name: str, value: float | npt.ArrayLike, shape: tuple[int, ...]) -
 
 
 def check_norm(norm: str) -> str:
-    """Give the name of a norm back.
+    """Return the name of a norm.
 
     Raises
     ------
     ValueError
-        When there is none of that name.
+        For a name that is not in :data:`NORMS`.
+
+    Examples
+    --------
+    >>> check_norm("isotropic")
+    'isotropic'
     """
     if norm not in NORMS:
         raise ValueError(f"norm: expected one of {', '.join(NORMS)}, got {norm!r}")

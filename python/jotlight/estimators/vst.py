@@ -1,7 +1,7 @@
-"""Variance stabilisation of counts: equations (6) and (7), and the exact unbiased inverse.
+"""Variance stabilization of counts: equations (6) and (7), and the exact unbiased inverse.
 
-After :func:`stabilise` the noise of a count is close to normal with standard deviation
-:data:`NOISE`, whatever the light, so that any denoiser for white Gaussian noise can be used.
+After :func:`anscombe` the noise of a count is close to normal with standard deviation
+:data:`NOISE` at any intensity. Any denoiser for white Gaussian noise then applies.
 """
 
 from collections.abc import Callable
@@ -13,30 +13,38 @@ import jotlight._engine as engine
 from jotlight.chunks import pixel_chunks
 
 NOISE = 0.5
-"""Standard deviation of the noise after :func:`stabilise`."""
+"""The standard deviation of the noise after :func:`anscombe`."""
 
 INVERSES = ("exact", "algebraic")
-"""The inverses of :func:`invert`."""
+"""The names of the inverses in :func:`inverse_anscombe`."""
+
+_CHUNK = 1 << 22
+"""Pixels per call of the engine. The exact inverse computes a table in each call."""
 
 
 def anscombe(
     counts: npt.ArrayLike, bits_per_pixel: int, *, threads: int | None = None
 ) -> npt.NDArray[np.float32]:
-    """T of counts out of K bits: equation (6).
+    """Return the stabilized counts T(L), with L of K bits equal to 1: equation (6).
 
     Parameters
     ----------
     counts : array_like, any shape
-        In [0, K].
+        L in [0, K].
     bits_per_pixel : int
         K.
     threads : int, optional
-        Threads to use. Default: all.
+        The number of threads. Default: all cores.
 
     Returns
     -------
     ndarray of float32
-        Of the same shape.
+        T, of the same shape.
+
+    Raises
+    ------
+    ValueError
+        For counts outside of [0, K].
 
     Examples
     --------
@@ -58,29 +66,36 @@ def inverse_anscombe(
     inverse: str = "exact",
     threads: int | None = None,
 ) -> npt.NDArray[np.float32]:
-    """Counts in [0, K] for denoised values z.
+    """Return the counts in [0, K] of denoised values z: the inverse of :func:`anscombe`.
 
     Parameters
     ----------
     z : array_like, any shape
-        What :func:`stabilise` gave, after denoising.
+        Denoised results of :func:`anscombe`.
     bits_per_pixel : int
         K.
     inverse : {"exact", "algebraic"}
-        The exact unbiased inverse maps E[T(L)], L ~ Binomial(K, p), back to K p. The algebraic one
-        is equation (7), the inverse function of T; it is biased where K is small.
+        The exact unbiased inverse maps E[T(L)], L ~ Binomial(K, p), back to K p. The algebraic
+        inverse is equation (7), the inverse function of T. It is biased where K is small.
     threads : int, optional
-        Threads to use. Default: all.
+        The number of threads. Default: all cores.
 
     Returns
     -------
     ndarray of float32
-        Of the same shape.
+        Counts in [0, K], of the same shape.
+
+    Raises
+    ------
+    ValueError
+        For an unknown inverse, and for NaN.
 
     Notes
     -----
-    The exact inverse is that of Makitalo and Foi (2011), there for Poisson counts, by the same
-    definition for binomial ones.
+    Makitalo and Foi (2011) define the exact inverse for Poisson counts. This is the same definition
+    for binomial counts.
+
+    Differs from the paper: (7) is clipped to [0, K].
 
     Examples
     --------
@@ -106,7 +121,6 @@ def _apply(
 ) -> npt.NDArray[np.float32]:
     out = np.empty(values.shape, np.float32)
     flat, result = values.reshape(-1), out.reshape(-1)
-    # Larger parts than elsewhere: the exact inverse makes its table anew for each.
-    for part in pixel_chunks(flat.size, 1 << 22):
-        function(flat[part], bits_per_pixel, result[part], threads)
+    for chunk in pixel_chunks(flat.size, _CHUNK):
+        function(flat[chunk], bits_per_pixel, result[chunk], threads)
     return out

@@ -269,7 +269,7 @@ def _scenes(results: Results) -> list[Scene]:
             words = f"{row['psnr']:.2f} dB, SSIM {row['ssim']:.3f}"
             file = (results.files / f"{name}-{row['method']}.png").read_bytes()
             pictures.append(Picture(title(str(row["method"])), words, file))
-        scenes.append(Scene(f"Image {name}", truth.shape, plots.most_detailed(truth), pictures))
+        scenes.append(Scene(f"Image {name}", truth.shape, plots.find_detail(truth), pictures))
     return scenes
 
 

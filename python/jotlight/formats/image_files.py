@@ -16,7 +16,7 @@ from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.raw import list_files
 from jotlight.formats.tiff import open_checked_tiff
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, joined
+from jotlight.sensing.frames import Frames, concatenate
 from jotlight.sensing.provenance import Provenance
 
 _EXPANDED = {2: 85, 4: 17}
@@ -48,7 +48,7 @@ def _images(
         provenance = provenance.with_notes(
             f"{len(files)} files in the natural order of their names"
         )
-    frames = joined(parts)
+    frames = concatenate(parts)
     if frames.dtype == np.bool_ and frames.ndim == 3:
         provenance = provenance.with_notes(
             "black and white pictures are frames of bits, white for 1"

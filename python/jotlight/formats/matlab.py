@@ -15,7 +15,7 @@ from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.mat_sizes import check_sizes
 from jotlight.formats.raw import natural_sort_key
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, joined
+from jotlight.sensing.frames import Frames, concatenate
 from jotlight.sensing.provenance import Provenance
 
 VARIABLE = "OUTPUT"
@@ -39,7 +39,7 @@ def open_matlab(path: Path, *, key: str | None = None, counts: bool | None = Non
     parts = [_part(file, key) for file in files]
     if len({part.shape[1:] for part in parts}) != 1:
         raise ValueError(f"{path}: expected parts of one height and width")
-    frames = joined(parts)
+    frames = concatenate(parts)
     if total is not None and total < len(frames):
         notes.append(f"the first {total} of {len(frames)} frames, as info.json tells")
         frames = frames[:total]

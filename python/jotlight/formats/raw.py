@@ -10,7 +10,7 @@ import numpy.typing as npt
 from jotlight.errors import warn
 from jotlight.formats.compressed import Stream, open_gzip, said
 from jotlight.formats.magic import read_signature
-from jotlight.sensing.frames import Frames, joined
+from jotlight.sensing.frames import Frames, concatenate
 
 Decode = Callable[[npt.NDArray[np.uint8]], npt.NDArray[np.uint8]]
 
@@ -126,7 +126,7 @@ def raw_frames(
         What may stand at the end of a file and is no frame.
     """
     parts = [_frames_of(file, shape, decode, trailer) for file in files]
-    frames = joined(parts)
+    frames = concatenate(parts)
     if len(frames) == 0:
         many = f"any of {len(files)} files" if len(files) > 1 else "it"
         raise ValueError(

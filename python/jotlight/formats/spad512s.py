@@ -17,7 +17,7 @@ from jotlight.errors import warn
 from jotlight.formats.orientation import transpose_packed
 from jotlight.formats.raw import ENDINGS, RawFile, list_files, raw_frames
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, joined
+from jotlight.sensing.frames import Frames, concatenate
 from jotlight.sensing.provenance import Provenance
 
 Packed = npt.NDArray[np.uint8]
@@ -67,7 +67,7 @@ def open_spad512s(path: Path, *, sparse: bool = False) -> Bits:
     name = "spad512s-sparse" if sparse else "spad512s"
     files = list_files(path, ENDINGS, "SPAD512S")
     if sparse:
-        frames = joined([_sparse_frames(file) for file in files])
+        frames = concatenate([_sparse_frames(file) for file in files])
         if len(frames) == 0:
             raise ValueError(f"{path}: expected frames that end in {_END}, got no such end")
         notes = [f"places of ones as uint32, little endian, row by row; {_SHOWN}"]

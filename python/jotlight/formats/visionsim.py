@@ -14,7 +14,7 @@ from jotlight.formats.description import resolve_below
 from jotlight.formats.orientation import transpose_packed
 from jotlight.memory_maps import release
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, joined, read_in_chunks
+from jotlight.sensing.frames import Frames, concatenate, read_in_chunks
 from jotlight.sensing.provenance import Provenance
 
 NAME = "transforms.json"
@@ -58,7 +58,7 @@ def _open(path: Path, told: dict[str, Any]) -> Bits:
         widths.add(width)
     if len(widths) != 1 or len({part.shape[1:] for part in parts}) != 1:
         raise ValueError("frames: expected at least one, and frames of one size")
-    packed = joined(parts)
+    packed = concatenate(parts)
     number = len(told["frames"])
     if len(packed) != number:
         warn(f"{path}: tells of {number} frames, and there are {len(packed)}; the fewer are used")

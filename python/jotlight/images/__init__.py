@@ -1,1 +1,10 @@
-"""Placeholder."""
+"""Images in and out of files, and what a display shows of them.
+
+- `io`: read photographs, write estimates.
+- `sets`: read many images from a folder or an array.
+- `color`: color to gray.
+- `tone`: curves from intensities to a display.
+- `image_stack`: several named images in one file.
+- `video`: one estimate per window of frames.
+- `exr`: the OpenEXR format.
+"""

@@ -1,4 +1,4 @@
-"""OpenEXR: float pictures as film and rendering tools take them."""
+"""OpenEXR: float images for video and rendering tools."""
 
 import json
 from collections.abc import Mapping
@@ -21,8 +21,8 @@ def check_exr() -> None:
         )
 
 
-def write_exr(path: Path, picture: npt.NDArray[Any], note: Mapping[str, Any] | None) -> None:
-    """Write float32 without loss: the channel Y, or R, G and B; `note` as JSON in `comments`."""
+def write_exr(path: Path, image: npt.NDArray[Any], note: Mapping[str, Any] | None) -> None:
+    """Write an image (H, W) or (H, W, 3) as float32, with `note` as JSON in `comments`."""
     import OpenEXR
 
     header: dict[str, Any] = {
@@ -31,5 +31,5 @@ def write_exr(path: Path, picture: npt.NDArray[Any], note: Mapping[str, Any] | N
     }
     if note:
         header["comments"] = json.dumps(dict(note))
-    values = np.ascontiguousarray(picture, np.float32)
+    values = np.ascontiguousarray(image, np.float32)
     OpenEXR.File(header, {"Y" if values.ndim == 2 else "RGB": values}).write(str(path))

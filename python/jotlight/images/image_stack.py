@@ -1,4 +1,4 @@
-"""Several images of one scene in one file, each with its name."""
+"""Write several images of one scene to one file, each with its name."""
 
 import json
 import os
@@ -9,24 +9,24 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-Planes = Mapping[str, npt.NDArray[Any]]
+NamedImages = Mapping[str, npt.NDArray[Any]]
 
 ENDINGS = (".npz", ".npy", ".tif", ".tiff")
 
 
 def stack_writer(
     path: str | os.PathLike[str], note: Mapping[str, Any] | None = None
-) -> Callable[[Path, Planes], None]:
-    """Find how to write named images of one shape to `path`, before they are made.
+) -> Callable[[Path, NamedImages], None]:
+    """Return a function ``write(file, images)`` that writes named images of one shape.
 
-    `.npz` keeps each under its name; `.npy` is one float32 array (N, H, W) or (N, H, W, C) in
-    their order, and `.tif` has a float32 page for each, with names and `note` as JSON in its
-    ImageDescription.
+    The ending of `path` chooses the format. `.npz` stores each image under its name. `.npy` is one
+    float32 array (N, H, W) or (N, H, W, C) in the order of the mapping. `.tif` has one float32
+    page per image; its ImageDescription holds the names and `note` as JSON.
 
     Raises
     ------
     ValueError
-        For an unknown ending.
+        If the ending is unknown. It is checked before any image is computed.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in ENDINGS:
@@ -35,12 +35,12 @@ def stack_writer(
             f"got {suffix or 'none'}"
         )
 
-    def write(file: Path, planes: Planes) -> None:
+    def write(file: Path, images: NamedImages) -> None:
         if suffix == ".npz":
             with file.open("wb") as handle:
-                np.savez_compressed(handle, **planes)  # type: ignore[arg-type]
+                np.savez_compressed(handle, **images)  # type: ignore[arg-type]
             return
-        stack = np.stack([plane.astype(np.float32) for plane in planes.values()])
+        stack = np.stack([image.astype(np.float32) for image in images.values()])
         if suffix == ".npy":
             with file.open("wb") as handle:
                 np.save(handle, stack)
@@ -51,7 +51,7 @@ def stack_writer(
             file,
             stack,
             photometric="rgb" if stack.ndim == 4 and stack.shape[3] == 3 else "minisblack",
-            description=json.dumps({**(note or {}), "pages": list(planes)}),
+            description=json.dumps({**(note or {}), "pages": list(images)}),
             metadata=None,
         )
 

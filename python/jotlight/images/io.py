@@ -1,4 +1,4 @@
-"""Pictures in and out of files."""
+"""Read photographs as intensities, and write images."""
 
 import json
 import math
@@ -17,46 +17,54 @@ from jotlight.formats.tiff import open_checked_tiff
 from jotlight.images.color import luma
 from jotlight.images.exr import check_exr, write_exr
 
-Picture = npt.NDArray[np.floating[Any]]
+Image = npt.NDArray[np.floating[Any]]
 
 DISPLAYED = (".png", ".jpg", ".jpeg")
-"""The endings of pictures to look at."""
+"""Endings of images for display."""
 
 FLOATS = (".tif", ".tiff", ".exr", ".npy")
-"""The endings of pictures in numbers, never clipped."""
+"""Endings of images that keep floats. They are never clipped."""
 
 _ORIENTATION = 0x0112
-"""The tag of EXIF."""
+"""EXIF tag of the orientation."""
 
 
 def read_image(
     path: str | os.PathLike[str], *, white: float | None = None, gray: bool = False
-) -> Picture:
+) -> Image:
     """Read a photograph as intensities.
 
     Parameters
     ----------
     path : path
-        PNG, JPEG or whatever else Pillow reads, TIFF, or `.npy`.
+        PNG, JPEG, any other format that Pillow reads, TIFF, or `.npy`.
     white : float, optional
         The level that becomes intensity 1. Default: the full scale of 8-bit photographs and of
-        16-bit PNG, and 1 for floats. Other integers need it, since nothing tells their scale.
+        16-bit PNG, and 1 for floats. Other integers require it, since their scale is unknown.
     gray : bool
-        Turn colour into grey, the luma 0.299 R + 0.587 G + 0.114 B of ITU-R BT.601.
+        Whether to convert color to gray (:func:`jotlight.images.color.luma`).
 
     Returns
     -------
     ndarray of float32 or float64, shape (H, W) or (H, W, 3)
-        Intensities. Transparency is left out, the orientation noted by the camera is applied.
+        Intensities. Transparency is dropped, and the EXIF orientation is applied.
 
     Raises
     ------
     OSError, ValueError
-        When the file cannot be read, or the scale is unknown.
+        If the file cannot be read, or its scale is unknown.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "photo.png"
+    >>> image_writer(path)(path, np.array([[0.0, 1.0]]))
+    >>> read_image(path)
+    array([[0., 1.]], dtype=float32)
     """
     path = Path(path)
     if not path.is_file():
-        raise FileNotFoundError(f"there is no picture file {path}")
+        raise FileNotFoundError(f"there is no image file {path}")
     if path.suffix.lower() == ".npy":
         array, scale = np.asarray(read_npy(path)), None
     elif path.suffix.lower() in (".tif", ".tiff"):
@@ -73,14 +81,16 @@ def read_image(
         scale = white
     if scale is None:
         raise ValueError(
-            f"{path}: the scale of its {array.dtype} values is unknown; give the level that "
-            "stands for intensity 1, white= (--white), such as 1023 for a 10-bit camera"
+            f"{path}: the scale of its {array.dtype} values is unknown; state the level of "
+            "intensity 1 with white= (--white), such as 1023 for a 10-bit camera"
         )
     if gray and array.ndim == 3 and array.shape[2] != 3:
-        raise ValueError(f"{path}: expected red, green and blue for grey, got {array.shape}")
+        raise ValueError(
+            f"{path}: expected red, green, and blue to convert to gray, got {array.shape}"
+        )
     if gray and array.ndim == 3:
-        grey = luma(array)
-        array = np.rint(grey) if array.dtype.kind in "iu" else grey
+        gray_levels = luma(array)
+        array = np.rint(gray_levels) if array.dtype.kind in "iu" else gray_levels
     if array.dtype != np.float64:
         array = array.astype(np.float32)
     return np.asarray(array / np.asarray(scale, array.dtype))
@@ -94,47 +104,46 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
             size = file.width * file.height * len(file.getbands())
             check_claimed_size("the header", size, path.stat().st_size)
             if (deep := _read_png16(path)) is not None:
-                return _turned(deep, file.getexif().get(_ORIENTATION, 1)), 65535.0
-            picture = ImageOps.exif_transpose(file)
-            if picture.mode in ("I;16", "I;16B", "I"):
-                return np.asarray(picture).astype(np.int32), 65535.0
-            if picture.mode == "F":
-                return np.asarray(picture), 1.0
-            keeps = picture.mode in ("L", "RGB")
-            grey = picture.mode in ("1", "LA", "L")
-            picture = picture if keeps else picture.convert("L" if grey else "RGB")
-            return np.asarray(picture), 255.0
+                return _upright(deep, file.getexif().get(_ORIENTATION, 1)), 65535.0
+            image = ImageOps.exif_transpose(file)
+            if image.mode in ("I;16", "I;16B", "I"):
+                return np.asarray(image).astype(np.int32), 65535.0
+            if image.mode == "F":
+                return np.asarray(image), 1.0
+            if image.mode not in ("L", "RGB"):
+                image = image.convert("L" if image.mode in ("1", "LA") else "RGB")
+            return np.asarray(image), 255.0
     except UnidentifiedImageError as error:
-        raise ValueError(f"{path}: expected a picture, but no known format fits") from error
+        raise ValueError(f"{path}: expected an image, but no known format fits") from error
     except Image.DecompressionBombError as error:
         raise ValueError(f"{path}: {error}") from error
-    except Exception as error:  # anything: Pillow does not check all that it reads
+    except Exception as error:  # any type: Pillow does not check everything it reads
         if str(error).startswith(str(path)):
             raise
-        raise ValueError(f"{path}: the picture is damaged or truncated ({error})") from error
+        raise ValueError(f"{path}: the image is damaged or truncated ({error})") from error
 
 
 def _read_png16(path: Path) -> npt.NDArray[np.uint16] | None:
-    """A 16-bit PNG of which Pillow would keep 8 bits, without its transparency; else None."""
+    """Return a 16-bit PNG with transparency or color, which Pillow cuts to 8 bits; else None."""
     import png
 
     with path.open("rb") as file:
         start = file.read(26)
-    # The header comes first: bit depth and colour type stand at fixed places.
-    depth, colour_type = start[24:25], start[25:26]
-    if start[:4] != b"\x89PNG" or depth != b"\x10" or colour_type not in (b"\2", b"\4", b"\6"):
+    # The header has the bit depth and the color type at fixed positions.
+    depth, color_type = start[24:25], start[25:26]
+    if start[:4] != b"\x89PNG" or depth != b"\x10" or color_type not in (b"\2", b"\4", b"\6"):
         return None
     try:
         width, height, rows, facts = png.Reader(bytes=path.read_bytes()).read()
         values = np.array([np.asarray(row, np.uint16) for row in rows])
     except (png.Error, zlib.error, EOFError) as error:
-        raise ValueError(f"{path}: the picture is damaged or truncated ({error})") from error
+        raise ValueError(f"{path}: the image is damaged or truncated ({error})") from error
     values = values.reshape(height, width, facts["planes"])
-    return values[..., 0] if colour_type == b"\4" else values[..., :3]
+    return values[..., 0] if color_type == b"\4" else values[..., :3]
 
 
-def _turned(array: npt.NDArray[Any], orientation: int) -> npt.NDArray[Any]:
-    """An image turned upright from one of the eight orientations of EXIF."""
+def _upright(array: npt.NDArray[Any], orientation: int) -> npt.NDArray[Any]:
+    """Return an image upright, from one of the eight orientations of EXIF."""
     if orientation in (5, 6, 7, 8):
         array = array.swapaxes(0, 1)
     if orientation in (3, 4, 7, 8):
@@ -151,7 +160,7 @@ def _read_tiff(path: Path) -> tuple[npt.NDArray[Any], float | None]:
             size = series.size * series.dtype.itemsize
             check_claimed_size("the header", size, path.stat().st_size)
             array = np.asarray(series.asarray())
-    except Exception as error:  # anything: tifffile does not check what it reads
+    except Exception as error:  # any type: tifffile does not check what it reads
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error
     if array.ndim == 3 and array.shape[2] == 4:  # transparency
         array = array[..., :3]
@@ -164,37 +173,40 @@ def image_writer(
     depth: int = 8,
     white: float = 1.0,
     note: Mapping[str, Any] | None = None,
-) -> Callable[[Path, Picture], None]:
-    """Find how to write a picture to `path`, before it is made.
+) -> Callable[[Path, Image], None]:
+    """Return a function ``write(file, image)`` for the format of `path`.
+
+    Everything about the format is checked here, before any image is computed.
 
     Parameters
     ----------
     path : path
-        Its ending chooses: `.png` and `.jpg` for display; `.tif` and `.exr` (float32) and `.npy`
-        for numbers, which are written as they are and never clipped.
+        The ending chooses the format: `.png` and `.jpg` for display; `.tif` and `.exr` (float32)
+        and `.npy` for floats, which are never clipped.
     depth : {8, 16}
         Bits of a PNG.
     white : float
-        The intensity that becomes white in PNG and JPEG; what is brighter is white too.
+        The intensity that becomes white in PNG and JPEG. Brighter pixels are white too.
     note : mapping, optional
-        What JSON can hold, kept in the ImageDescription of a TIFF and the `comments` of an EXR.
+        Values that JSON can hold. They go into the ImageDescription of a TIFF and the `comments` of
+        an EXR.
 
     Returns
     -------
     callable
-        ``write(file, picture)``, where `file` has the same ending as `path`.
+        ``write(file, image)`` with an image (H, W) or (H, W, 3). `file` has the ending of `path`.
 
     Raises
     ------
     ValueError
-        For an unknown ending, or a depth that the format does not have.
+        If the ending is unknown, or the format does not have the depth.
     MissingExtraError
-        For `.exr` without the package OpenEXR.
+        If `.exr` needs the package OpenEXR.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in (*DISPLAYED, *FLOATS):
         raise ValueError(
-            f"{path}: expected a name that ends in .png, .jpg, .tif, .exr or .npy, "
+            f"{path}: expected a name that ends in .png, .jpg, .tif, .exr, or .npy, "
             f"got {suffix or 'none'}"
         )
     if suffix == ".exr":
@@ -202,44 +214,42 @@ def image_writer(
     if depth not in (8, 16) or (depth == 16 and suffix != ".png"):
         raise ValueError(
             f"depth: expected 8, or 16 for a .png, got {depth} for {suffix}; "
-            ".tif, .exr and .npy hold floats"
+            ".tif, .exr, and .npy hold floats"
         )
 
-    def write(file: Path, picture: Picture) -> None:
+    def write(file: Path, image: Image) -> None:
         if suffix == ".npy":
             with file.open("wb") as handle:
-                np.save(handle, picture)
+                np.save(handle, image)
         elif suffix in (".tif", ".tiff"):
             import tifffile
 
-            photometric = "rgb" if picture.ndim == 3 else "minisblack"
-            told: dict[str, Any] = {}
+            photometric = "rgb" if image.ndim == 3 else "minisblack"
+            description: dict[str, Any] = {}
             if note:
-                told = {"description": json.dumps(dict(note)), "metadata": None}
-            tifffile.imwrite(file, picture.astype(np.float32), photometric=photometric, **told)
+                description = {"description": json.dumps(dict(note)), "metadata": None}
+            tifffile.imwrite(file, image.astype(np.float32), photometric=photometric, **description)
         elif suffix == ".exr":
-            write_exr(file, picture, note)
+            write_exr(file, image, note)
         elif depth == 16:
-            _write_png16(file, levels(picture, white, 65535).astype(np.uint16))
+            _write_png16(file, display_levels(image, white, 65535).astype(np.uint16))
         else:
-            from PIL import Image
+            from PIL import Image as PillowImage
 
-            image = Image.fromarray(levels(picture, white, 255).astype(np.uint8))
-            if suffix == ".png":
-                image.save(file, optimize=True)
-            else:
-                image.save(file, quality=95)
+            levels = display_levels(image, white, 255).astype(np.uint8)
+            options = {"optimize": True} if suffix == ".png" else {"quality": 95}
+            PillowImage.fromarray(levels).save(file, **options)
 
     return write
 
 
-def levels(picture: Picture, white: float, most: int) -> Picture:
-    """Whole display levels from 0 to `most`, `white` and what is brighter becoming `most`."""
-    return np.asarray(np.rint(np.clip(picture / np.float64(white), 0, 1) * most))
+def display_levels(image: Image, white: float, max_level: int) -> Image:
+    """Return integer levels from 0 to `max_level`; `white` and brighter become `max_level`."""
+    return np.asarray(np.rint(np.clip(image / np.float64(white), 0, 1) * max_level))
 
 
 def _write_png16(file: Path, values: npt.NDArray[np.uint16]) -> None:
-    # Pillow has no 16-bit colour.
+    # Pillow has no 16-bit color.
     import png
 
     height, width = values.shape[:2]

@@ -1,4 +1,4 @@
-"""Many images at once: a folder of pictures, or an array of them."""
+"""Read many images at once: from a folder, or from an array."""
 
 import os
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from jotlight.formats.arrays import read_npy, read_npz
 from jotlight.images.io import read_image
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".npy")
-"""Of the files in a folder that are taken for pictures."""
+"""Endings of the files in a folder that count as images."""
 
 
 def read_image_set(
@@ -23,27 +23,27 @@ def read_image_set(
     first: int | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> tuple[list[str], list[npt.NDArray[np.float32]]]:
-    """Read grey images and their names, in the order of the names.
+    """Return the names and the gray images of a set, sorted by name.
 
     Parameters
     ----------
     source : path
-        A folder of pictures, of which colour ones are turned into grey; or a `.npy`, or `.npz` with
-        `key`, that holds an array (N, H, W).
+        A folder of images, where color is converted to gray; or a `.npy`, or a `.npz` with `key`,
+        with an array (N, H, W).
     key : str, optional
         The name of the array in a `.npz`.
     white : float, optional
-        The level that becomes intensity 1. Default: the full scale of 8 bits and of 16-bit PNG, and
-        1 for floats.
+        The level that becomes intensity 1. Default: the full scale of 8-bit images and of 16-bit
+        PNG, and 1 for floats.
     first : int, optional
-        Only so many of them.
+        Read only the first `first` images. Default: all.
     progress : callable, optional
-        Called with the share that is done.
+        Called with the completed fraction, 0 to 1.
 
     Raises
     ------
     OSError, ValueError
-        When there are no pictures, or one cannot be read; the message names it.
+        If there are no images, or one cannot be read; the message names it.
     """
     source = Path(source)
     check_first(first)
@@ -56,30 +56,30 @@ def read_image_set(
     paths = sorted(path for path in source.iterdir() if path.suffix.lower() in ENDINGS)
     paths = [path for path in paths if not path.name.startswith(".")][:first]
     if not paths:
-        raise ValueError(f"{source}: expected pictures ({', '.join(ENDINGS)}), found none")
+        raise ValueError(f"{source}: expected images ({', '.join(ENDINGS)}), found none")
     images = []
     for number, path in enumerate(paths):
         image = read_image(path, white=white, gray=True)
         if image.ndim != 2 or image.size == 0:
-            raise ValueError(f"{path}: expected a grey or RGB picture, got shape {image.shape}")
+            raise ValueError(f"{path}: expected a gray or RGB image, got shape {image.shape}")
         images.append(np.ascontiguousarray(image, np.float32))
-        _warn_of_scale(path, images[-1])
+        _warn_about_scale(path, images[-1])
         if progress:
             progress((number + 1) / len(paths))
     return [path.name for path in paths], images
 
 
 def check_first(first: int | None) -> None:
-    """Raise ValueError unless `first` asks for all images, or for one at least."""
+    """Raise ValueError unless `first` is None or at least 1."""
     if first is not None and first < 1:
         raise ValueError(f"first: expected at least 1 image, got {first}")
 
 
-def _warn_of_scale(source: Path, image: npt.NDArray[np.float32]) -> None:
+def _warn_about_scale(source: Path, image: npt.NDArray[np.float32]) -> None:
     if image.size and image.max() > 30:
         warn(
-            f"{source}: intensities up to {image.max():.4g}; where these are grey levels, give the "
-            "one that stands for intensity 1, white= (--white)"
+            f"{source}: intensities up to {image.max():.4g}; if these are gray levels, state the "
+            "level of intensity 1 with white= (--white)"
         )
 
 
@@ -88,7 +88,7 @@ def _read_stack(
 ) -> tuple[list[str], list[npt.NDArray[np.float32]]]:
     suffix = source.suffix.lower()
     if suffix not in (".npy", ".npz"):
-        raise ValueError(f"{source}: expected a folder of pictures, a .npy or a .npz")
+        raise ValueError(f"{source}: expected a folder of images, a .npy, or a .npz")
     if suffix == ".npy" and key is not None:
         raise ValueError(f"key: names an array in a .npz, and {source} is none")
     array = read_npz(source, key) if suffix == ".npz" else read_npy(source)
@@ -101,13 +101,13 @@ def _read_stack(
     if white is None:
         if array.dtype.kind != "f" and array.dtype != np.uint8:
             raise ValueError(
-                f"{source}: nothing tells the scale of {array.dtype}; give the white level"
+                f"{source}: the scale of {array.dtype} is unknown; state it with white= (--white)"
             )
         white = 255.0 if array.dtype == np.uint8 else 1.0
     elif not (np.isfinite(white) and white > 0):
         raise ValueError(f"white: expected a number above 0, got {white}")
     stack = (array / np.float64(white)).astype(np.float32)
-    _warn_of_scale(source, stack)
+    _warn_about_scale(source, stack)
     digits = len(str(len(array) - 1))
     names = [f"{number:0{digits}d}" for number in range(len(array))]
     return names, list(stack)

@@ -1,4 +1,4 @@
-"""Tone curves: float pictures of any range made visible on a display."""
+"""Tone curves: map intensities of any range to a display."""
 
 import dataclasses
 from collections.abc import Callable
@@ -7,50 +7,50 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-Picture = npt.NDArray[np.floating[Any]]
+Image = npt.NDArray[np.floating[Any]]
 
 PERCENTILE = 99.5
-"""Of the pixels so many are no brighter than white, unless told otherwise."""
+"""Default percentile of the pixels that becomes white."""
 
 _SHADES = 1000.0
-"""How much darker than white the logarithmic curve goes before it is nearly linear."""
+"""Ratio of white to the level below which the logarithmic curve is nearly linear."""
 
 _KEY = 0.18
-"""What the middle brightness becomes in the curve of Reinhard et al."""
+"""Displayed value of the middle brightness in the curve of Reinhard et al."""
 
 
-def _linear(x: Picture, middle: float) -> Picture:
+def _linear(x: Image, middle: float) -> Image:
     return x
 
 
-def _gamma(x: Picture, middle: float) -> Picture:
+def _gamma(x: Image, middle: float) -> Image:
     return np.asarray(x ** (1 / 2.2))
 
 
-def _log(x: Picture, middle: float) -> Picture:
+def _log(x: Image, middle: float) -> Image:
     return np.asarray(np.log1p(_SHADES * x) / np.log1p(_SHADES))
 
 
-def _reinhard(x: Picture, middle: float) -> Picture:
-    # White is x = 1, and so _KEY / middle after the scaling.
+def _reinhard(x: Image, middle: float) -> Image:
+    # White, x = 1, becomes _KEY / middle.
     scaled, white = x * (_KEY / middle), _KEY / middle
     return np.asarray(scaled * (1 + scaled / white**2) / (1 + scaled)) ** (1 / 2.2)
 
 
-CURVES: dict[str, Callable[[Picture, float], Picture]] = {
+CURVES: dict[str, Callable[[Image, float], Image]] = {
     "linear": _linear,
     "gamma": _gamma,
     "log": _log,
     "reinhard": _reinhard,
 }
-"""The curves, from x = c / white in [0, 1] and its middle brightness."""
+"""Functions of x = c / white in [0, 1] and of the middle brightness."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Tone:
     """A curve from intensities to the display, [0, 1].
 
-    With x = c / `white`, what is brighter than white being white:
+    With x = c / `white`, clipped to [0, 1]:
 
     - ``linear``: x
     - ``gamma``: x^(1/2.2)
@@ -58,12 +58,12 @@ class Tone:
     - ``reinhard``: (y (1 + y / w²) / (1 + y))^(1/2.2) with y = 0.18 x / m, w = 0.18 / m and m the
       geometric mean of x
 
-    Channels of a colour picture are treated alike.
+    All channels of a color image use the same curve.
 
     Notes
     -----
-    The last is the global curve of Reinhard et al. (2002), their equations (2) and (4), followed
-    by the display's gamma.
+    ``reinhard`` is the global curve of Reinhard et al. (2002), their equations (2) and (4). The
+    gamma of the display follows.
 
     Examples
     --------
@@ -75,7 +75,7 @@ class Tone:
     white: float = 1.0
     """The intensity that becomes white."""
     middle: float = _KEY
-    """m, which only ``reinhard`` looks at."""
+    """The geometric mean m. Only ``reinhard`` uses it."""
 
     def __post_init__(self) -> None:
         check_curve(self.curve)
@@ -86,8 +86,8 @@ class Tone:
             )
 
     @classmethod
-    def fit(cls, picture: Picture, curve: str = "gamma", *, percentile: float = PERCENTILE) -> Self:
-        """Choose white so that a share of the values is no brighter, and the middle likewise.
+    def fit(cls, image: Image, curve: str = "gamma", *, percentile: float = PERCENTILE) -> Self:
+        """Return a tone whose white is a percentile of the image, and whose middle is its mean.
 
         Examples
         --------
@@ -96,18 +96,18 @@ class Tone:
         """
         if not 0 < percentile <= 100:
             raise ValueError(f"percentile: expected a number in (0, 100], got {percentile}")
-        white = float(np.percentile(picture, percentile)) or float(np.max(picture)) or 1.0
+        white = float(np.percentile(image, percentile)) or float(np.max(image)) or 1.0
         # Black pixels would make the geometric mean 0.
-        x = np.clip(np.asarray(picture, np.float64) / white, 1e-4, 1)
+        x = np.clip(np.asarray(image, np.float64) / white, 1e-4, 1)
         return cls(curve, white, float(np.exp(np.log(x).mean())))
 
-    def __call__(self, picture: Picture) -> npt.NDArray[np.float32]:
-        """Apply the curve: values in [0, 1], of the picture's shape."""
-        x = np.clip(np.asarray(picture, np.float64) / self.white, 0, 1)
+    def __call__(self, image: Image) -> npt.NDArray[np.float32]:
+        """Return the image on the curve: values in [0, 1], in the same shape."""
+        x = np.clip(np.asarray(image, np.float64) / self.white, 0, 1)
         return np.clip(CURVES[self.curve](x, self.middle), 0, 1).astype(np.float32)
 
 
 def check_curve(name: str) -> None:
-    """Raise ValueError for a curve that is not known."""
+    """Raise ValueError if the curve is unknown."""
     if name not in CURVES:
         raise ValueError(f"curve: expected one of {', '.join(CURVES)}, got {name!r}")

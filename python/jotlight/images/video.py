@@ -1,4 +1,4 @@
-"""Films: pictures of sliding windows of frames, written one by one."""
+"""Videos: one image per window of frames, written one by one."""
 
 import contextlib
 from collections.abc import Callable, Iterator
@@ -11,22 +11,22 @@ import numpy.typing as npt
 
 from jotlight.errors import MissingExtraError
 from jotlight.files import atomic_folder, atomic_write
-from jotlight.images.io import Picture, image_writer
+from jotlight.images.io import Image, image_writer
 from jotlight.images.tone import Tone
 from jotlight.sensing.bits import Bits
 
-Add = Callable[[npt.NDArray[np.float32]], None]
+AddImage = Callable[[npt.NDArray[np.float32]], None]
 
 
 def windows(bits: Bits, window: int, step: int | None = None) -> list[slice]:
-    """Frames of each window: `window` of them, beginning every `step`; whole windows only.
+    """Return the frames of each whole window: `window` frames, starting every `step`.
 
-    ``bits[w]`` for w among them gives the bits, still in their files.
+    ``bits[w]`` for each of them selects its bits without reading their files.
 
     Raises
     ------
     ValueError
-        When there is no whole window, or a number is below 1.
+        If there is no whole window, or a number is below 1.
 
     Examples
     --------
@@ -43,97 +43,96 @@ def windows(bits: Bits, window: int, step: int | None = None) -> list[slice]:
 
 
 def is_floats(path: Path) -> bool:
-    """Whether a film of this name is a stack of floats, and raise ValueError if it can be none.
+    """Return whether a video of this name is a stack of floats.
 
     Raises
     ------
     MissingExtraError
-        For `.mp4` without the package imageio-ffmpeg.
+        If `.mp4` needs the package imageio-ffmpeg.
     ValueError
-        For an unknown ending.
+        If the ending is unknown.
     """
     suffix = path.suffix.lower()
     if suffix not in ("", ".npy", ".mp4"):
         raise ValueError(
-            f"{path}: expected, for the pictures of many windows, a name that ends in .npy "
-            f"(floats) or .mp4, or a name without ending for a new folder of .png, got {suffix}"
+            f"{path}: expected a name for a video: one that ends in .npy (floats) or .mp4, or a "
+            f"name without ending for a new folder of .png, got {suffix}"
         )
     if suffix == ".mp4" and find_spec("imageio_ffmpeg") is None:
         raise MissingExtraError(
-            "films in .mp4 need the package imageio-ffmpeg, which is not installed: "
-            "pip install 'jotlight[video]'; .npy and a folder of .png go without it"
+            "videos in .mp4 need the package imageio-ffmpeg, which is not installed: "
+            "pip install 'jotlight[video]'; .npy and folders of .png work without it"
         )
     return suffix == ".npy"
 
 
 @contextlib.contextmanager
-def film_writer(
+def video_writer(
     path: Path, number: int, *, tone: Tone | None = None, fps: float = 25.0, depth: int = 8
-) -> Iterator[Add]:
-    """Give a function that adds the next picture to a film; it appears whole or not at all.
+) -> Iterator[AddImage]:
+    """Yield a function that adds the next image to a video. The video appears whole or not at all.
 
     Parameters
     ----------
     path : path
-        `.npy`: float32 (N, H, W) or (N, H, W, C), as they are; `.mp4`: H.264, an odd row or column
-        repeated; no ending: a new folder of `00000.png` and so on.
+        `.npy`: float32 (N, H, W) or (N, H, W, C), unchanged. `.mp4`: H.264; an odd last row or
+        column is repeated. No ending: a new folder of `00000.png` and so on.
     number : int
-        N, how many pictures will come.
+        N, the number of images.
     tone : Tone, optional
-        How floats become what is displayed, the same for all. Default: intensity 1 is white.
+        The curve from floats to the display, the same for all. Default: intensity 1 is white.
     fps : float
-        Pictures per second of a `.mp4`.
+        Images per second of a `.mp4`.
     depth : {8, 16}
         Bits of a `.png`.
 
     Examples
     --------
     >>> import tempfile
-    >>> path = Path(tempfile.mkdtemp()) / "film.npy"
-    >>> with film_writer(path, 2) as add:
+    >>> path = Path(tempfile.mkdtemp()) / "video.npy"
+    >>> with video_writer(path, 2) as add:
     ...     add(np.zeros((3, 4), np.float32))
     ...     add(np.ones((3, 4), np.float32))
     >>> np.load(path).shape
     (2, 3, 4)
     """
-    shown = tone or Tone("linear")
+    curve = tone or Tone("linear")
     if is_floats(path):
         with atomic_write(path) as temporary, temporary.open("wb") as file:
-            yield lambda picture: _append(file, picture, number)
+            yield lambda image: _append(file, image, number)
     elif path.suffix:
         with atomic_write(path) as temporary, _mp4(temporary, fps) as send:
-            yield lambda picture: send(shown(picture))
+            yield lambda image: send(curve(image))
     else:
         write = image_writer("a.png", depth=depth)
         with atomic_folder(path) as folder:
-            places = (
-                folder / f"{place:0{max(5, len(str(number)))}d}.png" for place in range(number)
-            )
-            yield lambda picture: write(next(places), shown(picture))
+            digits = max(5, len(str(number)))
+            names = (folder / f"{index:0{digits}d}.png" for index in range(number))
+            yield lambda image: write(next(names), curve(image))
 
 
-def _append(file: Any, picture: Picture, number: int) -> None:
-    # By hand and not through a memory map, whose pages would stay in memory.
+def _append(file: Any, image: Image, number: int) -> None:
+    # Not through a memory map, whose pages would stay in memory.
     if file.tell() == 0:
-        header = {"descr": "<f4", "fortran_order": False, "shape": (number, *picture.shape)}
+        header = {"descr": "<f4", "fortran_order": False, "shape": (number, *image.shape)}
         np.lib.format.write_array_header_1_0(file, header)
-    file.write(picture.astype("<f4").tobytes())
+    file.write(image.astype("<f4").tobytes())
 
 
 @contextlib.contextmanager
-def _mp4(path: Path, fps: float) -> Iterator[Callable[[Picture], None]]:
+def _mp4(path: Path, fps: float) -> Iterator[Callable[[Image], None]]:
     import imageio_ffmpeg
 
     if not 0 < fps < 1e4:
-        raise ValueError(f"fps: expected pictures per second above 0, got {fps}")
+        raise ValueError(f"fps: expected images per second above 0, got {fps}")
     pipe: Any = None
 
-    def send(picture: Picture) -> None:
+    def send(image: Image) -> None:
         nonlocal pipe
-        # H.264 has half as many rows and columns of colour.
-        height, width = picture.shape[:2]
-        margins = ((0, height % 2), (0, width % 2), (0, 0))[: picture.ndim]
-        levels = np.pad(np.rint(picture * 255).astype(np.uint8), margins, mode="edge")
+        # H.264 stores color at half the height and width, so both must be even.
+        height, width = image.shape[:2]
+        margins = ((0, height % 2), (0, width % 2), (0, 0))[: image.ndim]
+        levels = np.pad(np.rint(image * 255).astype(np.uint8), margins, mode="edge")
         if pipe is None:
             size = (levels.shape[1], levels.shape[0])
             pixels = "gray" if levels.ndim == 2 else "rgb24"

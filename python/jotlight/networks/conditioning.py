@@ -1,4 +1,4 @@
-"""Networks conditioned on K: sets of parameters, weighed by cubic B-splines at log2 K."""
+"""K-conditioned parameters: M sets, interpolated by cubic B-splines over log2 K."""
 
 import math
 from collections.abc import Sequence
@@ -9,38 +9,56 @@ import numpy.typing as npt
 from jotlight.networks.layer import Layer
 from jotlight.networks.splines import CUBIC_BASIS
 
+MIN_SETS = 4
+"""Smallest number M of parameter sets: the four cubic B-splines between two knots."""
+
 
 def conditioning_weights(
-    bits: float, between: tuple[float, float], number: int
+    trials: float, trials_range: tuple[float, float], number: int
 ) -> npt.NDArray[np.float64]:
-    """Give how much of each of so many sets of parameters a network has that is told K = `bits`.
+    """Return the weight of each parameter set for K = `trials` bits per pixel.
 
-    The shares are the values of cubic B-splines at log2 K, over the range of K.
+    The weights are the values at log2 K of `number` cubic B-splines whose knots cover the range.
+
+    Parameters
+    ----------
+    trials : float
+        K, in `trials_range`.
+    trials_range : (float, float)
+        Smallest and largest K of the network.
+    number : int
+        M, at least 4.
+
+    Returns
+    -------
+    ndarray, shape (M,)
+        Weights of 0 or more with sum 1; at most four are not 0.
 
     Examples
     --------
     >>> conditioning_weights(16, (1, 256), 5).round(3).tolist()
     [0.0, 0.167, 0.667, 0.167, 0.0]
     """
-    low, high = (math.log2(x) for x in between)
-    place = (math.log2(bits) - low) / (high - low) * (number - 3)
-    first = min(max(math.floor(place), 0), number - 4)
-    through = place - first
-    cubics = [(((d * through + c) * through + b) * through + a) / 6 for a, b, c, d in CUBIC_BASIS]
-    return np.array([0.0] * first + cubics + [0.0] * (number - 4 - first))
+    low, high = (math.log2(bound) for bound in trials_range)
+    position = (math.log2(trials) - low) / (high - low) * (number - 3)
+    knot = min(max(math.floor(position), 0), number - 4)
+    t = position - knot
+    weights = [(((d * t + c) * t + b) * t + a) / 6 for a, b, c, d in CUBIC_BASIS]
+    return np.array([0.0] * knot + weights + [0.0] * (number - 4 - knot))
 
 
 def count_sets(layers: Sequence[Layer]) -> int:
-    """Give M of layers that have sets of parameters, and the least that there can be for others.
+    """Return the number M of parameter sets of the layers, or the minimum if they have none.
 
     Raises
     ------
     ValueError
-        When they have different numbers.
+        When layers have different numbers of sets, or fewer than 4.
     """
     found: set[int] = set().union(*(layer.set_counts for layer in layers))
-    if len(found) > 1 or min(found, default=4) < 4:
+    if len(found) > 1 or min(found, default=MIN_SETS) < MIN_SETS:
         raise ValueError(
-            f"layers: expected the same number of sets of parameters in all, 4 or more, got {found}"
+            f"layers: expected the same number of parameter sets in all layers, {MIN_SETS} or "
+            f"more, got {sorted(found)}"
         )
-    return max(found, default=4)
+    return max(found, default=MIN_SETS)

@@ -1,4 +1,4 @@
-"""How the layers of a network are connected, and what follows from it."""
+"""The graph of a network's layers: connections, resolutions, work, and receptive field."""
 
 import math
 import operator
@@ -7,12 +7,23 @@ from fractions import Fraction
 
 from jotlight.networks.layer import Layer
 
-_LARGEST_STEP = 256
-"""Rows of a picture that one row of planes stands for, at most."""
+_MAX_SIZE_DIVISOR = 256
+"""Largest size divisor, and largest number of feature-map rows per row of the estimate."""
+
+_Interval = tuple[Fraction, Fraction]
+"""Rows or columns [first, last) of a feature map."""
 
 
 def sources(layers: Sequence[Layer]) -> list[int]:
-    """Give the number of the layer that each reads; -1 for the first, which reads the data."""
+    """Return the index of each layer's input layer, and -1 for the first, which reads the data.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> tap = np.ones((1, 1, 1, 1), np.float32)
+    >>> sources([Layer(tap, None), Layer(tap, None), Layer(tap, None, input=0)])
+    [-1, 0, 0]
+    """
     return [
         index - 1 if layer.input is None else operator.index(layer.input)
         for index, layer in enumerate(layers)
@@ -20,29 +31,25 @@ def sources(layers: Sequence[Layer]) -> list[int]:
 
 
 def scales(layers: Sequence[Layer]) -> list[Fraction]:
-    """Give the pixels along a row of the picture for each that a layer's planes have.
+    """Return, for each layer, how many rows of the estimate one row of its output covers.
 
     Raises
     ------
     ValueError
-        When a layer reads or adds planes that do not fit.
+        When the layers cannot be connected: an input or skip index is out of range, channels or
+        resolutions differ, an output is unused, or the last layer is not one channel at full
+        resolution.
     """
-    found: list[Fraction] = []
-    for index, (layer, source) in enumerate(zip(layers, sources(layers), strict=True)):
-        if index == 0:
-            if source != -1 or layer.skip is not None or layer.stride * layer.upsampling != 1:
-                raise ValueError(
-                    "layers: expected the first one to read the data, and to have no stride, "
-                    "upsampling or kept planes"
-                )
-            found.append(Fraction(1))
-            continue
-        for what, number in (("input", source), ("skip", layer.skip)):
-            if number is not None and not 0 <= number < index:
-                raise ValueError(
-                    f"layers: expected layer {index} to take planes of 0 to {index - 1}, got "
-                    f"{what} {number}"
-                )
+    first = layers[0]
+    if sources(layers)[0] != -1 or first.skip is not None or first.stride * first.upsampling != 1:
+        raise ValueError(
+            "layers: expected the first one to read the data, and to have no stride, "
+            "upsampling or skip connection"
+        )
+    found = [Fraction(1)]
+    for index, source in enumerate(sources(layers)[1:], 1):
+        layer = layers[index]
+        _check_indices(layer, index, source)
         if layer.shape[1] != layers[source].channels:
             raise ValueError(
                 f"layers: expected {layers[source].channels} input channels in layer {index}, "
@@ -54,48 +61,63 @@ def scales(layers: Sequence[Layer]) -> list[Fraction]:
             found[-1],
         ):
             raise ValueError(
-                f"layers: expected layer {index} to add planes like its own, of {layer.channels} "
-                f"channels, got those of layer {layer.skip}"
+                f"layers: expected the skip connection of layer {index} to have its "
+                f"{layer.channels} channels and its size, got the output of layer {layer.skip}"
             )
-    taken = {*sources(layers), *(layer.skip for layer in layers)}
-    for index in range(len(layers) - 1):
-        if index not in taken:
-            raise ValueError(
-                f"layers: expected the planes of layer {index} to be read or added, got no layer "
-                "that does"
-            )
-    if layers[-1].channels != 1 or found[-1] != 1:
-        raise ValueError(
-            f"layers: expected one output channel of the last layer, in the picture's own size, "
-            f"got {layers[-1].channels}"
-        )
+    _check_outputs(layers, found[-1])
     return found
 
 
+def _check_indices(layer: Layer, index: int, source: int) -> None:
+    for name, number in (("input", source), ("skip", layer.skip)):
+        if number is not None and not 0 <= number < index:
+            raise ValueError(
+                f"layers: expected {name} of layer {index} to be 0 to {index - 1}, got {number}"
+            )
+
+
+def _check_outputs(layers: Sequence[Layer], last_scale: Fraction) -> None:
+    used = {*sources(layers), *(layer.skip for layer in layers)}
+    for index in range(len(layers) - 1):
+        if index not in used:
+            raise ValueError(
+                f"layers: expected another layer to use the output of layer {index}, got none"
+            )
+    if layers[-1].channels != 1 or last_scale != 1:
+        raise ValueError(
+            f"layers: expected one output channel of the last layer, in the size of the estimate, "
+            f"got {layers[-1].channels} at a scale of {last_scale}"
+        )
+
+
 def size_divisor(layers: Sequence[Layer]) -> int:
-    """Give what rows and columns of a picture have to be a multiple of.
+    """Return the divisor that height and width must share; estimates are padded to it.
 
     Raises
     ------
     ValueError
-        When that is more than 256, or a pixel has more than 256 rows in some planes.
+        When the divisor is above 256, or a feature map has more than 256 rows per row of the
+        estimate.
     """
-    every = scales(layers)
-    # What filters with a stride give has whole rows, before any are made of its depth.
-    step = math.lcm(
-        *((scale * layer.upsampling).numerator for layer, scale in zip(layers, every, strict=True))
-    )
-    largest = max(step, *(scale.denominator for scale in every))
-    if largest > _LARGEST_STEP:
-        raise ValueError(
-            f"layers: expected strides and upsamplings of at most {_LARGEST_STEP} together, got "
-            f"{largest}"
+    all_scales = scales(layers)
+    # Strided filters have whole rows as output before depth becomes space.
+    divisor = math.lcm(
+        *(
+            (scale * layer.upsampling).numerator
+            for layer, scale in zip(layers, all_scales, strict=True)
         )
-    return step
+    )
+    largest = max(divisor, *(scale.denominator for scale in all_scales))
+    if largest > _MAX_SIZE_DIVISOR:
+        raise ValueError(
+            f"layers: expected strides and upsamplings of at most {_MAX_SIZE_DIVISOR} together, "
+            f"got {largest}"
+        )
+    return divisor
 
 
 def is_sequential(layers: Sequence[Layer]) -> bool:
-    """Whether each layer filters and bends what the one before gave, and no more."""
+    """Return whether each layer only filters the previous one's output and applies splines."""
     plain = all(
         layer.stride == layer.upsampling == 1
         and layer.skip is None
@@ -107,53 +129,57 @@ def is_sequential(layers: Sequence[Layer]) -> bool:
 
 
 def flops_per_pixel(layers: Sequence[Layer]) -> float:
-    """Give the operations per pixel of a picture: 2 for each tap, 10 for each value of a spline.
+    """Return the operations per pixel of the estimate: 2 per tap, and 10 per spline value.
 
     Examples
     --------
-    >>> tap, spline = np.ones((1, 1, 1, 1), np.float32), np.ones((1, 4), np.float32)
-    >>> flops_per_pixel([Layer(tap, spline), Layer(np.ones((1, 1, 3, 3), np.float32), None)])  # 2 + 10 + 18
+    >>> import numpy as np
+    >>> tap, coefficients = np.ones((1, 1, 1, 1), np.float32), np.ones((1, 4), np.float32)
+    >>> flops_per_pixel([Layer(tap, coefficients), Layer(np.ones((1, 1, 3, 3)), None)])  # 2+10+18
     30.0
     """
-    work = Fraction(0)
+    flops = Fraction(0)
     for layer, scale in zip(layers, scales(layers), strict=True):
-        # From depth to space comes after the filters.
-        work += 2 * math.prod(layer.shape) / (scale * layer.upsampling) ** 2
+        # The filters run before depth becomes space, on fewer pixels.
+        flops += 2 * math.prod(layer.shape) / (scale * layer.upsampling) ** 2
         if layer.coefficients is not None:
-            work += 10 * layer.channels / scale**2
-    return float(work)
+            flops += 10 * layer.channels / scale**2
+    return float(flops)
 
 
 def halo_radius(layers: Sequence[Layer]) -> int:
-    """Give the pixels around a pixel that its estimate depends on, in whole steps."""
+    """Return the radius of the receptive field in pixels, a multiple of the size divisor.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> halo_radius([Layer(np.ones((1, 1, 1, 1)), None), Layer(np.ones((1, 1, 5, 3)), None)])
+    2
+    """
     step = size_divisor(layers)
-    # Of each layer's planes, what the pixels of one step of the picture depend on.
-    ranges: list[tuple[Fraction, Fraction] | None] = [None] * len(layers)
-    ranges[-1] = Fraction(0), Fraction(step)
-    for index, layer in reversed(list(enumerate(layers))):
-        found = ranges[index]
-        if index == 0 or found is None:
+    # What one block of step × step pixels of the estimate depends on in each layer's output.
+    intervals: list[_Interval | None] = [None] * len(layers)
+    intervals[-1] = Fraction(0), Fraction(step)
+    for index, source in reversed(list(enumerate(sources(layers)))):
+        layer, interval = layers[index], intervals[index]
+        if index == 0 or interval is None:
             continue
-        first, last = (
-            math.floor(found[0] / layer.upsampling),
-            math.ceil(found[1] / layer.upsampling),
-        )
-        aligned = Fraction(first * layer.upsampling), Fraction(last * layer.upsampling)
-        reads = []
-        for size, before in zip(layer.shape[2:], layer.padding, strict=True):
-            start = first * layer.stride - before
-            reads.append((Fraction(start), Fraction((last - 1) * layer.stride - before + size)))
-        source = sources(layers)[index]
-        ranges[source] = _hull(ranges[source], *reads)
+        first = math.floor(interval[0] / layer.upsampling)
+        last = math.ceil(interval[1] / layer.upsampling)
+        needed = []
+        for taps, padding in zip(layer.shape[2:], layer.padding, strict=True):
+            start, stop = first * layer.stride, (last - 1) * layer.stride + taps
+            needed.append((Fraction(start - padding), Fraction(stop - padding)))
+        intervals[source] = _hull(intervals[source], *needed)
         if layer.skip is not None:
-            ranges[layer.skip] = _hull(ranges[layer.skip], aligned)
-    assert ranges[0] is not None, "every layer is used"
-    around = max(-ranges[0][0], ranges[0][1] - step)
-    return step * math.ceil(around / step)
+            aligned = Fraction(first * layer.upsampling), Fraction(last * layer.upsampling)
+            intervals[layer.skip] = _hull(intervals[layer.skip], aligned)
+    assert intervals[0] is not None, "every layer is used"
+    radius = max(-intervals[0][0], intervals[0][1] - step)
+    return step * math.ceil(radius / step)
 
 
-def _hull(
-    *ranges: tuple[Fraction, Fraction] | None,
-) -> tuple[Fraction, Fraction]:
-    known = [x for x in ranges if x is not None]
-    return min(x[0] for x in known), max(x[1] for x in known)
+def _hull(*intervals: _Interval | None) -> _Interval:
+    """Return the smallest interval that contains all that are known."""
+    known = [interval for interval in intervals if interval is not None]
+    return min(first for first, _ in known), max(last for _, last in known)

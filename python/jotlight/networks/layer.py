@@ -1,4 +1,4 @@
-"""What networks are made of: filter banks, each followed by pointwise cubic B-splines."""
+"""One layer of a network: a filter bank, followed by pointwise cubic B-splines."""
 
 import dataclasses
 import functools
@@ -10,40 +10,56 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 
+TRAINABLE = "all", "filters", "nothing"
+"""What training with PyTorch may change in a layer."""
+
+_MAX_STRIDE = 16
+"""Largest stride, and largest upsampling, of one layer."""
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Layer:
     """A filter bank, followed by one pointwise cubic B-spline per output channel.
 
-    Its planes are φ(D(h * u) + v): u the planes that it reads, D from depth to space, v kept
-    planes.
+    The layer computes φ(D(h * u) + v). Its filters h convolve the channels u of its input layer, D
+    rearranges depth to space, a skip connection adds the channels v of another layer, and the
+    splines φ act on each value. The layers of the paper, equations (8) to (11), have neither D nor
+    v.
 
     Parameters
     ----------
     filters : ndarray of float32, shape (C, C_in, height, width) or (M, C, C_in, height, width)
-        The first layer reads bits with stride K̂: its shape is (C, T, K̂, K̂), or (C, 1, 1, 1) when
-        it is tied, one weight for the whole block. Later layers convolve; past the rim, planes are
-        mirrored. M sets are of a network that is told K: see :meth:`at`.
-    coefficients : ndarray of float32, shape (C / upsampling², N_w), or with M sets, optional
-        N_w of at least 4. None leaves the sums as they are.
+        Taps of the filters. The first layer weighs the bits of a pixel: its shape is
+        (C, T, K̂, K̂), or (C, 1, 1, 1) if it is tied, with one weight for all bits of a pixel. Later
+        layers convolve with mirrored padding. A leading axis holds M sets of parameters for a
+        K-conditioned network; :meth:`interpolate` reduces them to one.
+    coefficients : ndarray of float32, shape (C / upsampling², N_w) or (M, C / upsampling², N_w)
+        Spline coefficients, at least 4 per channel. None: the layer has no splines.
     start, spacing : float
-        The spline φ(z) = Σ_k w_k β3((z - start)/spacing - (k - 1)) lives on
-        [start, start + (N_w - 3) spacing] and is constant outside of it.
+        First knot, and distance between knots. The spline φ(z) = Σ_k w_k β3((z - start)/spacing -
+        (k - 1)) covers [start, start + (N_w - 3) spacing] and is constant outside.
     stride : int
-        Rows and columns of what is read from one output to the next. Filters are at least as large.
+        Rows and columns from one output to the next, 1 to 16. Filters are at least this large.
     upsampling : int
-        From depth to space: so many rows and columns in place of one, taken from the channels.
+        Factor r of the depth-to-space step, 1 to 16: r² channels become one with r times the rows
+        and columns.
     input : int, optional
-        The layer whose planes it reads, by its number from 0. Default: the one before.
+        Index of the layer that this one filters. Default: the previous layer.
     skip : int, optional
-        The layer whose planes are added to its own before the spline: a kept connection.
+        Index of the layer that is added before the spline. Default: no skip connection.
     trainable : {"all", "filters", "nothing"}
-        What training with PyTorch changes. A spline that is known exactly is better left alone.
+        What training with PyTorch changes.
 
     Raises
     ------
     ValueError
         When shapes or numbers do not fit.
+
+    Examples
+    --------
+    >>> mean = Layer(np.full((1, 1, 3, 3), 1 / 9), None)
+    >>> mean.shape, mean.parameter_count
+    ((1, 1, 3, 3), 9)
     """
 
     filters: npt.NDArray[np.float32]
@@ -60,15 +76,25 @@ class Layer:
         for name, dimensions in (("filters", 4), ("coefficients", 2)):
             value = getattr(self, name)
             if value is not None:
-                object.__setattr__(self, name, _checked(name, value, dimensions))
+                object.__setattr__(self, name, _read_only_float32(name, value, dimensions))
         for name in ("stride", "upsampling"):
             number = operator.index(getattr(self, name))
-            if not 1 <= number <= _STEPS:
-                raise ValueError(f"{name}: expected 1 to {_STEPS}, got {number}")
+            if not 1 <= number <= _MAX_STRIDE:
+                raise ValueError(f"{name}: expected 1 to {_MAX_STRIDE}, got {number}")
         if self.trainable not in TRAINABLE:
             raise ValueError(
                 f"trainable: expected one of {', '.join(TRAINABLE)}, got {self.trainable!r}"
             )
+        self._check_shapes()
+        float32 = np.finfo(np.float32)
+        smallest, largest = float(float32.tiny), float(float32.max)
+        if not (abs(self.start) <= largest and smallest <= self.spacing <= largest):
+            raise ValueError(
+                "start and spacing: expected finite numbers in the range of float32, and a spacing "
+                f"above 0, got {self.start} and {self.spacing}"
+            )
+
+    def _check_shapes(self) -> None:
         outputs, _, *taps = self.shape
         if min(taps) < self.stride:
             raise ValueError(
@@ -77,60 +103,70 @@ class Layer:
             )
         if outputs % self.upsampling**2:
             raise ValueError(
-                f"filters: expected a multiple of {self.upsampling**2} of them, for an upsampling "
+                f"filters: expected a multiple of {self.upsampling**2} filters for an upsampling "
                 f"of {self.upsampling}, got {outputs}"
             )
         if self.coefficients is not None and (
             self.coefficients.shape[-2] != self.channels or self.coefficients.shape[-1] < 4
         ):
             raise ValueError(
-                f"coefficients: expected {self.channels} rows, one per channel, of at least 4, "
-                f"got shape {self.coefficients.shape}"
-            )
-        single = np.finfo(np.float32)
-        least, most = float(single.tiny), float(single.max)
-        if not (abs(self.start) <= most and least <= self.spacing <= most):
-            raise ValueError(
-                "start and spacing: expected finite numbers in the range of float32, the spacing "
-                f"above 0, got {self.start} and {self.spacing}"
+                f"coefficients: expected {self.channels} rows, one per channel, of at least 4 "
+                f"coefficients, got shape {self.coefficients.shape}"
             )
 
     @property
     def shape(self) -> tuple[int, int, int, int]:
-        """C, C_in, height and width of the filters."""
+        """Shape (C, C_in, height, width) of one set of filters."""
         outputs, inputs, height, width = self.filters.shape[-4:]
         return outputs, inputs, height, width
 
     @property
     def channels(self) -> int:
-        """The planes that it gives."""
+        """Number of output channels, after the depth-to-space step."""
         return self.shape[0] // self.upsampling**2
 
     @property
     def spline_coefficients(self) -> npt.NDArray[np.float32]:
-        """The coefficients of a layer that has splines."""
+        """Coefficients of a layer that has splines."""
         assert self.coefficients is not None, "a layer with splines"
         return self.coefficients
 
     @property
     def set_counts(self) -> set[int]:
-        """M of the arrays that have so many sets."""
+        """Numbers M of parameter sets in the filters and in the coefficients, where they have M."""
         found = {len(self.filters)} if self.filters.ndim == 5 else set()
         if self.coefficients is not None and self.coefficients.ndim == 3:
             found.add(len(self.coefficients))
         return found
 
-    def interpolate(self, shares: npt.NDArray[np.floating]) -> Self:
-        """Give the layer that is so many shares of each of its M sets."""
+    @property
+    def parameter_count(self) -> int:
+        """Number of taps and coefficients, over all sets."""
+        return self.filters.size + (0 if self.coefficients is None else self.coefficients.size)
+
+    @property
+    def padding(self) -> tuple[int, int]:
+        """Rows above and columns left of its stride × stride block that a filter reads."""
+        _, _, height, width = self.shape
+        return (height - self.stride) // 2, (width - self.stride) // 2
+
+    def interpolate(self, weights: npt.NDArray[np.floating]) -> Self:
+        """Return the layer with the weighted sum of its M parameter sets.
+
+        Parameters
+        ----------
+        weights : ndarray, shape (M,)
+            See :func:`jotlight.networks.conditioning.conditioning_weights`.
+        """
         filters, coefficients = self.filters, self.coefficients
         if filters.ndim == 5:
-            filters = np.tensordot(shares, filters, 1).astype(np.float32)
+            filters = np.tensordot(weights, filters, 1).astype(np.float32)
         if coefficients is not None and coefficients.ndim == 3:
-            coefficients = np.tensordot(shares, coefficients, 1).astype(np.float32)
+            coefficients = np.tensordot(weights, coefficients, 1).astype(np.float32)
         return dataclasses.replace(self, filters=filters, coefficients=coefficients)
 
     def metadata(self) -> dict[str, Any]:
-        """Give what JSON can hold of it: all but the arrays."""
+        """Return all fields but the arrays, for JSON."""
         left_out = {"filters", "coefficients"}
         if self.coefficients is None:
             left_out |= {"start", "spacing"}
@@ -140,39 +176,23 @@ class Layer:
     def to_engine(
         self, filters: npt.NDArray[np.floating], coefficients: npt.NDArray[np.floating] | None
     ) -> Any:
-        """Give the layer as the engine takes it, with these numbers."""
+        """Return the engine's description of this layer with other taps and coefficients."""
         wiring = self.stride, self.upsampling, self.input, self.skip
         return filters, coefficients, self.start, self.spacing, wiring
 
     @functools.cached_property
     def engine_layer(self) -> engine.Layer:
-        """The layer in the engine, which brings its filters into order once."""
+        """The layer in the engine, which reorders the filters once for fast inference."""
         return engine.Layer(self.to_engine(self.filters, self.coefficients))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Leave out what the engine made, for `pickle` and `copy`."""
+        """Leave out the engine's part, which `pickle` and `copy` cannot handle."""
         fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         return functools.partial(type(self), **fields), ()
 
-    @property
-    def parameter_count(self) -> int:
-        """Taps and coefficients."""
-        return self.filters.size + (0 if self.coefficients is None else self.coefficients.size)
 
-    @property
-    def padding(self) -> tuple[int, int]:
-        """Rows and columns before the first that belongs to an output alone, which it reads too."""
-        _, _, height, width = self.shape
-        return (height - self.stride) // 2, (width - self.stride) // 2
-
-
-TRAINABLE = "all", "filters", "nothing"
-
-_STEPS = 16
-"""The largest stride and upsampling."""
-
-
-def _checked(name: str, value: Any, dimensions: int) -> npt.NDArray[np.float32]:
+def _read_only_float32(name: str, value: Any, dimensions: int) -> npt.NDArray[np.float32]:
+    """Return a read-only copy, after checks of dtype, dimensions, and range."""
     array = np.asarray(value)
     if array.dtype.kind != "f" or array.ndim - dimensions not in (0, 1) or array.size == 0:
         raise ValueError(

@@ -1,64 +1,56 @@
-"""The learned method: linear filters and cubic B-splines, started at the classical pipeline."""
+"""A reconstruction network: its layers, and the sensor that it is for."""
 
 import dataclasses
-import json
 import math
-import operator
 import os
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
-import jotlight._engine as engine
-from jotlight.chunks import frame_chunks, pixel_chunks
-from jotlight.estimators.inpaint import inpaint_dead_pixels
-from jotlight.estimators.inverse_response import (
-    equivalent_counts,
-    intensity_from_probability,
-)
+from jotlight.chunks import pixel_chunks
+from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.networks.architectures import (
-    ARCHITECTURES,
-    Architecture,
     build_conditional,
     build_residual,
     build_two_layer,
+    find_architecture,
 )
 from jotlight.networks.conditioning import conditioning_weights, count_sets
-from jotlight.networks.graph import flops_per_pixel, halo_radius, size_divisor
+from jotlight.networks.graph import halo_radius, size_divisor
+from jotlight.networks.inference import Inference
 from jotlight.networks.layer import Layer
-from jotlight.sensing.bits import Bits, check_fits
-from jotlight.sensing.pixel_counts import PixelCounts, carried_sensor, count_pixels, map_channels
+from jotlight.networks.network_files import read_network, write_network
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.pixel_counts import carried_sensor, map_channels
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
-from jotlight.tensors import read_tensors, write_tensors
 
-_FORMAT = "jotlight network"
-_VERSION = "3"
-_WORK = 1 << 35
-"""Operations of the engine between two looks at Ctrl-C."""
-_AT_ONCE = 1 << 21
-"""Pixels whose intensities are found at a time."""
+_PIXELS_AT_ONCE = 1 << 21
+"""Number of pixels whose probabilities become intensities in one call."""
 
 
 class Network:
-    """A reconstruction network for one sensor: equations (8) to (11), and any number of layers.
+    """A reconstruction network: linear filters and pointwise splines, equations (8) to (11).
 
     Parameters
     ----------
     layers : sequence of Layer
-        Each one's input channels are the output channels of the one before; the last has one.
+        Each layer filters the output of the previous one, or of its `input`. The last layer has one
+        channel.
     sensor : Sensor
-        What the network is for.
+        Sensor that the network is for. A K-conditioned network serves others, too.
     history : mapping, optional
-        How it came to be; anything that JSON can hold.
+        How the network was made, as JSON can hold it.
+    trials_range : (int, int), optional
+        Smallest and largest K of a K-conditioned network. Its layers have sets of parameters, and
+        the first one is tied. Default: the network is for the K of its sensor.
 
     Raises
     ------
     ValueError
-        When the layers do not fit each other or the sensor.
+        When the layers do not fit each other, the sensor, or the range.
 
     Examples
     --------
@@ -80,30 +72,33 @@ class Network:
         self.sensor = sensor
         self.trials_range = trials_range
         self.history = dict(history or {})
-        # The layers for the K that was told last: films have one.
-        self._last: tuple[int, tuple[Layer, ...], tuple[Layer, ...]] | None = None
+        # K, layers, and conditioned layers of the last call. All windows of a video share them.
+        self._conditioned: tuple[int, tuple[Layer, ...], tuple[Layer, ...]] | None = None
+        self._check_layers()
+
+    def _check_layers(self) -> None:
         if not self.layers:
             raise ValueError("layers: expected at least one, got none")
-        block = (sensor.frames, sensor.oversampling, sensor.oversampling)
-        first = self.layers[0].shape[1:]
-        if first not in ((1, 1, 1), block):
+        block = (self.sensor.frames, self.sensor.oversampling, self.sensor.oversampling)
+        if self.layers[0].shape[1:] not in ((1, 1, 1), block):
             raise ValueError(
                 f"layers: expected filters of shape (C, {', '.join(map(str, block))}) in the first "
                 f"layer, or (C, 1, 1, 1) when it is tied, got {self.layers[0].filters.shape}"
             )
         size_divisor(self.layers)
-        if trials_range is None and any(layer.set_counts for layer in self.layers):
-            raise ValueError(
-                "trials_range: expected a range of bits per pixel for layers with sets of parameters, got "
-                "none"
-            )
-        if trials_range is not None:
-            count_sets(self.layers)
-            if not (self.tied and 1 <= trials_range[0] < trials_range[1]):
+        if self.trials_range is None:
+            if any(layer.set_counts for layer in self.layers):
                 raise ValueError(
-                    "trials_range: expected the least and the most bits per pixel of a tied network, got "
-                    f"{trials_range}"
+                    "trials_range: expected a range of K for layers with sets of parameters, got "
+                    "none"
                 )
+            return
+        count_sets(self.layers)
+        if not (self.tied and 1 <= self.trials_range[0] < self.trials_range[1]):
+            raise ValueError(
+                "trials_range: expected the smallest and the largest K of a tied network, got "
+                f"{self.trials_range}"
+            )
 
     @classmethod
     def initial(
@@ -116,34 +111,33 @@ class Network:
         coefficients: int = 150,
         nu: float = 0.5,
     ) -> Self:
-        """The paper's two-layer network at its initial parameters (section 3.2).
+        """Return the paper's two-layer network at its initial parameters (section 3.2).
 
-        It is the non-iterative method with a Gaussian as denoiser and the algebraic inverse:
-        h1 = 1 (20), φ1 = T (6), h2 a Gaussian, and φ2 = (K/α)(P⁻¹(q, T⁻¹(z)/K) - d)/η clipped to
-        [0, S].
+        The network equals the non-iterative method with a Gaussian denoiser and the algebraic
+        inverse: h1 = 1 (20), φ1 = T (6), h2 a Gaussian, and φ2 = (K/α)(P⁻¹(q, T⁻¹(z)/K) - d)/η
+        clipped to [0, S].
 
         Parameters
         ----------
         sensor : Sensor
-            The sensor; a map of dark counts enters by its median.
+            Maps of dark counts and efficiency enter by their medians.
         sigma : float
-            Standard deviation of h2 in pixels; the paper takes 0.25 to 1.
+            Standard deviation of h2 in pixels; the paper uses 0.25 to 1.
         tied : bool
-            Whether one weight serves the whole block of h1. With the box kernel the bits of a pixel
-            are exchangeable, so nothing is lost, and counts can be reconstructed too.
+            Whether h1 has one weight for all bits of a pixel. With the box kernel these bits are
+            exchangeable, so a tied network loses nothing, and it accepts counts.
         taps : int
             Height and width of h2, odd.
         coefficients : int
-            N_w, the coefficients of each spline.
+            N_w, the number of coefficients of each spline, at least 5.
         nu : float
-            ν: room for learning. φ2 is laid out for every r that filters with taps of both signs
-            can give, as long as their negative taps sum to -ν at most; outside of what a Gaussian
-            gives it starts constant.
+            ν, the margin for learned filters: the domain of φ2 holds every r for filters whose
+            negative taps sum to -ν or more. Outside the range of T, φ2 starts constant.
 
         Notes
         -----
-        The spline coefficients are least-squares fits; those of φ2 are kept from falling and
-        clipped to [0, S], so that every output lies there.
+        The spline coefficients are least-squares fits. Those of φ2 are made monotone and clipped to
+        [0, S], so every output lies in [0, S].
         """
         layers = build_two_layer(sensor, sigma, tied, taps, coefficients, nu)
         return cls(layers, sensor, {"start": f"initial parameters of the paper, sigma = {sigma}"})
@@ -152,32 +146,28 @@ class Network:
     def residual(
         cls, sensor: Sensor, architecture: str = "small", *, rng: int | None = None
     ) -> Self:
-        """A build_residual member of the family at its start, x0 = P⁻¹(G * L/K): a classical estimate.
+        """Return a deep network at its start, the classical estimate x0 = P⁻¹(G * L/K).
 
-        Its filters are random, but for the last, which are 0; training with
-        :mod:`jotlight.torch` makes it better.
+        A U-Net computes a correction of x0. Its last filters are 0 and the others random; train it
+        with :mod:`jotlight.torch`.
 
         Parameters
         ----------
         sensor : Sensor
-            The sensor; maps enter by their medians.
+            Maps of dark counts and efficiency enter by their medians.
         architecture : {"small", "medium", "large"}
-            How many layers and channels: :data:`jotlight.networks.architectures.ARCHITECTURES`.
+            Layers and channels: :data:`jotlight.networks.architectures.ARCHITECTURES`.
         rng : int, optional
-            The seed of the filters. Default: a new one.
+            Seed of the filters. Default: a fresh one.
+
+        Examples
+        --------
+        >>> Network.residual(Sensor(frames=16), rng=0).halo
+        10
         """
-
-        def intensity(share: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-            clipped = share.clip(0, 1).astype(np.float32)
-            return intensity_from_probability(clipped, sensor, None).astype(np.float64)
-
-        bits, most = sensor.bits_per_pixel, float(sensor.max_intensity)
-        layers = build_residual(
-            _architecture(architecture), bits, intensity, most, np.random.default_rng(rng)
-        )
-        return cls(
-            layers, sensor, {"start": f"{architecture}, starts at the smoothed, inverted counts"}
-        )
+        layers = build_residual(find_architecture(architecture), sensor, np.random.default_rng(rng))
+        history = {"start": f"{architecture}, starts at the smoothed, inverted counts"}
+        return cls(layers, sensor, history)
 
     @classmethod
     def conditional(
@@ -187,20 +177,26 @@ class Network:
         trials_range: tuple[int, int] = (1, 256),
         rng: int | None = None,
     ) -> Self:
-        """A build_residual member at its start, for any K of a range and any exposure: it is told K.
+        """Return a K-conditioned deep network at its start, a smoothed estimate.
+
+        It serves every K of a range at any exposure. Train it with :mod:`jotlight.torch`.
 
         Parameters
         ----------
         architecture : {"small", "medium", "large"}
-            How many layers and channels: :data:`jotlight.networks.architectures.ARCHITECTURES`.
+            Layers and channels: :data:`jotlight.networks.architectures.ARCHITECTURES`.
         trials_range : (int, int)
-            The least and the most bits per pixel.
+            Smallest and largest K, the number of bits per pixel.
         rng : int, optional
-            The seed of the filters. Default: a new one.
+            Seed of the filters. Default: a fresh one.
+
+        Examples
+        --------
+        >>> network = Network.conditional("small", rng=0)
+        >>> network.reconstruct([[3, 1], [0, 9]], Sensor(frames=9)).shape
+        (2, 2)
         """
-        layers = build_conditional(
-            _architecture(architecture), trials_range, np.random.default_rng(rng)
-        )
+        layers = build_conditional(find_architecture(architecture), np.random.default_rng(rng))
         history = {
             "start": f"{architecture}, conditional on K; starts at the smoothed, stabilized counts"
         }
@@ -208,14 +204,14 @@ class Network:
 
     @property
     def tied(self) -> bool:
-        """Whether the first layer has one weight for the whole block, and so takes counts too."""
+        """Whether the first layer has one weight for all bits of a pixel, so that counts do."""
         return self.layers[0].shape[1:] == (1, 1, 1)
 
     @property
     def halo(self) -> int:
-        """Pixels around a pixel that its estimate depends on.
+        """Radius of the receptive field in pixels.
 
-        Inside of a border of this width a tile has the pixels of the whole, but for rounding.
+        Inside a border of this width, a tile has the pixels of the whole estimate, up to rounding.
         """
         return halo_radius(self.layers)
 
@@ -226,281 +222,127 @@ class Network:
         *,
         threads: int | None = None,
     ) -> npt.NDArray[np.float32]:
-        """Run the network.
+        """Return the estimate of the image.
 
         Parameters
         ----------
         data : Bits or array_like of int
-            Bits, or for a tied network also an image of counts L of shape (H, W) or (H, W, C).
+            Bits; for a tied network also counts L of shape (H, W) or (H, W, C).
         sensor : Sensor, optional
-            The sensor of these data, which may have dead jots and dark counts of its own. Default:
-            the one that the bits carry, or else the network's.
+            Sensor of the data, which may have its own dead jots and dark counts. Default: the one
+            that the bits carry, or else the network's.
         threads : int, optional
-            Threads to use. Default: all.
+            Number of threads. Default: all.
 
         Returns
         -------
         ndarray of float32, shape (H, W) or (H, W, C)
+            Intensities in [0, S].
 
         Raises
         ------
         TypeError, ValueError
-            When the data, their sensor and the network do not fit.
+            When the data, their sensor, and the network do not fit.
 
         Warns
         -----
         JotlightWarning
-            When pixels without a valid jot were filled from their neighbours.
+            When pixels without a valid jot were inpainted from their neighbors.
         """
         if sensor is None:
             sensor = carried_sensor(data) or self.sensor
         self.check_sensor(sensor)
         if self.trials_range is not None:
-            picture = self.conditioned_on(sensor).reconstruct(data, sensor, threads=threads)
-            # In its own place, since memory may not hold it twice.
-            for rows in pixel_chunks(len(picture), max(1, _AT_ONCE * len(picture) // picture.size)):
-                picture[rows] = intensity_from_probability(picture[rows], sensor, threads)
-            return picture
-
-        def one_channel(data: Bits | npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
-            if not self.tied:
-                return self._of_jots(data, sensor, threads)
-            # The network's own dark counts; its efficiency is that of the data, as was checked.
-            reference = reference_jot(sensor)[0], reference_jot(self.sensor)[1]
-            pixels = math.prod(data.shape[-2:]) // sensor.oversampling**2
-            if not sensor.maps() and sensor.bits_per_pixel < pixels:
-                return self._of_few(data, sensor, reference, threads)
-            seen = count_pixels(data, sensor, threads)
-            sums = self._weights[:, None] * equivalent_counts(seen, reference, threads)
-            return self._of_sums(sums, threads)
-
-        return map_channels(one_channel, data)
+            estimate = self.conditioned_on(sensor).reconstruct(data, sensor, threads=threads)
+            # In place: memory may not hold the estimate twice.
+            rows_at_once = max(1, _PIXELS_AT_ONCE * len(estimate) // estimate.size)
+            for rows in pixel_chunks(len(estimate), rows_at_once):
+                estimate[rows] = intensity_from_probability(estimate[rows], sensor, threads)
+            return estimate
+        # The check has established that both efficiencies are equal.
+        reference = reference_jot(sensor)[0], reference_jot(self.sensor)[1]
+        inference = Inference(self.layers, sensor, reference, threads)
+        return map_channels(inference.run, data)
 
     def conditioned_on(self, sensor: Sensor) -> "Network":
-        """The network that was told the sensor's K; its picture is the share of bits that fire."""
-        assert self.trials_range is not None, "a network that is told K"
-        bits, last = sensor.bits_per_pixel, self._last
-        if last is None or last[0] != bits or last[1] is not self.layers:
-            weights = conditioning_weights(bits, self.trials_range, count_sets(self.layers))
+        """Return a K-conditioned network's layers for the K of a sensor.
+
+        The output of the returned network is the detection probability P(b = 1).
+        """
+        assert self.trials_range is not None, "a K-conditioned network"
+        trials, cached = sensor.bits_per_pixel, self._conditioned
+        if cached is None or cached[0] != trials or cached[1] is not self.layers:
+            weights = conditioning_weights(trials, self.trials_range, count_sets(self.layers))
             first, *others = (layer.interpolate(weights) for layer in self.layers)
-            first = dataclasses.replace(first, filters=first.filters / np.float32(bits))
-            self._last = last = bits, self.layers, (first, *others)
-        return Network(last[2], sensor)
-
-    @property
-    def _weights(self) -> npt.NDArray[np.float32]:
-        """The one weight of each filter of a tied first layer, (C, 1)."""
-        return self.layers[0].filters.reshape(-1, 1)
-
-    def _of_few(
-        self,
-        data: Bits | npt.NDArray[np.int32],
-        sensor: Sensor,
-        reference: tuple[float, float],
-        threads: int | None,
-    ) -> npt.NDArray[np.float32]:
-        """The picture of a tied network where p is a function of the count alone."""
-        every = np.arange(sensor.bits_per_pixel + 1, dtype=np.int32)
-        jot = reference_jot(sensor)
-        seen = PixelCounts(sensor, every, sensor.bits_per_pixel, *jot, varies_within_pixels=False)
-        sums = self._weights * equivalent_counts(seen, reference, threads)
-        side = sensor.oversampling
-        if isinstance(data, Bits):
-            check_fits(data, sensor)
-            shape = tuple(size // side for size in data.shape[1:3])
-        else:
-            data = count_pixels(data, sensor, threads).counts
-            shape = data.shape
-
-        def of_rows(rows: slice) -> npt.NDArray[np.float32]:
-            if isinstance(data, Bits):
-                part = Bits(data.packed[:, rows.start * side : rows.stop * side], data.width)
-                counts = part.counts(side, threads=threads)
-            else:
-                counts = data[rows]
-            return engine.forward_counts(self._layers, counts, sums, threads)
-
-        return self._in_parts(shape, of_rows)
-
-    @property
-    def _layers(self) -> list[engine.Layer]:
-        return [layer.engine_layer for layer in self.layers]
-
-    def _of_jots(
-        self, data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int | None
-    ) -> npt.NDArray[np.float32]:
-        """The picture of a network that weighs the jots of a pixel singly."""
-        if not isinstance(data, Bits):
-            raise TypeError(
-                "data: expected Bits, since this network weighs the jots of a pixel singly; "
-                "a tied network takes counts"
-            )
-        check_fits(data, sensor)
-        reference = reference_jot(sensor)[0], reference_jot(self.sensor)[1]
-        own = sensor.efficiency, sensor.dark_counts
-        if any(np.any(a != b) for a, b in zip(own, reference, strict=True)):
-            raise ValueError(
-                "sensor: expected the dark counts that the network is for, and these and the "
-                "efficiency to be one number for all jots; a tied network takes others"
-            )
-        mask, side, filters = sensor.mask, sensor.oversampling, self.layers[0].filters
-        height, width = (size // side for size in data.shape[1:3])
-
-        def jots(rows: slice) -> npt.NDArray[np.uint8]:
-            return data.packed[:, rows.start * side : rows.stop * side]
-
-        if mask is None or not mask.any():
-            return self._in_parts(
-                (height, width),
-                lambda rows: engine.forward_bits(self._layers, jots(rows), data.width, threads),
-            )
-        valid = np.packbits(~mask, axis=1)
-        sums = np.empty((len(filters), height, width), np.float32)
-        for _, part in frame_chunks(1, height, width * filters.size):
-            rows = slice(part.start, part.stop)
-            sums[:, rows] = engine.masked_sums(
-                self.layers[0].engine_layer,
-                jots(rows),
-                data.width,
-                valid[rows.start * side : rows.stop * side],
-                threads,
-            )
-        # Blind in one plane, blind in all.
-        blind = np.isnan(sums[0])
-        if blind.any():
-            sums = np.stack([inpaint_dead_pixels(plane, blind) for plane in sums])
-        return self._of_sums(sums, threads)
-
-    def _of_sums(
-        self, sums: npt.NDArray[np.float32], threads: int | None
-    ) -> npt.NDArray[np.float32]:
-        """The picture from p, (C, H, W)."""
-        return self._in_parts(
-            sums.shape[1:], lambda rows: engine.forward(self._layers, sums[:, rows], threads)
-        )
-
-    def _in_parts(
-        self, shape: tuple[int, ...], of_rows: Callable[[slice], npt.NDArray[np.float32]]
-    ) -> npt.NDArray[np.float32]:
-        """The picture, some rows at a time, each with the rows around it that it is made of."""
-        height, width = shape
-        top, bottom = engine.input_rows(self._layers, height, (height // 2, height // 2 + 1))
-        rows = max(8 * (bottom - top), int(_WORK / (flops_per_pixel(self.layers) * width)))
-        if rows >= height:
-            return of_rows(slice(0, height))
-        picture = np.empty((height, width), np.float32)
-        for start in range(0, height, rows):
-            stop = min(start + rows, height)
-            top, bottom = engine.input_rows(self._layers, height, (start, stop))
-            part = of_rows(slice(top, bottom))
-            picture[start:stop] = part[start - top : stop - top]
-        return picture
+            first = dataclasses.replace(first, filters=first.filters / np.float32(trials))
+            self._conditioned = cached = trials, self.layers, (first, *others)
+        return Network(cached[2], sensor)
 
     def check_sensor(self, sensor: Sensor) -> None:
-        """A tied network serves jots in space and frames in time alike."""
-        mine, its = self.sensor, sensor
-        if (
-            self.trials_range is not None
-            and not self.trials_range[0] <= its.bits_per_pixel <= self.trials_range[1]
-        ):
+        """Check that the network serves the data of a sensor.
+
+        A tied network does not distinguish jots of one pixel from frames.
+
+        Raises
+        ------
+        ValueError
+            When the network is for other sensors; the message says how they differ.
+        """
+        own, trials = self.sensor, sensor.bits_per_pixel
+        if self.trials_range is not None:
+            low, high = self.trials_range
+            if not low <= trials <= high:
+                raise ValueError(
+                    f"sensor: the network is for {low} to {high} bits per pixel, got {trials}"
+                )
+        if not self.tied and (own.oversampling, own.frames) != (sensor.oversampling, sensor.frames):
             raise ValueError(
-                f"sensor: the network is for {self.trials_range[0]} to {self.trials_range[1]} bits per pixel, got "
-                f"{its.bits_per_pixel}"
+                f"sensor: the network is for {own.frames} frames of {own.oversampling} x "
+                f"{own.oversampling} jots per pixel, got {sensor.frames} frames of "
+                f"{sensor.oversampling} x {sensor.oversampling}"
             )
-        if not self.tied and (mine.oversampling, mine.frames) != (its.oversampling, its.frames):
+        if own.kernel != sensor.kernel:
             raise ValueError(
-                f"sensor: the network is for {mine.frames} frames of {mine.oversampling} x "
-                f"{mine.oversampling} jots per pixel, got {its.frames} frames of "
-                f"{its.oversampling} x {its.oversampling}"
-            )
-        if mine.kernel != its.kernel:
-            raise ValueError(
-                f"sensor: the network is for the {mine.kernel} kernel, got {its.kernel}"
+                f"sensor: the network is for the {own.kernel} kernel, got {sensor.kernel}"
             )
         if self.trials_range is not None:
             return
-        pairs = zip(_detections(mine), _detections(its), strict=True)
-        if mine.bits_per_pixel != its.bits_per_pixel or not all(
+        pairs = zip(_response_to_light(own), _response_to_light(sensor), strict=True)
+        if own.bits_per_pixel != trials or not all(
             math.isclose(a, b, rel_tol=1e-9) for a, b in pairs
         ):
             raise ValueError(
                 "sensor: the network needs data with its own bits per pixel, threshold, "
-                f"efficiency * gain / bits and max_intensity: it is for {mine!r}, got {its!r}"
+                f"efficiency * gain / bits and max_intensity: it is for {own!r}, got {sensor!r}"
             )
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the network to a `.safetensors` file, with its sensor and history as metadata."""
-        tensors: dict[str, npt.NDArray[Any]] = {}
-        for index, layer in enumerate(self.layers):
-            tensors[f"layers.{index}.filters"] = layer.filters
-            if layer.coefficients is not None:
-                tensors[f"layers.{index}.coefficients"] = layer.coefficients
-        for name, map_ in self.sensor.maps().items():
-            tensors[f"sensor.{name}"] = np.ascontiguousarray(map_)
-        metadata = {
-            "format": _FORMAT,
-            "version": _VERSION,
-            "layers": json.dumps([layer.metadata() for layer in self.layers]),
-            "sensor": json.dumps(self.sensor.scalars()),
-            "trials_range": json.dumps(self.trials_range),
-            "history": json.dumps(self.history),
-        }
-        write_tensors(path, tensors, metadata)
+        write_network(path, self.layers, self.sensor, self.history, self.trials_range)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read a network that :meth:`save` wrote.
+        """Return the network of a file that :meth:`save` wrote. No code in the file is executed.
 
         Raises
         ------
         OSError
-            When there is no such file.
+            When the file does not exist.
         ValueError
-            When it is not such a file. Nothing in it is run.
+            When it is not a network file.
         """
-        path = Path(path)
-        if not path.is_file():
-            raise FileNotFoundError(f"there is no network file {path}")
-        tensors, metadata = read_tensors(path, _FORMAT, _VERSION)
-        try:
-            layers = [
-                Layer(
-                    tensors[f"layers.{index}.filters"],
-                    tensors[f"layers.{index}.coefficients"] if "start" in numbers else None,
-                    **numbers,
-                )
-                for index, numbers in enumerate(json.loads(metadata["layers"]))
-            ]
-            maps = {
-                name.removeprefix("sensor."): tensor
-                for name, tensor in tensors.items()
-                if name.startswith("sensor.")
-            }
-            sensor = Sensor.from_parts(json.loads(metadata["sensor"]), maps)
-            trials_range = json.loads(metadata["trials_range"])
-            if trials_range is not None:
-                low, high = map(operator.index, trials_range)
-                trials_range = low, high
-            return cls(layers, sensor, json.loads(metadata["history"]), trials_range=trials_range)
-        except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
-            raise ValueError(f"{path}: damaged network file: {error}") from error
+        return read_network(path, cls)
 
     def __repr__(self) -> str:
         channels = " -> ".join(str(layer.channels) for layer in self.layers)
         parameters = sum(layer.parameter_count for layer in self.layers)
-        whose = repr(self.sensor)
+        purpose = repr(self.sensor)
         if self.trials_range is not None:
-            whose = f"{self.trials_range[0]} to {self.trials_range[1]} bits per pixel"
-        return f"<Network: channels {channels}, {parameters} parameters, for {whose}>"
+            purpose = f"{self.trials_range[0]} to {self.trials_range[1]} bits per pixel"
+        return f"<Network: channels {channels}, {parameters} parameters, for {purpose}>"
 
 
-def _architecture(name: str) -> Architecture:
-    if name not in ARCHITECTURES:
-        raise ValueError(f"architecture: expected one of {', '.join(ARCHITECTURES)}, got {name!r}")
-    return ARCHITECTURES[name]
-
-
-def _detections(sensor: Sensor) -> tuple[int, float, float]:
-    """q, detections per jot and frame at intensity 1, and S."""
-    threshold, light, most = sensor.pixel_response()
-    return threshold, reference_jot(sensor)[0] * light, most
+def _response_to_light(sensor: Sensor) -> tuple[int, float, float]:
+    """Return q, the detections per jot and frame at intensity 1, and S."""
+    threshold, light, max_intensity = sensor.pixel_response()
+    return threshold, reference_jot(sensor)[0] * light, max_intensity

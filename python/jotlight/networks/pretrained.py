@@ -1,4 +1,4 @@
-"""Networks that come with jotlight, trained on photographs; each has a model card beside it."""
+"""The trained networks that come with jotlight; each file has a model card beside it."""
 
 from pathlib import Path
 
@@ -8,36 +8,36 @@ from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
 BITS_PER_PIXEL = tuple(side**2 for side in range(3, 11))
-"""K of the qualities "two-layer" and "small". All have α = K, q = 1, S = 1 and the box kernel."""
+"""Values of K of the sizes "two-layer" and "small", with α = K, q = 1, S = 1, and box kernel."""
 
 LARGE_BITS_PER_PIXEL = (16,)
-"""K of the quality "large", which is alike in all else."""
+"""Values of K of the size "large", with the same α, q, S, and kernel."""
+
+MAX_BITS_PER_PIXEL = 256
+"""Largest K of the size "medium", which is K-conditioned."""
 
 FOLDER = Path(__file__).parent / "weights"
-"""Where they are: `small-k16.safetensors`, for example, with its card `small-k16.md`."""
+"""Folder of the files: `small-k16.safetensors`, for example, with its card `small-k16.md`."""
 
-MOST_BITS = 256
-"""K of the network of quality "medium", at most."""
-
-_DARK = 0.05
-"""Dark counts per jot and frame whose noise is small beside that of the light."""
+_MAX_DARK_COUNTS = 0.05
+"""Largest dark counts per jot and frame whose noise is small compared with that of the light."""
 
 
 def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
-    """Give the trained network for a sensor.
+    """Return the trained network for a sensor.
 
-    The networks are tied, so that each serves K jots in space, K frames in time, all between, and
-    counts.
+    The networks are tied: each serves K jots per pixel in one frame, K frames of one jot per pixel,
+    everything in between, and counts.
 
     Parameters
     ----------
     sensor : Sensor
-        With the box kernel. For "medium" 1 to 256 bits per pixel, at any exposure; for the others
-        K = 9, 16, 25, 36, 49, 64, 81 or 100 bits per pixel, for "large" 16 alone, ηα = K,
-        threshold 1, S = 1, and no more than weak dark counts. Dead jots are allowed.
+        Sensor with the box kernel. Dead jots are allowed. "medium" serves 1 to 256 bits per pixel
+        at any exposure. The other sizes serve K = 9, 16, 25, 36, 49, 64, 81, or 100 bits per pixel
+        ("large" only 16), ηα = K, threshold 1, S = 1, and at most weak dark counts.
     quality : {"two-layer", "small", "medium", "large"}
-        The paper's two layers; six layers of up to 12 channels; thirteen of up to 52, which are
-        told K; or fourteen of up to 80.
+        Size of the network: the paper's two layers, six layers of up to 12 channels, thirteen
+        K-conditioned layers of up to 52, or fourteen layers of up to 80.
 
     Returns
     -------
@@ -46,12 +46,12 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     Raises
     ------
     ValueError
-        When there is none for this sensor; the message says why, and how to train one.
+        When no trained network serves the sensor; the message says why, and how to train one.
 
     Notes
     -----
-    Data with dark counts or dead jots go to ``reconstruct(data, sensor)`` with their sensor, where
-    they do not carry it.
+    Data with dark counts or dead jots need ``reconstruct(data, sensor)``, unless they carry their
+    sensor.
 
     Examples
     --------
@@ -61,14 +61,14 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     >>> pretrained(sensor, "two-layer").reconstruct(bits).shape
     (8, 8)
     """
-    if (reason := unsupported_message(sensor, quality)) is not None:
-        raise ValueError(reason)
+    if (message := unsupported_message(sensor, quality)) is not None:
+        raise ValueError(message)
     name = quality if quality == "medium" else f"{quality}-k{sensor.bits_per_pixel}"
     return Network.load(FOLDER / f"{name}.safetensors")
 
 
 def unsupported_message(sensor: Sensor, quality: str = "medium") -> str | None:
-    """Say why there is no trained network for a sensor and how to train one, or None if there is.
+    """Return why no trained network serves a sensor and how to train one, or None if one does.
 
     Examples
     --------
@@ -82,12 +82,12 @@ def unsupported_message(sensor: Sensor, quality: str = "medium") -> str | None:
 
 
 def unsupported_reason(sensor: Sensor, quality: str = "medium") -> str | None:
-    """Say why there is no trained network for a sensor, or None if there is.
+    """Return why no trained network serves a sensor, or None if one does.
 
     Raises
     ------
     ValueError
-        For a quality that there is not.
+        For an unknown quality.
 
     Examples
     --------
@@ -97,47 +97,53 @@ def unsupported_reason(sensor: Sensor, quality: str = "medium") -> str | None:
     if quality not in SIZES:
         raise ValueError(f"quality: expected one of {', '.join(SIZES)}, got {quality!r}")
     if quality == "medium":
-        reason = _beyond_any(sensor)
+        reason = _unsupported_by_conditional(sensor)
     else:
-        known = LARGE_BITS_PER_PIXEL if quality == "large" else BITS_PER_PIXEL
-        reason = _beyond_one(sensor, known)
+        trained = LARGE_BITS_PER_PIXEL if quality == "large" else BITS_PER_PIXEL
+        reason = _unsupported_by_one_exposure(sensor, trained)
     return reason and f"there is no trained network for {reason}"
 
 
-def _beyond_any(sensor: Sensor) -> str | None:
-    """Why a network that is told K does not serve a sensor."""
-    if not 1 <= sensor.bits_per_pixel <= MOST_BITS:
-        return f"{sensor.bits_per_pixel} bits per pixel, only for 1 to {MOST_BITS}"
+def _unsupported_by_conditional(sensor: Sensor) -> str | None:
+    """Return what keeps a K-conditioned network from serving a sensor."""
+    if not 1 <= sensor.bits_per_pixel <= MAX_BITS_PER_PIXEL:
+        return f"{sensor.bits_per_pixel} bits per pixel, only for 1 to {MAX_BITS_PER_PIXEL}"
     if sensor.kernel != "box":
         return f"the {sensor.kernel} kernel, only for the box"
     return None
 
 
-def _beyond_one(sensor: Sensor, known: tuple[int, ...]) -> str | None:
-    """Why networks for one K and exposure do not serve a sensor."""
-    efficiency, dark = reference_jot(sensor)
-    response = efficiency * sensor.gain / sensor.bits_per_pixel
-    if sensor.bits_per_pixel not in known:
-        numbers = ", ".join(map(str, known))
+def _unsupported_by_one_exposure(sensor: Sensor, trained: tuple[int, ...]) -> str | None:
+    """Return what keeps networks for one K and exposure each from serving a sensor."""
+    efficiency, dark_counts = reference_jot(sensor)
+    detections = efficiency * sensor.gain / sensor.bits_per_pixel
+    if sensor.bits_per_pixel not in trained:
+        numbers = ", ".join(map(str, trained))
         return f"{sensor.bits_per_pixel} bits per pixel, only for {numbers}"
     if sensor.threshold != 1:
         return f"the threshold {sensor.threshold}, only for 1"
     if sensor.kernel != "box":
         return f"the {sensor.kernel} kernel, only for the box"
-    if abs(response - 1) > 1e-9:
+    if abs(detections - 1) > 1e-9:
         return (
-            f"{response:.4g} detections per jot and frame at intensity 1 (efficiency * gain / "
+            f"{detections:.4g} detections per jot and frame at intensity 1 (efficiency * gain / "
             "bits per pixel), only for 1"
         )
     if sensor.max_intensity != 1:
         return f"the largest intensity {sensor.max_intensity:g}, only for 1"
-    if dark > _DARK:
-        return f"dark counts of {dark:.3g}, only up to {_DARK}"
+    if dark_counts > _MAX_DARK_COUNTS:
+        return f"dark counts of {dark_counts:.3g}, only up to {_MAX_DARK_COUNTS}"
     return None
 
 
 def training_command(sensor: Sensor) -> str:
-    """Give the command that trains a network for a sensor."""
+    """Return the command that trains a two-layer network for a sensor.
+
+    Examples
+    --------
+    >>> training_command(Sensor(frames=20))
+    'jotlight train FOLDER_OF_PHOTOGRAPHS -o model.safetensors --oversampling 1 --frames 20'
+    """
     options = [f"--oversampling {sensor.oversampling}", f"--frames {sensor.frames}"]
     if sensor.gain != sensor.bits_per_pixel:
         options.append(f"--gain {float(sensor.gain)!r}")
@@ -145,9 +151,9 @@ def training_command(sensor: Sensor) -> str:
         options.append(f"--threshold {sensor.threshold}")
     if sensor.kernel != "box":
         options.append(f"--kernel {sensor.kernel}")
-    efficiency, dark = reference_jot(sensor)
-    if dark:
-        options.append(f"--dark-counts {float(dark)!r}")
+    efficiency, dark_counts = reference_jot(sensor)
+    if dark_counts:
+        options.append(f"--dark-counts {float(dark_counts)!r}")
     if efficiency != 1:
         options.append(f"--efficiency {float(efficiency)!r}")
     if sensor.max_intensity != 1:

@@ -1,44 +1,62 @@
-"""Cubic B-splines: their basis, and the coefficients of some functions."""
+"""Cubic B-splines: their basis, and the coefficients that represent a function."""
 
 from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float32]
 Function = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]]
+Spline = tuple[npt.NDArray[np.float32], float, float]
+"""Coefficients (1, N_w), first knot, and knot spacing, in the order of `Layer`'s parameters."""
 
-# No array: torch.compile would take it for a tensor.
+# Tuples, because torch.compile would trace an array as a tensor.
 CUBIC_BASIS = (1, -3, 3, -1), (4, 0, -6, 3), (1, 3, 3, -3), (0, 0, 0, 1)
-"""Six times the four cubic B-splines past a knot, in powers of the distance past it."""
+"""The four cubic B-splines that are nonzero between two knots, times 6.
+
+Each row holds the coefficients of 1, t, t², and t³, where t in [0, 1) is the distance from the
+lower knot in units of the spacing.
+"""
 
 
-def relu_spline(low: float, high: float, number: int) -> Array:
-    """Coefficients (1, N_w) of a spline that is nearly max(z, 0)."""
-    places = np.linspace(low, high, number - 2)
-    spacing = places[1] - places[0]
-    every = np.concatenate([[places[0] - spacing], places, [places[-1] + spacing]])
-    coefficients: Array = np.maximum(every, 0)[None].astype(np.float32)
-    return coefficients
+def relu_spline(low: float, high: float, number: int) -> Spline:
+    """Return a spline that is nearly max(z, 0) on [low, high].
+
+    Examples
+    --------
+    >>> relu_spline(-1.0, 1.0, 5)[0].tolist()
+    [[0.0, 0.0, 0.0, 1.0, 2.0]]
+    """
+    knots = np.linspace(low, high, number - 2)
+    spacing = knots[1] - knots[0]
+    centers = np.concatenate([[knots[0] - spacing], knots, [knots[-1] + spacing]])
+    coefficients = np.maximum(centers, 0)[None].astype(np.float32)
+    return coefficients, low, (high - low) / (number - 3)
 
 
-def identity_spline(most: float) -> tuple[Array, float, float]:
-    """Coefficients, start and spacing of a spline that is z between 0 and `most`."""
-    return (most * np.array([[-1, 0, 1, 2]])).astype(np.float32), 0.0, most
+def identity_spline(high: float) -> Spline:
+    """Return a spline that is z on [0, high].
+
+    Examples
+    --------
+    >>> identity_spline(2.0)[0].tolist()
+    [[-2.0, 0.0, 2.0, 4.0]]
+    """
+    return (high * np.array([[-1, 0, 1, 2]])).astype(np.float32), 0.0, high
 
 
-def fit_spline(
-    function: Function,
-    low: float,
-    high: float,
-    number: int,
-) -> tuple[Array, float, float]:
-    """Coefficients (1, number), start and spacing of the least-squares spline on [low, high]."""
+def fit_spline(function: Function, low: float, high: float, number: int) -> Spline:
+    """Return the least-squares spline of a function on [low, high], with `number` coefficients.
+
+    Examples
+    --------
+    >>> fit_spline(lambda z: z, 0.0, 1.0, 4)[0].round(3).tolist()
+    [[-1.0, 0.0, 1.0, 2.0]]
+    """
     from scipy.interpolate import make_lsq_spline
 
     spacing = (high - low) / (number - 3)
     knots = low + spacing * (np.arange(number + 4) - 3)
-    # Eight samples to an interval, kept inside where rounding might put the last one out.
+    # Eight samples per interval; the clipping undoes rounding past the outer knots.
     samples = np.linspace(low, high, 8 * (number - 3) + 1).clip(knots[3], knots[-4])
     spline = make_lsq_spline(samples, function(samples), knots, k=3)
     return spline.c[None].astype(np.float32), float(low), float(spacing)

@@ -1,1 +1,11 @@
-"""Placeholder."""
+"""The model of the sensor: from an image to bits, and the likelihood of bits.
+
+In reading order:
+
+* ``sensor`` and ``simulate``: the parameters of a sensor, and the random bits of an image;
+  ``maps`` checks the parameters that differ from jot to jot;
+* ``bits``, ``frames``, and ``provenance``: packed bits, in memory or in files, and their origin;
+* ``channels`` and ``pixel_counts``: from bits or counts of any color to counts of pixels;
+* ``response`` and ``reference``: the formulas of a jot, and numbers that stand for a sensor;
+* ``operators`` and ``likelihood``: the spread of light, and the objective of reconstruction.
+"""

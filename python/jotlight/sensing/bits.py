@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.checks import refuse_masked
-from jotlight.chunks import JOTS_PER_COUNT, frame_chunks
+from jotlight.chunks import MAX_COUNTED_JOTS, frame_chunks
 from jotlight.memory_maps import release
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import Frames, format_frame_range
@@ -211,7 +211,7 @@ class Bits:
             )
         valid = None if mask is None else np.packbits(~mask, axis=1)
         counts = np.zeros((height // oversampling, width // oversampling, *channels), np.int32)
-        chunks = list(frame_chunks(frames, counts.shape[0], width * oversampling, JOTS_PER_COUNT))
+        chunks = list(frame_chunks(frames, counts.shape[0], width * oversampling, MAX_COUNTED_JOTS))
         for index, (f, r) in enumerate(chunks):
             jots = slice(r.start * oversampling, r.stop * oversampling)
             # Bits in files are read once for all channels.

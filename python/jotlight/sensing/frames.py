@@ -1,4 +1,4 @@
-"""Frames that are read when they are asked for, so that a capture may exceed the memory."""
+"""Frames that are read from files when they are needed, so that captures may exceed the memory."""
 
 import bisect
 import itertools
@@ -11,12 +11,12 @@ import numpy.typing as npt
 
 from jotlight.memory_maps import release
 
-_PART = 1 << 23
-"""Bytes of frames that are read at once."""
+_MAX_BYTES = 1 << 23
+"""Maximum number of bytes of frames that are read at a time."""
 
 
 def format_frame_range(frames: slice) -> str:
-    """Some frames as `--frame-range` takes them.
+    """Return a slice of frames in the notation of `--frame-range`.
 
     Examples
     --------
@@ -28,19 +28,20 @@ def format_frame_range(frames: slice) -> str:
 
 
 class Frames:
-    """A stack of frames in files: the shape of an array, read part by part.
+    """A stack of frames in files, which looks like an array and is read part by part.
 
-    ``frames[a:b]`` gives some of them, still in their files; ``frames[..., c]`` one channel
-    likewise; and ``frames[a:b, rows, ...]`` reads and gives an array. ``numpy.asarray`` reads all.
+    ``frames[a:b]`` and ``frames[..., c]`` are frames that stay in their files: some of them, and
+    one channel of all. ``frames[a:b, rows, ...]`` reads an array. ``numpy.asarray`` reads
+    everything.
 
     Parameters
     ----------
     shape : tuple of int
         (T, H, ...).
     read : callable
-        ``read(start, stop)`` gives these frames as an array.
+        A function of two numbers; ``read(start, stop)`` returns these frames as an array.
     dtype : dtype
-        Theirs.
+        The type of that array.
 
     Examples
     --------
@@ -61,24 +62,30 @@ class Frames:
 
     @property
     def ndim(self) -> int:
-        """How many dimensions."""
+        """Number of dimensions."""
         return len(self.shape)
 
     @property
     def size(self) -> int:
-        """How many numbers."""
+        """Number of elements."""
         return math.prod(self.shape)
 
     @property
     def nbytes(self) -> int:
-        """Bytes, were all of it read."""
+        """Number of bytes of the whole array."""
         return self.size * self.dtype.itemsize
 
     def __len__(self) -> int:
         return self.shape[0]
 
     def read(self, start: int, stop: int) -> npt.NDArray[Any]:
-        """Frames start to stop as an array."""
+        """Return the frames from `start` to `stop` as an array.
+
+        Raises
+        ------
+        ValueError
+            When the file does not hold what it held when it was opened.
+        """
         part = self._read(start, stop)
         expected = (stop - start, *self.shape[1:])
         if part.shape != expected or part.dtype != self.dtype:
@@ -88,24 +95,20 @@ class Frames:
             )
         return part
 
-    def parts(self) -> Iterator[tuple[slice, npt.NDArray[Any]]]:
-        """All frames in order, some at a time."""
-        return read_in_chunks(self)
-
     def __getitem__(self, key: Any) -> Any:
         if isinstance(key, slice):
             return self._range(key)
         if not isinstance(key, tuple) or not key:
             raise TypeError(f"expected a slice of frames, or a tuple of slices, got {key!r}")
         if key[0] is Ellipsis:
-            return self._of_each(key)
+            return self._part_of_each(key)
         if not isinstance(key[0], slice):
             raise TypeError(f"expected a slice of frames first, got {key[0]!r}")
         chosen = self._range(key[0])
-        # Costs no memory, and tells the shape as NumPy has it.
+        # NumPy computes the shape of the result without using memory.
         shape = np.broadcast_to(np.uint8(0), chosen.shape)[(slice(None), *key[1:])].shape
         out = np.empty(shape, self.dtype)
-        for place, part in chosen.parts():
+        for place, part in read_in_chunks(chosen):
             out[place] = part[(slice(None), *key[1:])]
         return out
 
@@ -128,14 +131,14 @@ class Frames:
                 (number, *self.shape[1:]), lambda a, b: read(start + a, start + b), self.dtype
             )
 
-        def one_by_one(a: int, b: int) -> npt.NDArray[Any]:
-            places = range(start + a * step, start + b * step, step)
-            return np.concatenate([read(place, place + 1) for place in places])
+        def read_each(a: int, b: int) -> npt.NDArray[Any]:
+            indices = range(start + a * step, start + b * step, step)
+            return np.concatenate([read(index, index + 1) for index in indices])
 
-        return Frames((number, *self.shape[1:]), one_by_one, self.dtype)
+        return Frames((number, *self.shape[1:]), read_each, self.dtype)
 
-    def _of_each(self, key: tuple[Any, ...]) -> "Frames":
-        """What `key` takes of each frame, such as a channel."""
+    def _part_of_each(self, key: tuple[Any, ...]) -> "Frames":
+        """Return the part of each frame that `key` selects, such as a channel."""
         shape = np.broadcast_to(np.uint8(0), self.shape)[key].shape
         if len(key) >= self.ndim + 1 or shape[0] != len(self):
             raise TypeError(f"expected a part of each frame, got {key!r}")
@@ -143,11 +146,15 @@ class Frames:
 
 
 def read_in_chunks(
-    frames: npt.NDArray[Any] | Frames, at_once: int = _PART
+    frames: npt.NDArray[Any] | Frames, max_bytes: int = _MAX_BYTES
 ) -> Iterator[tuple[slice, npt.NDArray[Any]]]:
-    """Give all frames of an array, or in files, in order and some bytes at a time."""
-    each = max(1, frames.nbytes // max(1, len(frames)))
-    step = max(1, at_once // each)
+    """Yield all frames in order: their range, and an array of at least one frame.
+
+    An array has at most `max_bytes`, unless a single frame has more. Pages of memory maps are
+    released after use.
+    """
+    frame_bytes = max(1, frames.nbytes // max(1, len(frames)))
+    step = max(1, max_bytes // frame_bytes)
     for start in range(0, len(frames), step):
         place = slice(start, min(start + step, len(frames)))
         part = frames[place]
@@ -158,12 +165,13 @@ def read_in_chunks(
             release(part)
 
 
-def joined(parts: Sequence[npt.NDArray[Any] | Frames]) -> npt.NDArray[Any] | Frames:
-    """Several stacks of frames of one shape, one after the other.
+def concatenate(parts: Sequence[npt.NDArray[Any] | Frames]) -> npt.NDArray[Any] | Frames:
+    """Return several stacks of frames of one shape as a single stack, without reading them.
 
     Examples
     --------
-    >>> joined([np.zeros((2, 1, 1), np.uint8), np.ones((3, 1, 1), np.uint8)])[1:3, 0, 0].tolist()
+    >>> zeros, ones = np.zeros((2, 1, 1), np.uint8), np.ones((3, 1, 1), np.uint8)
+    >>> concatenate([zeros, ones])[1:3, 0, 0].tolist()
     [0, 1]
     """
     parts = [part for part in parts if len(part)] or list(parts[:1])

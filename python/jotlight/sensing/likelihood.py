@@ -1,4 +1,4 @@
-"""The likelihood of bits, and what is to be maximised: equation (4), for any threshold."""
+"""The likelihood of bits and the problem of maximizing it: equation (4), for any threshold."""
 
 import dataclasses
 from typing import Any
@@ -7,51 +7,54 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.checks import refuse_masked
-from jotlight.chunks import pixel_chunks
+from jotlight.checks import positive_number, refuse_masked, whole_number_in_range, whole_numbers
+from jotlight.chunks import pixel_chunks, take_pixels
 from jotlight.sensing.operators import Operator
 
 Array = npt.NDArray[np.float64]
 
-_AT_ONCE = 1 << 21
-"""Cells that the engine handles between two looks at Ctrl-C."""
+_MAX_CELLS = 1 << 21
+"""Maximum number of cells that the engine handles without a check for Ctrl-C."""
 
 
 class Likelihood:
-    """ℓ(s) = Σ L log P(q, η s + d) + (n - L) log(1 - P(q, η s + d)), as a function of the light.
+    """ℓ(s) = Σ L log P(q, η s + d) + (n - L) log(1 - P(q, η s + d)), a function of the light s.
+
+    A cell is a jot, or a pixel whose jots all receive the same light. The light of a cell is its
+    expected number of photons per bit.
 
     Parameters
     ----------
     ones : array_like of int, any shape
-        L: how many bits of each cell are 1. A cell is a jot, or a pixel whose jots all see the
-        same light.
+        L: the number of ones of each cell.
     trials : int or array_like of int
-        n: how many bits each cell has, or a map of them; 0 for a cell that is dead.
+        n: the number of bits of each cell, a number or a map; 0 for a dead cell.
     threshold : int
-        q: photons that make a bit 1.
+        q: the number of photons from which on a bit is 1.
     efficiency : float or array_like of float
-        η of each cell in (0, 1]: the share of its light that is detected, a number or a map.
+        η in (0, 1]: the share of each cell's light that is detected, a number or a map.
     dark_counts : float or array_like of float
-        d of each cell: detections without light, a number or a map.
+        d: the detections of each cell without light, a number or a map.
     threads : int, optional
-        Threads to use. Default: all.
+        The number of threads. Default: all.
 
     Raises
     ------
     TypeError, ValueError
-        When the arrays do not fit, or a count is below 0 or above n.
+        When the arrays do not fit together, or a count is below 0 or above n.
 
     Notes
     -----
-    ℓ is concave. Its logarithms and slopes are accurate to eleven digits (for q in the ten
-    thousands nine) for η s from 1e-12 to 1e4; at η s + d = 0 the value is -inf where a bit is 1.
+    Paper, equation (4). ℓ is concave. The logarithms and derivatives are accurate to eleven digits
+    for η s from 1e-12 to 1e4, and to nine digits for q above 10,000. At η s + d = 0 the value is
+    -inf if a bit is 1.
 
     Examples
     --------
-    >>> seen = Likelihood([3, 0], trials=4)
-    >>> round(seen.value([1.0, 0.5]), 6)  # 3 log(1 - 1/e) - 1 - 4/2
+    >>> likelihood = Likelihood([3, 0], trials=4)
+    >>> round(likelihood.value([1.0, 0.5]), 6)  # 3 log(1 - 1/e) - 1 - 4/2
     -4.376025
-    >>> gradient, curvature = seen.gradient_and_curvature([1.0, 0.5])
+    >>> gradient, curvature = likelihood.gradient_and_curvature([1.0, 0.5])
     >>> gradient.round(6).tolist(), curvature.round(6).tolist()
     ([0.74593, -4.0], [2.762021, 0.0])
     """
@@ -66,33 +69,29 @@ class Likelihood:
         dark_counts: float | npt.ArrayLike = 0.0,
         threads: int | None = None,
     ) -> None:
-        self.ones = _whole("ones", ones)
+        self.ones = whole_numbers("ones", ones)
         self.shape = self.ones.shape
         if self.ones.size == 0:
             raise ValueError(f"ones: expected at least one cell, got shape {self.shape}")
-        self.trials = _map_or_number("trials", _whole("trials", trials), self.shape)
+        self.trials = _number_or_map("trials", whole_numbers("trials", trials), self.shape)
         refuse_masked("dark_counts", dark_counts)
         dark = np.asarray(dark_counts)
         if dark.dtype.kind not in "iuf" or not (np.isfinite(dark) & (dark >= 0)).all():
             raise ValueError(
                 f"dark_counts: expected finite numbers, 0 or more, got {dark_counts!r}"
             )
-        self.dark_counts = _map_or_number(
+        self.dark_counts = _number_or_map(
             "dark_counts", np.require(dark, np.float64, ["C", "ALIGNED"]), self.shape
         )
         refuse_masked("efficiency", efficiency)
         share = np.asarray(efficiency)
         if share.dtype.kind not in "iuf" or not ((share > 0) & (share <= 1)).all():
             raise ValueError(f"efficiency: expected numbers in (0, 1], got {efficiency!r}")
-        self.efficiency = _map_or_number(
+        self.efficiency = _number_or_map(
             "efficiency", np.require(share, np.float64, ["C", "ALIGNED"]), self.shape
         )
-        self.threshold = threshold
+        self.threshold = whole_number_in_range("threshold", threshold, 1, 65535)
         self._threads = threads
-        if not 1 <= threshold <= 65535 or threshold != int(threshold):
-            raise ValueError(
-                f"threshold: expected a whole number from 1 to 65535, got {threshold!r}"
-            )
         excess = self.ones - self.trials
         if self.ones.min() < 0 or excess.max() > 0:
             raise ValueError(
@@ -101,28 +100,31 @@ class Likelihood:
             )
 
     def value(self, light: npt.ArrayLike) -> float:
-        """ℓ, in nats, at the light s of all cells."""
+        """Return ℓ(s) in nats, summed over all cells.
+
+        `light` is a number or an array of the cells' shape, 0 or more; so for the other methods.
+        """
         flat = self._light(light).reshape(-1)
         return sum(
-            engine.log_likelihood(self._seen(part), flat[part], self._threads)
-            for part in pixel_chunks(flat.size, _AT_ONCE)
+            engine.log_likelihood(self._readings(part), flat[part], self._threads)
+            for part in pixel_chunks(flat.size, _MAX_CELLS)
         )
 
     def gradient_and_curvature(self, light: npt.ArrayLike) -> tuple[Array, Array]:
-        """∂ℓ/∂s and the curvature -∂²ℓ/∂s² ≥ 0 of each cell."""
+        """Return the gradient ∂ℓ/∂s and the curvature -∂²ℓ/∂s² ≥ 0 of each cell."""
         flat = self._light(light).reshape(-1)
         gradient, curvature = np.empty(flat.size), np.empty(flat.size)
-        for part in pixel_chunks(flat.size, _AT_ONCE):
+        for part in pixel_chunks(flat.size, _MAX_CELLS):
             engine.likelihood_gradient_and_curvature(
-                self._seen(part), flat[part], gradient[part], curvature[part], self._threads
+                self._readings(part), flat[part], gradient[part], curvature[part], self._threads
             )
         return gradient.reshape(self.shape), curvature.reshape(self.shape)
 
     def information(self, light: npt.ArrayLike) -> Array:
-        """Give the Fisher information n (η P')² / (P (1 - P)) of each cell about its light.
+        """Return the Fisher information n (η P')² / (P (1 - P)) of each cell about its light.
 
-        It is the curvature that the bits have on average, and its inverse the least variance of
-        an unbiased estimate.
+        It is the expectation of the curvature. Its inverse is the Cramér-Rao bound: the smallest
+        variance of an unbiased estimate.
 
         Examples
         --------
@@ -131,9 +133,9 @@ class Likelihood:
         """
         flat = self._light(light).reshape(-1)
         information = np.empty(flat.size)
-        for part in pixel_chunks(flat.size, _AT_ONCE):
+        for part in pixel_chunks(flat.size, _MAX_CELLS):
             engine.likelihood_information(
-                self._seen(part), flat[part], information[part], self._threads
+                self._readings(part), flat[part], information[part], self._threads
             )
         return information.reshape(self.shape)
 
@@ -147,7 +149,22 @@ class Likelihood:
     ) -> Array:
         """Return the x in [0, `max_light`] that minimizes -ℓ(x) + ½ `penalty` ‖x - point‖².
 
-        `guess` is where the search begins; a good one saves time and changes nothing else.
+        Parameters
+        ----------
+        point : array_like of float
+            The point to stay close to, a number or an array of the cells' shape.
+        penalty : float
+            The weight of the distance, above 0.
+        max_light : float
+            The upper bound of x.
+        guess : array_like of float, optional
+            The start of the search, 0 or more. A good one saves time; it does not change the
+            result.
+
+        Raises
+        ------
+        ValueError
+            When an argument is out of range or has the wrong shape.
 
         Examples
         --------
@@ -156,38 +173,48 @@ class Likelihood:
         """
         if not 0 < penalty < np.inf or not 0 < max_light < np.inf:
             raise ValueError(
-                f"penalty and max_light: expected finite numbers above 0, got {penalty} and {max_light}"
+                "penalty and max_light: expected finite numbers above 0, "
+                f"got {penalty} and {max_light}"
             )
-        # A copy, which the engine turns into the result.
-        flat = np.array(self._fitting("point", point)).reshape(-1)
+        # The engine overwrites this copy with the result.
+        flat = np.array(self._broadcast("point", point)).reshape(-1)
         if np.isnan(flat).any():
             raise ValueError("point: expected numbers, got NaN")
         start = flat.copy() if guess is None else self._light(guess, "guess").reshape(-1)
-        for part in pixel_chunks(flat.size, _AT_ONCE):
+        for part in pixel_chunks(flat.size, _MAX_CELLS):
             engine.likelihood_proximal(
-                self._seen(part), penalty, max_light, start[part], flat[part], self._threads
+                self._readings(part), penalty, max_light, start[part], flat[part], self._threads
             )
         return flat.reshape(self.shape)
 
     def admm_update(
-        self, step: tuple[float, float], most: float, light: Array, x: Array, dual: Array
+        self, step: tuple[float, float], max_light: float, light: Array, x: Array, dual: Array
     ) -> float:
-        """Make a step of ADMM, (penalty, relaxation), on x and its dual; give ‖light - x‖²."""
+        """Update x and its dual variable in place by a step of ADMM, and return ‖light - x‖².
+
+        `step` is (penalty, relaxation). `x` lies in [0, `max_light`].
+        """
         x, dual = x.reshape(-1), dual.reshape(-1)
         return sum(
             engine.likelihood_admm_update(
-                self._seen(part), step, most, light[part], x[part], dual[part], self._threads
+                self._readings(part),
+                step,
+                max_light,
+                light[part],
+                x[part],
+                dual[part],
+                self._threads,
             )
-            for part in pixel_chunks(x.size, _AT_ONCE)
+            for part in pixel_chunks(x.size, _MAX_CELLS)
         )
 
     def _light(self, light: npt.ArrayLike, name: str = "light") -> Array:
-        array = self._fitting(name, light)
+        array = self._broadcast(name, light)
         if not array.min() >= 0:
             raise ValueError(f"{name}: expected 0 or more, got {array.min()}")
         return array
 
-    def _fitting(self, name: str, values: npt.ArrayLike) -> Array:
+    def _broadcast(self, name: str, values: npt.ArrayLike) -> Array:
         try:
             array = np.broadcast_to(np.asarray(values, np.float64), self.shape)
         except ValueError:
@@ -196,44 +223,46 @@ class Likelihood:
             ) from None
         return np.require(array, np.float64, ["C", "ALIGNED"])
 
-    def _seen(self, part: slice) -> tuple[int, Any, Any, Any, Any]:
+    def _readings(self, part: slice) -> tuple[int, Any, Any, Any, Any]:
+        """Return some cells as the engine takes them: (q, L, n, η, d)."""
         return (
-            int(self.threshold),
-            self.ones.reshape(-1)[part],
-            _cut(self.trials, part),
-            _cut(self.efficiency, part),
-            _cut(self.dark_counts, part),
+            self.threshold,
+            take_pixels(self.ones, part),
+            take_pixels(self.trials, part),
+            take_pixels(self.efficiency, part),
+            take_pixels(self.dark_counts, part),
         )
 
 
 @dataclasses.dataclass(frozen=True)
 class Problem:
-    """Maximise ℓ(A c) over images c in [0, S]: equation (4).
+    """Maximize ℓ(A c) over images c in [0, S]: equation (4).
 
     Parameters
     ----------
     operator : Operator
-        A, from the image to the light of the likelihood's cells, without negative entries;
-        :func:`jotlight.sensing.operators.spread` or one of your own.
+        A, from the image to the light of the likelihood's cells, without negative entries.
+        :func:`jotlight.sensing.operators.spread` makes the usual one.
     likelihood : Likelihood
-        Of what the cells saw.
+        ℓ, the likelihood of the cells' bits.
     max_intensity : float
-        S.
+        S: the largest intensity.
 
     Raises
     ------
     ValueError
-        When the operator's light is not that of the likelihood's cells, or no cell has a bit.
+        When the operator's output does not have the shape of the likelihood's cells, or no cell
+        has a bit.
 
     Examples
     --------
-    A signal on a line of jots, 6 to a pixel, its light spread by a cubic kernel:
+    A signal on a line of jots, 6 per pixel, with a cubic kernel:
 
     >>> from jotlight import mle_iterative, operators
     >>> light = operators.spread((20,), oversampling=6, kernel="cubic", gain=6.0)
     >>> ramp = np.linspace(0.2, 0.8, 20)
-    >>> chance = -np.expm1(-light.forward(ramp))
-    >>> ones = np.random.default_rng(0).binomial(100, chance)
+    >>> probability = -np.expm1(-light.forward(ramp))
+    >>> ones = np.random.default_rng(0).binomial(100, probability)
     >>> estimate = mle_iterative(Problem(light, Likelihood(ones, trials=100)))
     >>> estimate.shape, bool(abs(estimate - ramp).max() < 0.3)
     ((20,), True)
@@ -251,52 +280,35 @@ class Problem:
             )
         if np.max(self.likelihood.trials) == 0:
             raise ValueError("trials: expected at least one cell with a bit, got none")
-        if not 0 < self.max_intensity < np.inf:
-            raise ValueError(
-                f"max_intensity: expected a finite number above 0, got {self.max_intensity!r}"
-            )
+        positive_number("max_intensity", self.max_intensity)
 
     def constant_estimate(self) -> float:
-        """Give the intensity that would make as many bits fire as did, were it the same everywhere.
+        """Return the intensity of a constant image that explains the number of ones.
 
-        It is kept from 0 and from S, so that an iterative method can begin there.
+        It is clipped to [0.001 S, 0.9 S], so that an iterative method can start there.
         """
-        seen = self.likelihood
-        trials = np.broadcast_to(np.asarray(seen.trials, np.float64), seen.shape)
-        share = float(seen.ones.sum() / max(trials.sum(), 1.0))
-        rate = engine.inverse_detection_probability(int(seen.threshold), share)
+        cells = self.likelihood
+        trials = np.broadcast_to(np.asarray(cells.trials, np.float64), cells.shape)
+        share = float(cells.ones.sum() / max(trials.sum(), 1.0))
+        rate = engine.inverse_detection_probability(cells.threshold, share)
         if not trials.any():
-            trials = np.ones(seen.shape)
-        dark = np.average(np.broadcast_to(seen.dark_counts, seen.shape), weights=trials)
+            trials = np.ones(cells.shape)
+        dark = np.average(np.broadcast_to(cells.dark_counts, cells.shape), weights=trials)
         light = np.average(
-            seen.efficiency * self.operator.forward(np.ones(self.operator.input_shape)),
+            cells.efficiency * self.operator.forward(np.ones(self.operator.input_shape)),
             weights=trials,
         )
-        most = self.max_intensity
-        return float(np.clip((rate - dark) / light, 1e-3 * most, 0.9 * most))
+        low, high = 1e-3 * self.max_intensity, 0.9 * self.max_intensity
+        return float(np.clip((rate - dark) / light, low, high))
 
     def log_likelihood(self, image: npt.ArrayLike) -> float:
-        """ℓ(A c) in nats."""
+        """Return ℓ(A c) in nats."""
         return self.likelihood.value(self.operator.forward(np.asarray(image, np.float64)))
 
 
-def _whole(name: str, values: npt.ArrayLike) -> npt.NDArray[np.int32]:
-    refuse_masked(name, values)
-    array = np.asarray(values)
-    if array.dtype.kind not in "iub":
-        raise TypeError(f"{name}: expected whole numbers, got {array.dtype}")
-    if array.size and (array.min() < 0 or array.max() >= 2**31):
-        raise ValueError(f"{name}: expected 0 to 2**31 - 1, got {array.min()} to {array.max()}")
-    return np.require(array, np.int32, ["C", "ALIGNED"])
-
-
-def _map_or_number(name: str, array: npt.NDArray[Any], shape: tuple[int, ...]) -> Any:
+def _number_or_map(name: str, array: npt.NDArray[Any], shape: tuple[int, ...]) -> Any:
     if array.ndim == 0:
         return array.item()
     if array.shape != shape:
         raise ValueError(f"{name}: expected a number or shape {shape}, got {array.shape}")
     return array
-
-
-def _cut(value: Any, part: slice) -> Any:
-    return value.reshape(-1)[part] if isinstance(value, np.ndarray) else value

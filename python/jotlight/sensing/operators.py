@@ -1,11 +1,10 @@
-"""Linear operators without a matrix: from the intensities c to the light on the jots, and back.
+"""Linear operators without a matrix, such as the spread of light from pixels to jots.
 
-An operator is a pair of functions. :func:`check_adjoint` tells whether they belong together, for
-operators of your own too.
+An operator is a pair of functions, forward and adjoint. :func:`check_adjoint` tests whether they
+belong together, also for operators of your own.
 """
 
 import dataclasses
-import math
 from collections.abc import Callable, Sequence
 from operator import index
 
@@ -13,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.checks import positive_number, whole_number_in_range
 from jotlight.seeds import SeedLike
 from jotlight.sensing.sensor import KERNELS
 
@@ -27,16 +27,16 @@ class Operator:
     Parameters
     ----------
     forward : callable
-        x to G x: an array of float64 of `input_shape` to one of `output_shape`.
+        A function from x to G x: from float64 of `input_shape` to float64 of `output_shape`.
     adjoint : callable
-        y to Gᵀ y: an array of float64 of `output_shape` to one of `input_shape`.
+        A function from y to Gᵀ y: from float64 of `output_shape` to float64 of `input_shape`.
     input_shape, output_shape : tuple of int
-        Shapes of x and y.
+        The shapes of x and y.
 
     Raises
     ------
     ValueError
-        When a function gives an array of another shape.
+        When a function returns an array of another shape.
 
     Examples
     --------
@@ -53,28 +53,28 @@ class Operator:
 
     def __post_init__(self) -> None:
         for name, shape in (("forward", self.output_shape), ("adjoint", self.input_shape)):
-            object.__setattr__(self, name, _giving(shape, name, getattr(self, name)))
+            object.__setattr__(self, name, _checked_output(shape, name, getattr(self, name)))
 
     def normal(self, weights: Array, image: Array) -> Array:
-        """Give Gᵀ diag(`weights`) G `image`."""
+        """Return Gᵀ diag(`weights`) G `image`."""
         return self.adjoint(weights * self.forward(image))
 
 
 @dataclasses.dataclass(frozen=True)
 class Scaling(Operator):
-    """Multiplication by a number: the box kernel, once each pixel's bits are counted."""
+    """Multiplication by a number: the box kernel, for counts of pixels."""
 
     factor: float
 
 
 @dataclasses.dataclass(frozen=True)
 class Spread(Operator):
-    """What :func:`spread` gives."""
+    """The spread of light over jots, with its parameters; :func:`spread` makes it."""
 
     oversampling: int
     kernel: str
     gain: float
-    weighted: Callable[[Array, Array], Array]
+    weighted_normal: Callable[[Array, Array], Array]
 
     @property
     def symmetric(self) -> bool:
@@ -82,12 +82,12 @@ class Spread(Operator):
         return KERNELS.index(self.kernel) * self.oversampling % 2 == 0
 
     def normal(self, weights: Array, image: Array) -> Array:
-        """Give Gᵀ diag(`weights`) G `image`, without a map over the jots on the way."""
-        return self.weighted(weights, image)
+        """Return Gᵀ diag(`weights`) G `image`, without an intermediate map over the jots."""
+        return self.weighted_normal(weights, image)
 
 
 def scaling(shape: Sequence[int], factor: float) -> Scaling:
-    """Give the operator that multiplies every pixel by `factor`.
+    """Return the operator that multiplies every pixel by `factor`.
 
     Examples
     --------
@@ -97,7 +97,7 @@ def scaling(shape: Sequence[int], factor: float) -> Scaling:
     shape = tuple(shape)
 
     def multiply(array: Array) -> Array:
-        return factor * _fitting("array", array, shape)
+        return factor * _array_of_shape("array", array, shape)
 
     return Scaling(multiply, multiply, shape, shape, factor)
 
@@ -110,35 +110,35 @@ def spread(
     gain: float = 1.0,
     threads: int | None = None,
 ) -> Spread:
-    """Give the operator s = gain · G c, which spreads each pixel's light over the jots.
+    """Return the operator s = gain · G c, which spreads each pixel's light over the jots.
 
     Parameters
     ----------
     shape : (H, W) or (N,)
-        Of the image, or of a signal: a line of pixels, each with K̂ jots in a row.
+        The shape of the image, or of a signal: a line of pixels, each with K̂ jots in a row.
     oversampling : int
-        K̂: jots per pixel and dimension.
+        K̂: the number of jots per pixel and dimension.
     kernel : {"box", "linear", "quadratic", "cubic"}
-        As in :class:`jotlight.Sensor`.
+        The B-spline of :class:`jotlight.Sensor`.
     gain : float
-        α/T for s, or η α/T for what is detected of it.
+        α/T for the light s, or η α/T for the detected part of it.
     threads : int, optional
-        Threads to use. Default: all.
+        The number of threads. Default: all.
 
     Returns
     -------
     Spread
-        From `shape` to (H * K̂, W * K̂) or (N * K̂,), in float64.
+        An operator from `shape` to (H * K̂, W * K̂) or (N * K̂,), in float64.
 
     Raises
     ------
     ValueError
-        For a shape, oversampling or kernel that is none.
+        When an argument is out of range.
 
     Notes
     -----
-    Paper, section 2.1, equation (2) for the box. In two dimensions the kernel is separable. The
-    adjoint is exact, the mirrored rim included.
+    Paper, section 2.1, equation (2), for the box. In two dimensions the kernel is separable. The
+    adjoint is exact, including the mirrored border.
 
     Examples
     --------
@@ -149,60 +149,55 @@ def spread(
     True
     """
     shape = _pixels(shape)
-    if not 1 <= oversampling <= 4096 or oversampling != int(oversampling):
-        raise ValueError(
-            f"oversampling: expected a whole number from 1 to 4096, got {oversampling!r}"
-        )
+    oversampling = whole_number_in_range("oversampling", oversampling, 1, 4096)
     if kernel not in KERNELS:
         raise ValueError(f"kernel: expected one of {', '.join(KERNELS)}, got {kernel!r}")
-    if not (math.isfinite(gain) and gain > 0):
-        raise ValueError(f"gain: expected a finite number above 0, got {gain!r}")
-    along = (KERNELS.index(kernel), int(oversampling))
+    gain = positive_number("gain", gain)
+    horizontal = (KERNELS.index(kernel), oversampling)
     # A signal is an image of one row, which is one jot high.
-    down = along if len(shape) == 2 else (0, 1)
+    vertical = horizontal if len(shape) == 2 else (0, 1)
     pixels = shape if len(shape) == 2 else (1, *shape)
-    jots = (pixels[0] * down[1], pixels[1] * along[1])
+    jots = (pixels[0] * vertical[1], pixels[1] * horizontal[1])
     output_shape = jots if len(shape) == 2 else jots[1:]
-    description = (down, along, float(gain))
+    description = (vertical, horizontal, gain)
 
     def forward(image: Array) -> Array:
         out = np.empty(jots)
-        plane = _fitting("image", image, shape).reshape(pixels)
+        plane = _array_of_shape("image", image, shape).reshape(pixels)
         engine.spread_forward(description, plane, out, threads)
         return out.reshape(output_shape)
 
     def adjoint(light: Array) -> Array:
         out = np.empty(pixels)
-        plane = _fitting("jots", light, output_shape).reshape(jots)
+        plane = _array_of_shape("jots", light, output_shape).reshape(jots)
         engine.spread_adjoint(description, plane, out, threads)
         return out.reshape(shape)
 
     def normal(weights: Array, image: Array) -> Array:
         out = np.empty(pixels)
-        plane = _fitting("image", image, shape).reshape(pixels)
-        weights = _fitting("weights", weights, output_shape).reshape(jots)
+        plane = _array_of_shape("image", image, shape).reshape(pixels)
+        weights = _array_of_shape("weights", weights, output_shape).reshape(jots)
         engine.spread_normal(description, weights, plane, out, threads)
         return out.reshape(shape)
 
-    return Spread(
-        forward, adjoint, shape, output_shape, int(oversampling), kernel, float(gain), normal
-    )
+    return Spread(forward, adjoint, shape, output_shape, oversampling, kernel, gain, normal)
 
 
 def differences(shape: Sequence[int], *, threads: int | None = None) -> Operator:
-    """Give D, the differences to the next pixels, whose lengths sum to the total variation.
+    """Return D, the differences to the next pixels. Their lengths sum to the total variation.
 
     Parameters
     ----------
     shape : (H, W) or (N,)
-        Of the image or signal.
+        The shape of the image or signal.
     threads : int, optional
-        Threads to use. Default: all.
+        The number of threads. Default: all.
 
     Returns
     -------
     Operator
-        From `shape` to (2, H, W), downwards and to the right, or (1, N); 0 past the rim.
+        An operator from `shape` to (2, H, W), downwards and to the right, or to (1, N). The
+        differences past the border are 0.
 
     Examples
     --------
@@ -215,11 +210,11 @@ def differences(shape: Sequence[int], *, threads: int | None = None) -> Operator
 
     def forward(image: Array) -> Array:
         out = np.empty((2, *pixels))
-        engine.differences(_fitting("image", image, shape).reshape(pixels), out, threads)
+        engine.differences(_array_of_shape("image", image, shape).reshape(pixels), out, threads)
         return out if len(shape) == 2 else out[1]
 
     def adjoint(planes: Array) -> Array:
-        planes = _fitting("differences", planes, output_shape)
+        planes = _array_of_shape("differences", planes, output_shape)
         if len(shape) == 1:
             planes = np.stack([np.zeros_like(planes), planes])
         out = np.empty(pixels)
@@ -232,18 +227,18 @@ def differences(shape: Sequence[int], *, threads: int | None = None) -> Operator
 def check_adjoint(
     operator: Operator, *, rng: SeedLike = 0, draws: int = 3, tol: float = 1e-10
 ) -> float:
-    """Check that ⟨G x, y⟩ = ⟨x, Gᵀ y⟩ for random x and y.
+    """Check that ⟨G x, y⟩ = ⟨x, Gᵀ y⟩ for random x and y, and return the largest error.
 
     Parameters
     ----------
     operator : Operator
-        Or any object with its four attributes.
+        The operator, or any object with its four attributes.
     rng : int, numpy.random.Generator, numpy.random.SeedSequence or None
-        Of x and y, which are normally distributed.
+        The seed of x and y, which are normally distributed.
     draws : int
-        Pairs to try.
+        The number of pairs.
     tol : float
-        The largest difference that counts as rounding.
+        The largest error that is taken for rounding.
 
     Returns
     -------
@@ -253,7 +248,7 @@ def check_adjoint(
     Raises
     ------
     ValueError
-        When that is above `tol`, or a function gives another shape, NaN or infinity.
+        When the error is above `tol`, or a function returns another shape, NaN or infinity.
 
     Examples
     --------
@@ -267,16 +262,16 @@ def check_adjoint(
     for _ in range(draws):
         x = random.standard_normal(operator.input_shape)
         y = random.standard_normal(operator.output_shape)
-        there = np.asarray(operator.forward(x.copy()), np.float64)
-        back = np.asarray(operator.adjoint(y.copy()), np.float64)
-        for name, array, shape in (("forward", there, y.shape), ("adjoint", back, x.shape)):
+        image = np.asarray(operator.forward(x.copy()), np.float64)
+        preimage = np.asarray(operator.adjoint(y.copy()), np.float64)
+        for name, array, shape in (("forward", image, y.shape), ("adjoint", preimage, x.shape)):
             if array.shape != shape or not np.isfinite(array).all():
                 raise ValueError(
                     f"{name}: expected a finite array of shape {shape}, got shape {array.shape}"
                     + (" with NaN or infinity" if array.shape == shape else "")
                 )
-        size = _length(there) * _length(y) + _length(x) * _length(back)
-        difference = abs(float(np.vdot(there, y)) - float(np.vdot(x, back)))
+        size = _length(image) * _length(y) + _length(x) * _length(preimage)
+        difference = abs(float(np.vdot(image, y)) - float(np.vdot(x, preimage)))
         worst = max(worst, float(difference / size) if size else 0.0)
     if worst > tol:
         raise ValueError(
@@ -287,7 +282,7 @@ def check_adjoint(
 
 
 def dot(a: Array, b: Array) -> float:
-    """Give ⟨a, b⟩, without BLAS, whose threads would stand in the way of the engine's."""
+    """Return ⟨a, b⟩ without BLAS, because its threads would compete with the engine's."""
     return float(np.einsum("i,i->", a.ravel(), b.ravel()))
 
 
@@ -298,11 +293,11 @@ def _pixels(shape: Sequence[int]) -> tuple[int, ...]:
     return sizes
 
 
-def _giving(shape: tuple[int, ...], name: str, function: Function) -> Function:
-    """Check what a function gives, so that an operator's mistake shows where it is made."""
+def _checked_output(shape: tuple[int, ...], name: str, function: Function) -> Function:
+    """Return the function with a check of its output, which reveals a wrong operator early."""
 
     def checked(array: Array) -> Array:
-        return _fitting(f"what {name} gives", function(array), tuple(shape))
+        return _array_of_shape(f"the output of {name}", function(array), tuple(shape))
 
     return checked
 
@@ -311,7 +306,7 @@ def _length(array: Array) -> float:
     return float(np.linalg.norm(array.ravel()))
 
 
-def _fitting(name: str, array: npt.ArrayLike, shape: tuple[int, ...]) -> Array:
+def _array_of_shape(name: str, array: npt.ArrayLike, shape: tuple[int, ...]) -> Array:
     values = np.require(array, np.float64, ["C", "ALIGNED"])
     if values.shape != shape:
         raise ValueError(f"{name}: expected shape {shape}, got {values.shape}")

@@ -11,6 +11,7 @@ from torch import Tensor
 
 import jotlight
 from jotlight.estimators.inverse_response import equivalent_counts
+from jotlight.networks.inference import Inference
 from jotlight.sensing import response
 from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.reference import reference_jot
@@ -236,8 +237,9 @@ class Splits:
         total = number = 0.0
         for split in self.held_out:
             ready = network.conditioned_on(self.sensor_at(split.bits)) if self.told else network
-            sums = ready._weights[:, None] * split.counts[0].numpy()
-            picture = torch.from_numpy(ready._of_sums(sums, threads)).double()[None, None]
+            inference = Inference(ready.layers, ready.sensor, self.reference, threads)
+            output = inference.run_counts(split.counts[0].numpy())
+            picture = torch.from_numpy(output).double()[None, None]
             total += split.number * float(self.negative_log_likelihood(picture, split))
             number += split.number
         return total / max(number, 1)

@@ -1,0 +1,121 @@
+"""The linear step of ADMM: its normal equations, solved in the basis of the cosine transform.
+
+Beyond the border the image continues mirrored. The discrete cosine transform therefore
+diagonalizes DᵀD exactly, and AᵀA wherever the kernel is symmetric about its pixel.
+"""
+
+import os
+from collections.abc import Sequence
+
+import numpy as np
+
+from jotlight.sensing.likelihood import Array
+from jotlight.sensing.operators import Operator, Scaling, Spread, differences, dot, spread
+
+_MAX_CG_STEPS = 50
+"""The maximum number of steps of conjugate gradients."""
+
+
+class NormalEquations:
+    """The equations (ρ₁ AᵀA + ρ₂ DᵀD + ρ₃) c = r of the image c.
+
+    Parameters
+    ----------
+    operator : Operator
+        A, from the image to the light on the cells.
+    tol : float
+        The norm of the residual, as a share of ‖r‖, at which conjugate gradients stop. They run
+        only where the cosine transform does not diagonalize AᵀA.
+    threads : int, optional
+        Threads to use. Default: all.
+    """
+
+    def __init__(self, operator: Operator, tol: float, threads: int | None) -> None:
+        shape = operator.input_shape
+        self._operator, self._tol = operator, tol
+        self._diagonal = isinstance(operator, Scaling) or (
+            isinstance(operator, Spread) and operator.symmetric
+        )
+        self._workers = threads or os.cpu_count() or 1
+        self._ones = np.ones(operator.output_shape)
+        self._differences = differences(shape, threads=threads)
+        self._laplacian = np.zeros((1,) * len(shape))
+        for axis, size in enumerate(shape):
+            eigenvalues = 2 - 2 * np.cos(np.pi * np.arange(size) / size)
+            self._laplacian = self._laplacian + _along(axis, len(shape), eigenvalues)
+        self._gram = _gram_eigenvalues(operator)
+        self.gain = float(np.sqrt(np.max(self._gram)))
+        """√‖AᵀA‖: the norm of the light that a constant image of intensity 1 casts per pixel."""
+
+    def solve(self, right: Array, penalties: Sequence[float], guess: Array) -> Array:
+        """Return c for the right-hand side r.
+
+        Parameters
+        ----------
+        right : ndarray of float64
+            r, of the image's shape.
+        penalties : sequence of float
+            ρ₁ of the data, ρ₂ of the differences and, optionally, ρ₃ of the box.
+        guess : ndarray of float64
+            The image at which conjugate gradients start.
+        """
+        data, variation, *box = penalties
+        eigenvalues = data * self._gram + variation * self._laplacian + sum(box)
+        if self._diagonal:
+            return self._divide(right, eigenvalues)
+
+        def multiply(image: Array) -> Array:
+            light = self._operator.normal(self._ones, image)
+            curvature = self._differences.adjoint(self._differences.forward(image))
+            return data * light + variation * curvature + sum(box) * image
+
+        # Conjugate gradients, preconditioned by the nearly diagonal form.
+        solution, residual = guess, right - multiply(guess)
+        limit = self._tol**2 * dot(right, right)
+        search, size = np.zeros_like(right), 1.0
+        for _ in range(_MAX_CG_STEPS):
+            if dot(residual, residual) <= limit:
+                break
+            divided = self._divide(residual, eigenvalues)
+            size, previous = dot(residual, divided), size
+            search = divided + size / previous * search
+            product = multiply(search)
+            step = size / dot(search, product)
+            solution = solution + step * search
+            residual = residual - step * product
+        return solution
+
+    def _divide(self, right: Array, eigenvalues: Array) -> Array:
+        from scipy.fft import dctn, idctn
+
+        spectrum = dctn(right, norm="ortho", workers=self._workers)
+        spectrum /= eigenvalues
+        return np.asarray(idctn(spectrum, norm="ortho", workers=self._workers, overwrite_x=True))
+
+
+def _gram_eigenvalues(operator: Operator) -> Array:
+    """Return AᵀA in the cosine basis. It is approximate unless the kernel is symmetric."""
+    from scipy.fft import dct
+
+    shape = operator.input_shape
+    if isinstance(operator, Scaling):
+        return np.full((1,) * len(shape), operator.factor**2)
+    if not isinstance(operator, Spread):
+        ones = np.ones(shape)
+        return np.full((1,) * len(shape), operator.adjoint(operator.forward(ones)).mean())
+    eigenvalues = np.full((1,) * len(shape), operator.gain**2)
+    for axis, size in enumerate(shape):
+        line = spread((size,), operator.oversampling, operator.kernel)
+        impulse = np.zeros(size)
+        impulse[0] = 1
+        response = line.normal(np.ones(line.output_shape), impulse)
+        ratio = np.maximum(dct(response) / dct(impulse), 0)
+        eigenvalues = eigenvalues * _along(axis, len(shape), ratio)
+    return eigenvalues
+
+
+def _along(axis: int, dimensions: int, values: Array) -> Array:
+    """Return `values` as an array that broadcasts along one axis."""
+    shape = [1] * dimensions
+    shape[axis] = len(values)
+    return values.reshape(shape)

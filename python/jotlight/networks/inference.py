@@ -1,0 +1,170 @@
+"""From bits or counts to the output of a network, in bands of rows that bound time and memory."""
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+import jotlight._engine as engine
+from jotlight.chunks import frame_chunks
+from jotlight.estimators.inpaint import inpaint_dead_pixels
+from jotlight.estimators.inverse_response import equivalent_counts
+from jotlight.networks.graph import flops_per_pixel
+from jotlight.networks.layer import Layer
+from jotlight.sensing.bits import Bits, check_fits
+from jotlight.sensing.pixel_counts import PixelCounts, count_pixels
+from jotlight.sensing.reference import Jot, reference_jot
+from jotlight.sensing.sensor import Sensor
+
+FLOPS_PER_BAND = 1 << 35
+"""Operations of one call of the engine, after which Ctrl-C has an effect."""
+
+_MIN_BAND = 8
+"""Minimum height of a band, in receptive fields. It bounds the rows computed twice."""
+
+Data = Bits | npt.NDArray[np.int32]
+"""Bits (T, H·K̂, W·K̂), or counts (H, W)."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Inference:
+    """A network's forward pass on data of one channel."""
+
+    layers: Sequence[Layer]
+    sensor: Sensor
+    """Sensor of the data."""
+    reference: Jot
+    """Efficiency and dark counts of the jots that the layers are for."""
+    threads: int | None
+
+    def run(self, data: Data) -> npt.NDArray[np.float32]:
+        """Return the output of the last layer, shape (H, W).
+
+        Raises
+        ------
+        TypeError
+            When an untied network gets counts.
+        ValueError
+            When the data do not fit the sensor, or an untied network gets a sensor whose jots
+            differ from its own.
+        """
+        if self.layers[0].shape[1:] != (1, 1, 1):
+            return self._run_untied(data)
+        pixels = math.prod(data.shape[-2:]) // self.sensor.oversampling**2
+        if not self.sensor.maps() and self.sensor.bits_per_pixel < pixels:
+            return self._run_by_table(data)
+        counts = count_pixels(data, self.sensor, self.threads)
+        return self.run_counts(equivalent_counts(counts, self.reference, self.threads))
+
+    def run_counts(self, counts: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """Return the output of a tied network for equivalent counts of reference jots, (H, W)."""
+        return self._run_sums(self._tied_weights[:, None] * counts)
+
+    def _run_by_table(self, data: Data) -> npt.NDArray[np.float32]:
+        """Run a tied network on pixels that are alike: a table maps each count L to p."""
+        sensor, side = self.sensor, self.sensor.oversampling
+        all_counts = PixelCounts(
+            sensor,
+            np.arange(sensor.bits_per_pixel + 1, dtype=np.int32),
+            sensor.bits_per_pixel,
+            *reference_jot(sensor),
+            varies_within_pixels=False,
+        )
+        table = self._tied_weights * equivalent_counts(all_counts, self.reference, self.threads)
+        if isinstance(data, Bits):
+            check_fits(data, sensor)
+            shape = tuple(size // side for size in data.shape[1:3])
+        else:
+            data = count_pixels(data, sensor, self.threads).counts
+            shape = data.shape
+
+        def run_rows(rows: slice) -> npt.NDArray[np.float32]:
+            if isinstance(data, Bits):
+                part = Bits(data.packed[:, rows.start * side : rows.stop * side], data.width)
+                counts = part.counts(side, threads=self.threads)
+            else:
+                counts = data[rows]
+            return engine.forward_counts(self._engine_layers, counts, table, self.threads)
+
+        return self._run_bands(shape, run_rows)
+
+    def _run_untied(self, data: Data) -> npt.NDArray[np.float32]:
+        """Run a network whose first layer has one weight per jot and frame."""
+        if not isinstance(data, Bits):
+            raise TypeError(
+                "data: expected Bits, since this network weighs each jot of a pixel; "
+                "a tied network takes counts"
+            )
+        sensor, side = self.sensor, self.sensor.oversampling
+        check_fits(data, sensor)
+        jots = sensor.efficiency, sensor.dark_counts
+        if any(np.any(a != b) for a, b in zip(jots, self.reference, strict=True)):
+            raise ValueError(
+                "sensor: expected the dark counts that the network is for, and one efficiency and "
+                "dark count for all jots; a tied network takes others"
+            )
+        if sensor.mask is not None and sensor.mask.any():
+            return self._run_sums(self._masked_sums(data, sensor.mask))
+        height, width = (size // side for size in data.shape[1:3])
+        return self._run_bands(
+            (height, width),
+            lambda rows: engine.forward_bits(
+                self._engine_layers,
+                data.packed[:, rows.start * side : rows.stop * side],
+                data.width,
+                self.threads,
+            ),
+        )
+
+    def _masked_sums(self, data: Bits, mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.float32]:
+        """Return p, shape (C, H, W), from valid jots alone; dead pixels are inpainted."""
+        first, side = self.layers[0], self.sensor.oversampling
+        height, width = (size // side for size in data.shape[1:3])
+        valid = np.packbits(~mask, axis=1)
+        sums = np.empty((len(first.filters), height, width), np.float32)
+        for _, rows in frame_chunks(1, height, width * first.filters.size):
+            jots = slice(rows.start * side, rows.stop * side)
+            sums[:, rows.start : rows.stop] = engine.masked_sums(
+                first.engine_layer, data.packed[:, jots], data.width, valid[jots], self.threads
+            )
+        # A pixel without a valid jot is NaN in every channel.
+        dead = np.isnan(sums[0])
+        if dead.any():
+            sums = np.stack([inpaint_dead_pixels(channel, dead) for channel in sums])
+        return sums
+
+    def _run_sums(self, sums: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """Run the network from p, shape (C, H, W): the first layer before its splines."""
+        return self._run_bands(
+            sums.shape[1:],
+            lambda rows: engine.forward(self._engine_layers, sums[:, rows], self.threads),
+        )
+
+    def _run_bands(
+        self, shape: tuple[int, ...], run_rows: Callable[[slice], npt.NDArray[np.float32]]
+    ) -> npt.NDArray[np.float32]:
+        """Return the output from bands of rows, each computed with the rows around it."""
+        height, width = shape
+        top, bottom = engine.input_rows(self._engine_layers, height, (height // 2, height // 2 + 1))
+        affordable = int(FLOPS_PER_BAND / (flops_per_pixel(self.layers) * width))
+        band = max(_MIN_BAND * (bottom - top), affordable)
+        if band >= height:
+            return run_rows(slice(0, height))
+        output = np.empty((height, width), np.float32)
+        for start in range(0, height, band):
+            stop = min(start + band, height)
+            top, bottom = engine.input_rows(self._engine_layers, height, (start, stop))
+            part = run_rows(slice(top, bottom))
+            output[start:stop] = part[start - top : stop - top]
+        return output
+
+    @property
+    def _tied_weights(self) -> npt.NDArray[np.float32]:
+        """The weights of a tied first layer, shape (C, 1)."""
+        return self.layers[0].filters.reshape(-1, 1)
+
+    @property
+    def _engine_layers(self) -> list[engine.Layer]:
+        return [layer.engine_layer for layer in self.layers]

@@ -1,0 +1,90 @@
+"""The file format of networks: arrays in a `.safetensors` file, everything else as its metadata."""
+
+import json
+import operator
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.networks.layer import Layer
+from jotlight.sensing.sensor import Sensor
+from jotlight.tensors import read_tensors, write_tensors
+
+_FORMAT = "jotlight network"
+_VERSION = "3"
+
+_Network = TypeVar("_Network")
+
+
+def write_network(
+    path: str | os.PathLike[str],
+    layers: Sequence[Layer],
+    sensor: Sensor,
+    history: Mapping[str, Any],
+    trials_range: tuple[int, int] | None,
+) -> None:
+    """Write the parts of a network to a file, whole or not at all.
+
+    Raises
+    ------
+    TypeError
+        When JSON cannot hold the history.
+    """
+    tensors: dict[str, npt.NDArray[Any]] = {}
+    for index, layer in enumerate(layers):
+        tensors[f"layers.{index}.filters"] = layer.filters
+        if layer.coefficients is not None:
+            tensors[f"layers.{index}.coefficients"] = layer.coefficients
+    for name, map_ in sensor.maps().items():
+        tensors[f"sensor.{name}"] = np.ascontiguousarray(map_)
+    metadata = {
+        "format": _FORMAT,
+        "version": _VERSION,
+        "layers": json.dumps([layer.metadata() for layer in layers]),
+        "sensor": json.dumps(sensor.scalars()),
+        "trials_range": json.dumps(trials_range),
+        "history": json.dumps(history),
+    }
+    write_tensors(path, tensors, metadata)
+
+
+def read_network(path: str | os.PathLike[str], make: Callable[..., _Network]) -> _Network:
+    """Return what `make(layers, sensor, history, trials_range=...)` makes of a file.
+
+    Raises
+    ------
+    OSError
+        When the file does not exist.
+    ValueError
+        When it is not a network file, or `make` refuses its parts.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no network file {path}")
+    tensors, metadata = read_tensors(path, _FORMAT, _VERSION)
+    try:
+        layers = [
+            Layer(
+                tensors[f"layers.{index}.filters"],
+                tensors[f"layers.{index}.coefficients"] if "start" in fields else None,
+                **fields,
+            )
+            for index, fields in enumerate(json.loads(metadata["layers"]))
+        ]
+        maps = {
+            name.removeprefix("sensor."): tensor
+            for name, tensor in tensors.items()
+            if name.startswith("sensor.")
+        }
+        sensor = Sensor.from_parts(json.loads(metadata["sensor"]), maps)
+        trials_range = json.loads(metadata["trials_range"])
+        if trials_range is not None:
+            low, high = map(operator.index, trials_range)
+            trials_range = low, high
+        return make(layers, sensor, json.loads(metadata["history"]), trials_range=trials_range)
+    except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
+        raise ValueError(f"{path}: damaged network file: {error}") from error
