@@ -183,7 +183,7 @@ def test_version_and_help(run):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["simulate", "none.png", "-o", "a.npy"], "there is no picture file none.png"),
+        (["simulate", "none.png", "-o", "a.npy"], "there is no image file none.png"),
         (["simulate", "photo.png", "-o", "a.npy", "-k", "0"], "oversampling: expected"),
         (["simulate", "photo.png", "-o", "a.npy", "-q", "0"], "threshold: expected"),
         (["simulate", "photo.png", "-o", "a.npy", "--gain", "-1"], "gain: expected"),
@@ -408,7 +408,7 @@ def test_channels_that_cannot_be_shown_are_refused_before_the_work(run, tmp_path
     assert jl.open("bits.npy").shape[3] == channels
     status, said = run("simulate", "odd.npy", "-o", "grey.npy", "--gray")
     assert status == 1
-    assert "red, green and blue" in said
+    assert "red, green, and blue" in said
 
 
 def test_a_full_disk_is_named_and_leaves_nothing(run, photo, tmp_path, monkeypatch):

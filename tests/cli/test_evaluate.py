@@ -158,7 +158,7 @@ def test_a_sensor_without_a_trained_network_says_why_and_how_to_train_one(run, p
     ("words", "expected"),
     [
         (["nothing"], "there is no folder or file nothing"),
-        (["empty"], "empty: expected pictures"),
+        (["empty"], "empty: expected images"),
         (["pictures", "-m", "magic"], "method: expected one of mle"),
         (["pictures", "--model", "none.safetensors"], "none.safetensors"),
         (["pictures", "--model", "cut.safetensors"], "cut.safetensors: expected"),

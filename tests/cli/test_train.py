@@ -111,7 +111,7 @@ def test_white_scales_the_test_images_too(run, pictures):
     words = ["train", "deep.npy", "-o", NETWORK, *SMALL, "--test", "deep.npy"]
     status, said = run(*words)
     assert status == 1
-    assert "give the white level" in said
+    assert "state it with --white" in said
     assert run(*words, "--white", 4095)[0] == 0
     assert jl.Network.load(NETWORK).history["records"]["test_psnr"][0] > 15
 
@@ -206,7 +206,7 @@ def test_on_a_terminal_a_live_line_shows_the_run(pictures, tmp_path):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["empty", "-o", NETWORK], "empty: expected pictures"),
+        (["empty", "-o", NETWORK], "empty: expected images"),
         (["nothing", "-o", NETWORK], "there is no folder or file nothing"),
         (["pictures", "-o", NETWORK, "--patch", 25], "25; image number 0 is 24 x 24"),
         (["pictures", "-o", "net.onnx"], "ends in .safetensors"),
@@ -218,7 +218,7 @@ def test_on_a_terminal_a_live_line_shows_the_run(pictures, tmp_path):
         ),
         (
             ["pictures", "-o", NETWORK, "--learning-rate", 0],
-            "learning_rate: expected a number above 0",
+            "learning_rate: expected a finite number above 0",
         ),
         (["pictures", "-o", NETWORK, "--steps", -1], "steps: expected at least 0"),
         (["pictures", "-o", NETWORK, "--batch", 0], "batch: expected at least 1"),

@@ -10,7 +10,8 @@ from jotlight.cli.captured import provenance_notes, refuse_capture_overwrite
 from jotlight.cli.common_options import Capture
 from jotlight.cli.console import progress, report
 from jotlight.formats.description import companion_files
-from jotlight.formats.writing import WRITERS, choose_output_format, write_capture
+from jotlight.formats.registry import WRITERS
+from jotlight.formats.writing import choose_output_format, write_capture
 from jotlight.sensing.bits import Bits
 
 

@@ -11,9 +11,9 @@ from jotlight.cli.common_options import Threads
 from jotlight.cli.console import err, out, progress, report
 
 if TYPE_CHECKING:
-    from jotlight.experiments import running
-    from jotlight.experiments.experiment import Experiment, Lab, Part
-    from jotlight.experiments.report.section import Section
+    from jotlight.experiments import runner, tables
+    from jotlight.experiments.experiment import Experiment, Part, RunContext
+    from jotlight.experiments.report.content import Section
 
 _NAMES = ("fig5", "fig6a", "fig6b", "fig7", "timing", "gain")
 _ALL = "all"
@@ -58,7 +58,7 @@ def reproduce(
     numbers and the figures.
     """
     # Other commands start faster without these modules.
-    from jotlight.experiments import EXPERIMENTS, running
+    from jotlight.experiments import EXPERIMENTS, runner, tables
     from jotlight.experiments.experiment import Data
     from jotlight.experiments.report.report import write_report
 
@@ -67,27 +67,27 @@ def reproduce(
             f"reproduce: expected one of {', '.join(EXPERIMENTS)}, or {_ALL}, got {name!r}"
         )
     experiments = list(EXPERIMENTS.values()) if name == _ALL else [EXPERIMENTS[name]]
-    folder = running.Folder(output or Path("reproduction-quick" if quick else "reproduction"))
+    folder = runner.Folder(output or Path("reproduction-quick" if quick else "reproduction"))
     if folder.path.exists() and not folder.path.is_dir():
         raise NotADirectoryError(f"{folder.path}: expected a folder, and it is a file")
     material = Data(data)
-    needs = list(dict.fromkeys(need for experiment in experiments for need in experiment.needs))
+    needs = list(dict.fromkeys(need for experiment in experiments for need in experiment.datasets))
     if needs:
         with progress(2 * len(needs)) as begin:
-            material.read(needs, begin)
+            material.load(needs, begin)
     folder.results.mkdir(parents=True, exist_ok=True)
     work = []
     for experiment in experiments:
-        lab = running.prepare(
+        context = runner.prepare(
             experiment, folder, quick=quick, restart=restart, data=material, threads=threads
         )
-        parts = experiment.parts(lab)
-        left = [part for part in parts if not folder.done(experiment, part).exists()]
+        parts = experiment.parts(context)
+        left = [part for part in parts if not folder.part_file(experiment, part).exists()]
         if len(left) < len(parts):
             err.print(f"{experiment.name}: {len(parts) - len(left)} of {len(parts)} parts are done")
-        work.append((experiment, lab, left))
+        work.append((experiment, context, left))
     facts = _run(work, folder)
-    running.write_facts(folder.results / "run.csv", facts)
+    tables.write_facts(folder.results / "run.csv", facts)
     written = write_report(folder)
     out.print(_claims([section for section in written.sections if section.name in facts]))
     if quick:
@@ -96,23 +96,23 @@ def reproduce(
 
 
 def _run(
-    work: "list[tuple[Experiment, Lab, list[Part]]]", folder: "running.Folder"
-) -> "dict[str, running.Facts]":
+    work: "list[tuple[Experiment, RunContext, list[Part]]]", folder: "runner.Folder"
+) -> "dict[str, tables.Facts]":
     """Run the remaining parts of experiments, and return the facts about each experiment."""
-    from jotlight.experiments import running
+    from jotlight.experiments import runner, tables
 
     total = sum(part.seconds for _, _, left in work for part in left)
-    facts: dict[str, running.Facts] = {}
+    facts: dict[str, tables.Facts] = {}
     try:
         with progress(total, remaining=True) as begin:
-            for experiment, lab, left in work:
+            for experiment, context, left in work:
                 for number, part in enumerate(left):
                     title = f"{experiment.name}, {part.name}"
-                    seconds = running.run_part(experiment, part, folder, begin(title, part.seconds))
+                    seconds = runner.run_part(experiment, part, folder, begin(title, part.seconds))
                     if not err.is_terminal:
                         err.print(f"{title}: {seconds:.1f} s ({number + 1} of {len(left)})")
-                rows, facts[experiment.name] = running.gather(experiment, lab, folder)
-                running.write_table(folder.results / f"{experiment.name}.csv", rows)
+                rows, facts[experiment.name] = runner.collect(experiment, context, folder)
+                tables.write_table(folder.results / f"{experiment.name}.csv", rows)
     except KeyboardInterrupt:
         err.print(
             f"\nFinished parts are kept in [bold]{escape(str(folder.path))}[/]. The same command "
@@ -131,5 +131,5 @@ def _claims(sections: "list[Section]") -> Table:
     for section in sections:
         for claim in section.claims:
             style = _STYLES[claim.verdict]
-            table.add_row(section.name, escape(claim.said), f"[{style}]{claim.verdict}[/]")
+            table.add_row(section.name, escape(claim.statement), f"[{style}]{claim.verdict}[/]")
     return table

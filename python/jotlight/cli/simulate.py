@@ -11,8 +11,8 @@ from jotlight.cli.common_options import Gray, Photo, Seed, Threads, White
 from jotlight.cli.console import progress, report
 from jotlight.cli.sensor_options import ExposureOptions
 from jotlight.files import refuse_overwrite
+from jotlight.formats.cube import create_bits
 from jotlight.formats.description import companion_files
-from jotlight.formats.npy import create_bits
 from jotlight.images.io import read_image
 from jotlight.sensing.sensor import Sensor
 
