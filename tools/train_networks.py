@@ -19,7 +19,7 @@ from jotlight.images.sets import read_image_set
 from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.pretrained import BITS_PER_PIXEL, FOLDER
 from jotlight.torch import train
-from jotlight.training.loop import fingerprint_network
+from jotlight.training.parameters import fingerprint_network
 
 Stages = tuple[tuple[int, float], ...]
 """Steps and rates of runs that begin where the one before ended, with seeds 1, 2 and so on."""

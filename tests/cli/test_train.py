@@ -221,11 +221,11 @@ def test_on_a_terminal_a_live_line_shows_the_run(pictures, tmp_path):
         ),
         (
             ["pictures", "-o", NETWORK, "--learning-rate", 0],
-            "learning_rate: expected a number above 0",
+            "learning_rate: expected a finite number above 0",
         ),
         (["pictures", "-o", NETWORK, "--steps", -1], "steps: expected at least 0"),
         (["pictures", "-o", NETWORK, "--batch", 0], "batch: expected at least 1"),
-        (["pictures", "-o", NETWORK, "--sigma", 0], "sigma: expected a number above 0"),
+        (["pictures", "-o", NETWORK, "--sigma", 0], "sigma: expected a finite number above 0"),
         (["pictures", "-o", NETWORK, "--plot", "run.gif"], "ends in .png"),
         (["pictures", "-o", NETWORK, "--plot", "nowhere/run.png"], "there is no folder nowhere"),
         (["pictures", "-o", NETWORK, "--plot", "pictures/0.png"], "this file is read"),

@@ -190,9 +190,11 @@ def test_another_process_of_several_tells_and_writes_nothing(run, pictures, tmp_
 def test_files_keep_some_of_the_records():
     history = History.from_json(
         {
+            "step": list(range(20_001)),
             "loss": [float(step) for step in range(20_001)],
             "gradient_norm": [1.0] * 20_001,
             "test_psnr": [30.0 if step % 1000 == 0 else None for step in range(20_001)],
+            "held_out": [None] * 20_001,
         }
     )
     kept = History.from_json(history.subsample().to_json())

@@ -184,9 +184,9 @@ def test_restart_with_a_mistake_keeps_the_stopped_run(
         (["--steps", 5], "steps is 3 there and 5 here"),
         (["--learning-rate", 0.5], "learning_rate=0.01"),
         (["--optimizer", "gauss-newton"], "optimizer is 'Adam("),
-        (["--sigma", 0.5], "the network is another one"),
+        (["--sigma", 0.5], "different network"),
         (["-k", 3], "sensor is"),
-        (["--test", "pictures"], "the test is another one"),
+        (["--test", "pictures"], "different test"),
     ],
     ids=str,
 )
@@ -208,7 +208,7 @@ def test_resuming_with_other_pictures_says_so(run, pictures, monkeypatch):
     (pictures / "1.png").unlink()
     status, said = run("train", pictures, "-o", NETWORK, *SMALL, "--resume")
     assert status == 1
-    assert "images is" in said
+    assert "different images" in said
 
 
 @pytest.mark.parametrize("share", [0, 0.5, 0.99])

@@ -249,9 +249,9 @@ def test_a_checkpoint_of_another_run_is_refused(tmp_path):
     other = SENSOR.expose(SCENE, rng=1)
     mapped = SENSOR.replace(dark_counts=np.full(SCENE.shape, 1e-3))
     for change, words in (
-        ({"data": other}, "the capture is another one"),
-        ({"sensor": mapped}, "the capture is another one"),
-        ({"network": jl.Network.conditional("small", rng=1)}, "the network is another one"),
+        ({"data": other}, "different capture"),
+        ({"sensor": mapped}, "different capture"),
+        ({"network": jl.Network.conditional("small", rng=1)}, "different network"),
         ({"rng": 4}, "seed is 3 there and 4 here"),
         ({"rate": 1e-4}, "Adam"),
     ):

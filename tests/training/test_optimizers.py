@@ -9,7 +9,7 @@ import jotlight as jl
 import jotlight._engine as engine
 from jotlight.training import Adam, GaussNewton, ProjectedGradient, SafeSet, Step, parameter_vector
 from jotlight.training.cost import Cost
-from jotlight.training.optimizers import _constrained_minimum
+from jotlight.training.gauss_newton import constrained_minimum
 from jotlight.training.parameters import engine_layers
 from jotlight.training.patches import PatchSampler
 from reference import training as twins
@@ -63,7 +63,7 @@ def box(vector):
 def on_simplex(vector):
     """The tap in [0, 1], and coefficients of 0 or more with sum 1.
 
-    Nothing ties parameters of two filter banks or splines to each other: `_constrained_minimum`
+    Nothing ties parameters of two filter banks or splines to each other: `constrained_minimum`
     pulls each bank and spline with a strength of its own, and so needs sets that are products.
     """
     falling = np.sort(vector[1:])[::-1]
@@ -138,7 +138,7 @@ def test_adam_leaves_alone_what_has_no_gradient():
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("project", [box, on_simplex])
-def test_gauss_newton_walks_to_the_constrained_minimum(project, seed):
+def test_gauss_newton_walks_to_theconstrained_minimum(project, seed):
     curvature, slope = quadratic(seed)
     vector, state = project(np.full(6, 0.1)), {}
     for step in range(10):
@@ -173,7 +173,7 @@ def test_the_model_is_minimised_inside_of_the_set(project, seed):
     start = project(np.random.default_rng(seed).normal(0, 1, 6))
     cost = fake_cost(curvature, slope, project)
     # The model's gradient is that at the start.
-    found = _constrained_minimum(curvature, curvature @ start + slope, start, cost)
+    found = constrained_minimum(curvature, curvature @ start + slope, start, cost)
     expected = best(curvature, slope, project)
     np.testing.assert_allclose(found, project(found), atol=1e-12)
     gained = cost.value(start) - cost.value(expected)
@@ -235,13 +235,13 @@ def test_optimisers_do_not_change_what_they_are_given():
     [(ProjectedGradient, "learning_rate"), (Adam, "learning_rate"), (GaussNewton, "damping")],
 )
 def test_a_setting_that_is_not_above_0_is_refused(make, name, value):
-    with pytest.raises(ValueError, match=f"{name}: expected a number above 0, got"):
+    with pytest.raises(ValueError, match=f"{name}: expected a finite number above 0, got"):
         make(**{name: value})
 
 
 @pytest.mark.parametrize("betas", [(1.0, 0.9), (0.9, 1.0), (-0.1, 0.9), (np.nan, 0.9)])
 def test_betas_of_1_or_more_is_refused(betas):
-    with pytest.raises(ValueError, match=r"betas: expected two shares in \[0, 1\)"):
+    with pytest.raises(ValueError, match=r"betas: expected two numbers in \[0, 1\)"):
         Adam(betas=betas)
 
 

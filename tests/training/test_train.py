@@ -1,4 +1,5 @@
 import json
+import time
 
 import numpy as np
 import pytest
@@ -6,7 +7,8 @@ from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
 
 import jotlight as jl
-from jotlight.training import Adam, GaussNewton, ProjectedGradient, SafeSet, loop, parameter_vector
+from jotlight.training import Adam, GaussNewton, ProjectedGradient, SafeSet, parameter_vector
+from jotlight.training.checkpoint import CheckpointWriter
 
 SENSOR = jl.Sensor(oversampling=3)
 START = jl.Network.initial(SENSOR, taps=3, coefficients=12)
@@ -81,7 +83,7 @@ def test_a_run_ends_before_the_step_for_which_there_is_no_time(tmp_path, monkeyp
     clock = iter(range(1000))
     runs = []
     with monkeypatch.context() as patched:
-        patched.setattr(loop.time, "monotonic", lambda: next(clock))
+        patched.setattr(time, "monotonic", lambda: next(clock))
         for name in ("one", "other"):
             options = {"optimizer": optimizer, "checkpoint": tmp_path / name, "test": IMAGES[:2]}
             runs.append(train(seconds=15.5, **options))
@@ -131,7 +133,7 @@ def test_a_finished_run_is_resumed_at_its_end(tmp_path):
 
 def test_checkpoints_are_kept_now_and_then(tmp_path, monkeypatch):
     path, found = tmp_path / "run", []
-    monkeypatch.setattr(loop, "_SAVE_EVERY", -1.0)
+    monkeypatch.setattr(CheckpointWriter, "INTERVAL", -1.0)
 
     def look(_):
         if path.exists():
@@ -140,7 +142,7 @@ def test_checkpoints_are_kept_now_and_then(tmp_path, monkeypatch):
     train(checkpoint=path, callback=look)
     # After each step, seen from the next one on.
     assert len(np.unique(found, axis=0)) == STEPS
-    monkeypatch.setattr(loop, "_SAVE_EVERY", 1e9)
+    monkeypatch.setattr(CheckpointWriter, "INTERVAL", 1e9)
     found.clear()
     path.unlink()
     train(checkpoint=path, callback=look)
@@ -224,10 +226,10 @@ NO_NUMBER = np.full((99, 16, 16), np.nan)
     ("options", "error", "message"),
     [
         ({"images": []}, ValueError, "images: expected at least one, got none"),
-        ({"images": IMAGES[0]}, ValueError, "a single image goes in a list"),
+        ({"images": IMAGES[0]}, ValueError, "put a single image in a list"),
         ({"images": [IMAGES[0], SMALL]}, ValueError, "got 12; image number 1 is 16 x 6"),
         ({"images": (255 * IMAGES).astype(int)}, TypeError, "image: expected floats"),
-        ({"images": [IMAGES[0], COLOUR]}, ValueError, "grey ones .* for number 1"),
+        ({"images": [IMAGES[0], COLOUR]}, ValueError, "gray images .* for number 1"),
         ({"images": scenes, "patch": 8}, ValueError, "patch: is for images"),
         ({"images": lambda rng, n: None}, ValueError, "got NoneType"),
         ({"images": lambda rng, n: rng.random((n, 16))}, ValueError, "an array"),
@@ -269,13 +271,13 @@ WIDER = jl.Network.initial(SENSOR, taps=5, coefficients=12)
         ({"rng": 4}, "seed is 3 there and 4 here"),
         ({"patch": 13}, "patch is 12 there and 13 here"),
         ({"batch": 8}, "batch is 7 there and 8 here"),
-        ({"images": IMAGES[::-1]}, "the images is another one"),
-        ({"test": IMAGES[:1]}, "the test is another one"),
+        ({"images": IMAGES[::-1]}, "different images"),
+        ({"test": IMAGES[:1]}, "different test"),
         ({"optimizer": "adam"}, r"optimizer is 'GaussNewton\(.*' there and 'Adam\("),
         ({"admissible": SafeSet(0.1)}, r"admissible is 'SafeSet\(nu=0.5, monotone=True\)' there"),
         ({"sensor": SENSOR.replace(dark_counts=0.1)}, "sensor is"),
-        ({"network": OTHER}, "the network is another one"),
-        ({"network": WIDER}, "the network is another one"),
+        ({"network": OTHER}, "different network"),
+        ({"network": WIDER}, "different network"),
     ],
 )
 def test_a_checkpoint_of_another_run_is_refused_and_kept(tmp_path, changes, name):
@@ -304,7 +306,8 @@ def rewritten(name, change):
 
 
 def columns(length, norms):
-    return json.dumps({"loss": [1] * length, "gradient_norm": [1] * norms, "test_psnr": []})
+    rest = {"step": list(range(length)), "test_psnr": [1] * length, "held_out": [1] * length}
+    return json.dumps({"loss": [1] * length, "gradient_norm": [1] * norms, **rest})
 
 
 DAMAGES = {
@@ -319,7 +322,7 @@ DAMAGES = {
     "run deep": rewritten("run", "[" * 100_000),
     "history no JSON": rewritten("history", ""),
     "history uneven": rewritten("history", columns(1, 2)),
-    "history too long": rewritten("history", columns(9, 9).replace("[]", str([1] * 9))),
+    "history too long": rewritten("history", columns(9, 9)),
     "short vector": rewritten("vector", lambda x: x[:-1]),
     "whole-number vector": rewritten("vector", lambda x: x.astype(int)),
     "NaN in vector": rewritten("vector", lambda x: x * np.nan),
@@ -341,7 +344,7 @@ def test_a_damaged_checkpoint_is_refused(tmp_path, damage):
 def test_a_disk_that_fills_up_leaves_the_last_good_checkpoint(tmp_path, monkeypatch):
     resource = pytest.importorskip("resource")
     path = tmp_path / "run"
-    monkeypatch.setattr(loop, "_SAVE_EVERY", -1.0)
+    monkeypatch.setattr(CheckpointWriter, "INTERVAL", -1.0)
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
 
     def fill(record):

@@ -163,7 +163,7 @@ class Network:
         Examples
         --------
         >>> Network.residual(Sensor(frames=16), rng=0).halo
-        10
+        8
         """
         layers = build_residual(find_architecture(architecture), sensor, np.random.default_rng(rng))
         history = {"start": f"{architecture}, starts at the smoothed, inverted counts"}

@@ -23,9 +23,9 @@ from jotlight.torch.network import Network
 from jotlight.torch.trainer import Trainer
 from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.history import History, Record
-from jotlight.training.loop import fingerprint_network
-from jotlight.training.optimizers import State
-from jotlight.training.patches import fingerprint_images
+from jotlight.training.images import fingerprint_images
+from jotlight.training.optimizer import State
+from jotlight.training.parameters import fingerprint_network
 
 STEPS = 500
 BATCH, PATCH = 16, 48

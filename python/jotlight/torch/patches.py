@@ -12,7 +12,7 @@ from torch import Tensor
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.network import Network as Module
-from jotlight.training.patches import ImageGenerator, Images, generate_images
+from jotlight.training.images import ImageGenerator, Images, generate_images
 
 FLUX = 0.02, 3.0
 """Photons per jot and frame, in the mean of an image, that a network for many K is for."""

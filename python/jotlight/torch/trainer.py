@@ -13,7 +13,7 @@ from jotlight.torch.distributed import Processes
 from jotlight.torch.network import Network
 from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.history import History, Record
-from jotlight.training.optimizers import State
+from jotlight.training.optimizer import State
 from jotlight.training.parameters import Vector
 
 _CLIP = 0.1

@@ -18,16 +18,16 @@ from jotlight.torch.network import Network
 from jotlight.torch.patches import Patches
 from jotlight.torch.trainer import Trainer
 from jotlight.training.history import History, Record
-from jotlight.training.loop import TrainingImages, fingerprint_network
-from jotlight.training.patches import (
+from jotlight.training.images import (
     ImageGenerator,
     Images,
+    TrainingImages,
     check_images,
     fingerprint_images,
     generate_images,
-    patch_sensor,
-    patch_size,
 )
+from jotlight.training.parameters import fingerprint_network
+from jotlight.training.patches import patch_sensor, patch_size
 
 STEPS = 20_000
 BATCH, PATCH = 16, 48

@@ -1,17 +1,18 @@
-"""Learning the parameters of a network by error backpropagation (paper, section 3)."""
+"""Training of networks in the engine by error backpropagation (paper, section 3).
+
+In reading order: `loop` (the function `train`), `patches` and `images` (training examples), `cost`
+(the objective and its gradient), `parameters` (all parameters as one vector), `admissible` (the set
+that they stay in), `optimizer`, `optimizers`, and `gauss_newton` (steps), `history` and
+`checkpoint` (records and state of a run).
+"""
 
 from jotlight.training.admissible import AdmissibleSet, SafeSet
 from jotlight.training.cost import Cost
+from jotlight.training.gauss_newton import GaussNewton
 from jotlight.training.history import History, Record
 from jotlight.training.loop import train
-from jotlight.training.optimizers import (
-    OPTIMIZERS,
-    Adam,
-    GaussNewton,
-    Optimizer,
-    ProjectedGradient,
-    Step,
-)
+from jotlight.training.optimizer import Optimizer, Step
+from jotlight.training.optimizers import OPTIMIZERS, Adam, ProjectedGradient
 from jotlight.training.parameters import parameter_vector, split_vector, with_parameters
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""The set 𝒜 that the parameters must stay in, and the projection on it: equations (12) and (13)."""
+"""The admissible set 𝒜 of parameters, and the projection on it: equations (12) and (13)."""
 
 import dataclasses
 import math
@@ -11,45 +11,50 @@ from jotlight.training.parameters import Vector, split_vector
 
 
 class AdmissibleSet(Protocol):
-    """What :func:`jotlight.train` needs to know of a set, which has to be closed and convex.
+    """A closed and convex set of parameters for :func:`jotlight.train`.
 
-    Gauss-Newton finds its steps in sets that bound each filter bank and each spline for themselves;
-    for others take Adam. A checkpoint tells sets apart by their `repr`.
+    Gauss-Newton needs a set that bounds each filter bank and each spline separately; for others use
+    Adam. The `repr` of a set identifies it in a checkpoint.
     """
 
     def project(self, network: Network, vector: Vector) -> Vector:
-        """Give the point of the set that is nearest to the parameters of such a network."""
+        """Return the point of the set that is nearest to the parameters of the network."""
 
 
 @dataclasses.dataclass(frozen=True)
 class SafeSet:
-    """Parameters with which nothing that a network computes can leave its range.
+    """The parameters for which every value in the network stays in its range, for every input.
 
-    For every possible input, the sums p and r stay in the domains of their splines and each output
-    lies in [0, S]. The set is closed, convex and not empty:
+    The sums p and r stay in the domains of their splines, and each output lies in [0, S]. The set
+    is closed, convex, and not empty. Its conditions are:
 
-    - the taps of each filter of the first layer are at least 0, and over a pixel's K bits they sum
-      to the end of the domain of φ1 (K, for the paper's network);
-    - the taps of each further filter sum to 1, and the sum of their absolute values is at most
-      1 + 2ν, so that negative taps sum to -ν at most;
-    - the coefficients of each spline but the last lie in the interval [l, m] for which
-      [l - ν(m - l), m + ν(m - l)] is the domain of the next splines;
-    - those of the last lie in [0, S];
-    - where the network has one channel throughout, the coefficients of a spline do not fall, so
-      that neither do the splines.
+    - The taps of each filter of the first layer are at least 0. Over the K bits of a pixel they sum
+      to the end of the domain of φ1, which is K for the paper's network.
+    - The taps of each other filter sum to 1, and their absolute values sum to at most 1 + 2ν. So
+      the negative taps sum to -ν or more.
+    - The coefficients of each spline but the last lie in the interval [l, m] for which
+      [l - ν(m - l), m + ν(m - l)] is the domain of the next splines.
+    - The coefficients of the last spline lie in [0, S].
+    - If every layer has one channel, the coefficients of each spline do not fall, so the splines
+      are monotone.
 
     Parameters
     ----------
     nu : float
-        ν of 0 or more; 0 allows no negative taps.
+        ν, at least 0; 0 allows no negative taps.
     monotone : bool
-        Whether the last of these conditions is made.
+        Whether the last condition holds.
+
+    Raises
+    ------
+    ValueError
+        For ν below 0.
 
     Notes
     -----
-    The paper does not say what its 𝒜 is. `docs/theory/learning.md` has the proof. That the sums of taps are
-    fixed takes nothing away from filters whose sum is above 0, since the spline that follows can
-    stretch its range instead.
+    Differs from the paper, which does not define its 𝒜: `docs/theory/learning.md` has the proof.
+    Fixed sums of taps exclude no filter with a positive sum, since the following spline can be
+    stretched instead.
 
     Examples
     --------
@@ -58,7 +63,7 @@ class SafeSet:
     >>> network = Network.initial(Sensor(oversampling=4))
     >>> vector = parameter_vector(network)
     >>> safe = SafeSet().project(network, vector)
-    >>> np.abs(safe - vector).max() < 1e-6  # starts inside
+    >>> np.abs(safe - vector).max() < 1e-6  # the network starts inside the set
     np.True_
     """
 
@@ -70,12 +75,12 @@ class SafeSet:
             raise ValueError(f"nu: expected a number of 0 or more, got {self.nu}")
 
     def project(self, network: Network, vector: Vector) -> Vector:
-        """Give the nearest parameters in the set; doing it twice changes nothing but roundings.
+        """Return the nearest parameters in the set. The projection is idempotent up to rounding.
 
         Raises
         ------
         ValueError
-            When 0 is not in the domain of the first splines, which then cannot be safe.
+            When 0 is not in the domain of the first splines: then the set is empty.
         """
         projected = np.array(vector, np.float64)
         domains = [
@@ -91,7 +96,7 @@ class SafeSet:
                 for taps in filters:
                     taps[...] = nearest_filter(taps.ravel(), self.nu).reshape(taps.shape)
             elif network.tied:
-                # The one weight counts K times.
+                # The one weight applies to K bits.
                 filters[...] = domains[0][1] / network.sensor.bits_per_pixel
             else:
                 for taps in filters:
@@ -100,18 +105,18 @@ class SafeSet:
                 coefficients[0] = nearest_monotone(coefficients[0])
             if index + 1 < len(domains):
                 low, high = domains[index + 1]
-                room = self.nu * (high - low) / (1 + 2 * self.nu)
-                coefficients[...] = coefficients.clip(low + room, high - room)
+                margin = self.nu * (high - low) / (1 + 2 * self.nu)
+                coefficients[...] = coefficients.clip(low + margin, high - margin)
             else:
                 coefficients[...] = coefficients.clip(0, network.sensor.max_intensity)
         return projected
 
 
 def nearest_filter(taps: Vector, nu: float) -> Vector:
-    """Nearest taps with sum 1 and sum of absolute values of at most 1 + 2ν.
+    """Return the nearest taps with sum 1 whose absolute values sum to at most 1 + 2ν.
 
-    Where the second bound is met, the positive taps sum to 1 + ν and the negative ones to -ν, and
-    each kind is the nearest on its own.
+    On the second bound, the positive taps sum to 1 + ν and the negative ones to -ν, and either part
+    is the nearest one on its own.
 
     Examples
     --------
@@ -125,25 +130,25 @@ def nearest_filter(taps: Vector, nu: float) -> Vector:
 
 
 def nearest_weights(taps: Vector, total: float) -> Vector:
-    """Nearest taps that are at least 0 and have this sum.
+    """Return the nearest taps that are at least 0 and sum to `total`.
 
     Examples
     --------
     >>> nearest_weights(np.array([3.0, 1.0, -1.0]), total=2.0)
     array([2., 0., 0.])
     """
-    # From the largest, so that large numbers do not swallow the total.
+    # Relative to the largest tap: otherwise rounding of large taps would swallow the total.
     below = taps - taps.max()
     descending = np.sort(below)[::-1]
     thresholds = (np.cumsum(descending) - total) / np.arange(1, taps.size + 1)
-    # Σ max(x - t, 0) is the total for one t; the largest of these belongs to the values above it.
+    # One t solves Σ max(x - t, 0) = total. Among the thresholds of all supports it is the largest.
     return np.asarray(np.maximum(below - thresholds.max(), 0))
 
 
 def nearest_monotone(coefficients: Vector) -> Vector:
-    """Nearest coefficients of which none is less than the one before.
+    """Return the nearest coefficients that do not fall.
 
-    Cut off at two bounds, they are the nearest with these bounds too.
+    Clipped to two bounds, they are also the nearest within these bounds.
 
     Examples
     --------

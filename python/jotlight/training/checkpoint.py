@@ -1,8 +1,10 @@
-"""A run's state between two steps, in a file that appears whole or not at all."""
+"""The state of a run between two steps, and its file, which is always whole."""
 
 import dataclasses
 import json
+import math
 import os
+import time
 from pathlib import Path
 from typing import Any
 
@@ -10,28 +12,31 @@ import numpy as np
 
 from jotlight.tensors import read_tensors, write_tensors
 from jotlight.training.history import History
-from jotlight.training.optimizers import State
+from jotlight.training.optimizer import State
 from jotlight.training.parameters import Vector
 
 _FORMAT = "jotlight checkpoint"
 _VERSION = "1"
 
+_OPAQUE = "images", "test", "network", "capture"
+"""Settings that are digests, which mean nothing to a reader."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Checkpoint:
-    """What a run needs to go on as if it had not been stopped."""
+    """The state of a run, from which it continues as if it had not stopped."""
 
     run: dict[str, Any]
-    """What the run is: images, optimizer, seed and so on; JSON can hold it."""
+    """Settings that identify the run, such as digests of the images, optimizer, and seed."""
     vector: Vector
-    """The parameters before the next step."""
+    """Parameters before the next step."""
     state: State
-    """What the optimizer remembers."""
+    """State of the optimizer."""
     history: History
-    """One record for each step that was taken."""
+    """One record per finished step."""
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the checkpoint."""
+        """Write the checkpoint to a file."""
         tensors = {"vector": self.vector}
         tensors |= {f"state.{name}": array for name, array in self.state.items()}
         metadata = {
@@ -44,7 +49,7 @@ class Checkpoint:
 
     @staticmethod
     def refuse_overwrite(path: str | os.PathLike[str]) -> None:
-        """Raise ValueError when a file stands at the path that is not a checkpoint."""
+        """Raise ValueError when the path is a file that is not a checkpoint."""
         path = Path(path)
         if not path.exists():
             return
@@ -52,33 +57,27 @@ class Checkpoint:
             read_tensors(path, _FORMAT, _VERSION)
         except (ValueError, OSError) as error:
             raise ValueError(
-                f"{path}: this file is no checkpoint, so it is not overwritten; give another name"
+                f"{path}: this file is no checkpoint, so it is not overwritten; choose another name"
             ) from error
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], run: dict[str, Any]) -> "Checkpoint":
-        """Read the checkpoint of a run.
+        """Return the checkpoint of a run.
 
         Raises
         ------
         OSError
-            When there is no such file.
+            When the file does not exist.
         ValueError
-            When it is damaged, or of another run.
+            When it is damaged, or belongs to another run.
         """
         path = Path(path)
         if not path.is_file():
             raise FileNotFoundError(f"there is no checkpoint {path} to resume from")
         tensors, metadata = read_tensors(path, _FORMAT, _VERSION)
         try:
-            its = dict(json.loads(metadata["run"]).items())
-            differences = [
-                f"the {name} is another one"
-                if name in ("images", "test", "network", "capture")
-                else f"{name} is {its.get(name)!r} there and {run.get(name)!r} here"
-                for name in {**run, **its}
-                if its.get(name) != run.get(name)
-            ]
+            saved = dict(json.loads(metadata["run"]).items())
+            differences = _differences(saved, run)
             history = History.from_json(json.loads(metadata["history"]))
             vector = tensors["vector"]
             if not all(x.dtype == np.float64 and np.isfinite(x).all() for x in tensors.values()):
@@ -88,7 +87,7 @@ class Checkpoint:
         if differences:
             raise ValueError(
                 f"{path}: this checkpoint is of another run: {'; '.join(differences)}. Start anew "
-                "without resuming (--restart), or give what the run began with"
+                "without resuming (--restart), or use the settings of the run"
             )
         state = {
             name.removeprefix("state."): tensor
@@ -96,3 +95,45 @@ class Checkpoint:
             if name.startswith("state.")
         }
         return cls(run, vector, state, history)
+
+
+def _differences(saved: dict[str, Any], run: dict[str, Any]) -> list[str]:
+    """Return a phrase for each setting that differs between a file and a run."""
+    return [
+        f"different {name}"
+        if name in _OPAQUE
+        else f"{name} is {saved.get(name)!r} there and {run.get(name)!r} here"
+        for name in {**run, **saved}
+        if saved.get(name) != run.get(name)
+    ]
+
+
+class CheckpointWriter:
+    """A writer of the state of a run: after its first step, at intervals, and when it ends.
+
+    Parameters
+    ----------
+    path : path or None
+        File to write. None: nothing is written.
+    steps : int
+        Number of steps in the file already.
+    """
+
+    INTERVAL = 20.0
+    """Seconds between two files."""
+
+    def __init__(self, path: str | os.PathLike[str] | None, steps: int) -> None:
+        self._path = path
+        self._saved_steps = steps
+        self._saved_at = -math.inf
+
+    def update(self, state: Checkpoint) -> None:
+        """Write the state if the last file is old."""
+        if self._path is not None and time.monotonic() - self._saved_at > self.INTERVAL:
+            state.save(self._path)
+            self._saved_steps, self._saved_at = len(state.history), time.monotonic()
+
+    def close(self, state: Checkpoint) -> None:
+        """Write the state if it is newer than the file."""
+        if self._path is not None and len(state.history) > self._saved_steps:
+            state.save(self._path)

@@ -1,4 +1,4 @@
-"""How a run went, step by step."""
+"""The record of a training run, step by step."""
 
 import dataclasses
 import operator
@@ -10,23 +10,31 @@ import numpy.typing as npt
 
 @dataclasses.dataclass(frozen=True)
 class Record:
-    """What one step found before it walked on."""
+    """What one step measured at its start."""
 
     step: int
-    """From 0."""
+    """Number of the step, from 0."""
     loss: float
-    """ε: ½‖ĉ - c‖² of a patch in the mean; where bits are told, their negative log likelihood in
-    nats per bit."""
+    """Cost ε: ½‖ĉ - c‖², averaged over patches. For fine-tuning on bits, their negative
+    log-likelihood in nats per bit."""
     gradient_norm: float
     """‖∇ε‖."""
     test_psnr: float | None
-    """Mean PSNR of the test images in dB at the start of the step, where it was measured."""
+    """Mean PSNR of the test images in dB, or None where it was not measured."""
     held_out: float | None = None
-    """Negative log likelihood of the bits held out, in nats per bit, where it was measured."""
+    """Negative log-likelihood of the held-out bits in nats per bit, or None."""
+
+
+_COLUMNS = tuple(field.name for field in dataclasses.fields(Record))
 
 
 class History:
-    """The records of a run in arrays, with NaN where there was no test.
+    """The records of a run, and their fields as arrays.
+
+    Parameters
+    ----------
+    records : list of Record, optional
+        Default: none.
 
     Examples
     --------
@@ -40,7 +48,7 @@ class History:
 
     @property
     def steps(self) -> npt.NDArray[np.int64]:
-        """The number of each step."""
+        """Number of each step."""
         return np.array([record.step for record in self.records], np.int64)
 
     @property
@@ -55,39 +63,29 @@ class History:
 
     @property
     def test_psnr(self) -> npt.NDArray[np.float64]:
-        """Mean PSNR of the test images in dB, NaN at steps without a test."""
+        """Mean PSNR of the test images in dB, NaN where it was not measured."""
         return np.array([record.test_psnr for record in self.records], np.float64)
 
     @property
     def held_out(self) -> npt.NDArray[np.float64]:
-        """Negative log likelihood of the bits held out, in nats per bit, NaN where not measured."""
+        """Negative log-likelihood of the held-out bits in nats per bit, NaN where not measured."""
         return np.array([record.held_out for record in self.records], np.float64)
 
     def to_json(self) -> dict[str, list[Any]]:
-        """Give columns that JSON can hold."""
-        return {
-            "step": [record.step for record in self.records],
-            "loss": [record.loss for record in self.records],
-            "gradient_norm": [record.gradient_norm for record in self.records],
-            "test_psnr": [record.test_psnr for record in self.records],
-            "held_out": [record.held_out for record in self.records],
-        }
+        """Return a list per field of :class:`Record`, for JSON."""
+        return {name: [getattr(record, name) for record in self.records] for name in _COLUMNS}
 
     @classmethod
     def from_json(cls, columns: Any) -> Self:
-        """Undo :meth:`to_json`.
+        """Return the history that :meth:`to_json` described.
 
         Raises
         ------
         ValueError
-            When these are not such columns.
+            When these are not the columns of a history.
         """
         try:
-            # Older files have a record of every step and do not number them, and held no bits out.
-            number = len(columns["loss"])
-            steps = columns.get("step", range(number))
-            held_out = columns.get("held_out", [None] * number)
-            values = columns["loss"], columns["gradient_norm"], columns["test_psnr"], held_out
+            rows = zip(*(columns[name] for name in _COLUMNS), strict=True)
             return cls(
                 [
                     Record(
@@ -96,21 +94,23 @@ class History:
                         float(norm),
                         *(None if found is None else float(found) for found in tests),
                     )
-                    for step, loss, norm, *tests in zip(steps, *values, strict=True)
+                    for step, loss, norm, *tests in rows
                 ]
             )
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"history: expected the records of a run, got {columns!r}") from error
 
-    def subsample(self, most: int = 500) -> Self:
-        """Give about so many records: of every so many steps one, the tested ones and the last.
+    def subsample(self, max_records: int = 500) -> Self:
+        """Return a history of about `max_records` records at equal distances.
+
+        Records with a test and the last record stay.
 
         Examples
         --------
         >>> History([Record(step, 1.0, 1.0, None) for step in range(1001)]).subsample(3).steps
         array([   0,  334,  668, 1000])
         """
-        every = -(-len(self) // most)
+        every = -(-len(self) // max_records)
         return type(self)(
             [
                 record

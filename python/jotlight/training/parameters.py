@@ -1,6 +1,7 @@
-"""All parameters of a network as one vector: a = vec({h1, w1, h2, w2}), equation (12)."""
+"""All parameters of a network as one vector, a = vec({h1, w1, h2, w2}), equation (12)."""
 
 import dataclasses
+import hashlib
 from collections.abc import Iterator
 from typing import Any
 
@@ -13,7 +14,7 @@ Vector = npt.NDArray[np.float64]
 
 
 def parameter_vector(network: Network) -> Vector:
-    """Give the parameters in the order of the layers, of each first the filters.
+    """Return the parameters, layer by layer: the filters, then the spline coefficients.
 
     Examples
     --------
@@ -31,20 +32,26 @@ def parameter_vector(network: Network) -> Vector:
 
 
 def split_vector(network: Network, vector: Vector) -> Iterator[tuple[Vector, Vector]]:
-    """Give each layer's filters and coefficients as views of the vector, in their shapes."""
+    """Return each layer's filters and spline coefficients as views of the vector.
+
+    Raises
+    ------
+    ValueError
+        When the vector has another number of parameters than the network.
+    """
     start = 0
     for layer in network.layers:
-        parts = []
+        views = []
         for array in (layer.filters, layer.spline_coefficients):
-            parts.append(vector[start : start + array.size].reshape(array.shape))
+            views.append(vector[start : start + array.size].reshape(array.shape))
             start += array.size
-        yield parts[0], parts[1]
+        yield views[0], views[1]
     if start != vector.size:
         raise ValueError(f"vector: expected {start} parameters, got {vector.size}")
 
 
 def with_parameters(network: Network, vector: Vector) -> Network:
-    """Give a network like this one with other parameters."""
+    """Return the network with other parameters."""
     layers = [
         dataclasses.replace(
             layer,
@@ -59,7 +66,7 @@ def with_parameters(network: Network, vector: Vector) -> Network:
 
 
 def engine_layers(network: Network, vector: Vector, dtype: npt.DTypeLike = np.float32) -> list[Any]:
-    """Give the layers as the engine takes them, in 32 bits to work or in 64 to check."""
+    """Return the engine's description of the layers: float32 for training, float64 for checks."""
     return [
         layer.to_engine(
             np.ascontiguousarray(filters, dtype), np.ascontiguousarray(coefficients, dtype)
@@ -68,3 +75,11 @@ def engine_layers(network: Network, vector: Vector, dtype: npt.DTypeLike = np.fl
             network.layers, split_vector(network, vector), strict=True
         )
     ]
+
+
+def fingerprint_network(network: Network) -> str:
+    """Return a digest that identifies the parameters and the layers of a network."""
+    digest = hashlib.sha256(parameter_vector(network).tobytes())
+    for layer in network.layers:
+        digest.update(repr((layer.filters.shape, layer.metadata())).encode())
+    return digest.hexdigest()

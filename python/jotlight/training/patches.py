@@ -1,46 +1,98 @@
-"""What a network learns from: patches of images, seen anew by the sensor in every step."""
+"""Patches of the training images, with new bits in every step."""
 
 import dataclasses
-import hashlib
 import operator
-from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_image
+from jotlight.checks import whole_number
+from jotlight.networks.network import Network
 from jotlight.seeds import seed_bytes
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
+from jotlight.training.images import (
+    ImageGenerator,
+    Images,
+    TrainingImages,
+    check_images,
+    describe_smallest,
+    generate_images,
+)
 
-Stack = npt.NDArray[np.float32]
-Images = Stack | list[Stack]
-"""Images of one size in one array (N, H, W), or of any size each."""
+_DEFAULT_PATCH = 64
+"""Default height and width of a patch, in pixels."""
 
-ImageGenerator = Callable[[np.random.Generator, int], npt.NDArray[np.floating]]
-"""Makes so many new images (N, H, W) from a generator."""
+_SMOOTH_KERNEL_RADIUS = 2
+"""Pixels from which a smooth kernel brings light into a patch."""
+
+_WHOLE_IMAGES_STEP = 2**32 - 1
+"""Step number whose random bits belong to the test images."""
 
 
 @dataclasses.dataclass(frozen=True)
 class PatchSampler:
-    """TrainingImages, and how patches of them are taken and exposed.
+    """A source of random patches and of their bits.
 
-    The patches and bits of a step depend on the seed and the number of the step alone.
+    The patches and bits of a step depend only on the seed and the number of the step.
     """
 
     images: Images | ImageGenerator
     sensor: Sensor
     seed: int
     patches: int
-    """How many to a step."""
+    """Number of patches per step."""
     side: int | None
     """Height and width of a patch; None for whole images."""
     border: int
-    """Pixels along the rim of a patch that do not count, since the network sees past them."""
+    """Width of the rim of a patch that the cost leaves out, because its estimate depends on pixels
+    outside the patch. The rims of the image itself count."""
+
+    @classmethod
+    def for_network(
+        cls,
+        network: Network,
+        sensor: Sensor,
+        images: TrainingImages,
+        patch: int | None,
+        batch: int | None,
+        pixels: int,
+        seed: int,
+    ) -> Self:
+        """Return the sampler of :func:`jotlight.train`, which documents most parameters.
+
+        `pixels` is the number of pixels per step that decides the default batch.
+
+        Raises
+        ------
+        TypeError, ValueError
+            When images, patch, and batch do not fit each other or the network.
+        """
+        sensor = patch_sensor(sensor)
+        border = network.halo + (0 if sensor.kernel == "box" else _SMOOTH_KERNEL_RADIUS)
+        batch = None if batch is None else whole_number("batch", batch, 1)
+        if callable(images):
+            if patch is not None:
+                raise ValueError(
+                    "patch: is for images; those of a callable are used whole"
+                )
+            if batch is None:
+                one = generate_images(images, np.random.default_rng(0), 1)[0]
+                batch = max(1, pixels // one.size)
+            return cls(images, sensor, seed, batch, None, border)
+        checked = check_images(images)
+        side = patch_size(checked, patch)
+        if side <= 2 * border and any(max(image.shape) > side for image in checked):
+            raise ValueError(
+                f"patch: expected more than {2 * border} pixels, got {side}: estimates depend on "
+                f"pixels up to {border} away, so no pixel of the patch would count. "
+                f"{describe_smallest(checked)}"
+            )
+        return cls(checked, sensor, seed, batch or max(1, pixels // side**2), side, border)
 
     def batch(self, step: int) -> dict[str, Any]:
-        """Give the engine's description of the patches of a step."""
+        """Return the engine's description of the patches of a step."""
         choice = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(step, 0)))
         images = self.images
         if callable(images):
@@ -51,17 +103,15 @@ class PatchSampler:
         sizes = np.array([images[index].shape for index in chosen])
         sides = sizes if self.side is None else np.full_like(sizes, self.side)
         first = choice.integers(sizes - sides + 1)
-        return self._described(images, chosen, first, first + sides, step)
+        return self._describe(images, chosen, first, first + sides, step)
 
-    def whole_images(self) -> dict[str, Any]:
-        """Give the engine's description of all images, whole, with bits of their own."""
-        assert not callable(self.images)
-        sizes = np.array([image.shape for image in self.images])
-        return self._described(
-            self.images, np.arange(len(sizes)), np.zeros_like(sizes), sizes, 2**32 - 1
-        )
+    def whole_images(self, images: Images) -> dict[str, Any]:
+        """Return the engine's description of other images, whole, with bits of their own."""
+        sizes = np.array([image.shape for image in images])
+        indices = np.arange(len(sizes))
+        return self._describe(images, indices, np.zeros_like(sizes), sizes, _WHOLE_IMAGES_STEP)
 
-    def _described(
+    def _describe(
         self,
         images: Images,
         chosen: npt.NDArray[np.int64],
@@ -69,6 +119,7 @@ class PatchSampler:
         last: npt.NDArray[np.int64],
         step: int,
     ) -> dict[str, Any]:
+        """Return patches [first, last) of the chosen images, as the engine takes them."""
         rows, columns = zip(first.T, last.T, strict=True)
         return {
             "sensor": self.sensor.engine_arguments(),
@@ -79,78 +130,21 @@ class PatchSampler:
             "seed": seed_bytes(np.random.SeedSequence(self.seed, spawn_key=(step, 1))),
         }
 
-    def fingerprint(self) -> str:
-        """Give a word that tells these images from others."""
-        return fingerprint_images(self.images)
-
-
-def fingerprint_images(images: Images | ImageGenerator) -> str:
-    """Give a word that tells these images from others; of callables it is their name."""
-    if callable(images):
-        return getattr(images, "__qualname__", type(images).__qualname__)
-    digest = hashlib.sha256()
-    for image in images:
-        digest.update(repr(image.shape).encode())
-        digest.update(np.ascontiguousarray(image).data)
-    return digest.hexdigest()
-
 
 def patch_sensor(sensor: Sensor) -> Sensor:
-    """Give the sensor without its maps: no jot dead, and the median of the others."""
-    efficiency, dark = reference_jot(sensor)
-    return sensor.replace(mask=None, efficiency=efficiency, dark_counts=dark)
+    """Return the sensor for patches: maps become medians, and no jot is dead.
 
-
-def generate_images(source: ImageGenerator, rng: np.random.Generator, number: int) -> Images:
-    """Have a source make images, and check them.
-
-    Raises
-    ------
-    TypeError, ValueError
-        When it makes something else, or another number.
+    Examples
+    --------
+    >>> patch_sensor(Sensor(dark_counts=np.array([[0.25, 0.5], [0.25, 0.0]]))).dark_counts
+    0.25
     """
-    made = source(rng, number)
-    if not isinstance(made, np.ndarray) or made.ndim != 3 or len(made) != number:
-        given = f"shape {made.shape}" if isinstance(made, np.ndarray) else type(made).__name__
-        raise ValueError(
-            f"images: expected the callable to give an array ({number}, H, W), got {given}"
-        )
-    return check_images(made)
-
-
-def check_images(images: npt.ArrayLike | Sequence[npt.ArrayLike]) -> Images:
-    """Check grey images of intensities, and bring them to float32.
-
-    Raises
-    ------
-    TypeError, ValueError
-        For no images, other than two dimensions, integers, negative and not finite intensities.
-    """
-    if isinstance(images, np.ndarray) and images.ndim != 3:
-        raise ValueError(
-            f"images: expected an array (N, H, W) or a sequence of images (H, W), got shape "
-            f"{images.shape}; a single image goes in a list"
-        )
-    if len(images) == 0:  # type: ignore[arg-type]
-        raise ValueError("images: expected at least one, got none")
-    if isinstance(images, np.ndarray):
-        # Checked as one tall image.
-        flat = as_image(images.reshape(-1, images.shape[2])) if images.size else as_image(images)
-        return np.require(flat, np.float32, ["C"]).reshape(images.shape)
-    checked = []
-    for index, image in enumerate(images):  # type: ignore[arg-type]
-        array = as_image(image)
-        if array.ndim != 2:
-            raise ValueError(
-                f"images: expected grey ones (H, W), got shape {array.shape} for number {index}; "
-                "the network treats colour channels alike, so give them one by one"
-            )
-        checked.append(np.require(array, np.float32, ["C"]))
-    return checked
+    efficiency, dark_counts = reference_jot(sensor)
+    return sensor.replace(mask=None, efficiency=efficiency, dark_counts=dark_counts)
 
 
 def patch_size(images: Images, side: int | None) -> int:
-    """Check the side of patches against the images; without one, 64 or what fits all of them.
+    """Return the height and width of patches: `side`, or by default 64 or the smallest image's.
 
     Raises
     ------
@@ -159,7 +153,7 @@ def patch_size(images: Images, side: int | None) -> int:
     """
     smallest = int(min(min(image.shape) for image in images))
     if side is None:
-        return min(64, smallest)
+        return min(_DEFAULT_PATCH, smallest)
     side = operator.index(side)
     if side < 1:
         raise ValueError(f"patch: expected at least 1 pixel, got {side}")

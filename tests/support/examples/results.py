@@ -1,7 +1,7 @@
 """Examples of the results of experiments."""
 
 from examples.reader import Reader
-from jotlight.experiments.running import read_results, write_facts, write_table
+from jotlight.experiments.tables import read_results, write_facts, write_table
 
 
 def _results(path):

@@ -1,0 +1,93 @@
+"""Training images: arrays or a function that makes them, with their checks."""
+
+import hashlib
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.checks import as_image
+
+ImageGenerator = Callable[[np.random.Generator, int], npt.NDArray[np.floating]]
+"""A function of a random generator and a number N that returns N new images, (N, H, W)."""
+
+Images = npt.NDArray[np.float32] | list[npt.NDArray[np.float32]]
+"""Checked images: an array (N, H, W), or a list of arrays (H, W) of any size."""
+
+TrainingImages = npt.NDArray[np.floating] | Sequence[npt.ArrayLike] | ImageGenerator
+"""Images as a user passes them."""
+
+
+def check_images(images: npt.ArrayLike | Sequence[npt.ArrayLike]) -> Images:
+    """Return gray images of intensities as float32.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For no images, for images that are not two-dimensional, and for integers and for negative
+        or not finite intensities.
+
+    Examples
+    --------
+    >>> check_images([np.zeros((3, 4)), np.ones((2, 2))])[1].dtype
+    dtype('float32')
+    """
+    if isinstance(images, np.ndarray) and images.ndim != 3:
+        raise ValueError(
+            f"images: expected an array (N, H, W) or a sequence of images (H, W), got shape "
+            f"{images.shape}; put a single image in a list"
+        )
+    if len(images) == 0:  # type: ignore[arg-type]
+        raise ValueError("images: expected at least one, got none")
+    if isinstance(images, np.ndarray):
+        # Checked as one tall image.
+        tall = as_image(images.reshape(-1, images.shape[2])) if images.size else as_image(images)
+        return np.require(tall, np.float32, ["C"]).reshape(images.shape)
+    checked = []
+    for index, image in enumerate(images):  # type: ignore[arg-type]
+        array = as_image(image)
+        if array.ndim != 2:
+            raise ValueError(
+                f"images: expected gray images (H, W), got shape {array.shape} for number {index}; "
+                "networks treat color channels alike, so pass each channel as an image"
+            )
+        checked.append(np.require(array, np.float32, ["C"]))
+    return checked
+
+
+def generate_images(make: ImageGenerator, rng: np.random.Generator, number: int) -> Images:
+    """Return `number` new images of a function, after checks.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the function returns something else, or another number of images.
+    """
+    made = make(rng, number)
+    if not isinstance(made, np.ndarray) or made.ndim != 3 or len(made) != number:
+        received = f"shape {made.shape}" if isinstance(made, np.ndarray) else type(made).__name__
+        raise ValueError(
+            f"images: expected the callable to return an array ({number}, H, W), got {received}"
+        )
+    return check_images(made)
+
+
+def fingerprint_images(images: Images | ImageGenerator) -> str:
+    """Return a digest that identifies images, or the name of a function that makes them."""
+    if callable(images):
+        return getattr(images, "__qualname__", type(images).__qualname__)
+    digest = hashlib.sha256()
+    for image in images:
+        digest.update(repr(image.shape).encode())
+        digest.update(np.ascontiguousarray(image).data)
+    return digest.hexdigest()
+
+
+def describe_smallest(images: Images) -> str:
+    """Return a sentence about the smallest image, for error messages about the patch size."""
+    index = min(range(len(images)), key=lambda index: min(images[index].shape))
+    height, width = images[index].shape
+    return (
+        f"The smallest image, number {index}, is {height} x {width}; leave out images that are "
+        "too small"
+    )

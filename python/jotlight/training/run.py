@@ -1,0 +1,181 @@
+"""A training run: its settings, its steps, and its result."""
+
+import dataclasses
+import os
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from jotlight.networks.network import Network
+from jotlight.sensing.sensor import Sensor
+from jotlight.training.admissible import AdmissibleSet
+from jotlight.training.checkpoint import Checkpoint, CheckpointWriter
+from jotlight.training.cost import Cost, mean_psnr
+from jotlight.training.history import History, Record
+from jotlight.training.images import fingerprint_images
+from jotlight.training.optimizer import Optimizer, Step
+from jotlight.training.parameters import (
+    Vector,
+    fingerprint_network,
+    with_parameters,
+)
+from jotlight.training.patches import PatchSampler
+
+Path = str | os.PathLike[str]
+Callback = Callable[[Record], object]
+
+_TESTS = 100
+"""Maximum number of tests of a run, besides the last one."""
+
+_DIVERGED = 2.0
+"""A run has diverged when its cost exceeds that of its start by this factor."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """A run of :func:`jotlight.train`, whose parameters the fields are."""
+
+    network: Network
+    sampler: PatchSampler
+    tests: dict[str, Any] | None
+    """Test images, as :meth:`PatchSampler.whole_images` describes them."""
+    optimizer: Optimizer
+    admissible: AdmissibleSet
+    steps: int
+    threads: int | None
+
+    def settings(self) -> dict[str, Any]:
+        """Return what identifies the run in a checkpoint and in the network's history."""
+        return {
+            "network": fingerprint_network(self.network),
+            "sensor": self.sampler.sensor.scalars(),
+            "images": fingerprint_images(self.sampler.images),
+            "test": None if self.tests is None else fingerprint_images(self.tests["images"]),
+            "optimizer": repr(self.optimizer),
+            "admissible": repr(self.admissible),
+            "steps": self.steps,
+            "batch": self.sampler.patches,
+            "patch": self.sampler.side,
+            "seed": self.sampler.seed,
+        }
+
+    def begin(self, start: Vector, checkpoint: Path | None, resume: bool) -> Checkpoint:
+        """Return the state before the first step, or that of the checkpoint.
+
+        Raises
+        ------
+        OSError, ValueError
+            When there is no checkpoint to resume from, when it is damaged or belongs to another
+            run, or when another file would be overwritten.
+        """
+        settings = self.settings()
+        if not resume:
+            if checkpoint is not None:
+                Checkpoint.refuse_overwrite(checkpoint)
+            return Checkpoint(settings, start, {}, History())
+        if checkpoint is None:
+            raise ValueError("resume: expected a checkpoint to resume from, got none")
+        state = Checkpoint.load(checkpoint, settings)
+        if state.vector.shape != start.shape or len(state.history) > self.steps:
+            raise ValueError(f"{checkpoint}: damaged checkpoint: it does not fit the network")
+        projected = self.admissible.project(self.network, state.vector)
+        if not np.allclose(projected, state.vector, rtol=0, atol=1e-6):
+            raise ValueError(f"{checkpoint}: damaged checkpoint: its parameters are not in the set")
+        return state
+
+    def take_steps(
+        self,
+        start: Vector,
+        state: Checkpoint,
+        checkpoint: Path | None,
+        resume: bool,
+        seconds: float | None,
+        callback: Callback | None,
+    ) -> Checkpoint:
+        """Return the state after the remaining steps, or when the time is up."""
+        resumed_steps = len(state.history)
+        writer = CheckpointWriter(checkpoint, resumed_steps)
+        begun, longest = time.monotonic(), 0.0
+        try:
+            while len(state.history) < self.steps:
+                now = time.monotonic()
+                # The next step, and the measurement of its result.
+                if seconds is not None and longest and now - begun + 2 * longest > seconds:
+                    break
+                is_first_resumed = resume and len(state.history) == resumed_steps
+                state = self._take_step(start, state, checkpoint if is_first_resumed else None)
+                if callback is not None:
+                    callback(state.history.records[-1])
+                writer.update(state)
+                longest = max(longest, time.monotonic() - now)
+        finally:
+            # Also after Ctrl-C or an error: `state` is always that between two steps.
+            writer.close(state)
+        return state
+
+    def _take_step(self, start: Vector, state: Checkpoint, resumed_from: Path | None) -> Checkpoint:
+        """Return the state after the next step, the first one after the file `resumed_from`."""
+        cost = self._cost(len(state.history))
+        try:
+            step = self.optimizer.take_step(cost, state.vector, state.state)
+        except (KeyError, ValueError, TypeError) as error:
+            if resumed_from is None:
+                raise
+            raise ValueError(
+                f"{resumed_from}: damaged checkpoint: {self.optimizer} cannot continue from it "
+                f"({error})"
+            ) from error
+        is_tested = cost.step % max(1, self.steps // _TESTS) == 0
+        psnr = self._test_psnr(state.vector) if is_tested else None
+        record = Record(cost.step, step.loss, float(np.linalg.norm(step.gradient)), psnr)
+        records = [*state.history.records, record]
+        self._check_convergence(records, step, cost, start)
+        return Checkpoint(state.run, step.vector, step.state, History(records))
+
+    def _check_convergence(
+        self, records: list[Record], step: Step, cost: Cost, start: Vector
+    ) -> None:
+        """Raise FloatingPointError when the run diverges."""
+        record, optimizer = records[-1], self.optimizer
+        with np.errstate(over="ignore"):
+            usable = np.isfinite(step.vector.astype(np.float32)).all()
+        if not (np.isfinite([record.loss, record.gradient_norm]).all() and usable):
+            raise FloatingPointError(
+                f"step {record.step}: the run reached infinity or NaN (cost {record.loss:.4g}, "
+                f"gradient norm {record.gradient_norm:.4g}); {optimizer.advice}, now {optimizer}"
+            )
+        recent = [record.loss for record in records[-10:]]
+        if len(recent) < 10 or np.mean(recent) < 1.5 * records[0].loss:
+            return
+        # The patches may just be harder: the start must have a lower cost on the same ones.
+        at_start = cost.value(start)
+        if record.loss > _DIVERGED * at_start:
+            raise FloatingPointError(
+                f"step {record.step}: the run diverges: the cost is {record.loss:.4g}, and "
+                f"{at_start:.4g} for the first parameters; {optimizer.advice}, now {optimizer}"
+            )
+
+    def finish(
+        self, state: Checkpoint, sensor: Sensor, callback: Callback | None
+    ) -> tuple[Network, History]:
+        """Return the trained network for a sensor, and the history with a record of the result."""
+        taken = len(state.history)
+        loss, gradient = self._cost(taken).gradient(state.vector)
+        psnr = self._test_psnr(state.vector)
+        record = Record(taken, loss, float(np.linalg.norm(gradient)), psnr)
+        if callback is not None:
+            callback(record)
+        history = History([*state.history.records, record])
+        metadata = {**self.network.history, "run": state.run, "records": history.to_json()}
+        layers = with_parameters(self.network, state.vector).layers
+        return Network(layers, sensor, metadata), history
+
+    def _cost(self, step: int) -> Cost:
+        return Cost(self.network, self.sampler, step, self.steps, self.admissible, self.threads)
+
+    def _test_psnr(self, vector: Vector) -> float | None:
+        if self.tests is None:
+            return None
+        return mean_psnr(self.network, vector, self.tests, self.threads)
