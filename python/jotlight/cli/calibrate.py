@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from jotlight.calibration import Calibration
 from jotlight.calibration import calibrate as estimate_calibration
-from jotlight.calibration.estimate import MOST_DARK
+from jotlight.calibration.estimate import MAX_DARK
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import check_trials, provenance_notes, refuse_capture_overwrite
 from jotlight.cli.common_options import CAPTURE_PANEL, Threads
@@ -39,13 +39,13 @@ class CalibrationOptions:
             help="Maximum fraction of ordinary jots that are called hot, and that are called dead."
         ),
     ] = 1e-4
-    max_dark_counts: Annotated[
+    max_dark: Annotated[
         float,
         Parameter(
             help="Dark counts per frame above which a hot jot is masked. Below that, its bits are "
             "used with its dark counts."
         ),
-    ] = MOST_DARK
+    ] = MAX_DARK
 
 
 def calibrate(
@@ -93,7 +93,7 @@ def calibrate(
             flat_frames=flat_frames,
             threshold=options.threshold,
             false_positive_rate=options.false_positive_rate,
-            most_dark=options.max_dark_counts,
+            max_dark=options.max_dark,
             threads=threads,
             progress=update,
             provenance={
