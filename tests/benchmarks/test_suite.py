@@ -1,4 +1,4 @@
-"""The benchmarks: verdicts, figures from times, and a short run of the command."""
+"""The speed benchmarks: quantities derived from times, comparisons, and a short run."""
 
 import copy
 import json
@@ -9,38 +9,56 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from suite import claims as claims_of
-from suite.case import CannotRunError, Case, Rival, measure
-from suite.claims import Claim
-from suite.figures import bound_by, of_bound, paired, peak, ratio, speed_up, spread_of
-from suite.page import page
-from suite.tables import short
+from jotlight._engine import cpu_level, cpu_levels
+from jotlight.experiments.report.markdown import render_markdown
+from suite.case import (
+    SCALAR_TOLERANCE,
+    CannotRunError,
+    Case,
+    Rival,
+    compare_levels,
+    measure,
+)
+from suite.comparisons import compare, comparisons
+from suite.derived import (
+    filter_share_of_peak,
+    limiting_resource,
+    median_ratio,
+    peak,
+    ratio,
+    relative_spread,
+    share_of_bound,
+    speedup,
+)
+from suite.page import build_report
+from suite.probes import MULTIPLY_ADDS, READING, SAME_DURATION
+from suite.tables import comparison_table, method_table, thread_table
+from suite.tasks.filtering import NDIMAGE, ONE_TAP, OPENCV
+from suite.tasks.two_layer_network import BM3D, COMPILED, TORCH, TV
 from suite.timing import Effort, race
 
 ROOT = Path(__file__).parents[2]
-BRIEF = Effort(rounds=2, few=1, least=0.0, words=1 << 10, pause=0.0)
+BRIEF = Effort(rounds=2, slow_rounds=1, min_seconds=0.0, words=1 << 10, pause=0.0)
+PROBES = [MULTIPLY_ADDS, READING, SAME_DURATION]
 
 
-PROBES = ["multiply-adds", "reading", "multiply-adds as long as ours"]
-
-
-def path(**seconds):
-    """Times of 10 items; the machine does 1000 multiply-adds and reads 1000 bytes a second."""
-    times = {name: [value, value] for name, value in seconds.items()}
-    probes = {name: [1.0, 1.0] for name in PROBES}
+def make_task(name="counting", title="Counting", **seconds):
+    """Return the times of 10 items on a machine with 1000 multiply-adds and bytes per second."""
+    times = {program: [value, value] for program, value in seconds.items()}
+    probes = {probe: [1.0, 1.0] for probe in PROBES}
     return {
-        "name": "counting",
-        "title": "Counting",
-        "words": "Words.",
+        "name": name,
+        "title": title,
+        "description": "A description.",
         "items": 10.0,
         "unit": "frames",
-        "slots": 100.0,
+        "operations": 100.0,
         "bytes": 500.0,
-        "counted": "all",
+        "operations_note": "all",
         "same_for_threads": [1, 7],
         "agreement": "difference",
         "tolerance": 0,
-        "levels": {},
+        "level_differences": {},
         "differences": {},
         "left_out": {},
         "probes": {"operations": {"1": 2000.0}, "bytes": 1000},
@@ -48,7 +66,7 @@ def path(**seconds):
     }
 
 
-def found(*paths, **parts):
+def make_run(*tasks, **parts):
     machine = {
         "date": "2026-01-01",
         "commit": "",
@@ -63,161 +81,170 @@ def found(*paths, **parts):
         "load": None,
         "packages": {"numpy": "2", "torch": None},
     }
-    settings = {"quick": True, "threads": [1], "rounds": 2, "seconds_a_turn": 0.02}
-    return {**settings, "machine": machine, "paths": list(paths), **parts}
+    settings = {"quick": True, "threads": [1], "rounds": 2, "seconds_per_turn": 0.02}
+    return {**settings, "machine": machine, "tasks": list(tasks), **parts}
 
 
-@pytest.mark.parametrize(
-    ("wanted", "measured", "at_most", "verdict"),
-    [
-        (10, 10.0, False, "met"),
-        (10, 9.999, False, "not met"),
-        (0.4, 0.4, True, "met"),
-        (0.4, 0.401, True, "not met"),
-        (10, None, False, "not measured"),
-    ],
-)
-def test_the_verdict_lies_on_the_right_side(wanted, measured, at_most, verdict):
-    assert Claim("", wanted, measured, at_most=at_most).verdict == verdict
+def render(run):
+    return render_markdown(build_report(run))
 
 
-@pytest.mark.parametrize(("reading", "verdict"), [(0.51, "met"), (0.49, "not met")])
-def test_counting_is_held_against_reading_the_same_bytes(reading, verdict):
-    seconds = {"jotlight": 1.0, claims_of.SAME_BYTES: reading}
-    (claim,) = claims_of.claims(found(path(**seconds)))
-    assert claim.measured == pytest.approx(reading)
-    assert claim.verdict == verdict
-    assert claim.bound == "50% of what memory alone would allow"
-
-
-@pytest.mark.parametrize(("slow", "verdict"), [(1.9, "met"), (1.7, "not met")])
-def test_two_threads_are_held_against_one(slow, verdict):
-    one = path(jotlight=slow)
-    one["seconds"]["2"] = path(jotlight=1.0)["seconds"]["1"]
-    one["probes"]["operations"]["2"] = 3600.0
-    claim = claims_of.with_threads(one, 2)
-    assert claim.bound == (
-        "multiply-adds alone: 1.80, reading: 1.00; multiply-adds as long as this: 1.00"
-    )
-    one["probes"]["operations"]["2"] = 3400.0
-    assert claims_of.with_threads(one, 2).verdict == "not measured"
-    assert claim.measured == pytest.approx(slow)
-    assert claim.verdict == verdict
-
-
-def test_the_filter_alone_leaves_out_what_one_tap_takes():
-    one = path(jotlight=0.3, **{claims_of.WITHOUT: 0.1})
-    assert claims_of.filter_share(one) == pytest.approx((100 - 10) / 1000 / 0.2)
-
-
-@pytest.mark.parametrize(("difference", "verdict"), [(9e-5, "met"), (2e-4, "not met")])
-def test_instruction_sets_are_held_against_scalar_code(difference, verdict):
-    one = path(jotlight=1.0) | {"levels": {"x86-64-v3": difference / 2, "x86-64-v4": difference}}
-    (claim,) = claims_of.levels([one])
-    assert claim.verdict == verdict
-
-
-def test_the_largest_difference_is_held_against_its_own_tolerance():
-    one, other = path(jotlight=1.0), path(jotlight=1.0)
-    one["tolerance"], one["differences"] = 0.5, {"a": 0.1, "b": 0.2}
-    other["differences"] = {"c": 0.0}
-    (claim,) = claims_of.agreement([one, other])
-    assert claim.measured == pytest.approx(0.4)
-    assert claim.verdict == "met"
-
-
-def test_a_rival_that_was_not_there_is_not_measured():
-    (claim,) = claims_of.claims(found(path(jotlight=1.0)))
-    assert claim.verdict == "not measured"
-
-
-def test_figures_follow_from_the_times():
-    one = path(jotlight=1.0, rival=3.0)
-    assert ratio(one, "rival", 1) == 3
-    assert peak(one, 1) == 1000
-    assert bound_by(one, 1) == "memory"
-    assert of_bound(one, 1) == 0.5
-    assert spread_of([1, 2, 3, 4, 5]) == pytest.approx(2 / 3)
-    assert spread_of([1.0]) == 0
-    # The machine became twice as slow halfway; the ratio of each round does not mind.
-    assert paired([4, 4, 8, 8], [2, 2, 4, 4]) == 2
-    faster = copy.deepcopy(one)
+def test_quantities_follow_from_the_times():
+    task = make_task(jotlight=1.0, rival=3.0)
+    assert ratio(task, "rival", 1) == 3
+    assert peak(task, 1) == 1000
+    assert limiting_resource(task, 1) == "memory"
+    assert share_of_bound(task, 1) == 0.5
+    assert relative_spread([1, 2, 3, 4, 5]) == pytest.approx(2 / 3)
+    assert relative_spread([1.0]) == 0
+    faster = copy.deepcopy(task)
     faster["seconds"]["2"] = {"jotlight": [0.5, 0.5]}
-    assert speed_up(faster, 2) == 2
+    assert speedup(faster, 2) == 2
 
 
-@pytest.mark.parametrize(
-    ("value", "words"), [(1234.5, "1,234"), (99.96, "100"), (0.01234, "0.0123"), (2, "2")]
-)
-def test_numbers_are_short(value, words):
-    assert short(value) == words
+def test_a_ratio_does_not_depend_on_a_machine_that_slows_down_between_rounds():
+    assert median_ratio([4, 4, 8, 8], [2, 2, 4, 4]) == 2
 
 
-def test_contenders_take_turns():
-    calls = []
-    runs = {name: lambda threads, name=name: calls.append((name, threads)) for name in "ab"}
-    times = race(runs, [1], BRIEF)
-    assert [len(times["1"][name]) for name in "ab"] == [2, 2]
-    # Two calls a turn, the first of which is not counted.
-    assert calls == [(name, 1) for name in "aabb"] * 2
+def test_the_filter_alone_excludes_the_time_of_one_tap():
+    task = make_task(jotlight=0.3, **{ONE_TAP: 0.1})
+    assert filter_share_of_peak(task, ONE_TAP) == pytest.approx((100 - 10) / 1000 / 0.2)
 
 
-def case(rivals, ours=lambda threads: np.ones(3)):
+def test_a_comparison_is_with_the_fastest_alternative():
+    times = {OPENCV: 3.0, NDIMAGE: 2.0, ONE_TAP: 0.5}
+    comparison = compare(make_task("filter", "Filter", jotlight=1.0, **times), 1)
+    assert (comparison.alternative, comparison.ratio) == (NDIMAGE, 2.0)
+    assert comparison.seconds == 1.0
+
+
+def test_each_number_of_threads_has_its_own_fastest_alternative():
+    times = {TORCH: 3.0, COMPILED: 2.0}
+    task = make_task("network-small", "Network, small", jotlight=1.0, **times)
+    task["seconds"]["2"] = {"jotlight": [0.5] * 2, TORCH: [1.0] * 2, COMPILED: [1.5] * 2}
+    assert compare(task, 1).alternative == COMPILED
+    assert (compare(task, 2).alternative, compare(task, 2).ratio) == (TORCH, 2.0)
+    assert compare(task, 4) is None
+    run = make_run(task) | {"threads": [1, 2]}
+    (row,) = comparison_table(run).rows
+    assert list(row) == ["Network, small", 1000.0, COMPILED, 2.0, 500.0, TORCH, 2.0]
+
+
+def test_a_task_without_a_measured_alternative_has_no_comparison():
+    run = make_run(make_task(jotlight=1.0), make_task("unknown", jotlight=1.0, NumPy=2.0))
+    assert comparisons(run, 1) == []
+    assert "Counting" in render(run)
+
+
+def test_the_method_table_has_the_networks_and_the_other_methods():
+    networks = [
+        make_task("network-two-layer", "Network, two-layer", jotlight=1.0, **{TV: 2.0, BM3D: 3.0}),
+        make_task("network-small", "Network, small", jotlight=4.0),
+    ]
+    table = method_table(make_run(*networks))
+    assert [row[:2] for row in table.rows] == [
+        ["Network, two-layer", 1000.0],
+        ["Network, small", 4000.0],
+        ["Non-iterative, TV", 2000.0],
+        ["Non-iterative, BM3D", 3000.0],
+    ]
+    assert all(row[2] for row in table.rows)
+    assert method_table(make_run(make_task(jotlight=1.0))) is None
+
+
+def test_the_thread_table_compares_two_threads_with_one():
+    task = make_task(jotlight=1.9)
+    task["seconds"]["2"] = make_task(jotlight=1.0)["seconds"]["1"]
+    task["probes"]["operations"]["2"] = 3600.0
+    (row,) = thread_table(make_run(task) | {"threads": [1, 2]}).rows
+    assert list(row) == ["Counting", pytest.approx(1.9), pytest.approx(1.8), 1.0, 1.0]
+
+
+def test_the_page_states_every_difference():
+    task = make_task(jotlight=1.0, a=2.0)
+    task |= {"level_differences": {"x86-64-v3": 2e-5}, "differences": {"a": 0.1}, "tolerance": 0.5}
+    page = render(make_run(task))
+    assert "from scalar code: x86-64-v3 2.0e-05." in page
+    assert "Difference (tolerance 0.5): a 1.0e-01." in page
+
+
+def make_case(rivals, run=lambda threads: np.ones(3)):
     return Case(
         name="any",
         title="Any",
-        words="",
+        description="A description.",
         items=3,
         unit="numbers",
-        ours=ours,
+        run=run,
         rivals=rivals,
-        difference=lambda ours, theirs: float(np.abs(ours - theirs).max()),
+        difference=lambda result, other: float(np.abs(result - other).max()),
         agreement="largest difference",
         tolerance=1e-3,
-        slots=3,
+        operations=3,
         bytes=3,
-        counted="all",
+        operations_note="all",
     )
 
 
-def test_what_cannot_run_is_left_out_and_said():
-    def refuses(_):
-        raise CannotRunError("it would not")
+def test_a_program_that_cannot_run_is_left_out_with_its_reason():
+    def refuse(_):
+        raise CannotRunError("it refuses")
 
     rivals = [
         Rival("same", lambda _: lambda: np.ones(3)),
         Rival("absent", lambda _: None, "a_package_that_is_not_there"),
-        Rival("refuses", refuses),
+        Rival("refuses", refuse),
     ]
-    measured = measure(case(rivals), [1], BRIEF)
+    measured = measure(make_case(rivals), [1], BRIEF)
     assert measured["left_out"] == {
         "absent": "the package a_package_that_is_not_there is not installed",
-        "refuses": "it would not",
+        "refuses": "it refuses",
     }
     assert list(measured["seconds"]["1"]) == ["jotlight", "same", *PROBES]
     assert measured["differences"] == {"same": 0}
-    assert "Any: refuses is left out, it would not." in page(found(measured))
+    assert "Any: refuses is left out because it refuses." in render(make_run(measured))
 
 
 def test_nothing_is_timed_where_results_differ():
     with pytest.raises(AssertionError, match="wrong differs"):
-        measure(case([Rival("wrong", lambda _: lambda: np.zeros(3))]), [1], BRIEF)
+        measure(make_case([Rival("wrong", lambda _: lambda: np.zeros(3))]), [1], BRIEF)
     with pytest.raises(AssertionError, match="7 threads differ"):
-        measure(case([], ours=lambda threads: np.full(3, threads)), [1], BRIEF)
+        measure(make_case([], run=lambda threads: np.full(3, threads)), [1], BRIEF)
 
 
+@pytest.mark.skipif(len(cpu_levels()) < 2, reason="this processor has one instruction set only")
+@pytest.mark.parametrize("difference", [9e-5, 2e-4])
+def test_instruction_sets_have_to_agree_with_scalar_code(difference):
+    def run(_):
+        return np.array([1.0, 1.0 if cpu_level() == "scalar" else 1.0 + difference])
+
+    if difference < SCALAR_TOLERANCE:
+        found = compare_levels(make_case([], run=run))
+        assert set(found) == set(cpu_levels()) - {"scalar"}
+        assert list(found.values()) == pytest.approx([difference] * len(found))
+    else:
+        with pytest.raises(AssertionError, match="any:"):
+            compare_levels(make_case([], run=run))
+
+
+def test_programs_take_turns():
+    calls = []
+    runs = {name: lambda threads, name=name: calls.append((name, threads)) for name in "ab"}
+    times = race(runs, [1], BRIEF)
+    assert [len(times["1"][name]) for name in "ab"] == [2, 2]
+    # Each turn has two calls, and the first does not count.
+    assert calls == [(name, 1) for name in "aabb"] * 2
+
+
+@pytest.mark.slow
 def test_the_command_writes_json_and_a_page(tmp_path):
-    command = [
-        sys.executable,
-        str(ROOT / "benchmarks/speed/run.py"),
-        "--quick",
-        "--only",
-        "counting",
-    ]
-    subprocess.run([*command, "--output", str(tmp_path)], check=True, capture_output=True)
-    record = json.loads((tmp_path / "speed/run.json").read_text("utf-8"))
-    assert page(record) == (tmp_path / "speed.md").read_text("utf-8")
-    (counting,) = record["paths"]
+    command = [sys.executable, str(ROOT / "benchmarks/speed/run.py"), "--quick"]
+    subprocess.run(
+        [*command, "--only", "counting", "--output", str(tmp_path)], check=True, capture_output=True
+    )
+    run = json.loads((tmp_path / "speed/run.json").read_text("utf-8"))
+    assert render(run) == (tmp_path / "speed.md").read_text("utf-8")
+    (counting,) = run["tasks"]
     assert counting["differences"]["NumPy, unpack and sum"] == 0
 
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.formats.writing import WRITERS, choose_output_format, write_capture
+from jotlight.formats.registry import WRITERS
+from jotlight.formats.writing import choose_output_format, write_capture
 from reference import formats as twin
 
 BITS = [name for name, target in WRITERS.items() if target.bits]
@@ -183,12 +184,12 @@ def test_folders_are_reconstructed_and_described(run, tmp_path):
     [
         (["convert", "a.npy", "-o", "a.npy"], "another name"),
         (["convert", "a.npy", "-o", "b.bin"], "give the one to write (--to): swissspad2"),
-        (["convert", "a.npy", "-o", "b"], "(--to): visionsim, swissspad2"),
-        (["convert", "a.npy", "-o", "b.xyz"], "tells no single format"),
+        (["convert", "a.npy", "-o", "b"], "(--to): visionsim, zarr"),
+        (["convert", "a.npy", "-o", "b.xyz"], "implies no single format"),
         (["convert", "a.npy", "-o", "b.npy", "--to", "png"], "ends in .png for png"),
         (
             ["convert", "a.npy", "-o", "b.bin", "--to", "matlab"],
-            "expected a name without ending, of a new folder, for matlab",
+            "expected a name without extension, of a new folder, for matlab",
         ),
         (["convert", "a.npy", "-o", "b.bin", "--to", "mp4"], "to: expected one of npy"),
         (["convert", "a.npy", "-o", "b.bin", "--to", "swissspad2"], "256 x 512"),
@@ -296,7 +297,7 @@ def test_counts_tell_out_of_how_many_bits_they_are(run, tmp_path, name):
 def test_a_label_of_counts_is_checked(tmp_path):
     counts = np.full((3, 4), 7, np.int32)
     write_capture(counts, tmp_path / "a.tif", "tiff", trials=6)
-    with pytest.raises(ValueError, match="its label tells of counts out of 6, and it has 7"):
+    with pytest.raises(ValueError, match="its label tells of counts out of 6, but one is 7"):
         jl.open(tmp_path / "a.tif")
     for wrong in (0, -1, 2**31, "6", 1.5):
         write_capture(counts, tmp_path / "a.tif", "tiff", trials=wrong)

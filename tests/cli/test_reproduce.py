@@ -11,12 +11,12 @@ import jotlight as jl
 from jotlight import cli
 from jotlight.evaluation.methods import DEEP_NETWORKS, METHODS
 from jotlight.experiments import EXPERIMENTS
+from jotlight.experiments.bsds_methods import crop_center
 from jotlight.experiments.experiment import Data
-from jotlight.experiments.fig7 import part_of
-from jotlight.experiments.limit import posterior_mean_psnr
-from jotlight.experiments.report.markdown import markdown
+from jotlight.experiments.posterior_mean import posterior_mean_psnr
+from jotlight.experiments.report.content import Verdict
+from jotlight.experiments.report.markdown import render_markdown
 from jotlight.experiments.report.report import read_report
-from jotlight.experiments.report.section import Verdict
 from reference.datasets import TEST, make_data
 
 
@@ -74,7 +74,7 @@ def test_the_page_and_the_markdown_have_every_experiment(made):
 
 def test_the_markdown_follows_from_the_tables_alone(made):
     text = (made / "results/reproduction.md").read_text("utf-8")
-    again = markdown(read_report(made / "results"))
+    again = render_markdown(read_report(made / "results"))
     assert again == text
 
 
@@ -127,7 +127,7 @@ def test_fig6a_lies_between_its_start_and_the_limit(made):
 
 
 def test_fig6b_is_what_evaluate_gives(made, data):
-    tests = Data(data).small_images("test", 32)
+    tests = Data(data).cifar10("test", 32)
     sensor = jl.Sensor(oversampling=3)
     found = {
         (row["estimator"], row["sigma"]): float(row["psnr"])
@@ -141,12 +141,12 @@ def test_fig6b_is_what_evaluate_gives(made, data):
 
 
 def test_fig7_tells_what_its_pictures_show(made, data):
-    names, images = Data(data).photographs("test", 2)
+    names, images = Data(data).bsds300("test", 2)
     sensor = jl.Sensor(oversampling=4)
     rows = rows_of(made, "fig7")
     assert {row["method"] for row in rows} >= installed()
     for number, (name, image) in enumerate(zip(names, images, strict=True)):
-        truth = part_of(image, 128)
+        truth = crop_center(image, 128)
         bits = sensor.expose(truth, number)
         for row in (row for row in rows if row["image"] == name):
             with Image.open(made / f"parts/fig7/{name}-{row['method']}.png") as file:
@@ -163,12 +163,12 @@ def test_fig7_tells_what_its_pictures_show(made, data):
 
 
 def test_fig7_shows_the_network_that_it_learned(made, data):
-    _, images = Data(data).photographs("test", 1)
+    _, images = Data(data).bsds300("test", 1)
     network = jl.Network.load(made / "parts/fig7/network.safetensors")
-    truth = part_of(images[0], 128)
+    truth = crop_center(images[0], 128)
     estimate = network.reconstruct(network.sensor.expose(truth, 0))
     row = next(
-        r for r in rows_of(made, "fig7") if (r["image"], r["method"]) == (TEST[0], "network")
+        r for r in rows_of(made, "fig7") if (r["image"], r["method"]) == (TEST[0], "network-two-layer")
     )
     assert float(row["psnr"]) == pytest.approx(jl.metrics.psnr(estimate, truth), 1e-5)
 
@@ -198,8 +198,8 @@ def test_gain_has_every_method_for_every_sensor(made, data):
         ("bits", "9", "9.0"),
         ("bits", "36", "36.0"),
     }
-    names, images = Data(data).photographs("test")
-    truth = part_of(images[0], 64)
+    names, images = Data(data).bsds300("test")
+    truth = crop_center(images[0], 64)
     for axis, bits, gain in sensors:
         found = {
             row["method"]: float(row["psnr"])
@@ -211,7 +211,7 @@ def test_gain_has_every_method_for_every_sensor(made, data):
         seen = sensor.expose(truth, 0)
         for method, psnr in found.items():
             # One network was learned on the way; BM3D's own threads do not always agree.
-            if method == "network" and gain == "4.0":
+            if method == "network-two-layer" and gain == "4.0":
                 assert psnr > found["network-initial"]
                 continue
             expected = jl.metrics.psnr(METHODS[method].run(seen, sensor), truth)
@@ -224,8 +224,8 @@ def test_every_claim_has_a_verdict_and_figures(made):
     assert len(claims) >= 11
     for claim in claims:
         assert claim.verdict in get_args(Verdict)
-        assert re.search(r"\d", claim.found) or claim.verdict == "not tested"
-        assert claim.why or claim.verdict not in ("not reproduced", "in part")
+        assert re.search(r"\d", claim.result) or claim.verdict == "not tested"
+        assert claim.reason or claim.verdict not in ("not reproduced", "in part")
 
 
 def test_one_experiment_alone_in_the_usual_folder(run, tmp_path):
@@ -238,12 +238,12 @@ def test_one_experiment_alone_in_the_usual_folder(run, tmp_path):
 
 
 def test_a_stopped_run_says_how_to_go_on(run, tmp_path, monkeypatch):
-    from jotlight.experiments import running
+    from jotlight.experiments import runner
 
     def stopped(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(running, "run_part", stopped)
+    monkeypatch.setattr(runner, "run_part", stopped)
     status, said = run("reproduce", "fig5", "--quick")
     assert status == 130
     assert "the same command goes on" in said

@@ -5,46 +5,50 @@ from pathlib import Path
 import matplotlib as mpl
 import pytest
 
-from suite.claims import claims
-from suite.curves import curves
-from suite.page import page
-from suite.paths import PATHS
-from suite.record import PAGE, read
+from jotlight.experiments.report.markdown import render_markdown
+from suite.comparisons import alternatives
+from suite.page import build_report
+from suite.record import PAGE_FILE, read
+from suite.tasks import TASKS
 
 RESULTS = Path(__file__).parents[2] / "docs/results"
 
 
 @pytest.fixture(scope="module")
-def found():
+def run():
     return read(RESULTS)
 
 
-def test_the_page_is_made_of_the_json(found):
-    assert page(found) == (RESULTS / PAGE).read_text("utf-8")
+def test_the_page_follows_from_the_json(run):
+    assert render_markdown(build_report(run)) == (RESULTS / PAGE_FILE).read_text("utf-8")
 
 
-def test_the_figures_are_made_of_the_json(found):
-    for name, svg in curves(found).items():
-        kept = (RESULTS / "speed" / f"{name}.svg").read_text("utf-8")
-        if f"Matplotlib v{mpl.__version__}" not in kept:
-            pytest.skip("another Matplotlib drew them, whose lines may lie elsewhere")
-        assert svg == kept, name
+def test_the_curves_follow_from_the_json(run):
+    for section in build_report(run).sections:
+        for curves in section.curves:
+            kept = (RESULTS / f"{curves.name}.svg").read_text("utf-8")
+            if f"Matplotlib v{mpl.__version__}" not in kept:
+                pytest.skip("another version of Matplotlib drew the curves")
+            assert curves.svg == kept, curves.name
 
 
-def test_every_hot_path_and_part_was_measured(found):
-    assert set(PATHS) <= {path["name"] for path in found["paths"]}
-    assert {"scaling", "latency"} <= set(found)
+def test_every_task_and_part_was_measured(run):
+    assert set(TASKS) <= {task["name"] for task in run["tasks"]}
+    assert {"scaling", "latency"} <= set(run)
 
 
-def test_all_rivals_were_there(found):
-    assert [path["left_out"] for path in found["paths"] if path["left_out"]] == []
+def test_every_program_was_installed(run):
+    assert [task["left_out"] for task in run["tasks"] if task["left_out"]] == []
 
 
-def test_every_claim_has_a_row_with_its_verdict(found):
-    rows = (RESULTS / PAGE).read_text("utf-8").splitlines()
-    for claim in claims(found):
-        busy = claim.bound.startswith("the machine was busy")
-        assert claim.verdict in (("not measured",) if busy else ("met", "not met"))
-        (row,) = (row for row in rows if row.startswith(f"| {claim.said} |"))
-        assert f"| {claim.verdict} |" in row
-        assert claim.verdict == "met" or claim.bound
+def test_every_alternative_is_a_program_of_its_task(run):
+    for task in run["tasks"]:
+        if "2048" not in task["name"]:
+            assert alternatives(task)
+            assert set(alternatives(task)) <= set(task["seconds"]["1"]), task["name"]
+
+
+def test_every_result_agrees_within_its_tolerance(run):
+    for task in run["tasks"]:
+        assert all(value <= task["tolerance"] for value in task["differences"].values())
+        assert all(value <= 1e-4 for value in task["level_differences"].values())

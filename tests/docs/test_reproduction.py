@@ -7,9 +7,9 @@ import matplotlib as mpl
 import pytest
 
 from jotlight.experiments import EXPERIMENTS
-from jotlight.experiments.report.markdown import markdown
+from jotlight.experiments.report.markdown import render_markdown
 from jotlight.experiments.report.report import read_report
-from jotlight.experiments.running import read_results
+from jotlight.experiments.tables import read_results
 
 RESULTS = Path(__file__).parents[2] / "docs/results"
 
@@ -20,7 +20,7 @@ def report():
 
 
 def test_the_page_is_made_of_the_tables(report):
-    assert markdown(report) == (RESULTS / "reproduction.md").read_text("utf-8")
+    assert render_markdown(report) == (RESULTS / "reproduction.md").read_text("utf-8")
 
 
 def test_the_tables_are_those_of_a_full_run():
@@ -31,8 +31,8 @@ def test_the_tables_are_those_of_a_full_run():
         assert settings.pop("quick") is False
         assert settings.pop("BM3D") != "not installed"
         settings.pop("jotlight")
-        assert settings.pop("data").keys() == set(EXPERIMENTS[name].needs)
-        assert settings == EXPERIMENTS[name].full
+        assert settings.pop("data").keys() == set(EXPERIMENTS[name].datasets)
+        assert settings == EXPERIMENTS[name].full_settings
 
 
 @pytest.mark.parametrize(

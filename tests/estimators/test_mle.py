@@ -26,7 +26,7 @@ def twin(counts, trials, sensor, dark):
         threshold=sensor.threshold,
         sensitivity=sensitivity(sensor),
         dark=dark,
-        most=sensor.max_intensity,
+        max_intensity=sensor.max_intensity,
     )
 
 
@@ -96,13 +96,13 @@ def test_jots_with_dark_counts_of_their_own_give_the_largest_likelihood(options,
     live = ~mask if masked else np.ones_like(mask)
     for row, column in np.ndindex(estimate.shape):
         block = np.s_[2 * row : 2 * row + 2, 2 * column : 2 * column + 2]
-        expected = methods.most_likely(
+        expected = methods.most_likely_intensity(
             bits.sum(0)[block][live[block]],
             5,
             dark[block][live[block]],
             threshold=sensor.threshold,
             sensitivity=sensitivity(sensor),
-            most=sensor.max_intensity,
+            max_intensity=sensor.max_intensity,
         )
         assert estimate[row, column] == pytest.approx(
             expected, abs=1e-6 * sensor.max_intensity, rel=1e-6

@@ -45,7 +45,9 @@ def test_the_steps_are_those_of_the_paper(counts, inverse, threshold):
         denoised = np.vectorize(lambda value: methods.exact_inverse(value, 16))(z)
     else:
         denoised = methods.algebraic_inverse(z, 16)
-    expected = methods.mle(denoised, 16, threshold=threshold, sensitivity=0.8, dark=0.1, most=2.0)
+    expected = methods.mle(
+        denoised, 16, threshold=threshold, sensitivity=0.8, dark=0.1, max_intensity=2.0
+    )
     picture = jl.noniterative(counts, sensor, denoiser=blur, inverse=inverse)
     np.testing.assert_allclose(picture, expected, atol=2e-5)
 
@@ -104,7 +106,7 @@ def test_the_exact_inverse_is_better_on_a_real_capture(data, denoiser):
 def test_maximum_likelihood_of_a_real_capture_is_that_of_its_counts(data):
     seen = np.load(data / "real/swissspad2_bird/counts.npz")["k16"]
     picture = jl.mle(seen, jl.Sensor(frames=16, max_intensity=4.0))
-    np.testing.assert_allclose(picture, methods.mle(seen, 16, most=4.0), rtol=1e-6)
+    np.testing.assert_allclose(picture, methods.mle(seen, 16, max_intensity=4.0), rtol=1e-6)
 
 
 def test_pixels_with_fewer_live_jots_stand_for_whole_ones():

@@ -36,7 +36,7 @@ def test_algebraic_inverse_undoes_stabilise(bits):
 @pytest.mark.parametrize("bits", BITS)
 def test_exact_inverse_has_no_bias(bits):
     probability = np.array([1e-4, 0.003, 0.02, 0.1, 0.37, 0.5, 0.8, 0.97, 0.9995])
-    mean = np.array([methods.stabilised_moments(p, bits)[0] for p in probability])
+    mean = np.array([methods.stabilized_moments(p, bits)[0] for p in probability])
     estimate = jl.vst.inverse_anscombe(mean, bits)
     np.testing.assert_allclose(estimate, bits * probability, atol=2e-6 * bits)
 
@@ -50,7 +50,7 @@ def test_exact_inverse_is_the_twins_everywhere(bits):
 
 @pytest.mark.parametrize("bits", [4, 16, 64])
 def test_algebraic_inverse_has_the_bias_that_the_exact_one_removes(bits):
-    mean = np.array([methods.stabilised_moments(p, bits)[0] for p in (0.05, 0.9)])
+    mean = np.array([methods.stabilized_moments(p, bits)[0] for p in (0.05, 0.9)])
     algebraic = jl.vst.inverse_anscombe(mean, bits, inverse="algebraic")
     bias = methods.algebraic_inverse(mean, bits) - bits * np.array([0.05, 0.9])
     np.testing.assert_allclose(algebraic - bits * np.array([0.05, 0.9]), bias, atol=1e-5)

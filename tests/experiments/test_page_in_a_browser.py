@@ -6,7 +6,7 @@ import shutil
 
 import pytest
 
-from jotlight.experiments.report.page import page
+from jotlight.experiments.report.page import render_page
 from reference.reports import realistic
 
 playwright = pytest.importorskip(
@@ -18,7 +18,7 @@ DESKTOP = {"width": 1280, "height": 900}
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
     path = tmp_path_factory.mktemp("report") / "report.html"
-    path.write_text(page(realistic()), "utf-8")
+    path.write_text(render_page(realistic()), "utf-8")
     return path.as_uri()
 
 

@@ -291,7 +291,7 @@ def test_parts_of_matlab_are_read_in_natural_order(tmp_path):
     (tmp_path / "info.json").write_text('{"no_parts": 11, "no_frames": 20}')
     assert len(jl.open(tmp_path)) == 20
     (tmp_path / "info.json").write_text('{"no_parts": 12, "no_frames": 23}')
-    with pytest.warns(jl.JotlightWarning, match="tells of 12 parts, and there are 11"):
+    with pytest.warns(jl.JotlightWarning, match="states 12 parts, but there are 11"):
         assert len(jl.open(tmp_path)) == 23
 
 

@@ -34,7 +34,7 @@ def test_colour_counts_in_tiff(tmp_path):
 
 def test_floats_are_no_counts(tmp_path):
     tifffile.imwrite(tmp_path / "a.tif", np.ones((4, 5), np.float32))
-    with pytest.raises(ValueError, match="floats are a picture"):
+    with pytest.raises(ValueError, match="floats are an image of intensities"):
         jl.open(tmp_path / "a.tif")
 
 
@@ -71,7 +71,7 @@ def test_folders_of_pictures_are_in_natural_order(tmp_path):
 
 def test_colour_is_refused(tmp_path):
     Image.fromarray(np.zeros((4, 5, 3), np.uint8)).save(tmp_path / "a.png")
-    with pytest.raises(ValueError, match="expected grey levels"):
+    with pytest.raises(ValueError, match="expected gray levels"):
         jl.open(tmp_path / "a.png")
 
 

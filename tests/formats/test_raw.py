@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.formats.raw import natural_sort_key
+from jotlight.formats.file_lists import natural_sort_key
 from reference import formats as twin
 
 HALF, FULL = (256, 512), (512, 512)

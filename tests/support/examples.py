@@ -20,7 +20,7 @@ from PIL import Image
 import jotlight as jl
 from jotlight.calibration.figure import facts
 from jotlight.datasets.cifar10_files import from_archive
-from jotlight.experiments.running import read_results, write_facts, write_table
+from jotlight.experiments.tables import read_results, write_facts, write_table
 from jotlight.formats.image_files import read_mask
 from jotlight.formats.writing import write_capture
 from jotlight.images.io import image_writer, read_image

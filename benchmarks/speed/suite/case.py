@@ -1,4 +1,4 @@
-"""A hot path with its rivals, and how all of them are checked and timed."""
+"""A task with the programs that do it, and how they are checked and timed."""
 
 import dataclasses
 import importlib
@@ -12,66 +12,69 @@ from suite import probes
 from suite.threads import limited
 from suite.timing import Effort, Run, race
 
-OF_SCALAR = 1e-4
-"""Differences of floats from those of scalar code that are allowed, relative to the largest."""
+SCALAR_TOLERANCE = 1e-4
+"""Maximum difference of floats from those of scalar code, relative to the largest float."""
 OTHER_THREADS = 7
-"""Results are the same for this number of threads too."""
+"""A further number of threads for which the result has to be the same."""
 
 
 class CannotRunError(Exception):
-    """Why a rival is left out."""
+    """A rival cannot run here. The message says why."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Rival:
-    """Another way to the same result, or with `same` false to a result for the same purpose."""
+    """Another program for the same result, or for the same purpose if `same` is false."""
 
     name: str
     make: Callable[[Any], Callable[[], Any]]
-    """Takes the package, and gives what is timed."""
+    """A function that takes the package and returns the function to time."""
     package: str = "numpy"
     same: bool = True
 
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """A hot path: what is timed, what has to agree, and how much work it is."""
+    """A task: what is timed, which results have to agree, and how much work it is."""
 
     name: str
     title: str
-    words: str
+    description: str
     items: float
+    """How many units of work a call does."""
     unit: str
-    ours: Callable[[int], Any]
+    """What a unit is, in the plural."""
+    run: Callable[[int], Any]
+    """jotlight's function. It takes the number of threads."""
     rivals: Sequence[Rival]
     difference: Callable[[Any, Any], float]
     agreement: str
-    """What the difference is, in words."""
+    """What `difference` returns, in words."""
     tolerance: float
-    slots: float
+    operations: float
     """Multiply-adds, and other operations that take the place of one."""
     bytes: float
-    """Read and written at least."""
-    counted: str
-    """How both were counted."""
+    """Bytes that have to be read and written."""
+    operations_note: str
+    """What counts as operations and bytes."""
     parts: dict[str, Run] = dataclasses.field(default_factory=dict)
-    """Further runs of ours that are timed beside."""
+    """Further functions of jotlight that are timed too."""
 
 
 def measure(case: Case, threads: Sequence[int], effort: Effort) -> dict[str, Any]:
-    """Check, then time; gives what goes to the JSON.
+    """Check the results, then time all programs. Return what the JSON keeps.
 
     Raises
     ------
     AssertionError
-        When a rival's result differs by more than the tolerance, or ours by number of threads or
-        instruction set.
+        If a rival's result differs by more than the tolerance, or jotlight's differs by number of
+        threads or by instruction set.
     """
-    ours = np.array(case.ours(1))
+    result = np.array(case.run(1))
     for number in {*threads, OTHER_THREADS}:
-        assert np.array_equal(ours, case.ours(number)), f"{case.name}: {number} threads differ"
-    levels = at_every_level(case)
-    runs: dict[str, Run] = {"jotlight": case.ours, **case.parts}
+        assert np.array_equal(result, case.run(number)), f"{case.name}: {number} threads differ"
+    level_differences = compare_levels(case)
+    runs: dict[str, Run] = {"jotlight": case.run, **case.parts}
     differences: dict[str, float] = {}
     left_out: dict[str, str] = {}
     for rival in case.rivals:
@@ -86,53 +89,53 @@ def measure(case: Case, threads: Sequence[int], effort: Effort) -> dict[str, Any
         except CannotRunError as error:
             left_out[rival.name] = str(error)
             continue
-        found = [difference_of(case, rival, run, ours, number) for number in threads]
+        found = [difference_of(case, rival, run, result, number) for number in threads]
         if rival.same:
             differences[rival.name] = max(found)
         runs[rival.name] = lambda _, run=run: run()
     return {
         **{
             field: getattr(case, field)
-            for field in ("name", "title", "words", "items", "unit", "agreement", "tolerance")
+            for field in ("name", "title", "description", "items", "unit", "agreement", "tolerance")
         },
-        **{field: getattr(case, field) for field in ("slots", "bytes", "counted")},
+        **{field: getattr(case, field) for field in ("operations", "bytes", "operations_note")},
         "same_for_threads": sorted({*threads, OTHER_THREADS}),
-        "levels": levels,
+        "level_differences": level_differences,
         "differences": differences,
         "left_out": left_out,
         "probes": probes.work(threads, effort.words),
-        "seconds": race({**runs, **probes.runs(effort.words, case.ours)}, threads, effort),
+        "seconds": race({**runs, **probes.runs(effort.words, case.run)}, threads, effort),
     }
 
 
-def at_every_level(case: Case) -> dict[str, float]:
-    """How far the result of each instruction set is from that of scalar code."""
+def compare_levels(case: Case) -> dict[str, float]:
+    """Return how far the result of each instruction set is from that of scalar code."""
     try:
         results = {}
         for level in engine.cpu_levels():
             engine.choose_cpu_level(level)
-            results[level] = np.array(case.ours(1))
+            results[level] = np.array(case.run(1))
     finally:
         engine.choose_cpu_level(None)
     scalar = results.pop("scalar")
-    allowed = 0 if scalar.dtype.kind in "biu" else OF_SCALAR
-    levels = {level: largest(result, scalar) for level, result in results.items()}
+    allowed = 0 if scalar.dtype.kind in "biu" else SCALAR_TOLERANCE
+    levels = {level: relative_difference(result, scalar) for level, result in results.items()}
     assert max(levels.values(), default=0) <= allowed, f"{case.name}: {levels}"
     return levels
 
 
 def difference_of(
-    case: Case, rival: Rival, run: Callable[[], Any], ours: Any, threads: int
+    case: Case, rival: Rival, run: Callable[[], Any], expected: Any, threads: int
 ) -> float:
-    """How far the rival's result is from ours; its first call is behind it then, too."""
+    """Return how far a rival's result is from jotlight's. This also makes its first, slow call."""
     with limited(threads):
         result = run()
-    difference = float(case.difference(ours, result)) if rival.same else 0.0
+    difference = float(case.difference(expected, result)) if rival.same else 0.0
     assert difference <= case.tolerance, f"{case.name}: {rival.name} differs: {difference}"
     return difference
 
 
-def largest(ours: Any, theirs: Any) -> float:
-    """The largest difference, relative to the largest number."""
-    ours, theirs = np.asarray(ours, np.float64), np.asarray(theirs, np.float64)
-    return float(np.abs(ours - theirs).max() / np.abs(theirs).max())
+def relative_difference(result: Any, expected: Any) -> float:
+    """Return the largest difference, relative to the largest number."""
+    result, expected = np.asarray(result, np.float64), np.asarray(expected, np.float64)
+    return float(np.abs(result - expected).max() / np.abs(expected).max())

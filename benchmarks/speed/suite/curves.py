@@ -1,75 +1,91 @@
-"""The figures of a run, as SVG."""
+"""The curves of the page, as SVG."""
 
 import statistics
+from collections.abc import Callable
 from typing import Any
 
-from jotlight.experiments.report.curves import Axes, Line, draw
-from suite.figures import speed_up
+from jotlight.experiments.report.content import Curves
+from jotlight.experiments.report.curves import MUTED_COLOR, Axes, Line, render_svg
+from suite.derived import speedup
 
-COLOURS = ("#d55e00", "#2f6fb7", "#0f9d74", "#b865a3", "#c98a00", "#8a8f98", "#3f9fdc", "#1d2733")
+COLORS = ("#d55e00", "#2f6fb7", "#0f9d74", "#b865a3", "#c98a00", "#8a8f98", "#3f9fdc", "#1d2733")
 
-
-def curves(found: dict[str, Any]) -> dict[str, str]:
-    """SVG by name of file."""
-    drawn = {}
-    if len(found["threads"]) > 1 and found["paths"]:
-        drawn["threads"] = draw([threads(found)])
-    if "scaling" in found:
-        scaling = found["scaling"]
-        drawn["sizes"] = draw([size_times(scaling), size_memory(scaling)])
-        drawn["costs"] = draw(
-            [
-                cost(scaling, "oversampling", "bits per pixel, K = K̂²", lambda side: side**2),
-                cost(scaling, "frames", "bits per pixel, K = T", int),
-                cost(scaling, "taps", "taps of the filter, a side", int),
-            ]
-        )
-    return drawn
+MIN_MIB = 0.01
+"""The lowest value on the logarithmic axis of memory."""
 
 
-def threads(found: dict[str, Any]) -> Axes:
-    numbers = found["threads"]
-    # Of the many sensors that bits are drawn for, the first.
-    paths = [path for path in found["paths"] if not path["name"].startswith("sampling-")]
-    lines = [Line("as many as threads", numbers, numbers, "#5b6876", dashed=True, width=1)]
-    for place, path in enumerate(paths):
-        times = [speed_up(path, number) for number in numbers]
-        title = path["title"].split(",")[0] if path["name"] == "sampling" else path["title"]
-        lines.append(Line(title, numbers, times, COLOURS[place % len(COLOURS)], "o"))
-    return Axes(lines, "threads", "times as fast as on one", "Threads", ticks=numbers)
+def thread_curves(run: dict[str, Any]) -> list[Curves]:
+    """Return the speed by number of threads, where more than one number was measured."""
+    if len(run["threads"]) < 2 or not run["tasks"]:
+        return []
+    svg = render_svg([_thread_axes(run)])
+    return [Curves("speed/threads", "Speed by number of threads", svg)]
 
 
-def size_times(scaling: dict[str, Any]) -> Axes:
-    return by_size(scaling, "ns per pixel", "Time, one thread", ns_per_pixel)
+def size_curves(scaling: dict[str, Any]) -> Curves:
+    """Return time and memory by image size."""
+    axes = [
+        _size_axes(scaling, "ns per pixel", "Time, one thread", ns_per_pixel),
+        _size_axes(scaling, "MiB", "Peak memory in addition to input and output", additional_mib),
+    ]
+    return Curves("speed/sizes", "Time and memory by image size", render_svg(axes))
 
 
-def size_memory(scaling: dict[str, Any]) -> Axes:
-    title = "Peak memory beyond input and output"
-    return by_size(scaling, "MiB", title, lambda row: max(row["beyond"] / 2**20, 0.01))
+def cost_curves(scaling: dict[str, Any]) -> Curves:
+    """Return the time by bits per pixel, frames, and filter size."""
+    axes = [
+        _cost_axes(scaling, "oversampling", "bits per pixel, K = K̂²", lambda side: side**2),
+        _cost_axes(scaling, "frames", "bits per pixel, K = T", int),
+        _cost_axes(scaling, "taps", "width of the filter", int),
+    ]
+    return Curves("speed/costs", "Time by bits, frames, and filter size", render_svg(axes))
 
 
-def by_size(scaling: dict[str, Any], y: str, title: str, value: Any) -> Axes:
-    lines = []
-    for colour, what in zip(COLOURS, ("reconstruct", "expose"), strict=False):
-        rows = [row for row in scaling["sizes"] if row["what"] == what]
-        sides, values = [row["side"] for row in rows], [value(row) for row in rows]
-        lines.append(Line(what, sides, values, colour, "o"))
-    sides = sorted({row["side"] for row in scaling["sizes"]})[::2]
-    return Axes(lines, "pixels, a side", y, title, x_log=True, y_log=True, ticks=sides)
+def _thread_axes(run: dict[str, Any]) -> Axes:
+    numbers = run["threads"]
+    # One of the many sensors stands for all exposures.
+    tasks = [task for task in run["tasks"] if not task["name"].startswith("exposure-")]
+    lines = [Line("proportional", numbers, numbers, MUTED_COLOR, dashed=True, width=1)]
+    for index, task in enumerate(tasks):
+        times = [speedup(task, number) for number in numbers]
+        title = task["title"].split(",")[0] if task["name"] == "exposure" else task["title"]
+        lines.append(Line(title, numbers, times, COLORS[index % len(COLORS)], "o"))
+    return Axes(lines, "threads", "times as fast as on one", "Threads", x_ticks=numbers)
 
 
 def ns_per_pixel(row: dict[str, Any]) -> float:
+    """Return the time of a size in nanoseconds per pixel."""
     return 1e9 * statistics.median(row["seconds"]) / row["side"] ** 2
 
 
-def cost(scaling: dict[str, Any], name: str, x: str, place: Any) -> Axes:
+def additional_mib(row: dict[str, Any]) -> float:
+    """Return the peak memory of a size in addition to input and output."""
+    return max(row["additional_bytes"] / 2**20, MIN_MIB)
+
+
+def _size_axes(
+    scaling: dict[str, Any], y_label: str, title: str, value: Callable[[dict[str, Any]], float]
+) -> Axes:
+    lines = []
+    for color, operation in zip(COLORS, ("reconstruct", "expose"), strict=False):
+        rows = [row for row in scaling["sizes"] if row["operation"] == operation]
+        sides, values = [row["side"] for row in rows], [value(row) for row in rows]
+        lines.append(Line(operation, sides, values, color, "o"))
+    ticks = sorted({row["side"] for row in scaling["sizes"]})[::2]
+    label = "image width in pixels"
+    return Axes(lines, label, y_label, title, x_log=True, y_log=True, x_ticks=ticks)
+
+
+def _cost_axes(
+    scaling: dict[str, Any], name: str, x_label: str, x_of: Callable[[int], float]
+) -> Axes:
     by_line: dict[str, list[tuple[float, float]]] = {}
     for key, times in scaling[name].items():
         line, number = key.split()
         nanoseconds = 1e9 * statistics.median(times) / scaling["side"] ** 2
-        by_line.setdefault(line, []).append((place(int(number)), nanoseconds))
+        by_line.setdefault(line, []).append((x_of(int(number)), nanoseconds))
     lines = [
-        Line(line, *zip(*points, strict=True), COLOURS[index], "o")
+        Line(line, *zip(*points, strict=True), COLORS[index], "o")
         for index, (line, points) in enumerate(by_line.items())
     ]
-    return Axes(lines, x, "ns per pixel, one thread")
+    return Axes(lines, x_label, "ns per pixel, one thread")

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import jotlight as jl
 from suite.machine import cores
-from suite.paths.scene import bits
+from suite.tasks.scene import bits
 from suite.timing import Effort, race
 
 HELP, RECONSTRUCT, NUMPY = "jotlight --help", "jotlight reconstruct", "Python, import numpy"
 
 
 def measure(effort: Effort) -> dict[str, list[float]]:
-    """Seconds of each process; the first of each has to read the disk and is not counted."""
+    """Return the seconds of each process. The first run reads the disk and is not counted."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "bits.npy"
         jl.save(bits(), file)
@@ -26,19 +26,19 @@ def measure(effort: Effort) -> dict[str, list[float]]:
             HELP: ["-m", "jotlight", "--help"],
             RECONSTRUCT: [
                 *("-m", "jotlight", "reconstruct", str(file)),
-                *("-o", str(Path(folder) / "picture.npy")),
+                *("-o", str(Path(folder) / "estimate.npy")),
             ],
         }
-        # As in an installed package, whose modules are compiled already.
+        # Modules are compiled to bytecode first, as in an installed package.
         changes = {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(Path(folder) / "pyc")}
         runs = {
-            name: lambda _, words=words: subprocess.run(
-                [sys.executable, *words],
+            name: lambda _, arguments=arguments: subprocess.run(
+                [sys.executable, *arguments],
                 check=True,
                 capture_output=True,
                 env={**os.environ, **changes},
             )
-            for name, words in commands.items()
+            for name, arguments in commands.items()
         }
         all_cores = cores()
         return race(runs, [all_cores], effort)[str(all_cores)]

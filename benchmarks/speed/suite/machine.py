@@ -1,4 +1,4 @@
-"""What a run was made on, and with what."""
+"""The machine and the software of a run."""
 
 import datetime as dt
 import importlib.metadata
@@ -39,7 +39,7 @@ def facts() -> dict[str, object]:
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -50,7 +50,7 @@ def processor() -> str:
 
 
 def instructions() -> list[str]:
-    """The vector instructions that matter here."""
+    """Return the vector instructions that matter for jotlight."""
     known = set(cpuinfo("flags").split())
     return [name for name in ("sse4_2", "avx2", "fma", "avx512f", "avx512bw") if name in known]
 
@@ -66,12 +66,12 @@ def memory() -> int:
 
 
 def load() -> float | None:
-    """Processes that wanted to run in the last minute: far below one on a quiet machine."""
+    """Return the mean number of running processes in the last minute, near 0 on a quiet machine."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
 
 
 def commit() -> str:
-    """The commit, with a plus where files differ from it; empty outside of a checkout."""
+    """Return the commit, with a plus if files differ from it, or "" outside of a checkout."""
     try:
         name = git("rev-parse", "--short=12", "HEAD")
         return name + ("+" if git("status", "--porcelain", "--untracked-files=no") else "")

@@ -1,8 +1,8 @@
-"""One size in a process of its own: seconds, and peak memory beyond input and output.
+"""Time and peak memory, in addition to input and output, of one image size.
 
     python benchmarks/speed/suite/one_size.py reconstruct|expose SIDE
 
-Prints JSON. The peak is Linux's own (VmHWM), and 0 elsewhere.
+It prints JSON. The peak is VmHWM on Linux and 0 on other systems.
 """
 
 import json
@@ -16,34 +16,38 @@ import numpy as np
 
 import jotlight as jl
 
-LEAST, FEWEST = 0.3, 3
+MIN_SECONDS, MIN_CALLS, MAX_CALLS = 0.3, 3, 1000
 SENSOR = jl.Sensor(oversampling=4)
 STATUS, REFERENCES = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 
 
 def main() -> None:
-    what, side = sys.argv[1], int(sys.argv[2])
-    run, held = {"reconstruct": reconstruct, "expose": expose}[what](side)
-    run()  # the pages of what is given are there from now on
+    operation, side = sys.argv[1], int(sys.argv[2])
+    run, output_bytes = {"reconstruct": reconstruct, "expose": expose}[operation](side)
+    run()  # From here on the input's pages are in memory.
     if REFERENCES.exists():
-        REFERENCES.write_text("5")  # forget the peak so far
+        REFERENCES.write_text("5")  # This resets the peak.
     before = kilobytes("VmRSS")
     run()
-    beyond = max(0, 1024 * (kilobytes("VmHWM") - before) - held)
+    additional = max(0, 1024 * (kilobytes("VmHWM") - before) - output_bytes)
     seconds: list[float] = []
-    # Of the processor, for the program alone: without the system's work for pages that are new.
-    own: list[float] = []
-    while len(seconds) < FEWEST or (sum(seconds) < LEAST and len(seconds) < 1000):
-        begun, used = time.perf_counter(), os.times().user
+    # User time excludes the system's work for new pages of memory.
+    user: list[float] = []
+    while len(seconds) < MIN_CALLS or (sum(seconds) < MIN_SECONDS and len(seconds) < MAX_CALLS):
+        start, used = time.perf_counter(), os.times().user
         run()
-        seconds.append(time.perf_counter() - begun)
-        own.append(os.times().user - used)
-    found = {"beyond": beyond, "seconds": seconds, "own": sum(own) / len(own)}
-    print(json.dumps({"what": what, "side": side, **found}))
+        seconds.append(time.perf_counter() - start)
+        user.append(os.times().user - used)
+    found = {
+        "additional_bytes": additional,
+        "seconds": seconds,
+        "user_seconds": sum(user) / len(user),
+    }
+    print(json.dumps({"operation": operation, "side": side, **found}))
 
 
 def reconstruct(side: int) -> tuple[Callable[[], object], int]:
-    """Random bits to a picture, which is new each time."""
+    """Return a run from random bits to a new estimate, and the bytes of its output."""
     jots = side * SENSOR.oversampling
     packed = np.random.default_rng(0).integers(0, 256, (1, jots, jots // 8), np.uint8)
     bits = jl.Bits(packed, jots)
@@ -52,7 +56,7 @@ def reconstruct(side: int) -> tuple[Callable[[], object], int]:
 
 
 def expose(side: int) -> tuple[Callable[[], object], int]:
-    """A picture to bits, in an array that is there."""
+    """Return a run from an image to bits in an existing array, and 0 bytes of new output."""
     image = np.random.default_rng(0).random((side, side), np.float32)
     jots = side * SENSOR.oversampling
     out = np.ones((1, jots, jots // 8), np.uint8)
@@ -60,7 +64,7 @@ def expose(side: int) -> tuple[Callable[[], object], int]:
 
 
 def kilobytes(name: str) -> int:
-    """A figure of this process that Linux keeps."""
+    """Return a value of this process from Linux's status file."""
     if not STATUS.exists():
         return 0
     return int(STATUS.read_text().split(f"{name}:")[1].split()[0])

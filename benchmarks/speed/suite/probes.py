@@ -1,4 +1,4 @@
-"""What the machine can do, measured in the same rounds as everything else."""
+"""Probes of what the machine can do, measured in the same rounds as everything else."""
 
 import functools
 import time
@@ -10,61 +10,64 @@ import numpy as np
 import jotlight._engine as engine
 from suite.timing import Run
 
-MULTIPLY_ADDS, READING, AS_LONG = "multiply-adds", "reading", "multiply-adds as long as ours"
-LEAST = 0.01
-"""Seconds that the multiply-adds take at least, so that starting threads does not count."""
+MULTIPLY_ADDS, READING = "multiply-adds", "reading"
+SAME_DURATION = "multiply-adds of the same duration"
+MIN_SECONDS = 0.01
+"""Minimum seconds of the multiply-adds, which makes the start of threads negligible."""
 
 
-def runs(size: int, ours: Run) -> dict[str, Run]:
-    alike = as_long_as(ours)
+def runs(size: int, run: Run) -> dict[str, Run]:
+    """Return the probes beside a run, with `size` words to read."""
+    rounds = rounds_as_long_as(run)
     return {
-        MULTIPLY_ADDS: lambda threads: multiply_adds(enough(), threads),
+        MULTIPLY_ADDS: lambda threads: multiply_adds(calibrated_rounds(), threads),
         READING: lambda threads: read_words(words(size), threads),
-        AS_LONG: lambda threads: multiply_adds(max(1, alike // threads), threads),
+        SAME_DURATION: lambda threads: multiply_adds(max(1, rounds // threads), threads),
     }
 
 
 def work(threads: Sequence[int], size: int) -> dict[str, object]:
-    """Floating-point operations by number of threads, and bytes read, of one call."""
-    operations = {str(number): multiply_adds(enough(), number) for number in threads}
+    """Return the floating-point operations by number of threads, and the bytes, of one call."""
+    operations = {str(number): multiply_adds(calibrated_rounds(), number) for number in threads}
     return {"operations": operations, "bytes": words(size).nbytes}
 
 
 @functools.cache
 def words(size: int) -> np.ndarray:
+    """Return an array to read."""
     return np.arange(size, dtype=np.uint64)
 
 
 @functools.cache
-def enough() -> int:
-    """Rounds of multiply-adds that take as long as that."""
+def calibrated_rounds() -> int:
+    """Return a number of rounds that takes at least the minimum seconds."""
     rounds = 1
     while True:
-        begun = time.perf_counter()
+        start = time.perf_counter()
         multiply_adds(rounds, 1)
-        if time.perf_counter() - begun > LEAST:
+        if time.perf_counter() - start > MIN_SECONDS:
             return rounds
         rounds *= 2
 
 
-def as_long_as(run: Run) -> int:
-    """Rounds of multiply-adds that take one thread as long as this does.
+def rounds_as_long_as(run: Run) -> int:
+    """Return the rounds of multiply-adds that take one thread as long as a run does.
 
-    Shared by several threads, they are as much faster as a call of that length can be, for the
-    threads have to be woken.
+    Divided among several threads, they show the largest speedup of a call of that duration,
+    because it takes time to wake threads.
     """
-    alone, ours = (
+    probe, target = (
         min(timeit.repeat(lambda call=call: call(1), number=1, repeat=3))
-        for call in (lambda threads: multiply_adds(enough(), threads), run)
+        for call in (lambda threads: multiply_adds(calibrated_rounds(), threads), run)
     )
-    return max(1, round(enough() * ours / alone))
+    return max(1, round(calibrated_rounds() * target / probe))
 
 
 def multiply_adds(rounds: int, threads: int) -> int:
-    """Fused multiply-adds in registers; gives the operations, two for each."""
+    """Run fused multiply-adds in registers, and return the operations, two for each."""
     return engine.multiply_adds(rounds, threads)
 
 
 def read_words(array: np.ndarray, threads: int) -> int:
-    """The sum of many words, which takes as long as reading them."""
+    """Return the sum of many words, which takes as long as reading them."""
     return engine.read_words(array, threads)

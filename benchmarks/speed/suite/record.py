@@ -1,36 +1,40 @@
-"""The files of a run: raw JSON, figures, and the page that is made of the JSON alone."""
+"""The files of a run: the JSON with every time, the page, and its curves."""
 
 import json
 from pathlib import Path
 from typing import Any
 
-from suite.curves import curves
-from suite.page import page
+from jotlight.experiments.report.markdown import render_markdown
+from suite.page import DATA_FILE, build_report
 
-FOLDER, NAME, PAGE = "speed", "run.json", "speed.md"
+PAGE_FILE = "speed.md"
 
 
-def write(found: dict[str, Any], folder: Path) -> Path:
-    """Write all of them; gives the page's place."""
-    (folder / FOLDER).mkdir(parents=True, exist_ok=True)
-    text = json.dumps(rounded(found), indent=1, ensure_ascii=False) + "\n"
-    (folder / FOLDER / NAME).write_text(text, "utf-8")
+def write(run: dict[str, Any], folder: Path) -> Path:
+    """Write JSON, page, and curves into a folder, and return the page's path."""
+    path = folder / DATA_FILE
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(rounded(run), indent=1, ensure_ascii=False) + "\n", "utf-8")
     return write_page(read(folder), folder)
 
 
-def write_page(found: dict[str, Any], folder: Path) -> Path:
-    for name, svg in curves(found).items():
-        (folder / FOLDER / f"{name}.svg").write_text(svg, "utf-8")
-    (folder / PAGE).write_text(page(found), "utf-8")
-    return folder / PAGE
+def write_page(run: dict[str, Any], folder: Path) -> Path:
+    """Write page and curves into a folder, and return the page's path."""
+    report = build_report(run)
+    for section in report.sections:
+        for curves in section.curves:
+            (folder / f"{curves.name}.svg").write_text(curves.svg, "utf-8")
+    (folder / PAGE_FILE).write_text(render_markdown(report), "utf-8")
+    return folder / PAGE_FILE
 
 
 def read(folder: Path) -> dict[str, Any]:
-    return json.loads((folder / FOLDER / NAME).read_text("utf-8"))
+    """Return the run whose JSON a folder holds."""
+    return json.loads((folder / DATA_FILE).read_text("utf-8"))
 
 
 def rounded(value: Any) -> Any:
-    """Floats to six figures, which is more than a clock gives."""
+    """Return a value with six digits of each float, which is finer than a clock measures."""
     if isinstance(value, dict):
         return {key: rounded(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):

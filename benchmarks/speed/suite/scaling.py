@@ -1,4 +1,4 @@
-"""How the cost grows: with pixels, bits per pixel, frames and taps."""
+"""How time and memory grow with pixels, bits per pixel, frames, and filter size."""
 
 import json
 import subprocess
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import jotlight as jl
-from suite.paths.scene import untied
+from suite.tasks.scene import untied
 from suite.timing import Effort, Run, race
 
 SIZES = [2**power for power in range(5, 15)]
@@ -24,7 +24,9 @@ def measure(effort: Effort, *, quick: bool) -> dict[str, Any]:
     sizes = QUICK_SIZES if quick else SIZES
     return {
         "side": SIDE,
-        "sizes": [one_size(what, side) for what in ("reconstruct", "expose") for side in sizes],
+        "sizes": [
+            one_size(operation, side) for operation in ("reconstruct", "expose") for side in sizes
+        ],
         "oversampling": by_sensor(
             {side: jl.Sensor(oversampling=side) for side in OVERSAMPLING}, effort
         ),
@@ -33,14 +35,15 @@ def measure(effort: Effort, *, quick: bool) -> dict[str, Any]:
     }
 
 
-def one_size(what: str, side: int) -> dict[str, Any]:
-    command = [sys.executable, str(Path(__file__).with_name("one_size.py")), what, str(side)]
+def one_size(operation: str, side: int) -> dict[str, Any]:
+    """Return the time and memory of one size, measured in a process of its own."""
+    command = [sys.executable, str(Path(__file__).with_name("one_size.py")), operation, str(side)]
     found = subprocess.run(command, check=True, capture_output=True, text=True)
     return json.loads(found.stdout)
 
 
 def by_sensor(sensors: dict[int, jl.Sensor], effort: Effort) -> dict[str, Any]:
-    """Seconds of a whole reconstruction, one thread, tied and untied, by the dictionary's key."""
+    """Return the seconds of a reconstruction, tied and untied, by the dictionary's key."""
     runs: dict[str, Run] = {}
     for key, sensor in sensors.items():
         tied = jl.Network.initial(sensor)

@@ -1,132 +1,240 @@
-"""Tables of Markdown."""
+"""The tables of the page."""
 
+import statistics
 from collections.abc import Sequence
 from typing import Any
 
-from suite.claims import Claim
-from suite.figures import (
-    Path,
+from jotlight.experiments.report.content import Column, Table, Value, format_significant
+from suite.comparisons import comparisons
+from suite.derived import (
+    Task,
     bandwidth,
-    bound_by,
     bounds,
+    limiting_resource,
     median,
-    of_bound,
+    median_ratio,
     peak,
     ratio,
-    speed_up,
+    relative_spread,
+    share_of_bound,
+    speedup,
     spread,
 )
-from suite.probes import AS_LONG, MULTIPLY_ADDS, READING
+from suite.latency import NUMPY
+from suite.probes import MULTIPLY_ADDS, READING, SAME_DURATION
+from suite.tasks.two_layer_network import BM3D, TV
+
+NETWORK_USES = {
+    "network-two-layer": "video and previews",
+    "network-small": "better images within a few milliseconds",
+    "network-medium": "most images; it serves any exposure and 1 to 256 bits per pixel",
+    "network-large": "the best images, at 16 bits per pixel",
+}
+"""When to use each network, by the name of its task."""
+
+RIVAL_USES = {
+    TV: "sensors without a trained network",
+    BM3D: "comparison with the literature; its package is for non-commercial use",
+}
+"""When to use the non-iterative methods, by their name in the task of the two-layer network."""
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]], words: int = 1) -> list[str]:
-    """The first `words` columns hold words, the others numbers."""
-    rule = ["---" if place < words else "---:" for place in range(len(head))]
-    return ["| " + " | ".join(row) + " |" for row in (head, rule, *rows)]
+def comparison_table(run: dict[str, Any]) -> Table:
+    """Return jotlight's time for each task beside the fastest alternative."""
+    columns, by_threads = [Column("task")], []
+    for threads in run["threads"]:
+        word = thread_words(threads)
+        columns += [
+            Column(f"jotlight, {word}, ms", format_significant),
+            Column("fastest alternative"),
+            Column("times as fast", format_significant),
+        ]
+        by_threads.append({each.task: each for each in comparisons(run, threads)})
+    rows: list[list[Value]] = []
+    for title in by_threads[0] if by_threads else ():
+        row: list[Value] = [title]
+        for found in by_threads:
+            each = found[title]
+            row += [1000 * each.seconds, each.alternative, each.ratio]
+        rows.append(row)
+    return Table("Time of jotlight and of the fastest software for the same work", columns, rows)
 
 
-def claims_table(claims: Sequence[Claim]) -> list[str]:
-    rows = [
-        [claim.said, wanted(claim), amount(claim.measured, claim.unit), claim.verdict, claim.bound]
-        for claim in claims
+def method_table(run: dict[str, Any]) -> Table | None:
+    """Return the time of each method for one image, or None if no network was measured."""
+    tasks = {task["name"]: task for task in run["tasks"]}
+    found = [
+        (tasks[name]["title"], tasks[name], "jotlight", use)
+        for name, use in NETWORK_USES.items()
+        if name in tasks
     ]
-    lines = table(["what", "wanted", "measured", "", "what bounds it"], rows)
-    lines[1] = "| --- | ---: | ---: | --- | --- |"
-    return lines
+    if not found:
+        return None
+    two_layer = tasks.get("network-two-layer")
+    if two_layer:
+        found += [
+            (name[0].upper() + name[1:], two_layer, name, use)
+            for name, use in RIVAL_USES.items()
+            if name in two_layer["seconds"]["1"]
+        ]
+    threads = run["threads"]
+    return Table(
+        "Time of each method for an image of 481 × 321 pixels, K = 16",
+        [
+            Column("method"),
+            *(Column(f"{thread_words(number)}, ms", format_significant) for number in threads),
+            Column("use it for"),
+        ],
+        [
+            [title, *(1000 * median(task, name, number) for number in threads), use]
+            for title, task, name, use in found
+        ],
+    )
 
 
-def wanted(claim: Claim) -> str:
-    return ("at most " if claim.at_most else "at least ") + amount(claim.wanted, claim.unit)
+def thread_table(run: dict[str, Any]) -> Table:
+    """Return how much faster each task is on all threads than on one."""
+    threads = max(run["threads"])
+    return Table(
+        f"How many times as fast as on one thread each task is on {threads}",
+        [
+            Column("task"),
+            Column("jotlight", ".2f"),
+            Column("multiply-adds alone", ".2f"),
+            Column("reading alone", ".2f"),
+            Column("multiply-adds of the same duration", ".2f"),
+        ],
+        [
+            [
+                task["title"],
+                speedup(task, threads),
+                peak(task, threads) / peak(task, 1),
+                bandwidth(task, threads) / bandwidth(task, 1),
+                speedup(task, threads, SAME_DURATION),
+            ]
+            for task in run["tasks"]
+        ],
+    )
 
 
-def amount(value: float | None, unit: str) -> str:
-    if value is None:
-        return ""
-    if unit == "%":
-        return f"{value:.0%}"
-    return f"{short(value)}{' ' if unit else ''}{unit}"
-
-
-def short(value: float) -> str:
-    """Three figures, and whole numbers above."""
-    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
-
-
-def rivals_table(path: Path) -> list[str]:
-    """Times and ratios of all contenders, by number of threads."""
-    numbers = [int(number) for number in path["seconds"]]
-    head = [""]
+def task_table(task: Task) -> Table:
+    """Return times and ratios of all contenders of a task, by number of threads."""
+    numbers = [int(number) for number in task["seconds"]]
+    columns = [Column("")]
     for number in numbers:
-        head += [f"{threads_in_head(number)}, ms", "spread", "ratio"]
-    rows = []
-    for name in path["seconds"]["1"]:
-        if name not in (MULTIPLY_ADDS, READING, AS_LONG):
-            row = [name]
+        columns += [
+            Column(f"{thread_words(number)}, ms", format_significant),
+            Column("spread", ".0%"),
+            Column("ratio", format_significant),
+        ]
+    rows: list[list[Value]] = []
+    for name in task["seconds"]["1"]:
+        if name not in (MULTIPLY_ADDS, READING, SAME_DURATION):
+            row: list[Value] = [name]
             for number in numbers:
                 row += [
-                    short(1000 * median(path, name, number)),
-                    f"{spread(path, name, number):.0%}",
-                    short(ratio(path, name, number)),
+                    1000 * median(task, name, number),
+                    spread(task, name, number),
+                    ratio(task, name, number),
                 ]
             rows.append(row)
-    return table(head, rows)
+    return Table("Times", columns, rows)
 
 
-def threads_in_head(number: int) -> str:
-    return "1 thread" if number == 1 else f"{number} threads"
-
-
-def machine_table(paths: Sequence[Path], threads: Sequence[int]) -> list[str]:
-    """The machine's peaks: the least and the most that was seen beside any path."""
-    rows = []
+def machine_table(tasks: Sequence[Task], threads: Sequence[int]) -> Table:
+    """Return the range of the machine's peaks over the rounds of all tasks."""
+    rows: list[list[Value]] = []
     for number in threads:
-        peaks = [2 * peak(path, number) / 1e9 for path in paths]
-        widths = [bandwidth(path, number) / 1e9 for path in paths]
-        rows.append(
-            [threads_in_head(number)]
-            + [f"{min(values):.1f} to {max(values):.1f}" for values in (peaks, widths)]
-        )
-    return table(["", "multiply-adds, Gflop/s", "reading, GB/s"], rows)
+        gflops = [2 * peak(task, number) / 1e9 for task in tasks]
+        gigabytes = [bandwidth(task, number) / 1e9 for task in tasks]
+        ranges = [f"{min(values):.1f} to {max(values):.1f}" for values in (gflops, gigabytes)]
+        rows.append([thread_words(number), *ranges])
+    columns = [Column(""), Column("multiply-adds, Gflop/s"), Column("reading, GB/s")]
+    return Table("The machine's peaks", columns, rows)
 
 
-def roofline_table(paths: Sequence[Path], threads: Sequence[int]) -> list[str]:
-    head = ["path", "operations", "bytes", "bound by"]
+def roofline_table(tasks: Sequence[Task], threads: Sequence[int]) -> Table:
+    """Return the minimum time of each task on this machine beside the measured time."""
+    columns = [
+        Column("task"),
+        Column("unit"),
+        Column("operations per unit", format_significant),
+        Column("bytes per unit", format_significant),
+        Column("limited by"),
+    ]
     for number in threads:
-        head += [f"bound, {threads_in_head(number)}, ms", "measured, ms", "share of the bound"]
-    rows = []
-    for path in paths:
-        items = path["items"]
-        row = [
-            path["title"],
-            f"{short(path['slots'] / items)} / {singular(path)}",
-            f"{short(path['bytes'] / items)} / {singular(path)}",
-            bound_by(path, 1),
+        columns += [
+            Column(f"minimum, {thread_words(number)}, ms", format_significant),
+            Column("measured, ms", format_significant),
+            Column("share", ".0%"),
+        ]
+    rows: list[list[Value]] = []
+    for task in tasks:
+        row: list[Value] = [
+            task["title"],
+            task["unit"].removesuffix("s"),
+            task["operations"] / task["items"],
+            task["bytes"] / task["items"],
+            limiting_resource(task, 1),
         ]
         for number in threads:
             row += [
-                short(1000 * max(bounds(path, number))),
-                short(1000 * median(path, "jotlight", number)),
-                f"{of_bound(path, number):.0%}",
+                1000 * max(bounds(task, number)),
+                1000 * median(task, "jotlight", number),
+                share_of_bound(task, number),
             ]
         rows.append(row)
-    return table(head, rows)
+    return Table("The minimum times that the machine allows, and the measured times", columns, rows)
 
 
-def singular(path: Path) -> str:
-    return str(path["unit"]).removesuffix("s")
-
-
-def speed_up_words(path: Path, most: int) -> str:
-    rate = path["items"] / median(path, "jotlight", 1)
-    words = f"{short(rate)} {path['unit']} per second on one thread"
-    if most > 1:
-        words += f"; {speed_up(path, most):.2f} times as many on {most}"
-    return words
-
-
-def left_out(paths: Sequence[dict[str, Any]]) -> list[str]:
-    return [
-        f"- {path['title']}: {name} is left out, {why}."
-        for path in paths
-        for name, why in path["left_out"].items()
+def size_table(rows: Sequence[dict[str, Any]]) -> Table:
+    """Return time and memory of an exposure and of a reconstruction, by image size."""
+    columns = [
+        Column("operation"),
+        Column("pixels"),
+        Column("ms", format_significant),
+        Column("ns per pixel", format_significant),
+        Column("of these in the program", format_significant),
+        Column("additional MiB", ".1f"),
+        Column("additional bytes per pixel", format_significant),
     ]
+    cells: list[list[Value]] = [
+        [
+            row["operation"],
+            f"{row['side']:,} × {row['side']:,}",
+            1000 * statistics.median(row["seconds"]),
+            1e9 * statistics.median(row["seconds"]) / row["side"] ** 2,
+            1e9 * row["user_seconds"] / row["side"] ** 2,
+            row["additional_bytes"] / 2**20,
+            row["additional_bytes"] / row["side"] ** 2,
+        ]
+        for row in rows
+    ]
+    return Table("Time and memory by image size", columns, cells)
+
+
+def latency_table(times: dict[str, list[float]]) -> Table:
+    """Return the wall time of fresh processes."""
+    return Table(
+        "Wall time of a process",
+        [
+            Column("process"),
+            Column("s", ".3f"),
+            Column("spread", ".0%"),
+            Column("share of Python and NumPy alone", ".0%"),
+        ],
+        [
+            [
+                f"`{name}`" if name.startswith("jotlight") else name,
+                statistics.median(each),
+                relative_spread(each),
+                min(1.0, median_ratio(times[NUMPY], each)),
+            ]
+            for name, each in times.items()
+        ],
+    )
+
+
+def thread_words(threads: int) -> str:
+    """Return a number of threads in words."""
+    return "1 thread" if threads == 1 else f"{threads} threads"

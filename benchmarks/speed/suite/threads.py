@@ -1,4 +1,4 @@
-"""Keep every library to a number of threads."""
+"""A limit on the threads and cores of every library."""
 
 import contextlib
 import os
@@ -11,20 +11,20 @@ TASKS = Path("/proc/self/task")
 
 @contextlib.contextmanager
 def limited(threads: int) -> Iterator[None]:
-    """Let all threads of this process share `threads` cores, where the system can do that.
+    """Restrict all threads of this process to `threads` cores, where the system can do that.
 
-    That holds for libraries too which cannot be told; those that can are told besides.
+    This also restricts libraries without a setting for it. The settings of the others are set too.
     """
-    tell(threads)
+    set_library_threads(threads)
     before = os.sched_getaffinity(0) if TASKS.is_dir() else set()
-    keep_to(set(sorted(before)[:threads]))
+    bind_threads(set(sorted(before)[:threads]))
     try:
         yield
     finally:
-        keep_to(before)
+        bind_threads(before)
 
 
-def tell(threads: int) -> None:
+def set_library_threads(threads: int) -> None:
     with contextlib.suppress(ImportError):
         from threadpoolctl import threadpool_limits
 
@@ -35,7 +35,7 @@ def tell(threads: int) -> None:
         sys.modules["cv2"].setNumThreads(threads)
 
 
-def keep_to(cores: set[int]) -> None:
+def bind_threads(cores: set[int]) -> None:
     if not cores:
         return
     for task in TASKS.iterdir():

@@ -1,4 +1,4 @@
-"""Networks in PyTorch alone."""
+"""Networks in PyTorch, with the fastest PyTorch operations for each step."""
 
 from collections.abc import Callable
 
@@ -7,7 +7,7 @@ import torch
 
 import jotlight as jl
 from jotlight.torch import Network
-from suite.paths.scene import unpacked
+from suite.tasks.scene import unpacked
 
 Spline = Callable[[torch.Tensor, torch.Tensor, float, float], torch.Tensor]
 
@@ -18,7 +18,7 @@ class TorchNetwork:
     def __init__(
         self, network: jl.Network, height: int, width: int, spline: Spline | None = None
     ) -> None:
-        self.spline = spline or by_interval
+        self.spline = spline or spline_by_interval
         first, second = network.layers
         self.tied = network.tied
         self.side = network.sensor.oversampling
@@ -27,8 +27,8 @@ class TorchNetwork:
         self.second = torch.from_numpy(second.filters.copy())
         self.phi2 = torch.from_numpy(second.coefficients[0].copy())
         halo = self.second.shape[2] // 2
-        # Symmetric continuation repeats the rim, which PyTorch's padding modes do not.
-        self.rows, self.columns = mirrored(height, halo), mirrored(width, halo)
+        # Symmetric padding repeats the border pixels, which PyTorch's padding modes do not.
+        self.rows, self.columns = mirror_indices(height, halo), mirror_indices(width, halo)
         self.intervals = [(layer.start, layer.spacing) for layer in network.layers]
 
     @property
@@ -36,12 +36,12 @@ class TorchNetwork:
         return [self.first, self.phi1, self.second, self.phi2]
 
     def sums(self, bits: jl.Bits) -> torch.Tensor:
-        """Give p, or of a tied network the counts."""
+        """Return p of equation (11), or the counts for a tied network."""
         if self.tied:
             return counts_of(bits, self.side)
         return torch.nn.functional.conv2d(jots_of(bits), self.first, stride=self.side)
 
-    def picture(self, sums: torch.Tensor) -> torch.Tensor:
+    def estimate(self, sums: torch.Tensor) -> torch.Tensor:
         p = self.first * sums if self.tied else sums
         u = self.spline(p, self.phi1, *self.intervals[0])
         padded = u[:, :, self.rows][:, :, :, self.columns]
@@ -50,11 +50,11 @@ class TorchNetwork:
 
     def reconstruct(self, bits: jl.Bits) -> np.ndarray:
         with torch.inference_mode():
-            return self.picture(self.sums(bits))[0, 0].numpy()
+            return self.estimate(self.sums(bits))[0, 0].numpy()
 
 
 class DeepNetwork(Network):
-    """The module, with splines in the quickest of PyTorch's ways forwards."""
+    """The module, with splines by PyTorch's fastest operations for a forward pass."""
 
     def bent(
         self, index: int, sums: torch.Tensor, coefficients: torch.Tensor | None
@@ -62,7 +62,7 @@ class DeepNetwork(Network):
         if coefficients is None:
             return sums
         place, intervals = self.places[index], coefficients.shape[1] - 3
-        first, f = place_of(sums, intervals, place.start, place.spacing)
+        first, f = interval_of(sums, intervals, place.start, place.spacing)
         cubics = coefficients.unfold(1, 4, 1) @ BASIS
         channel = torch.arange(len(cubics), dtype=torch.int32).view(1, -1, 1, 1) * cubics.shape[1]
         first = (first.view(sums.shape) + channel).view(-1)
@@ -75,27 +75,32 @@ def jots_of(bits: jl.Bits) -> torch.Tensor:
 
 
 def counts_of(bits: jl.Bits, side: int) -> torch.Tensor:
-    # The quickest of PyTorch's ways to add up a block.
+    # This is PyTorch's fastest way to sum blocks.
     return torch.nn.functional.avg_pool2d(jots_of(bits), side, divisor_override=1)
 
 
-def mirrored(size: int, halo: int) -> torch.Tensor:
+def mirror_indices(size: int, halo: int) -> torch.Tensor:
     return torch.from_numpy(np.pad(np.arange(size), halo, mode="symmetric"))
 
 
-def by_interval(z: torch.Tensor, w: torch.Tensor, start: float, spacing: float) -> torch.Tensor:
-    """φ with a cubic for each interval: PyTorch's quickest way forwards."""
-    first, f = place_of(z, len(w) - 3, start, spacing)
+def spline_by_interval(
+    z: torch.Tensor, w: torch.Tensor, start: float, spacing: float
+) -> torch.Tensor:
+    """Return φ(z) by a cubic for each interval, PyTorch's fastest way for a forward pass."""
+    first, f = interval_of(z, len(w) - 3, start, spacing)
     cubics = (w.unfold(0, 4, 1) @ BASIS).index_select(0, first).view(*z.shape, 4)
     a, b, c, d = cubics.unbind(-1)
     return ((d * f + c) * f + b) * f + a
 
 
-def by_weights(
+def spline_by_weights(
     z: torch.Tensor, w: torch.Tensor, start: float, spacing: float, *, plain: bool = False
 ) -> torch.Tensor:
-    """φ with four coefficients for each number, by indices or in the quickest way backwards."""
-    first, f = place_of(z, len(w) - 3, start, spacing)
+    """Return φ(z) by four coefficients for each number, by indices if `plain`.
+
+    Without `plain` this is PyTorch's fastest way for a backward pass.
+    """
+    first, f = interval_of(z, len(w) - 3, start, spacing)
     g = 1 - f
 
     def weight(k: int) -> torch.Tensor:
@@ -110,15 +115,16 @@ def by_weights(
     )
 
 
-def place_of(
+def interval_of(
     z: torch.Tensor, intervals: int, start: float, spacing: float
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """The interval of each number, in a row, and how far it is through it."""
-    place = ((z - start) * (1 / spacing)).clamp(0, intervals)
-    first = place.detach().to(torch.int32).clamp_(max=intervals - 1)
-    return first.reshape(-1), place - first
+    """Return the interval of each number as a flat array, and its position in the interval."""
+    position = ((z - start) * (1 / spacing)).clamp(0, intervals)
+    first = position.detach().to(torch.int32).clamp_(max=intervals - 1)
+    return first.reshape(-1), position - first
 
 
 BASIS = torch.tensor(
     [[1 / 6, -0.5, 0.5, -1 / 6], [2 / 3, 0, -1, 0.5], [1 / 6, 0.5, 0.5, -0.5], [0, 0, 0, 1 / 6]]
 )
+"""The cubic B-spline on one interval: rows are coefficients, columns are powers."""

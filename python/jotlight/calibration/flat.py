@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.calibration.rates import Counts, Rates, detections, firing, variance
+from jotlight.calibration.rates import Counts, Rates, detections, variance
+from jotlight.sensing.response import detection_probability
 
 LOCAL = 15
 """Side of the window, in jots, whose median is the light that falls on its middle."""
@@ -96,8 +97,8 @@ def response(
             "and with the exposure of the dark capture"
         )
     local = np.maximum(local, 1e-3 * np.median(local[~bad]))
-    weak = firing(LEAST_RESPONSE * local + dark, threshold)
-    strong = firing(local / LEAST_RESPONSE + dark, threshold)
+    weak = detection_probability(threshold, LEAST_RESPONSE * local + dark)
+    strong = detection_probability(threshold, local / LEAST_RESPONSE + dark)
     dead = binom.cdf(ones, frames, weak) <= false_positive_rate
     dead |= binom.sf(ones - 1, frames, strong) <= false_positive_rate
 

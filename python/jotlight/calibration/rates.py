@@ -1,11 +1,10 @@
 """From counts to detections per frame and back, for any threshold, however many there are."""
 
-import math
-
 import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.sensing.response import detection_density, detection_probability
 
 Counts = npt.NDArray[np.int32]
 Rates = npt.NDArray[np.float64]
@@ -27,13 +26,6 @@ def detections(ones: Counts, frames: int, threshold: int) -> Rates:
     return np.asarray(rates, np.float64)[place].reshape(ones.shape)
 
 
-def firing(rates: Rates, threshold: int) -> Rates:
-    """P(q, s): the chance that a jot fires."""
-    from scipy.special import gammainc
-
-    return np.asarray(gammainc(float(threshold), np.maximum(rates, 0)))
-
-
 def variance(rates: Rates, frames: int, threshold: int) -> Rates:
     """The variance of :func:`detections` at these rates, to first order; of 1 count for none.
 
@@ -43,6 +35,5 @@ def variance(rates: Rates, frames: int, threshold: int) -> Rates:
     least = engine.inverse_detection_probability(threshold, 0.5 / frames)
     most = engine.inverse_detection_probability(threshold, 1 - 0.5 / frames)
     s = np.clip(rates, least, most)
-    chance = firing(s, threshold)
-    slope = np.exp((threshold - 1) * np.log(s) - s - math.lgamma(threshold))
-    return np.asarray(chance * (1 - chance) / frames / slope**2)
+    p, density = detection_probability(threshold, s), detection_density(threshold, s)
+    return np.asarray(p * (1 - p) / frames / density**2)

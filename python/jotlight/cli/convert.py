@@ -8,7 +8,8 @@ import typer
 from jotlight.cli import capture_options
 from jotlight.cli.console import out, progress
 from jotlight.formats.description import companion_files
-from jotlight.formats.writing import WRITERS, choose_output_format, write_capture
+from jotlight.formats.registry import WRITERS
+from jotlight.formats.writing import choose_output_format, write_capture
 from jotlight.sensing.bits import Bits
 
 

@@ -16,9 +16,9 @@ from jotlight.files import atomic_write, refuse_overwrite
 from jotlight.formats import open_capture
 from jotlight.formats.arrays import list_npz_arrays, read_npy, read_npz, read_npz_label
 from jotlight.formats.capture import Capture, CountStack, is_single_image
-from jotlight.formats.description import read_counts_label
+from jotlight.formats.labels import read_counts_label
 from jotlight.formats.detect import detect_format
-from jotlight.formats.tiff import open_checked_tiff
+from jotlight.formats.tiff_directories import open_checked_tiff
 from jotlight.images.io import read_image
 from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer

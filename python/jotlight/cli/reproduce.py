@@ -11,7 +11,7 @@ from jotlight.cli import sensor_options
 from jotlight.cli.console import err, out, progress
 
 if TYPE_CHECKING:
-    from jotlight.experiments.report.section import Section
+    from jotlight.experiments.report.content import Section
 
 _NAMES = ("fig5", "fig6a", "fig6b", "fig7", "timing", "gain")
 _ALL = "all"
@@ -59,7 +59,7 @@ def reproduce(
     numbers, and the figures.
     """
     # Not sooner: nothing else needs them.
-    from jotlight.experiments import EXPERIMENTS, running
+    from jotlight.experiments import EXPERIMENTS, runner, tables
     from jotlight.experiments.experiment import Data
     from jotlight.experiments.report.report import write_report
 
@@ -68,46 +68,46 @@ def reproduce(
             f"reproduce: expected one of {', '.join(EXPERIMENTS)}, or {_ALL}, got {name!r}"
         )
     chosen = list(EXPERIMENTS.values()) if name == _ALL else [EXPERIMENTS[name]]
-    folder = running.Folder(output or Path("reproduction-quick" if quick else "reproduction"))
+    folder = runner.Folder(output or Path("reproduction-quick" if quick else "reproduction"))
     if folder.path.exists() and not folder.path.is_dir():
         raise NotADirectoryError(f"{folder.path}: expected a folder, and it is a file")
     material = Data(data)
-    needs = list(dict.fromkeys(need for experiment in chosen for need in experiment.needs))
+    needs = list(dict.fromkeys(need for experiment in chosen for need in experiment.datasets))
     if needs:
         with progress(2 * len(needs)) as begin:
-            material.read(needs, begin)
+            material.load(needs, begin)
     folder.results.mkdir(parents=True, exist_ok=True)
     work = []
     for experiment in chosen:
-        lab = running.prepare(
+        lab = runner.prepare(
             experiment, folder, quick=quick, restart=restart, data=material, threads=threads
         )
         parts = experiment.parts(lab)
-        left = [part for part in parts if not folder.done(experiment, part).exists()]
+        left = [part for part in parts if not folder.part_file(experiment, part).exists()]
         if len(left) < len(parts):
             err.print(
                 f"{experiment.name}: {len(parts) - len(left)} of {len(parts)} parts are there"
             )
         work.append((experiment, lab, left))
     total = sum(part.seconds for _, _, left in work for part in left)
-    facts: dict[str, running.Facts] = {}
+    facts: dict[str, tables.Facts] = {}
     try:
         with progress(total, remaining=True) as begin:
             for experiment, lab, left in work:
                 for number, part in enumerate(left):
                     title = f"{experiment.name}, {part.name}"
-                    seconds = running.run_part(experiment, part, folder, begin(title, part.seconds))
+                    seconds = runner.run_part(experiment, part, folder, begin(title, part.seconds))
                     if not err.is_terminal:
                         err.print(f"{title}: {seconds:.1f} s ({number + 1} of {len(left)})")
-                rows, facts[experiment.name] = running.gather(experiment, lab, folder)
-                running.write_table(folder.results / f"{experiment.name}.csv", rows)
+                rows, facts[experiment.name] = runner.collect(experiment, lab, folder)
+                tables.write_table(folder.results / f"{experiment.name}.csv", rows)
     except KeyboardInterrupt:
         err.print(
             f"\nWhat is done is kept in [bold]{escape(str(folder.path))}[/]: the same command "
             "goes on"
         )
         raise
-    running.write_facts(folder.results / "run.csv", facts)
+    tables.write_facts(folder.results / "run.csv", facts)
     report = write_report(folder)
     out.print(_claims([section for section in report.sections if section.name in facts]))
     if quick:
@@ -124,5 +124,5 @@ def _claims(sections: "list[Section]") -> Table:
     for section in sections:
         for claim in section.claims:
             style = _STYLES[claim.verdict]
-            table.add_row(section.name, escape(claim.said), f"[{style}]{claim.verdict}[/]")
+            table.add_row(section.name, escape(claim.statement), f"[{style}]{claim.verdict}[/]")
     return table

@@ -11,7 +11,7 @@ from jotlight.cli import sensor_options
 from jotlight.cli.console import out, progress
 from jotlight.files import refuse_overwrite
 from jotlight.formats.description import companion_files
-from jotlight.formats.npy import create_bits
+from jotlight.formats.cube import create_bits
 from jotlight.images.io import read_image
 from jotlight.sensing.sensor import Sensor
 

@@ -8,6 +8,7 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.sensing.likelihood import Array, Likelihood, Problem
 from jotlight.sensing.operators import differences
+from jotlight.sensing.response import inverse_detection_probability
 
 NORMS = ("isotropic", "anisotropic")
 """The norms of the two differences of a pixel that total variation can sum."""
@@ -197,7 +198,6 @@ def _block_sums(image: Array, sides: list[int]) -> Array:
 def _local_information(problem: Problem, light_of_ones: Array) -> Array:
     """Return I of each pixel, as if all pixels had the mean number of valid bits."""
     from scipy.ndimage import gaussian_filter
-    from scipy.special import gammaincinv
 
     operator, likelihood = problem.operator, problem.likelihood
     trials = np.broadcast_to(np.asarray(likelihood.trials, np.float64), likelihood.shape)
@@ -210,7 +210,8 @@ def _local_information(problem: Problem, light_of_ones: Array) -> Array:
     bits = trials.sum() / share.size
     # The information is a smooth function of the share alone, so a table suffices.
     shares = np.linspace(0, 1, _TABLE_SIZE)
-    rates = gammaincinv(likelihood.threshold, (bits * shares + 3 / 8) / (bits + 3 / 4))
+    p = (bits * shares + 3 / 8) / (bits + 3 / 4)
+    rates = inverse_detection_probability(likelihood.threshold, p, 1 - p)
     one_bit = Likelihood(np.zeros(_TABLE_SIZE, np.int32), 1, threshold=likelihood.threshold)
     information = np.interp(share, shares, one_bit.information(rates))
     return np.asarray(bits * light_of_ones.mean() ** 2 * information)

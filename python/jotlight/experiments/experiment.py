@@ -1,4 +1,4 @@
-"""What an experiment is: settings, parts that are run one by one, and what is shown of them."""
+"""What an experiment is: settings, parts that run one by one, and a section of the report."""
 
 import dataclasses
 import zlib
@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import datasets
-from jotlight.experiments.report.section import Section, Value
+from jotlight.datasets import bsds300, cifar10
+from jotlight.experiments.report.content import Section, Value
 
 Row = dict[str, Value]
 Image = npt.NDArray[np.float32]
-Update = Callable[[float], object]
-"""Takes the share of a part that is done."""
+Progress = Callable[[float], object]
+"""A function that takes the finished share of a part, from 0 to 1."""
 
 
 class Data:
@@ -24,74 +24,78 @@ class Data:
     Parameters
     ----------
     folder : Path, optional
-        Where they are. Default: they are fetched, once.
+        The folder that holds them. By default they are downloaded once.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
         self._folder = folder
-        self._photographs: dict[str, tuple[list[str], list[Image]]] = {}
-        self._small: dict[str, Image] = {}
+        self._bsds300: dict[str, tuple[list[str], list[Image]]] = {}
+        self._cifar10: dict[str, Image] = {}
 
-    def photographs(
-        self, split: str, first: int | None = None, progress: Update | None = None
+    def bsds300(
+        self, split: str, first: int | None = None, progress: Progress | None = None
     ) -> tuple[list[str], list[Image]]:
-        """Names, without ending, and grey images (H, W) of BSDS300."""
-        if split not in self._photographs:
-            names, images = datasets.bsds300(split, self._folder, progress=progress)
-            self._photographs[split] = [Path(name).stem for name in names], images
-        names, images = self._photographs[split]
+        """Return names, without extension, and gray images (H, W) of BSDS300."""
+        if split not in self._bsds300:
+            names, images = bsds300(split, self._folder, progress=progress)
+            self._bsds300[split] = [Path(name).stem for name in names], images
+        names, images = self._bsds300[split]
         return names[:first], images[:first]
 
-    def small_images(
-        self, split: str, first: int | None = None, progress: Update | None = None
+    def cifar10(
+        self, split: str, first: int | None = None, progress: Progress | None = None
     ) -> Image:
-        """Grey images of CIFAR-10 (N, 32, 32)."""
-        if split not in self._small:
-            self._small[split] = datasets.cifar10(split, self._folder, progress=progress)
-        return self._small[split][:first]
+        """Return gray images (N, 32, 32) of CIFAR-10."""
+        if split not in self._cifar10:
+            self._cifar10[split] = cifar10(split, self._folder, progress=progress)
+        return self._cifar10[split][:first]
 
     def digest(self, name: str) -> str:
-        """Tell a data set: how many images of each split, and a checksum of names and pixels."""
-        words = []
+        """Return the number of images of each split and a checksum of names and pixels."""
+        digests = []
         for split in ("train", "test"):
             if name == "bsds300":
-                names, images = self.photographs(split)
+                names, images = self.bsds300(split)
             else:
-                images = list(self.small_images(split))
+                images = list(self.cifar10(split))
                 names = []
             checksum = zlib.crc32("\n".join(names).encode())
             for image in images:
                 checksum = zlib.crc32(image.tobytes(), checksum)
-            words.append(f"{len(images)} {split} images ({checksum:08x})")
-        return ", ".join(words)
+            digests.append(f"{len(images)} {split} images ({checksum:08x})")
+        return ", ".join(digests)
 
-    def read(self, needs: Sequence[str], begin: Callable[[str], Update]) -> None:
-        """Read data sets now, so that what lacks is found before any work is done.
+    def load(self, names: Sequence[str], begin: Callable[[str], Progress]) -> None:
+        """Read data sets at once, so missing files are found before any work is done.
 
-        `needs` are "bsds300" and "cifar10"; `begin` is told what is read, and gives the function
-        that is told the share of it that is done.
+        Parameters
+        ----------
+        names : sequence of str
+            "bsds300" and "cifar10".
+        begin : callable
+            Takes a title and returns the function that takes the finished share.
         """
-        for name in needs:
+        for name in names:
+            read = {"bsds300": self.bsds300, "cifar10": self.cifar10}[name]
             for split in ("train", "test"):
-                read = {"bsds300": self.photographs, "cifar10": self.small_images}[name]
                 read(split, progress=begin(f"{name}, {split}"))
 
 
 @dataclasses.dataclass(frozen=True)
-class Lab:
-    """Where the parts of an experiment are run."""
+class RunContext:
+    """What the parts of an experiment work with."""
 
     settings: Mapping[str, Any]
-    """The experiment's `full` or `quick`."""
+    """The experiment's full or quick settings."""
     folder: Path
-    """For networks that later parts need, and checkpoints."""
+    """The folder for checkpoints and for networks that later parts need."""
     data: Data
     threads: int | None = None
 
 
 @dataclasses.dataclass(frozen=True)
-class Outcome:
-    """What a part found: rows for its experiment's table, and files such as pictures."""
+class PartResult:
+    """What a part returns: rows of its experiment's table, and files such as images."""
 
     rows: Sequence[Row]
     files: Mapping[str, bytes] = dataclasses.field(default_factory=dict)
@@ -99,50 +103,50 @@ class Outcome:
 
 @dataclasses.dataclass(frozen=True)
 class Part:
-    """A piece of work that is not done again once it is done."""
+    """A piece of work that runs once."""
 
     name: str
-    """Also of the file that keeps its outcome."""
+    """The part's name and that of the file that keeps its result."""
     seconds: float
-    """About how long it takes on two cores, so that one bar can tell of all parts."""
-    run: Callable[[Update], Outcome]
+    """Approximate duration on two cores, for a progress bar over all parts."""
+    run: Callable[[Progress], PartResult]
 
 
 @dataclasses.dataclass(frozen=True)
 class Results:
-    """What the parts of an experiment found, in their order."""
+    """The rows that the parts of an experiment returned, in their order."""
 
     settings: Mapping[str, Any]
     rows: Sequence[Row]
     files: Path | None = None
-    """The folder of the parts' files; None where only the table was kept."""
+    """The folder of the parts' files, or None where only the table was kept."""
     others: Mapping[str, "Results"] = dataclasses.field(default_factory=dict)
-    """Those of other experiments, by name, as far as they are there."""
+    """The results of other experiments, by name, where they exist."""
 
-    def where(self, **values: Value) -> list[Row]:
-        """Give the rows that have these values."""
+    def rows_where(self, **values: Value) -> list[Row]:
+        """Return the rows with these values."""
         return [row for row in self.rows if all(row[key] == values[key] for key in values)]
 
-    def numbers(self, column: str, **values: Value) -> npt.NDArray[np.float64]:
-        """Give a column of the rows that have these values."""
-        return np.array([row[column] for row in self.where(**values)], np.float64)
+    def column(self, name: str, /, **values: Value) -> npt.NDArray[np.float64]:
+        """Return a column of the rows with these values."""
+        return np.array([row[name] for row in self.rows_where(**values)], np.float64)
 
-    def distinct(self, column: str) -> list[Any]:
-        """Give the values of a column, each once, in their order."""
-        return list(dict.fromkeys(row[column] for row in self.rows))
+    def unique(self, name: str) -> list[Any]:
+        """Return the different values of a column, in the order of their first rows."""
+        return list(dict.fromkeys(row[name] for row in self.rows))
 
 
 @dataclasses.dataclass(frozen=True)
 class Experiment:
-    """A figure or table of the paper, or one that it lacks."""
+    """A figure or table of the paper, or a further comparison."""
 
     name: str
     title: str
-    full: Mapping[str, Any]
-    """All numbers that settle what is done; JSON can hold them."""
-    quick: Mapping[str, Any]
-    """The same for a look within seconds."""
-    parts: Callable[[Lab], list[Part]]
+    full_settings: Mapping[str, Any]
+    """Every number that determines the results. JSON can hold them."""
+    quick_settings: Mapping[str, Any]
+    """The same for a run of seconds."""
+    parts: Callable[[RunContext], list[Part]]
     section: Callable[[Results], Section]
-    needs: Sequence[str] = ()
-    """Data sets: "bsds300", "cifar10"."""
+    datasets: Sequence[str] = ()
+    """The data sets that the parts read: "bsds300", "cifar10"."""

@@ -1,27 +1,29 @@
-"""Beyond the paper: PSNR by exposure and by bits per pixel, for every method."""
+"""Where each method wins: PSNR by exposure and by bits per pixel. This goes beyond the paper."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
-import jotlight as jl
 from jotlight.evaluation.methods import METHODS
-from jotlight.experiments import fig7
+from jotlight.experiments.bsds_methods import TWO_LAYER, crop_center, methods_with
 from jotlight.experiments.experiment import (
     Experiment,
-    Lab,
-    Outcome,
     Part,
+    PartResult,
+    Progress,
     Results,
     Row,
-    Update,
+    RunContext,
 )
-from jotlight.experiments.learning import learn, sensor_of
-from jotlight.experiments.names import ALGEBRAIC
-from jotlight.experiments.report.curves import COLOURS, Axes, Line, draw
-from jotlight.experiments.report.section import Column, Curves, Section, Table
-from jotlight.networks.pretrained import BITS_PER_PIXEL, unsupported_reason
+from jotlight.experiments.method_titles import ALGEBRAIC
+from jotlight.experiments.report.content import Column, Curves, Section, Table
+from jotlight.experiments.report.curves import METHOD_COLORS, Axes, Line, render_svg
+from jotlight.experiments.training_runs import paper_sensor, train_by_default
+from jotlight.metrics import psnr, ssim
+from jotlight.networks.network import Network
+from jotlight.networks.pretrained import BITS_PER_PIXEL, pretrained, unsupported_reason
+from jotlight.sensing.sensor import Sensor
 
 SETTINGS = {
     "bits": 16,
@@ -35,63 +37,72 @@ SETTINGS = {
     "seed": 0,
 }
 
-_FAST = 20.0
-"""Milliseconds per Berkeley image on one core, for a method that counts as fast."""
+_MAX_FAST = 20.0
+"""Maximum milliseconds per Berkeley image on one core of a method that counts as fast."""
+
+Means = dict[float, dict[str, float]]
+"""Mean PSNR by exposure or by bits per pixel, and by method."""
 
 
-def parts(lab: Lab) -> list[Part]:
-    """One for each sensor."""
-    settings = lab.settings
+def parts(context: RunContext) -> list[Part]:
+    """Return one part for each sensor."""
+    settings = context.settings
 
-    def one_sensor(axis: str, sensor: jl.Sensor) -> Callable[[Update], Outcome]:
-        def run(update: Update) -> Outcome:
-            if unsupported_reason(sensor, "two-layer") is None:
-                network = jl.pretrained(sensor, "two-layer")
-            else:
-                _, scenes = lab.data.photographs("train", settings["learning_images"])
-                network, _ = learn(
-                    lab, f"gain{sensor.gain:g}", sensor, scenes, lambda share: update(share / 3)
-                )
-            runs = fig7.methods(network)
-            runs.pop(ALGEBRAIC, None)
-            names, images = lab.data.photographs("test")
-            # Spread over the whole set.
-            chosen = range(0, len(images), max(1, len(images) // settings["images"]))
-            chosen = chosen[: settings["images"]]
-            rows: list[Row] = []
-            for done, number in enumerate(chosen):
-                update(1 / 3 + 2 / 3 * done / len(chosen))
-                image = fig7.part_of(images[number], settings["side"])
-                bits = sensor.expose(image, number, threads=lab.threads)
-                for method, reconstruct in runs.items():
-                    estimate = reconstruct(bits, sensor, threads=lab.threads)
-                    rows.append(
-                        {
-                            "axis": axis,
-                            "bits": sensor.bits_per_pixel,
-                            "gain": sensor.gain,
-                            "image": names[number],
-                            "method": method,
-                            "psnr": jl.metrics.psnr(estimate, image),
-                            "ssim": jl.metrics.ssim(estimate, image),
-                        }
-                    )
-            return Outcome(rows)
+    def one_sensor(axis: str, sensor: Sensor) -> Callable[[Progress], PartResult]:
+        return lambda progress: PartResult(_rows(context, axis, sensor, progress))
 
-        return run
-
-    exposures = [sensor_of(settings["bits"], gain=float(gain)) for gain in settings["gains"]]
+    exposures = [paper_sensor(settings["bits"], gain=float(gain)) for gain in settings["gains"]]
     return [
         *(Part(f"gain{s.gain:g}", 60, one_sensor("exposure", s)) for s in exposures),
         *(
-            Part(f"k{bits}", 35, one_sensor("bits", sensor_of(bits)))
+            Part(f"k{bits}", 35, one_sensor("bits", paper_sensor(bits)))
             for bits in settings["many_bits"]
         ),
     ]
 
 
+def _rows(context: RunContext, axis: str, sensor: Sensor, progress: Progress) -> list[Row]:
+    """Return PSNR and SSIM of every method on every image for one sensor."""
+    settings = context.settings
+    runs = methods_with(_network(context, sensor, progress))
+    runs.pop(ALGEBRAIC, None)
+    names, images = context.data.bsds300("test")
+    # The chosen images are spread over the whole set.
+    chosen = range(0, len(images), max(1, len(images) // settings["images"]))
+    chosen = chosen[: settings["images"]]
+    rows: list[Row] = []
+    for done, number in enumerate(chosen):
+        progress(1 / 3 + 2 / 3 * done / len(chosen))
+        image = crop_center(images[number], settings["side"])
+        bits = sensor.expose(image, number, threads=context.threads)
+        for method, reconstruct in runs.items():
+            estimate = reconstruct(bits, sensor, threads=context.threads)
+            rows.append(
+                {
+                    "axis": axis,
+                    "bits": sensor.bits_per_pixel,
+                    "gain": sensor.gain,
+                    "image": names[number],
+                    "method": method,
+                    "psnr": psnr(estimate, image),
+                    "ssim": ssim(estimate, image),
+                }
+            )
+    return rows
+
+
+def _network(context: RunContext, sensor: Sensor, progress: Progress) -> Network:
+    """Return the package's network for a sensor, or train one where there is none."""
+    if unsupported_reason(sensor, "two-layer") is None:
+        return pretrained(sensor, "two-layer")
+    _, scenes = context.data.bsds300("train", context.settings["learning_images"])
+    name = f"gain{sensor.gain:g}"
+    network, _ = train_by_default(context, name, sensor, scenes, lambda share: progress(share / 3))
+    return network
+
+
 def section(results: Results) -> Section:
-    """Both sets of curves, and which method wins where."""
+    """Return the curves by exposure and by bits, and which method wins where."""
     settings = results.settings
     bits = settings["bits"]
     exposures = [gain / bits for gain in settings["gains"]]
@@ -99,32 +110,36 @@ def section(results: Results) -> Section:
         gain / bits: _means(results, axis="exposure", gain=gain) for gain in settings["gains"]
     }
     by_bits = {k: _means(results, axis="bits", bits=k) for k in settings["many_bits"]}
+    fast = _fast_methods(results)
     return Section(
         EXPERIMENT.name,
         EXPERIMENT.title,
-        f"{len(results.distinct('image'))} test images of BSDS300 in grey, their middle "
-        f"{settings['side']} × {settings['side']}, by every method that is installed, with the "
-        "strengths that it has by default. Above by exposure, α / K: photons per jot where the "
-        f"scene has intensity 1, K = {bits}; below by K with α = K. The network is learned for "
-        "each exposure by the default recipe from the training images, and that of the package "
-        "where it fits.",
+        f"{len(results.unique('image'))} test images of BSDS300 in gray, their central "
+        f"{settings['side']} × {settings['side']} pixels, by every installed method with its "
+        "default strength. The first tables are by exposure α / K, the photons per jot where the "
+        f"scene has intensity 1, at K = {bits}. The second tables are by K with α = K. The learned "
+        "network is the package's own where the package has one for the sensor; otherwise this "
+        "run trains it on the training images by the default training.",
         "jotlight reproduce gain",
+        ["gain.csv"],
         tables=[
-            _table(f"PSNR in dB by exposure α / K, K = {bits}", by_exposure),
-            _winners("photons per jot, α / K", by_exposure, _fast(results)),
-            _table("PSNR in dB by bits per pixel K, α = K", by_bits),
-            _winners("bits per pixel K", by_bits, _fast(results)),
+            _psnr_table(f"PSNR in dB by exposure α / K, K = {bits}", by_exposure),
+            _best_table("photons per jot, α / K", by_exposure, fast),
+            _psnr_table("PSNR in dB by bits per pixel K, α = K", by_bits),
+            _best_table("bits per pixel K", by_bits, fast),
         ],
         curves=[
             Curves(
                 "gain-exposure",
                 f"PSNR by exposure, K = {bits}",
-                draw([_axes(by_exposure, "photons per jot at intensity 1, α / K", exposures)]),
+                render_svg(
+                    [_axes(by_exposure, "photons per jot at intensity 1, α / K", exposures)]
+                ),
             ),
             Curves(
                 "gain-bits",
                 "PSNR by bits per pixel, α = K",
-                draw([_axes(by_bits, "bits per pixel K", settings["many_bits"])]),
+                render_svg([_axes(by_bits, "bits per pixel K", settings["many_bits"])]),
             ),
         ],
     )
@@ -132,56 +147,56 @@ def section(results: Results) -> Section:
 
 def _means(results: Results, **where: Any) -> dict[str, float]:
     return {
-        method: float(results.numbers("psnr", method=method, **where).mean())
-        for method in results.distinct("method")
+        method: float(results.column("psnr", method=method, **where).mean())
+        for method in results.unique("method")
     }
 
 
-def _axes(means: dict[float, dict[str, float]], x: str, ticks: list[float]) -> Axes:
-    found = next(iter(means.values()))
+def _axes(means: Mapping[float, dict[str, float]], x_label: str, ticks: list[float]) -> Axes:
+    methods = next(iter(means.values()))
     lines = [
         Line(
             METHODS[method].title,
             list(means),
             [row[method] for row in means.values()],
-            color=COLOURS[method],
-            marker="o" if method == "network-two-layer" else ".",
+            color=METHOD_COLORS[method],
+            marker="o" if method == TWO_LAYER else ".",
         )
-        for method in found
+        for method in methods
     ]
-    return Axes(lines, x=x, y="PSNR, dB", x_log=True, ticks=ticks)
+    return Axes(lines, x_label, "PSNR, dB", x_log=True, x_ticks=ticks)
 
 
-def _table(title: str, means: dict[float, dict[str, float]]) -> Table:
-    found = next(iter(means.values()))
+def _psnr_table(title: str, means: Means) -> Table:
+    methods = next(iter(means.values()))
     return Table(
         title,
-        [Column("method"), *(Column(f"{value:g}", 2, "highest") for value in means)],
-        [[METHODS[method].title, *(row[method] for row in means.values())] for method in found],
+        [Column("method"), *(Column(f"{value:g}", ".2f", "highest") for value in means)],
+        [[METHODS[method].title, *(row[method] for row in means.values())] for method in methods],
     )
 
 
-def _fast(results: Results) -> set[str]:
-    """The methods that `timing` found to be fast; none where it was not run."""
-    time = results.others.get("timing")
-    if time is None:
+def _fast_methods(results: Results) -> set[str]:
+    """Return the methods that `timing` found to be fast, or none if it was not run."""
+    timing = results.others.get("timing")
+    if timing is None:
         return set()
-    cores = time.distinct("cores")[0]
+    cores = timing.unique("cores")[0]
     return {
         method
-        for method in time.distinct("method")
-        if np.median(time.numbers("milliseconds", cores=cores, method=method)) < _FAST
+        for method in timing.unique("method")
+        if np.median(timing.column("milliseconds", cores=cores, method=method)) < _MAX_FAST
     }
 
 
-def _winners(first: str, means: dict[float, dict[str, float]], fast: set[str]) -> Table:
-    """The best method, and the best of some."""
+def _best_table(first: str, means: Means, fast: set[str]) -> Table:
+    """Return the best of all methods, of those with a free license, and of the fast ones."""
     groups: dict[str, Callable[[str], bool]] = {
         "best": lambda name: True,
-        "best under a free licence": lambda name: METHODS[name].required_package != "bm3d",
+        "best under a free license": lambda name: METHODS[name].required_package != "bm3d",
     }
     if fast:
-        groups[f"best in less than {_FAST:g} ms"] = lambda name: name in fast
+        groups[f"best in less than {_MAX_FAST:g} ms"] = lambda name: name in fast
     rows: list[list[Any]] = []
     for value, row in means.items():
         cells: list[Any] = [int(value) if value == int(value) else value]
@@ -191,9 +206,9 @@ def _winners(first: str, means: dict[float, dict[str, float]], fast: set[str]) -
         rows.append(cells)
     columns = [Column(first)]
     for title in groups:
-        columns += [Column(title), Column("PSNR, dB", 2)]
+        columns += [Column(title), Column("PSNR, dB", ".2f")]
     return Table(
-        f"Which to take, by {first}",
+        f"The best method, by {first}",
         columns,
         rows,
         "BM3D's package is for non-commercial use.",
@@ -216,5 +231,5 @@ EXPERIMENT = Experiment(
     },
     parts,
     section,
-    needs=("bsds300",),
+    datasets=("bsds300",),
 )

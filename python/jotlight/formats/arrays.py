@@ -1,4 +1,8 @@
-"""Arrays of NumPy in files, `.npy` and `.npz`, by strangers: whole, of numbers, never pickled."""
+"""NumPy arrays in `.npy` and `.npz` files from untrusted sources.
+
+Only complete arrays of numbers are read. Pickled objects are never loaded, and no header can
+cause more memory to be allocated than the file can fill.
+"""
 
 import lzma
 import math
@@ -12,7 +16,7 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
-DAMAGED = (
+HEADER_ERRORS = (
     ValueError,
     EOFError,
     OverflowError,
@@ -21,10 +25,10 @@ DAMAGED = (
     RecursionError,
     TokenError,
 )
-"""What reading a damaged header may raise."""
+"""Exceptions that NumPy raises when the header of a `.npy` file is damaged."""
 
-# RuntimeError for what is encrypted or packed in a way that Python lacks.
-BAD_ARCHIVE = (
+# RuntimeError: the member is encrypted, or Python does not support its compression.
+ARCHIVE_ERRORS = (
     OSError,
     RuntimeError,
     MemoryError,
@@ -32,38 +36,74 @@ BAD_ARCHIVE = (
     zlib.error,
     lzma.LZMAError,
 )
-"""What reading a damaged archive may raise."""
+"""Exceptions that Python raises when a zip archive or a gzip stream is damaged."""
 
+LABEL_MEMBER = "jotlight.json"
+"""Name of the member of a `.npz` archive that holds the label of its counts."""
 
-LABEL = "jotlight.json"
-"""The member of our archives that tells what the array is."""
-
-_LONGEST_HEADER = 1 << 16
-_LONGEST_LABEL = 1 << 20
+_MAX_HEADER_BYTES = 1 << 16
+_MAX_LABEL_BYTES = 1 << 20
 
 
 def check_header(file: IO[bytes]) -> None:
-    """Raise ValueError for what does not begin like a `.npy`, or has a header too long to be one.
+    """Raise ValueError when a file has no `.npy` signature, or its header is too long to be one.
 
-    NumPy takes memory for as many bytes as are told before it reads them.
+    NumPy allocates memory for the length that the header claims before it reads the header.
     """
     start = file.read(12)
     file.seek(0)
     if start[:6] != np.lib.format.MAGIC_PREFIX:
         raise ValueError("expected a .npy file, but it does not begin like one")
-    if start[6:7] > b"\x01" and int.from_bytes(start[8:12], "little") > _LONGEST_HEADER:
+    if start[6:7] > b"\x01" and int.from_bytes(start[8:12], "little") > _MAX_HEADER_BYTES:
         raise ValueError("the header of the .npy file is damaged")
 
 
+def read_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Return shape, whether the order is Fortran's, and dtype from the header of a `.npy` stream.
+
+    The stream is then at the first byte of the data.
+
+    Raises
+    ------
+    ValueError
+        When the stream has another signature, or another version than 1 or 2.
+    """
+    readers = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }
+    check_header(file)
+    version = np.lib.format.read_magic(file)
+    if version not in readers:
+        raise ValueError(f"expected version 1 or 2 of the .npy format, got {version}")
+    return readers[version](file)
+
+
+def objects_error(name: str) -> ValueError:
+    """Return the error for a file that holds pickled Python objects."""
+    return ValueError(
+        f"{name}: holds Python objects, which can run code and are never read; "
+        "save an array of numbers instead"
+    )
+
+
 def read_npy(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
-    """Memory-map a `.npy` file of numbers.
+    """Return the array of a `.npy` file as a read-only memory map.
 
     Raises
     ------
     OSError
         When the file cannot be read.
     ValueError
-        When it is no `.npy` file, is truncated, or holds Python objects (which are never read).
+        When the file is not a `.npy` file, is truncated, or holds Python objects.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "counts.npy"
+    >>> np.save(path, np.arange(3))
+    >>> read_npy(path).tolist()
+    [0, 1, 2]
     """
     path = Path(path)
     if path.is_dir():
@@ -79,86 +119,107 @@ def read_npy(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
         return np.lib.format.open_memmap(path, mode="r")
     except ValueError as error:
         if "Python objects" in str(error):
-            raise ValueError(
-                f"{path}: holds Python objects, which can run code and are never read; "
-                "save an array of numbers instead"
-            ) from error
+            raise objects_error(str(path)) from error
         raise ValueError(
-            f"{path}: expected a whole .npy file, but its size does not fit its header "
+            f"{path}: expected a complete .npy file, but its size does not fit its header "
             f"or the header is damaged ({error})"
         ) from error
-    except DAMAGED as error:
+    except HEADER_ERRORS as error:
         raise ValueError(f"{path}: the header of the .npy file is damaged ({error})") from error
 
 
 def read_npz(path: str | os.PathLike[str], key: str | None = None) -> npt.NDArray[Any]:
-    """Read one array of a `.npz` archive, by name where it holds several.
+    """Return one array of a `.npz` archive.
+
+    Parameters
+    ----------
+    path : path
+    key : str, optional
+        Name of the array. Default: the only array of the archive.
 
     Raises
     ------
     OSError
         When the file cannot be read.
     ValueError
-        When it is no such archive, is damaged, holds Python objects, or has no array `key`.
+        When the file is not such an archive, is damaged, holds Python objects, has no array
+        `key`, or has several arrays and `key` is None.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "counts.npz"
+    >>> np.savez(path, dark=np.arange(3), flat=np.ones(3))
+    >>> read_npz(path, "dark").tolist()
+    [0, 1, 2]
     """
     path = Path(path)
-    names = list_npz_arrays(path)
-    if key is None and len(names) == 1:
-        key = names[0]
-    if key not in names:
-        told = "" if key is None else f", got {key!r}"
-        raise ValueError(f"{path}: expected the name of an array (--key): {', '.join(names)}{told}")
+    key = select_npz_array(path, key)
     try:
         with zipfile.ZipFile(path) as archive:
-            _check_size(archive, f"{key}.npy")
-            # NumPy's own reader of archives hands out the bytes of what is no array.
+            _check_member_size(archive, f"{key}.npy")
+            # numpy.load would return the bytes of a member that is no array.
             with archive.open(f"{key}.npy") as member:
                 return np.asarray(np.lib.format.read_array(member, allow_pickle=False))
-    except (*DAMAGED, *BAD_ARCHIVE) as error:
+    except (*HEADER_ERRORS, *ARCHIVE_ERRORS) as error:
         if "Object arrays" in str(error):
-            raise ValueError(
-                f"{path}: {key} holds Python objects, which can run code and are never read; "
-                "save an array of numbers instead"
-            ) from error
+            raise objects_error(f"{path}: {key}") from error
         raise ValueError(f"{path}: the array {key} is damaged ({error})") from error
 
 
-def _check_size(archive: zipfile.ZipFile, name: str) -> None:
-    """Raise ValueError when a member's header asks for more memory than the member has bytes."""
-    readers = {
-        (1, 0): np.lib.format.read_array_header_1_0,
-        (2, 0): np.lib.format.read_array_header_2_0,
-    }
+def select_npz_array(path: Path, key: str | None) -> str:
+    """Return `key` if a `.npz` archive has this array; for None, the name of its only array.
+
+    Raises
+    ------
+    ValueError
+        When there is no such array, or `key` is None and there are several.
+    """
+    names = list_npz_arrays(path)
+    if key is None and len(names) == 1:
+        return names[0]
+    if key is None or key not in names:
+        got = "" if key is None else f", got {key!r}"
+        raise ValueError(f"{path}: expected the name of an array (--key): {', '.join(names)}{got}")
+    return key
+
+
+def _check_member_size(archive: zipfile.ZipFile, name: str) -> None:
+    """Raise ValueError when the header of a member claims more bytes than the member has."""
     with archive.open(name) as member:
-        check_header(member)
-        version = np.lib.format.read_magic(member)
-        if version not in readers:
-            raise ValueError(f"expected version 1 or 2 of the .npy format, got {version}")
-        shape, _, dtype = readers[version](member)
-    size, there = math.prod(shape) * dtype.itemsize, archive.getinfo(name).file_size
-    if not dtype.hasobject and not 0 <= size <= there:
-        raise ValueError(f"its header tells of {size} bytes, but there are {there}")
+        shape, _, dtype = read_header(member)
+    claimed, available = math.prod(shape) * dtype.itemsize, archive.getinfo(name).file_size
+    if not dtype.hasobject and not 0 <= claimed <= available:
+        raise ValueError(f"its header claims {claimed} bytes, but there are {available}")
 
 
 def read_npz_label(path: Path) -> str | None:
-    """What an archive of ours tells of its array."""
+    """Return the label that jotlight wrote into a `.npz` archive, or None if there is none."""
     try:
-        with zipfile.ZipFile(path) as archive, archive.open(LABEL) as member:
-            return member.read(_LONGEST_LABEL).decode()
-    except (KeyError, *DAMAGED, *BAD_ARCHIVE):
+        with zipfile.ZipFile(path) as archive, archive.open(LABEL_MEMBER) as member:
+            return member.read(_MAX_LABEL_BYTES).decode()
+    except (KeyError, *HEADER_ERRORS, *ARCHIVE_ERRORS):
         return None
 
 
 def list_npz_arrays(path: Path) -> list[str]:
-    """The names of the arrays in a `.npz` archive."""
+    """Return the names of the arrays in a `.npz` archive, in the order of the archive.
+
+    Raises
+    ------
+    FileNotFoundError
+        When there is no such file.
+    ValueError
+        When the file is not a zip archive, or has no arrays.
+    """
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
     try:
         with zipfile.ZipFile(path) as archive:
             members = archive.namelist()
-    except BAD_ARCHIVE as error:
+    except ARCHIVE_ERRORS as error:
         raise ValueError(f"{path}: expected a .npz archive ({error})") from error
     names = [name.removesuffix(".npy") for name in members if name.endswith(".npy")]
     if not names:
-        raise ValueError(f"{path}: expected a .npz archive of arrays, got none in it")
+        raise ValueError(f"{path}: expected a .npz archive of arrays, but it has none")
     return names

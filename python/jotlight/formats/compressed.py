@@ -1,4 +1,4 @@
-"""Arrays of NumPy that are compressed, read from front to back in little memory."""
+"""Arrays in gzip streams and zip archives, read front to back in little memory."""
 
 import contextlib
 import gzip
@@ -11,50 +11,71 @@ from typing import IO, Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.formats.arrays import BAD_ARCHIVE, DAMAGED, check_header, list_npz_arrays, read_npz
+from jotlight.formats.arrays import (
+    ARCHIVE_ERRORS,
+    HEADER_ERRORS,
+    objects_error,
+    read_header,
+    read_npz,
+    select_npz_array,
+)
 from jotlight.formats.limits import check_claimed_size
-from jotlight.sensing.frames import Frames
+from jotlight.sensing.frames import Frames, read_in_chunks
 
-_SKIP = 1 << 20
+_CHUNK_BYTES = 1 << 20
+"""Bytes that are decompressed at once."""
 
 
 @contextlib.contextmanager
-def said(name: str) -> Iterator[None]:
-    """Say of which file it is that reading failed."""
+def naming_file(name: str) -> Iterator[None]:
+    """Turn errors of decompression into a ValueError that names the file."""
     try:
         yield
     except FileNotFoundError:
         raise
-    except (*DAMAGED, *BAD_ARCHIVE) as error:
+    except (*HEADER_ERRORS, *ARCHIVE_ERRORS) as error:
         raise ValueError(f"{name}: damaged or truncated ({error})") from error
 
 
 class Stream:
-    """Bytes at any place of a stream; going back begins anew."""
+    """Random access to a compressed stream. Going back reopens the stream.
 
-    def __init__(self, begin: Callable[[], IO[bytes]]) -> None:
-        self._begin = begin
+    Parameters
+    ----------
+    reopen : callable
+        Return the stream from its beginning.
+
+    Examples
+    --------
+    >>> import io
+    >>> stream = Stream(lambda: io.BytesIO(b"abcdef"))
+    >>> bytes(stream.read(4, 10)), bytes(stream.read(1, 2))
+    (b'ef', b'bc')
+    """
+
+    def __init__(self, reopen: Callable[[], IO[bytes]]) -> None:
+        self._reopen = reopen
         self._file: IO[bytes] | None = None
-        self._place = 0
+        self._position = 0
 
-    def read(self, place: int, size: int) -> bytearray:
-        """Bytes from a place on; fewer where the stream ends."""
-        if self._file is None or place < self._place:
+    def read(self, position: int, size: int) -> bytearray:
+        """Return `size` bytes from a position on, or fewer where the stream ends."""
+        if self._file is None or position < self._position:
             self.close()
-            self._file, self._place = self._begin(), 0
-        while self._place < place:
-            skipped = len(self._file.read(min(_SKIP, place - self._place)))
+            self._file, self._position = self._reopen(), 0
+        while self._position < position:
+            skipped = len(self._file.read(min(_CHUNK_BYTES, position - self._position)))
             if skipped == 0:
                 return bytearray()
-            self._place += skipped
+            self._position += skipped
         data = bytearray()
-        while len(data) < size and (piece := self._file.read(min(_SKIP, size - len(data)))):
-            data += piece
-        self._place += len(data)
+        while len(data) < size and (chunk := self._file.read(min(_CHUNK_BYTES, size - len(data)))):
+            data += chunk
+        self._position += len(data)
         return data
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file; the next read reopens it."""
         if self._file is not None:
             self._file.close()
         self._file = None
@@ -63,72 +84,81 @@ class Stream:
         self.close()
 
 
-def stream_npy(begin: Callable[[], IO[bytes]], name: str, there: int) -> Frames:
-    """Frames of a `.npy` in a stream that is compressed to `there` bytes.
+def stream_npy(reopen: Callable[[], IO[bytes]], name: str, file_bytes: int) -> Frames:
+    """Return the array of a compressed `.npy` stream as frames.
+
+    Parameters
+    ----------
+    reopen : callable
+        Return the decompressed stream from its beginning.
+    name : str
+        The file, for messages.
+    file_bytes : int
+        Size of the compressed file.
 
     Raises
     ------
     ValueError
-        When it is no such array or damaged, holds Python objects, or is in Fortran's order.
+        When the stream is no `.npy` file, is damaged, holds Python objects, or is in Fortran
+        order.
     """
-    readers = {
-        (1, 0): np.lib.format.read_array_header_1_0,
-        (2, 0): np.lib.format.read_array_header_2_0,
-    }
-    with said(name), begin() as file:
-        check_header(file)
-        version = np.lib.format.read_magic(file)
-        if version not in readers:
-            raise ValueError(f"expected version 1 or 2 of the .npy format, got {version}")
-        shape, fortran, dtype = readers[version](file)
-        header = file.tell()
+    with naming_file(name), reopen() as file:
+        shape, fortran_order, dtype = read_header(file)
+        header_bytes = file.tell()
     if dtype.hasobject:
-        raise ValueError(
-            f"{name}: holds Python objects, which can run code and are never read; "
-            "save an array of numbers instead"
-        )
-    if fortran and len(shape) > 1:
-        raise ValueError(f"{name}: expected an array in C order, got one in Fortran's order")
+        raise objects_error(name)
+    if fortran_order and len(shape) > 1:
+        raise ValueError(f"{name}: expected an array in C order, got Fortran order")
     if len(shape) == 0:
         raise ValueError(f"{name}: expected an array, got a single number")
-    each = math.prod(shape[1:]) * dtype.itemsize
-    check_claimed_size(name, each * shape[0], there)
-    stream = Stream(begin)
+    frame_bytes = math.prod(shape[1:]) * dtype.itemsize
+    check_claimed_size(name, frame_bytes * shape[0], file_bytes)
+    stream = Stream(reopen)
 
-    def read(first: int, last: int) -> npt.NDArray[Any]:
-        with said(name):
-            data = stream.read(header + first * each, (last - first) * each)
-        if len(data) != (last - first) * each:
-            raise ValueError(f"{name}: ends before the {shape[0]} frames that its header tells of")
-        return np.frombuffer(data, dtype).reshape(last - first, *shape[1:])
+    def read(start: int, stop: int) -> npt.NDArray[Any]:
+        size = (stop - start) * frame_bytes
+        with naming_file(name):
+            data = stream.read(header_bytes + start * frame_bytes, size)
+        if len(data) != size:
+            raise ValueError(f"{name}: ends before the {shape[0]} frames that its header claims")
+        return np.frombuffer(data, dtype).reshape(stop - start, *shape[1:])
 
     return Frames(shape, read, dtype)
 
 
 def open_gzip(path: Path) -> IO[bytes]:
-    """What a compressed file holds, from its beginning."""
+    """Return the decompressed stream of a gzip file, from its beginning."""
     return cast(IO[bytes], gzip.open(path))
 
 
-def open_npy_gz(path: Path) -> Frames:
-    """Frames of a `.npy.gz`."""
+def stream_npy_gz(path: Path) -> Frames:
+    """Return the array of a `.npy.gz` file as frames."""
     return stream_npy(lambda: open_gzip(path), str(path), path.stat().st_size)
 
 
-def open_npz(path: Path, key: str | None) -> npt.NDArray[Any] | Frames:
-    """Frames of an array in a `.npz`, by name where it holds several."""
-    names = list_npz_arrays(path)
-    key = names[0] if key is None and len(names) == 1 else key
-    if key not in names:
-        return read_npz(path, key)  # which says what is wrong
-    member = f"{key}.npy"
+def stream_npz(path: Path, key: str | None) -> npt.NDArray[Any] | Frames:
+    """Return one array of a `.npz` archive as frames, by name if there are several.
 
-    def begin() -> IO[bytes]:
-        return zipfile.ZipFile(path).open(member)
+    An array in Fortran order cannot be streamed, so it is read into memory.
+    """
+    key = select_npz_array(path, key)
+
+    def reopen() -> IO[bytes]:
+        return zipfile.ZipFile(path).open(f"{key}.npy")
 
     try:
-        return stream_npy(begin, f"{path}: {key}", path.stat().st_size)
+        return stream_npy(reopen, f"{path}: {key}", path.stat().st_size)
     except ValueError as error:
         if "Fortran" not in str(error):
             raise
         return read_npz(path, key)
+
+
+def write_npy_gz(path: Path, array: npt.NDArray[np.generic] | Frames) -> None:
+    """Write an array as a `.npy.gz` file, some frames at a time."""
+    header = {"descr": array.dtype.str, "fortran_order": False, "shape": array.shape}
+    # Without a name and a time in the gzip header, equal data become equal files.
+    with path.open("wb") as raw, gzip.GzipFile("", "wb", 6, raw, mtime=0) as file:
+        np.lib.format.write_array_header_1_0(file, header)
+        for _, part in read_in_chunks(array, _CHUNK_BYTES):
+            file.write(np.ascontiguousarray(part).tobytes())

@@ -1,4 +1,4 @@
-"""HDF5: a data set of packed bits, of bool, or of counts. Needs the extra `hdf5`."""
+"""HDF5: a data set of packed bits, of booleans, or of counts. Requires the extra `hdf5`."""
 
 import contextlib
 import math
@@ -10,19 +10,26 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import MissingExtraError, warn
-from jotlight.formats.capture import Capture
-from jotlight.formats.labeled import StoredArray, label, open_stored_array
+from jotlight.files import atomic_write
+from jotlight.formats.capture import Capture, Counts
+from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.labeled import ATTRIBUTE, StoredArray, bits_label, open_stored_array
 from jotlight.formats.limits import check_claimed_size
+from jotlight.formats.magic import has_type
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_in_chunks
 from jotlight.sensing.provenance import Provenance
 
-_MOST_SETS = 1000
-_MOST_CHUNK = 1 << 28
-"""Bytes of a chunk, which is unpacked whole, at most."""
+_MAX_DATA_SETS = 1000
+"""Maximum number of data sets in a file that are listed."""
+
+_MAX_CHUNK_BYTES = 1 << 28
+"""Maximum size of a chunk, which the library decompresses as a whole."""
+
+_WRITTEN_CHUNK_BYTES = 1 << 20
 
 
-def _h5py() -> Any:
+def _import_h5py() -> Any:
     try:
         import h5py
     except ImportError as error:
@@ -33,8 +40,8 @@ def _h5py() -> Any:
 
 
 @contextlib.contextmanager
-def _said(path: Path) -> Iterator[None]:
-    """What the HDF5 library says of a damaged file, in our words."""
+def _naming_file(path: Path) -> Iterator[None]:
+    """Turn every error of the HDF5 library into a ValueError that names the file."""
     try:
         yield
     except (MissingExtraError, FileNotFoundError, PermissionError):
@@ -43,93 +50,113 @@ def _said(path: Path) -> Iterator[None]:
         if str(path) in str(error):
             raise
         raise ValueError(f"{path}: the HDF5 file is damaged ({error})") from error
-    except Exception as error:  # anything: the library has many ways to fail
+    except Exception as error:  # the library raises many types for damaged files
         raise ValueError(f"{path}: the HDF5 file is damaged ({error})") from error
 
 
-def open_file(path: Path) -> dict[str, StoredArray]:
-    """The data sets of numbers in a file by name, read when asked for."""
-    h5py = _h5py()
-    found: dict[str, StoredArray] = {}
+def list_data_sets(path: Path) -> dict[str, StoredArray]:
+    """Return the data sets of numbers in an HDF5 file by name, which are read when needed.
+
+    Raises
+    ------
+    OSError
+        When the file cannot be read.
+    ValueError
+        When the file is damaged, refers to other files, or claims more than it can hold.
+    MissingExtraError
+        When h5py is not installed.
+    """
+    h5py = _import_h5py()
+    arrays: dict[str, StoredArray] = {}
 
     def visit(name: str, item: Any) -> bool | None:
         if isinstance(item, h5py.Dataset) and item.dtype.kind in "biuf" and item.ndim > 0:
-            found[name] = _item(path, item)
-        return True if len(found) >= _MOST_SETS else None
+            arrays[name] = _check_data_set(path, item)
+        return True if len(arrays) >= _MAX_DATA_SETS else None
 
-    with _said(path):
-        # Links are not followed, and so no file leads to another.
+    with _naming_file(path):
+        # visititems follows no links, so a file cannot lead to another file.
         h5py.File(path, "r").visititems(visit)
-    return found
+    return arrays
 
 
-def _item(path: Path, item: Any) -> StoredArray:
+def _check_data_set(path: Path, item: Any) -> StoredArray:
     if item.external or item.is_virtual:
         raise ValueError(f"{path}: {item.name} is in other files, which are not opened")
     size = math.prod(item.shape) * item.dtype.itemsize
     check_claimed_size(f"{path}: {item.name}", size, path.stat().st_size)
-    if item.chunks and math.prod(item.chunks) * item.dtype.itemsize > _MOST_CHUNK:
-        raise ValueError(f"{path}: {item.name} has chunks of more than {_MOST_CHUNK} bytes")
-    told = _label_of(path, item)
+    if item.chunks and math.prod(item.chunks) * item.dtype.itemsize > _MAX_CHUNK_BYTES:
+        raise ValueError(f"{path}: {item.name} has chunks of more than {_MAX_CHUNK_BYTES} bytes")
+    label = _read_label(path, item)
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
-        with _said(path):
+        with _naming_file(path):
             return np.asarray(item[start:stop])
 
-    return StoredArray(Frames(item.shape, read, item.dtype), told)
+    return StoredArray(Frames(item.shape, read, item.dtype), label)
 
 
-def _label_of(path: Path, item: Any) -> str | None:
-    """What jotlight wrote beside an array.
+def _read_label(path: Path, item: Any) -> str | None:
+    """Return the label of a data set, which has to be a string of fixed length.
 
-    In a string of fixed length: those of variable length lie in a heap, in which the library looks
-    for ever where it is damaged. So none is read.
+    Strings of variable length lie in a heap. The library never returns from reading a damaged
+    heap, so such a string is not read.
     """
-    with _said(path):
-        if "jotlight" not in item.attrs:
+    with _naming_file(path):
+        if ATTRIBUTE not in item.attrs:
             return None
-        if item.attrs.get_id("jotlight").dtype.kind != "S":
+        if item.attrs.get_id(ATTRIBUTE).dtype.kind != "S":
             warn(
                 f"{path}: the attribute jotlight of {item.name} is no text of fixed length, and "
                 "only those are read"
             )
             return None
-        return bytes(item.attrs["jotlight"]).decode()
+        return bytes(item.attrs[ATTRIBUTE]).decode()
 
 
-def open_hdf5(
-    path: Path,
-    *,
-    key: str | None = None,
-    counts: bool | None = None,
-    width: int | None = None,
-    sure: bool = False,
-) -> Capture:
-    """Open the data set of a file, by name where it has several."""
+def open_hdf5(path: Path, options: OpenOptions) -> Capture:
+    """Return the capture in a data set of an HDF5 file."""
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
-    found = open_file(path)
-    provenance = Provenance("hdf5", path.name)
-    return open_stored_array(found, provenance, key=key, counts=counts, width=width, sure=sure)
+    return open_stored_array(list_data_sets(path), Provenance("hdf5", path.name), options)
 
 
-def write_hdf5(path: Path, data: Bits | npt.NDArray[np.int32], told: str | None = None) -> None:
-    """Write packed bits and the sensor's maps, or an image of counts and its label."""
-    h5py = _h5py()
-    with h5py.File(path, "w") as file:
-        if isinstance(data, Bits):
-            shape = data.packed.shape
-            each = math.prod(shape[1:])
-            chunks = (max(1, min(shape[0], (1 << 20) // each)), *shape[1:])
-            cube = file.create_dataset(
-                "bits", shape, np.uint8, chunks=chunks, compression="gzip", compression_opts=1
-            )
-            for place, part in read_in_chunks(data.packed):
-                cube[place] = part
-            cube.attrs["jotlight"] = np.bytes_(label(data).encode())
-            for name, map_ in (data.sensor.maps() if data.sensor else {}).items():
-                file.create_dataset(name, data=map_)
-        else:
-            image = file.create_dataset("counts", data=data)
-            if told is not None:
-                image.attrs["jotlight"] = np.bytes_(told.encode())
+def _write_bits(bits: Bits, path: Path) -> None:
+    h5py = _import_h5py()
+    shape = bits.packed.shape
+    frame_bytes = math.prod(shape[1:])
+    chunks = (max(1, min(shape[0], _WRITTEN_CHUNK_BYTES // frame_bytes)), *shape[1:])
+    with atomic_write(path) as temporary, h5py.File(temporary, "w") as file:
+        cube = file.create_dataset(
+            "bits", shape, np.uint8, chunks=chunks, compression="gzip", compression_opts=1
+        )
+        for place, part in read_in_chunks(bits.packed):
+            cube[place] = part
+        cube.attrs[ATTRIBUTE] = np.bytes_(bits_label(bits).encode())
+        for name, map_ in (bits.sensor.maps() if bits.sensor else {}).items():
+            file.create_dataset(name, data=map_)
+
+
+def _write_counts(counts: Counts, path: Path, label: str | None) -> None:
+    h5py = _import_h5py()
+    with atomic_write(path) as temporary, h5py.File(temporary, "w") as file:
+        image = file.create_dataset("counts", data=counts)
+        if label is not None:
+            image.attrs[ATTRIBUTE] = np.bytes_(label.encode())
+
+
+HDF5 = Format(
+    "hdf5",
+    "an array in an HDF5 file",
+    open=open_hdf5,
+    matches=lambda path: has_type(path, "hdf5"),
+    extensions=(".h5", ".hdf5"),
+    has_keys=True,
+    writer=Writer(
+        bits=_write_bits,
+        counts=_write_counts,
+        extensions=(".h5", ".hdf5"),
+        keeps_sensor=True,
+        keeps_label=True,
+    ),
+)

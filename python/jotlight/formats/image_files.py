@@ -1,4 +1,4 @@
-"""Images of counts in TIFF and PNG, one or many, and masks."""
+"""Counts in TIFF and grayscale PNG files, one or many, and masks of dead jots."""
 
 import math
 import warnings
@@ -10,36 +10,57 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
+from jotlight.files import atomic_write
 from jotlight.formats.arrays import read_npy
-from jotlight.formats.capture import Capture, as_count_stack, is_single_image, pack_lazily
+from jotlight.formats.capture import Capture, Counts, as_count_stack, is_single_image
+from jotlight.formats.file_lists import list_files
+from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.limits import check_claimed_size
-from jotlight.formats.raw import list_files
-from jotlight.formats.tiff import open_checked_tiff
+from jotlight.formats.magic import has_type
+from jotlight.formats.packing import pack_lazily
+from jotlight.formats.tiff_directories import open_checked_tiff
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, concatenate
 from jotlight.sensing.provenance import Provenance
 
-_EXPANDED = {2: 85, 4: 17}
-"""By what Pillow multiplies grey levels of so many bits, to fill eight."""
+_TIFF_EXTENSIONS = (".tif", ".tiff")
+_PNG_EXTENSIONS = (".png",)
+
+_GRAYSCALE, _PALETTE = 0, 3
+"""Color types of a PNG. The indices into a palette are levels that a program has colored."""
+
+_PILLOW_SCALE = {2: 85, 4: 17}
+"""Factor by which Pillow multiplies gray levels, to fill 8 bits, by their depth in bits."""
 
 
-def open_tiff(path: Path) -> Capture:
-    """Open a TIFF, or a folder of them in natural order."""
-    return _images(path, (".tif", ".tiff"), "tiff", _tiff_frames)
+def open_tiff(path: Path, options: OpenOptions) -> Capture:
+    """Return the counts in a TIFF file, or in a folder of them in natural order."""
+    return _open_images(path, _TIFF_EXTENSIONS, TIFF.name, _read_tiff)
 
 
-def open_png(path: Path) -> Capture:
-    """Open a grey PNG, or a folder of them in natural order; one bit deep, they are bits."""
-    return _images(path, (".png",), "png", _png_frames)
+def open_png(path: Path, options: OpenOptions) -> Capture:
+    """Return the counts in a grayscale PNG, or in a folder of them in natural order.
+
+    A PNG of depth 1 is a frame of bits.
+    """
+    return _open_images(path, _PNG_EXTENSIONS, PNG.name, _read_png)
 
 
-def _images(
+def _matches(path: Path, name: str, extensions: tuple[str, ...]) -> bool:
+    """Return whether a file has the signature, or a folder has such files and no raw frames."""
+    if not path.is_dir():
+        return has_type(path, name)
+    has_images = any(file.suffix.lower() in extensions for file in path.iterdir())
+    return has_images and next(path.rglob("*.bin"), None) is None
+
+
+def _open_images(
     path: Path,
-    endings: tuple[str, ...],
+    extensions: tuple[str, ...],
     name: str,
     read: Callable[[Path], tuple[Frames, str | None]],
 ) -> Capture:
-    files = list_files(path, endings, name.upper())
+    files = list_files(path, extensions, name.upper())
     parts, labels = zip(*map(read, files), strict=True)
     if len({(part.shape[1:], part.dtype) for part in parts}) != 1:
         raise ValueError(f"{path}: expected images of one size and type")
@@ -50,105 +71,179 @@ def _images(
         )
     frames = concatenate(parts)
     if frames.dtype == np.bool_ and frames.ndim == 3:
-        provenance = provenance.with_notes(
-            "black and white pictures are frames of bits, white for 1"
-        )
+        provenance = provenance.with_notes("black-and-white images are frames of bits, white for 1")
         return Bits(pack_lazily(frames, path.name), frames.shape[2], provenance=provenance)
     return as_count_stack(frames, provenance, labels[0] if len(files) == 1 else None)
 
 
-def _tiff_frames(path: Path) -> tuple[Frames, str | None]:
+def _read_tiff(path: Path) -> tuple[Frames, str | None]:
+    """Return the images of a TIFF file, (T, H, W) or (T, H, W, C), and its description."""
     try:
         with open_checked_tiff(path) as file:
             series = file.series[0]
             shape, dtype = series.shape, series.dtype
-            told = file.pages[0].description
+            description = file.pages[0].description
             check_claimed_size("the header", series.size * dtype.itemsize, path.stat().st_size)
             single = is_single_image(shape)
             paged = not single and len(series.pages) == shape[0]
-    except Exception as error:  # anything: tifffile does not check what it reads
+    except Exception as error:  # tifffile does not check what it reads, so it may raise anything
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error
     if len(shape) not in (2, 3, 4) or dtype.kind not in "biu":
         raise ValueError(
             f"{path}: expected counts in whole numbers, (H, W) or (T, H, W), got {dtype} of "
-            f"shape {shape}; floats are a picture"
+            f"shape {shape}; floats are an image of intensities"
         )
+    stack_shape = (1, *shape) if single else shape
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
         try:
             with open_checked_tiff(path) as file:
                 series = file.series[0]
                 if not paged:
-                    return np.asarray(series.asarray().reshape(full)[start:stop])
-                out = np.empty((stop - start, *shape[1:]), dtype)
+                    return np.asarray(series.asarray().reshape(stack_shape)[start:stop])
+                images = np.empty((stop - start, *shape[1:]), dtype)
                 for index in range(start, stop):
                     page: Any = series.pages[index]
                     _check_page(page, shape[1:], path)
-                    out[index - start] = page.asarray()
-                return out
+                    images[index - start] = page.asarray()
+                return images
         except Exception as error:
             raise ValueError(f"{path}: the TIFF file is damaged ({error})") from error
 
-    full = (1, *shape) if single else shape
-    return Frames(full, read, dtype.newbyteorder("=")), told
+    return Frames(stack_shape, read, dtype.newbyteorder("=")), description
 
 
 def _check_page(page: Any, shape: tuple[int, ...], path: Path) -> None:
-    """Raise ValueError unless a page is as its series says, and so are its tiles."""
+    """Raise ValueError unless a page has the shape of its series, and tiles of a possible size."""
     if math.prod(page.shape) != math.prod(shape):
         raise ValueError(f"expected pages of shape {shape}, got {page.shape}")
-    like = page.keyframe
-    tile = like.tilewidth * like.tilelength * max(1, like.tiledepth) * like.dtype.itemsize
-    check_claimed_size("a tile", tile, path.stat().st_size)
+    keyframe = page.keyframe
+    tile_values = keyframe.tilewidth * keyframe.tilelength * max(1, keyframe.tiledepth)
+    check_claimed_size("a tile", tile_values * keyframe.dtype.itemsize, path.stat().st_size)
 
 
-def _png_frames(path: Path) -> tuple[Frames, None]:
+def _read_png(path: Path) -> tuple[Frames, None]:
+    """Return the levels of a PNG as one image, (1, H, W)."""
     from PIL import Image
 
     def load() -> npt.NDArray[Any]:
-        with path.open("rb") as file:
-            head = file.read(26)
-        if head[:8] != b"\x89PNG\r\n\x1a\n" or len(head) < 26:
-            raise ValueError("it does not begin like a PNG")
-        width, height = (int.from_bytes(head[at : at + 4], "big") for at in (16, 20))
-        depth, colour = head[24], head[25]
-        # Indices into a palette are levels too, which a program has painted.
-        if colour not in (0, 3):
-            raise ValueError("expected grey levels, got colour or transparency")
-        check_claimed_size("the header", width * height * max(1, depth // 8), path.stat().st_size)
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            with Image.open(path) as image:
-                array = np.asarray(image)
-        if array.shape != (height, width):
-            raise ValueError(f"expected {height} x {width} levels, got {array.shape}")
-        if colour == 0 and depth in _EXPANDED:
-            array = array // _EXPANDED[depth]
-        return array[None]
-
-    def said() -> npt.NDArray[Any]:
         try:
-            return load()
+            return _load_png(path)[None]
         except (OSError, ValueError, SyntaxError, Warning, Image.DecompressionBombError) as error:
             if isinstance(error, FileNotFoundError):
                 raise
             raise ValueError(f"{path}: the PNG cannot be read as counts ({error})") from error
 
-    first = said()
-    return Frames(first.shape, lambda start, stop: said()[start:stop], first.dtype), None
+    image = load()
+    return Frames(image.shape, lambda start, stop: load()[start:stop], image.dtype), None
+
+
+def _load_png(path: Path) -> npt.NDArray[Any]:
+    """Return the levels of a PNG as the file stores them, (H, W)."""
+    from PIL import Image
+
+    with path.open("rb") as file:
+        header = file.read(26)
+    if header[:8] != b"\x89PNG\r\n\x1a\n" or len(header) < 26:
+        raise ValueError("it does not begin like a PNG")
+    width, height = int.from_bytes(header[16:20], "big"), int.from_bytes(header[20:24], "big")
+    depth, color_type = header[24], header[25]
+    if color_type not in (_GRAYSCALE, _PALETTE):
+        raise ValueError("expected gray levels, got color or transparency")
+    check_claimed_size("the header", width * height * max(1, depth // 8), path.stat().st_size)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with Image.open(path) as image:
+            levels = np.asarray(image)
+    if levels.shape != (height, width):
+        raise ValueError(f"expected {height} x {width} levels, got {levels.shape}")
+    if color_type == _GRAYSCALE and depth in _PILLOW_SCALE:
+        levels = levels // _PILLOW_SCALE[depth]
+    return levels
 
 
 def read_mask(path: Path) -> npt.NDArray[np.bool_]:
-    """Read a map of dead jots: bool in a `.npy`, or a grey PNG where all but black is dead."""
+    """Return a mask of dead jots, (H, W), in which True marks a dead jot.
+
+    Parameters
+    ----------
+    path : path
+        Booleans in a `.npy`, or a grayscale PNG in which every level but 0 marks a dead jot.
+
+    Raises
+    ------
+    OSError, ValueError
+        When the file cannot be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "mask.npy"
+    >>> np.save(path, np.eye(2, 3, dtype=bool))
+    >>> read_mask(path).astype(int).tolist()
+    [[1, 0, 0], [0, 1, 0]]
+    """
     if path.suffix.lower() != ".png":
         mask = np.array(read_npy(path))
     else:
         if not path.is_file():
             raise FileNotFoundError(f"there is no file {path}")
-        mask = _png_frames(path)[0].read(0, 1)[0] != 0
+        mask = _read_png(path)[0].read(0, 1)[0] != 0
     if mask.dtype == np.bool_ and mask.size and mask.mean() > 0.5:
         warn(
             f"{path}: marks {mask.mean():.0%} of the jots as dead; if it marks the good ones, "
             "invert it"
         )
     return mask
+
+
+def _smallest_type(counts: Counts) -> npt.NDArray[Any]:
+    """Return counts in the smallest unsigned type that holds them."""
+    high = int(counts.max())
+    return counts.astype(np.uint8 if high < 1 << 8 else np.uint16 if high < 1 << 16 else np.uint32)
+
+
+def _write_tiff(counts: Counts, path: Path, label: str | None) -> None:
+    import tifffile
+
+    with atomic_write(path) as temporary:
+        if counts.ndim == 3 and counts.shape[2] not in (3, 4):
+            raise ValueError(f"tiff: expected 1 or 3 channels, got {counts.shape[2]}")
+        tifffile.imwrite(
+            temporary,
+            _smallest_type(counts),
+            photometric="minisblack" if counts.ndim == 2 else "rgb",
+            metadata=None,
+            description=label,
+        )
+
+
+def _write_png(counts: Counts, path: Path, label: str | None) -> None:
+    from PIL import Image
+
+    with atomic_write(path) as temporary:
+        if counts.ndim != 2 or counts.max() >= 1 << 16:
+            raise ValueError(
+                f"png: expected counts (H, W) below 65536, got {counts.shape} up to "
+                f"{counts.max()}; tiff holds more"
+            )
+        Image.fromarray(_smallest_type(counts)).save(temporary, "PNG")
+
+
+PNG = Format(
+    "png",
+    "counts in a grayscale PNG, or in a folder of them",
+    open=open_png,
+    matches=lambda path: _matches(path, "png", _PNG_EXTENSIONS),
+    extensions=_PNG_EXTENSIONS,
+    writer=Writer(counts=_write_png, extensions=_PNG_EXTENSIONS),
+)
+
+TIFF = Format(
+    "tiff",
+    "counts in a TIFF, or in a folder of them",
+    open=open_tiff,
+    matches=lambda path: _matches(path, "tiff", _TIFF_EXTENSIONS),
+    extensions=_TIFF_EXTENSIONS,
+    writer=Writer(counts=_write_tiff, extensions=_TIFF_EXTENSIONS, keeps_label=True),
+)

@@ -1,12 +1,12 @@
-"""The first bytes that tell what a file is."""
+"""File types that the first bytes of a file identify."""
 
 from pathlib import Path
 
-_BEGINNINGS = (
+_SIGNATURES = (
     (b"\x93NUMPY", "npy"),
-    (b"\x1f\x8b\x08", "npy.gz"),
-    (b"PK\x03\x04", "npz"),
-    (b"PK\x05\x06", "npz"),
+    (b"\x1f\x8b\x08", "gzip"),
+    (b"PK\x03\x04", "zip"),
+    (b"PK\x05\x06", "zip"),
     (b"MATLAB ", "matlab"),
     (b"\x89PNG\r\n\x1a\n", "png"),
     (b"\x89HDF\r\n\x1a\n", "hdf5"),
@@ -15,10 +15,25 @@ _BEGINNINGS = (
     (b"II+\0", "tiff"),
     (b"MM\0+", "tiff"),
 )
+"""First bytes and the name of the file type."""
 
 
-def read_signature(path: Path) -> str | None:
-    """The format that the first bytes of a file tell, or None."""
+def file_type(path: Path) -> str | None:
+    r"""Return the file type that the first bytes of a file identify, or None.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "a"
+    >>> _ = path.write_bytes(b"II*\0 and so on")
+    >>> file_type(path)
+    'tiff'
+    """
     with path.open("rb") as file:
         start = file.read(16)
-    return next((name for first, name in _BEGINNINGS if start.startswith(first)), None)
+    return next((name for first, name in _SIGNATURES if start.startswith(first)), None)
+
+
+def has_type(path: Path, name: str) -> bool:
+    """Return whether a path is a file of this type."""
+    return path.is_file() and file_type(path) == name

@@ -1,4 +1,4 @@
-"""Sizes in a `.mat` of version 5, checked before SciPy takes memory for them."""
+"""Sizes stated in a `.mat` file of version 5, checked before SciPy allocates memory for them."""
 
 import zlib
 from pathlib import Path
@@ -9,63 +9,74 @@ from jotlight.formats.limits import check_claimed_size
 Order = Literal["little", "big"]
 
 _COMPRESSED = 15
+"""Type of a compressed variable."""
 _MATRIX = 14
-_NUMBERS = (1, 2, 3, 4, 5, 6, 7, 9, 12, 13)
-"""The types that numbers are stored in; SciPy crashes on one that there is not."""
-_CLASSES = range(6, 16)
-"""Variables of numbers. Others are never read further than their name."""
+"""Type of a variable."""
+_NUMBER_TYPES = (1, 2, 3, 4, 5, 6, 7, 9, 12, 13)
+"""Types that numbers are stored in. SciPy crashes on an unknown type."""
+_NUMERIC_CLASSES = range(6, 16)
+"""Classes of variables that hold numbers. Of others, only the name is ever read."""
 _COMPLEX = 0x0800
-_HEADER = 128
-_PREFIX = 1 << 16
-_MOST_VARIABLES = 10_000
+"""Flag of a variable with complex numbers."""
+_HEADER_BYTES = 128
+_TAG_BYTES = 8
+_PREFIX_BYTES = 1 << 16
+"""Bytes at the start of a variable that are inspected."""
+_MAX_VARIABLES = 10_000
 
 
 def check_sizes(path: Path) -> None:
-    """Raise ValueError when a variable or a part of one tells of more bytes than there can be."""
-    size = path.stat().st_size
+    """Raise ValueError when a variable, or a part of one, claims more bytes than there can be."""
+    file_bytes = path.stat().st_size
     with path.open("rb") as file:
-        header = file.read(_HEADER)
+        header = file.read(_HEADER_BYTES)
         if not header.startswith(b"MATLAB 5.0") or header[126:128] not in (b"IM", b"MI"):
             raise ValueError("it is not of version 5 or 7 (save with -v7 or -v7.3)")
         order: Order = "little" if header[126:128] == b"IM" else "big"
-        place = _HEADER
-        for _ in range(_MOST_VARIABLES):
-            file.seek(place)
-            tag = file.read(8)
+        position = _HEADER_BYTES
+        for _ in range(_MAX_VARIABLES):
+            file.seek(position)
+            tag = file.read(_TAG_BYTES)
             if not tag:
                 return
-            kind, there = _word(tag, 0, order), _word(tag, 4, order)
-            if len(tag) < 8 or there > size - place - 8 or kind not in (_COMPRESSED, _MATRIX):
+            kind, size = _word(tag, 0, order), _word(tag, 4, order)
+            available = file_bytes - position - _TAG_BYTES
+            if len(tag) < _TAG_BYTES or size > available or kind not in (_COMPRESSED, _MATRIX):
                 raise ValueError("it is truncated or damaged")
-            start = file.read(min(there, _PREFIX))
+            prefix = file.read(min(size, _PREFIX_BYTES))
             if kind == _COMPRESSED:
-                start = zlib.decompressobj().decompress(start, _PREFIX)
-                kind, content_bytes = _word(start, 0, order), _word(start, 4, order)
-                if kind != _MATRIX or len(start) < 8:
-                    raise ValueError("a variable is damaged")
-                check_claimed_size("a variable", content_bytes, there)
-                _check_parts(start[8:], content_bytes, order)
+                _check_compressed(prefix, size, order)
             else:
-                _check_parts(start, there, order)
-            place += 8 + there
-    raise ValueError(f"it has more than {_MOST_VARIABLES} variables")
+                _check_parts(prefix, size, order)
+            position += _TAG_BYTES + size
+    raise ValueError(f"it has more than {_MAX_VARIABLES} variables")
 
 
-def _check_parts(start: bytes, content_bytes: int, order: Order) -> None:
-    """The flags, sizes, name and numbers of a variable, each behind a tag."""
-    place = 0
-    flags = _word(start, 8, order)
-    numeric = flags & 0xFF in _CLASSES
-    if numeric and flags & _COMPLEX:
+def _check_compressed(prefix: bytes, compressed_bytes: int, order: Order) -> None:
+    prefix = zlib.decompressobj().decompress(prefix, _PREFIX_BYTES)
+    kind, size = _word(prefix, 0, order), _word(prefix, 4, order)
+    if kind != _MATRIX or len(prefix) < _TAG_BYTES:
+        raise ValueError("a variable is damaged")
+    check_claimed_size("a variable", size, compressed_bytes)
+    _check_parts(prefix[_TAG_BYTES:], size, order)
+
+
+def _check_parts(prefix: bytes, variable_bytes: int, order: Order) -> None:
+    """Check the flags, sizes, name, and numbers of a variable; a tag precedes each of them."""
+    position = 0
+    flags = _word(prefix, 8, order)
+    is_numeric = flags & 0xFF in _NUMERIC_CLASSES
+    if is_numeric and flags & _COMPLEX:
         raise ValueError("a variable has complex numbers, expected real ones")
-    while place + 8 <= min(len(start), content_bytes):
-        word, size = _word(start, place, order), _word(start, place + 4, order)
-        if word >> 16:  # up to four bytes stand in the tag itself
-            word, size = word & 0xFFFF, 0
-        if size > content_bytes - place - 8 or (numeric and word not in _NUMBERS):
+    while position + _TAG_BYTES <= min(len(prefix), variable_bytes):
+        kind, size = _word(prefix, position, order), _word(prefix, position + 4, order)
+        if kind >> 16:  # the tag itself holds up to four bytes of data
+            kind, size = kind & 0xFFFF, 0
+        available = variable_bytes - position - _TAG_BYTES
+        if size > available or (is_numeric and kind not in _NUMBER_TYPES):
             raise ValueError("a variable is damaged")
-        place += 8 + (size + 7) // 8 * 8
+        position += _TAG_BYTES + (size + 7) // 8 * 8
 
 
-def _word(data: bytes, place: int, order: Order) -> int:
-    return int.from_bytes(data[place : place + 4], order)
+def _word(data: bytes, position: int, order: Order) -> int:
+    return int.from_bytes(data[position : position + 4], order)

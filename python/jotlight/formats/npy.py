@@ -1,10 +1,9 @@
-"""Photon cubes: packed bits in a plain `.npy`, and what it cannot say in a `.json` beside it."""
+"""NumPy's own formats: `.npy`, compressed `.npy.gz`, and `.npz` archives.
 
-import contextlib
-import errno
-import json
-import os
-from collections.abc import Iterator
+An array is a photon cube (packed bits), frames of booleans, or counts.
+"""
+
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -12,142 +11,123 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.files import atomic_write
-from jotlight.formats.arrays import read_npy
-from jotlight.formats.capture import check_packed
-from jotlight.formats.description import (
-    describe,
-    description_path,
-    maps_in_description,
-    read_description,
-    read_own_description,
-)
-from jotlight.memory_maps import release
-from jotlight.sensing.bits import Bits, SensorLike
-from jotlight.sensing.frames import Frames, read_in_chunks
+from jotlight.formats.arrays import LABEL_MEMBER, read_npy, read_npz_label
+from jotlight.formats.capture import Capture, Counts, as_count_stack
+from jotlight.formats.compressed import stream_npy_gz, stream_npz, write_npy_gz
+from jotlight.formats.cube import describe_cube, open_cube, write_cube
+from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.magic import has_type
+from jotlight.formats.packing import pack_lazily
+from jotlight.formats.raw import EXTENSIONS as RAW_EXTENSIONS
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames
 from jotlight.sensing.provenance import Provenance
 
 
-def is_cube(array: npt.NDArray[Any]) -> bool:
-    """Whether an array looks like packed bits, (T, H, W/8) or (T, H, W/8, C)."""
-    return array.dtype == np.uint8 and array.ndim in (3, 4)
+def open_npy(path: Path, options: OpenOptions) -> Capture:
+    """Return the capture in a `.npy` file, which is mapped into memory."""
+    return _open_array(read_npy(path), path, NPY.name, options, options.counts)
 
 
-def load_bits(path: str | os.PathLike[str], *, width: int | None = None) -> Bits:
-    """Open a photon cube with what the `.json` beside it says."""
-    path = Path(path)
-    packed = read_npy(path)
-    if not is_cube(packed):
+def open_npy_gz(path: Path, options: OpenOptions) -> Capture:
+    """Return the capture in a `.npy.gz` file, which is decompressed as it is read."""
+    return _open_array(stream_npy_gz(path), path, NPY_GZ.name, options, options.counts)
+
+
+def open_npz(path: Path, options: OpenOptions) -> Capture:
+    """Return the capture in one array of a `.npz` archive: counts, unless they are booleans."""
+    array, label = stream_npz(path, options.key), read_npz_label(path)
+    counts = options.counts
+    if counts is None and array.dtype != np.bool_:
+        counts = True
+    return _open_array(array, path, NPZ.name, options, counts, label)
+
+
+def _open_array(
+    array: npt.NDArray[Any] | Frames,
+    path: Path,
+    name: str,
+    options: OpenOptions,
+    counts: bool | None,
+    label: str | None = None,
+) -> Capture:
+    """Return the bits or counts in an array; its type and shape decide when `counts` is None."""
+    dimensions = len(array.shape)
+    if array.dtype == np.bool_ and dimensions in (3, 4) and not counts and 0 not in array.shape:
+        provenance = Provenance(name, path.name, ("frames of bool, one bit each",))
+        return Bits(pack_lazily(array, path.name), array.shape[2], provenance=provenance)
+    is_cube = array.dtype == np.uint8 and dimensions in (3, 4)
+    if counts is False and not is_cube:
         raise ValueError(
             f"{path}: expected packed bits, uint8 of shape (T, H, W/8) or (T, H, W/8, C), "
-            f"got {packed.dtype} of shape {packed.shape}; Bits.from_array packs unpacked bits, "
-            "and an image of counts goes to a method as it is"
+            f"got {array.dtype} of shape {array.shape}"
         )
-    return open_described_cube(packed, path, width)
+    if not counts and is_cube:
+        return open_cube(array, path, name, options.width, check=not options.packed)
+    return as_count_stack(array, Provenance(name, path.name), label)
 
 
-def open_described_cube(
-    packed: npt.NDArray[np.uint8] | Frames,
-    path: Path,
-    width: int | None,
-    format_: str = "npy",
-    *,
-    sure: bool = False,
-) -> Bits:
-    """Packed bits from a cube, with what the `.json` beside it says.
-
-    Without that, and unless the user is `sure`, its first frames are to look packed.
-    """
-    told_width, sensor, origin = read_description(path, packed.shape)
-    provenance = Provenance(format_, path.name).converted_from(origin)
-    if told_width is None:
-        if not sure:
-            check_packed(packed, str(path))
-        provenance = provenance.with_notes(
-            "taken for bits, the most significant first, along the width"
-        )
-        if width is None:
-            provenance = provenance.with_notes("the width is taken to be a multiple of 8")
-    if width is not None and told_width is not None and width != told_width:
-        raise ValueError(
-            f"{path}: the description beside it says a width of {told_width}, not {width}"
-        )
-    try:
-        return Bits(packed, width if width is not None else told_width, sensor, provenance)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
+def _is_npy_gz(path: Path) -> bool:
+    return has_type(path, "gzip") and not path.name.lower().endswith(RAW_EXTENSIONS)
 
 
-def write_cube(bits: Bits, path: str | os.PathLike[str]) -> None:
-    """Write bits and their description, whole or not at all."""
-    with create_bits(path, bits.packed.shape, bits.width, bits.sensor, bits.provenance) as packed:
-        for place, part in read_in_chunks(bits.packed):
-            packed[place] = part
-            release(packed[place])
+def _write_npy_counts(counts: Counts, path: Path, label: str | None) -> None:
+    with atomic_write(path) as temporary, temporary.open("wb") as file:
+        np.save(file, counts)
 
 
-@contextlib.contextmanager
-def create_bits(
-    path: str | os.PathLike[str],
-    shape: tuple[int, ...],
-    width: int,
-    sensor: SensorLike | None,
-    provenance: Provenance | None = None,
-) -> Iterator[npt.NDArray[np.uint8]]:
-    """Give a memory map of packed bits to fill; file and description appear when the block ends."""
-    path = Path(path)
-    if path.suffix != ".npy":
-        raise ValueError(f"{path}: expected a name that ends in .npy for packed bits")
-    with described(path, shape, width, sensor, provenance) as cube:
-        packed = np.lib.format.open_memmap(cube, mode="w+", dtype=np.uint8, shape=shape)
-        # Filling a memory map whose blocks the disk does not have would end the program.
-        _allocate(cube)
-        yield packed
-        packed.flush()
-        del packed
+def _write_npy_gz_bits(bits: Bits, path: Path) -> None:
+    shape = bits.packed.shape
+    with describe_cube(path, shape, bits.width, bits.sensor, bits.provenance) as temporary:
+        write_npy_gz(temporary, bits.packed)
 
 
-@contextlib.contextmanager
-def described(
-    path: Path,
-    shape: tuple[int, ...],
-    width: int,
-    sensor: SensorLike | None,
-    provenance: Provenance | None,
-) -> Iterator[Path]:
-    """Give a temporary path for a cube; it and all that describes it appear when the block ends."""
-    beside = description_path(path)
-    maps = {} if sensor is None else sensor.maps()
-    map_paths = {name: beside.with_suffix(f".{name}.npy") for name in maps}
-    former = maps_in_description(beside)
-    foreign = [beside] if beside.is_file() and read_own_description(beside) is None else []
-    foreign += [path for path in map_paths.values() if path.is_file() and path not in former]
-    if foreign:
-        raise FileExistsError(
-            f"{foreign[0]} stands where a file that goes with {path.name} would be written, and "
-            "jotlight did not write it for these bits; move it, or choose another name"
-        )
-    description = {**describe(width, sensor, provenance), "shape": list(shape)}
-    with contextlib.ExitStack() as stack:
-        # What is entered first is put in place last: the bits once all that describes them stands.
-        cube = stack.enter_context(atomic_write(path))
-        text = stack.enter_context(atomic_write(beside))
-        for name, map_ in maps.items():
-            with stack.enter_context(atomic_write(map_paths[name])).open("wb") as file:
-                np.save(file, map_)
-            description["maps"][name] = map_paths[name].name
-        text.write_text(json.dumps(description, indent=2) + "\n")
-        yield cube
-    for stale in former - set(map_paths.values()):
-        stale.unlink(missing_ok=True)
+def _write_npy_gz_counts(counts: Counts, path: Path, label: str | None) -> None:
+    with atomic_write(path) as temporary:
+        write_npy_gz(temporary, counts)
 
 
-def _allocate(path: Path) -> None:
-    """Take all blocks of a file now, where the system and the disk know how."""
-    if not hasattr(os, "posix_fallocate"):
-        return
-    try:
-        with path.open("r+b") as file:
-            os.posix_fallocate(file.fileno(), 0, path.stat().st_size)
-    except OSError as error:
-        if error.errno not in (errno.EOPNOTSUPP, errno.EINVAL):
-            raise
+def _write_npz_counts(counts: Counts, path: Path, label: str | None) -> None:
+    with atomic_write(path) as temporary:
+        with temporary.open("wb") as file:
+            np.savez_compressed(file, counts=counts)
+        if label is not None:
+            with zipfile.ZipFile(temporary, "a", zipfile.ZIP_DEFLATED) as archive:
+                # A ZipInfo has a fixed time, so that equal data become equal files.
+                archive.writestr(zipfile.ZipInfo(LABEL_MEMBER), label)
+
+
+NPY = Format(
+    "npy",
+    "an array of NumPy: a photon cube or counts",
+    open=open_npy,
+    matches=lambda path: has_type(path, "npy"),
+    extensions=(".npy",),
+    writer=Writer(
+        bits=write_cube, counts=_write_npy_counts, extensions=(".npy",), keeps_sensor=True
+    ),
+)
+
+NPY_GZ = Format(
+    "npy.gz",
+    "the same, compressed",
+    open=open_npy_gz,
+    matches=_is_npy_gz,
+    extensions=(".gz",),
+    writer=Writer(
+        bits=_write_npy_gz_bits,
+        counts=_write_npy_gz_counts,
+        extensions=(".npy.gz",),
+        keeps_sensor=True,
+    ),
+)
+
+NPZ = Format(
+    "npz",
+    "an archive of arrays of NumPy",
+    open=open_npz,
+    matches=lambda path: has_type(path, "zip"),
+    extensions=(".npz",),
+    has_keys=True,
+    writer=Writer(counts=_write_npz_counts, extensions=(".npz",), keeps_label=True),
+)

@@ -1,4 +1,4 @@
-"""Frames turned by quarters and mirrored while they stay packed."""
+"""Frames rotated by multiples of 90 degrees and mirrored while they stay packed."""
 
 from typing import Any
 
@@ -8,18 +8,30 @@ import numpy.typing as npt
 from jotlight.sensing.frames import Frames, read_in_chunks
 
 FLIPS = ("horizontal", "vertical")
+"""Ways to mirror: exchange left and right, or top and bottom."""
 
-_AT_ONCE = 1 << 20
-"""Bytes that are turned at once, so that they stay in the cache."""
+_CHUNK_BYTES = 1 << 20
+"""Bytes that are rotated at once, so that they stay in the cache."""
 
 Packed = npt.NDArray[np.uint8]
 
 
 def parse_orientation(rotate: int, flip: str | None) -> int:
-    """Give the quarter turns of an angle in degrees, 0 to 3, or raise ValueError."""
+    """Return the number of quarter turns counterclockwise, 0 to 3, of an angle in degrees.
+
+    Raises
+    ------
+    ValueError
+        When the angle is no multiple of 90, or `flip` is unknown.
+
+    Examples
+    --------
+    >>> parse_orientation(-90, None)
+    3
+    """
     if isinstance(rotate, bool) or not isinstance(rotate, int | np.integer) or rotate % 90:
         raise ValueError(
-            f"rotate: expected a multiple of 90 degrees, anticlockwise, got {rotate!r}"
+            f"rotate: expected a multiple of 90 degrees, counterclockwise, got {rotate!r}"
         )
     if flip is not None and flip not in FLIPS:
         raise ValueError(f"flip: expected {' or '.join(FLIPS)}, got {flip!r}")
@@ -27,7 +39,13 @@ def parse_orientation(rotate: int, flip: str | None) -> int:
 
 
 def orient_image(image: npt.NDArray[Any], quarters: int, flip: str | None) -> npt.NDArray[Any]:
-    """An image (H, W) or (H, W, C), turned anticlockwise and then mirrored."""
+    """Return an image (H, W) or (H, W, C), rotated counterclockwise and then mirrored.
+
+    Examples
+    --------
+    >>> orient_image(np.array([[1, 2]]), 1, None).tolist()
+    [[2], [1]]
+    """
     image = np.rot90(image, quarters)
     if flip is not None:
         image = image[:, ::-1] if flip == "horizontal" else image[::-1]
@@ -37,9 +55,17 @@ def orient_image(image: npt.NDArray[Any], quarters: int, flip: str | None) -> np
 def orient_packed(
     packed: Packed | Frames, width: int, quarters: int, flip: str | None
 ) -> tuple[Packed | Frames, int]:
-    """Packed frames, turned anticlockwise and then mirrored, with their new width.
+    """Return packed frames, rotated counterclockwise and then mirrored, and their new width.
 
-    They are turned when they are read.
+    Parameters
+    ----------
+    packed : ndarray of uint8 or Frames, shape (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C)
+        The frames are rotated when they are read.
+    width : int
+        W.
+    quarters : int
+        Quarter turns, 0 to 3.
+    flip : {"horizontal", "vertical"}, optional
     """
     if quarters == 0 and flip is None:
         return packed, width
@@ -48,42 +74,47 @@ def orient_packed(
     shape = (frames, new_height, (new_width + 7) // 8, *channels)
 
     def read(start: int, stop: int) -> Packed:
-        out = np.empty((stop - start, *shape[1:]), np.uint8)
-        for place, part in read_in_chunks(packed[start:stop], _AT_ONCE):
+        oriented = np.empty((stop - start, *shape[1:]), np.uint8)
+        for place, part in read_in_chunks(packed[start:stop], _CHUNK_BYTES):
             if not channels:
-                out[place] = _turned(part, width, quarters, flip)
+                oriented[place] = _orient(part, width, quarters, flip)
             for channel in range(part.shape[3] if channels else 0):
-                out[place, ..., channel] = _turned(part[..., channel], width, quarters, flip)
-        return out
+                oriented[place, ..., channel] = _orient(part[..., channel], width, quarters, flip)
+        return oriented
 
     return Frames(shape, read), new_width
 
 
-def _turned(part: Packed, width: int, quarters: int, flip: str | None) -> Packed:
-    # All eight turns are made of the transpose and of rows in reverse, which packing allows.
+def _orient(part: Packed, width: int, quarters: int, flip: str | None) -> Packed:
+    # Transposing frames and reversing their rows, which is cheap, compose all eight orientations.
     height = part.shape[1]
     if quarters == 1:
         part = transpose_packed(part, width)[:, ::-1]
     elif quarters == 2:
-        part = _mirrored(part[:, ::-1], width)
+        part = _mirror(part[:, ::-1], width)
     elif quarters == 3:
         part = transpose_packed(part[:, ::-1], width)
     if flip == "vertical":
         part = part[:, ::-1]
     elif flip == "horizontal":
-        part = _mirrored(part, height if quarters % 2 else width)
+        part = _mirror(part, height if quarters % 2 else width)
     return part
 
 
-def _mirrored(part: Packed, width: int) -> Packed:
+def _mirror(part: Packed, width: int) -> Packed:
+    """Return packed frames with left and right exchanged."""
     return transpose_packed(transpose_packed(part, width)[:, ::-1], part.shape[1])
 
 
 def transpose_packed(part: Packed, width: int) -> Packed:
-    """Packed frames (T, H, ceil(W / 8)) with rows and columns exchanged: (T, W, ceil(H / 8)).
+    """Return packed frames (T, H, ceil(W / 8)), transposed: (T, W, ceil(H / 8)).
 
-    Blocks of 8 x 8 bits are words of 64, turned by three exchanges (Warren, Hacker's Delight,
-    section 7-3), and then blocks change places.
+    Each block of 8 x 8 bits is a word of 64 bits, which three exchanges of bits transpose [1]_.
+    Then the blocks change places.
+
+    References
+    ----------
+    .. [1] Warren, "Hacker's Delight", 2nd edition, section 7-3.
 
     Examples
     --------
@@ -94,14 +125,15 @@ def transpose_packed(part: Packed, width: int) -> Packed:
     blocks = (height + 7) // 8
     rows = np.zeros((frames, blocks, 8, row_bytes), np.uint8)
     rows.reshape(frames, 8 * blocks, row_bytes)[:, :height] = part
-    # The first row is the most significant byte, as the first column is the most significant bit.
+    # The first row becomes the most significant byte, as the first column is the most
+    # significant bit.
     words = np.ascontiguousarray(rows.transpose(0, 3, 1, 2)).view(">u8")[..., 0].astype(np.uint64)
     for shift, mask in (
         (7, 0x00AA00AA00AA00AA),
         (14, 0x0000CCCC0000CCCC),
         (28, 0x00000000F0F0F0F0),
     ):
-        differ = (words ^ (words >> np.uint64(shift))) & np.uint64(mask)
-        words ^= differ ^ (differ << np.uint64(shift))
+        differences = (words ^ (words >> np.uint64(shift))) & np.uint64(mask)
+        words ^= differences ^ (differences << np.uint64(shift))
     columns = words.astype(">u8").view(np.uint8).reshape(frames, row_bytes, blocks, 8)
     return columns.transpose(0, 1, 3, 2).reshape(frames, 8 * row_bytes, blocks)[:, :width]

@@ -1,6 +1,5 @@
-"""Raw frames in files without a header: only their size tells how many there are."""
+"""Raw frames: files without a header, whose size alone determines the number of frames."""
 
-import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -8,73 +7,46 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
-from jotlight.formats.compressed import Stream, open_gzip, said
-from jotlight.formats.magic import read_signature
-from jotlight.sensing.frames import Frames, concatenate
+from jotlight.files import atomic_folder, atomic_write
+from jotlight.formats.compressed import Stream, naming_file, open_gzip
+from jotlight.formats.magic import file_type
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames, concatenate, read_in_chunks
 
-Decode = Callable[[npt.NDArray[np.uint8]], npt.NDArray[np.uint8]]
+Packed = npt.NDArray[np.uint8]
 
-ENDINGS = (".bin", ".bin.gz")
-"""How the names of files with raw frames end."""
+EXTENSIONS = (".bin", ".bin.gz")
+"""Extensions of files with raw frames."""
 
-_MOST_FILES = 1_000_000
-_AT_ONCE = 1 << 20
-
-
-def natural_sort_key(path: Path) -> tuple[tuple[int, int, str], ...]:
-    """A key that sorts `RAW2.bin` before `RAW10.bin`, in each folder of the path."""
-    return tuple(
-        (1, 0, word) if index % 2 == 0 else (0, int(word), "")
-        for part in path.parts
-        for index, word in enumerate(re.split(r"([0-9]+)", part))
-        if word
-    )
-
-
-def list_files(path: Path, endings: tuple[str, ...], name: str) -> list[Path]:
-    """The file itself, or those below a folder that end so, in natural order."""
-    if path.is_file():
-        return [path]
-    if not path.is_dir():
-        raise FileNotFoundError(f"there is no file or folder {path}")
-    found = []
-    for file in path.rglob("*"):
-        if file.name.lower().endswith(endings) and file.is_file() and file.name[0] != ".":
-            found.append(file)
-        if len(found) > _MOST_FILES:
-            raise ValueError(f"{path}: expected at most {_MOST_FILES} files, got more")
-    if not found:
-        raise ValueError(
-            f"{path}: expected a folder with {name} files ({endings[0]}), got none in it"
-        )
-    return sorted(found, key=lambda file: natural_sort_key(file.relative_to(path)))
+_CHUNK_BYTES = 1 << 20
+"""Bytes that are decompressed or written at once."""
 
 
 class RawFile:
-    """The bytes of a file that holds nothing but frames; it may be compressed by gzip.
+    """The bytes of a file that holds frames and nothing else; gzip may compress it.
 
     Parameters
     ----------
     path : path
     trailer : bytes
-        What may stand at the end of a file and is no frame.
+        Bytes that may follow the last frame.
 
     Raises
     ------
     ValueError
-        When its first bytes tell that it is something else.
+        When the first bytes identify another file type.
     """
 
     def __init__(self, path: Path, trailer: bytes = b"") -> None:
         self.path = path
-        told = read_signature(path)
+        kind = file_type(path)
         self._stream: Stream | None = None
-        if told == "npy.gz" and path.suffix.lower() == ".gz":
+        if kind == "gzip" and path.suffix.lower() == ".gz":
             self._stream = Stream(lambda: open_gzip(path))
-            size, end = _size_and_end(path, len(trailer))
-        elif told is not None:
+            size, end = _decompressed_size(path, len(trailer))
+        elif kind is not None:
             raise ValueError(
-                f"{path}: expected raw frames, and its first bytes are those of {told}"
+                f"{path}: expected raw frames, and its first bytes are those of {kind}"
             )
         else:
             size = path.stat().st_size
@@ -82,17 +54,17 @@ class RawFile:
                 file.seek(max(0, size - len(trailer)))
                 end = file.read()
         self.size = size - len(trailer) if trailer and end == trailer else size
-        """How many bytes there are, without the trailer."""
+        """Number of bytes without the trailer, decompressed."""
 
-    def read(self, place: int, size: int) -> npt.NDArray[np.uint8]:
-        """Bytes from a place on; OSError where they are not there any more."""
+    def read(self, position: int, size: int) -> Packed:
+        """Return `size` bytes from a position on; raise OSError when the file is too short."""
         if self._stream is None:
-            # Not mapped into memory: a file that becomes shorter would end the program.
-            data = np.fromfile(self.path, np.uint8, size, offset=place)
+            # Not a memory map: the process would be killed if the file became shorter.
+            data = np.fromfile(self.path, np.uint8, size, offset=position)
         else:
-            with said(str(self.path)):
-                data = np.frombuffer(self._stream.read(place, size), np.uint8)
-            if place + size == self.size:
+            with naming_file(str(self.path)):
+                data = np.frombuffer(self._stream.read(position, size), np.uint8)
+            if position + size == self.size:
                 # A folder may have more files than can be open at once.
                 self._stream.close()
         if len(data) != size:
@@ -100,52 +72,117 @@ class RawFile:
         return data
 
 
-def _size_and_end(path: Path, number: int) -> tuple[int, bytes]:
-    """How many bytes a compressed file becomes, and the last of them."""
+def _decompressed_size(path: Path, end_bytes: int) -> tuple[int, bytes]:
+    """Return how many bytes a gzip file decompresses to, and the last `end_bytes` of them."""
     size, end = 0, b""
-    with said(str(path)), open_gzip(path) as file:
-        while piece := file.read(_AT_ONCE):
-            size += len(piece)
-            end = (end + piece)[-number:] if number else b""
+    with naming_file(str(path)), open_gzip(path) as file:
+        while chunk := file.read(_CHUNK_BYTES):
+            size += len(chunk)
+            end = (end + chunk)[-end_bytes:] if end_bytes else b""
     return size, end
 
 
-def raw_frames(
-    files: Sequence[Path], shape: tuple[int, int], decode: Decode, trailer: bytes = b""
-) -> npt.NDArray[np.uint8] | Frames:
-    """Frames that stand one after the other in files.
+def read_raw(
+    files: Sequence[Path],
+    shape: tuple[int, int],
+    decode: Callable[[Packed], Packed],
+    trailer: bytes = b"",
+) -> Packed | Frames:
+    """Return the frames that follow one another in files.
 
     Parameters
     ----------
     files : sequence of paths
     shape : tuple of int
-        Of a decoded frame, packed; it has as many bytes as in the file.
+        (H, W / 8), the shape of a packed frame. It has as many bytes as in the file.
     decode : callable
-        Turns raw bytes (n, bytes of a frame) into packed frames (n, *shape).
+        Return packed frames (n, H, W / 8) from raw bytes (n, H * W / 8).
     trailer : bytes
-        What may stand at the end of a file and is no frame.
+        Bytes that may follow the last frame of a file.
+
+    Returns
+    -------
+    Frames or ndarray of uint8, shape (T, H, W / 8)
+
+    Raises
+    ------
+    ValueError
+        When no file has a complete frame.
     """
-    parts = [_frames_of(file, shape, decode, trailer) for file in files]
-    frames = concatenate(parts)
+    frames = concatenate([_read_raw_file(file, shape, decode, trailer) for file in files])
     if len(frames) == 0:
-        many = f"any of {len(files)} files" if len(files) > 1 else "it"
+        where = f"any of {len(files)} files" if len(files) > 1 else "it"
         raise ValueError(
             f"{files[0]}: expected frames of {shape[0] * shape[1]} bytes each, got none whole in "
-            f"{many}"
+            f"{where}"
         )
     return frames
 
 
-def _frames_of(path: Path, shape: tuple[int, int], decode: Decode, trailer: bytes) -> Frames:
-    size = shape[0] * shape[1]
+def _read_raw_file(
+    path: Path, shape: tuple[int, int], decode: Callable[[Packed], Packed], trailer: bytes
+) -> Frames:
+    frame_bytes = shape[0] * shape[1]
     file = RawFile(path, trailer)
-    number, left = divmod(file.size, size)
+    number, left = divmod(file.size, frame_bytes)
     if left:
         whole = f"{number} whole frame{'' if number == 1 else 's'}"
-        warn(f"{path}: {whole} of {size} bytes; {left} bytes are left over and not used")
+        warn(f"{path}: {whole} of {frame_bytes} bytes; {left} bytes are left over and not used")
 
-    def read(start: int, stop: int) -> npt.NDArray[np.uint8]:
-        raw = file.read(start * size, (stop - start) * size)
-        return decode(raw.reshape(stop - start, size))
+    def read(start: int, stop: int) -> Packed:
+        raw = file.read(start * frame_bytes, (stop - start) * frame_bytes)
+        return decode(raw.reshape(stop - start, frame_bytes))
 
     return Frames((number, *shape), read)
+
+
+def check_frame_size(bits: Bits, shape: tuple[int, int], name: str) -> None:
+    """Raise ValueError unless frames have the size, in jots, that a format requires."""
+    if bits.shape[1:] != shape:
+        size = " x ".join(map(str, bits.shape[1:]))
+        raise ValueError(f"{name}: expected frames of {shape[0]} x {shape[1]} jots, got {size}")
+
+
+def write_raw(
+    bits: Bits,
+    path: Path,
+    encode: Callable[[Packed], Packed],
+    *,
+    frames_per_file: int,
+    file_name: Callable[[int], str],
+    trailer: bytes = b"",
+) -> None:
+    """Write raw frames to one file, or for a path without extension to a new folder of files.
+
+    Parameters
+    ----------
+    bits : Bits
+    path : path
+    encode : callable
+        Return raw bytes from packed frames (n, H, W / 8).
+    frames_per_file : int
+        Maximum number of frames in each file of a folder.
+    file_name : callable
+        Return the path in the folder of the file with an index, counted from 0.
+    trailer : bytes
+        Bytes that follow the last frame of each file.
+    """
+    if path.suffix:
+        with atomic_write(path) as temporary:
+            _write_raw_file(temporary, bits.packed, encode, trailer)
+        return
+    with atomic_folder(path) as folder:
+        for index, start in enumerate(range(0, len(bits), frames_per_file)):
+            file = folder / file_name(index)
+            file.parent.mkdir(parents=True, exist_ok=True)
+            part = bits.packed[start : start + frames_per_file]
+            _write_raw_file(file, part, encode, trailer)
+
+
+def _write_raw_file(
+    path: Path, frames: Packed | Frames, encode: Callable[[Packed], Packed], trailer: bytes
+) -> None:
+    with path.open("wb") as file:
+        for _, part in read_in_chunks(frames, _CHUNK_BYTES):
+            file.write(encode(part).tobytes())
+        file.write(trailer)

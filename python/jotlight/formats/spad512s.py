@@ -1,11 +1,12 @@
-"""SPAD512S: frames of 512 x 512 jots, the most significant bit first, as they come off the camera.
+"""SPAD512S: frames of 512 x 512 jots as the camera reads them out, most significant bit first.
 
-Its own software shows them rotated by 90 degrees anticlockwise, and so do we. A dense file has up
-to 1000 frames of 32768 bytes. A sparse file has the places of the ones as uint32, little endian,
-and 262144 after each frame. Either has the four letters `DONE` at its end when it came by the
-network.
+The camera's own software shows frames rotated by 90 degrees counterclockwise, and so does
+jotlight. A dense file has up to 1000 frames of 32768 bytes. A sparse file lists the positions of
+the ones as little-endian uint32, with 262144 after each frame. A file that came over the network
+ends with the four letters `DONE`.
 """
 
+import functools
 import itertools
 from collections.abc import Callable
 from pathlib import Path
@@ -14,133 +15,194 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
+from jotlight.formats.file_lists import list_files, natural_sort_key
+from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.magic import file_type
 from jotlight.formats.orientation import transpose_packed
-from jotlight.formats.raw import ENDINGS, RawFile, list_files, raw_frames
+from jotlight.formats.raw import (
+    EXTENSIONS,
+    Packed,
+    RawFile,
+    check_frame_size,
+    read_raw,
+    write_raw,
+)
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, concatenate
 from jotlight.sensing.provenance import Provenance
 
-Packed = npt.NDArray[np.uint8]
-
-SIDE = 512
-FRAME_BYTES = SIDE * SIDE // 8
-TRAILER = b"DONE"
 FRAMES_PER_FILE = 1000
+"""Maximum number of frames in each file that jotlight writes, as the camera's software does."""
 
-_END = SIDE * SIDE
-_EVERY = 64
-"""The place of one frame in so many is remembered, so that a long file takes little memory."""
-_WORDS = 1 << 20
-_SHOWN = "rotated by 90 degrees anticlockwise, as its own software shows it"
+_SIDE = 512
+_TRAILER = b"DONE"
 
+_END_OF_FRAME = _SIDE * _SIDE
+"""Word that follows the positions of each frame in a sparse file."""
 
-def shown(raw: Packed) -> Packed:
-    """Packed frames as the camera's software shows them."""
-    return transpose_packed(raw.reshape(len(raw), SIDE, SIDE // 8), SIDE)[:, ::-1]
+_INDEX_STEP = 64
+"""Frames between two frames whose offset is stored. It bounds the memory for a long file."""
 
+_WORDS_AT_ONCE = 1 << 20
 
-def encode_frames(frames: Packed) -> Packed:
-    """Undo :func:`shown`."""
-    return transpose_packed(frames[:, ::-1], SIDE)
+_ROTATED = "rotated by 90 degrees counterclockwise, as its own software shows it"
 
 
-def has_trailer(path: Path) -> bool:
-    """Whether a file is one that the camera's software ended with `DONE`."""
+def _decode(raw: Packed) -> Packed:
+    """Return packed frames (n, 512, 64) as the camera's software shows them."""
+    return transpose_packed(raw.reshape(len(raw), _SIDE, _SIDE // 8), _SIDE)[:, ::-1]
+
+
+def _encode_dense(packed: Packed) -> Packed:
+    """Return the raw frames of packed frames: the inverse of :func:`_decode`."""
+    return transpose_packed(packed[:, ::-1], _SIDE)
+
+
+def _encode_sparse(packed: Packed) -> Packed:
+    """Return the positions of the ones, and the end of each frame, as bytes."""
+    flat = np.unpackbits(_encode_dense(packed).reshape(len(packed), -1), axis=1)
+    # A one behind the last jot of a frame becomes the end of the frame.
+    with_end = np.concatenate([flat, np.ones((len(packed), 1), np.uint8)], axis=1)
+    return np.nonzero(with_end)[1].astype("<u4").view(np.uint8)
+
+
+def _has_trailer(path: Path) -> bool:
     size = path.stat().st_size
-    if size <= len(TRAILER):
+    if size <= len(_TRAILER):
         return False
     with path.open("rb") as file:
-        file.seek(size - len(TRAILER))
-        return file.read() == TRAILER
+        file.seek(size - len(_TRAILER))
+        return file.read() == _TRAILER
 
 
-def looks_sparse(path: Path) -> bool:
-    """Whether a file with a trailer begins like a sparse one: places, and ends of frames."""
-    words = np.fromfile(path, "<u4", min(_END + 1, path.stat().st_size // 4 - 1))
-    ends = int((words == _END).sum())
-    # In dark frames of a dense file most words are 0, which is a place of one jot.
-    return ends > 0 and words.max() <= _END and int((words == 0).sum()) <= ends + 1
+def _looks_sparse(path: Path) -> bool:
+    """Return whether a file with a trailer begins with positions and ends of frames."""
+    words = np.fromfile(path, "<u4", min(_END_OF_FRAME + 1, path.stat().st_size // 4 - 1))
+    ends = int((words == _END_OF_FRAME).sum())
+    # In dark frames of a dense file most words are 0, but in a sparse frame 0 occurs at most once.
+    return ends > 0 and words.max() <= _END_OF_FRAME and int((words == 0).sum()) <= ends + 1
 
 
-def open_spad512s(path: Path, *, sparse: bool = False) -> Bits:
-    """Open a file, or a folder of them in natural order."""
-    name = "spad512s-sparse" if sparse else "spad512s"
-    files = list_files(path, ENDINGS, "SPAD512S")
-    if sparse:
-        frames = concatenate([_sparse_frames(file) for file in files])
-        if len(frames) == 0:
-            raise ValueError(f"{path}: expected frames that end in {_END}, got no such end")
-        notes = [f"places of ones as uint32, little endian, row by row; {_SHOWN}"]
+def _matches(path: Path, *, sparse: bool) -> bool:
+    """Return whether a file, or the first such file in a folder, ends with the trailer."""
+    if path.is_dir():
+        files = sorted(path.rglob("*.bin"), key=natural_sort_key)
     else:
-        frames = raw_frames(files, (SIDE, SIDE // 8), shown, TRAILER)
-        notes = [f"frames of {SIDE} x {SIDE}, the most significant bit first; {_SHOWN}"]
+        files = [path] if file_type(path) is None else []
+    finished = next(filter(_has_trailer, files), None)
+    return finished is not None and _looks_sparse(finished) == sparse
+
+
+def open_spad512s(path: Path, options: OpenOptions, *, sparse: bool = False) -> Bits:
+    """Return the bits of a file, or of a folder in natural order."""
+    files = list_files(path, EXTENSIONS, "SPAD512S")
+    if sparse:
+        frames = concatenate([_read_sparse(file) for file in files])
+        if len(frames) == 0:
+            raise ValueError(
+                f"{path}: expected frames that end in {_END_OF_FRAME}, got no such end"
+            )
+        notes = [f"places of ones as uint32, little endian, row by row; {_ROTATED}"]
+    else:
+        frames = read_raw(files, (_SIDE, _SIDE // 8), _decode, _TRAILER)
+        notes = [f"frames of {_SIDE} x {_SIDE}, the most significant bit first; {_ROTATED}"]
     if len(files) > 1:
         notes.append(f"{len(files)} files in the natural order of their names")
+    name = SPAD512S_SPARSE.name if sparse else SPAD512S.name
     return Bits(frames, provenance=Provenance(name, path.name, tuple(notes)))
 
 
-def _sparse_frames(path: Path) -> Frames:
-    file = RawFile(path, TRAILER)
+def _read_sparse(path: Path) -> Frames:
+    file = RawFile(path, _TRAILER)
     total, left = divmod(file.size, 4)
 
-    def words_at(start: int, number: int) -> npt.NDArray[np.uint32]:
+    def read_words(start: int, number: int) -> npt.NDArray[np.uint32]:
         return file.read(4 * start, 4 * number).view("<u4")
 
-    frames, starts, end = 0, [0], 0
-    for start in range(0, total, _WORDS):
-        words = words_at(start, min(_WORDS, total - start))
-        if words.max(initial=0) > _END:
-            wrong = int(np.argmax(words > _END))
-            raise ValueError(
-                f"{path}: expected places of 0 to {_END - 1} and {_END} at the end of a frame, got "
-                f"{words[wrong]} at byte {4 * (start + wrong)}; it is no sparse file or damaged"
-            )
-        ends = np.flatnonzero(words == _END) + start + 1
-        # The frame with number n begins after the end of frame n - 1.
-        starts += ends[-(frames + 1) % _EVERY :: _EVERY].tolist()
-        frames += len(ends)
-        end = int(ends[-1]) if len(ends) else end
+    frames, offsets, end = _index_sparse(path, read_words, total)
     if end < total or left:
         warn(
             f"{path}: {frames} whole frames; {4 * (total - end) + left} bytes are left over "
             "without an end of frame and not used"
         )
 
+    def read_group(start: int, stop: int) -> Packed:
+        """Return frames of one group, which is decoded from its stored offset."""
+        jots = np.zeros((stop - start, _END_OF_FRAME), np.bool_)
+        frame, position = start // _INDEX_STEP * _INDEX_STEP, offsets[start // _INDEX_STEP]
+        next_group = -(-stop // _INDEX_STEP)
+        last = offsets[next_group] if next_group < len(offsets) else total
+        while frame < stop:
+            words = read_words(position, min(_WORDS_AT_ONCE, last - position))
+            ends = words == _END_OF_FRAME
+            frame_of_word = frame + np.cumsum(ends) - ends
+            wanted = (frame_of_word >= start) & (frame_of_word < stop) & ~ends
+            jots[frame_of_word[wanted] - start, words[wanted]] = True
+            frame, position = frame + int(ends.sum()), position + len(words)
+        return _decode(np.packbits(jots.reshape(-1, _SIDE, _SIDE), axis=2))
+
     def read(start: int, stop: int) -> Packed:
-        out = np.zeros((stop - start, _END), np.bool_)
-        number, place = start // _EVERY * _EVERY, starts[start // _EVERY]
-        behind = -(-stop // _EVERY)
-        last = starts[behind] if behind < len(starts) else total
-        while number < stop:
-            words = words_at(place, min(_WORDS, last - place))
-            ends = words == _END
-            # The number of the frame that each word belongs to.
-            of = number + np.cumsum(ends) - ends
-            ours = (of >= start) & (of < stop) & ~ends
-            out[of[ours] - start, words[ours]] = True
-            number, place = number + int(ends.sum()), place + len(words)
-        return shown(np.packbits(out.reshape(-1, SIDE, SIDE), axis=2))
+        # Unpacked frames take eight times the memory, so few of them are decoded at once.
+        first_cut = (start // _INDEX_STEP + 1) * _INDEX_STEP
+        cuts = [start, *range(first_cut, stop, _INDEX_STEP), stop]
+        return np.concatenate([read_group(a, b) for a, b in itertools.pairwise(cuts)])
 
-    def in_parts(start: int, stop: int) -> Packed:
-        # A frame unpacked takes eight times as much, so few of them at a time.
-        cuts = [start, *range((start // _EVERY + 1) * _EVERY, stop, _EVERY), stop]
-        return np.concatenate([read(a, b) for a, b in itertools.pairwise(cuts)])
-
-    return Frames((frames, SIDE, SIDE // 8), in_parts)
+    return Frames((frames, _SIDE, _SIDE // 8), read)
 
 
-def raw_bytes(bits: Bits, *, sparse: bool = False) -> tuple[int, Callable[[Packed], Packed]]:
-    """How many frames go into a file, and what turns packed frames into its bytes."""
-    if bits.shape[1:] != (SIDE, SIDE):
-        size = " x ".join(map(str, bits.shape[1:]))
-        raise ValueError(f"spad512s: expected frames of {SIDE} x {SIDE} jots, got {size}")
-    return FRAMES_PER_FILE, (
-        lambda part: _as_words(encode_frames(part))
-    ) if sparse else encode_frames
+def _index_sparse(
+    path: Path, read_words: Callable[[int, int], npt.NDArray[np.uint32]], total: int
+) -> tuple[int, list[int], int]:
+    """Return the number of frames, the offset of every 64th frame, and the end of the last one.
+
+    Offsets count words from the start of the file.
+    """
+    frames, offsets, end = 0, [0], 0
+    for start in range(0, total, _WORDS_AT_ONCE):
+        words = read_words(start, min(_WORDS_AT_ONCE, total - start))
+        if words.max(initial=0) > _END_OF_FRAME:
+            wrong = int(np.argmax(words > _END_OF_FRAME))
+            raise ValueError(
+                f"{path}: expected places of 0 to {_END_OF_FRAME - 1} and {_END_OF_FRAME} at the "
+                f"end of a frame, got {words[wrong]} at byte {4 * (start + wrong)}; it is no "
+                "sparse file or damaged"
+            )
+        ends = np.flatnonzero(words == _END_OF_FRAME) + start + 1
+        # Frame n begins at the end of frame n - 1.
+        offsets += ends[-(frames + 1) % _INDEX_STEP :: _INDEX_STEP].tolist()
+        frames += len(ends)
+        end = int(ends[-1]) if len(ends) else end
+    return frames, offsets, end
 
 
-def _as_words(raw: Packed) -> npt.NDArray[np.uint8]:
-    flat = np.unpackbits(raw.reshape(len(raw), -1), axis=1)
-    # An end after each frame sorts behind its pixels.
-    whole = np.concatenate([flat, np.ones((len(raw), 1), np.uint8)], axis=1)
-    return np.nonzero(whole)[1].astype("<u4").view(np.uint8)
+def _write(bits: Bits, path: Path, *, sparse: bool) -> None:
+    check_frame_size(bits, (_SIDE, _SIDE), "spad512s")
+    write_raw(
+        bits,
+        path,
+        _encode_sparse if sparse else _encode_dense,
+        frames_per_file=FRAMES_PER_FILE,
+        file_name="RAW{:05d}.bin".format,
+        trailer=b"" if sparse else _TRAILER,
+    )
+
+
+SPAD512S = Format(
+    "spad512s",
+    "SPAD512S, 512 x 512",
+    open=open_spad512s,
+    matches=functools.partial(_matches, sparse=False),
+    is_raw=True,
+    fixed_layout=True,
+    writer=Writer(bits=functools.partial(_write, sparse=False), extensions=(".bin",), folder=True),
+)
+
+SPAD512S_SPARSE = Format(
+    "spad512s-sparse",
+    "SPAD512S, the places of the ones",
+    open=functools.partial(open_spad512s, sparse=True),
+    matches=functools.partial(_matches, sparse=True),
+    is_raw=True,
+    fixed_layout=True,
+    writer=Writer(bits=functools.partial(_write, sparse=True), extensions=(".bin",), folder=True),
+)

@@ -1,77 +1,81 @@
-"""SwissSPAD2: raw bits in `.bin` files of 8 MiB, the least significant bit first, no header.
+"""SwissSPAD2: raw bits in `.bin` files of 8 MiB, the least significant bit first.
 
-The half array has 512 frames of 256 x 512 in a file, row by row. The full array has 256 frames
-of 512 x 512, which the two halves write by turns: 128 bits of a row of the top half, 128 of the
-mirrored row of the bottom half, and so on; the bottom half is read upside down.
+A file of the half array has 512 frames of 256 x 512, row by row. A file of the full array has
+256 frames of 512 x 512. Its two halves take turns: 128 bits of a row of the top half, 128 bits of
+the mirrored row of the bottom half, and so on. The bottom half is read out upside down.
 """
 
+import functools
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from jotlight.errors import warn
-from jotlight.formats.raw import ENDINGS, list_files, raw_frames
+from jotlight.formats.file_lists import list_files
+from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.raw import EXTENSIONS, Packed, check_frame_size, read_raw, write_raw
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.provenance import Provenance
 
-Packed = npt.NDArray[np.uint8]
+_REVERSED_BYTES = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
+"""Every byte with its bits in reverse."""
 
-_REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
-"""Each byte with its bits in reverse."""
+_WIDTH = 512
+_HALF_HEIGHT = 256
+_ROW_BYTES = _WIDTH // 8
+_TURN_BYTES = 128 // 8
+"""Bytes that one half writes before the other half takes its turn."""
 
-_ROW = 512 // 8
-_TURN = 128 // 8
-"""Bytes that one half writes before it is the other's turn."""
-
-FRAMES_PER_FILE = {"swissspad2": 512, "swissspad2-full": 256}
-
-
-def _reversed(raw: Packed) -> Packed:
-    # Some three times as fast as looking up in an array, which makes indices of 64 bits first.
-    return np.frombuffer(raw.tobytes().translate(_REVERSED), np.uint8)
+_FRAMES_PER_HALF_FILE = 512
+_FRAMES_PER_FULL_FILE = 256
 
 
-def decode_half_array(raw: Packed) -> Packed:
-    """Packed frames (n, 256, 64) of the half array from its bytes; it is its own inverse."""
-    return _reversed(raw).reshape(len(raw), 256, _ROW)
+def _reverse_bits(raw: Packed) -> Packed:
+    # About three times as fast as indexing a NumPy table, which first makes 64-bit indices.
+    return np.frombuffer(raw.tobytes().translate(_REVERSED_BYTES), np.uint8)
 
 
-def decode_full_array(raw: Packed) -> Packed:
-    """Packed frames (n, 512, 64) of the full array from its bytes."""
-    turns = _reversed(raw).reshape(len(raw), 256, _ROW // _TURN, 2, _TURN)
-    top = turns[:, :, :, 0].reshape(len(raw), 256, _ROW)
-    bottom = turns[:, ::-1, :, 1].reshape(len(raw), 256, _ROW)
+def _decode_half(raw: Packed) -> Packed:
+    """Return packed frames (n, 256, 64) of the half array; the function is its own inverse."""
+    return _reverse_bits(raw).reshape(len(raw), _HALF_HEIGHT, _ROW_BYTES)
+
+
+def _decode_full(raw: Packed) -> Packed:
+    """Return packed frames (n, 512, 64) of the full array."""
+    frames, turns_per_row = len(raw), _ROW_BYTES // _TURN_BYTES
+    turns = _reverse_bits(raw).reshape(frames, _HALF_HEIGHT, turns_per_row, 2, _TURN_BYTES)
+    top = turns[:, :, :, 0].reshape(frames, _HALF_HEIGHT, _ROW_BYTES)
+    bottom = turns[:, ::-1, :, 1].reshape(frames, _HALF_HEIGHT, _ROW_BYTES)
     return np.concatenate([top, bottom], axis=1)
 
 
-def encode_full_array(frames: Packed) -> Packed:
-    """Undo :func:`decode_full_array`."""
-    turns = np.empty((len(frames), 256, _ROW // _TURN, 2, _TURN), np.uint8)
-    halves = frames.reshape(len(frames), 2, 256, _ROW // _TURN, _TURN)
+def _encode_full(packed: Packed) -> Packed:
+    """Return the raw bytes of packed frames: the inverse of :func:`_decode_full`."""
+    frames, turns_per_row = len(packed), _ROW_BYTES // _TURN_BYTES
+    turns = np.empty((frames, _HALF_HEIGHT, turns_per_row, 2, _TURN_BYTES), np.uint8)
+    halves = packed.reshape(frames, 2, _HALF_HEIGHT, turns_per_row, _TURN_BYTES)
     turns[:, :, :, 0] = halves[:, 0]
     turns[:, :, :, 1] = halves[:, 1, ::-1]
-    return _reversed(turns).reshape(len(frames), -1)
+    return _reverse_bits(turns).reshape(frames, -1)
 
 
-def open_swissspad(path: Path, *, full: bool) -> Bits:
-    """Open a `.bin` file or a folder of them, sorted by the number in their names."""
-    files = _by_number(path, list_files(path, ENDINGS, "SwissSPAD2"))
-    height = 512 if full else 256
-    frames = raw_frames(files, (height, _ROW), decode_full_array if full else decode_half_array)
-    notes = [f"frames of {height} x 512, the least significant bit first"]
+def open_swissspad(path: Path, options: OpenOptions, *, full: bool = False) -> Bits:
+    """Return the bits of a `.bin` file, or of a folder sorted by the numbers in the file names."""
+    files = _sort_by_number(path, list_files(path, EXTENSIONS, "SwissSPAD2"))
+    height = 2 * _HALF_HEIGHT if full else _HALF_HEIGHT
+    frames = read_raw(files, (height, _ROW_BYTES), _decode_full if full else _decode_half)
+    notes = [f"frames of {height} x {_WIDTH}, the least significant bit first"]
     if full:
         notes.append("the halves by turns of 128 bits, the bottom half upside down")
     if len(files) > 1:
         notes.append(f"{len(files)} files in the order of the numbers in their names")
-    name = "swissspad2-full" if full else "swissspad2"
+    name = SWISSSPAD2_FULL.name if full else SWISSSPAD2.name
     return Bits(frames, provenance=Provenance(name, path.name, tuple(notes)))
 
 
-def _by_number(path: Path, files: list[Path]) -> list[Path]:
-    """Sort by the last whole number in the names; the folders are only there to keep them small."""
+def _sort_by_number(path: Path, files: list[Path]) -> list[Path]:
+    """Return files in the order of the last whole number in their names, whatever their folder."""
     if len(files) == 1:
         return files
     numbered: dict[int, Path] = {}
@@ -90,11 +94,37 @@ def _by_number(path: Path, files: list[Path]) -> list[Path]:
     return [numbered[number] for number in sorted(numbered)]
 
 
-def raw_bytes(bits: Bits, name: str) -> tuple[int, Callable[[Packed], Packed]]:
-    """How many frames go into a file, and what turns packed frames into its bytes."""
-    full = name == "swissspad2-full"
-    expected = (512 if full else 256, 512)
-    if bits.shape[1:] != expected:
-        size = " x ".join(map(str, bits.shape[1:]))
-        raise ValueError(f"{name}: expected frames of {expected[0]} x 512 jots, got {size}")
-    return FRAMES_PER_FILE[name], encode_full_array if full else decode_half_array
+def _file_name(index: int) -> str:
+    """Return where the camera's software puts the file with this index."""
+    return f"{index // 2048}/{index // 64}/filename{index}.bin"
+
+
+def _write_half(bits: Bits, path: Path) -> None:
+    check_frame_size(bits, (_HALF_HEIGHT, _WIDTH), SWISSSPAD2.name)
+    frames_per_file = _FRAMES_PER_HALF_FILE
+    write_raw(bits, path, _decode_half, frames_per_file=frames_per_file, file_name=_file_name)
+
+
+def _write_full(bits: Bits, path: Path) -> None:
+    check_frame_size(bits, (2 * _HALF_HEIGHT, _WIDTH), SWISSSPAD2_FULL.name)
+    frames_per_file = _FRAMES_PER_FULL_FILE
+    write_raw(bits, path, _encode_full, frames_per_file=frames_per_file, file_name=_file_name)
+
+
+SWISSSPAD2 = Format(
+    "swissspad2",
+    "SwissSPAD2, the half array of 256 x 512",
+    open=open_swissspad,
+    is_raw=True,
+    fixed_layout=True,
+    writer=Writer(bits=_write_half, extensions=(".bin",), folder=True),
+)
+
+SWISSSPAD2_FULL = Format(
+    "swissspad2-full",
+    "SwissSPAD2, the full array of 512 x 512",
+    open=functools.partial(open_swissspad, full=True),
+    is_raw=True,
+    fixed_layout=True,
+    writer=Writer(bits=_write_full, extensions=(".bin",), folder=True),
+)

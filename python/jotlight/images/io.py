@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.limits import check_claimed_size
-from jotlight.formats.tiff import open_checked_tiff
+from jotlight.formats.tiff_directories import open_checked_tiff
 from jotlight.images.color import luma
 from jotlight.images.exr import check_exr, write_exr
 

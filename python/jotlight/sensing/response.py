@@ -4,10 +4,27 @@ The functions work in double precision and take complements, so that probabiliti
 their digits. The engine solves the same equations for whole images.
 """
 
+from collections.abc import Callable
+from typing import Any, TypeVar
+
 import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+
+A = TypeVar("A", bound=Any)
+
+
+def probability_formula(
+    threshold: int, rate: A, expm1: Callable[[A], A], gammainc: Callable[[int, A], A]
+) -> A:
+    """Return P(q, s) with the functions of any array library: equation (3).
+
+    `gammainc(q, s)` is the regularized lower incomplete gamma function. For q = 1 it equals
+    1 - exp(-s), which is about twenty times as fast.
+    """
+    probability: A = -expm1(-rate) if threshold == 1 else gammainc(threshold, rate)
+    return probability
 
 
 def detection_probability(threshold: int, rate: npt.ArrayLike) -> Array:
@@ -25,11 +42,9 @@ def detection_probability(threshold: int, rate: npt.ArrayLike) -> Array:
     >>> detection_probability(1, [0.0, 1.0]).round(4).tolist()
     [0.0, 0.6321]
     """
-    if threshold == 1:  # about twenty times as fast as gammainc
-        return np.asarray(-np.expm1(-np.asarray(rate, np.float64)))
-    from scipy.special import gammainc
-
-    return np.asarray(gammainc(threshold, np.asarray(rate, np.float64)))
+    return np.asarray(
+        probability_formula(threshold, np.asarray(rate, np.float64), np.expm1, _gammainc)
+    )
 
 
 def detection_density(threshold: int, rate: npt.ArrayLike) -> Array:
@@ -80,3 +95,10 @@ def inverse_detection_probability(
             gammainccinv(threshold, np.minimum(rest, 0.5)),
         )
     )
+
+
+def _gammainc(order: int, x: Array) -> Array:
+    # SciPy is imported only when it is needed, because it takes long.
+    from scipy.special import gammainc
+
+    return np.asarray(gammainc(order, x))

@@ -5,6 +5,8 @@ import math
 import torch
 from torch import Tensor
 
+from jotlight.sensing.response import probability_formula
+
 _TERMS = 18
 """Of the series of P below s = 1, where the rest is less than the rounding."""
 
@@ -19,10 +21,7 @@ def detection_probability(threshold: int, rate: Tensor) -> Tensor:
     >>> detection_probability(2, torch.tensor([0.0, 1.0])).numpy().round(4).tolist()
     [0.0, 0.26420000195503235]
     """
-    if threshold == 1:
-        return -torch.expm1(-rate)
-    chances: Tensor = torch.special.gammainc(torch.full_like(rate, threshold), rate)
-    return chances
+    return probability_formula(threshold, rate, torch.expm1, _gammainc)
 
 
 def logarithms(threshold: int, rate: Tensor) -> tuple[Tensor, Tensor]:
@@ -35,7 +34,7 @@ def logarithms(threshold: int, rate: Tensor) -> tuple[Tensor, Tensor]:
     [[-138.8483, -1.3309], [0.0, -0.3069]]
     """
     if threshold == 1:
-        return torch.log(-torch.expm1(-rate)), -rate
+        return torch.log(detection_probability(1, rate)), -rate
     rate = rate.double()
     order = torch.full_like(rate, threshold)
     below = rate < 1
@@ -45,6 +44,11 @@ def logarithms(threshold: int, rate: Tensor) -> tuple[Tensor, Tensor]:
     for term in range(_TERMS, 0, -1):
         series = 1 + series * small / (threshold + term)
     near = threshold * torch.log(small) - small - math.lgamma(threshold + 1) + torch.log(series)
-    far = torch.log(torch.special.gammainc(order, large))
+    far = torch.log(detection_probability(threshold, large))
     rests = torch.log(torch.special.gammaincc(order, rate))
     return torch.where(below, near, far), rests
+
+
+def _gammainc(order: int, x: Tensor) -> Tensor:
+    result: Tensor = torch.special.gammainc(torch.full_like(x, order), x)
+    return result

@@ -7,13 +7,13 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from PIL import Image
 
-from jotlight.experiments.report.section import (
+from jotlight.experiments.report.content import (
     Claim,
     Column,
     Curves,
-    Picture,
     Report,
     Scene,
+    SceneImage,
     Section,
     Table,
 )
@@ -63,9 +63,9 @@ def realistic() -> Report:
                         "Mean over 100 images, K = 16",
                         [
                             Column("Method"),
-                            Column("PSNR, dB", 2, "highest"),
-                            Column("SSIM", 3, "highest"),
-                            Column("Time, ms", 1, "lowest"),
+                            Column("PSNR, dB", ".2f", "highest"),
+                            Column("SSIM", ".3f", "highest"),
+                            Column("Time, ms", ".1f", "lowest"),
                             Column("Steps"),
                             Column("Source"),
                         ],
@@ -131,7 +131,10 @@ def hundred_images(rng: np.random.Generator) -> Table:
         "PSNR of every image, dB",
         [
             Column("Image"),
-            *[Column(name, 2, "highest") for name in ("MLE", "TV", "ADMM", "Network", "Another")],
+            *[
+                Column(name, ".2f", "highest")
+                for name in ("MLE", "TV", "ADMM", "Network", "Another")
+            ],
         ],
         [
             [f"image {number}", *rng.normal(27, 2, 4), float(number % 7) if number % 3 else None]
@@ -180,10 +183,10 @@ def noisy_scene(title: str, photograph: np.ndarray, rng: np.random.Generator) ->
         (height, width),
         (height // 8, width // 3, height // 5, width // 4),
         [
-            Picture("truth", "the photograph itself", encoded(photograph)),
-            Picture("bits", "4 × 4 jots per pixel", encoded(bits)),
-            Picture("maximum likelihood", "21.34 dB, SSIM 0.418", encoded(noisy[0], "JPEG")),
-            Picture("network", "28.71 dB, SSIM 0.803", encoded(noisy[1], "WEBP")),
+            SceneImage("truth", "the photograph itself", encoded(photograph)),
+            SceneImage("bits", "4 × 4 jots per pixel", encoded(bits)),
+            SceneImage("maximum likelihood", "21.34 dB, SSIM 0.418", encoded(noisy[0], "JPEG")),
+            SceneImage("network", "28.71 dB, SSIM 0.803", encoded(noisy[1], "WEBP")),
         ],
     )
 

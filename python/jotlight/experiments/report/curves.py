@@ -1,4 +1,4 @@
-"""Curves as SVG, in colours that a page can change for its dark side."""
+"""Curves as SVG, in colors that a page can change for its dark theme."""
 
 import dataclasses
 import io
@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes as Place
+    from matplotlib.axes import Axes as MatplotlibAxes
 
-INK, QUIET = "#1d2733", "#5b6876"
-"""Of words and lines; pages may put other colours in their place."""
+TEXT_COLOR, MUTED_COLOR = "#1d2733", "#5b6876"
+"""The colors of text and of axes. The HTML page replaces them with those of its theme."""
 
-COLOURS = {
+METHOD_COLORS = {
     "mle": "#8a8f98",
     "noniterative-gaussian": "#3f9fdc",
     "noniterative-tv": "#2f6fb7",
@@ -25,10 +25,10 @@ COLOURS = {
     "network-initial": "#a58c6f",
     "network-two-layer": "#d55e00",
 }
-"""The methods' colours, the same in every figure."""
+"""The color of each method, the same in every figure."""
 
-_MOST_INSIDE = 3
-"""Curves whose legend has room among them."""
+_MAX_LABELS_INSIDE = 3
+"""The largest number of labels for which the legend fits among the curves."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,59 +46,57 @@ class Line:
 
 @dataclasses.dataclass(frozen=True)
 class Axes:
-    """Curves in one frame."""
+    """Curves in one coordinate system."""
 
     lines: Sequence[Line]
-    x: str
-    y: str
+    x_label: str
+    y_label: str
     title: str = ""
     x_log: bool = False
     y_log: bool = False
-    ticks: Sequence[float] | None = None
-    """Where to write numbers along x."""
+    x_ticks: Sequence[float] | None = None
 
 
-def draw(places: Sequence[Axes]) -> str:
-    """Draw frames side by side; the same curves give the same SVG.
+def render_svg(axes: Sequence[Axes]) -> str:
+    """Return an SVG of coordinate systems side by side. The same curves make the same SVG.
 
     Examples
     --------
-    >>> draw([Axes([Line("a", [0, 1], [0, 1], color="#d55e00")], x="x", y="y")])[:5]
+    >>> render_svg([Axes([Line("a", [0, 1], [0, 1], color="#d55e00")], "x", "y")])[:5]
     '<?xml'
     """
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
     style: Any = {
-        # Words stay words, so that a page sets them in its own type and readers can search them.
+        # Text stays text, so a page sets it in its own font and readers can search it.
         "svg.fonttype": "none",
         "svg.hashsalt": "jotlight",
         "font.family": "sans-serif",
         "font.sans-serif": ["DejaVu Sans"],
-        "text.color": INK,
-        "axes.labelcolor": INK,
-        "axes.edgecolor": QUIET,
-        "xtick.color": QUIET,
-        "ytick.color": QUIET,
+        "text.color": TEXT_COLOR,
+        "axes.labelcolor": TEXT_COLOR,
+        "axes.edgecolor": MUTED_COLOR,
+        "xtick.color": MUTED_COLOR,
+        "ytick.color": MUTED_COLOR,
         "axes.spines.top": False,
         "axes.spines.right": False,
     }
     with rc_context(style):
-        figure = Figure(figsize=(max(7.4, 4.6 * len(places)), 3.8), layout="constrained")
+        figure = Figure(figsize=(max(7.4, 4.6 * len(axes)), 3.8), layout="constrained")
         figure.patch.set_alpha(0)
-        for place, axes in zip(
-            figure.subplots(1, len(places), squeeze=False)[0], places, strict=True
-        ):
-            _fill(place, axes)
+        drawn = figure.subplots(1, len(axes), squeeze=False)[0]
+        for target, content in zip(drawn, axes, strict=True):
+            _plot(target, content)
         file = io.StringIO()
         figure.savefig(file, format="svg", metadata={"Date": None})
     return file.getvalue()
 
 
-def _fill(place: "Place", axes: Axes) -> None:
-    place.patch.set_alpha(0)
+def _plot(target: "MatplotlibAxes", axes: Axes) -> None:
+    target.patch.set_alpha(0)
     for line in axes.lines:
-        place.plot(
+        target.plot(
             line.x,
             line.y,
             label=line.label or None,
@@ -108,33 +106,36 @@ def _fill(place: "Place", axes: Axes) -> None:
             linestyle="--" if line.dashed else "-",
             linewidth=line.width,
         )
-    place.set_xlabel(axes.x)
-    place.set_ylabel(axes.y)
+    target.set_xlabel(axes.x_label)
+    target.set_ylabel(axes.y_label)
     if axes.title:
-        place.set_title(axes.title, fontsize=11, loc="left", color=INK)
+        target.set_title(axes.title, fontsize=11, loc="left", color=TEXT_COLOR)
     if axes.x_log:
-        place.set_xscale("log")
+        target.set_xscale("log")
     if axes.y_log:
-        place.set_yscale("log")
-    if axes.ticks is not None:
-        place.set_xticks(axes.ticks, [f"{tick:g}" for tick in axes.ticks])
-        place.minorticks_off()
-    place.grid(visible=True, color=QUIET, alpha=0.25, linewidth=0.6)
-    labelled = [line for line in axes.lines if line.label]
-    if 1 < len(labelled) <= _MOST_INSIDE:
-        legend = place.legend(fontsize=8, frameon=False, labelcolor=INK)
+        target.set_yscale("log")
+    if axes.x_ticks is not None:
+        target.set_xticks(axes.x_ticks, [f"{tick:g}" for tick in axes.x_ticks])
+        target.minorticks_off()
+    target.grid(visible=True, color=MUTED_COLOR, alpha=0.25, linewidth=0.6)
+    _add_legend(target, [line for line in axes.lines if line.label])
+
+
+def _add_legend(target: "MatplotlibAxes", labeled: Sequence[Line]) -> None:
+    if 1 < len(labeled) <= _MAX_LABELS_INSIDE:
+        legend = target.legend(fontsize=8, frameon=False, labelcolor=TEXT_COLOR)
         for handle in legend.get_lines():
             handle.set_linewidth(1.6)
-    elif len(labelled) > _MOST_INSIDE:
-        # Beside the frame, where it hides no curve, from the highest end of a curve to the lowest.
-        handles, labels = place.get_legend_handles_labels()
-        order = np.argsort([-float(np.asarray(line.y)[-1]) for line in labelled])
-        place.legend(
+    elif len(labeled) > _MAX_LABELS_INSIDE:
+        # A legend beside the frame hides no curve. Its order is that of the curves' right ends.
+        handles, labels = target.get_legend_handles_labels()
+        order = np.argsort([-float(np.asarray(line.y)[-1]) for line in labeled])
+        target.legend(
             [handles[i] for i in order],
             [labels[i] for i in order],
             fontsize=8,
             frameon=False,
-            labelcolor=INK,
+            labelcolor=TEXT_COLOR,
             loc="upper left",
             bbox_to_anchor=(1.0, 1.0),
         )

@@ -1,10 +1,10 @@
 "use strict";
 
-// Without this script the page shows everything but the sliders; they and the button are hidden.
+// Without this script the page shows everything except the sliders and the theme button.
 
 function setUpTheme(button) {
   const isDark = matchMedia("(prefers-color-scheme: dark)").matches;
-  // What differs from now comes first, so that every reader sees the first click do something.
+  // The theme that differs from the current one comes first, so the first click is visible.
   const themes = isDark ? ["auto", "light", "dark"] : ["auto", "dark", "light"];
   let current = 0;
   button.hidden = false;
@@ -63,10 +63,10 @@ function setUpScene(scene) {
 
   function show(side) {
     const chosen = Number(select(side).value);
-    const picture = stage.querySelector(`img.${side}`);
-    // The bytes are in the page once, in the enlarged part's image.
-    picture.src = crops[chosen].querySelector("img").src;
-    picture.alt = crops[chosen].querySelector(".title").textContent;
+    const image = stage.querySelector(`img.${side}`);
+    // The page holds the bytes of each image once, in the enlarged area.
+    image.src = crops[chosen].querySelector("img").src;
+    image.alt = crops[chosen].querySelector(".title").textContent;
     const subtitle = crops[chosen].querySelector(".subtitle").textContent;
     compare.querySelector(`output.${side}`).textContent = subtitle;
     crops.forEach((crop, index) => {
@@ -91,10 +91,10 @@ function setUpScene(scene) {
   compare.hidden = false;
   for (const side of ["left", "right"]) {
     select(side).addEventListener("change", () => show(side));
-    const picture = stage.querySelector(`img.${side}`);
-    picture.addEventListener("load", () => {
-      // A small picture that is much enlarged shows its pixels, as its enlarged part does.
-      picture.classList.toggle("coarse", stage.clientWidth >= 2 * picture.naturalWidth);
+    const image = stage.querySelector(`img.${side}`);
+    image.addEventListener("load", () => {
+      // A small image that is much enlarged shows its pixels, as the enlarged area does.
+      image.classList.toggle("coarse", stage.clientWidth >= 2 * image.naturalWidth);
     });
     show(side);
   }

@@ -1,4 +1,4 @@
-"""A report as one HTML page that opens from disk and fetches nothing from anywhere."""
+"""A report as one HTML page that opens from disk and fetches nothing."""
 
 import base64
 import dataclasses
@@ -9,42 +9,42 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from jotlight.experiments.report.curves import INK, QUIET
-from jotlight.experiments.report.section import (
+from jotlight.experiments.report.content import (
     Curves,
-    Picture,
     Report,
     Scene,
+    SceneImage,
     Section,
-    Table,
     Value,
 )
+from jotlight.experiments.report.curves import MUTED_COLOR, TEXT_COLOR
 
-_LONG = 15
-"""Rows; a table with more is folded up at first."""
-_FINE = 160
-"""Pixels; an enlarged part that has fewer across shows them as squares, one with more is smooth,
-for at about its own size squares would be uneven and a finer picture's would be lost."""
+_MAX_OPEN_ROWS = 15
+"""The longest table that is open at first. Longer tables are collapsed."""
+
+_MIN_SMOOTH_WIDTH = 160
+"""The width in pixels from which an enlarged area is smoothed. Narrower ones show their pixels."""
+
 _WIDE = 500
-"""Points; a wider drawing gets a row of its own."""
-_COLOURS = {INK: "var(--ink)", QUIET: "var(--quiet)"}
-"""The colours of words, axes and grids in a drawing, which follow the page's so that it is
-readable on a dark ground too."""
+"""The width in points beyond which a drawing has a row to itself."""
+
+_THEME_COLORS = {TEXT_COLOR: "var(--ink)", MUTED_COLOR: "var(--quiet)"}
+"""Colors of a drawing that follow the page's theme, so it is readable on a dark background."""
 
 
-def page(report: Report) -> str:
-    """Give the whole report as one HTML document.
+def render_page(report: Report) -> str:
+    """Return the whole report as one HTML document.
 
-    Styles, script, drawings and pictures are in it, each picture once.
+    The document contains its styles, script, drawings, and images, each image once.
 
     Raises
     ------
     ValueError
-        When a picture is no PNG, JPEG or WebP, or a drawing no SVG.
+        If an image is no PNG, JPEG, or WebP, or a drawing is no SVG.
 
     Examples
     --------
-    >>> page(Report("Two <methods>", "", [], [])).splitlines()[0]
+    >>> render_page(Report("Two <methods>", "", [], [])).splitlines()[0]
     '<!doctype html>'
     """
     from jinja2 import Environment, StrictUndefined
@@ -64,10 +64,9 @@ def page(report: Report) -> str:
         counts=[(verdict, verdicts.count(verdict)) for verdict in dict.fromkeys(verdicts)],
         style=style,
         script=script,
-        # The browser runs this script and no other, whatever stands in names and drawings.
+        # The browser runs the script with this digest only, whatever names and drawings contain.
         digest=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
-        is_long=lambda table: len(table.rows) > _LONG,
-        is_numeric=_is_numeric,
+        is_long=lambda table: len(table.rows) > _MAX_OPEN_ROWS,
         sorting_value=_sorting_value,
     )
 
@@ -78,7 +77,7 @@ class _Drawing:
     anchor: str
     svg: str
     width: float
-    """Points."""
+    """Width in points."""
 
     @property
     def wide(self) -> bool:
@@ -86,14 +85,13 @@ class _Drawing:
 
 
 @dataclasses.dataclass(frozen=True)
-class _Shown:
-    """A picture as the page shows it."""
+class _EmbeddedImage:
+    """An image as the page holds it."""
 
-    picture: Picture
-    address: str
-    """The file itself, as a data URI."""
+    source: SceneImage
+    data_uri: str
     coarse: bool
-    """Whether its enlarged part has fewer pixels than the screen gives it."""
+    """Whether the enlarged area has fewer pixels than the screen gives it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,21 +99,22 @@ class _Section:
     section: Section
     anchor: str
     drawings: Sequence[_Drawing]
-    scenes: Sequence[tuple[Scene, Sequence[_Shown]]]
+    scenes: Sequence[tuple[Scene, Sequence[_EmbeddedImage]]]
 
 
 class _Anchors:
-    """Ids that are legal, readable and different from each other."""
+    """A source of ids that are legal, readable, and unique."""
 
     def __init__(self) -> None:
         self._taken = {"contents", "claims", "theme"}
 
-    def of(self, name: str) -> str:
-        words = re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-") or "part"
-        anchor, number = words, 1
+    def add(self, name: str) -> str:
+        """Return a new id made of a name."""
+        base = re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-") or "part"
+        anchor, number = base, 1
         while anchor in self._taken:
             number += 1
-            anchor = f"{words}-{number}"
+            anchor = f"{base}-{number}"
         self._taken.add(anchor)
         return anchor
 
@@ -125,36 +124,34 @@ def _read(name: str) -> str:
 
 
 def _section(section: Section, anchors: _Anchors) -> _Section:
-    anchor = anchors.of(section.name)
+    anchor = anchors.add(section.name)
     return _Section(
         section,
         anchor,
-        [_drawing(curves, anchors.of(f"{anchor}-{curves.name}")) for curves in section.curves],
-        [
-            (scene, [_shown(picture, scene) for picture in scene.pictures])
-            for scene in section.scenes
-        ],
+        [_drawing(curves, anchors.add(f"{anchor}-{curves.name}")) for curves in section.curves],
+        [(scene, [_embedded(image, scene) for image in scene.images]) for scene in section.scenes],
     )
 
 
-def _shown(picture: Picture, scene: Scene) -> _Shown:
+def _embedded(source: SceneImage, scene: Scene) -> _EmbeddedImage:
     from PIL import Image
 
     try:
-        with Image.open(io.BytesIO(picture.file), formats=("PNG", "JPEG", "WEBP")) as image:
+        with Image.open(io.BytesIO(source.file), formats=("PNG", "JPEG", "WEBP")) as image:
             kind, width = str(image.format).lower(), image.width
     except (OSError, SyntaxError) as error:
         raise ValueError(
-            f"{scene.title}, {picture.title}: expected the bytes of a PNG, JPEG or WebP, "
-            f"got {picture.file[:12]!r}"
+            f"{scene.title}, {source.title}: expected the bytes of a PNG, JPEG or WebP, "
+            f"got {source.file[:12]!r}"
         ) from error
-    address = f"data:image/{kind};base64,{base64.b64encode(picture.file).decode()}"
-    return _Shown(picture, address, coarse=width * scene.crop[3] / scene.size[1] < _FINE)
+    data_uri = f"data:image/{kind};base64,{base64.b64encode(source.file).decode()}"
+    coarse = width * scene.crop[3] / scene.size[1] < _MIN_SMOOTH_WIDTH
+    return _EmbeddedImage(source, data_uri, coarse)
 
 
 def _drawing(curves: Curves, anchor: str) -> _Drawing:
-    """Make a matplotlib SVG a part of a page: with ids of its own and the page's colours."""
-    # The drawing is our own, so nothing hostile is parsed.
+    """Return a Matplotlib SVG as a part of the page, with its own ids and the page's colors."""
+    # The drawing is our own, so this parses nothing hostile.
     from xml.etree import ElementTree as ET
 
     try:
@@ -162,15 +159,15 @@ def _drawing(curves: Curves, anchor: str) -> _Drawing:
     except ET.ParseError as error:
         raise ValueError(f"{curves.title}: expected an SVG, but {error}") from error
     for parent in root.iter():
-        # A style sheet in a drawing would hold for the whole page; ours has what it says.
+        # A style sheet in a drawing would apply to the whole page.
         for child in list(parent):
             if child.tag.rpartition("}")[2] in ("metadata", "style"):
                 parent.remove(child)
     for element in root.iter():
-        # HTML knows an SVG by its name and needs no name spaces.
+        # HTML knows SVG elements by name and needs no namespaces.
         element.tag = element.tag.rpartition("}")[2]
         attributes = {
-            name.rpartition("}")[2]: _of_page(name, value, anchor)
+            name.rpartition("}")[2]: _page_attribute(name, value, anchor)
             for name, value in element.items()
         }
         element.attrib.clear()
@@ -184,26 +181,20 @@ def _drawing(curves: Curves, anchor: str) -> _Drawing:
     return _Drawing(curves, anchor, ET.tostring(root, encoding="unicode"), width)
 
 
-def _of_page(name: str, value: str, anchor: str) -> str:
-    """An attribute's value in the page, where ids begin with the drawing's own."""
+def _page_attribute(name: str, value: str, anchor: str) -> str:
+    """Return an attribute's value for the page, where ids begin with the drawing's own."""
     if name == "id":
         return f"{anchor}--{value}"
     if name.endswith("href") and value.startswith("#"):
         return f"#{anchor}--{value[1:]}"
     value = re.sub(r"url\(#", f"url(#{anchor}--", value)
-    for colour, variable in _COLOURS.items():
-        value = re.sub(colour, variable, value, flags=re.IGNORECASE)
+    for color, variable in _THEME_COLORS.items():
+        value = re.sub(color, variable, value, flags=re.IGNORECASE)
     return value
 
 
-def _is_numeric(table: Table, column: int) -> bool:
-    """Whether a column holds numbers and no words."""
-    values = [cells[column] for cells in table.rows if cells[column] is not None]
-    return bool(values) and not any(isinstance(value, str) for value in values)
-
-
 def _sorting_value(value: Value) -> str:
-    """A number as the page's script reads it; nothing for words and what is missing."""
+    """Return a number as the page's script reads it, and "" for text and missing values."""
     if value is None or isinstance(value, str) or math.isnan(value):
         return ""
     return repr(float(value)).replace("inf", "Infinity")

@@ -1,4 +1,4 @@
-"""From results to what people look at: a page, a page of Markdown, and figures."""
+"""The report of the experiments: an HTML page, a page of Markdown, and figures."""
 
 import io
 import json
@@ -6,110 +6,110 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from jotlight import plots
 from jotlight.errors import warn
-from jotlight.experiments import EXPERIMENTS, running
+from jotlight.experiments import EXPERIMENTS
 from jotlight.experiments.experiment import Results
-from jotlight.experiments.fig7 import decoded
-from jotlight.experiments.report import overview
-from jotlight.experiments.report.markdown import markdown
-from jotlight.experiments.report.page import page
-from jotlight.experiments.report.section import Report, Scene, Section
-from jotlight.experiments.running import Folder
+from jotlight.experiments.png import decode_png
+from jotlight.experiments.report.content import Report, Scene, Section
+from jotlight.experiments.report.markdown import render_markdown
+from jotlight.experiments.report.overview import overview_section
+from jotlight.experiments.report.page import render_page
+from jotlight.experiments.runner import Folder
+from jotlight.experiments.tables import Facts, read_facts, read_results
 from jotlight.files import atomic_write
+from jotlight.plots import Panel, comparison
 
 TITLE = "The paper, reproduced"
 
-WORDS = (
-    "The paper “Learning optimal parameters for binary sensing image reconstruction algorithms” "
+INTRODUCTION = (
+    "This page compares every claim of section 4 of the paper “Learning optimal parameters for "
+    "binary sensing image reconstruction algorithms” with measurements of jotlight. The paper "
     "claims that a network of two linear filters and two splines, trained from the classical "
-    "pipeline, gives pictures as good as the best denoisers in a fifth of their time. Below is "
-    "every claim of its section 4 beside what was measured here, then each experiment. Every "
-    "number comes from a table that the command written there made. The paper leaves open which σ "
-    "in [0.25, 1] its initial filter has, and much depends on it: “in part” means that a claim "
-    "holds from some of the starts shown, and no verdict rests on the one σ that suits it best."
+    "pipeline, is as good as the best denoisers in a fifth of their time. The first table lists "
+    "the claims; the sections after it describe the experiments, each with the command that "
+    "repeats it. The paper does not say which σ in [0.25, 1] its initial filter has, and the "
+    "results depend on it. The verdict “in part” means that a claim holds for some of the σ "
+    "shown here. No verdict rests on the one σ that suits the claim best."
 )
 
 
-def report_of(results: dict[str, Results], facts: dict[str, running.Facts]) -> Report:
-    """Give the report of all experiments that have results."""
-    found = [name for name in EXPERIMENTS if name in results]
-    quick = [name for name in found if results[name].settings["quick"]]
-    words = WORDS
+def build_report(results: dict[str, Results], facts: dict[str, Facts]) -> Report:
+    """Return the report of all experiments that have results."""
+    names = [name for name in EXPERIMENTS if name in results]
+    quick = [name for name in names if results[name].settings["quick"]]
+    text = INTRODUCTION
     if quick:
-        words += (
-            f" These are quick runs ({', '.join(quick)}), to see that everything works: too few "
-            "images and steps to conclude anything from."
+        text += (
+            f" These are quick runs ({', '.join(quick)}) with few images and steps. They show "
+            "that everything works; no conclusion follows from them."
         )
-    machines = {facts[name]["machine"]: None for name in found}
-    denoisers = {json.loads(facts[name]["settings"])["BM3D"]: None for name in found}
-    seconds = sum(float(facts[name]["seconds"]) for name in found)
-    dates = sorted({facts[name]["date"] for name in found})
-    shown = [
-        ("Machine", "; ".join(machines)),
-        ("Date", " to ".join(dict.fromkeys((dates[0], dates[-1])))),
-        (
-            "Time of all parts",
-            f"{seconds / 60:.0f} minutes" if seconds >= 120 else f"{seconds:.0f} seconds",
-        ),
-        ("BM3D", "; ".join(denoisers)),
-    ]
     makers: dict[str, Callable[[], Section | None]] = {
-        "overview": partial(overview.section, results),
-        **{name: partial(EXPERIMENTS[name].section, results[name]) for name in found},
+        "overview": partial(overview_section, results),
+        **{name: partial(EXPERIMENTS[name].section, results[name]) for name in names},
     }
     sections = []
-    for name, section in makers.items():
+    for name, make in makers.items():
         try:
-            made = section()
+            section = make()
         except (KeyError, IndexError, TypeError, ValueError) as error:
             warn(f"{name} is left out: its table is damaged ({error!r}); run it again")
             continue
-        if made is not None:
-            sections.append(made)
-    return Report(TITLE, words, shown, sections)
+        if section is not None:
+            sections.append(section)
+    return Report(TITLE, text, _run_facts([facts[name] for name in names]), sections)
+
+
+def _run_facts(facts: list[Facts]) -> list[tuple[str, str]]:
+    """Return machine, date, duration, and BM3D's version over all experiments."""
+    machines = dict.fromkeys(each["machine"] for each in facts)
+    denoisers = dict.fromkeys(json.loads(each["settings"])["BM3D"] for each in facts)
+    seconds = sum(float(each["seconds"]) for each in facts)
+    dates = sorted({each["date"] for each in facts})
+    duration = f"{seconds / 60:.0f} minutes" if seconds >= 120 else f"{seconds:.0f} seconds"
+    return [
+        ("Machine", "; ".join(machines)),
+        ("Date", " to ".join(dict.fromkeys((dates[0], dates[-1])))),
+        ("Time of all parts", duration),
+        ("BM3D", "; ".join(denoisers)),
+    ]
 
 
 def read_report(results: Path) -> Report:
-    """Give the report from a folder of tables, without pictures."""
-    return report_of(
-        running.read_results(results, lambda _: None), running.read_facts(results / "run.csv")
-    )
+    """Return the report of a folder of tables, without images."""
+    return build_report(read_results(results, lambda _: None), read_facts(results / "run.csv"))
 
 
 def write_report(folder: Folder) -> Report:
-    """Write page, Markdown and figures from the tables in a folder."""
-    results = running.read_results(folder.results, lambda name: folder.path / "parts" / name)
-    report = report_of(results, running.read_facts(folder.results / "run.csv"))
+    """Write the pages and figures of a folder's tables, and return the report."""
+    results = read_results(folder.results, folder.parts)
+    report = build_report(results, read_facts(folder.results / "run.csv"))
     for section in report.sections:
         if section.scenes:
             # A wide scene makes a figure that fits a page.
             widest = max(section.scenes, key=lambda scene: scene.size[1] / scene.size[0])
-            _write(folder.results / section.picture, figure_of(widest))
+            _write(folder.results / section.image_file, comparison_jpeg(widest))
     write_markdown(report, folder.results)
-    _write(folder.page, page(report).encode())
+    _write(folder.page, render_page(report).encode())
     return report
 
 
 def write_markdown(report: Report, results: Path) -> None:
-    """Write the page of Markdown and its curves beside the tables."""
+    """Write the page of Markdown and its curves into the folder of the tables."""
     for section in report.sections:
         for curve in section.curves:
             _write(results / f"{curve.name}.svg", curve.svg.encode())
-    _write(results / "reproduction.md", markdown(report).encode())
+    _write(results / "reproduction.md", render_markdown(report).encode())
 
 
-def figure_of(scene: Scene) -> bytes:
-    """All pictures of a scene side by side, with the crop enlarged, as JPEG."""
+def comparison_jpeg(scene: Scene) -> bytes:
+    """Return all images of a scene side by side, with the crop enlarged, as JPEG."""
     panels = []
-    for picture in scene.pictures:
-        levels = decoded(picture.file, f"{scene.title}, {picture.title}")
+    for image in scene.images:
+        levels = decode_png(image.file, f"{scene.title}, {image.title}")
         step = levels.shape[0] // scene.size[0]
-        panels.append(plots.Panel(picture.title, picture.subtitle, levels[::step, ::step], levels))
+        panels.append(Panel(image.title, image.subtitle, levels[::step, ::step], levels))
     file = io.BytesIO()
-    plots.comparison(panels, scene.title).savefig(
-        file, format="jpg", dpi=60, pil_kwargs={"quality": 80}
-    )
+    comparison(panels, scene.title).savefig(file, format="jpg", dpi=60, pil_kwargs={"quality": 80})
     return file.getvalue()
 
 

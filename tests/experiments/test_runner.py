@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jotlight.experiments import running
-from jotlight.experiments.experiment import Data, Experiment, Outcome, Part, Results
-from jotlight.experiments.report.section import Section
+from jotlight.experiments import runner, tables
+from jotlight.experiments.experiment import Data, Experiment, Part, PartResult, Results
+from jotlight.experiments.report.content import Section
 
 
 class Counting:
@@ -27,7 +27,7 @@ class Counting:
                     raise KeyboardInterrupt
                 self.runs.append(number)
                 row = {"number": number, "third": number / 3, "word": "a, b", "nothing": None}
-                return Outcome([row], {f"{number}.png": bytes([number])})
+                return PartResult([row], {f"{number}.png": bytes([number])})
 
             return run
 
@@ -36,16 +36,16 @@ class Counting:
     def run(self, folder, *, quick=False, restart=False):
         """What the command does, without what it shows."""
         options = {"quick": quick, "restart": restart, "data": Data(), "threads": None}
-        lab = running.prepare(self.experiment, folder, **options)
+        lab = runner.prepare(self.experiment, folder, **options)
         for part in self.experiment.parts(lab):
-            if not folder.done(self.experiment, part).exists():
-                running.run_part(self.experiment, part, folder, lambda share: None)
-        return running.gather(self.experiment, lab, folder)
+            if not folder.part_file(self.experiment, part).exists():
+                runner.run_part(self.experiment, part, folder, lambda share: None)
+        return runner.collect(self.experiment, lab, folder)
 
 
 @pytest.fixture
 def folder(tmp_path):
-    made = running.Folder(tmp_path / "out")
+    made = runner.Folder(tmp_path / "out")
     made.results.mkdir(parents=True)
     return made
 
@@ -56,7 +56,7 @@ def test_a_part_that_is_done_is_not_done_again(folder):
     assert counting.run(folder) == first
     assert counting.runs == [0, 1, 2]
     assert [row["number"] for row in first[0]] == [0, 1, 2]
-    assert (folder.work(counting.experiment) / "2.png").read_bytes() == b"\2"
+    assert (folder.parts("counting") / "2.png").read_bytes() == b"\2"
 
 
 def test_a_run_that_was_stopped_goes_on_where_it_was(folder):
@@ -67,7 +67,7 @@ def test_a_run_that_was_stopped_goes_on_where_it_was(folder):
     rows, _ = going_on.run(folder)
     assert (stopped.runs, going_on.runs) == ([0], [1, 2])
     whole = Counting()
-    assert rows == whole.run(running.Folder(folder.path / "another"))[0]
+    assert rows == whole.run(runner.Folder(folder.path / "another"))[0]
 
 
 def test_restart_forgets(folder):
@@ -90,7 +90,7 @@ def test_other_settings_are_refused_and_nothing_is_lost(folder):
 def test_a_damaged_part_is_named(folder):
     counting = Counting()
     counting.run(folder)
-    path = folder.work(counting.experiment) / "part1.json"
+    path = folder.parts("counting") / "part1.json"
     path.write_text('{"rows": [')
     with pytest.raises(ValueError, match=r"part1\.json: damaged.*--restart"):
         counting.run(folder)
@@ -108,26 +108,26 @@ def test_the_facts_say_what_was_run(folder):
 
 def test_the_table_comes_back_from_its_file(folder):
     rows, facts = Counting().run(folder)
-    running.write_table(folder.results / "counting.csv", rows)
-    running.write_facts(folder.results / "run.csv", {"counting": facts})
-    results = running.read_results(folder.results, lambda _: None)["counting"]
+    tables.write_table(folder.results / "counting.csv", rows)
+    tables.write_facts(folder.results / "run.csv", {"counting": facts})
+    results = tables.read_results(folder.results, lambda _: None)["counting"]
     assert list(results.rows) == rows
     assert results.settings == json.loads(facts["settings"])
-    assert results.numbers("third", number=1) == pytest.approx([1 / 3], rel=1e-5)
+    assert results.column("third", number=1) == pytest.approx([1 / 3], rel=1e-5)
 
 
 def test_facts_of_other_experiments_stay(tmp_path):
     path = tmp_path / "run.csv"
-    running.write_facts(path, {"a": {"seconds": "1"}, "b": {"seconds": "2"}})
-    running.write_facts(path, {"b": {"seconds": "3", "date": "today"}})
-    assert running.read_facts(path) == {
+    tables.write_facts(path, {"a": {"seconds": "1"}, "b": {"seconds": "2"}})
+    tables.write_facts(path, {"b": {"seconds": "3", "date": "today"}})
+    assert tables.read_facts(path) == {
         "a": {"seconds": "1"},
         "b": {"seconds": "3", "date": "today"},
     }
 
 
 words = st.text(st.characters(blacklist_categories=("Cs", "Cc")), min_size=1, max_size=8).filter(
-    lambda word: not isinstance(running._value("a", word), int | float)
+    lambda word: not isinstance(tables.parse_cell("a", word), int | float)
 )
 values = st.one_of(
     st.none(), st.integers(-(10**9), 10**9), st.floats(allow_nan=False, allow_infinity=False), words
@@ -137,13 +137,13 @@ values = st.one_of(
 @given(st.lists(st.fixed_dictionaries({"a": values, "b, ü": values}), min_size=1, max_size=5))
 def test_any_table_comes_back(tmp_path_factory, rows):
     path = tmp_path_factory.mktemp("tables") / "table.csv"
-    running.write_table(path, rows)
-    assert running.read_table(path) == rows
+    tables.write_table(path, rows)
+    assert tables.read_table(path) == rows
 
 
 def test_results_by_their_values():
     rows = [{"k": k, "name": name, "psnr": k + 0.5} for k in (4, 9) for name in "ab"]
     results = Results({}, rows)
-    assert results.distinct("k") == [4, 9]
-    assert results.numbers("psnr", name="a").tolist() == [4.5, 9.5]
-    assert results.where(k=9, name="b") == [rows[3]]
+    assert results.unique("k") == [4, 9]
+    assert results.column("psnr", name="a").tolist() == [4.5, 9.5]
+    assert results.rows_where(k=9, name="b") == [rows[3]]

@@ -5,17 +5,17 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from jotlight.experiments.report.page import page
-from jotlight.experiments.report.section import (
+from jotlight.experiments.report.content import (
     Claim,
     Column,
     Curves,
-    Picture,
     Report,
     Scene,
+    SceneImage,
     Section,
     Table,
 )
+from jotlight.experiments.report.page import render_page
 from reference.reports import drawing, encoded, hundred_images
 
 HOSTILE = "\"><script>alert(1)</script>'&{{ 7 * 7 }}"
@@ -55,7 +55,7 @@ class Reader(HTMLParser):
 
 
 def scene(*pictures: bytes, title: str = "scene") -> Scene:
-    made = [Picture(f"picture {index}", "21.3 dB", file) for index, file in enumerate(pictures)]
+    made = [SceneImage(f"picture {index}", "21.3 dB", file) for index, file in enumerate(pictures)]
     return Scene(title, (8, 8), (1, 2, 4, 4), made)
 
 
@@ -71,7 +71,7 @@ def report(*sections: Section) -> Report:
 @pytest.fixture(scope="module")
 def full() -> str:
     svg = drawing(logarithmic=True)
-    return page(
+    return render_page(
         report(
             Section(
                 "one",
@@ -118,10 +118,10 @@ def test_words_and_names_are_escaped():
         tables=[Table(HOSTILE, [Column(HOSTILE)], [[HOSTILE]], HOSTILE)] * 2,
         curves=[Curves(HOSTILE, HOSTILE, "<svg xmlns='http://www.w3.org/2000/svg'/>", HOSTILE)],
         scenes=[
-            Scene(HOSTILE, (8, 8), (0, 0, 4, 4), [Picture(HOSTILE, HOSTILE, file(1))] * 2),
+            Scene(HOSTILE, (8, 8), (0, 0, 4, 4), [SceneImage(HOSTILE, HOSTILE, file(1))] * 2),
         ],
     )
-    made = page(Report(HOSTILE, HOSTILE, [(HOSTILE, HOSTILE)], [hostile]))
+    made = render_page(Report(HOSTILE, HOSTILE, [(HOSTILE, HOSTILE)], [hostile]))
     reader = Reader(made)
     assert [tag for tag, _ in reader.elements].count("script") == 1
     assert HOSTILE not in made
@@ -138,13 +138,15 @@ def test_each_picture_is_embedded_once(full):
 @pytest.mark.parametrize("wrong", [b"", b"GIF89a\x01\x00\x01\x00", b"<svg/>", file(1)[:20]])
 def test_bytes_that_are_no_picture_are_refused(wrong):
     with pytest.raises(ValueError, match=r"street, picture 1: expected the bytes of a PNG"):
-        page(report(Section("a", "A", "", "", scenes=[scene(file(1), wrong, title="street")])))
+        render_page(
+            report(Section("a", "A", "", "", scenes=[scene(file(1), wrong, title="street")]))
+        )
 
 
 @pytest.mark.parametrize("wrong", ["", "<svg", "<p/>"])
 def test_a_drawing_that_is_no_svg_is_refused(wrong):
     with pytest.raises(ValueError, match="PSNR: expected an SVG"):
-        page(report(Section("a", "A", "", "", curves=[Curves("psnr", "PSNR", wrong)])))
+        render_page(report(Section("a", "A", "", "", curves=[Curves("psnr", "PSNR", wrong)])))
 
 
 def test_drawings_take_the_pages_colours_and_leave_their_styles(full):
@@ -174,10 +176,12 @@ def test_tables_hold_every_cell_and_long_ones_are_folded(full):
 
 def test_numbers_are_sorted_as_numbers_and_what_is_missing_is_marked():
     rows = [["b", 2.0, None], ["a", float("inf"), "word"], [None, float("nan"), 10]]
-    table = Table("t", [Column("x"), Column("y", 1, "lowest"), Column("z")], rows)
+    table = Table("t", [Column("x"), Column("y", ".1f", "lowest"), Column("z")], rows)
     cells = [
         (attrs.get("class", ""), attrs.get("data-value"), "data-missing" in attrs)
-        for tag, attrs in Reader(page(report(Section("a", "A", "", "", tables=[table])))).elements
+        for tag, attrs in Reader(
+            render_page(report(Section("a", "A", "", "", tables=[table])))
+        ).elements
         if tag == "td" or attrs.get("scope") == "row"
     ]
     assert [missing for _, _, missing in cells] == [*[False] * 2, True, *[False] * 3, True, True, 0]
@@ -191,7 +195,9 @@ def test_the_verdicts_are_said_in_words_and_counted(full):
 
 
 def test_small_pictures_show_their_pixels_and_fine_ones_do_not():
-    made = page(report(Section("a", "A", "", "", scenes=[scene(file(1), file(2, size=800))])))
+    made = render_page(
+        report(Section("a", "A", "", "", scenes=[scene(file(1), file(2, size=800))]))
+    )
     images = [attrs for tag, attrs in Reader(made).elements if tag == "img" and "src" in attrs]
     assert [image.get("class") for image in images] == ["coarse", None]
     assert all("width: 200.0%" in image["style"] for image in images)
@@ -199,11 +205,13 @@ def test_small_pictures_show_their_pixels_and_fine_ones_do_not():
 
 
 def test_an_empty_report_is_a_page():
-    reader = Reader(page(Report("Nothing", "", [], [Section("a", "A", "", "")])))
+    reader = Reader(render_page(Report("Nothing", "", [], [Section("a", "A", "", "")])))
     assert "Nothing" in reader.words
 
 
 def test_a_scene_without_pictures_has_its_title_only():
-    made = page(report(Section("a", "A", "", "", scenes=[Scene("bare", (8, 8), (0, 0, 4, 4), [])])))
+    made = render_page(
+        report(Section("a", "A", "", "", scenes=[Scene("bare", (8, 8), (0, 0, 4, 4), [])]))
+    )
     assert "bare" in made
     assert "<select" not in made

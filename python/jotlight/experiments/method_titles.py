@@ -1,12 +1,12 @@
-"""How methods are called in tables and curves, those included that only experiments have."""
+"""The titles of methods in tables and figures, including methods that only experiments have."""
 
 from jotlight.evaluation.methods import METHODS
 
 ALGEBRAIC = "noniterative-bm3d-algebraic"
-"""The paper's own: BM3D with the inverse of its equation (7)."""
+"""BM3D with the algebraic inverse of equation (7), which the paper uses."""
 
 UNTIED = "network-untied"
-"""The paper's own network: with a weight for each jot in h1."""
+"""The paper's own network, with a weight for each jot in h1."""
 
 _TITLES = {
     ALGEBRAIC: "non-iterative, BM3D, algebraic inverse",
@@ -14,12 +14,12 @@ _TITLES = {
 }
 
 
-def title(method: str) -> str:
-    """How a method is called.
+def method_title(method: str) -> str:
+    """Return the title of a method.
 
     Examples
     --------
-    >>> title("mle"), title(UNTIED)
+    >>> method_title("mle"), method_title(UNTIED)
     ('maximum likelihood', 'network, a weight for each jot')
     """
     return _TITLES.get(method) or METHODS[method].title

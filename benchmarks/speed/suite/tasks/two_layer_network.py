@@ -1,4 +1,4 @@
-"""The whole learned network: bits in memory to a picture in floats."""
+"""The two-layer network: bits in memory to an estimate in floats."""
 
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -7,31 +7,36 @@ from typing import Any
 import numpy as np
 
 import jotlight as jl
-from suite.case import CannotRunError, Case, Rival, largest
-from suite.paths.filtering import TAPS
-from suite.paths.scene import HEIGHT, SENSOR, WIDTH, bits, many_bits, untied
-from suite.paths.splines import SLOTS
+from suite.case import CannotRunError, Case, Rival, relative_difference
+from suite.tasks.filtering import TAPS
+from suite.tasks.scene import HEIGHT, SENSOR, WIDTH, bits, many_bits, untied
+from suite.tasks.splines import OPERATIONS
 
 TORCH, COMPILED = "PyTorch, the same network", "PyTorch, compiled"
-BM3D = "non-iterative, BM3D"
+TV, BM3D = "non-iterative, TV", "non-iterative, BM3D"
 
 
 def cases(quick: bool) -> Iterator[Case]:
     tied = jl.pretrained(SENSOR, "two-layer")
     methods = [
-        Rival("non-iterative, TV", partial(noniterative, "tv"), "skimage", same=False),
+        Rival(TV, partial(noniterative, "tv"), "skimage", same=False),
         Rival(BM3D, partial(noniterative, "bm3d"), "bm3d", same=False),
     ]
-    yield case("network", "Network, tied", tied, methods)
-    yield case("network-untied", "Network, untied", untied(tied), [])
-    yield case("network-large", "Network, tied, 2,048 × 2,048", tied, None)
-    yield case("network-untied-large", "Network, untied, 2,048 × 2,048", untied(tied), None)
+    yield case("network-two-layer", "Network, two-layer", tied, methods)
+    yield case("network-two-layer-untied", "Network, two-layer, untied", untied(tied), [])
+    yield case("network-two-layer-2048", "Network, two-layer, 2,048 × 2,048", tied, None)
+    yield case(
+        "network-two-layer-untied-2048",
+        "Network, two-layer, untied, 2,048 × 2,048",
+        untied(tied),
+        None,
+    )
 
 
 def case(name: str, title: str, network: jl.Network, methods: list[Rival] | None) -> Case:
-    """With methods for the same purpose as rivals, or, of a large picture, without any rival."""
-    seen = many_bits() if methods is None else bits()
-    height, width = (size // SENSOR.oversampling for size in seen.shape[1:3])
+    """Return a case with these methods as further rivals, or a large one without rivals if None."""
+    data = many_bits() if methods is None else bits()
+    height, width = (size // SENSOR.oversampling for size in data.shape[1:3])
     rivals = [
         Rival(TORCH, partial(in_torch, network), "torch"),
         Rival(COMPILED, partial(compiled, network), "torch"),
@@ -41,20 +46,22 @@ def case(name: str, title: str, network: jl.Network, methods: list[Rival] | None
     return Case(
         name=name,
         title=title,
-        words=f"K = 16, {width} × {height} pixels, from packed bits in memory to a picture in "
+        description=f"K = 16, {width} × {height} pixels, from packed bits in memory to an "
+        "estimate in "
         "floats."
-        + (" Non-iterative methods count, stabilise, denoise and invert." if methods else ""),
+        + (" Non-iterative methods count, transform, denoise, and invert." if methods else ""),
         items=height * width,
         unit="pixels",
-        ours=lambda threads: network.reconstruct(seen, threads=threads),
+        run=lambda threads: network.reconstruct(data, threads=threads),
         rivals=[] if methods is None else rivals,
-        difference=largest,
+        difference=relative_difference,
         agreement="largest difference relative to the largest intensity",
         tolerance=1e-4,
-        slots=(TAPS**2 + 2 * SLOTS + SENSOR.oversampling) * height * width,
-        bytes=seen.packed.nbytes + 4 * height * width,
-        counted="bits read and picture written once; 225 multiply-adds of the filter, two splines "
-        "and K̂ rows of bits a pixel",
+        operations=(TAPS**2 + 2 * OPERATIONS + SENSOR.oversampling) * height * width,
+        bytes=data.packed.nbytes + 4 * height * width,
+        operations_note="bits are read and the estimate written once; each pixel takes 225 "
+        "multiply-adds of "
+        "the filter, two splines, and K̂ rows of bits",
     )
 
 
@@ -69,12 +76,12 @@ def compiled(network: jl.Network, torch: Any) -> Callable[[], np.ndarray]:
     from suite.torch_network import TorchNetwork
 
     rival = TorchNetwork(network, HEIGHT, WIDTH)
-    # It is compiled anew for another number of threads, and both are kept.
-    picture = torch.compile(rival.picture, dynamic=False)
+    # PyTorch compiles once for each number of threads and keeps both.
+    estimate = torch.compile(rival.estimate, dynamic=False)
 
     def run() -> np.ndarray:
         with torch.inference_mode():
-            return picture(rival.sums(bits()))[0, 0].numpy()
+            return estimate(rival.sums(bits()))[0, 0].numpy()
 
     try:
         run()
@@ -91,7 +98,7 @@ def from_sums(network: jl.Network, torch: Any) -> Callable[[], np.ndarray]:
 
     def run() -> np.ndarray:
         with torch.inference_mode():
-            return rival.picture(sums)[0, 0].numpy()
+            return rival.estimate(sums)[0, 0].numpy()
 
     return run
 

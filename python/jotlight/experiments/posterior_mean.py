@@ -1,4 +1,4 @@
-"""The least mean square error that any estimator can have on the synthetic scenes."""
+"""The lowest mean square error that any estimator can reach on the synthetic scenes."""
 
 import math
 
@@ -7,23 +7,29 @@ from scipy.special import comb
 
 
 def posterior_mean_psnr(bits_per_pixel: int, *, nodes: int = 400) -> float:
-    """PSNR of the posterior mean, for intensities uniform in [0, 1] and independent, α = K, q = 1.
+    """Return the PSNR of the posterior mean on the paper's synthetic scenes.
 
-    The count L of a pixel's ones has the binomial distribution with K bits and probability
-    1 - e^-c, and carries all that the bits know of c. So the least mean square error is
-    E[c²] - Σ_L P(L) E[c | L]², and its integrals over c are found by Gauss-Legendre quadrature.
+    The intensities c are independent and uniform in [0, 1], α = K, q = 1. The count L of a
+    pixel's ones is binomial with K trials and probability 1 - e^-c, and it holds everything that
+    the bits say about c. The lowest mean square error is therefore
+    E[c²] - Σ_L P(L) E[c | L]². Gauss-Legendre quadrature computes the integrals over c.
 
     Parameters
     ----------
     bits_per_pixel : int
-        K, up to 1000.
+        K, from 1 to 1000.
     nodes : int
-        Of the quadrature.
+        Number of nodes of the quadrature.
 
     Returns
     -------
     float
-        10 log10(1 / least mean square error), in dB.
+        10 log10(1 / lowest mean square error), in dB.
+
+    Raises
+    ------
+    ValueError
+        If `bits_per_pixel` is out of range.
 
     Examples
     --------

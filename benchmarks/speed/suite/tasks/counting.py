@@ -11,7 +11,11 @@ import jotlight as jl
 from suite import probes
 from suite.case import Case, Rival
 
-HEIGHT, WIDTH, AT_ONCE = 256, 512, 100
+HEIGHT, WIDTH = 256, 512
+CHUNK = 100
+"""Frames that are written or unpacked in one step."""
+
+NUMPY = "NumPy, unpack and sum"
 SAME_BYTES = "reading the same bytes"
 
 
@@ -23,7 +27,7 @@ def cases(quick: bool) -> Iterator[Case]:
         bits = jl.open(path)
         words = bits.packed.reshape(-1).view(np.uint64)
         rivals = [
-            Rival("NumPy, unpack and sum", lambda _: lambda: unpack_and_sum(bits.packed)),
+            Rival(NUMPY, lambda _: lambda: unpack_and_sum(bits.packed)),
             Rival(
                 "photoncube, means of twentieths",
                 lambda package: means(package, path, frames // 20, Path(folder)),
@@ -34,19 +38,21 @@ def cases(quick: bool) -> Iterator[Case]:
         yield Case(
             name="counting",
             title="Counting",
-            words=f"The ones of each jot in {frames:,} frames of {HEIGHT} × {WIDTH}, a photon cube "
-            "mapped from a file that is in memory. photoncube offers means of frames "
-            "as pictures of 8 bits, which it writes to files; these were compared with ours.",
+            description=f"The ones of each jot in {frames:,} frames of {HEIGHT} × {WIDTH}, a "
+            "photon cube "
+            "mapped from a file that is in memory. photoncube writes means of frames to files as "
+            "images of 8 bits. These agree with jotlight's.",
             items=frames,
             unit="frames",
-            ours=lambda threads: bits.counts(threads=threads),
+            run=lambda threads: bits.counts(threads=threads),
             rivals=rivals,
-            difference=lambda ours, theirs: float(np.abs(ours - theirs).max()),
+            difference=lambda result, other: float(np.abs(result - other).max()),
             agreement="largest difference of a count",
             tolerance=0,
-            slots=5 * bits.packed.nbytes / 4,
+            operations=5 * bits.packed.nbytes / 4,
             bytes=bits.packed.nbytes + 4 * HEIGHT * WIDTH,
-            counted="every byte read once; a carry-save adder's five operations on 32 bits",
+            operations_note="every byte is read once; a carry-save adder takes five operations on "
+            "32 bits",
             parts={SAME_BYTES: lambda threads: probes.read_words(words, threads)},
         )
 
@@ -55,22 +61,22 @@ def write(path: Path, frames: int) -> None:
     rng = np.random.default_rng(0)
     shape = (frames, HEIGHT, WIDTH // 8)
     cube = np.lib.format.open_memmap(path, mode="w+", dtype=np.uint8, shape=shape)
-    for start in range(0, frames, AT_ONCE):
-        stop = min(start + AT_ONCE, frames)
+    for start in range(0, frames, CHUNK):
+        stop = min(start + CHUNK, frames)
         cube[start:stop] = rng.integers(0, 256, (stop - start, *shape[1:]), np.uint8)
     cube.flush()
 
 
 def unpack_and_sum(packed: np.ndarray) -> np.ndarray:
     total = np.zeros((HEIGHT, WIDTH), np.int64)
-    for start in range(0, len(packed), AT_ONCE):
-        part = np.unpackbits(packed[start : start + AT_ONCE], axis=2)
+    for start in range(0, len(packed), CHUNK):
+        part = np.unpackbits(packed[start : start + CHUNK], axis=2)
         total += part.sum(axis=0, dtype=np.int64)
     return total
 
 
 def means(package: Any, path: Path, frames: int, folder: Path) -> Callable[[], None]:
-    """photoncube's means, after a look at whether they are those of our counts."""
+    """Return the function that makes photoncube's means, after comparing them with counts."""
     from jotlight.images.io import read_image
 
     cube = package.PhotonCube.open(str(path))
@@ -78,8 +84,8 @@ def means(package: Any, path: Path, frames: int, folder: Path) -> Callable[[], N
     cube.save_images(str(folder / "means"))
     bits = jl.open(path)
     for index, file in enumerate(sorted((folder / "means").glob("*.png"))):
-        ours = bits[index * frames : (index + 1) * frames].counts() / frames
-        picture = read_image(file, gray=True)
-        # It rounds to 8 bits, towards nought.
-        assert np.abs(picture - ours).max() < 1.01 / 255, "photoncube's means differ"
+        expected = bits[index * frames : (index + 1) * frames].counts() / frames
+        image = read_image(file, gray=True)
+        # photoncube rounds down to 8 bits.
+        assert np.abs(image - expected).max() < 1.01 / 255, "photoncube's means differ"
     return lambda: cube.save_images(str(folder / "means"))

@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.experiments import by_bits, fig5, fig6a, fig6b, fig7, gain, timing
-from jotlight.experiments.experiment import Data, Lab, Results
-from jotlight.experiments.learning import descend
-from jotlight.experiments.names import ALGEBRAIC, UNTIED
+from jotlight.experiments import fig5, fig6a, fig6b, fig7, gain, psnr_by_bits, timing, training_runs
+from jotlight.experiments.experiment import Data, Results, RunContext
+from jotlight.experiments.method_titles import ALGEBRAIC, UNTIED
 from jotlight.training import ProjectedGradient
 
 SIGMAS = [0.25, 0.7]
 
 
 def claims_of(section, words):
-    (claim,) = (claim for claim in section.claims if words in claim.said)
+    (claim,) = (claim for claim in section.claims if words in claim.statement)
     return claim
 
 
@@ -59,9 +58,9 @@ def test_the_largest_gain(at_9, at_100, verdict):
     section = fig6a.section(by_bits_results(at_9, at_100))
     claim = claims_of(section, "largest gain is 1.7 dB")
     assert claim.verdict == verdict
-    assert f"{at_9[0]:.2f} dB over σ = 0.25" in claim.found
-    assert f"from σ = 0.25: {at_9[0] - 0.2:.2f} dB" in claim.found
-    assert bool(claim.why) == (verdict != "reproduced")
+    assert f"{at_9[0]:.2f} dB over σ = 0.25" in claim.result
+    assert f"from σ = 0.25: {at_9[0] - 0.2:.2f} dB" in claim.result
+    assert bool(claim.reason) == (verdict != "reproduced")
 
 
 @pytest.mark.parametrize(
@@ -102,8 +101,8 @@ def test_more_prominent_than_on_synthetic_scenes(photographs, synthetic, verdict
     assert claims_of(section, "more prominent").verdict == "not tested"
 
 
-def test_the_distance_from_the_limit_is_told():
-    assert "at most 0.010 dB below" in fig6a.section(by_bits_results((1, 1), (1, 1))).words
+def test_the_page_states_the_distance_from_the_limit():
+    assert "at most 0.010 dB below" in fig6a.section(by_bits_results((1, 1), (1, 1))).text
 
 
 @pytest.mark.parametrize(
@@ -131,7 +130,7 @@ def test_the_descent_falls(norms, verdict):
     }
     section = fig5.section(Results(settings, rows))
     assert section.claims[0].verdict == verdict
-    assert "9.00 to 7.00" in section.claims[0].found
+    assert "9.00 to 7.00" in section.claims[0].result
 
 
 def fig7_results(**psnr):
@@ -161,7 +160,7 @@ def test_comparable_with_bm3d(network, verdict, structure):
     }
     claims = fig7.section(fig7_results(**measured)).claims
     assert [claim.verdict for claim in claims] == [verdict, structure]
-    assert all(bool(claim.why) == (claim.verdict == "not reproduced") for claim in claims)
+    assert all(bool(claim.reason) == (claim.verdict == "not reproduced") for claim in claims)
 
 
 def test_without_bm3d_nothing_is_said_of_it():
@@ -200,7 +199,7 @@ def test_ratios_of_times(bm3d, untied, beside_bm3d, beside_mle):
     section = timing.section(timing_results(**measured))
     assert claims_of(section, "5.25 times").verdict == beside_bm3d
     assert claims_of(section, "8.7 times").verdict == beside_mle
-    assert f"{bm3d / untied:.0f} times as fast" in claims_of(section, "5.25 times").found
+    assert f"{bm3d / untied:.0f} times as fast" in claims_of(section, "5.25 times").result
     (row,) = (row for row in section.tables[0].rows if row[0] == "maximum likelihood")
     assert row[1:] == pytest.approx([10.0, 0.2, 5.0, 0.2])
 
@@ -245,9 +244,11 @@ def test_the_papers_descent_is_the_papers(tmp_path, monkeypatch):
         options["checkpoint"].touch()
         return start, None
 
-    monkeypatch.setattr(jl, "train", train)
-    lab = Lab({"steps": 7, "batch": 128, "learning_rate": 5e-6, "seed": 0}, tmp_path, Data())
-    descend(lab, "name", jl.datasets.uniform_scenes, lambda share: None, 16, 0.5)
+    monkeypatch.setattr(training_runs, "train", train)
+    lab = RunContext({"steps": 7, "batch": 128, "learning_rate": 5e-6, "seed": 0}, tmp_path, Data())
+    training_runs.train_as_paper(
+        lab, "name", jl.datasets.uniform_scenes, lambda share: None, 16, 0.5
+    )
     assert not seen["start"].tied
     assert seen["start"].sensor.bits_per_pixel == 16
     assert seen["start"].layers[1].filters.shape == (1, 1, 15, 15)
@@ -259,8 +260,8 @@ def test_the_papers_descent_is_the_papers(tmp_path, monkeypatch):
 
 
 def test_verdicts_of_starts():
-    assert by_bits.verdict_of([1.0], [1.0]) == ("reproduced", "")
-    assert by_bits.verdict_of([], [1.0, 2.0])[0] == "not reproduced"
-    verdict, why = by_bits.verdict_of([2.0], [1.0, 2.0])
+    assert psnr_by_bits.verdict_of([1.0], [1.0]) == ("reproduced", "")
+    assert psnr_by_bits.verdict_of([], [1.0, 2.0])[0] == "not reproduced"
+    verdict, why = psnr_by_bits.verdict_of([2.0], [1.0, 2.0])
     assert verdict == "in part"
     assert "σ = 2.0" in why

@@ -1,4 +1,4 @@
-"""The first layer of a network whose weights differ from jot to jot."""
+"""The first layer of a network with a weight for each jot."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -6,22 +6,24 @@ from typing import Any
 import numpy as np
 
 import jotlight as jl
-from suite.case import Case, Rival, largest
-from suite.paths.scene import HEIGHT, PIXELS, SENSOR, WIDTH, bits, unpacked, untied
+from jotlight._engine import forward_bits
+from suite.case import Case, Rival, relative_difference
+from suite.tasks.scene import HEIGHT, PIXELS, SENSOR, WIDTH, bits, unpacked, untied
+
+NUMPY, TORCH = "NumPy, unpackbits and einsum", "PyTorch, conv2d with a stride"
 
 
 def cases(quick: bool) -> Iterator[Case]:
     layer = untied(jl.pretrained(SENSOR, "two-layer")).layers[0]
     side = SENSOR.oversampling
-    # Gives what it is given: φ of a line of coefficients is that line.
-    most = float(layer.filters.sum())
-    line = np.linspace(-most / 4, 5 * most / 4, 7)[None]
-    given = jl.Layer(layer.filters, line, 0.0, most / 4)
-    engine = [given.engine_layer]
+    # The spline of coefficients on a line is that line, so this spline is the identity.
+    largest = float(layer.filters.sum())
+    line = np.linspace(-largest / 4, 5 * largest / 4, 7)[None]
+    linear = jl.Layer(layer.filters, line, 0.0, largest / 4).engine_layer
 
-    def ours(threads: int) -> np.ndarray:
+    def sums(threads: int) -> np.ndarray:
         packed, width = bits().packed, bits().width
-        return engine.forward_bits(engine, packed, width, threads)[None]
+        return forward_bits([linear], packed, width, threads)[None]
 
     def numpy_sums() -> np.ndarray:
         blocks = unpacked(bits()).reshape(HEIGHT, side, WIDTH, side).astype(np.float32)
@@ -39,18 +41,20 @@ def cases(quick: bool) -> Iterator[Case]:
     yield Case(
         name="first-layer",
         title="First layer, untied",
-        words=f"From packed bits, K = 16, to p of equation (11) for {WIDTH} × {HEIGHT} pixels.",
+        description=f"From packed bits, K = 16, to p of equation (11) for {WIDTH} × {HEIGHT} "
+        "pixels.",
         items=PIXELS,
         unit="pixels",
-        ours=ours,
+        run=sums,
         rivals=[
-            Rival("NumPy, unpackbits and einsum", lambda _: numpy_sums),
-            Rival("PyTorch, conv2d with a stride", torch_sums, "torch"),
+            Rival(NUMPY, lambda _: numpy_sums),
+            Rival(TORCH, torch_sums, "torch"),
         ],
-        difference=largest,
+        difference=relative_difference,
         agreement="largest difference relative to the largest sum",
         tolerance=1e-5,
-        slots=(side + 1) * PIXELS,
+        operations=(side + 1) * PIXELS,
         bytes=bits().packed.nbytes + 4 * PIXELS,
-        counted="bits read and sums written once; K̂ rows of bits put in place and one look-up",
+        operations_note="bits are read and sums written once; each pixel takes K̂ rows of bits "
+        "and one look-up",
     )

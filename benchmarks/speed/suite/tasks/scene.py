@@ -1,4 +1,4 @@
-"""The picture that most paths work on, and its bits."""
+"""The image that most tasks use, and its bits."""
 
 import functools
 
@@ -7,7 +7,7 @@ import numpy as np
 import jotlight as jl
 
 HEIGHT, WIDTH = 321, 481
-"""As Berkeley's photographs."""
+"""The size of the Berkeley images."""
 PIXELS = HEIGHT * WIDTH
 SENSOR = jl.Sensor(oversampling=4)
 
@@ -24,17 +24,17 @@ def bits() -> jl.Bits:
 
 @functools.cache
 def many_bits() -> jl.Bits:
-    """Those of a picture that work is shared out on more evenly than on a small one."""
+    """Return the bits of a large image, whose work divides evenly among threads."""
     return SENSOR.expose(np.tile(jl.datasets.photograph("camera"), (4, 4)), rng=0)
 
 
 def unpacked(bits: jl.Bits) -> np.ndarray:
-    """Jots as bytes of 0 and 1, (T, H, W)."""
+    """Return jots as bytes of 0 and 1, (T, H, W)."""
     return np.unpackbits(bits.packed, axis=2, count=bits.width)
 
 
 def untied(network: jl.Network) -> jl.Network:
-    """The same network with a weight for each jot of a pixel, each of them a little different."""
+    """Return the same network with a weight for each jot, each of them slightly different."""
     first, *rest = network.layers
     sensor = network.sensor
     shape = (len(first.filters), sensor.frames, sensor.oversampling, sensor.oversampling)

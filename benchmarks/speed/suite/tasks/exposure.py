@@ -1,4 +1,4 @@
-"""Drawing bits."""
+"""Drawing the bits of a sensor."""
 
 from collections.abc import Iterator
 
@@ -8,17 +8,19 @@ import jotlight as jl
 from suite.case import Case, Rival
 
 SETTINGS = {
-    "sampling": {"oversampling": 4},
-    "sampling-q2": {"oversampling": 4, "threshold": 2},
-    "sampling-q5": {"oversampling": 4, "threshold": 5},
-    "sampling-100": {"oversampling": 10},
-    "sampling-frames": {"frames": 16},
-    "sampling-cubic": {"oversampling": 4, "kernel": "cubic"},
-    "sampling-cubic-frames": {"oversampling": 4, "frames": 4, "kernel": "cubic"},
-    "sampling-one": {},
+    "exposure": {"oversampling": 4},
+    "exposure-q2": {"oversampling": 4, "threshold": 2},
+    "exposure-q5": {"oversampling": 4, "threshold": 5},
+    "exposure-100": {"oversampling": 10},
+    "exposure-frames": {"frames": 16},
+    "exposure-cubic": {"oversampling": 4, "kernel": "cubic"},
+    "exposure-cubic-frames": {"oversampling": 4, "frames": 4, "kernel": "cubic"},
+    "exposure-one": {},
 }
-SLOTS = 13
-"""Of a jot: half a word of ChaCha with 8 rounds, 25 operations, and a comparison of 16 bits."""
+OPERATIONS = 13
+"""Operations per jot: half a word of ChaCha with 8 rounds (25 operations), and a comparison."""
+
+NUMPY = "NumPy, poisson(s) >= q"
 
 
 def cases(quick: bool) -> Iterator[Case]:
@@ -36,14 +38,14 @@ def case(name: str, sensor: jl.Sensor) -> Case:
     out = np.empty_like(sensor.expose(image, 0).packed)
     rng = np.random.default_rng(1)
 
-    def ours(threads: int) -> np.ndarray:
+    def draw(threads: int) -> np.ndarray:
         return sensor.expose(image, 0, out=out, threads=threads).packed
 
-    def theirs() -> np.ndarray:
+    def draw_with_numpy() -> np.ndarray:
         return rng.poisson(rates) >= sensor.threshold
 
     def difference(packed: np.ndarray, drawn: np.ndarray) -> float:
-        """Ones of both, in standard errors of NumPy's."""
+        """Return the difference of the shares of ones in standard errors of NumPy's."""
         share = drawn.mean()
         mine = np.bitwise_count(packed).sum(dtype=np.int64) / jots
         return float(abs(mine - share) / np.sqrt(share / drawn.size))
@@ -51,16 +53,17 @@ def case(name: str, sensor: jl.Sensor) -> Case:
     return Case(
         name=name,
         title=f"Drawing bits, `{sensor!r}`",
-        words=f"{jots:,} jots, intensities uniform in [0, 1]; NumPy is given s.",
+        description=f"{jots:,} jots, intensities uniform in [0, 1]. NumPy takes s as its input.",
         items=jots,
         unit="jots",
-        ours=ours,
-        rivals=[Rival("NumPy, poisson(s) >= q", lambda _: theirs)],
+        run=draw,
+        rivals=[Rival(NUMPY, lambda _: draw_with_numpy)],
         difference=difference,
         agreement="difference of the shares of ones, in standard errors",
         tolerance=6,
-        slots=SLOTS * jots,
+        operations=OPERATIONS * jots,
         bytes=jots / 8,
-        counted="bits written; for each jot half a word of ChaCha with 8 rounds, which takes 25 "
+        operations_note="bits are written; each jot takes half a word of ChaCha with 8 rounds, "
+        "which is 25 "
         "operations, and a comparison",
     )

@@ -1,7 +1,7 @@
 import mpmath
 import pytest
 
-from jotlight.experiments.limit import posterior_mean_psnr
+from jotlight.experiments.posterior_mean import posterior_mean_psnr
 
 
 @pytest.mark.parametrize("bits", [1, 2, 9])

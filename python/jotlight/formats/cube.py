@@ -1,0 +1,196 @@
+"""Photon cubes: packed bits in a `.npy`, with a description next to it."""
+
+import contextlib
+import errno
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.files import atomic_write
+from jotlight.formats.description import (
+    description_path,
+    map_path,
+    maps_in_description,
+    read_description,
+    read_own_description,
+)
+from jotlight.formats.labels import make_bits_label
+from jotlight.formats.packing import check_packed
+from jotlight.memory_maps import release
+from jotlight.sensing.bits import Bits, SensorLike
+from jotlight.sensing.frames import Frames, read_in_chunks
+from jotlight.sensing.provenance import Provenance
+
+
+def open_cube(
+    packed: npt.NDArray[np.uint8] | Frames,
+    path: Path,
+    format_: str,
+    width: int | None,
+    *,
+    check: bool = True,
+) -> Bits:
+    """Return the bits of a cube, with what the description next to it states.
+
+    Parameters
+    ----------
+    packed : ndarray of uint8 or Frames, shape (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C)
+    path : path
+        The file of the cube.
+    format_ : str
+        Name of the format, for the provenance.
+    width : int, optional
+        True width in jots. Default: the one that the description states, or else a multiple of 8.
+    check : bool
+        Whether frames without a description have to look packed.
+
+    Raises
+    ------
+    OSError, ValueError
+        When the description is invalid, or the width or the frames do not fit.
+    """
+    stated_width, sensor, origin = read_description(path, packed.shape)
+    provenance = Provenance(format_, path.name).converted_from(origin)
+    if stated_width is None:
+        if check:
+            check_packed(packed, str(path))
+        provenance = provenance.with_notes(
+            "taken for bits, the most significant first, along the width"
+        )
+        if width is None:
+            provenance = provenance.with_notes("the width is taken to be a multiple of 8")
+    if width is not None and stated_width is not None and width != stated_width:
+        raise ValueError(
+            f"{path}: the description next to it states a width of {stated_width}, not {width}"
+        )
+    try:
+        return Bits(packed, width if width is not None else stated_width, sensor, provenance)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
+def write_cube(bits: Bits, path: str | os.PathLike[str]) -> None:
+    """Write bits as a cube with its description, completely or not at all."""
+    shape = bits.packed.shape
+    with create_bits(path, shape, bits.width, bits.sensor, bits.provenance) as packed:
+        for place, part in read_in_chunks(bits.packed):
+            packed[place] = part
+            release(packed[place])
+
+
+@contextlib.contextmanager
+def create_bits(
+    path: str | os.PathLike[str],
+    shape: tuple[int, ...],
+    width: int,
+    sensor: SensorLike | None,
+    provenance: Provenance | None = None,
+) -> Iterator[npt.NDArray[np.uint8]]:
+    """Yield a memory map of packed bits to fill; the cube appears when the block ends.
+
+    Parameters
+    ----------
+    path : path
+        Ends in `.npy`.
+    shape : tuple of int
+        Shape of the packed bits, (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C).
+    width : int
+        W, the true width in jots.
+    sensor : Sensor, optional
+        Sensor of the bits.
+    provenance : Provenance, optional
+        Where the bits are from.
+
+    Raises
+    ------
+    OSError
+        When the files cannot be written.
+    ValueError
+        When the path has another extension.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "cube.npy"
+    >>> with create_bits(path, shape=(2, 3, 1), width=5, sensor=None) as packed:
+    ...     packed[:] = 255
+    >>> sorted(file.name for file in path.parent.iterdir())
+    ['cube.json', 'cube.npy']
+    """
+    path = Path(path)
+    if path.suffix != ".npy":
+        raise ValueError(f"{path}: expected a name that ends in .npy for packed bits")
+    with describe_cube(path, shape, width, sensor, provenance) as cube:
+        packed = np.lib.format.open_memmap(cube, mode="w+", dtype=np.uint8, shape=shape)
+        # Writing to a memory map whose blocks the disk cannot supply would kill the process.
+        _allocate(cube)
+        yield packed
+        packed.flush()
+        del packed
+
+
+@contextlib.contextmanager
+def describe_cube(
+    path: Path,
+    shape: tuple[int, ...],
+    width: int,
+    sensor: SensorLike | None,
+    provenance: Provenance | None,
+) -> Iterator[Path]:
+    """Yield a temporary path to write a cube to.
+
+    The cube, its description, and its maps appear when the block ends. Maps of a cube that it
+    replaces are deleted. See :func:`create_bits` for the parameters.
+
+    Raises
+    ------
+    FileExistsError
+        When a file that jotlight did not write for this cube would be overwritten.
+    """
+    description = description_path(path)
+    maps = {} if sensor is None else sensor.maps()
+    map_paths = {name: map_path(description, name) for name in maps}
+    replaced_maps = maps_in_description(description)
+    _refuse_foreign_files(path, description, set(map_paths.values()) - replaced_maps)
+    label = {**make_bits_label(width, sensor, provenance), "shape": list(shape)}
+    with contextlib.ExitStack() as stack:
+        # The stack renames in reverse order, so the cube appears after all that describes it.
+        cube = stack.enter_context(atomic_write(path))
+        text = stack.enter_context(atomic_write(description))
+        for name, map_ in maps.items():
+            with stack.enter_context(atomic_write(map_paths[name])).open("wb") as file:
+                np.save(file, map_)
+            label["maps"][name] = map_paths[name].name
+        text.write_text(json.dumps(label, indent=2) + "\n")
+        yield cube
+    for stale in replaced_maps - set(map_paths.values()):
+        stale.unlink(missing_ok=True)
+
+
+def _refuse_foreign_files(cube: Path, description: Path, new_maps: set[Path]) -> None:
+    """Raise FileExistsError when a file next to a cube was not written by jotlight for it."""
+    foreign = []
+    if description.is_file() and read_own_description(description) is None:
+        foreign.append(description)
+    foreign += sorted(path for path in new_maps if path.is_file())
+    if foreign:
+        raise FileExistsError(
+            f"{foreign[0]} stands where a file that goes with {cube.name} would be written, and "
+            "jotlight did not write it for these bits; move it, or choose another name"
+        )
+
+
+def _allocate(path: Path) -> None:
+    """Allocate all blocks of a file on disk, if the operating system supports it."""
+    if not hasattr(os, "posix_fallocate"):
+        return
+    try:
+        with path.open("r+b") as file:
+            os.posix_fallocate(file.fileno(), 0, path.stat().st_size)
+    except OSError as error:
+        if error.errno not in (errno.EOPNOTSUPP, errno.EINVAL):
+            raise

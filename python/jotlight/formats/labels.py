@@ -1,0 +1,85 @@
+"""JSON labels: what a file of bits or counts states about itself, wherever they are stored."""
+
+import json
+from typing import Any
+
+from jotlight.sensing.bits import SensorLike
+from jotlight.sensing.provenance import Provenance
+
+BITS = "jotlight bits"
+"""Value of "format" in a label of packed bits."""
+
+COUNTS = "jotlight counts"
+"""Value of "format" in a label of counts."""
+
+VERSION = 1
+"""Value of "version" in a label."""
+
+MAX_LABEL_BYTES = 1 << 20
+"""Maximum size of a label that is read."""
+
+
+def parse_label(text: str, format_: str) -> dict[str, Any] | None:
+    """Return the JSON object in a text, or None when it is no label of this format.
+
+    Examples
+    --------
+    >>> parse_label('{"format": "jotlight counts", "trials": 10}', COUNTS)
+    {'format': 'jotlight counts', 'trials': 10}
+    >>> parse_label("[1, 2]", COUNTS) is None
+    True
+    """
+    try:
+        label = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    return label if isinstance(label, dict) and label.get("format") == format_ else None
+
+
+def make_bits_label(
+    width: int, sensor: SensorLike | None, provenance: Provenance | None
+) -> dict[str, Any]:
+    """Return the label of packed bits; the caller adds where each of the sensor's maps is."""
+    label: dict[str, Any] = {"format": BITS, "version": VERSION, "width": width}
+    if sensor is not None:
+        label["sensor"] = sensor.scalars()
+        label["maps"] = {}
+    if provenance is not None:
+        label["provenance"] = provenance.to_json()
+    return label
+
+
+def make_counts_label(trials: int | None, provenance: Provenance | None) -> str | None:
+    """Return the label of an image of counts as JSON, or None if there is nothing to state."""
+    if trials is None and provenance is None:
+        return None
+    label: dict[str, Any] = {"format": COUNTS, "version": VERSION, "trials": trials}
+    return json.dumps({**label, "provenance": None if provenance is None else provenance.to_json()})
+
+
+def read_counts_label(text: str | None) -> tuple[int | None, Provenance | None]:
+    """Return the number of trials and the provenance from the label of an image of counts.
+
+    Both are None when the text is no such label.
+
+    Raises
+    ------
+    ValueError
+        When the label has another version or an invalid value.
+
+    Examples
+    --------
+    >>> read_counts_label(make_counts_label(10, None)), read_counts_label("other text")
+    ((10, None), (None, None))
+    """
+    if text is None or len(text) > MAX_LABEL_BYTES:
+        return None, None
+    label = parse_label(text, COUNTS)
+    if label is None:
+        return None, None
+    trials, provenance = label.get("trials"), label.get("provenance")
+    if label.get("version") != VERSION or (trials is not None and type(trials) is not int):
+        raise ValueError(f"label: expected version {VERSION} and a whole number of trials")
+    if trials is not None and not 1 <= trials < 2**31:
+        raise ValueError(f"label: expected 1 to 2**31 - 1 trials, got {trials}")
+    return trials, None if provenance is None else Provenance.from_json(provenance)

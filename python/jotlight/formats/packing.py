@@ -1,0 +1,85 @@
+"""Frames that store one bit per number: packing them as they are read, and detecting them."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.formats.capture import CountStack
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames, read_in_chunks
+
+_INSPECTED_BYTES = 1 << 20
+"""Bytes of frames that :func:`check_packed` reads at each of three places."""
+
+_MIN_FIRED = 8
+"""Minimum number of bytes above 0 for frames to be called unpacked."""
+
+
+def pack_lazily(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
+    """Return frames of unpacked bits as packed frames, which are packed when they are read.
+
+    Parameters
+    ----------
+    frames : ndarray or Frames, shape (T, H, W) or (T, H, W, C)
+        Booleans, or numbers that are all 0 and 1, or all 0 and 255. Reading other numbers raises
+        ValueError.
+    name : str
+        The file, for messages.
+
+    Returns
+    -------
+    Frames of uint8, shape (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C)
+
+    Examples
+    --------
+    >>> pack_lazily(np.eye(3, dtype=np.uint8)[None] * 255, "a.npy").read(0, 1).tolist()
+    [[[128], [64], [32]]]
+    """
+    count, height, width, *channels = frames.shape
+
+    def read(start: int, stop: int) -> npt.NDArray[np.uint8]:
+        packed = np.empty((stop - start, height, (width + 7) // 8, *channels), np.uint8)
+        for place, part in read_in_chunks(frames[start:stop]):
+            binary = np.isin(part, (0, 1)).all() or np.isin(part, (0, 255)).all()
+            if part.dtype != np.bool_ and not binary:
+                raise ValueError(
+                    f"{name}: expected bits, 0 and 1 only, got {part.min()} to {part.max()}; "
+                    "counts=True (--counts) reads the numbers as counts"
+                )
+            packed[place] = np.packbits(part.astype(np.bool_), axis=2)
+        return packed
+
+    return Frames((count, height, (width + 7) // 8, *channels), read)
+
+
+def pack_stack(stack: CountStack) -> Bits:
+    """Return images in which each number is one bit as bits."""
+    images, provenance = stack.images, stack.provenance
+    packed = pack_lazily(images, provenance.name)
+    provenance = provenance.with_notes("one bit in each number")
+    return Bits(packed, images.shape[2], provenance=provenance)
+
+
+def check_packed(frames: npt.NDArray[np.uint8] | Frames, name: str) -> None:
+    """Raise ValueError when frames look as if each byte were one bit.
+
+    Unpacked frames hold only 0 and 1, or only 0 and 255, although many jots fire. The function
+    reads the first frames. If few jots fire there, it also reads frames from the middle and the
+    end.
+    """
+    frame_bytes = max(1, frames.nbytes // max(1, len(frames)))
+    number = max(1, _INSPECTED_BYTES // frame_bytes)
+    fired, levels = np.zeros(frames.shape[1:], np.bool_), {0}
+    for start in (0, max(0, len(frames) - number) // 2, max(0, len(frames) - number)):
+        part = np.asarray(frames[start : start + number, ...])
+        fired |= part.any(axis=0)
+        levels |= set(np.unique(part).tolist())
+        if part.all() or levels not in ({0}, {0, 1}, {0, 255}):
+            return
+        if fired.sum() >= _MIN_FIRED:
+            raise ValueError(
+                f"{name}: the inspected frames hold nothing but 0 and {max(levels)}, as unpacked "
+                "frames do; pass unpacked=True (--unpacked) for one bit in each byte, or "
+                "unpacked=False (--packed) for eight"
+            )

@@ -1,0 +1,162 @@
+"""`jotlight.open`: captures of every format, read part by part as they are needed."""
+
+import dataclasses
+import os
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.errors import warn
+from jotlight.formats.capture import Capture, CountStack
+from jotlight.formats.detect import detect_format
+from jotlight.formats.format import Format, OpenOptions
+from jotlight.formats.packing import pack_stack
+from jotlight.formats.registry import FORMATS
+from jotlight.formats.selection import select
+from jotlight.sensing.bits import Bits
+
+
+# Ten parameters: each is one independent fact about the file, which only the caller may know.
+def open(
+    path: str | os.PathLike[str],
+    *,
+    format: str | None = None,
+    width: int | None = None,
+    frames: slice | None = None,
+    rotate: int = 0,
+    flip: str | None = None,
+    key: str | None = None,
+    counts: bool | None = None,
+    unpacked: bool | None = None,
+) -> Bits | npt.NDArray[np.int32]:
+    """Return the bits, or the image of counts, in a file or folder of any size.
+
+    Bits are read from their files when they are needed.
+
+    Parameters
+    ----------
+    path : path
+        A file, or a folder of files.
+    format : str, optional
+        One of ``jotlight.formats.FORMATS``. Default: detected from the content. Raw frames
+        (`.bin`) have no header, so their format is required.
+    width : int, optional
+        True width in jots. Default: the one that the file states, or else a multiple of 8.
+    frames : slice, optional
+        The frames to use, such as ``slice(100, 200)``. Default: all.
+    rotate : int
+        Degrees counterclockwise, a multiple of 90, in addition to the rotation of the format.
+    flip : {"horizontal", "vertical"}, optional
+        Exchange left and right, or top and bottom, after the rotation.
+    key : str, optional
+        Name of the array, for a file that holds several.
+    counts : bool, optional
+        Whether the numbers are counts (True) or bits (False). Default: an array that jotlight
+        labeled as bits is bits, and so is uint8 (T, H, W / 8) in a `.npy`, or bool (T, H, W).
+        Everything else is counts.
+    unpacked : bool, optional
+        Whether each number is one bit, 0 and 1 or 0 and 255 (True), or each byte holds eight
+        bits (False). Default: eight bits, but frames that look unpacked are refused.
+
+    Returns
+    -------
+    Bits
+        With a ``provenance`` that states what was assumed.
+    ndarray of int32, shape (H, W) or (H, W, C)
+        For counts. A stack of images is summed, with a warning unless `frames` is passed.
+
+    Raises
+    ------
+    OSError
+        When the file cannot be read.
+    ValueError
+        When the format is unknown, or the file is truncated or holds Python objects, which are
+        never read.
+    MissingExtraError
+        When an optional package is required and not installed.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "cube.npy"
+    >>> np.save(path, np.packbits(np.ones((4, 6, 16), bool), axis=2))
+    >>> bits = open(path)
+    >>> bits
+    <Bits: 4 frames of 6 x 16 jots>
+    >>> bits.provenance.notes[0]
+    'taken for bits, the most significant first, along the width'
+    """
+    capture = open_capture(
+        path,
+        format=format,
+        width=width,
+        frames=frames,
+        rotate=rotate,
+        flip=flip,
+        key=key,
+        counts=counts,
+        unpacked=unpacked,
+    )
+    if isinstance(capture, Bits):
+        return capture
+    if len(capture.images) > 1 and frames is None:
+        warn(f"{path}: the result is the sum of its {len(capture.images)} images of counts")
+    return capture.sum()
+
+
+# Ten parameters, those of `open`.
+def open_capture(
+    path: str | os.PathLike[str],
+    *,
+    format: str | None = None,
+    width: int | None = None,
+    frames: slice | None = None,
+    rotate: int = 0,
+    flip: str | None = None,
+    key: str | None = None,
+    counts: bool | None = None,
+    unpacked: bool | None = None,
+) -> Capture:
+    """Return a capture as :func:`open` does, but with images of counts not yet summed."""
+    path = Path(path)
+    if format is not None and format not in FORMATS:
+        raise ValueError(f"format: expected one of {', '.join(FORMATS)}, got {format!r}")
+    entry = FORMATS[format or detect_format(path)]
+    options = OpenOptions(key, counts, width, packed=unpacked is False)
+    _check_options(path, entry, options, unpacked)
+    try:
+        if unpacked:
+            options = dataclasses.replace(options, counts=True, width=None)
+            capture = entry.open(path, options)
+            capture = pack_stack(capture) if isinstance(capture, CountStack) else capture
+        else:
+            capture = entry.open(path, options)
+    except ValueError as error:
+        if str(path) in str(error):
+            raise
+        raise ValueError(f"{path}: {error}") from error
+    if not unpacked and counts is not None and counts == isinstance(capture, Bits):
+        content = "bits" if counts else "counts; --unpacked takes each number for a bit"
+        raise ValueError(f"counts: {path} ({entry.name}) holds {content}")
+    if width is not None:
+        actual = capture.images.shape[2] if isinstance(capture, CountStack) else capture.width
+        if width != actual:
+            raise ValueError(f"width: expected {actual}, the width of {path}, got {width}")
+    return select(capture, frames, rotate, flip, key)
+
+
+def _check_options(path: Path, entry: Format, options: OpenOptions, unpacked: bool | None) -> None:
+    """Raise ValueError for options that do not apply to a format, or contradict each other."""
+    if options.key is not None and not entry.has_keys:
+        raise ValueError(
+            f"key: names an array in a file of several, and {path} ({entry.name}) has one"
+        )
+    if unpacked and options.counts:
+        raise ValueError(
+            "counts: with unpacked each number is one bit; pass only one (--counts, --unpacked)"
+        )
+    if unpacked and entry.fixed_layout:
+        raise ValueError(
+            f"unpacked: is for bits in arrays and images, not for {path} ({entry.name})"
+        )

@@ -1,0 +1,36 @@
+"""The list of all formats. A new format is one file in this folder and one line here."""
+
+from jotlight.formats.format import Format, Writer
+from jotlight.formats.hdf5 import HDF5
+from jotlight.formats.image_files import PNG, TIFF
+from jotlight.formats.matlab import MATLAB
+from jotlight.formats.npy import NPY, NPY_GZ, NPZ
+from jotlight.formats.spad512s import SPAD512S, SPAD512S_SPARSE
+from jotlight.formats.swissspad import SWISSSPAD2, SWISSSPAD2_FULL
+from jotlight.formats.visionsim import VISIONSIM
+from jotlight.formats.zarr import ZARR
+
+# Detection tries them in this order.
+_ALL = (
+    NPY,
+    NPY_GZ,
+    NPZ,
+    VISIONSIM,
+    ZARR,
+    HDF5,
+    MATLAB,
+    SWISSSPAD2,
+    SWISSSPAD2_FULL,
+    SPAD512S,
+    SPAD512S_SPARSE,
+    PNG,
+    TIFF,
+)
+
+FORMATS: dict[str, Format] = {format_.name: format_ for format_ in _ALL}
+"""All formats by name."""
+
+WRITERS: dict[str, Writer] = {
+    format_.name: format_.writer for format_ in _ALL if format_.writer is not None
+}
+"""How each format is written, by the name of the format."""

@@ -1,0 +1,93 @@
+"""Part of a capture: some of its frames, rotated and mirrored."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.formats.capture import Capture, CountStack
+from jotlight.formats.orientation import orient_image, orient_packed, parse_orientation
+from jotlight.sensing.bits import Bits, SensorLike
+from jotlight.sensing.frames import Frames, format_frame_range
+from jotlight.sensing.provenance import Provenance
+
+
+def select(
+    capture: Capture,
+    frames: slice | None,
+    rotate: int,
+    flip: str | None,
+    key: str | None = None,
+) -> Capture:
+    """Return some frames of a capture, rotated and then mirrored.
+
+    Parameters
+    ----------
+    capture : Bits or CountStack
+    frames : slice, optional
+        Default: all frames.
+    rotate : int
+        Degrees counterclockwise, a multiple of 90.
+    flip : {"horizontal", "vertical"}, optional
+    key : str, optional
+        Name of the array that the capture is from, recorded in the provenance.
+
+    Raises
+    ------
+    ValueError
+        When no frame is selected, or the orientation is unknown.
+    """
+    quarters = parse_orientation(rotate, flip)
+    notes = [f"the array {key}"] if key is not None else []
+    if quarters:
+        notes.append(f"rotated by {90 * quarters} degrees anticlockwise")
+    if flip is not None:
+        notes.append(f"mirrored, {flip}")
+
+    def annotate(provenance: Provenance) -> Provenance:
+        return provenance.with_notes(*notes).reoriented(quarters, flip)
+
+    if isinstance(capture, CountStack):
+        images, provenance = capture.images, capture.provenance
+        if len(images) > 1:
+            provenance = provenance.with_notes(
+                f"the sum of a stack of {len(images)} images of counts"
+            )
+        provenance = annotate(provenance)
+        if frames is not None:
+            images = images[frames]
+            if len(images) == 0:
+                wanted = format_frame_range(frames)
+                raise ValueError(f"frames: no frames in {wanted} of {len(capture.images)}")
+            provenance = provenance.with_notes(
+                f"of the stack {len(images)} of {len(capture.images)}"
+            )
+        return CountStack(_orient_images(images, quarters, flip), provenance, capture.trials)
+    if frames is not None:
+        capture = capture[frames]
+    if not notes:
+        return capture
+    packed, width = orient_packed(capture.packed, capture.width, quarters, flip)
+    sensor = capture.sensor and _orient_sensor(capture.sensor, quarters, flip)
+    return Bits(packed, width, sensor, capture.provenance and annotate(capture.provenance))
+
+
+def _orient_images(
+    images: npt.NDArray[Any] | Frames, quarters: int, flip: str | None
+) -> npt.NDArray[Any] | Frames:
+    if quarters == 0 and flip is None:
+        return images
+    frames, height, width, *channels = images.shape
+    shape = (frames, *((width, height) if quarters % 2 else (height, width)), *channels)
+
+    def read(start: int, stop: int) -> npt.NDArray[Any]:
+        part = images[start:stop]
+        whole = part.read(0, len(part)) if isinstance(part, Frames) else part
+        return np.stack([orient_image(image, quarters, flip) for image in whole])
+
+    return Frames(shape, read, images.dtype)
+
+
+def _orient_sensor(sensor: SensorLike, quarters: int, flip: str | None) -> SensorLike:
+    maps = {name: orient_image(map_, quarters, flip) for name, map_ in sensor.maps().items()}
+    return sensor.replace(**maps)
