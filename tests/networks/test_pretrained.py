@@ -21,9 +21,9 @@ MIXED = [
     jl.Sensor(oversampling=5, frames=4),
 ]
 
-# Minimum gain in dB on the image "camera" over maximum likelihood, and over the initial network with
-# σ = 0.7, by K. The second one vanishes for many bits, since this image is smoother than the images
-# of the training set.
+# Minimum gain in dB on the image "camera" over maximum likelihood, and over the initial network
+# with σ = 0.7, by K. The second one vanishes for many bits, since this image is smoother than the
+# images of the training set.
 GAINS = {
     9: (10, 4.5), 16: (9, 3.2), 25: (8, 2.2), 36: (7, 1.4), 49: (6, 0.8), 64: (5, 0.4),
     81: (4, 0.1), 100: (3, -0.15),

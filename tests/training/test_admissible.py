@@ -264,7 +264,7 @@ class Frozen:
 @pytest.mark.parametrize("optimizer", jl.training.OPTIMIZERS)
 def test_train_stays_in_a_user_defined_set(optimizer):
     network = bare_network(SENSORS[1], [1, 1], [(3, 3)], tied=True)
-    learned, _ = jl.train(
+    trained, _ = jl.train(
         network,
         lambda rng, number: rng.random((number, 8, 8), np.float32),
         steps=2,
@@ -273,8 +273,8 @@ def test_train_stays_in_a_user_defined_set(optimizer):
         optimizer=optimizer,
         admissible=Frozen(),
     )
-    found = parameter_vector(learned)
-    np.testing.assert_allclose(found, Frozen().project(learned, found), rtol=1e-6)
+    found = parameter_vector(trained)
+    np.testing.assert_allclose(found, Frozen().project(trained, found), rtol=1e-6)
     assert (parameter_vector(network) != found).any()
 
 

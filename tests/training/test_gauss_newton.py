@@ -94,11 +94,11 @@ def test_training_finds_the_posterior_mean_of_each_count():
     bits = 9
     layer = jl.Layer(np.ones((1, 1, 1, 1)), np.full((1, bits + 3), 0.5), 0.0, 1.0)
     network = jl.Network([layer], SENSOR)
-    learned, history = jl.train(
+    trained, history = jl.train(
         network, lambda rng, number: rng.random((number, 32, 32), np.float32), rng=0, batch=64,
         steps=30, optimizer=GaussNewton(0.01),
     )  # fmt: skip
-    found = learned.reconstruct(np.arange(bits + 1)[None])[0]
+    found = trained.reconstruct(np.arange(bits + 1)[None])[0]
     mean, deviation, probability = np.transpose(
         [twins.posterior(count, bits) for count in range(bits + 1)]
     )
@@ -114,7 +114,7 @@ def test_training_finds_the_posterior_mean_of_each_count():
 @pytest.mark.slow
 def test_training_reaches_the_limit_for_uniform_scenes():
     network = jl.Network.initial(SENSOR, taps=5, coefficients=20)
-    learned, _ = jl.train(
+    trained, _ = jl.train(
         network, lambda rng, number: rng.random((number, 32, 32), np.float32),
         steps=10, batch=32, rng=0, optimizer=GaussNewton(0.01),
     )  # fmt: skip
@@ -122,7 +122,7 @@ def test_training_reaches_the_limit_for_uniform_scenes():
     bits = SENSOR.expose(scene, rng=2)
     before, after = (
         -10 * np.log10(np.mean((x.reconstruct(bits).astype(float) - scene) ** 2))
-        for x in (network, learned)
+        for x in (network, trained)
     )
     assert after == pytest.approx(14.816, abs=0.05)
     assert before < 13

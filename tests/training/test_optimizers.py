@@ -35,9 +35,9 @@ def cost_of(network, *, step=0, steps=10, patches=16):
     ids=repr,
 )
 def test_every_optimizer_lowers_the_cost(optimizer, steps):
-    learned, history = jl.train(SMALL, scenes, steps=steps, batch=16, rng=0, optimizer=optimizer)
+    trained, history = jl.train(SMALL, scenes, steps=steps, batch=16, rng=0, optimizer=optimizer)
     fresh = cost_of(SMALL, step=1000, patches=64)
-    before, after = fresh.value(parameter_vector(SMALL)), fresh.value(parameter_vector(learned))
+    before, after = fresh.value(parameter_vector(SMALL)), fresh.value(parameter_vector(trained))
     assert after < 0.8 * before
     assert history.loss[-1] < 0.8 * history.loss[0]
 

@@ -31,33 +31,33 @@ def test_runs_without_a_seed_differ_and_record_the_seed():
 
 def test_the_trained_network_is_for_the_requested_sensor():
     dim = SENSOR.replace(dark_counts=0.3)
-    learned, history = train(sensor=dim, test=IMAGES[:4], steps=2)
-    assert learned.sensor == dim
-    scores = jl.evaluate(learned, IMAGES[:4].repeat(30, 0), dim)
+    trained, history = train(sensor=dim, test=IMAGES[:4], steps=2)
+    assert trained.sensor == dim
+    scores = jl.evaluate(trained, IMAGES[:4].repeat(30, 0), dim)
     assert scores.mean("psnr") == pytest.approx(history.test_psnr[-1], abs=0.5)
 
 
 def test_a_history_has_one_record_more_than_steps():
     records = []
-    learned, history = train(test=IMAGES[:2], callback=records.append)
+    trained, history = train(test=IMAGES[:2], callback=records.append)
     assert len(history) == STEPS + 1
     assert history.records == records
     assert [record.step for record in records] == list(range(STEPS + 1))
     assert np.isfinite(history.test_psnr).all()
-    same, again = train(learned, steps=0, test=IMAGES[:2])
+    same, again = train(trained, steps=0, test=IMAGES[:2])
     assert again.test_psnr == pytest.approx(history.test_psnr[-1:], abs=1e-3)
-    np.testing.assert_allclose(parameter_vector(same), parameter_vector(learned), atol=1e-6)
+    np.testing.assert_allclose(parameter_vector(same), parameter_vector(trained), atol=1e-6)
 
 
 def test_a_trained_network_and_its_file_record_the_run(tmp_path):
     before, told = parameter_vector(START), dict(START.history)
-    learned, history = train(test=IMAGES[:1])
+    trained, history = train(test=IMAGES[:1])
     np.testing.assert_array_equal(parameter_vector(START), before)
     assert START.history == told
-    learned.save(tmp_path / "net")
+    trained.save(tmp_path / "net")
     loaded = jl.Network.load(tmp_path / "net")
-    assert loaded.history == learned.history
-    np.testing.assert_array_equal(parameter_vector(loaded), parameter_vector(learned))
+    assert loaded.history == trained.history
+    np.testing.assert_array_equal(parameter_vector(loaded), parameter_vector(trained))
     records = loaded.history["records"]
     np.testing.assert_allclose(records["loss"], history.loss, rtol=1e-6)
     np.testing.assert_allclose(records["test_psnr"], history.test_psnr, rtol=1e-6)
@@ -68,10 +68,10 @@ def test_maps_enter_by_the_median_of_valid_jots(tmp_path):
     dark = np.array([[0.1, 0.2, 0.3], [4.0, 9.0, 9.0]])
     mapped = jl.Sensor(frames=9, dark_counts=dark, mask=dark == 9)
     network = jl.Network.initial(mapped, taps=3, coefficients=12)
-    learned = train(network)[0]
+    trained = train(network)[0]
     plain = train(network, sensor=jl.Sensor(frames=9, dark_counts=0.25))[0]
-    np.testing.assert_array_equal(parameter_vector(learned), parameter_vector(plain))
-    assert learned.sensor == mapped
+    np.testing.assert_array_equal(parameter_vector(trained), parameter_vector(plain))
+    assert trained.sensor == mapped
     train(network, checkpoint=tmp_path / "run")
     assert_same(train(network), train(network, checkpoint=tmp_path / "run", resume=True))
 
