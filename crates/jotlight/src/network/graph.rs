@@ -1,5 +1,7 @@
 //! The graph of a network: which layer reads which, and the resolution of their planes.
 
+use num_integer::Integer;
+
 use super::layer::{Layer, Wiring};
 use crate::error::{Error, Result};
 use crate::numbers::Real;
@@ -34,7 +36,7 @@ struct Scale {
 
 impl Scale {
     fn reduced(image: usize, plane: usize) -> Self {
-        let divisor = greatest_divisor(image, plane);
+        let divisor = image.gcd(&plane);
         Self {
             image: image / divisor,
             plane: plane / divisor,
@@ -105,8 +107,7 @@ impl<'a, F: Real> Graph<'a, F> {
         // The output of filters with a stride must have whole rows before the depth-to-space
         // rearrangement adds rows.
         let strided = Scale::reduced(scale.image * layer.wiring.stride, scale.plane);
-        let divisor = self.size_divisor;
-        self.size_divisor = divisor / greatest_divisor(divisor, strided.image) * strided.image;
+        self.size_divisor = self.size_divisor.lcm(&strided.image);
         let scale = Scale::reduced(strided.image, strided.plane * layer.wiring.upsampling);
         let largest = self.size_divisor.max(scale.plane);
         if largest > MAX_SCALE {
@@ -135,14 +136,6 @@ impl<'a, F: Real> Graph<'a, F> {
     pub fn plane_size(&self, layer: usize, (height, width): (usize, usize)) -> (usize, usize) {
         let Scale { image, plane } = self.scales[layer];
         (height / image * plane, width / image * plane)
-    }
-}
-
-fn greatest_divisor(a: usize, b: usize) -> usize {
-    if b == 0 {
-        a
-    } else {
-        greatest_divisor(b, a % b)
     }
 }
 
