@@ -47,8 +47,8 @@ impl PyBatch<'_> {
         let patches = self.patches.as_array();
         if patches.ncols() != 5 || patches.iter().any(|&value| value < 0) {
             return Err(PyValueError::new_err(
-                "patches: expected rows of image index, first row, end row, first column, end column, \
-                 all 0 or more",
+                "patches: expected rows of image index, first row, end row, first column, end \
+                 column, all 0 or more",
             ));
         }
         let patches = patches
