@@ -35,15 +35,19 @@ fn both_probabilities_are_sums_of_poisson_terms() -> Result<()> {
         for s in RATES {
             let below = poisson_below(q, s);
             let what = format!("q = {q}, s = {s}");
-            assert_close(threshold.stays_dark(s), below, 1e-11, &what);
+            assert_close(threshold.non_detection_probability(s), below, 1e-11, &what);
             assert!(
-                (threshold.fires(s) - (1.0 - below)).abs() < 1e-12,
+                (threshold.detection_probability(s) - (1.0 - below)).abs() < 1e-12,
                 "{what}: {}",
-                threshold.fires(s)
+                threshold.detection_probability(s)
             );
         }
         assert_eq!(
-            [threshold.fires(0.0), threshold.stays_dark(0.0)].map(f64::to_bits),
+            [
+                threshold.detection_probability(0.0),
+                threshold.non_detection_probability(0.0)
+            ]
+            .map(f64::to_bits),
             [0.0f64, 1.0].map(f64::to_bits)
         );
     }
@@ -56,7 +60,7 @@ fn faint_and_bright_tails_keep_their_digits() -> Result<()> {
         let threshold = Threshold::new(q)?;
         let s = 1e-9f64;
         assert_close(
-            threshold.fires(s),
+            threshold.detection_probability(s),
             s.powi(q as i32) / factorial,
             1e-8,
             "faint",
@@ -64,7 +68,7 @@ fn faint_and_bright_tails_keep_their_digits() -> Result<()> {
         let (s, k) = (700.0f64, q as i32 - 1);
         let leading = (-s).exp() * s.powi(k) * f64::from(q) / factorial;
         assert_close(
-            threshold.stays_dark(s),
+            threshold.non_detection_probability(s),
             leading,
             1.2 * f64::from(k) / s,
             "bright",
@@ -81,26 +85,26 @@ fn slope_and_scores_are_derivatives() -> Result<()> {
             let step = 1e-5 * s;
             let derivative = |f: &dyn Fn(f64) -> f64| (f(s + step) - f(s - step)) / (2.0 * step);
             let what = format!("q = {q}, s = {s}");
-            let fires = threshold.fires(s);
+            let fires = threshold.detection_probability(s);
             if fires > 1e-290 {
-                let lower = derivative(&|s| threshold.fires(s).ln());
+                let lower = derivative(&|s| threshold.detection_probability(s).ln());
                 assert!(
-                    (threshold.fired_score(s) - lower).abs() < 1e-5 * (lower + 1e-5 / s),
+                    (threshold.detection_score(s) - lower).abs() < 1e-5 * (lower + 1e-5 / s),
                     "{what}: {} instead of {lower}",
-                    threshold.fired_score(s)
+                    threshold.detection_score(s)
                 );
                 assert_close(
-                    threshold.slope(s),
-                    threshold.fired_score(s) * fires,
+                    threshold.detection_derivative(s),
+                    threshold.detection_score(s) * fires,
                     1e-9,
                     &what,
                 );
             }
-            let upper = -derivative(&|s| threshold.stays_dark(s).ln());
+            let upper = -derivative(&|s| threshold.non_detection_probability(s).ln());
             assert!(
-                (threshold.dark_score(s) - upper).abs() < 1e-5 * (upper + 1e-5 / s),
+                (threshold.non_detection_score(s) - upper).abs() < 1e-5 * (upper + 1e-5 / s),
                 "{what}: {} instead of {upper}",
-                threshold.dark_score(s)
+                threshold.non_detection_score(s)
             );
         }
     }
@@ -110,10 +114,15 @@ fn slope_and_scores_are_derivatives() -> Result<()> {
 #[test]
 fn scores_stay_finite_where_probabilities_underflow() -> Result<()> {
     let threshold = Threshold::new(100)?;
-    assert_eq!(threshold.fires(1e-9).to_bits(), 0);
-    assert_close(threshold.fired_score(1e-9), 100.0 / 1e-9, 1e-9, "faint");
-    assert_eq!(threshold.stays_dark(1e4).to_bits(), 0);
-    assert_close(threshold.dark_score(1e4), 1.0 - 99.0 / 1e4, 1e-4, "bright");
+    assert_eq!(threshold.detection_probability(1e-9).to_bits(), 0);
+    assert_close(threshold.detection_score(1e-9), 100.0 / 1e-9, 1e-9, "faint");
+    assert_eq!(threshold.non_detection_probability(1e4).to_bits(), 0);
+    assert_close(
+        threshold.non_detection_score(1e4),
+        1.0 - 99.0 / 1e4,
+        1e-4,
+        "bright",
+    );
     Ok(())
 }
 
@@ -125,7 +134,8 @@ fn rate_undoes_both_probabilities() -> Result<()> {
             let probability = 10f64.powi(exponent);
             let what = format!("q = {q}, p = {probability}");
             assert_close(
-                threshold.fires(threshold.rate(probability)),
+                threshold
+                    .detection_probability(threshold.inverse_detection_probability(probability)),
                 probability,
                 1e-11,
                 &what,
@@ -134,11 +144,12 @@ fn rate_undoes_both_probabilities() -> Result<()> {
         for exponent in 1..15 {
             let probability = 1.0 - 10f64.powi(-exponent);
             let what = format!("q = {q}, p = {probability}");
-            let dark = threshold.stays_dark(threshold.rate(probability));
+            let dark = threshold
+                .non_detection_probability(threshold.inverse_detection_probability(probability));
             assert_close(dark, 1.0 - probability, 1e-11, &what);
         }
-        assert_eq!(threshold.rate(0.0).to_bits(), 0);
-        assert!(threshold.rate(1.0).is_infinite());
+        assert_eq!(threshold.inverse_detection_probability(0.0).to_bits(), 0);
+        assert!(threshold.inverse_detection_probability(1.0).is_infinite());
     }
     Ok(())
 }
@@ -148,8 +159,8 @@ fn endless_light_makes_every_jot_fire() -> Result<()> {
     for q in THRESHOLDS {
         let threshold = Threshold::new(q)?;
         let ends = [
-            threshold.fires(f64::INFINITY),
-            threshold.stays_dark(f64::INFINITY),
+            threshold.detection_probability(f64::INFINITY),
+            threshold.non_detection_probability(f64::INFINITY),
         ];
         assert_eq!(ends.map(f64::to_bits), [1.0f64, 0.0].map(f64::to_bits));
     }
@@ -162,8 +173,8 @@ fn a_threshold_of_no_photons_is_an_error() {
         Threshold::new(0),
         Err(Error::Range {
             what: "threshold",
-            expected: "at least 1 photon",
-            given: "0".into()
+            expected: "at least 1 photon".into(),
+            received: "0".into()
         })
     );
 }

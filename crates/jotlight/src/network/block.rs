@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::Real;
 use super::codes::block_filter;
-use crate::bits::{PackedBits, add_block_counts, field, mask_row};
+use crate::bits::{PackedBits, add_block_counts, bit_field as field, mask_row};
 use crate::error::{Error, Result};
 
 /// What a first layer reads.
@@ -20,7 +20,7 @@ pub(super) enum Blocks<'a> {
 impl<'a> Blocks<'a> {
     /// What filters read of the bits of a sensor with K̂ = `side`.
     pub fn of(bits: PackedBits<'a>, side: usize, tied: bool) -> Result<Self> {
-        let pixels = bits.pixels(side)?;
+        let pixels = bits.pixel_shape(side)?;
         if !tied {
             return Ok(Self::Jots(bits, pixels));
         }
@@ -137,7 +137,7 @@ pub(super) fn check_block<F: Real>(
     if frames != bits.shape().0 {
         return Err(Error::shape("frames of the bits", frames, bits.shape().0));
     }
-    bits.pixels(height)
+    bits.pixel_shape(height)
 }
 
 /// p of whole filters where some jots are dead: the valid ones stand for them, and each counts as their mean, for taps of any sign;

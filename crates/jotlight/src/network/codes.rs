@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::place::Place;
 use super::{Real, Spline};
-use crate::bits::{PackedBits, field};
+use crate::bits::{PackedBits, bit_field as field};
 use crate::cpu::levels;
 
 /// Bits of a table: of one for the whole block, if there are twice as many pixels as entries, and else of each of several.

@@ -9,7 +9,7 @@ use super::correlate::Planes;
 use super::lsi::before;
 use super::place::{Part, Place, Row};
 use crate::cpu::{self, LANES, Simd, WithSimd};
-use crate::sensing::mirrored;
+use crate::sensing::mirror_index as mirrored;
 
 /// Lines of a filter, rows that are found at a time, and sums that they are found from.
 pub(super) const LINES: usize = 3;

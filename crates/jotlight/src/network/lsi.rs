@@ -10,7 +10,7 @@ use super::bank::Bank;
 use super::correlate::{self, Planes, SPARE_COLUMNS, SPARE_ROWS, Taps};
 use super::place::{Part, Place};
 use crate::cpu::LANES;
-use crate::sensing::mirrored;
+use crate::sensing::mirror_index as mirrored;
 
 /// Rows of weights whose gradients are summed in few bits.
 const BAND: usize = 64;

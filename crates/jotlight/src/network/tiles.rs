@@ -14,7 +14,7 @@ use super::lsi::{Padded, read};
 use super::place::{Part, Place, Strip};
 use super::{Layer, Real};
 use crate::error::Result;
-use crate::sensing::mirrored;
+use crate::sensing::mirror_index as mirrored;
 
 /// Pixels of a tile, or of each strip of it, so that its planes stay near the core.
 const PIXELS: usize = 1 << 16;
