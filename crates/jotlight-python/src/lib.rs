@@ -1,4 +1,4 @@
-//! The Python module `jotlight._engine`. It converts arguments and releases the GIL during the work.
+//! The Python module `jotlight._engine`, which converts arguments and releases the GIL.
 #![allow(missing_docs)]
 
 mod arguments;
@@ -15,7 +15,7 @@ use jotlight::error::Error;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// The compiled engine. Its functions check shapes; the functions of `jotlight` check and document the rest.
+/// The compiled engine. It checks shapes; the functions of `jotlight` check and document the rest.
 #[pymodule]
 mod _engine {
     use super::{PyModule, PyResult};

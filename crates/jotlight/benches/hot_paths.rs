@@ -1,4 +1,5 @@
-//! The hot paths one by one, on one thread, at every instruction set that this processor has: `cargo bench`.
+//! The hot paths one by one, on one thread, at every instruction set that this processor has:
+//! `cargo bench`.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use jotlight::bits::{PackedBits, add_block_counts};

@@ -1,6 +1,6 @@
 //! Parameters that the ADMM updates of the likelihood and of the total variation share.
 //!
-//! Both updates are one iteration of the scaled, over-relaxed form of ADMM for a term f(x) subject to x = A c:
+//! Both are one iteration of the scaled, over-relaxed form of ADMM for f(x) subject to x = A c:
 //! x ← prox of f at (relaxed A c + dual), then dual ← relaxed A c + dual − x.
 
 use crate::error::{Error, Result};

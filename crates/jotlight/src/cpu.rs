@@ -143,7 +143,11 @@ fn run_with<W: WithSimd, S: Simd>(simd: Option<S>, work: W) -> W::Output {
 /// The body must be `#[inline(always)]`:
 /// `levels! { fn apply[F: Real](spline: &Spline<F>, plane: &mut [F]) = apply_inlined; }`
 macro_rules! levels {
-    ($($(#[$attribute:meta])* $scope:vis fn $name:ident $([$($generics:tt)*])? ($($argument:ident: $type:ty),* $(,)?) = $inlined:path;)*) => {$(
+    ($(
+        $(#[$attribute:meta])*
+        $scope:vis fn $name:ident $([$($generics:tt)*])? ($($argument:ident: $type:ty),* $(,)?)
+            = $inlined:path;
+    )*) => {$(
         $(#[$attribute])*
         $scope fn $name $(<$($generics)*>)? ($($argument: $type),*) {
             struct Work<A>(A);

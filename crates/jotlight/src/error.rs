@@ -1,6 +1,6 @@
 //! The error type of the engine.
 
-/// A reason why the engine refuses a call. The message states what was expected and what was received.
+/// A reason why the engine refuses a call. The message states the expected and the received value.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Error {
     /// An array has the wrong shape, or two arrays do not fit together.

@@ -1,8 +1,8 @@
 //! The engine of jotlight: image reconstruction from the bits of single-photon cameras.
 //!
-//! The crate contains the loops of the project, without files, plots, or Python. A *jot* is a one-bit
-//! pixel. The `K = T·K̂²` bits of a `K̂ × K̂` block of jots over `T` frames form one *pixel* of the
-//! image. Every function returns the same result for any number of threads.
+//! The crate contains the loops of the project, without files, plots, or Python. A *jot* is a
+//! one-bit pixel. The `K = T·K̂²` bits of a `K̂ × K̂` block of jots over `T` frames form one
+//! *pixel* of the image. Every function returns the same result for any number of threads.
 //!
 //! ```
 //! use jotlight::likelihood::Threshold;

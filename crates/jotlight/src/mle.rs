@@ -83,7 +83,8 @@ impl PixelResponse {
             .clamp(0.0, self.max_intensity)
     }
 
-    /// Return the intensity of a pixel with L = `ones` of `trials` readings, or NaN without readings.
+    /// Return the intensity of a pixel with L = `ones` of `trials` readings, or NaN without
+    /// readings.
     fn intensity_from_count(&self, ones: i32, trials: i32, jot: JotResponse) -> f32 {
         if trials == 0 {
             f32::NAN
@@ -116,14 +117,15 @@ impl PixelResponse {
     /// Return the intensity in [0, S] that maximizes the likelihood of the jots of a pixel.
     fn maximize_likelihood(&self, jots: &[Jot]) -> f64 {
         let (mut low, mut high) = (0.0, self.max_intensity);
-        // The score of a one is infinite at rate 0. The smallest positive intensity stands in for 0.
+        // The score of a one is infinite at rate 0. A tiny positive intensity stands in for 0.
         if self.score(jots, f64::MIN_POSITIVE.sqrt()) <= 0.0 {
             return 0.0;
         }
         if self.score(jots, high) >= 0.0 {
             return high;
         }
-        // Bisection, because the score may be infinite at one end. A float32 result needs few steps.
+        // Bisection, because the score may be infinite at one end. A float32 result needs few
+        // steps.
         while high - low > 1e-9 * high {
             let middle = 0.5 * (low + high);
             if self.score(jots, middle) > 0.0 {
@@ -235,8 +237,8 @@ pub fn equivalent_counts(
 /// Write the maximum-likelihood estimate of pixels with unequal jots into `out`, `width` per row.
 ///
 /// This problem has no closed form. The estimate maximizes the concave function
-/// Σ L_j log P(q, x_j) + (T − L_j) log(1 − P(q, x_j)) with x_j = η_j α c / K + d_j over c in [0, S].
-/// A pixel without live jots becomes NaN.
+/// `Σ L_j log P(q, x_j) + (T − L_j) log(1 − P(q, x_j))` over c in [0, S], where
+/// `x_j = η_j α c / K + d_j`. A pixel without live jots becomes NaN.
 ///
 /// # Errors
 /// [`Error::Shape`] when the arrays do not fit.

@@ -1,9 +1,9 @@
 //! Random numbers by position: each jot of each frame has its own place in the random stream.
 //!
 //! The generator is ChaCha with 8 rounds (the `chacha20` crate), keyed by the seed. The frame, row,
-//! and color channel select one of its 2⁶⁴ streams, and the column selects a position in the stream.
-//! Therefore a jot has the same bit for any number of threads, in any tile, and in any range of
-//! frames.
+//! and color channel select one of its 2⁶⁴ streams, and the column selects a position in the
+//! stream. Therefore a jot has the same bit for any number of threads, in any tile, and in any
+//! range of frames.
 
 use chacha20::ChaCha8Rng;
 use chacha20::rand_core::{Rng, SeedableRng};

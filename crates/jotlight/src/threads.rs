@@ -26,8 +26,8 @@ impl Pool {
     /// Restrict each thread to its own part of the caller's cores.
     ///
     /// The cores are divided into as many parts as there are threads or cores, whichever is fewer.
-    /// Without this, two threads that wake together may share a core: on a virtual machine, sleeping
-    /// cores may look busy, and many calls end before the system separates the threads.
+    /// Without this, two threads that wake together may share a core: on a virtual machine,
+    /// sleeping cores may look busy, and many calls end before the system separates the threads.
     fn pin_to_cores(&self) {
         use rustix::thread::{CpuSet, sched_getaffinity, sched_getcpu, sched_setaffinity};
 

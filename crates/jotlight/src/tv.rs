@@ -1,4 +1,5 @@
-//! Total variation Σ |D c|: the differences D between neighboring pixels, their adjoint, and the proximal map.
+//! Total variation Σ |D c|: the differences D of neighboring pixels, their adjoint, and proximal
+//! map.
 
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis, Zip, s};
 use rayon::prelude::*;
@@ -141,8 +142,8 @@ pub fn shrink(
 /// x = D `image`, and return ‖D image − x‖², the squared primal residual.
 ///
 /// # Errors
-/// [`Error::Shape`] when the arrays do not fit, [`Error::Range`] for a penalty that is not above 0 or
-/// a negative weight.
+/// [`Error::Shape`] when the arrays do not fit, [`Error::Range`] for a penalty that is not above 0
+/// or a negative weight.
 pub fn admm_update(
     step: &AdmmStep,
     weight: Values<'_, f64>,

@@ -82,8 +82,8 @@ pub struct ExactInverse {
 }
 
 impl ExactInverse {
-    /// Number of intervals of the table. The nodes p = sin²(angle), at equidistant angles, are dense
-    /// where T is steep. The error of linear interpolation is below 10⁻⁶ K.
+    /// Number of intervals of the table. The nodes p = sin²(angle), at equidistant angles, are
+    /// dense where T is steep. The error of linear interpolation is below 10⁻⁶ K.
     const INTERVALS: usize = 2048;
 
     /// Return the tabulated inverse for counts among `bits` = K bits.

@@ -145,7 +145,8 @@ fn the_rate_of_a_jot_is_the_light_of_the_pixels_around() -> Result<()> {
             rate(&sensor, Image::F64(image.view()), 0, rates.view_mut())?;
             let taps = sensor.kernel.taps();
             let reach = (degree * side / 2) as isize;
-            // How much of pixel `pixel` falls on jot `jot`, and where the scene goes on past the rim.
+            // How much of pixel `pixel` falls on jot `jot`, and where the scene goes on past the
+            // rim.
             let share = |jot: usize, pixel: isize| {
                 let place = jot as isize + reach - pixel * side as isize;
                 usize::try_from(place)

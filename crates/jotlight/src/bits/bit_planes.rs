@@ -84,7 +84,7 @@ fn full_adder(a: u64, b: u64, c: u64) -> (u64, u64) {
     (half ^ c, a & b | half & c)
 }
 
-/// Add one word of each member of a group to the digits of weight 1, 2, and 4, and return the carry.
+/// Add a word of each member of a group to the digits of weight 1, 2, and 4, and return the carry.
 #[inline(always)]
 fn add_words(x: [u64; GROUP_SIZE], ones: &mut u64, twos: &mut u64, fours: &mut u64) -> u64 {
     let (one, two_a) = full_adder(*ones, x[0], x[1]);
@@ -106,7 +106,7 @@ levels! {
     ) = add_group_inlined;
     /// Add two planes to a digit. The carry replaces the second plane.
     fn add_planes(digit: &mut [u64], first: &[u64], second: &mut [u64]) = add_planes_inlined;
-    /// Add 2^`level` to the counts of the bits that are set in a plane. The bits start at byte `first`.
+    /// Add 2^`level` to the count of each bit that is set in a plane, from byte `first` on.
     fn add_plane_to_counts(
         plane: &[u64], first: usize, level: u32, counts: &mut [i32],
     ) = add_plane_to_counts_inlined;

@@ -104,7 +104,9 @@ fn add_frame_by_frame(
 
 levels! {
     /// Add the ones of each pixel in consecutive rows of jots.
-    fn add_rows(bytes: &[u8], oversampling: usize, counts: &mut ArrayViewMut2<'_, i32>) = add_rows_inlined;
+    fn add_rows(
+        bytes: &[u8], oversampling: usize, counts: &mut ArrayViewMut2<'_, i32>,
+    ) = add_rows_inlined;
 }
 
 #[inline(always)]

@@ -27,7 +27,7 @@ pub struct PackedBits<'a> {
 }
 
 impl<'a> PackedBits<'a> {
-    /// Return the bits of rows that are `width` jots wide. Padding bits in the last byte are ignored.
+    /// Return the bits of rows of `width` jots. Padding bits in the last byte are ignored.
     ///
     /// # Errors
     /// [`Error::Shape`] when the bytes of a row do not hold `width` bits.
@@ -95,7 +95,7 @@ pub(crate) fn mask_row(mask: ArrayView2<'_, u8>, row: usize) -> Cow<'_, [u8]> {
     contiguous(mask.slice_move(s![row, ..]))
 }
 
-/// Return the `length` bits from bit `start` on as an integer whose least significant bit is the last.
+/// Return the `length` bits from bit `start` on as an integer. The last is the least significant.
 ///
 /// `length` is at most [`MAX_FIELD_BITS`].
 #[inline(always)]

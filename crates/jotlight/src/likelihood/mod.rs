@@ -1,8 +1,8 @@
-//! The log-likelihood of counted bits: its value, gradient, curvature, information, and proximal map.
+//! The log-likelihood of counted bits: value, derivatives, information, and proximal map.
 //!
-//! The paper's equation (4) maximizes ℓ(s) = Σ L log P(q, η s + d) + (n − L) log(1 − P(q, η s + d)).
-//! An *element* of the sum is a jot, or a pixel whose jots all receive the same light. L of the n
-//! readings of an element are ones. The light s is the expected number of photons per jot and
+//! The paper's equation (4) maximizes ℓ(s) = Σ L log P(q, η s + d) + (n − L) log(1 − P(q, η s +
+//! d)). An *element* of the sum is a jot, or a pixel whose jots all receive the same light. L of
+//! the n readings of an element are ones. The light s is the expected number of photons per jot and
 //! frame; the quantum efficiency η and the dark counts d turn it into the rate η s + d.
 
 mod chunk;
@@ -22,7 +22,7 @@ pub use threshold::Threshold;
 /// formulas divide by 0 although some derivatives have a limit.
 const MIN_RATE: f64 = 1e-150;
 
-/// The counts of a sensor and the response of its jots: L ones among the n readings of each element.
+/// The readings of a sensor, L ones among n for each element, and the response of its jots.
 #[derive(Clone, Copy, Debug)]
 pub struct Readings<'a> {
     threshold: Threshold,
@@ -33,7 +33,7 @@ pub struct Readings<'a> {
 }
 
 impl<'a> Readings<'a> {
-    /// Return the readings with `ones` = L of `trials` = n, η = `efficiency`, and d = `dark_counts`.
+    /// Return readings with L = `ones`, n = `trials`, η = `efficiency`, and d = `dark_counts`.
     ///
     /// # Errors
     /// [`Error::Shape`] when the arrays do not fit together, [`Error::Range`] for a count outside

@@ -1,7 +1,8 @@
-//! The derivatives of ℓ and the proximal map for q = 1, where P = 1 − e^(−s), on vectors of elements.
+//! The derivatives of ℓ and the proximal map for q = 1, P = 1 − e^(−s), on vectors of elements.
 //!
 //! The loops run over fixed groups of elements, which the compiler turns into vector instructions.
-//! The formulas are those of [`super::Threshold`] with q = 1; only e^s − 1 is evaluated differently.
+//! The formulas are those of [`super::Threshold`] with q = 1; only e^s − 1 is evaluated
+//! differently.
 
 use super::MIN_RATE;
 use super::chunk::Chunk;
@@ -13,7 +14,7 @@ const GROUP_SIZE: usize = 16;
 type Group = [f64; GROUP_SIZE];
 
 levels! {
-    /// Write the gradient and the curvature of ℓ, as [`super::Readings::gradient_and_curvature`] does.
+    /// Write ∂ℓ/∂s and −∂²ℓ/∂s², as [`super::Readings::gradient_and_curvature`] does.
     pub(super) fn gradient_and_curvature(
         chunk: &Chunk, light: &[f64], gradient: &mut [f64], curvature: &mut [f64],
     ) = gradient_and_curvature_inlined;

@@ -22,9 +22,9 @@ const MIN_JOTS_PER_TASK: usize = 1 << 13;
 
 /// Draw the bits of a window of frames and pixels into `out` `(frames, rows·K̂, ⌈columns·K̂ / 8⌉)`.
 ///
-/// The bits are packed with the most significant bit first. Each jot has its own place in the random
-/// streams. Therefore a window holds the same bits as the whole image does there, and the color
-/// channels, numbered by `channel`, are independent.
+/// The bits are packed with the most significant bit first. Each jot has its own place in the
+/// random streams. Therefore a window holds the same bits as the whole image does there, and the
+/// color channels, numbered by `channel`, are independent.
 ///
 /// # Errors
 /// [`Error::Shape`] when the arrays do not fit, [`Error::Range`] when the window lies outside the
@@ -206,7 +206,7 @@ impl RowSampler {
                     }
                     let column = self.first_column + index * 64 + jot;
                     let rate = column / self.jots_per_rate - self.first_column / self.jots_per_rate;
-                    // The padding past the end of the row has no rate, and its bits are not written.
+                    // The padding past the end of the row has no rate. Its bits are not written.
                     let Some(&rate) = self.rates.get(rate) else {
                         continue;
                     };

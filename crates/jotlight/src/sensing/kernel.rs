@@ -1,4 +1,5 @@
-//! The interpolation kernel φ of the light field and its integrals g over the jots (paper, section 2.1).
+//! The integrals g of the interpolation kernel φ over the jots (paper, section 2.1 and equation
+//! (2)).
 
 use crate::error::{Error, Result};
 

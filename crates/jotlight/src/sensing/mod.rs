@@ -67,7 +67,8 @@ impl PerJot<'_> {
 pub struct Sensor<'a> {
     /// The interpolation kernel, which includes the oversampling K̂.
     pub kernel: Kernel,
-    /// α/T, the photons per frame and pixel at intensity 1. The kernel distributes them over the jots.
+    /// α/T, the photons per frame and pixel at intensity 1. The kernel distributes them over the
+    /// jots.
     pub gain_per_frame: f64,
     /// The quantum efficiency η.
     pub efficiency: PerJot<'a>,

@@ -1,4 +1,4 @@
-//! The rate and the detection probability of each jot, computed row by row without a map of all jots.
+//! The rate and the detection probability of each jot, computed row by row.
 
 use std::ops::Range;
 
@@ -115,8 +115,8 @@ impl Exposure<'_, '_, '_> {
         }
     }
 
-    /// Replace `rates` with η s + d of a range of pixels in a row, where all jots share `(η, d)` and
-    /// the jots of a pixel share one rate.
+    /// Replace `rates` with η s + d of a range of pixels in a row, where all jots share `(η, d)`
+    /// and the jots of a pixel share one rate.
     pub fn pixel_rates(
         &self,
         row: usize,

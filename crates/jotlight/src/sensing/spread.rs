@@ -62,7 +62,7 @@ impl SpreadOperator {
 
     /// Write gain · Gᵀ `jots` into `out` `(H, W)`.
     ///
-    /// ⟨G x, y⟩ = ⟨x, Gᵀ y⟩ holds up to rounding, including the symmetric continuation at the border.
+    /// ⟨G x, y⟩ = ⟨x, Gᵀ y⟩ holds up to rounding, including the continuation at the border.
     ///
     ///
     /// # Errors
@@ -156,8 +156,8 @@ impl SpreadOperator {
             });
     }
 
-    /// Write the horizontal part of Gᵀ, from a row of jots to a row of pixels, into `row`: the adjoint
-    /// of the second half of [`filter_row`].
+    /// Write the horizontal part of Gᵀ, from a row of jots to a row of pixels, into `row`: the
+    /// adjoint of the second half of [`filter_row`].
     fn apply_horizontal_adjoint(&self, jots: &[f64], row: &mut [f64], padded: &mut Vec<f64>) {
         let oversampling = self.horizontal.oversampling();
         let degree = self.horizontal.degree();
