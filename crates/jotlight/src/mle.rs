@@ -3,6 +3,7 @@
 //! `Differs from the paper:` the threshold q is arbitrary, jots have an efficiency and dark counts,
 //! and dead jots are left out.
 
+use num_integer::div_rem;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
@@ -262,7 +263,7 @@ pub fn from_jots(
     out.par_iter_mut()
         .enumerate()
         .for_each_init(Vec::new, |jots, (index, out)| {
-            collect_live_jots(counts, (index / width, index % width), width, jots);
+            collect_live_jots(counts, div_rem(index, width), width, jots);
             *out = if jots.is_empty() {
                 f32::NAN
             } else {

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use ndarray::{ArrayViewMut1, ArrayViewMut3, Axis};
+use num_integer::{Integer, div_rem};
 use rayon::prelude::*;
 
 use super::probability_table::{ProbabilityTable, exact_probability};
@@ -121,7 +122,7 @@ impl RowSampler {
             let stop = (start + JOTS_PER_SEGMENT).min(end);
             // Draws start at an aligned column. Those before `start` belong to the neighboring tile
             // and are not written.
-            self.first_column = start / ALIGNMENT * ALIGNMENT;
+            self.first_column = start.prev_multiple_of(&ALIGNMENT);
             for jot_row in 0..oversampling {
                 let row = pixel_row * oversampling + jot_row;
                 if jot_row == 0 || exposure.sensor.uniform_response().is_none() {
@@ -288,7 +289,7 @@ fn write_bits(
     let rest = out.iter_mut().skip(byte).take(length.div_ceil(8));
     for (index, out) in rest.enumerate().skip(8 * whole_words) {
         let bit = offset + 8 * index;
-        let (word, shift) = (bit / 64, bit % 64);
+        let (word, shift) = div_rem(bit, 64);
         let mut value = words[word] << shift;
         if shift > 56 && word + 1 < words.len() {
             value |= words[word + 1] >> (64 - shift);

@@ -1,6 +1,8 @@
 //! The integrals g of the interpolation kernel φ over the jots (paper, section 2.1 and equation
 //! (2)).
 
+use num_integer::div_rem;
+
 use crate::error::{Error, Result};
 
 /// The integrals g of a B-spline over the jots, with K̂ jots per pixel and dimension.
@@ -65,11 +67,8 @@ impl Kernel {
     /// `Differs from the paper:` beyond the border, the image continues symmetrically, see
     /// [`mirror_index`]. In the paper the light ends at the border, which would dim the border.
     pub(super) fn last_pixel(&self, jot: usize) -> (isize, usize) {
-        let position = jot + self.shift;
-        (
-            (position / self.oversampling) as isize,
-            position % self.oversampling,
-        )
+        let (pixel, tap) = div_rem(jot + self.shift, self.oversampling);
+        (pixel as isize, tap)
     }
 }
 

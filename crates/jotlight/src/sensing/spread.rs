@@ -1,6 +1,7 @@
 //! The linear operator G of the paper's section 2.2.1 on images and signals, and its exact adjoint.
 
 use ndarray::{Array2, ArrayView2, ArrayViewMut2, Axis};
+use num_integer::div_rem;
 use rayon::prelude::*;
 
 use super::kernel::{Kernel, mirror_index};
@@ -167,7 +168,7 @@ impl SpreadOperator {
         padded.clear();
         padded.resize((last - start + 1) as usize, 0.0);
         for (index, &jot) in (phase..).zip(jots) {
-            let (pixel, position) = (index / oversampling, index % oversampling);
+            let (pixel, position) = div_rem(index, oversampling);
             let taps = self.horizontal.taps()[position..]
                 .iter()
                 .step_by(oversampling);
