@@ -13,9 +13,9 @@ pub enum ValueOrArray<Value, Array> {
     Array(Array),
 }
 
-/// An argument of 32-bit or of 64-bit floats.
+/// An argument whose arrays are all 32-bit or all 64-bit floats.
 #[derive(FromPyObject)]
-pub enum F32OrF64<Single, Double> {
+pub enum Precision<Single, Double> {
     F32(Single),
     F64(Double),
 }
@@ -27,7 +27,7 @@ pub type PyValues<'py, T> = ValueOrArray<T, PyReadonlyArray1<'py, T>>;
 pub type PyPerJot<'py> = ValueOrArray<f64, PyReadonlyArray2<'py, f32>>;
 
 /// A two-dimensional image.
-pub type PyImage<'py> = F32OrF64<PyReadonlyArray2<'py, f32>, PyReadonlyArray2<'py, f64>>;
+pub type PyImage<'py> = Precision<PyReadonlyArray2<'py, f32>, PyReadonlyArray2<'py, f64>>;
 
 impl<T: Copy + Element> PyValues<'_, T> {
     pub fn to_engine(&self) -> PyResult<Values<'_, T>> {
