@@ -102,7 +102,8 @@ impl Level {
                 .position(|level| level.is_supported() && level.name() == name)
                 .ok_or_else(|| {
                     let names: Vec<_> = Self::supported().into_iter().map(Self::name).collect();
-                    Error::range("instruction set", names.join(", "), name)
+                    let expected = format!("one of {}", names.join(", "));
+                    Error::range("instruction set", expected, name)
                 })? as u8,
         };
         CURRENT.store(index, Ordering::Relaxed);

@@ -233,7 +233,8 @@ fn check_weights(what: &'static str, weights: Values<'_, f64>, length: usize) ->
 
 fn check_shapes(image: (usize, usize), differences: (usize, usize, usize)) -> Result<()> {
     if image.0 == 0 || image.1 == 0 {
-        return Err(Error::shape("image", "at least one pixel", image));
+        let received = format!("{} x {}", image.0, image.1);
+        return Err(Error::range("image", "at least one pixel", received));
     }
     if differences == (2, image.0, image.1) {
         Ok(())

@@ -120,27 +120,32 @@ fn add_group_inlined(
     fours: &mut [u64],
     carry: &mut [u64],
 ) {
-    let whole = group[0].len() / 8;
-    let [a, b, c, d, e, f, g, h] = group.map(|bytes| &bytes.as_chunks::<8>().0[..whole]);
-    let (ones_whole, twos_whole) = (&mut ones[..whole], &mut twos[..whole]);
-    let (fours_whole, carry_whole) = (&mut fours[..whole], &mut carry[..whole]);
-    for i in 0..whole {
+    let whole_words = group[0].len() / 8;
+    let [a, b, c, d, e, f, g, h] = group.map(|bytes| &bytes.as_chunks::<8>().0[..whole_words]);
+    let (whole_ones, whole_twos) = (&mut ones[..whole_words], &mut twos[..whole_words]);
+    let (whole_fours, whole_carry) = (&mut fours[..whole_words], &mut carry[..whole_words]);
+    for i in 0..whole_words {
         let x = [a[i], b[i], c[i], d[i], e[i], f[i], g[i], h[i]].map(u64::from_ne_bytes);
-        carry_whole[i] = add_words(
+        whole_carry[i] = add_words(
             x,
-            &mut ones_whole[i],
-            &mut twos_whole[i],
-            &mut fours_whole[i],
+            &mut whole_ones[i],
+            &mut whole_twos[i],
+            &mut whole_fours[i],
         );
     }
-    if whole < carry.len() {
+    if whole_words < carry.len() {
         let x = group.map(|bytes| {
             let mut word = [0; 8];
-            let rest = &bytes[8 * whole..];
+            let rest = &bytes[8 * whole_words..];
             word[..rest.len()].copy_from_slice(rest);
             u64::from_ne_bytes(word)
         });
-        carry[whole] = add_words(x, &mut ones[whole], &mut twos[whole], &mut fours[whole]);
+        carry[whole_words] = add_words(
+            x,
+            &mut ones[whole_words],
+            &mut twos[whole_words],
+            &mut fours[whole_words],
+        );
     }
 }
 

@@ -158,14 +158,15 @@ fn add_pixels_of_bytes<const PIXELS: usize>(bytes: &[u8], counts: &mut [i32]) {
         }
         i32::from(sums >> (8 - width * (pixel + 1)) & (0xff >> (8 - width)) as u8)
     };
-    let whole = counts.as_chunks_mut::<PIXELS>();
-    for (counts, &byte) in whole.0.iter_mut().zip(bytes) {
+    let (groups, rest) = counts.as_chunks_mut::<PIXELS>();
+    let whole_bytes = groups.len();
+    for (counts, &byte) in groups.iter_mut().zip(bytes) {
         for pixel in 0..PIXELS {
             counts[pixel] += count_ones(byte, pixel);
         }
     }
-    for (pixel, count) in whole.1.iter_mut().enumerate() {
-        *count += count_ones(bytes[whole.0.len()], pixel);
+    for (pixel, count) in rest.iter_mut().enumerate() {
+        *count += count_ones(bytes[whole_bytes], pixel);
     }
 }
 

@@ -60,15 +60,23 @@ impl Kernel {
         self.taps.len() / self.oversampling - 1
     }
 
-    /// Return the last of the degree + 1 pixels that light jot `jot`, and the index of its tap.
-    ///
-    /// Each earlier pixel has the tap K̂ places further on.
+    /// Return the last of the degree + 1 pixels that light jot `jot`, and the jot's position in it.
     ///
     /// `Differs from the paper:` beyond the border, the image continues symmetrically, see
     /// [`mirror_index`]. In the paper the light ends at the border, which would dim the border.
     pub(super) fn last_pixel(&self, jot: usize) -> (isize, usize) {
-        let (pixel, tap) = div_rem(jot + self.shift, self.oversampling);
-        (pixel as isize, tap)
+        let (pixel, position) = div_rem(jot + self.shift, self.oversampling);
+        (pixel as isize, position)
+    }
+
+    /// Return the taps of the pixels that light a jot, from the last pixel to the first.
+    ///
+    /// `position` is the jot's position from [`Kernel::last_pixel`].
+    pub(super) fn pixel_taps(&self, position: usize) -> impl Iterator<Item = f64> {
+        self.taps[position..]
+            .iter()
+            .step_by(self.oversampling)
+            .copied()
     }
 }
 

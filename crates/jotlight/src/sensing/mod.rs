@@ -148,7 +148,7 @@ impl Window {
             let frames = format!("{:?}", self.frames);
             return Err(Error::range(
                 "window frames",
-                "a start of at most the end",
+                "a start that is not above the end",
                 frames,
             ));
         }

@@ -189,8 +189,7 @@ pub(super) fn filter_row<F: Copy + Into<f64>>(
     let mut sums = vec![0.0; pixels];
     for position in 0..oversampling {
         sums.fill(0.0);
-        let taps = horizontal.taps()[position..].iter().step_by(oversampling);
-        for (distance, &tap) in taps.enumerate() {
+        for (distance, tap) in horizontal.pixel_taps(position).enumerate() {
             add_scaled(tap, &light[degree - distance..], &mut sums);
         }
         for (block, &sum) in out.chunks_exact_mut(oversampling).zip(&sums) {
@@ -215,10 +214,7 @@ fn filter_columns<F: Copy + Into<f64>>(
     let (bottom, position) = kernel.last_pixel(row);
     let inside = pixels.start.max(0) as usize..(pixels.end.max(0) as usize).min(width);
     let left = (inside.start as isize - pixels.start) as usize;
-    let taps = kernel.taps()[position..]
-        .iter()
-        .step_by(kernel.oversampling());
-    for (distance, &tap) in taps.enumerate() {
+    for (distance, tap) in kernel.pixel_taps(position).enumerate() {
         let row = mirror_index(bottom - distance as isize, height);
         let intensities = contiguous(image.slice_move(s![row, inside.clone()]));
         add_scaled(tap, &intensities, &mut light[left..]);

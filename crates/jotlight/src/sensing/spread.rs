@@ -141,8 +141,7 @@ impl SpreadOperator {
         let mut lit_rows: Vec<Vec<(usize, f64)>> = vec![Vec::new(); height];
         for row in 0..jot_rows {
             let (bottom, position) = self.vertical.last_pixel(row);
-            let taps = self.vertical.taps()[position..].iter();
-            for (distance, &tap) in taps.step_by(self.vertical.oversampling()).enumerate() {
+            for (distance, tap) in self.vertical.pixel_taps(position).enumerate() {
                 lit_rows[mirror_index(bottom - distance as isize, height)].push((row, gain * tap));
             }
         }
@@ -169,11 +168,8 @@ impl SpreadOperator {
         padded.resize((last - start + 1) as usize, 0.0);
         for (index, &jot) in (phase..).zip(jots) {
             let (pixel, position) = div_rem(index, oversampling);
-            let taps = self.horizontal.taps()[position..]
-                .iter()
-                .step_by(oversampling);
             let pixels = &mut padded[pixel..];
-            for (distance, &tap) in taps.enumerate() {
+            for (distance, tap) in self.horizontal.pixel_taps(position).enumerate() {
                 pixels[degree - distance] += tap * jot;
             }
         }
@@ -185,7 +181,8 @@ impl SpreadOperator {
 
     fn check_shapes(&self, image: (usize, usize), jots: (usize, usize)) -> Result<()> {
         if image.0 == 0 || image.1 == 0 {
-            return Err(Error::shape("image", "at least one pixel", image));
+            let received = format!("{} x {}", image.0, image.1);
+            return Err(Error::range("image", "at least one pixel", received));
         }
         let expected = (
             image.0 * self.vertical.oversampling(),
