@@ -10,25 +10,28 @@ __all__ = [
     "activate",
     "activate_backward",
     "add_block_counts",
-    "algebraic_inverse",
+    "anscombe",
     "choose_cpu_level",
     "cpu_level",
     "cpu_levels",
+    "detection_probability",
     "differences",
     "differences_adjoint",
     "equivalent_counts",
-    "exact_inverse",
     "expose",
     "forward",
     "forward_bits",
     "forward_counts",
     "gradient",
     "input_rows",
+    "inverse_anscombe_algebraic",
+    "inverse_anscombe_exact",
+    "inverse_detection_probability",
     "kernel_taps",
+    "likelihood_admm_update",
+    "likelihood_gradient_and_curvature",
     "likelihood_information",
     "likelihood_proximal",
-    "likelihood_slopes",
-    "likelihood_split",
     "log_likelihood",
     "masked_sums",
     "mle_from_counts",
@@ -44,11 +47,8 @@ __all__ = [
     "spread_forward",
     "spread_normal",
     "squared_errors",
-    "stabilise",
-    "threshold_probability",
-    "threshold_rate",
     "total_variation",
-    "variation_split",
+    "total_variation_admm_update",
 ]
 
 __version__: str
@@ -61,20 +61,26 @@ _Image: TypeAlias = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 _Wiring: TypeAlias = tuple[int, int, int | None, int | None]
 # (filters, spline coefficients, first knot, knot spacing, wiring)
 _Layer: TypeAlias = tuple[_Floats, _Floats | None, float, float, _Wiring]
-_Response: TypeAlias = tuple[int, float, float]
+# Threshold, light (expected photons per jot and frame) at intensity 1, and maximum intensity.
+_PixelResponse: TypeAlias = tuple[int, float, float]
 _Span: TypeAlias = tuple[int, int]
-_Floats64: TypeAlias = float | npt.NDArray[np.float64]
-_Jots: TypeAlias = tuple[_Floats64, _Floats64]
-_Seen: TypeAlias = tuple[
-    int, npt.NDArray[np.int32], int | npt.NDArray[np.int32], _Floats64, _Floats64
+_ValueOrArray: TypeAlias = float | npt.NDArray[np.float64]
+# Efficiency and dark counts.
+_JotResponses: TypeAlias = tuple[_ValueOrArray, _ValueOrArray]
+# Threshold, ones, trials, efficiency, and dark counts. The functions of the readings measure light
+# in expected photons per jot and frame.
+_Readings: TypeAlias = tuple[
+    int, npt.NDArray[np.int32], int | npt.NDArray[np.int32], _ValueOrArray, _ValueOrArray
 ]
-_Step: TypeAlias = tuple[float, float]
+# Penalty and relaxation.
+_AdmmStep: TypeAlias = tuple[float, float]
+# Vertical kernel, horizontal kernel (each degree and oversampling), and gain.
 _Spread: TypeAlias = tuple[tuple[int, int], tuple[int, int], float]
 
 def add_block_counts(
     packed: npt.NDArray[np.uint8],
     width: int,
-    side: int,
+    oversampling: int,
     valid: npt.NDArray[np.uint8] | None,
     counts: npt.NDArray[np.int32],
     threads: int | None,
@@ -105,51 +111,51 @@ def probability(
     threads: int | None,
 ) -> None: ...
 def kernel_taps(degree: int, oversampling: int) -> list[float]: ...
-def threshold_probability(threshold: int, rate: float) -> float: ...
-def threshold_rate(threshold: int, probability: float) -> float: ...
+def detection_probability(threshold: int, rate: float) -> float: ...
+def inverse_detection_probability(threshold: int, probability: float) -> float: ...
 def mle_from_counts(
-    sensor: _Response,
+    response: _PixelResponse,
     counts: npt.NDArray[np.int32],
     trials: int | npt.NDArray[np.int32],
-    jots: _Jots,
+    jots: _JotResponses,
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...
 def mle_from_probability(
-    sensor: _Response,
+    response: _PixelResponse,
     probability: npt.NDArray[np.float32],
-    reference: tuple[float, float],
+    jot: tuple[float, float],
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...
 def mle_from_jots(
-    sensor: _Response,
+    response: _PixelResponse,
     ones: npt.NDArray[np.int32],
-    jots: _Jots,
+    jots: _JotResponses,
     dead: npt.NDArray[np.bool_] | None,
     frames: int,
-    side: int,
+    oversampling: int,
     width: int,
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...
 def equivalent_counts(
-    sensor: _Response,
+    response: _PixelResponse,
     counts: npt.NDArray[np.int32],
     trials: int | npt.NDArray[np.int32],
-    jots: _Jots,
+    jots: _JotResponses,
     bits: int,
     reference: tuple[float, float],
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...
-def stabilise(
+def anscombe(
     counts: npt.NDArray[np.float32], bits: int, out: npt.NDArray[np.float32], threads: int | None
 ) -> None: ...
-def algebraic_inverse(
+def inverse_anscombe_algebraic(
     z: npt.NDArray[np.float32], bits: int, out: npt.NDArray[np.float32], threads: int | None
 ) -> None: ...
-def exact_inverse(
+def inverse_anscombe_exact(
     z: npt.NDArray[np.float32], bits: int, out: npt.NDArray[np.float32], threads: int | None
 ) -> None: ...
 
@@ -200,18 +206,20 @@ def activate_backward(
     spacing: float,
     threads: int | None,
 ) -> tuple[_Floats, npt.NDArray[np.float64]]: ...
-def log_likelihood(seen: _Seen, light: npt.NDArray[np.float64], threads: int | None) -> float: ...
-def likelihood_slopes(
-    seen: _Seen,
+def log_likelihood(
+    readings: _Readings, light: npt.NDArray[np.float64], threads: int | None
+) -> float: ...
+def likelihood_gradient_and_curvature(
+    readings: _Readings,
     light: npt.NDArray[np.float64],
     gradient: npt.NDArray[np.float64],
     curvature: npt.NDArray[np.float64],
     threads: int | None,
 ) -> None: ...
 def likelihood_proximal(
-    seen: _Seen,
+    readings: _Readings,
     penalty: float,
-    most: float,
+    max_light: float,
     guess: npt.NDArray[np.float64],
     point: npt.NDArray[np.float64],
     threads: int | None,
@@ -239,26 +247,32 @@ def differences(
     image: npt.NDArray[np.float64], out: npt.NDArray[np.float64], threads: int | None
 ) -> None: ...
 def differences_adjoint(
-    planes: npt.NDArray[np.float64], out: npt.NDArray[np.float64], threads: int | None
+    differences: npt.NDArray[np.float64], out: npt.NDArray[np.float64], threads: int | None
 ) -> None: ...
 def shrink(
-    planes: npt.NDArray[np.float64], threshold: _Floats64, isotropic: bool, threads: int | None
+    differences: npt.NDArray[np.float64],
+    threshold: _ValueOrArray,
+    isotropic: bool,
+    threads: int | None,
 ) -> None: ...
 def total_variation(
-    planes: npt.NDArray[np.float64], weight: _Floats64, isotropic: bool, threads: int | None
+    differences: npt.NDArray[np.float64],
+    weight: _ValueOrArray,
+    isotropic: bool,
+    threads: int | None,
 ) -> float: ...
-def likelihood_split(
-    seen: _Seen,
-    step: _Step,
-    most: float,
+def likelihood_admm_update(
+    readings: _Readings,
+    step: _AdmmStep,
+    max_light: float,
     light: npt.NDArray[np.float64],
     x: npt.NDArray[np.float64],
     dual: npt.NDArray[np.float64],
     threads: int | None,
 ) -> float: ...
-def variation_split(
-    step: _Step,
-    weight: _Floats64,
+def total_variation_admm_update(
+    step: _AdmmStep,
+    weight: _ValueOrArray,
     isotropic: bool,
     image: npt.NDArray[np.float64],
     x: npt.NDArray[np.float64],
@@ -266,7 +280,7 @@ def variation_split(
     threads: int | None,
 ) -> float: ...
 def likelihood_information(
-    seen: _Seen,
+    readings: _Readings,
     light: npt.NDArray[np.float64],
     information: npt.NDArray[np.float64],
     threads: int | None,

@@ -1,6 +1,7 @@
-//! The Python module `jotlight._engine`: arrays in, arrays out, the GIL released in between.
+//! The Python module `jotlight._engine`, which converts arguments and releases the GIL.
 #![allow(missing_docs)]
 
+mod arguments;
 mod bits;
 mod cpu;
 mod likelihood;
@@ -14,7 +15,7 @@ use jotlight::error::Error;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// The compiled engine. Its functions check shapes; `jotlight`'s own functions name, check and explain the rest.
+/// The compiled engine. It checks shapes; the functions of `jotlight` check and document the rest.
 #[pymodule]
 mod _engine {
     use super::{PyModule, PyResult};
@@ -26,7 +27,8 @@ mod _engine {
     use super::cpu::{choose_cpu_level, cpu_level, cpu_levels, multiply_adds, read_words};
     #[pymodule_export]
     use super::likelihood::{
-        likelihood_information, likelihood_proximal, likelihood_slopes, likelihood_split,
+        detection_probability, inverse_detection_probability, likelihood_admm_update,
+        likelihood_gradient_and_curvature, likelihood_information, likelihood_proximal,
         log_likelihood,
     };
     #[pymodule_export]
@@ -39,12 +41,13 @@ mod _engine {
     #[pymodule_export]
     use super::sensing::{
         expose, kernel_taps, probability, rate, spread_adjoint, spread_forward, spread_normal,
-        threshold_probability, threshold_rate,
     };
     #[pymodule_export]
-    use super::tv::{differences, differences_adjoint, shrink, total_variation, variation_split};
+    use super::tv::{
+        differences, differences_adjoint, shrink, total_variation, total_variation_admm_update,
+    };
     #[pymodule_export]
-    use super::vst::{algebraic_inverse, exact_inverse, stabilise};
+    use super::vst::{anscombe, inverse_anscombe_algebraic, inverse_anscombe_exact};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -57,7 +60,7 @@ fn to_python(error: Error) -> PyErr {
     PyValueError::new_err(error.to_string())
 }
 
-/// Runs `work` without the GIL on `threads` threads.
+/// Run `work` without the GIL on `threads` threads.
 fn run<R: Send>(
     py: Python<'_>,
     threads: Option<isize>,

@@ -1,12 +1,15 @@
+//! Variance stabilization of binomial counts.
+
 use jotlight::vst::{Anscombe, ExactInverse, map};
 use numpy::{PyReadonlyArray1, PyReadwriteArray1};
 use pyo3::prelude::*;
 
 use crate::run;
 
+/// Write the Anscombe transform of counts among `bits` bits into `out`.
 #[pyfunction]
 #[pyo3(signature = (counts, bits, out, threads))]
-pub fn stabilise(
+pub fn anscombe(
     py: Python<'_>,
     counts: PyReadonlyArray1<'_, f32>,
     bits: u32,
@@ -15,14 +18,15 @@ pub fn stabilise(
 ) -> PyResult<()> {
     let (counts, out) = (counts.as_array(), out.as_array_mut());
     run(py, threads, || {
-        let transform = Anscombe::new(bits)?;
-        map(counts, out, |count| transform.stabilise(count))
+        let anscombe = Anscombe::new(bits)?;
+        map(counts, out, |count| anscombe.transform(count))
     })
 }
 
+/// Write the algebraic inverse of the Anscombe transform into `out`.
 #[pyfunction]
 #[pyo3(signature = (z, bits, out, threads))]
-pub fn algebraic_inverse(
+pub fn inverse_anscombe_algebraic(
     py: Python<'_>,
     z: PyReadonlyArray1<'_, f32>,
     bits: u32,
@@ -31,14 +35,15 @@ pub fn algebraic_inverse(
 ) -> PyResult<()> {
     let (z, out) = (z.as_array(), out.as_array_mut());
     run(py, threads, || {
-        let transform = Anscombe::new(bits)?;
-        map(z, out, |z| transform.algebraic_inverse(z))
+        let anscombe = Anscombe::new(bits)?;
+        map(z, out, |z| anscombe.algebraic_inverse(z))
     })
 }
 
+/// Write the exact unbiased inverse of the Anscombe transform into `out`.
 #[pyfunction]
 #[pyo3(signature = (z, bits, out, threads))]
-pub fn exact_inverse(
+pub fn inverse_anscombe_exact(
     py: Python<'_>,
     z: PyReadonlyArray1<'_, f32>,
     bits: u32,
@@ -47,7 +52,7 @@ pub fn exact_inverse(
 ) -> PyResult<()> {
     let (z, out) = (z.as_array(), out.as_array_mut());
     run(py, threads, || {
-        let inverse = ExactInverse::new(bits)?;
-        map(z, out, |z| inverse.invert(z))
+        let exact = ExactInverse::new(bits)?;
+        map(z, out, |z| exact.inverse(z))
     })
 }

@@ -64,7 +64,7 @@ impl PyBatch<'_> {
             })
             .collect();
         Ok(Batch {
-            sensor: self.sensor.view()?,
+            sensor: self.sensor.to_engine()?,
             frames: self.frames,
             images,
             patches,

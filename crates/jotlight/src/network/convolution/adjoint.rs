@@ -7,7 +7,7 @@ use super::direct::FilterTiles;
 use super::leading_rows;
 use super::padded::Padded;
 use crate::numbers::Real;
-use crate::sensing::mirrored;
+use crate::sensing::mirror_index;
 
 /// For every input channel, its taps in all outputs.
 #[derive(Clone, Debug)]
@@ -53,7 +53,7 @@ impl<F: Real> AdjointTaps<F> {
         }
         // The border is a copy of pixels inside, so its gradient is added to theirs.
         let source = |index: usize, taps: usize, size: usize| {
-            mirrored(index as isize - leading_rows(taps, 1) as isize, size)
+            mirror_index(index as isize - leading_rows(taps, 1) as isize, size)
         };
         let source_columns: Vec<usize> = (0..padded_columns)
             .map(|column| source(column, columns, width))
@@ -139,7 +139,7 @@ mod tests {
                     {
                         let index = |position: usize, taps: usize, tap: usize, size: usize| {
                             let first = position * stride + taps - 1 - tap;
-                            mirrored(first as isize - leading_rows(taps, stride) as isize, size)
+                            mirror_index(first as isize - leading_rows(taps, stride) as isize, size)
                         };
                         let y = index(row, rows, tap_row, height);
                         let x = index(column, columns, tap_column, width);

@@ -11,7 +11,7 @@ use super::{PlanesView, leading_rows};
 use crate::network::tiling::region::Region;
 use crate::network::tiling::strips::{StripedPlanes, contiguous_planes};
 use crate::numbers::{MAX_LANES, Real};
-use crate::sensing::mirrored;
+use crate::sensing::mirror_index;
 
 /// A stack of planes with a border, in rows with space for reads beyond their ends.
 #[derive(Default)]
@@ -70,7 +70,7 @@ impl<F: Real> Padded<F> {
             let copy = RowCopy::new(source, left + (phase % stride) as isize, stride, columns);
             for (row, out) in out.chunks_exact_mut(self.row_stride).take(rows).enumerate() {
                 let row = top + (row * stride + phase / stride) as isize;
-                let row = source.row(mirrored(row, source.size.0));
+                let row = source.row(mirror_index(row, source.size.0));
                 copy.copy(
                     &row.plane(input)[..source.columns.len()],
                     &mut out[..columns],
@@ -185,6 +185,6 @@ impl RowCopy {
     /// Return the index in the source of a column of the copy.
     fn column(&self, column: usize) -> usize {
         let column = self.left + (column * self.stride) as isize;
-        mirrored(column, self.width) - self.first
+        mirror_index(column, self.width) - self.first
     }
 }

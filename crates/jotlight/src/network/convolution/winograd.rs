@@ -130,7 +130,7 @@ mod tests {
     use ndarray::{Array3, Array4, s};
 
     use super::*;
-    use crate::sensing::mirrored;
+    use crate::sensing::mirror_index;
 
     /// Return pseudorandom values in \[−0.5, 0.6\] from a linear congruential generator.
     fn random(length: usize) -> Vec<f32> {
@@ -166,9 +166,9 @@ mod tests {
         for input in 0..inputs {
             for tap_row in 0..rows {
                 for tap_column in 0..columns {
-                    let y = mirrored((row + tap_row) as isize - 1, height);
+                    let y = mirror_index((row + tap_row) as isize - 1, height);
                     let leading = leading_rows(columns, 1) as isize;
-                    let x = mirrored((column + tap_column) as isize - leading, width);
+                    let x = mirror_index((column + tap_column) as isize - leading, width);
                     let value = planes[(input * height + y) * width + x];
                     let tap = [output, input, rows - 1 - tap_row, columns - 1 - tap_column];
                     sum += f64::from(value) * f64::from(filters[tap]);

@@ -5,7 +5,7 @@ use super::winograd::{FILTER_ROWS, OUTPUT_ROWS, ROW_STRIDE};
 use crate::cpu::{Simd, WithSimd};
 use crate::network::tiling::strips::{PlaneRow, StripedPlanes};
 use crate::numbers::{MAX_LANES, Real};
-use crate::sensing::mirrored;
+use crate::sensing::mirror_index;
 
 /// The number of input rows that are transformed together, and of their transformed rows.
 pub(super) const TRANSFORMED_ROWS: usize = 6;
@@ -89,7 +89,7 @@ impl<F: Real> WithSimd for InputTransform<'_, F> {
         let start = self.left - columns.start as isize;
         let rows: [_; TRANSFORMED_ROWS] = std::array::from_fn(|row| {
             let row = row.min(self.rows - 1) as isize;
-            self.source.row(mirrored(self.top + row, size.0))
+            self.source.row(mirror_index(self.top + row, size.0))
         });
         // The columns that lie inside the source.
         let end = self.length.min((columns.len() as isize - start) as usize);
@@ -111,7 +111,7 @@ impl<F: Real> WithSimd for InputTransform<'_, F> {
                     let from = (start + inside.start as isize) as usize;
                     copy[inside.clone()].copy_from_slice(&row[from..][..inside.len()]);
                     for column in (0..inside.start).chain(inside.end..self.length) {
-                        let source = mirrored(self.left + column as isize, size.1);
+                        let source = mirror_index(self.left + column as isize, size.1);
                         copy[column] = row[source - columns.start];
                     }
                 }

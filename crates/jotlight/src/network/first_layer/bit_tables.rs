@@ -4,7 +4,7 @@
 use ndarray::{Array3, ArrayView3, ArrayView4};
 use rayon::prelude::*;
 
-use crate::bits::{PackedBits, field};
+use crate::bits::{PackedBits, bit_field};
 use crate::cpu::levels;
 use crate::network::spline::evaluate::Spline;
 use crate::network::tiling::region::Region;
@@ -195,7 +195,7 @@ fn append_bits_inlined(
         (8, 8) => append_whole_rows::<1>(bytes, indices),
         _ => {
             for (pixel, index) in indices.iter_mut().enumerate() {
-                *index = *index << length | field(bytes, pixel * side + first, length) as u32;
+                *index = *index << length | bit_field(bytes, pixel * side + first, length) as u32;
             }
         }
     }

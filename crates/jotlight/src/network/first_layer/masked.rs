@@ -3,7 +3,7 @@
 use ndarray::{Array3, ArrayView2, ArrayView4, Axis};
 use rayon::prelude::*;
 
-use crate::bits::{PackedBits, field, mask_row};
+use crate::bits::{PackedBits, bit_field, mask_row};
 use crate::numbers::Real;
 
 /// Return p of equation (11), one plane per filter, for a packed mask of valid jots.
@@ -29,8 +29,8 @@ pub(crate) fn filter_masked_bits<F: Real>(
                     for (pixel, (out, block)) in out.iter_mut().zip(&mut blocks).enumerate() {
                         for (column, &tap) in taps.iter().enumerate() {
                             let jot = pixel * taps.len() + column;
-                            if field(&valid, jot, 1) == 1 {
-                                let bit = F::from_index(field(&jots, jot, 1) as usize);
+                            if bit_field(&valid, jot, 1) == 1 {
+                                let bit = F::from_index(bit_field(&jots, jot, 1) as usize);
                                 *out += tap * bit;
                                 block.ones += bit;
                                 block.valid_jots += F::one();

@@ -28,5 +28,5 @@ pub(crate) fn pixel_grid<F: Real>(
     if frames != bits.shape().0 {
         return Err(Error::shape("frames of the bits", frames, bits.shape().0));
     }
-    bits.pixels(height)
+    bits.pixel_shape(height)
 }

@@ -3,7 +3,7 @@
 use ndarray::{Array2, Array3, ArrayView3, ArrayView4, ArrayViewMut4};
 
 use super::bit_tables::filter_bits;
-use crate::bits::{PackedBits, add_block_counts, field};
+use crate::bits::{PackedBits, add_block_counts, bit_field};
 use crate::error::Result;
 use crate::numbers::Real;
 
@@ -19,7 +19,7 @@ pub(crate) enum FirstLayerData<'a> {
 impl<'a> FirstLayerData<'a> {
     /// Return the data of a sensor with K̂ = `side`.
     pub fn new(bits: PackedBits<'a>, side: usize, tied: bool) -> Result<Self> {
-        let pixels = bits.pixels(side)?;
+        let pixels = bits.pixel_shape(side)?;
         if !tied {
             return Ok(Self::Bits(bits, pixels));
         }
@@ -107,7 +107,7 @@ impl<'a> FirstLayerData<'a> {
                     for (row, plane) in plane.chunks_exact_mut(*width).enumerate() {
                         let jots = bits.row(frame, row * rows + tap_row);
                         for (pixel, value) in plane.iter_mut().enumerate() {
-                            let bit = field(&jots, pixel * columns + tap_column, 1);
+                            let bit = bit_field(&jots, pixel * columns + tap_column, 1);
                             *value = F::from_index(bit as usize);
                         }
                     }

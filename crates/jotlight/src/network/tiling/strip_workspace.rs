@@ -7,7 +7,7 @@ use super::strips::StripedPlanes;
 use crate::network::convolution::padded::Padded;
 use crate::network::layer::Layer;
 use crate::numbers::Real;
-use crate::sensing::mirrored;
+use crate::sensing::mirror_index;
 
 /// The buffers for the evaluation of a strip.
 #[derive(Default)]
@@ -86,9 +86,9 @@ impl<F: Real> StripWorkspace<F> {
         for (source, out) in sources.zip(out.chunks_exact_mut(region.pixels())) {
             let rows = out.chunks_exact_mut(region.columns.len());
             for (row, out) in region.rows.clone().zip(rows) {
-                let row = mirrored(row as isize, size.0) - known.rows.start;
+                let row = mirror_index(row as isize, size.0) - known.rows.start;
                 for (column, out) in region.columns.clone().zip(out) {
-                    let column = mirrored(column as isize, size.1) - known.columns.start;
+                    let column = mirror_index(column as isize, size.1) - known.columns.start;
                     *out = source[row * width + column];
                 }
             }
