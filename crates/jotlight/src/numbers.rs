@@ -89,7 +89,16 @@ pub trait Lanes: Copy {
 }
 
 macro_rules! lanes {
-    ($float:ty, $vector:ident, $lanes:ident, $slice:ident, $slice_mut:ident, $splat:ident, $multiply_add:ident, $reduce_sum:ident) => {
+    (
+        $float:ty,
+        $vector:ident,
+        $lanes:ident,
+        $slice:ident,
+        $slice_mut:ident,
+        $splat:ident,
+        $multiply_add:ident,
+        $reduce_sum:ident
+    ) => {
         impl Lanes for $float {
             type Vector<S: Simd> = S::$vector;
             #[inline(always)]

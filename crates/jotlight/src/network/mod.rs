@@ -1,4 +1,5 @@
-//! The learned network (paper, section 3.1): layers of linear filters and pointwise cubic B-splines.
+//! The learned network (paper, section 3.1): layers of linear filters and pointwise cubic
+//! B-splines.
 //!
 //! The functions are generic over `f32` and `f64`. `f32` computes images. Tests use `f64` for
 //! accurate reference values.

@@ -23,9 +23,9 @@ pub(crate) fn filter_masked_bits<F: Real>(
         rows.for_each(|(row, mut out)| {
             let mut blocks = vec![BlockSums::<F>::default(); width];
             for (frame, taps) in filter.outer_iter().enumerate() {
-                for (line, taps) in taps.outer_iter().enumerate() {
-                    let jots = bits.row(frame, row * side + line);
-                    let valid = mask_row(valid, row * side + line);
+                for (jot_row, taps) in taps.outer_iter().enumerate() {
+                    let jots = bits.row(frame, row * side + jot_row);
+                    let valid = mask_row(valid, row * side + jot_row);
                     for (pixel, (out, block)) in out.iter_mut().zip(&mut blocks).enumerate() {
                         for (column, &tap) in taps.iter().enumerate() {
                             let jot = pixel * taps.len() + column;

@@ -1,4 +1,5 @@
-//! The pointwise nonlinearity φ of equations (8) and (10): a cubic B-spline on equally spaced knots.
+//! The pointwise nonlinearity φ of equations (8) and (10): a cubic B-spline on equally spaced
+//! knots.
 
 mod backward;
 pub(crate) mod channels;

@@ -138,3 +138,75 @@ impl<F: Real> ForwardPass<'_, F> {
         tangent
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use ndarray::{Array2, Array4};
+
+    use super::*;
+    use crate::bits::PackedBits;
+    use crate::error::Result;
+    use crate::network::first_layer::training_data::FirstLayerData;
+    use crate::network::layer::{Layer, Wiring};
+
+    const SHAPES: [(usize, usize, usize, usize); 2] = [(2, 1, 2, 2), (1, 2, 3, 3)];
+    const COEFFICIENTS: usize = 7;
+
+    fn layers(parameters: &[f64]) -> Result<Vec<Layer<f64>>> {
+        let mut values = parameters.iter().copied();
+        let layer = |shape: (usize, usize, usize, usize)| {
+            let mut next = || values.next().unwrap_or(f64::NAN);
+            let filters = Array4::from_shape_simple_fn(shape, &mut next);
+            let coefficients = Array2::from_shape_simple_fn((shape.0, COEFFICIENTS), next);
+            Layer::new(
+                filters,
+                Some(coefficients.view()),
+                -4.0,
+                2.0,
+                Wiring::default(),
+            )
+        };
+        SHAPES.into_iter().map(layer).collect()
+    }
+
+    fn first_layer_data(packed: &Array3<u8>) -> Result<FirstLayerData<'_>> {
+        let bits = PackedBits::new(packed.view(), 14)?;
+        FirstLayerData::new(bits, 2, false)
+    }
+
+    fn estimate(parameters: &[f64], packed: &Array3<u8>) -> Result<Array3<f64>> {
+        let (layers, data) = (layers(parameters)?, first_layer_data(packed)?);
+        Ok(ForwardPass::new(&layers, &data).output)
+    }
+
+    #[test]
+    fn rows_are_central_differences_of_the_estimate() -> Result<()> {
+        let packed =
+            Array3::from_shape_fn((1, 8, 2), |(_, row, byte)| (row * 89 + byte * 57) as u8);
+        let data = first_layer_data(&packed)?;
+        let count = 2 * 4 + 2 * COEFFICIENTS + 18 + COEFFICIENTS;
+        let mut parameters: Vec<f64> = (0..count)
+            .map(|k| ((k * k) as f64 * 0.37).sin() * 0.6)
+            .collect();
+        let pixels = [0, 5, 9, 27];
+        let initial = layers(&parameters)?;
+        let rows = ForwardPass::new(&initial, &data).jacobian(&pixels);
+        let step = 1e-6;
+        for parameter in 0..count {
+            let value = parameters[parameter];
+            parameters[parameter] = value + step;
+            let above = estimate(&parameters, &packed)?;
+            parameters[parameter] = value - step;
+            let below = estimate(&parameters, &packed)?;
+            parameters[parameter] = value;
+            let row = rows.parameters.iter().position(|&index| index == parameter);
+            for (column, &pixel) in pixels.iter().enumerate() {
+                let index = [0, pixel / 7, pixel % 7];
+                let expected = (above[index] - below[index]) / (2.0 * step);
+                let found = row.map_or(0.0, |row| rows.values[row * pixels.len() + column]);
+                assert!((found - expected).abs() < 1e-7);
+            }
+        }
+        Ok(())
+    }
+}
