@@ -56,8 +56,8 @@ DEBUG_BUILD: bool
 
 _Floats: TypeAlias = npt.NDArray[np.floating]
 _Image: TypeAlias = npt.NDArray[np.float32] | npt.NDArray[np.float64]
-# (stride, upsampling, input, skip). `input` is the index of the layer that this one reads. None: the
-# previous one. `skip` is the index of the layer whose output it adds. None: no skip connection.
+# (stride, upsampling, input, skip). `input` is the index of the layer that this one reads, or None
+# for the previous one. `skip` is the index of the layer whose output it adds, or None.
 _Wiring: TypeAlias = tuple[int, int, int | None, int | None]
 # (filters, spline coefficients, first knot, knot spacing, wiring)
 _Layer: TypeAlias = tuple[_Floats, _Floats | None, float, float, _Wiring]
