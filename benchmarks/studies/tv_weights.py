@@ -54,7 +54,7 @@ def measure(sensor: jl.Sensor, path: Path, seed: int) -> tuple[float, np.ndarray
     light = problem.operator.forward(np.ones(image.shape))
     noise_scale = np.sqrt(tv.local_information(problem, light))
     factor = float((automatic / noise_scale).mean())
-    rough = (factor / tv.STRENGTH) ** (-1 / tv.POWER)
+    rough = (factor / tv.WEIGHT_STRENGTH) ** (-1 / tv.WEIGHT_POWER)
     psnr = [
         jl.metrics.psnr(jl.admm_tv(counts, sensor, weight=f * noise_scale), image) for f in FACTORS
     ]
