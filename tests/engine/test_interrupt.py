@@ -5,7 +5,10 @@ import time
 
 import pytest
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="sends SIGINT")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform == "win32", reason="sends SIGINT"),
+]
 
 # Each takes from many seconds to minutes, and little memory until it is interrupted.
 PRELUDE = """

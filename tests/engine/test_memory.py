@@ -3,7 +3,10 @@ import sys
 
 import pytest
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform != "linux", reason="reads /proc"),
+]
 
 # From /proc, since getrusage counts the peak of the process that started this one. The peak may
 # stand from before the call, but never below it: what is measured is too much at worst.
