@@ -50,7 +50,7 @@ def files(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_calibrate_gives_what_the_python_interface_gives(run, captures):
+def test_calibrate_returns_what_the_python_function_returns(run, captures):
     status, said = run(
         "calibrate", "dark.npy", "flat.npy", "-o", "c.safetensors", "--plot", "page.png"
     )
@@ -60,10 +60,12 @@ def test_calibrate_gives_what_the_python_interface_gives(run, captures):
     assert found.sensor(16) == same.sensor(16)
     assert np.argwhere(found.hot).tolist() == [[5, 6]]
     assert np.argwhere(found.dead).tolist() == [[y, x] for y in (10, 11, 12) for x in (20, 21, 22)]
-    assert f"hot: 1 ({1 / 768:.2%}), from {found.hot_from} ones on" in said
-    chance = f"{found.hot_chance * 768:.2g}, a rate of {found.hot_chance:.2g}; 0.0001 at most"
+    assert f"hot: 1 ({1 / 768:.2%}); {found.hot_threshold} ones or more" in said
+    chance = (
+        f"{found.hot_probability * 768:.2g}, a rate of {found.hot_probability:.2g}; at most 0.0001"
+    )
     assert f"hot by chance: {chance}" in said
-    assert 1e-5 < found.hot_chance <= 1e-4
+    assert 1e-5 < found.hot_probability <= 1e-4
     assert "dead: 9 (" in said
     assert f"PRNU: {found.prnu:.2%} ± " in said
     assert "dark: frames correlate: " in said
@@ -187,7 +189,7 @@ def test_a_capture_of_another_shape_is_refused(run, captures, calibrated):
         given = ("reconstruct", data, "-o", "a.npy", "-t", 16, "--rotate", 90)
         status, said = run(*given, "--calibration", "c.safetensors")
         assert status == 1
-        assert "it is of 24 x 32 jots, and the capture has 32 x 24" in said
+        assert "it has 24 x 32 jots, and the capture has 32 x 24" in said
     assert "a.npy" not in files(captures)
 
 
@@ -250,7 +252,7 @@ def test_a_dark_capture_that_is_too_short_is_said_to_be(run, captures):
     given = ("calibrate", "dark.npy", "-o", "c.safetensors", "--frame-range", ":1")
     status, said = run(*given, "--plot", "page.png")
     assert status == 0
-    assert "hot: none can be told, with so few frames" in said
+    assert "hot: none found: too few frames" in said
     assert "hot by chance: 1 of 1 bits are ones by chance in 0.0" in said
     assert not jl.Calibration.load(captures / "c.safetensors").hot.any()
 
@@ -286,7 +288,7 @@ def test_nothing_is_left_behind_and_nothing_read_is_overwritten(run, captures):
         assert files(captures) == before
     status, said = run("calibrate", "dark.npy", "counts.npy", "-o", "c.safetensors", "-t", 1)
     assert status == 1
-    assert "at least as many as the largest of the flat counts" in said
+    assert "at least the largest of the flat counts" in said
     assert files(captures) == before
 
 

@@ -10,7 +10,7 @@ import jotlight._engine as engine
 from jotlight.networks import inference
 from jotlight.networks.conditioning import conditioning_weights, count_sets
 from jotlight.networks.graph import halo_radius, size_divisor
-from reference import deep, methods
+from reference import deep, networks
 from reference.networks import random_bits
 
 SENSOR = jl.Sensor(oversampling=4)
@@ -30,7 +30,7 @@ def conditional(name="small", seed=0):
 
 
 def twin(network, bits):
-    sums = methods.block_sums(network.layers[0].filters, bits, network.sensor.oversampling)
+    sums = networks.block_sums(network.layers[0].filters, bits, network.sensor.oversampling)
     return deep.picture(network.layers, sums, size_divisor(network.layers))
 
 
@@ -169,7 +169,7 @@ def test_dead_jots_of_a_deep_network_that_weighs_jots_singly():
     bits = random_bits(rng, sensor, 12, 18)
     dead = rng.random(bits.shape[1:]) < 0.4
     dead[1::3, 1::3] = False
-    sums = methods.block_sums(network.layers[0].filters, bits, 3, dead)
+    sums = networks.block_sums(network.layers[0].filters, bits, 3, dead)
     picture = network.reconstruct(jl.Bits.from_array(bits), sensor.replace(mask=dead))
     expected = deep.picture(network.layers, sums, 6)
     np.testing.assert_allclose(picture, expected, atol=2e-5)

@@ -6,13 +6,13 @@ import pytest
 from scipy.ndimage import convolve
 
 import jotlight as jl
-from reference import methods
+from reference import methods, networks
 from reference.networks import random_bits, random_network
 
 
 def twin(network, bits, dead=None):
-    sums = methods.block_sums(network.layers[0].filters, bits, network.sensor.oversampling, dead)
-    return methods.network(network.layers, sums)
+    sums = networks.block_sums(network.layers[0].filters, bits, network.sensor.oversampling, dead)
+    return networks.network(network.layers, sums)
 
 
 SHAPES = [
@@ -66,7 +66,7 @@ def test_splines_of_more_knots_than_a_byte_tells_apart():
     layers = [jl.Layer(np.ones((1, 1, 1, 1)), line, 0.0, 900 / 397), jl.Layer(taps, line, 0, 1e-3)]
     network = jl.Network(layers, sensor)
     counts = rng.integers(0, 901, (40, 30))
-    expected = methods.network(network.layers, counts[None].astype(float))
+    expected = networks.network(network.layers, counts[None].astype(float))
     np.testing.assert_allclose(network.reconstruct(counts), expected, atol=2e-5)
 
 
@@ -93,7 +93,7 @@ def test_splines_are_constant_outside_of_their_knots():
     coefficients = np.random.default_rng(3).normal(0, 1, (1, 9))
     layer = jl.Layer(np.ones((1, 1, 1, 1)), coefficients, 4.0, 1.0)
     picture = jl.Network([layer], jl.Sensor(frames=16)).reconstruct(np.arange(17)[None])[0]
-    expected = methods.spline(np.arange(17.0), coefficients[0], 4.0, 1.0)
+    expected = networks.spline(np.arange(17.0), coefficients[0], 4.0, 1.0)
     np.testing.assert_allclose(picture, expected, atol=1e-6)
     assert len(set(picture[:5])) == len(set(picture[10:])) == 1
     assert len(set(picture)) == 7
@@ -171,11 +171,11 @@ def test_initial_is_the_noniterative_method_with_a_gaussian(sensor, sigma):
             threshold=sensor.threshold,
             sensitivity=sensor.efficiency * sensor.gain / bits,
             dark=sensor.dark_counts,
-            most=sensor.max_intensity,
+            max_intensity=sensor.max_intensity,
         )
 
     def curve(layer, z):
-        return methods.spline(z, layer.coefficients[0], layer.start, layer.spacing)
+        return networks.spline(z, layer.coefficients[0], layer.start, layer.spacing)
 
     # The only errors are those of the splines; h2 is an average and does not make them larger.
     first, second = network.layers

@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pytest
 
-from reference import methods
+from reference import networks
 
 torch = pytest.importorskip("torch")
 from jotlight.torch import Spline, spline  # noqa: E402
@@ -35,7 +35,7 @@ def test_values_are_the_twins(knots, shape, dtype, bend):
     tolerance = 1e-12 if dtype == torch.float64 else 2e-5 * np.sqrt(knots[0])
     for channel, weights in enumerate(coefficients.detach().double().numpy()):
         one = z[:, channel].detach().double().numpy()
-        expected = methods.spline(one, weights, *knots[1:])
+        expected = networks.spline(one, weights, *knots[1:])
         np.testing.assert_allclose(given[:, channel].detach(), expected, atol=tolerance)
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 import jotlight as jl
 from jotlight.training import SafeSet, parameter_vector, split_vector, with_parameters
 from jotlight.training.admissible import nearest_filter, nearest_monotone, nearest_weights
-from reference import methods, sensing
+from reference import networks, sensing
 from reference import training as twins
 from reference.networks import random_bits
 
@@ -192,7 +192,7 @@ def adversaries(rng, network):
     alone = whole(choice[None])
     answers = twins.sums(layers[0].filters, alone, network.sensor.oversampling)[:, 0]
     for plane, coefficients in zip(answers, layers[0].coefficients, strict=True):
-        plane[:] = methods.spline(plane, coefficients, layers[0].start, layers[0].spacing)
+        plane[:] = networks.spline(plane, coefficients, layers[0].start, layers[0].spacing)
     for filters in layers[1].filters:
         (_, height, width), top = filters.shape, side // 2
         # Convolution turns the filter around.

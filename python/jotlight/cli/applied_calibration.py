@@ -19,7 +19,7 @@ from jotlight.sensing.sensor import Sensor
 _FORMAT = "jotlight picture"
 _MOST_JSON = 1 << 20
 _RECORDED = (
-    "provenance", "false_positive_rate", "most_dark", "hot_from", "hot_chance", "prnu", "scale",
+    "provenance", "false_positive_rate", "max_dark", "hot_threshold", "hot_probability", "prnu", "scale",
 )  # fmt: skip
 
 
@@ -62,7 +62,7 @@ class AppliedCalibration:
         if used["efficiency"]:
             applied.append(f"response (PRNU {found.prnu:.2%})")
         lines = [f"calibration {self.name}: {', '.join(applied) or 'nothing of it'}"]
-        if applied and (unsure := found.unsure(provenance)) is not None:
+        if applied and (unsure := found.unconfirmed_reason(provenance)) is not None:
             lines.append(f"calibration {self.name}: {unsure}; jots are taken to lie alike")
         return lines
 
@@ -94,7 +94,7 @@ class AppliedCalibration:
                 "masked_jots": int(sensor.mask.sum()) if sensor.mask is not None else 0,
                 **{
                     name: value
-                    for name, value in self.calibration.numbers().items()
+                    for name, value in self.calibration.metadata().items()
                     if name in _RECORDED
                 },
             },

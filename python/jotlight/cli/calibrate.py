@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from jotlight.calibration import calibrate as calibrated
-from jotlight.calibration.estimate import MOST_DARK
+from jotlight.calibration.estimate import MAX_DARK
 from jotlight.cli import capture_options, sensor_options
 from jotlight.cli.console import out, progress
 from jotlight.files import atomic_write, refuse_overwrite
@@ -36,13 +36,13 @@ def calibrate(
         float,
         typer.Option(help="Share of ordinary jots, at most, that are called hot; dead likewise."),
     ] = 1e-4,
-    most_dark: Annotated[
+    max_dark: Annotated[
         float,
         typer.Option(
             help="Dark counts per frame above which a hot jot is masked; below, its bits are used "
             "and its dark counts known."
         ),
-    ] = MOST_DARK,
+    ] = MAX_DARK,
     plot: Annotated[Path | None, typer.Option(help="A page of plots: .png, .pdf or .svg.")] = None,
     key: capture_options.Key = None,
     flat_key: Annotated[
@@ -106,7 +106,7 @@ def calibrate(
             flat_frames=told[-1] if flat is not None else None,
             threshold=threshold,
             false_positive_rate=false_positive_rate,
-            most_dark=most_dark,
+            max_dark=max_dark,
             threads=threads,
             progress=update,
             provenance={

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 import jotlight as jl
-from reference import methods
+from reference import networks
 
 
 def filtered(planes, layer):
@@ -51,7 +51,7 @@ def picture(layers, sums, step):
             sums = sums + planes[layer.skip]
         if layer.coefficients is not None:
             bent = [
-                methods.spline(plane, coefficients.astype(float), layer.start, layer.spacing)
+                networks.spline(plane, coefficients.astype(float), layer.start, layer.spacing)
                 for plane, coefficients in zip(sums, layer.coefficients, strict=True)
             ]
             planes.append(np.array(bent))

@@ -1,6 +1,8 @@
-"""Random networks and bits to try them on."""
+"""Slow NumPy twins of the networks; random networks and bits as test data."""
 
 import numpy as np
+from scipy.interpolate import BSpline
+from scipy.ndimage import convolve
 
 import jotlight as jl
 
@@ -28,3 +30,46 @@ def random_network(rng, sensor, channels, sizes, *, tied):
 def random_bits(rng, sensor, height, width):
     side = sensor.oversampling
     return rng.random((sensor.frames, height * side, width * side)) < 0.4
+
+
+def spline(z, coefficients, start, spacing):
+    """Equations (8) and (10), constant outside of the knots."""
+    number = len(coefficients)
+    knots = start + spacing * (np.arange(number + 4) - 3)
+    curve = BSpline(knots, coefficients, 3)
+    return curve(np.clip(z, knots[3], knots[number]))
+
+
+def block_sums(filters, bits, side, dead=None):
+    """Equation (11), with each dead jot replaced by the mean of the live jots of its pixel."""
+    frames, height, width = bits.shape
+    live = np.ones((height, width), bool) if dead is None else ~dead
+    taps = np.broadcast_to(filters, (len(filters), frames, side, side)).astype(float)
+    sums = np.empty((len(filters), height // side, width // side))
+    for row, column in np.ndindex(sums.shape[1:]):
+        block = np.s_[row * side : (row + 1) * side, column * side : (column + 1) * side]
+        seen = bits[:, *block]
+        sums[:, row, column] = np.sum(
+            taps * np.where(live[block], seen, seen[:, live[block]].mean()), axis=(1, 2, 3)
+        )
+    return sums
+
+
+def network(layers, sums):
+    """The estimate from the sums of the first layer: equations (10), (9), (8), and so on."""
+    planes = sums
+    for index, layer in enumerate(layers):
+        if index:
+            planes = [
+                sum(
+                    convolve(plane, taps.astype(float), mode="reflect")
+                    for plane, taps in zip(planes, filters, strict=True)
+                )
+                for filters in layer.filters
+            ]
+        planes = [
+            spline(plane, coefficients, layer.start, layer.spacing)
+            for plane, coefficients in zip(planes, layer.coefficients, strict=True)
+        ]
+    (estimate,) = planes
+    return estimate

@@ -9,7 +9,7 @@ from scipy.ndimage import convolve
 from scipy.optimize import minimize
 from scipy.special import comb
 
-from reference import methods
+from reference import networks
 
 
 def layers_of(network, vector):
@@ -41,7 +41,7 @@ def inputs(network, vector, bits):
     found = [sums(layers[0].filters, bits, network.sensor.oversampling)]
     for before, layer in pairwise(layers):
         planes = [
-            methods.spline(plane, coefficients, before.start, before.spacing)
+            networks.spline(plane, coefficients, before.start, before.spacing)
             for plane, coefficients in zip(found[-1], before.coefficients, strict=True)
         ]
         mixed = [
@@ -54,7 +54,7 @@ def inputs(network, vector, bits):
 
 def output(network, vector, bits):
     layers = layers_of(network, vector)
-    return methods.network(layers, sums(layers[0].filters, bits, network.sensor.oversampling))
+    return networks.network(layers, sums(layers[0].filters, bits, network.sensor.oversampling))
 
 
 def jacobian(function, vector, step=1e-5):

@@ -1,0 +1,94 @@
+"""Data, sensors, and starts of the iterative methods, with both methods."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from reference.iterative import scene
+
+METHODS = [jl.mle_iterative, jl.admm_tv]
+SENSOR = jl.Sensor(oversampling=2)
+SMOOTH = SENSOR.replace(kernel="cubic")
+UNEQUAL = SENSOR.replace(dark_counts=np.linspace(0, 1, 64).reshape(8, 8))
+BITS = jl.Bits.from_array(np.eye(8, dtype=bool))
+PROBLEM = jl.Problem(jl.operators.spread((4,)), jl.Likelihood([0, 1, 1, 0]))
+
+
+@pytest.mark.parametrize(
+    ("method", "sensor", "shape"),
+    [
+        (jl.mle_iterative, jl.Sensor(oversampling=4, dark_counts=0.1), (9, 8)),
+        (jl.admm_tv, jl.Sensor(oversampling=4), (16, 16)),
+    ],
+)
+def test_bits_and_their_counts_give_the_same_estimate(method, sensor, shape):
+    bits = sensor.expose(scene(*shape), rng=0)
+    np.testing.assert_array_equal(method(bits, sensor), method(bits.counts(4), sensor))
+
+
+@pytest.mark.parametrize("kernel", ["box", "quadratic"])
+@pytest.mark.parametrize("method", METHODS)
+def test_the_channels_of_a_color_image_are_estimated_independently(method, kernel):
+    sensor = jl.Sensor(oversampling=2, frames=4, kernel=kernel, mask=np.eye(16, 20, dtype=bool))
+    bits = sensor.expose(np.dstack([scene(8, 10), 0.3 * scene(8, 10)]), rng=11)
+    start = np.random.default_rng(11).uniform(0.2, 0.8, (8, 10, 2))
+    estimate, histories = method(bits, sensor, start=start, return_history=True)
+    assert (estimate.shape, len(histories)) == ((8, 10, 2), 2)
+    for channel in range(2):
+        alone, history = method(
+            jl.Bits.from_array(bits.to_array()[..., channel]),
+            sensor,
+            start=start[..., channel],
+            return_history=True,
+        )
+        np.testing.assert_array_equal(estimate[..., channel], alone)
+        np.testing.assert_array_equal(histories[channel].weight, history.weight)
+        assert histories[channel].objective == history.objective
+        assert histories[channel].iterations == history.iterations
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    ("data", "sensor", "options", "error", "message"),
+    [
+        (BITS, SENSOR, {"start": np.zeros((4, 5))}, ValueError, r"\(4, 4\), got \(4, 5\)"),
+        (BITS, SENSOR, {"start": np.zeros((4, 4, 3))}, ValueError, r"start: .*got .*\(4, 4, 3\)"),
+        (BITS, SENSOR, {"start": np.ones((4, 4), int)}, TypeError, "expected floats .* got int64"),
+        (BITS, SENSOR, {"start": np.full((4, 4), np.nan)}, ValueError, "start: .* got NaN"),
+        (BITS, None, {}, TypeError, "sensor: expected a jotlight.Sensor, got NoneType"),
+        (PROBLEM, SENSOR, {}, TypeError, "sensor: expected none, since a Problem has its own"),
+        (PROBLEM, None, {"start": np.zeros(5)}, ValueError, r"shape \(4,\), got \(5,\)"),
+        (np.ones((4, 4), int), SMOOTH, {}, ValueError, "cubic kernel .* the bits are needed"),
+        (np.ones((4, 4), int), UNEQUAL, {}, ValueError, "dark counts the bits are needed"),
+        (
+            SENSOR.expose(scene(4, 4), rng=0),
+            SMOOTH,
+            {},
+            ValueError,
+            "kernel: expected 'box', with which the bits were made, got 'cubic'",
+        ),
+        (
+            BITS,
+            SMOOTH.replace(mask=np.ones((8, 8), bool)),
+            {},
+            ValueError,
+            "mask: expected at least one jot that is alive, got none",
+        ),
+    ],
+)
+def test_data_sensor_and_start_that_do_not_fit_are_refused(
+    method, data, sensor, options, error, message
+):
+    with pytest.raises(error, match=message):
+        method(data, sensor, **options)
+
+
+def test_an_operator_whose_light_does_not_fit_the_bits_is_refused():
+    with pytest.raises(ValueError, match=r"operator: .* bits' shape \(4,\), got \(5,\)"):
+        jl.Problem(jl.operators.spread((5,)), jl.Likelihood([0, 1, 1, 0]))
+
+
+def test_a_problem_without_any_bit_is_refused():
+    light = jl.operators.scaling((4,), 1.0)
+    with pytest.raises(ValueError, match="at least one cell with a bit"):
+        jl.Problem(light, jl.Likelihood(np.zeros(4, int), 0))
