@@ -36,7 +36,9 @@ def test_the_provenance_is_saved_and_becomes_the_origin(tmp_path):
 
 @pytest.mark.parametrize("other", [np.ones((2, 3)), np.ones((2, 3), bool), "capture.npy", None])
 def test_only_bits_and_counts_are_saved(tmp_path, other):
-    with pytest.raises(TypeError, match=r"data: expected jotlight\.Bits or an array of counts, got"):
+    with pytest.raises(
+        TypeError, match=r"data: expected jotlight\.Bits or an array of counts, got"
+    ):
         jl.save(other, tmp_path / "capture.npy")
     assert not list(tmp_path.iterdir())
 

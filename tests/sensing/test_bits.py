@@ -1,3 +1,5 @@
+"""Packed bits: packing, counting, slicing, and checks."""
+
 import numpy as np
 import pytest
 
@@ -56,7 +58,7 @@ def test_gray_bits_are_their_own_only_channel():
 
 
 class OtherSensor:
-    """The least that bits ask of a sensor."""
+    """An object with the interface that bits require of a sensor."""
 
     oversampling, frames, bits_per_pixel, kernel = 3, 2, 18, "box"
 

@@ -24,15 +24,15 @@ class Exact:
 
     def __init__(self, threshold, rate):
         rate = mp.mpf(rate)
-        fires = mp.gammainc(threshold, 0, rate, regularized=True)
-        dark = mp.gammainc(threshold, rate, mp.inf, regularized=True)
+        p_one = mp.gammainc(threshold, 0, rate, regularized=True)
+        p_zero = mp.gammainc(threshold, rate, mp.inf, regularized=True)
         slope = rate ** (threshold - 1) * mp.exp(-rate) / mp.factorial(threshold - 1)
         second = slope * ((threshold - 1) / rate - 1)
-        self.log_one = mp.log(fires) if dark > 0.5 else mp.log1p(-dark)
-        self.log_zero = mp.log(dark) if fires > 0.5 else mp.log1p(-fires)
-        self.one = slope / fires, (slope / fires) ** 2 - second / fires
-        self.zero = -slope / dark, (slope / dark) ** 2 + second / dark
-        self.information = slope**2 / fires / dark
+        self.log_one = mp.log(p_one) if p_zero > 0.5 else mp.log1p(-p_zero)
+        self.log_zero = mp.log(p_zero) if p_one > 0.5 else mp.log1p(-p_one)
+        self.one = slope / p_one, (slope / p_one) ** 2 - second / p_one
+        self.zero = -slope / p_zero, (slope / p_zero) ** 2 + second / p_zero
+        self.information = slope**2 / p_one / p_zero
 
 
 def close(found, exact, digits=DIGITS):
@@ -138,15 +138,15 @@ def test_gradient_and_curvature_agree_with_finite_differences(threshold):
 @pytest.mark.parametrize("threshold", [1, 2, 5])
 def test_information_is_the_expectation_of_the_curvature(threshold):
     light, trials = 0.6 * threshold, 12
-    fires = float(gammainc(threshold, light))
+    p = float(gammainc(threshold, light))
     counts = np.arange(trials + 1)
-    chances = [math.comb(trials, k) * fires**k * (1 - fires) ** (trials - k) for k in counts]
+    probabilities = [math.comb(trials, k) * p**k * (1 - p) ** (trials - k) for k in counts]
     cells = jl.Likelihood(counts, trials, threshold=threshold)
     gradient, curvature = cells.gradient_and_curvature(light)
     information = cells.information(light)
-    np.testing.assert_allclose(information, chances @ curvature, rtol=1e-12)
-    np.testing.assert_allclose(information, chances @ gradient**2, rtol=1e-12)
-    assert chances @ gradient == pytest.approx(0, abs=1e-12 * trials)
+    np.testing.assert_allclose(information, probabilities @ curvature, rtol=1e-12)
+    np.testing.assert_allclose(information, probabilities @ gradient**2, rtol=1e-12)
+    assert probabilities @ gradient == pytest.approx(0, abs=1e-12 * trials)
 
 
 @pytest.mark.parametrize("threshold", THRESHOLDS)

@@ -43,8 +43,8 @@ def test_cells_of_threshold_1_agree_with_the_formula_for_any_number_of_cells(siz
     np.testing.assert_allclose(
         cells.information(light), cells.trials * score, rtol=1e-13, atol=1e-300
     )
-    fires = np.log(-np.expm1(-rate))
-    assert cells.value(light) == pytest.approx(math.fsum(ones * fires - zeros * rate), rel=1e-13)
+    log_p = np.log(-np.expm1(-rate))
+    assert cells.value(light) == pytest.approx(math.fsum(ones * log_p - zeros * rate), rel=1e-13)
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -52,16 +52,16 @@ def test_cells_of_threshold_3_agree_with_the_formula_for_any_number_of_cells(siz
     cells, light = make_cells(size, 3)
     ones, zeros = cells.ones, cells.trials - cells.ones
     rate = light + cells.dark_counts
-    fires, dark = gammainc(3, rate), gammaincc(3, rate)
+    p_one, p_zero = gammainc(3, rate), gammaincc(3, rate)
     slope = rate**2 * np.exp(-rate) / 2
-    terms = ones * slope / fires, zeros * slope / dark
+    terms = ones * slope / p_one, zeros * slope / p_zero
     np.testing.assert_allclose(
         cells.gradient_and_curvature(light)[0], terms[0] - terms[1], rtol=1e-11, atol=1e-12 * 30
     )
     np.testing.assert_allclose(
-        cells.information(light), cells.trials * slope**2 / fires / dark, rtol=1e-11, atol=1e-290
+        cells.information(light), cells.trials * slope**2 / p_one / p_zero, rtol=1e-11, atol=1e-290
     )
-    value = math.fsum(xlogy(ones, fires) + xlogy(zeros, dark))
+    value = math.fsum(xlogy(ones, p_one) + xlogy(zeros, p_zero))
     assert cells.value(light) == pytest.approx(value, rel=1e-12)
 
 

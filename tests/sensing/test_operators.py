@@ -1,3 +1,5 @@
+"""Linear operators: the spread of light, differences, and scaling."""
+
 from functools import cache
 from types import SimpleNamespace
 

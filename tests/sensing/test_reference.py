@@ -35,5 +35,5 @@ def test_the_saturation_intensity_clips_only_saturated_pixels(threshold):
 
 def test_the_saturation_intensity_is_that_of_the_darkest_live_jots():
     varied = jl.Sensor(frames=4, dark_counts=DARK, efficiency=EFFICIENCY, mask=DEAD)
-    least = jl.Sensor(frames=4, dark_counts=0.0, efficiency=0.25)
-    assert saturation_intensity(varied) == pytest.approx(saturation_intensity(least))
+    darkest = jl.Sensor(frames=4, dark_counts=0.0, efficiency=0.25)
+    assert saturation_intensity(varied) == pytest.approx(saturation_intensity(darkest))
