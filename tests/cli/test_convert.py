@@ -123,7 +123,7 @@ def test_convert_prints_and_records_what_was_assumed(run, tmp_path):
     assert (told["provenance"]["format"], told["provenance"]["name"]) == ("swissspad2", "a.bin")
     assert "frames 1:3 of 4" in told["provenance"]["notes"]
     bits = jl.open(tmp_path / "a.npy")
-    np.testing.assert_array_equal(bits.to_array(), twin.turned(array[1:3], 90, "horizontal"))
+    np.testing.assert_array_equal(bits.to_array(), twin.oriented(array[1:3], 90, "horizontal"))
     status, said = run("info", "a.npy")
     assert status == 0
     assert "least significant bit first" in said

@@ -94,7 +94,7 @@ def test_estimates_of_deep_networks_are_equal(level, size, width):
         jl.Network.residual(SENSOR, size, rng=0),
         jl.Network.conditional(size, rng=0),
     ):
-        alive = deep.lively(network, rng)
+        alive = deep.with_noise(network, rng)
         assert_same_as_scalar(
             level,
             lambda threads=1, alive=alive: alive.reconstruct(bits, SENSOR, threads=threads),
@@ -103,7 +103,9 @@ def test_estimates_of_deep_networks_are_equal(level, size, width):
 
 
 def test_estimates_of_networks_of_any_graph_are_equal(level):
-    network = deep.wired(np.random.default_rng(0), jl.Sensor(oversampling=4, frames=2), tied=False)
+    network = deep.random_graph(
+        np.random.default_rng(0), jl.Sensor(oversampling=4, frames=2), tied=False
+    )
     bits = network.sensor.expose(IMAGE, 0)
     assert_same_as_scalar(level, lambda threads=1: network.reconstruct(bits, threads=threads), 1e-5)
 
