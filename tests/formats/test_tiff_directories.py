@@ -1,4 +1,4 @@
-"""TIFF files whose directories do not lie as they should."""
+"""TIFF files with invalid directories."""
 
 import base64
 import contextlib
@@ -15,14 +15,14 @@ from jotlight.images.io import read_image
 COUNTS = np.random.default_rng(0).integers(0, 2, (5, 17, 21), np.uint8)
 
 
-def written(path, **options):
+def write_tiff(path, **options):
     tifffile.imwrite(path, COUNTS, photometric="minisblack", compression="zlib", **options)
     return path.read_bytes()
 
 
 @pytest.mark.parametrize("fill", [bytes(8), b"\1" * 8, b"II*\0\x08\0\0\0"])
-def test_inserted_bytes_end_in_an_error_or_a_picture_and_soon(tmp_path, fill):
-    whole = written(tmp_path / "a.tif")
+def test_a_file_with_inserted_bytes_is_read_or_refused(tmp_path, fill):
+    whole = write_tiff(tmp_path / "a.tif")
     for place in range(4, 60):
         (tmp_path / "a.tif").write_bytes(whole[:place] + fill + whole[place:])
         for read in (jl.open, read_image):
@@ -30,8 +30,8 @@ def test_inserted_bytes_end_in_an_error_or_a_picture_and_soon(tmp_path, fill):
                 read(tmp_path / "a.tif")
 
 
-def test_a_chain_that_leads_back_is_refused(tmp_path, run):
-    whole = written(tmp_path / "a.tif")
+def test_directories_that_form_a_cycle_are_refused(tmp_path, run):
+    whole = write_tiff(tmp_path / "a.tif")
     with tifffile.TiffFile(tmp_path / "a.tif") as file:
         first, last = file.pages[0].offset, file.pages[4].offset
         tags = len(file.pages[4].tags)
@@ -46,14 +46,14 @@ def test_a_chain_that_leads_back_is_refused(tmp_path, run):
     assert "lead back" in said
 
 
-def test_a_truncated_stack_is_refused_and_not_read_in_part(tmp_path):
-    whole = written(tmp_path / "a.tif")
+def test_a_truncated_stack_is_refused(tmp_path):
+    whole = write_tiff(tmp_path / "a.tif")
     (tmp_path / "a.tif").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(ValueError, match="damaged or truncated"):
         jl.open(tmp_path / "a.tif")
 
 
-def test_tags_cannot_have_a_file_read_over_and_over(tmp_path):
+def test_tags_cannot_make_a_file_be_read_many_times(tmp_path):
     tag = b"\0\1" + (2).to_bytes(2, "little") + (90_000).to_bytes(4, "little") + bytes(4)
     page = (800).to_bytes(2, "little") + 800 * tag + bytes(4)
     (tmp_path / "a.tif").write_bytes(b"II*\0" + (8).to_bytes(4, "little") + page + bytes(90_000))
@@ -62,12 +62,12 @@ def test_tags_cannot_have_a_file_read_over_and_over(tmp_path):
 
 
 @pytest.mark.parametrize("options", [{"bigtiff": True}, {"byteorder": ">"}])
-def test_what_is_whole_is_read(tmp_path, options):
-    written(tmp_path / "a.tif", **options)
+def test_intact_files_are_read(tmp_path, options):
+    write_tiff(tmp_path / "a.tif", **options)
     np.testing.assert_array_equal(jl.open(tmp_path / "a.tif", frames=slice(None)), COUNTS.sum(0))
 
 
-def test_smaller_copies_of_a_page_are_no_frames(tmp_path):
+def test_smaller_copies_of_a_page_are_not_frames(tmp_path):
     with tifffile.TiffWriter(tmp_path / "a.tif") as file:
         file.write(COUNTS, photometric="minisblack", subifds=2)
         for _ in range(2):
@@ -86,7 +86,7 @@ def test_other_files_that_a_file_names_are_not_opened(tmp_path):
     np.testing.assert_array_equal(jl.open(tmp_path / "a.ome.tif"), 7)
 
 
-# Found by fuzzing: one of its pages tells of two thousand million rows.
+# Fuzzing found this file: one of its pages claims two thousand million rows.
 LARGE_PAGE = (
     "eNq9k01LwzAYx9N2k1nKmDAV9FJ6EqEvaV2VYQfiC1RQD7KLJ0OXbMW1HWkL9iL4Afw6Cn46067D6uZBJ0v4P/k9kD"
     "wJyT+uuw8aAIAmAFwNcIzWmbiS60w8JxTcYhJKzrVW4SbHgxM2vjJtlGvvWdiszNmq1Nwu+Y5ph6sXbLOwW3KPhb3K"
