@@ -183,15 +183,15 @@ def test_folders_are_reconstructed_and_described(run, tmp_path):
     ("words", "expected"),
     [
         (["convert", "a.npy", "-o", "a.npy"], "another name"),
-        (["convert", "a.npy", "-o", "b.bin"], "give the one to write (--to): swissspad2"),
-        (["convert", "a.npy", "-o", "b"], "(--to): visionsim, zarr"),
+        (["convert", "a.npy", "-o", "b.bin"], "pass --to: swissspad2"),
+        (["convert", "a.npy", "-o", "b"], "pass --to: visionsim, zarr"),
         (["convert", "a.npy", "-o", "b.xyz"], "implies no single format"),
         (["convert", "a.npy", "-o", "b.npy", "--to", "png"], "ends in .png for png"),
         (
             ["convert", "a.npy", "-o", "b.bin", "--to", "matlab"],
             "expected a name without extension, of a new folder, for matlab",
         ),
-        (["convert", "a.npy", "-o", "b.bin", "--to", "mp4"], "to: expected one of npy"),
+        (["convert", "a.npy", "-o", "b.bin", "--to", "mp4"], "--to: expected one of npy"),
         (["convert", "a.npy", "-o", "b.bin", "--to", "swissspad2"], "256 x 512"),
         (["convert", "a.npy", "-o", "b.npy", "--frame-range", "5"], "frame-range: expected A:B"),
         (["convert", "a.npy", "-o", "b.npy", "--frame-range", "1:9:0"], "frame-range"),

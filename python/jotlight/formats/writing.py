@@ -31,7 +31,7 @@ def choose_output_format(path: Path, name: str | None = None) -> str:
     ('npy.gz', 'swissspad2')
     """
     if name is not None and name not in WRITERS:
-        raise ValueError(f"to: expected one of {', '.join(WRITERS)}, got {name!r}")
+        raise ValueError(f"format= (--to): expected one of {', '.join(WRITERS)}, got {name!r}")
     extension = ".npy.gz" if path.name.lower().endswith(".npy.gz") else path.suffix.lower()
     candidates = [
         each
@@ -42,7 +42,7 @@ def choose_output_format(path: Path, name: str | None = None) -> str:
         return candidates[0]
     if name is None:
         raise ValueError(
-            f"{path}: this name implies no single format; give the one to write (--to): "
+            f"{path}: this name implies no single format; pass format= (--to): "
             f"{', '.join(candidates or WRITERS)}"
         )
     if name not in candidates:
