@@ -123,8 +123,8 @@ def test_the_likelihood_is_that_of_the_detected_light(threshold):
 def test_the_proximal_map_minimizes_its_objective(threshold):
     eta, ones = RNG.uniform(0.2, 1, 40), RNG.integers(0, 9, 40)
     point = RNG.uniform(-1, 3, 40)
-    seen = jl.Likelihood(ones, 8, threshold=threshold, efficiency=eta, dark_counts=0.1)
-    x = seen.proximal(point, 2.0, max_light=2.5)
+    likelihood = jl.Likelihood(ones, 8, threshold=threshold, efficiency=eta, dark_counts=0.1)
+    x = likelihood.proximal(point, 2.0, max_light=2.5)
     for i in range(40):
         one = jl.Likelihood(
             ones[i : i + 1], 8, threshold=threshold, efficiency=eta[i], dark_counts=0.1
@@ -190,16 +190,13 @@ def test_maps_of_different_shapes_are_refused():
 
 
 def test_the_command_line_accepts_a_map(tmp_path, monkeypatch):
-    from typer.testing import CliRunner
-
-    from jotlight.cli import app
+    from jotlight.cli.app import run
 
     monkeypatch.chdir(tmp_path)
     np.save("share.npy", PIXELS)
     np.save("counts.npy", RNG.integers(0, 5, (6, 8)))
     words = "reconstruct counts.npy -o out.npy --frames 8 --efficiency share.npy"
     words += " --method mle --max-intensity 1"
-    result = CliRunner().invoke(app, words.split())
-    assert result.exit_code == 0, result.output
+    assert run(words.split()) == 0
     expected = jl.mle(np.load("counts.npy"), jl.Sensor(frames=8, efficiency=PIXELS))
     np.testing.assert_array_equal(np.load("out.npy"), expected)
