@@ -123,8 +123,8 @@ def test_the_likelihood_is_that_of_the_detected_light(threshold):
 def test_the_proximal_map_minimizes_its_objective(threshold):
     eta, ones = RNG.uniform(0.2, 1, 40), RNG.integers(0, 9, 40)
     point = RNG.uniform(-1, 3, 40)
-    seen = jl.Likelihood(ones, 8, threshold=threshold, efficiency=eta, dark_counts=0.1)
-    x = seen.proximal(point, 2.0, max_light=2.5)
+    likelihood = jl.Likelihood(ones, 8, threshold=threshold, efficiency=eta, dark_counts=0.1)
+    x = likelihood.proximal(point, 2.0, max_light=2.5)
     for i in range(40):
         one = jl.Likelihood(
             ones[i : i + 1], 8, threshold=threshold, efficiency=eta[i], dark_counts=0.1

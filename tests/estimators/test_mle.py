@@ -96,7 +96,7 @@ def test_with_dark_counts_per_jot_the_estimate_maximizes_the_likelihood(options,
     live = ~mask if masked else np.ones_like(mask)
     for row, column in np.ndindex(estimate.shape):
         block = np.s_[2 * row : 2 * row + 2, 2 * column : 2 * column + 2]
-        expected = methods.most_likely_intensity(
+        expected = methods.maximum_likelihood_intensity(
             bits.sum(0)[block][live[block]],
             5,
             dark[block][live[block]],
