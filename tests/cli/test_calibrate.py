@@ -118,7 +118,7 @@ def test_what_was_applied_is_recorded_beside_the_picture(run, captures, calibrat
     assert status == 0
     assert "calibration c.safetensors: 10 masked jots, response" in said
     told = json.loads((captures / "a.tif.json").read_text())
-    assert told["format"] == "jotlight picture"
+    assert told["format"] == "jotlight image"
     assert (told["data"], told["method"]) == ("seen.npy", "mle")
     assert told["sensor"]["gain"] == 20
     assert told["sensor"]["frames"] == 16
@@ -134,7 +134,7 @@ def test_what_was_applied_is_recorded_beside_the_picture(run, captures, calibrat
     before = (captures / "a.tif").read_bytes()
     status, said = run(*given)
     assert status == 1
-    assert "is not of jotlight and is not overwritten" in said
+    assert "is not from jotlight" in said
     assert (captures / "a.tif").read_bytes() == before
     assert (captures / "a.tif.json").read_text() == "{}"
 
@@ -222,7 +222,7 @@ def test_what_is_not_known_of_turns_is_said(run, captures, calibrated):
     np.savez("counts.npz", np.load("counts.npy"))
     status, said = run(*given, "--calibration", "c.safetensors")
     assert status == 0
-    assert "the calibration is from npy and the capture is npz; jots are taken to lie alike" in said
+    assert "the calibration is from npy and the capture is npz; the jots are assumed" in said
 
 
 def test_two_arrays_of_one_file_are_told_apart(run, captures):
@@ -280,7 +280,10 @@ def test_nothing_is_left_behind_and_nothing_read_is_overwritten(run, captures):
         (("-o", "c.safetensors", "--plot", "dark.json"), "this file is read"),
         (("-o", "c.safetensors", "--false-positive-rate", 2), "expected a number in (0, 0.01]"),
         (("-o", "c.safetensors", "--rotate", 45), "rotate"),
-        (("-o", "c.safetensors", "--frames", 600), "frames: is for counts; these are bits"),
+        (
+            ("-o", "c.safetensors", "--frames", 600),
+            "frames: is for counts. These captures hold bits",
+        ),
     ):
         status, said = run("calibrate", "dark.npy", "flat.npy", *words)
         assert status == 1
@@ -318,9 +321,15 @@ def test_frames_that_counts_tell_are_taken_and_not_contradicted(run, captures):
     found = jl.Calibration.load(captures / "c.safetensors")
     assert (found.dark_frames, found.flat_frames) == (600, 500)
     for words, told in (
-        (["dark.npz", "flat.npz", "--frames", 600], "dark.npz: tells of counts out of 500 bits"),
-        (["dark.npy", "flat.npz", "--frames", 600], "flat.npz: tells of counts out of 500 bits"),
-        (["dark.npz", "flat.npz", "--flat-frames", 7], "and --flat-frames of 7;"),
+        (
+            ["dark.npz", "flat.npz", "--frames", 600],
+            "dark.npz: states counts of 500 trials, but --frames 600",
+        ),
+        (
+            ["dark.npy", "flat.npz", "--frames", 600],
+            "flat.npz: states counts of 500 trials, but --frames 600",
+        ),
+        (["dark.npz", "flat.npz", "--flat-frames", 7], "but --flat-frames 7 means 7;"),
     ):
         status, said = run("calibrate", *words, *given)
         assert status == 1

@@ -190,16 +190,13 @@ def test_maps_of_different_shapes_are_refused():
 
 
 def test_the_command_line_accepts_a_map(tmp_path, monkeypatch):
-    from typer.testing import CliRunner
-
-    from jotlight.cli import app
+    from jotlight.cli.app import run
 
     monkeypatch.chdir(tmp_path)
     np.save("share.npy", PIXELS)
     np.save("counts.npy", RNG.integers(0, 5, (6, 8)))
     words = "reconstruct counts.npy -o out.npy --frames 8 --efficiency share.npy"
     words += " --method mle --max-intensity 1"
-    result = CliRunner().invoke(app, words.split())
-    assert result.exit_code == 0, result.output
+    assert run(words.split()) == 0
     expected = jl.mle(np.load("counts.npy"), jl.Sensor(frames=8, efficiency=PIXELS))
     np.testing.assert_array_equal(np.load("out.npy"), expected)
