@@ -2,7 +2,7 @@
 
 Each maps an image (H, W) of float32 to one of the same shape and wraps a function of a library. The
 default strengths were chosen on the BSDS training images at K = 16
-(``python benchmarks/studies/denoisers.py``).
+(``python benchmarks/studies/denoiser_strengths.py``).
 """
 
 import contextvars
