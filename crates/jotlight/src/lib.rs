@@ -32,9 +32,10 @@
 //! The learned network:
 //!
 //! 9. [`network`] evaluates layers of linear filters and splines (section 3.1, equations (8) to
-//!    (11)), and computes the derivatives for training (section 3.3, equations (12) to (19)).
+//!    (11)), and computes the derivatives for training (section 3.3, equations (12) and (14) to
+//!    (19)).
 //!
-//! The modules on which all others build:
+//! General modules:
 //!
 //! 10. [`error`] defines the error type.
 //! 11. [`values`] defines parameters that are either one value or one value per element.

@@ -9,8 +9,8 @@
 //! 4. `spline` holds the nonlinearities φ (equations (8) and (10)).
 //! 5. `tiling` evaluates the layers tile by tile, so that the data stay in the cache.
 //! 6. `forward` computes an image with all of these.
-//! 7. `training` computes the cost, its gradient, and the normal equations (equations (12) to
-//!    (19)).
+//! 7. `training` computes the cost, its gradient, and the normal equations (equations (12)
+//!    and (14) to (19)).
 //!
 //! Functions are generic over `f32` and `f64`. Images are computed in `f32`. Tests use `f64` for
 //! accurate reference values.

@@ -8,7 +8,8 @@ use super::direct::store;
 use crate::cpu::{self, Simd, WithSimd};
 use crate::numbers::Real;
 
-/// The number of outputs in a large group, which requires a processor with 32 vector registers.
+/// The number of outputs in a large group, which requires a processor with 32 vector registers or
+/// more.
 const LARGE_GROUP: usize = 8;
 /// The number of outputs in a small group.
 const SMALL_GROUP: usize = 4;
@@ -16,7 +17,8 @@ const SMALL_GROUP: usize = 4;
 /// The number of registers per output in a tile of a large group, or of a small group if the
 /// processor has fewer than 32 registers.
 const NARROW_TILE: usize = 3;
-/// The number of registers per output in a tile of a small group if the processor has 32 registers.
+/// The number of registers per output in a tile of a small group if the processor has 32
+/// registers or more.
 const WIDE_TILE: usize = 6;
 
 /// The taps of filters `(outputs, inputs, rows, columns)` in the order in which the loops read

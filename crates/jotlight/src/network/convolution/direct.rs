@@ -78,7 +78,7 @@ impl<F: Real> FilterTiles<F> {
 }
 
 /// The number of rows of a tile. The sums of a tile occupy 4 × 4 registers if the processor has 32
-/// registers, and else 3 × 3.
+/// registers or more, and else 3 × 3.
 struct TileRows;
 
 impl WithSimd for TileRows {

@@ -9,7 +9,8 @@ use crate::numbers::Real;
 /// one.
 const INTERLEAVED: usize = 2;
 
-/// The number of pixels whose sum is computed in the type of the planes. Larger sums use `f64`.
+/// The number of pixels whose sum is computed in the type of the planes. Sums over more pixels
+/// use `f64`.
 const BLOCK_PIXELS: usize = 4096;
 
 impl<F: Real> Spline<F> {

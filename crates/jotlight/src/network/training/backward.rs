@@ -1,5 +1,5 @@
 //! Error backpropagation: a sweep from the last layer to the first computes the gradient of the
-//! cost of one patch. For two layers, the gradient is given by equations (14) to (19).
+//! cost of one patch. For two layers, this is equations (14) to (19).
 
 use ndarray::{Array3, ArrayView2, ArrayViewMut4, Axis};
 

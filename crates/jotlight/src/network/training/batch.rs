@@ -47,7 +47,7 @@ pub struct Batch<'a> {
     pub seed: [u8; 32],
 }
 
-/// The cost of every patch, and the gradient of their mean.
+/// The squared error of every patch, and the gradient of the cost.
 #[derive(Clone, Debug)]
 pub struct Gradient {
     /// ‖ĉ − c‖² of every patch.
