@@ -14,7 +14,7 @@ torch = pytest.importorskip("torch")
 from jotlight.sensing.pixel_counts import count_pixels  # noqa: E402
 from jotlight.torch import fine_tune, fine_tuning  # noqa: E402
 from jotlight.torch.bit_splitting import Splits, subsample_counts  # noqa: E402
-from jotlight.torch.distributed import Processes  # noqa: E402
+from jotlight.torch.distributed import ProcessGroup  # noqa: E402
 from jotlight.torch.fine_tuning import _generator  # noqa: E402
 from jotlight.training import History  # noqa: E402
 
@@ -282,7 +282,7 @@ def test_processes_share_the_patches_of_a_step(monkeypatch):
     """What the gradients of two processes, one after the other, add up to."""
     losses, gradients = [], []
 
-    class Part(Processes):
+    class Part(ProcessGroup):
         def sum(self, tensor):
             losses.append(float(tensor[0]))
             gradients.append(tensor[1:].clone())
@@ -291,7 +291,7 @@ def test_processes_share_the_patches_of_a_step(monkeypatch):
         monkeypatch.setattr(
             fine_tuning, "together", lambda _, part=part: contextlib.nullcontext(part)
         )
-        monkeypatch.setattr(Processes, "spread", lambda *_: None)
+        monkeypatch.setattr(ProcessGroup, "spread", lambda *_: None)
         tune(steps=1, batch=5)
     whole, one, other = range(0, 6, 2)
     assert losses[one] + losses[other] == pytest.approx(losses[whole], rel=1e-5)

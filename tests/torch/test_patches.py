@@ -7,7 +7,7 @@ from scipy.stats import binom
 import jotlight as jl
 
 pytest.importorskip("torch")
-from jotlight.torch.patches import Patches
+from jotlight.torch.patches import PatchLoader
 
 NUMBER = 400
 SENSOR = jl.Sensor(oversampling=4, max_intensity=0.8)
@@ -15,7 +15,7 @@ LEVEL = np.float32(0.3)
 
 
 def patches(network, batch=NUMBER):
-    views = Patches([np.full((9, 9), LEVEL)], network, SENSOR, 0, batch, 8)
+    views = PatchLoader([np.full((9, 9), LEVEL)], network, SENSOR, 0, batch, 8)
     return views.views(0, slice(0, batch), 1)
 
 
@@ -44,7 +44,7 @@ def test_some_patches_are_far_too_bright_or_too_dark(tied):
 def test_a_process_sees_its_part_of_the_patches_of_all():
     images = [np.random.default_rng(0).random((20, 24), np.float32)]
     network = jl.Network.residual(SENSOR, "small", rng=0)
-    batch = Patches(images, network, SENSOR, 1, 64, 8)
+    batch = PatchLoader(images, network, SENSOR, 1, 64, 8)
     whole, part = batch.views(5, slice(0, 64), 1), batch.views(5, slice(16, 32), 1)
     np.testing.assert_array_equal(whole.data[16:32], part.data)
     np.testing.assert_array_equal(whole.truth[16:32], part.truth)
@@ -56,7 +56,7 @@ def test_a_process_sees_its_part_of_the_patches_of_all():
 )
 def test_half_of_the_steps_have_a_usual_k(between, share):
     network = jl.Network.conditional("small", trials_range=between, rng=0)
-    batch = Patches([np.full((9, 9), LEVEL)], network, SENSOR, 0, 1, 8)
+    batch = PatchLoader([np.full((9, 9), LEVEL)], network, SENSOR, 0, 1, 8)
     found = np.array([batch.views(step, slice(0, 1), 1).bits for step in range(NUMBER)])
     assert between[0] <= found.min() < np.sqrt(between[0] * between[1]) < found.max() <= between[1]
     low, high = (
