@@ -1,4 +1,4 @@
-"""One reader under atheris; ``fuzz/readers.py`` starts it, with what libFuzzer is told."""
+"""Fuzz one reader with atheris. ``fuzz/readers.py`` starts this with the options of libFuzzer."""
 
 import json
 import logging
@@ -14,37 +14,40 @@ from typing import Any
 import atheris
 
 MIB_PER_INPUT = 512
-FOLLOWED = {"tiff": ("tifffile",), "png": ("PIL", "png"), "picture": ("PIL",)}
-"""Packages whose branches guide the fuzzing besides our own, by a word in the reader's name."""
+"""Maximum memory in MiB that reading one input may take."""
 
-ODD: tuple[Any, ...] = (
+INSTRUMENTED = {"tiff": ("tifffile",), "png": ("PIL", "png"), "image": ("PIL",)}
+"""Packages whose branches guide the fuzzer besides jotlight's, by a part of the reader's name."""
+
+ODD_VALUES: tuple[Any, ...] = (
     *(None, True, 0, -1, 1, 3, 2**31, 2**70, 0.5, 1e308, math.nan, math.inf),
     *("", "0", "a\0", "..", "a.npy", [], {}, [[]], [1, 2]),
 )
+"""Values that replace a value of JSON."""
 
 
 def main(name: str) -> None:
-    """Fuzz a reader; libFuzzer ends the process."""
+    """Fuzz a reader. libFuzzer ends the process."""
     logging.disable()
-    others = [package for word in FOLLOWED if word in name for package in FOLLOWED[word]]
-    with atheris.instrument_imports(include=["jotlight", *others]):
+    packages = [package for part in INSTRUMENTED if part in name for package in INSTRUMENTED[part]]
+    with atheris.instrument_imports(include=["jotlight", *packages]):
         from examples import READERS, read_or_refused
 
         reader = READERS[name]
         path, damaged, _ = reader.example(Path(tempfile.mkdtemp()))
-        # Some modules are imported only here.
+        # Imports the modules that a reader imports only when it is called.
         read_or_refused(reader.read, path)
-    most = _peak_mib() + MIB_PER_INPUT
+    max_mib = _peak_mib() + MIB_PER_INPUT
 
-    def one_input(data: bytes) -> None:
-        # A new file, lest one that is still mapped becomes shorter.
+    def test_input(data: bytes) -> None:
+        # A new file: truncating the old one could crash a process that still maps it.
         damaged.unlink(missing_ok=True)
         damaged.write_bytes(reader.wrap(data))
         read_or_refused(reader.read, path)
-        assert _peak_mib() < most, f"took more than {MIB_PER_INPUT} MiB"
+        assert _peak_mib() < max_mib, f"took more than {MIB_PER_INPUT} MiB"
 
-    changes = {"custom_mutator": _mutated_json} if reader.json else {}
-    atheris.Setup([sys.argv[0], *sys.argv[2:]], one_input, **changes)
+    options = {"custom_mutator": _mutate_json} if reader.json else {}
+    atheris.Setup([sys.argv[0], *sys.argv[2:]], test_input, **options)
     atheris.Fuzz()
 
 
@@ -52,45 +55,45 @@ def _peak_mib() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def _mutated_json(data: bytes, most: int, seed: int) -> bytes:
-    """Bytes changed by libFuzzer, or mostly a value of the JSON in them."""
+def _mutate_json(data: bytes, max_size: int, seed: int) -> bytes:
+    """Return JSON with one changed value, or sometimes bytes that libFuzzer changed."""
     rng = random.Random(seed)  # noqa: S311
     if rng.random() < 0.8:
         try:
-            changed = _changed(data.decode(), rng).encode()
+            changed = _change_value(data.decode(), rng).encode()
         except (ValueError, RecursionError):
             changed = b""
-        if 0 < len(changed) <= most:
+        if 0 < len(changed) <= max_size:
             return changed
-    return bytes(atheris.Mutate(data, most))
+    return bytes(atheris.Mutate(data, max_size))
 
 
-def _changed(text: str, rng: random.Random) -> str:
-    """JSON with one of its values, at any depth, replaced, left out or moved."""
-    whole = [json.loads(text)]
-    places = list(_places(whole))
-    holder, key = rng.choice(places)
-    value = holder[key]
+def _change_value(text: str, rng: random.Random) -> str:
+    """Return JSON with one of its values, at any depth, replaced, deleted, or moved."""
+    root = [json.loads(text)]
+    places = list(_list_places(root))
+    container, key = rng.choice(places)
+    value = container[key]
     if isinstance(value, str) and value[:1] in ("{", "["):
-        holder[key] = _changed(value, rng)  # JSON within JSON
-    elif holder is not whole and rng.random() < 0.2:
-        del holder[key]
+        container[key] = _change_value(value, rng)  # JSON in a string of JSON
+    elif container is not root and rng.random() < 0.2:
+        del container[key]
     elif rng.random() < 0.2:
-        other, its = rng.choice(places)
-        holder[key] = json.loads(json.dumps(other[its]))
+        other, other_key = rng.choice(places)
+        container[key] = json.loads(json.dumps(other[other_key]))
     elif isinstance(value, int) and rng.random() < 0.5:
-        holder[key] = value + rng.choice((-1, 1, 8, value))
+        container[key] = value + rng.choice((-1, 1, 8, value))
     else:
-        holder[key] = rng.choice(ODD)
-    return json.dumps(whole[0])
+        container[key] = rng.choice(ODD_VALUES)
+    return json.dumps(root[0])
 
 
-def _places(value: Any) -> Iterator[tuple[Any, Any]]:
-    """Each place in a JSON, as what holds it and its key there."""
+def _list_places(value: Any) -> Iterator[tuple[Any, Any]]:
+    """Yield the container and the key of each value in JSON."""
     if isinstance(value, dict | list):
         for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
             yield value, key
-            yield from _places(inner)
+            yield from _list_places(inner)
 
 
 if __name__ == "__main__":

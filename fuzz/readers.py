@@ -1,11 +1,12 @@
-"""Fuzz what reads files, guided by coverage, with atheris and its libFuzzer.
+"""Fuzz the readers of files with atheris, whose libFuzzer follows the coverage of branches.
 
-    python fuzz/readers.py FORMAT|all [--seconds N] [--corpus DIR]
-    python fuzz/readers.py FORMAT --replay FILE...
+    python fuzz/readers.py NAME|all [--seconds N] [--corpus DIR]
+    python fuzz/readers.py NAME --replay FILE...
 
-A reader reads what it is given, or refuses it with a ValueError or OSError that names the file.
-Another exception, a crash, or an input that takes too much time or memory ends the run of its
-format and is saved in fuzz/found. The formats are READERS in tests/support/examples.py.
+A reader reads a file, or refuses it with a ValueError or OSError that names the file. Any other
+exception, a crash, or an input that takes too much time or memory is a finding. It ends the run of
+that reader, and the input is saved in fuzz/found. The names are those of READERS in
+tests/support/examples.
 """
 
 import argparse
@@ -19,7 +20,8 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 FOUND = HERE / "found"
 SECONDS_PER_INPUT = 10
-MOST_MIB = 2048
+MAX_MIB = 2048
+MIN_INPUT_BYTES = 2048
 
 sys.path.insert(0, str(HERE.parent / "tests" / "support"))
 
@@ -27,67 +29,67 @@ from examples import READERS, Reader, read_or_refused  # noqa: E402
 
 
 def main() -> None:
-    """Parse the command line."""
+    """Parse the command line and run what it asks for."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("format", choices=["all", *READERS], metavar="FORMAT")
-    parser.add_argument("--seconds", type=int, default=60, help="for each format (60)")
-    parser.add_argument("--corpus", type=Path, help="a folder that keeps what was learned")
-    parser.add_argument("--replay", type=Path, nargs="+", help="inputs that were saved")
+    parser.add_argument("name", choices=["all", *READERS], metavar="NAME")
+    parser.add_argument("--seconds", type=int, default=60, help="time for each reader (60)")
+    parser.add_argument("--corpus", type=Path, help="folder that keeps the inputs for later runs")
+    parser.add_argument("--replay", type=Path, nargs="+", help="saved inputs to read again")
     options = parser.parse_args()
     if options.replay:
         for file in options.replay:
-            replay(READERS[options.format], file)
+            replay(READERS[options.name], file)
         return
     if find_spec("atheris") is None:
         sys.exit("atheris is not installed, so NOTHING was fuzzed: pip install 'atheris>=3'")
-    names = list(READERS) if options.format == "all" else [options.format]
+    names = list(READERS) if options.name == "all" else [options.name]
     failed = [name for name in names if fuzz(name, options.seconds, options.corpus)]
-    print(f"{len(names) - len(failed)} of {len(names)} formats without a finding", *failed)
+    print(f"{len(names) - len(failed)} of {len(names)} readers without a finding", *failed)
     sys.exit(bool(failed))
 
 
 def replay(reader: Reader, file: Path) -> None:
-    """Give an input to the reader again, with nothing caught."""
+    """Read a saved input again, without catching unexpected exceptions."""
     with tempfile.TemporaryDirectory() as folder:
         path, damaged, _ = reader.example(Path(folder))
         damaged.write_bytes(reader.wrap(file.read_bytes()))
-        read = read_or_refused(reader.read, path)
-    print(f"{file}: {'refused' if read is None else 'read'}")
+        result = read_or_refused(reader.read, path)
+    print(f"{file}: {'refused' if result is None else 'read'}")
 
 
 def fuzz(name: str, seconds: int, corpus: Path | None) -> int:
-    """Fuzz one format in a process of its own; its status, 0 without a finding."""
+    """Fuzz one reader in a process of its own, and return its exit status: 0 without a finding."""
     print(f"== {name}", flush=True)
     FOUND.mkdir(exist_ok=True)
-    with tempfile.TemporaryDirectory() as place:
-        folder = Path(place)
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
         seeds = folder / "seeds"
         seeds.mkdir()
-        longest = 2048
+        longest = MIN_INPUT_BYTES
         for number in range(len(READERS[name].makers)):
             inner = folder / str(number)
             inner.mkdir()
             content = READERS[name].example(inner, number)[2]
             (seeds / str(number)).write_bytes(content)
             longest = max(longest, len(content))
-        learned = (corpus or folder / "corpus") / name
-        learned.mkdir(parents=True, exist_ok=True)
+        kept = (corpus or folder / "corpus") / name
+        kept.mkdir(parents=True, exist_ok=True)
         command = [
-            *(sys.executable, str(HERE / "one_reader.py"), name, str(learned), str(seeds)),
+            *(sys.executable, str(HERE / "one_reader.py"), name, str(kept), str(seeds)),
             f"-max_total_time={seconds}",
             f"-max_len={2 * longest}",
             f"-timeout={SECONDS_PER_INPUT}",
-            f"-rss_limit_mb={MOST_MIB}",
+            f"-rss_limit_mb={MAX_MIB}",
             f"-artifact_prefix={FOUND}/{name}-",
             "-print_final_stats=1",
         ]
-        return _run(command, {**os.environ, "TMPDIR": place})
+        return _run(command, {**os.environ, "TMPDIR": temporary})
 
 
 def _run(command: list[str], environment: dict[str, str]) -> int:
-    """Run libFuzzer without the lines on its way."""
+    """Run libFuzzer without its progress lines."""
     with subprocess.Popen(  # noqa: S603
         command, env=environment, stderr=subprocess.PIPE, text=True, errors="replace"
     ) as process:

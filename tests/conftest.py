@@ -8,8 +8,7 @@ import pytest
 from PIL import Image
 
 import jotlight as jl
-from jotlight import cli
-from jotlight.cli import console
+from jotlight.cli import app, console
 
 hypothesis.settings.register_profile("quick", max_examples=30, deadline=None, derandomize=True)
 hypothesis.settings.register_profile("slow", max_examples=1000, deadline=None)
@@ -37,7 +36,7 @@ def run(monkeypatch, tmp_path, capsys):
     def run(*words):
         monkeypatch.setattr(sys, "argv", ["jotlight", *map(str, words)])
         with pytest.raises(SystemExit) as ended:
-            cli.main()
+            app.main()
         printed = capsys.readouterr()
         return ended.value.code or 0, printed.out + printed.err
 

@@ -18,7 +18,7 @@ from scipy.ndimage import binary_dilation, distance_transform_edt, label
 from skimage.restoration import inpaint_biharmonic
 
 import jotlight as jl
-from jotlight.calibration.flat import drawn_in
+from jotlight.calibration.flat import shrink_response
 from jotlight.calibration.rates import detections, variance
 from jotlight.datasets.scenes import PHOTOGRAPHS
 from jotlight.estimators.inpaint import inpaint_dead_pixels
@@ -86,8 +86,8 @@ def false_positives(maps: int) -> None:
             ones = rng.binomial(frames, chance(), SHAPE).astype(np.int32)
             found.append(jl.calibrate(ones, frames=frames, false_positive_rate=RATE))
         row(
-            kind, frames, mean, f"{np.mean([one.bulk.chance(frames) for one in found]):.2g}",
-            f"{1e4 * np.mean([one.hot_chance for one in found]):.2f} · 10⁻⁴",
+            kind, frames, mean, f"{np.mean([one.bulk.tail_probability(frames) for one in found]):.2g}",
+            f"{1e4 * np.mean([one.hot_probability for one in found]):.2f} · 10⁻⁴",
             f"{1e4 * np.mean([one.hot.mean() for one in found]):.2f} · 10⁻⁴",
         )  # fmt: skip
 
@@ -109,7 +109,7 @@ def outliers() -> None:
             ones = rng.binomial(frames, -np.expm1(-light * truth)).astype(np.int32)
             seen = detections(ones, frames, 1) / light
             errors = [
-                np.sqrt(np.mean((drawn_in(seen, noise, limit)[0] - truth)[looked_at] ** 2))
+                np.sqrt(np.mean((shrink_response(seen, noise, limit)[0] - truth)[looked_at] ** 2))
                 for limit in beyond
             ]
             name = "1 ± 0.05" if outlier == 1 else outlier
@@ -128,7 +128,7 @@ def limits(name: str, dark: np.ndarray) -> None:
     rng = np.random.default_rng(3)
     beyond = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
     ones = rng.binomial(4096, -np.expm1(-dark)).astype(np.int32)
-    known = [jl.calibrate(ones, frames=4096, most_dark=limit) for limit in beyond]
+    known = [jl.calibrate(ones, frames=4096, max_dark=limit) for limit in beyond]
     print(f"\n{name} dark map; masked: ", end="")
     print(", ".join(f"{one.mask.mean():.1%}" for one in known))
     table(

@@ -52,9 +52,9 @@ def measured(sensor: jl.Sensor, path: Path, seed: int) -> tuple[float, np.ndarra
     automatic = tv.automatic_weight(problem)
     # √I of each pixel, and from what the rule makes of it how rough it takes the scene to be.
     light = problem.operator.forward(np.ones(image.shape))
-    noise_scale = np.sqrt(tv._local_information(problem, light))
+    noise_scale = np.sqrt(tv.local_information(problem, light))
     factor = float((automatic / noise_scale).mean())
-    rough = (factor / tv._STRENGTH) ** (-1 / tv._POWER)
+    rough = (factor / tv.WEIGHT_STRENGTH) ** (-1 / tv.WEIGHT_POWER)
     psnr = [
         jl.metrics.psnr(jl.admm_tv(counts, sensor, weight=f * noise_scale), image) for f in FACTORS
     ]

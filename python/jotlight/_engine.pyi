@@ -56,25 +56,31 @@ DEBUG_BUILD: bool
 
 _Floats: TypeAlias = npt.NDArray[np.floating]
 _Image: TypeAlias = npt.NDArray[np.float32] | npt.NDArray[np.float64]
-# (stride, upsampling, input, skip): `input` is the index of the layer that this one reads (None: the
-# previous one), `skip` the index of the layer whose output it adds (None: no skip connection).
+# (stride, upsampling, input, skip). `input` is the index of the layer that this one reads, or None
+# for the previous one. `skip` is the index of the layer whose output it adds, or None.
 _Wiring: TypeAlias = tuple[int, int, int | None, int | None]
 # (filters, spline coefficients, first knot, knot spacing, wiring)
 _Layer: TypeAlias = tuple[_Floats, _Floats | None, float, float, _Wiring]
-_Response: TypeAlias = tuple[int, float, float]
+# Threshold, light (expected photons per jot and frame) at intensity 1, and maximum intensity.
+_PixelResponse: TypeAlias = tuple[int, float, float]
 _Span: TypeAlias = tuple[int, int]
-_Floats64: TypeAlias = float | npt.NDArray[np.float64]
-_Jots: TypeAlias = tuple[_Floats64, _Floats64]
+_ValueOrArray: TypeAlias = float | npt.NDArray[np.float64]
+# Efficiency and dark counts.
+_JotResponses: TypeAlias = tuple[_ValueOrArray, _ValueOrArray]
+# Threshold, ones, trials, efficiency, and dark counts. The functions of the readings measure light
+# in expected photons per jot and frame.
 _Readings: TypeAlias = tuple[
-    int, npt.NDArray[np.int32], int | npt.NDArray[np.int32], _Floats64, _Floats64
+    int, npt.NDArray[np.int32], int | npt.NDArray[np.int32], _ValueOrArray, _ValueOrArray
 ]
-_Step: TypeAlias = tuple[float, float]
+# Penalty and relaxation.
+_AdmmStep: TypeAlias = tuple[float, float]
+# Vertical kernel, horizontal kernel (each degree and oversampling), and gain.
 _Spread: TypeAlias = tuple[tuple[int, int], tuple[int, int], float]
 
 def add_block_counts(
     packed: npt.NDArray[np.uint8],
     width: int,
-    side: int,
+    oversampling: int,
     valid: npt.NDArray[np.uint8] | None,
     counts: npt.NDArray[np.int32],
     threads: int | None,
@@ -108,36 +114,36 @@ def kernel_taps(degree: int, oversampling: int) -> list[float]: ...
 def detection_probability(threshold: int, rate: float) -> float: ...
 def inverse_detection_probability(threshold: int, probability: float) -> float: ...
 def mle_from_counts(
-    sensor: _Response,
+    response: _PixelResponse,
     counts: npt.NDArray[np.int32],
     trials: int | npt.NDArray[np.int32],
-    jots: _Jots,
+    jots: _JotResponses,
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...
 def mle_from_probability(
-    sensor: _Response,
+    response: _PixelResponse,
     probability: npt.NDArray[np.float32],
-    reference: tuple[float, float],
+    jot: tuple[float, float],
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...
 def mle_from_jots(
-    sensor: _Response,
+    response: _PixelResponse,
     ones: npt.NDArray[np.int32],
-    jots: _Jots,
+    jots: _JotResponses,
     dead: npt.NDArray[np.bool_] | None,
     frames: int,
-    side: int,
+    oversampling: int,
     width: int,
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...
 def equivalent_counts(
-    sensor: _Response,
+    response: _PixelResponse,
     counts: npt.NDArray[np.int32],
     trials: int | npt.NDArray[np.int32],
-    jots: _Jots,
+    jots: _JotResponses,
     bits: int,
     reference: tuple[float, float],
     out: npt.NDArray[np.float32],
@@ -241,17 +247,23 @@ def differences(
     image: npt.NDArray[np.float64], out: npt.NDArray[np.float64], threads: int | None
 ) -> None: ...
 def differences_adjoint(
-    planes: npt.NDArray[np.float64], out: npt.NDArray[np.float64], threads: int | None
+    differences: npt.NDArray[np.float64], out: npt.NDArray[np.float64], threads: int | None
 ) -> None: ...
 def shrink(
-    planes: npt.NDArray[np.float64], threshold: _Floats64, isotropic: bool, threads: int | None
+    differences: npt.NDArray[np.float64],
+    threshold: _ValueOrArray,
+    isotropic: bool,
+    threads: int | None,
 ) -> None: ...
 def total_variation(
-    planes: npt.NDArray[np.float64], weight: _Floats64, isotropic: bool, threads: int | None
+    differences: npt.NDArray[np.float64],
+    weight: _ValueOrArray,
+    isotropic: bool,
+    threads: int | None,
 ) -> float: ...
 def likelihood_admm_update(
     readings: _Readings,
-    step: _Step,
+    step: _AdmmStep,
     max_light: float,
     light: npt.NDArray[np.float64],
     x: npt.NDArray[np.float64],
@@ -259,8 +271,8 @@ def likelihood_admm_update(
     threads: int | None,
 ) -> float: ...
 def total_variation_admm_update(
-    step: _Step,
-    weight: _Floats64,
+    step: _AdmmStep,
+    weight: _ValueOrArray,
     isotropic: bool,
     image: npt.NDArray[np.float64],
     x: npt.NDArray[np.float64],

@@ -6,7 +6,7 @@ from scipy.stats import beta, binom
 
 import jotlight as jl
 from jotlight.calibration import fit_bulk
-from jotlight.calibration.flat import LEAST_RESPONSE
+from jotlight.calibration.flat import MIN_RESPONSE
 from jotlight.calibration.rates import detections, variance
 from jotlight.sensing.provenance import Provenance
 
@@ -55,14 +55,14 @@ def test_too_few_frames_call_no_jot_hot_by_chance(chance, frames):
     trials = 12 * SHAPE[0] * SHAPE[1]
     assert sum(int(found.hot.sum()) for found in maps) <= binom.isf(1e-3, trials, 1e-4)
     enough = chance**frames <= 1e-4
-    assert all((found.too_few() is None) == enough for found in maps)
-    assert all(found.hot_chance <= 1e-4 for found in maps)
-    told = np.mean([found.bulk.chance(frames) for found in maps])
-    assert told == pytest.approx(chance**frames, rel=0.2)
+    assert all((found.insufficient_frames_reason() is None) == enough for found in maps)
+    assert all(found.hot_probability <= 1e-4 for found in maps)
+    expected = np.mean([found.bulk.tail_probability(frames) for found in maps])
+    assert expected == pytest.approx(chance**frames, rel=0.2)
 
 
 @pytest.mark.parametrize("frames", [1, 2, 4])
-def test_too_few_frames_are_said_to_be(frames):
+def test_the_warning_about_too_few_frames_states_the_reason(frames):
     ones = np.random.default_rng(22).binomial(frames, 0.2, SHAPE)
     with pytest.warns(jl.JotlightWarning, match=f"{frames} of {frames} bits are ones by chance in"):
         found = jl.calibrate(ones, frames=frames)
@@ -111,7 +111,7 @@ def test_dark_counts_are_most_likely_and_finite():
 def test_hot_jots_that_are_not_too_hot_are_used():
     ones = np.random.default_rng(20).poisson(3, (16, 16))
     ones[2, 3], ones[4, 5] = 60, 300
-    calibration = jl.calibrate(ones, frames=1000, most_dark=0.1)
+    calibration = jl.calibrate(ones, frames=1000, max_dark=0.1)
     assert np.argwhere(calibration.hot).tolist() == [[2, 3], [4, 5]]
     assert np.argwhere(calibration.mask).tolist() == [[4, 5]]
 
@@ -162,7 +162,7 @@ def test_jots_at_the_least_response_are_called_dead_at_the_stated_rate_at_most()
     rng = np.random.default_rng(5)
     ones, light, relative, dark = flat_scene(rng, 0.02, frames=200)
     weak = rng.random(SHAPE) < 0.2
-    relative[weak] = LEAST_RESPONSE
+    relative[weak] = MIN_RESPONSE
     # The median is that of all jots, a little below that of the good ones.
     flat = counts(rng, dark + light * relative, 200)
     calibration = jl.calibrate(ones, flat, frames=200, false_positive_rate=0.01)
@@ -243,7 +243,7 @@ def test_the_sensor_has_the_maps_and_a_gain_that_counts_ordinary_jots(calibratio
 
 
 @pytest.mark.filterwarnings("ignore:.*no valid jot")
-def test_a_calibrated_picture_is_nearer_to_the_scene(calibration):
+def test_a_calibrated_image_is_nearer_to_the_scene(calibration):
     rng = np.random.default_rng(13)
     scene = np.full((32, 40), 0.4)
     camera = calibration.sensor(1024).replace(mask=None)
@@ -261,28 +261,28 @@ GOOD = np.full((16, 16), 3)
 @pytest.mark.parametrize(
     ("given", "options", "words"),
     [
-        ((GOOD,), {}, "dark holds counts, and nothing tells out of how many frames"),
-        ((GOOD,), {"frames": 2}, "at least as many as the largest of the dark counts, 3"),
+        ((GOOD,), {}, "dark holds counts, and their number of frames is unknown"),
+        ((GOOD,), {"frames": 2}, "at least the largest of the dark counts, 3"),
         ((GOOD,), {"frames": 9, "false_positive_rate": 0.5}, r"expected a number in \(0, 0.01\]"),
-        ((GOOD,), {"frames": 9, "most_dark": 0}, "most_dark: expected a finite number"),
-        ((GOOD[:2, :2],), {"frames": 9}, "expected 64 jots at least"),
-        ((np.full((16, 16), 9),), {"frames": 9}, "some jots that do not fire in every frame"),
+        ((GOOD,), {"frames": 9, "max_dark": 0}, "max_dark: expected a finite number"),
+        ((GOOD[:2, :2],), {"frames": 9}, "expected 64 jots or more"),
+        ((np.full((16, 16), 9),), {"frames": 9}, "some jots that do not report 1 in every frame"),
         ((GOOD, GOOD[:8]), {"frames": 9}, "flat: expected the dark capture's 16 x 16 jots"),
-        ((GOOD, np.full((16, 16), 9)), {"frames": 9}, "take it with less light"),
-        ((GOOD, GOOD), {"frames": 9}, "more ones than the dark capture has"),
+        ((GOOD, np.full((16, 16), 9)), {"frames": 9}, "record it with less light"),
+        ((GOOD, GOOD), {"frames": 9}, "more ones than in the dark capture"),
         ((np.full((16, 16, 3), 3),), {"frames": 9}, r"one channel \(H, W\)"),
         ((jl.Bits.from_array(np.zeros((4, 8, 8, 3), bool)),), {}, "frames of one channel, got 3"),
         ((jl.Bits.from_array(np.zeros((4, 8, 8), bool)),), {"frames": 5}, "the 4 of the dark bits"),
     ],
 )
 @pytest.mark.filterwarnings("ignore:dark. no jot is called hot")
-def test_captures_that_cannot_be_what_they_are_said_to_be(given, options, words):
+def test_captures_that_contradict_the_arguments_are_refused(given, options, words):
     with pytest.raises(ValueError, match=words):
         jl.calibrate(*given, **options)
 
 
 def test_the_shape_of_a_capture_is_checked(calibration):
-    with pytest.raises(ValueError, match="it is of 32 x 40 jots, and the capture has 40 x 32"):
+    with pytest.raises(ValueError, match="it has 32 x 40 jots, and the capture has 40 x 32"):
         calibration.check_capture((40, 32))
 
 

@@ -1,5 +1,6 @@
 """Calibrations in files: what is saved is loaded, and what is damaged is refused."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -22,7 +23,7 @@ def calibration():
 def test_what_is_saved_is_loaded(calibration, tmp_path):
     calibration.save(tmp_path / "a.safetensors")
     again = jl.Calibration.load(tmp_path / "a.safetensors")
-    assert again.numbers() == calibration.numbers()
+    assert again.metadata() == calibration.metadata()
     for name in ("dark_counts", "mask", "hot", "dead", "efficiency", "dark_ones", "flat_ones"):
         np.testing.assert_array_equal(getattr(again, name), getattr(calibration, name))
     np.testing.assert_array_equal(again.flat_steadiness.map, calibration.flat_steadiness.map)
@@ -32,75 +33,75 @@ def test_what_is_saved_is_loaded(calibration, tmp_path):
 
 
 HOSTILE = {
-    "no json": lambda tensors, told: (tensors, "{"),
-    "no object": lambda tensors, told: (tensors, []),
-    "deep": lambda tensors, told: (tensors, "[" * 100_000),
-    "a map too many": lambda tensors, told: ({**tensors, "x": tensors["mask"]}, told),
-    "a map too few": lambda tensors, told: (
+    "no json": lambda tensors, numbers: (tensors, "{"),
+    "no object": lambda tensors, numbers: (tensors, []),
+    "deep": lambda tensors, numbers: (tensors, "[" * 100_000),
+    "a map too many": lambda tensors, numbers: ({**tensors, "x": tensors["mask"]}, numbers),
+    "a map too few": lambda tensors, numbers: (
         {name: tensor for name, tensor in tensors.items() if name != "hot"},
-        told,
+        numbers,
     ),
-    "another shape": lambda tensors, told: ({**tensors, "hot": tensors["hot"][:3]}, told),
-    "another type": lambda tensors, told: (
+    "another shape": lambda tensors, numbers: ({**tensors, "hot": tensors["hot"][:3]}, numbers),
+    "another type": lambda tensors, numbers: (
         {**tensors, "dark_counts": tensors["dark_counts"].astype(np.float64)},
-        told,
+        numbers,
     ),
-    "NaN": lambda tensors, told: (
+    "NaN": lambda tensors, numbers: (
         {**tensors, "dark_counts": np.full_like(tensors["dark_counts"], np.nan)},
-        told,
+        numbers,
     ),
-    "an efficiency above 1": lambda tensors, told: (
+    "an efficiency above 1": lambda tensors, numbers: (
         {**tensors, "efficiency": 2 * tensors["efficiency"]},
-        told,
+        numbers,
     ),
-    "a text for a number": lambda tensors, told: (tensors, {**told, "scale": "1"}),
-    "true for a number": lambda tensors, told: (tensors, {**told, "threshold": True}),
-    "a huge number": lambda tensors, told: (tensors, {**told, "dark_frames": 10**30}),
-    "an infinite number": lambda tensors, told: (tensors, {**told, "prnu": float("inf")}),
-    "a number too many": lambda tensors, told: (tensors, {**told, "mask": 1}),
-    "no bulk": lambda tensors, told: (tensors, {**told, "bulk": None}),
-    "a provenance that is none": lambda tensors, told: (
+    "a text for a number": lambda tensors, numbers: (tensors, {**numbers, "scale": "1"}),
+    "true for a number": lambda tensors, numbers: (tensors, {**numbers, "threshold": True}),
+    "a huge number": lambda tensors, numbers: (tensors, {**numbers, "dark_frames": 10**30}),
+    "an infinite number": lambda tensors, numbers: (tensors, {**numbers, "prnu": float("inf")}),
+    "a number too many": lambda tensors, numbers: (tensors, {**numbers, "mask": 1}),
+    "no probability": lambda tensors, numbers: (
         tensors,
-        {**told, "provenance": {"dark": 3}},
+        {name: value for name, value in numbers.items() if name != "hot_probability"},
     ),
-    "a provenance of another capture": lambda tensors, told: (
+    "no bulk": lambda tensors, numbers: (tensors, {**numbers, "bulk": None}),
+    "a provenance of another type": lambda tensors, numbers: (
         tensors,
-        {**told, "provenance": {"light": told["provenance"]["dark"]}},
+        {**numbers, "provenance": {"dark": 3}},
     ),
-    "a turn that is none": lambda tensors, told: (
+    "a provenance of another capture": lambda tensors, numbers: (
         tensors,
-        {**told, "provenance": {"dark": {**told["provenance"]["dark"], "orientation": [4, False]}}},
+        {**numbers, "provenance": {"light": numbers["provenance"]["dark"]}},
     ),
-    "steadiness without map": lambda tensors, told: (
+    "an unknown orientation": lambda tensors, numbers: (
         tensors,
-        {**told, "dark_steadiness": told["flat_steadiness"]},
+        {
+            **numbers,
+            "provenance": {"dark": {**numbers["provenance"]["dark"], "orientation": [4, False]}},
+        },
+    ),
+    "steadiness without map": lambda tensors, numbers: (
+        tensors,
+        {**numbers, "dark_steadiness": numbers["flat_steadiness"]},
     ),
 }
 
 
-def test_earlier_files_without_a_record_of_their_captures_are_read(calibration, tmp_path):
-    path = tmp_path / "a.safetensors"
-    calibration.save(path)
-    told = calibration.numbers()
-    del told["provenance"], told["hot_chance"]
-    told["files"] = {"dark": "dark.npy"}
-    metadata = {"format": "jotlight calibration", "version": "1", "numbers": json.dumps(told)}
-    save_file(load_file(path), path, metadata)
-    again = jl.Calibration.load(path)
-    assert again.sensor(4) == calibration.sensor(4)
-    assert again.hot_chance == calibration.hot_chance
-    turned = Provenance("npy", "seen.npy", orientation=(1, False))
-    again.check_capture(again.shape, turned)
-    assert again.unsure(turned) == "how the captures of the calibration were turned is not known"
+def test_a_calibration_without_provenance_does_not_confirm_an_orientation(calibration):
+    unknown = dataclasses.replace(calibration, provenance={})
+    rotated = Provenance("npy", "seen.npy", orientation=(1, False))
+    unknown.check_capture(unknown.shape, rotated)
+    assert unknown.unconfirmed_reason(rotated) == "the orientation of the calibration is unknown"
 
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_damaged_calibrations_are_refused_by_name(calibration, tmp_path, name):
     path = tmp_path / "a.safetensors"
     calibration.save(path)
-    tensors, told = HOSTILE[name](load_file(path), json.loads(json.dumps(calibration.numbers())))
-    told = told if isinstance(told, str) else json.dumps(told)
-    metadata = {"format": "jotlight calibration", "version": "1", "numbers": told}
+    tensors, numbers = HOSTILE[name](
+        load_file(path), json.loads(json.dumps(calibration.metadata()))
+    )
+    numbers = numbers if isinstance(numbers, str) else json.dumps(numbers)
+    metadata = {"format": "jotlight calibration", "version": "1", "numbers": numbers}
     save_file({key: np.ascontiguousarray(part) for key, part in tensors.items()}, path, metadata)
     with pytest.raises(ValueError, match=r"a\.safetensors: the calibration is damaged"):
         jl.Calibration.load(path)

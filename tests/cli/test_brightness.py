@@ -53,11 +53,8 @@ def test_who_asks_for_a_network_that_a_scene_is_too_bright_for_gets_it_and_is_to
     bits = captured(5 * PHOTO)
     status, said = run("reconstruct", "seen.npy", "-o", "out.npy", "-m", "network-two-layer")
     assert status == 0
-    assert (
-        "by network-two-layer: the scene comes up to the largest intensity 1 that the network"
-        in said
-    )
-    assert "--method network-medium goes on to 3.47" in said
+    assert "by network-two-layer: the scene reaches the largest intensity 1 of the network" in said
+    assert "--method network-medium reaches 3.47" in said
     assert command_in(said)[2] == "seen.npy"
     expected = jl.pretrained(jl.Sensor(frames=16), "two-layer").reconstruct(bits)
     np.testing.assert_array_equal(np.load("out.npy"), expected)
@@ -194,4 +191,4 @@ def test_the_bits_beside_a_description_may_be_compressed_by_other_means(run, tmp
         (tmp_path / "seen.npy").unlink()
     status, said = run("train", "--sensor", "seen.json", "-o", "own.safetensors", *QUICK)
     assert status == 0, said
-    assert f"{name}: its brightest parts" in said
+    assert f"{name}: the brightness of the scene" in said

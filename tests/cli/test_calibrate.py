@@ -50,7 +50,7 @@ def files(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_calibrate_gives_what_the_python_interface_gives(run, captures):
+def test_calibrate_returns_what_the_python_function_returns(run, captures):
     status, said = run(
         "calibrate", "dark.npy", "flat.npy", "-o", "c.safetensors", "--plot", "page.png"
     )
@@ -60,10 +60,12 @@ def test_calibrate_gives_what_the_python_interface_gives(run, captures):
     assert found.sensor(16) == same.sensor(16)
     assert np.argwhere(found.hot).tolist() == [[5, 6]]
     assert np.argwhere(found.dead).tolist() == [[y, x] for y in (10, 11, 12) for x in (20, 21, 22)]
-    assert f"hot: 1 ({1 / 768:.2%}), from {found.hot_from} ones on" in said
-    chance = f"{found.hot_chance * 768:.2g}, a rate of {found.hot_chance:.2g}; 0.0001 at most"
+    assert f"hot: 1 ({1 / 768:.2%}); {found.hot_threshold} ones or more" in said
+    chance = (
+        f"{found.hot_probability * 768:.2g}, a rate of {found.hot_probability:.2g}; at most 0.0001"
+    )
     assert f"hot by chance: {chance}" in said
-    assert 1e-5 < found.hot_chance <= 1e-4
+    assert 1e-5 < found.hot_probability <= 1e-4
     assert "dead: 9 (" in said
     assert f"PRNU: {found.prnu:.2%} ± " in said
     assert "dark: frames correlate: " in said
@@ -116,7 +118,7 @@ def test_what_was_applied_is_recorded_beside_the_picture(run, captures, calibrat
     assert status == 0
     assert "calibration c.safetensors: 10 masked jots, response" in said
     told = json.loads((captures / "a.tif.json").read_text())
-    assert told["format"] == "jotlight picture"
+    assert told["format"] == "jotlight image"
     assert (told["data"], told["method"]) == ("seen.npy", "mle")
     assert told["sensor"]["gain"] == 20
     assert told["sensor"]["frames"] == 16
@@ -132,7 +134,7 @@ def test_what_was_applied_is_recorded_beside_the_picture(run, captures, calibrat
     before = (captures / "a.tif").read_bytes()
     status, said = run(*given)
     assert status == 1
-    assert "is not of jotlight and is not overwritten" in said
+    assert "is not from jotlight" in said
     assert (captures / "a.tif").read_bytes() == before
     assert (captures / "a.tif.json").read_text() == "{}"
 
@@ -187,7 +189,7 @@ def test_a_capture_of_another_shape_is_refused(run, captures, calibrated):
         given = ("reconstruct", data, "-o", "a.npy", "-t", 16, "--rotate", 90)
         status, said = run(*given, "--calibration", "c.safetensors")
         assert status == 1
-        assert "it is of 24 x 32 jots, and the capture has 32 x 24" in said
+        assert "it has 24 x 32 jots, and the capture has 32 x 24" in said
     assert "a.npy" not in files(captures)
 
 
@@ -220,7 +222,7 @@ def test_what_is_not_known_of_turns_is_said(run, captures, calibrated):
     np.savez("counts.npz", np.load("counts.npy"))
     status, said = run(*given, "--calibration", "c.safetensors")
     assert status == 0
-    assert "the calibration is from npy and the capture is npz; jots are taken to lie alike" in said
+    assert "the calibration is from npy and the capture is npz; the jots are assumed" in said
 
 
 def test_two_arrays_of_one_file_are_told_apart(run, captures):
@@ -250,7 +252,7 @@ def test_a_dark_capture_that_is_too_short_is_said_to_be(run, captures):
     given = ("calibrate", "dark.npy", "-o", "c.safetensors", "--frame-range", ":1")
     status, said = run(*given, "--plot", "page.png")
     assert status == 0
-    assert "hot: none can be told, with so few frames" in said
+    assert "hot: none found: too few frames" in said
     assert "hot by chance: 1 of 1 bits are ones by chance in 0.0" in said
     assert not jl.Calibration.load(captures / "c.safetensors").hot.any()
 
@@ -278,7 +280,10 @@ def test_nothing_is_left_behind_and_nothing_read_is_overwritten(run, captures):
         (("-o", "c.safetensors", "--plot", "dark.json"), "this file is read"),
         (("-o", "c.safetensors", "--false-positive-rate", 2), "expected a number in (0, 0.01]"),
         (("-o", "c.safetensors", "--rotate", 45), "rotate"),
-        (("-o", "c.safetensors", "--frames", 600), "frames: is for counts; these are bits"),
+        (
+            ("-o", "c.safetensors", "--frames", 600),
+            "frames: is for counts. These captures hold bits",
+        ),
     ):
         status, said = run("calibrate", "dark.npy", "flat.npy", *words)
         assert status == 1
@@ -286,7 +291,7 @@ def test_nothing_is_left_behind_and_nothing_read_is_overwritten(run, captures):
         assert files(captures) == before
     status, said = run("calibrate", "dark.npy", "counts.npy", "-o", "c.safetensors", "-t", 1)
     assert status == 1
-    assert "at least as many as the largest of the flat counts" in said
+    assert "at least the largest of the flat counts" in said
     assert files(captures) == before
 
 
@@ -316,9 +321,15 @@ def test_frames_that_counts_tell_are_taken_and_not_contradicted(run, captures):
     found = jl.Calibration.load(captures / "c.safetensors")
     assert (found.dark_frames, found.flat_frames) == (600, 500)
     for words, told in (
-        (["dark.npz", "flat.npz", "--frames", 600], "dark.npz: tells of counts out of 500 bits"),
-        (["dark.npy", "flat.npz", "--frames", 600], "flat.npz: tells of counts out of 500 bits"),
-        (["dark.npz", "flat.npz", "--flat-frames", 7], "and --flat-frames of 7;"),
+        (
+            ["dark.npz", "flat.npz", "--frames", 600],
+            "dark.npz: states counts of 500 trials, but --frames 600",
+        ),
+        (
+            ["dark.npy", "flat.npz", "--frames", 600],
+            "flat.npz: states counts of 500 trials, but --frames 600",
+        ),
+        (["dark.npz", "flat.npz", "--flat-frames", 7], "but --flat-frames 7 means 7;"),
     ):
         status, said = run("calibrate", *words, *given)
         assert status == 1

@@ -111,7 +111,7 @@ def test_a_network_file_is_used(run, photo, tmp_path):
     network = jl.Network.initial(jl.Sensor(oversampling=2), sigma=1.0)
     network.save(tmp_path / "model.safetensors")
     assert run("simulate", photo, "-o", "bits.npy", "-k", 2)[0] == 0
-    words = ["reconstruct", "bits.npy", "-o", "out.npy", "-m", "network-two-layer"]
+    words = ["reconstruct", "bits.npy", "-o", "out.npy"]
     assert run(*words, "--model", "model.safetensors")[0] == 0
     bits = jl.open(tmp_path / "bits.npy")
     assert (np.load(tmp_path / "out.npy") == network.reconstruct(bits)).all()
@@ -155,7 +155,7 @@ def test_info_on_every_kind_of_file(run, photo, tmp_path):
         "bits.npy": ["160 x 196", "oversampling=4", "ones", "40 x 49"],
         "counts.npy": ["counts", "2 x 3", "0 to 5"],
         "model.safetensors": ["kFLOP per pixel", "15 x 15", "150"],
-        "photo.png": ["picture", "40 x 49"],
+        "photo.png": ["image", "40 x 49"],
     }.items():
         status, said = run("info", name)
         assert status == 0
@@ -171,6 +171,7 @@ def test_version_and_help(run):
         "simulate",
         "reconstruct",
         "train",
+        "fine-tune",
         "evaluate",
         "info",
         "convert",
@@ -182,7 +183,7 @@ def test_version_and_help(run):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["simulate", "none.png", "-o", "a.npy"], "there is no picture file none.png"),
+        (["simulate", "none.png", "-o", "a.npy"], "there is no image file none.png"),
         (["simulate", "photo.png", "-o", "a.npy", "-k", "0"], "oversampling: expected"),
         (["simulate", "photo.png", "-o", "a.npy", "-q", "0"], "threshold: expected"),
         (["simulate", "photo.png", "-o", "a.npy", "--gain", "-1"], "gain: expected"),
@@ -296,7 +297,9 @@ def long_command(folder):
     np.save(folder / "large.npy", np.full((2000, 2000), 0.5, np.float32))
     # A shell lets its background jobs ignore SIGINT, and these tests may be one.
     code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
-    code += f"import sys; sys.argv = ['jotlight', *{LONG!r}]; from jotlight.cli import main; main()"
+    code += (
+        f"import sys; sys.argv = ['jotlight', *{LONG!r}]; from jotlight.cli.app import main; main()"
+    )
     with subprocess.Popen(
         [sys.executable, "-c", code], cwd=folder, stderr=subprocess.PIPE, text=True
     ) as child:
@@ -405,7 +408,7 @@ def test_channels_that_cannot_be_shown_are_refused_before_the_work(run, tmp_path
     assert jl.open("bits.npy").shape[3] == channels
     status, said = run("simulate", "odd.npy", "-o", "grey.npy", "--gray")
     assert status == 1
-    assert "red, green and blue" in said
+    assert "red, green, and blue" in said
 
 
 def test_a_full_disk_is_named_and_leaves_nothing(run, photo, tmp_path, monkeypatch):

@@ -123,7 +123,7 @@ def test_convert_prints_and_records_what_was_assumed(run, tmp_path):
     assert (told["provenance"]["format"], told["provenance"]["name"]) == ("swissspad2", "a.bin")
     assert "frames 1:3 of 4" in told["provenance"]["notes"]
     bits = jl.open(tmp_path / "a.npy")
-    np.testing.assert_array_equal(bits.to_array(), twin.turned(array[1:3], 90, "horizontal"))
+    np.testing.assert_array_equal(bits.to_array(), twin.oriented(array[1:3], 90, "horizontal"))
     status, said = run("info", "a.npy")
     assert status == 0
     assert "least significant bit first" in said
@@ -175,7 +175,7 @@ def test_folders_are_reconstructed_and_described(run, tmp_path):
     before = files(folder)
     status, said = run("reconstruct", "set", "-o", "set/frames.npy", "-m", "mle")
     assert status == 1
-    assert "nothing is written into it" in said
+    assert "which is read; choose another name" in said
     assert files(folder) == before
 
 
@@ -239,8 +239,11 @@ def test_an_interrupted_conversion_leaves_nothing(tmp_path, name):
 
 
 def test_the_name_of_a_file_tells_its_format(tmp_path):
-    told = {choose_output_format(path_of(tmp_path, name)) for name in WRITERS if len(WRITERS[name].extensions)
-            and WRITERS[name].extensions != (".bin",)}  # fmt: skip
+    told = {
+        choose_output_format(path_of(tmp_path, name))
+        for name, writer in WRITERS.items()
+        if writer.extensions not in ((), (".bin",))
+    }
     assert told == {name for name in WRITERS if WRITERS[name].extensions not in ((), (".bin",))}
 
 
@@ -288,7 +291,7 @@ def test_counts_tell_out_of_how_many_bits_they_are(run, tmp_path, name):
         status, said = run(*reconstruct, *words)
         assert status == 1
         option = " and ".join(map(" ".join, zip(words[::2], map(str, words[1::2]), strict=True)))
-        assert f"tells of counts out of 40 bits, and {option} of {given}" in said
+        assert f"states counts of 40 trials, but {option} means {given}" in said
     for words in (["--frames", 40], ["--oversampling", 2], ["--frames", 10, "--oversampling", 2]):
         assert run(*reconstruct, *words)[0] == 0
         np.testing.assert_allclose(np.load(tmp_path / "b.npy"), expected, rtol=1e-6)

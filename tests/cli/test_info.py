@@ -26,9 +26,9 @@ def test_levels_may_be_counts_or_a_picture(run, tmp_path, name):
     else:
         tifffile.imwrite(tmp_path / name, COUNTS)
     said = lines(run, name)
-    assert "kind counts, or a picture" in said
+    assert "kind counts, or an image" in said
     assert "counts 0 to 4" in said
-    assert "picture float32, 0 to 0.01569" in said
+    assert "image float32, 0 to 0.01569" in said
     assert "values int32, 0 to 4" in lines(run, name, "--counts")
 
 
@@ -41,7 +41,7 @@ def test_a_stack_of_levels_is_counts(run, tmp_path):
 
 def test_colour_is_a_picture(run, tmp_path):
     Image.fromarray(np.stack([COUNTS] * 3, axis=2)).save(tmp_path / "a.png")
-    assert "kind picture" in lines(run, "a.png")
+    assert "kind image" in lines(run, "a.png")
 
 
 @pytest.mark.parametrize("name", ["tiff", "npz"])
@@ -65,7 +65,7 @@ def test_the_levels_of_a_shallow_png_are_told_as_they_are_read(run, tmp_path, de
         png.Writer(6, 4, bitdepth=depth, **kind).write(file, levels.tolist())
     said = lines(run, "a.png")
     kind = "bits" if depth == 1 else "counts"
-    assert f"kind {kind}, or a picture" in said
+    assert f"kind {kind}, or an image" in said
     assert f"{kind} 0 to {2**depth - 1}" in said
-    assert f"--{kind} tells of it as a capture" in said
+    assert f"--{kind} shows it as a capture" in said
     assert f"kind {kind}" in lines(run, "a.png", f"--{kind}")

@@ -39,7 +39,7 @@ def test_advice_names_options(run, seen, words, expected):
 def test_advice_on_images_names_options(run, seen):
     status, said = run("simulate", "deep.npy", "-o", "bits.npy")
     assert status == 1
-    assert "stands for intensity 1, --white, such as" in said
+    assert "state the level of intensity 1 with --white, such as" in said
 
 
 def test_advice_in_python_names_parameters_with_their_options(seen, tmp_path):

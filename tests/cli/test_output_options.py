@@ -7,6 +7,7 @@ import pytest
 import tifffile
 
 import jotlight as jl
+from jotlight.evaluation.methods import METHODS
 from jotlight.images.io import read_image
 
 SENSOR = jl.Sensor(frames=40, gain=10.0, max_intensity=14.0)
@@ -66,7 +67,7 @@ def test_a_preview_stands_beside_the_floats(run, capture, tmp_path):
     words = ["reconstruct", "known.npy", "-o", "a.npy", "-m", "mle", "--preview", "a.png"]
     status, said = run(*words, "--curve", "log")
     assert status == 0
-    assert "a.png: to look at" in said
+    assert "a.png: image for display" in said
     shown = read_image(tmp_path / "a.png")
     assert shown.shape == (24, 30)
     assert shown.max() > 0.99
@@ -97,10 +98,10 @@ def test_a_film_has_the_pictures_of_its_windows(run, capture, tmp_path, method):
     words = ["reconstruct", "known.npy", "-m", method, "--window", 16, "--step", 10]
     status, said = run(*words, "-o", "film.npy", "--units", "photons")
     assert status == 0
-    assert "3 pictures of 24 x 30 from 16 frames each" in said
-    assert "4 at the end in no window" in said
+    assert "3 images of 24 x 30 from 16 frames each" in said
+    assert "4 frames at the end lie in no window" in said
     found = np.load(tmp_path / "film.npy")
-    function = jl.methods.METHODS[method].run
+    function = METHODS[method].run
     for number in range(3):
         part = capture[10 * number : 10 * number + 16]
         expected = function(part, part.sensor) * np.float32(0.25)
@@ -113,25 +114,28 @@ def test_a_film_has_the_pictures_of_its_windows(run, capture, tmp_path, method):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["-o", "a.png", "--units", "photons"], "are for numbers"),
+        (["-o", "a.png", "--units", "photons"], "are for floats"),
         (["-o", "a.npy", "--units", "lux"], "expected one of intensity, photons"),
         (["-o", "a.npy", "--preview", "b.tif"], "a name in .png or .jpg"),
         (["-o", "a.npy", "--preview", "known.npy"], "a name in .png or .jpg"),
         (["-o", "a.npy", "--uncertainty", "known.npy"], "give another name"),
-        (["-o", "a.npy", "--uncertainty", "a.npy"], "one twice"),
+        (["-o", "a.npy", "--uncertainty", "a.npy"], "the same name twice"),
         (["-o", "a.npy", "--uncertainty", "u.png"], "ends in .npz, .npy, .tif"),
-        (["-o", "a.npy", "--uncertainty", "u.npz", "--level", 2], "0.5 to below 1"),
-        (["-o", "a.npy", "--uncertainty", "u.npz", "-m", "admm-tv"], "for the method mle"),
+        (["-o", "a.npy", "--uncertainty", "u.npz", "--level", 2], "expected a number in [0.5, 1)"),
+        (
+            ["-o", "a.npy", "--uncertainty", "u.npz", "-m", "admm-tv"],
+            "an option of mle, not of admm",
+        ),
         (["-o", "a.npy", "--curve", "sepia"], "linear, gamma, log, reinhard"),
         (["-o", "a.npy", "--curve", "log"], "is for a .png or .jpg"),
-        (["-o", "a.npy", "--step", 3], "--window asks for"),
+        (["-o", "a.npy", "--step", 3], "--window selects"),
         (["-o", "a.npy", "--window", 41], "1 to the capture's 40 frames, got 41"),
-        (["-o", "a.npy", "--window", 4, "--frames", 4], "--frame-range takes some"),
+        (["-o", "a.npy", "--window", 4, "--frames", 4], "--frame-range selects"),
         (["-o", "a.npy", "--window", 4, "--step", 0], "1 frame or more"),
         (["-o", "a.gif", "--window", 4], "new folder of .png"),
         (["-o", "a", "--window", 4, "--units", "photons"], "are for floats"),
         (["-o", "a.npy", "--window", 4, "--curve", "log"], "not for the floats of a.npy"),
-        (["-o", "a.npy", "--window", 4, "--preview", "b.png"], "preview: is of one picture"),
+        (["-o", "a.npy", "--window", 4, "--preview", "b.png"], "preview: is for a single image"),
         (["-o", "a", "--window", 4, "--fps", -1], "fps"),
         (["-o", "a", "--window", 4, "--depth", 12], "expected 8"),
     ],

@@ -54,7 +54,7 @@ def test_reconstruct_by_the_network_fails_where_there_is_none(run, pictures, tmp
     status, said = run("reconstruct", "bits.npy", "-o", "out.npy", "-m", "network-two-layer")
     assert status == 1
     assert said.startswith(
-        f"error: {unsupported_reason(OTHER, 'two-layer')}; learn one for this capture"
+        f"error: {unsupported_reason(OTHER, 'two-layer')}; train one for this capture"
     )
     assert said.endswith(": jotlight train --sensor bits.npy -o model.safetensors\n")
     assert not (tmp_path / "out.npy").exists()
@@ -109,7 +109,7 @@ def test_compare_has_the_learned_network_where_there_is_one(run, pictures):
     assert status == 0
     assert "network, learned" in said
     assert "network, initial" in said
-    assert "Without the learned network" not in said
+    assert "Without the trained network" not in said
 
 
 def test_compare_leaves_the_learned_network_out_where_there_is_none_and_says_so(run, pictures):
@@ -121,7 +121,7 @@ def test_compare_leaves_the_learned_network_out_where_there_is_none_and_says_so(
     assert status == 0
     assert "network, medium" not in said
     assert "network, initial" in said
-    assert "Without the learned network: there is no trained network for 400 bits" in said
+    assert "Without the trained network: there is no trained network for 400 bits" in said
     status, said = run("compare", pictures / "0.png", "-k", 2, "-t", 3, "-m", "mle")
     assert status == 0
     assert "trained network" not in said

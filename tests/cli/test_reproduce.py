@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 import jotlight as jl
-from jotlight import cli
+from jotlight.cli import app
 from jotlight.evaluation.methods import DEEP_NETWORKS, METHODS
 from jotlight.experiments import EXPERIMENTS
 from jotlight.experiments.bsds_methods import crop_center
@@ -30,9 +30,7 @@ def made(tmp_path_factory, data):
     """All experiments, quick, once for all tests."""
     folder = tmp_path_factory.mktemp("made") / "out"
     words = ["reproduce", "all", "--quick", "--data", str(data), "-o", str(folder)]
-    with pytest.raises(SystemExit) as ended:
-        cli.app(words)
-    assert not ended.value.code
+    assert app.run(words) == 0
     return folder
 
 
@@ -84,7 +82,7 @@ def test_the_same_command_again_does_nothing_anew(made, data, run):
     assert status == 0
     assert {path: path.stat().st_mtime_ns for path in (made / "parts").rglob("*")} == before
     for name in EXPERIMENTS:
-        assert re.search(rf"{name}: (\d+) of \1 parts are there", said)
+        assert re.search(rf"{name}: (\d+) of \1 parts are done", said)
 
 
 def test_full_settings_do_not_mix_with_quick_ones(made, run):
@@ -168,7 +166,9 @@ def test_fig7_shows_the_network_that_it_learned(made, data):
     truth = crop_center(images[0], 128)
     estimate = network.reconstruct(network.sensor.expose(truth, 0))
     row = next(
-        r for r in rows_of(made, "fig7") if (r["image"], r["method"]) == (TEST[0], "network-two-layer")
+        r
+        for r in rows_of(made, "fig7")
+        if (r["image"], r["method"]) == (TEST[0], "network-two-layer")
     )
     assert float(row["psnr"]) == pytest.approx(jl.metrics.psnr(estimate, truth), 1e-5)
 
@@ -246,7 +246,7 @@ def test_a_stopped_run_says_how_to_go_on(run, tmp_path, monkeypatch):
     monkeypatch.setattr(runner, "run_part", stopped)
     status, said = run("reproduce", "fig5", "--quick")
     assert status == 130
-    assert "the same command goes on" in said
+    assert "The same command resumes the run" in said
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ def started(folder, output, before=""):
     """Start a long conversion in a program of its own, and wait until it writes."""
     words = ["jotlight", "convert", "a.npy", "-o", output]
     words += ["--to", "matlab"] if output == "out" else []
-    code = f"{before}; import sys; sys.argv = {words!r}; from jotlight.cli import main; main()"
+    code = f"{before}; import sys; sys.argv = {words!r}; from jotlight.cli.app import main; main()"
     child = subprocess.Popen(
         [sys.executable, "-c", code], cwd=folder, stderr=subprocess.PIPE, text=True
     )
@@ -53,13 +53,13 @@ def test_a_signal_to_end_leaves_nothing_and_says_nothing(long, name, output):
 def test_a_signal_in_a_destructor_is_not_lost():
     code = """
 import os, signal, sys, time
-from jotlight.cli.signals import stop_by_exceptions
+from jotlight.cli.signals import exit_on_signals
 class Slow:
     def __del__(self):
         os.kill(os.getpid(), signal.SIGTERM)
         time.sleep(0.2)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
-stop_by_exceptions()
+exit_on_signals()
 Slow()
 time.sleep(20)
 """

@@ -58,7 +58,7 @@ def test_a_folder_of_pictures_gives_the_network_that_python_gives(run, pictures,
     ]
     status, said = run("train", pictures, "-o", NETWORK, *SMALL, *words)
     assert status == 0
-    assert f"{NETWORK}: learned in 3 steps" in said
+    assert f"{NETWORK}: trained in 3 steps" in said
     assert "test PSNR" in said
     sensor = jl.Sensor(oversampling=4, frames=2)
     images = read_image_set(pictures)[1]
@@ -79,7 +79,7 @@ def test_a_folder_of_pictures_gives_the_network_that_python_gives(run, pictures,
 
 
 def test_a_network_for_any_bits_is_learned_and_improved(run, pictures, tmp_path):
-    words = [*SMALL, "--any-bits", "2:64", "--test", pictures, "--plot", "run.png"]
+    words = [*SMALL, "--trials-range", "2:64", "--test", pictures, "--plot", "run.png"]
     assert run("train", pictures, "-o", NETWORK, *words)[0] == 0
     network = jl.Network.load(NETWORK)
     assert network.trials_range == (2, 64)
@@ -96,7 +96,7 @@ def test_a_network_for_a_capture_is_as_bright_as_it(run):
     jl.save(sensor.expose(0.3 * jl.datasets.photograph("camera")[:64, :64], rng=0), "seen.npy")
     status, said = run("train", "--sensor", "seen.npy", "-o", NETWORK, *SMALL)
     assert status == 0
-    assert "learned in 3 steps" in said
+    assert "trained in 3 steps" in said
     assert 0.3 < jl.Network.load(NETWORK).sensor.max_intensity < 0.9
 
 
@@ -128,7 +128,7 @@ def test_a_stopped_run_is_kept_and_resumed_as_if_it_had_not_been(
 def test_a_run_without_time_for_all_its_steps_says_so(run, pictures):
     status, said = run("train", pictures, "-o", NETWORK, *SMALL, "--seconds", 1e-9)
     assert status == 0
-    assert "learned in 0 of 3 steps" in said or "learned in 1 of 3 steps" in said
+    assert "trained in 0 of 3 steps" in said or "trained in 1 of 3 steps" in said
 
 
 @pytest.mark.parametrize(
@@ -138,9 +138,9 @@ def test_a_run_without_time_for_all_its_steps_says_so(run, pictures):
         (["--device", "tpu"], "device: expected one of cpu, cuda, got 'tpu'"),
         (["--steps", 0], "steps: expected at least 1"),
         (["--patch", 25], "25; image number 0 is 24 x 24"),
-        (["--any-bits", "1-256"], "any-bits: expected LEAST:MOST"),
-        (["--any-bits", "9:4"], "any-bits: expected LEAST:MOST"),
-        (["--any-bits", "1:8"], "the network is for 1 to 8 bits per pixel, got 16"),
+        (["--trials-range", "1-256"], "trials-range: expected LEAST:MOST"),
+        (["--trials-range", "9:4"], "trials-range: expected LEAST:MOST"),
+        (["--trials-range", "1:8"], "the network is for 1 to 8 bits per pixel, got 16"),
     ],
 )
 def test_bad_input_gets_one_line(run, pictures, words, expected):

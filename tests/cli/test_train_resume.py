@@ -11,9 +11,6 @@ from safetensors.numpy import load_file
 import jotlight as jl
 from jotlight.training import parameter_vector
 
-# The module; the package's attribute of this name is the command.
-train_module = sys.modules["jotlight.cli.train"]
-
 SMALL = ["--patch", 24, "--batch", 4, "--steps", 3, "--optimizer", "adam"]
 LONG = ["--patch", 24, "--batch", 4, "--steps", 600, "--optimizer", "adam"]
 NETWORK, CHECKPOINT = "net.safetensors", "net.checkpoint.safetensors"
@@ -31,7 +28,7 @@ def assert_same(one, other):
 
 def stop(monkeypatch, run, pictures, *words, step=1):
     """Press Ctrl-C at the end of a step."""
-    learn = train_module.learn
+    learn = jl.training.train
 
     def stopped(*arguments, callback, **options):
         def interrupt(record):
@@ -42,7 +39,7 @@ def stop(monkeypatch, run, pictures, *words, step=1):
         return learn(*arguments, callback=interrupt, **options)
 
     with monkeypatch.context() as patched:
-        patched.setattr(train_module, "learn", stopped)
+        patched.setattr(jl.training, "train", stopped)
         return run("train", pictures, "-o", NETWORK, *SMALL, *words)
 
 
@@ -53,7 +50,7 @@ def long_run(folder):
     # A shell lets its background jobs ignore SIGINT, and these tests may be one.
     code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
     code += f"import sys; sys.argv = ['jotlight', *{words!r}];"
-    code += "from jotlight.cli import main; main()"
+    code += "from jotlight.cli.app import main; main()"
     with subprocess.Popen(
         [sys.executable, "-c", code], cwd=folder, stderr=subprocess.PIPE, text=True
     ) as child:
@@ -130,7 +127,7 @@ def test_ctrl_c_before_there_is_a_checkpoint_promises_none(run, pictures, tmp_pa
     def stopped(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(train_module, "learn", stopped)
+    monkeypatch.setattr(jl.training, "train", stopped)
     status, said = run("train", pictures, "-o", NETWORK, *SMALL)
     assert status == 130
     assert files(tmp_path) == ["pictures"]
@@ -259,8 +256,8 @@ def test_a_full_disk_at_the_end_keeps_the_run(run, pictures, tmp_path, monkeypat
 def test_a_run_that_has_no_time_for_all_its_steps_says_so(run, pictures, tmp_path):
     status, said = run("train", pictures, "-o", NETWORK, *SMALL, "--seconds", 1e-9)
     assert status == 0
-    assert f"{NETWORK}: learned in 1 of 3 steps and " in said
-    assert "; --seconds gives it time for more" in said
+    assert f"{NETWORK}: trained in 1 of 3 steps and " in said
+    assert "; a larger --seconds allows more" in said
     assert files(tmp_path) == [NETWORK, "pictures"]
     assert len(jl.Network.load(NETWORK).history["records"]["loss"]) == 2
 
@@ -285,7 +282,7 @@ def test_learning_for_a_capture_has_a_time_unless_it_is_told_its_steps(
         found.append(options["seconds"])
         raise ValueError("seen enough")
 
-    monkeypatch.setattr(train_module, "learn", learn)
+    monkeypatch.setattr(jl.training, "train", learn)
     assert "seen enough" in run("train", pictures, "-o", NETWORK, *words)[1]
     assert found == [seconds]
 
@@ -294,7 +291,7 @@ def test_a_disk_that_is_full_from_the_start_is_named(pictures, tmp_path):
     pytest.importorskip("resource")
     code = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000));"
     code += f"sys.argv = ['jotlight', 'train', 'pictures', '-o', {NETWORK!r}, "
-    code += f"*{list(map(str, SMALL))!r}]; from jotlight.cli import main; main()"
+    code += f"*{list(map(str, SMALL))!r}]; from jotlight.cli.app import main; main()"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True
     )

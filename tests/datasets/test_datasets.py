@@ -22,13 +22,13 @@ bsds300 = importlib.import_module("jotlight.datasets.bsds300")
 
 @pytest.mark.parametrize("name", datasets.PHOTOGRAPHS)
 def test_photographs_are_the_levels_over_255(name):
-    picture = datasets.photograph(name)
-    assert picture.dtype == np.float32
-    np.testing.assert_array_equal(np.rint(picture * 255), getattr(skimage.data, name)())
-    assert picture.max() <= 1
+    image = datasets.photograph(name)
+    assert image.dtype == np.float32
+    np.testing.assert_array_equal(np.rint(image * 255), getattr(skimage.data, name)())
+    assert image.max() <= 1
 
 
-def test_the_first_photographs_are_grey_and_the_rest_in_colour():
+def test_the_first_photographs_are_grey_and_the_rest_in_color():
     dimensions = [datasets.photograph(name).ndim for name in datasets.PHOTOGRAPHS]
     assert dimensions == [2, 2, 2, 3, 3, 3, 3]
 
@@ -43,11 +43,11 @@ def test_the_uniform_scene_is_uniform_and_independent():
     assert (scene.dtype, scene.shape) == (np.float32, (200, 300))
     # False alarm: 1 in 1000, once, since the seed is fixed.
     assert scipy.stats.kstest(scene.ravel(), "uniform").pvalue > 1e-3
-    for neighbours in (
+    for neighbors in (
         (scene[1:] - 0.5) * (scene[:-1] - 0.5),
         (scene[:, 1:] - 0.5) * (scene[:, :-1] - 0.5),
     ):
-        assert abs(neighbours.mean()) < 4 * neighbours.std() / np.sqrt(neighbours.size)
+        assert abs(neighbors.mean()) < 4 * neighbors.std() / np.sqrt(neighbors.size)
 
 
 def test_a_seed_gives_one_scene_and_a_generator_goes_on():
@@ -81,8 +81,8 @@ class TestWhatIsAsked:
 def photographs_in(folder, number=3, level=100):
     folder.mkdir(parents=True)
     for name in range(number):
-        colour = (level + name, 0, 255)
-        Image.new("RGB", (6, 4), colour).save(folder / f"{10 * name}.png")
+        color = (level + name, 0, 255)
+        Image.new("RGB", (6, 4), color).save(folder / f"{10 * name}.png")
     (folder / "Thumbs.db").write_bytes(b"of Windows")
 
 
@@ -134,7 +134,7 @@ def test_without_bsds300_the_layouts_are_named(tmp_path):
 
 def test_an_empty_folder_of_bsds300_is_an_error(tmp_path):
     (tmp_path / "bsds300/test").mkdir(parents=True)
-    with pytest.raises(ValueError, match=r"bsds300.test: expected pictures .* found none"):
+    with pytest.raises(ValueError, match=r"bsds300.test: expected images .* found none"):
         datasets.bsds300("test", tmp_path)
 
 
@@ -165,13 +165,13 @@ TRAIN = [f"data_batch_{number}" for number in range(1, 6)]
 
 @pytest.fixture
 def small(monkeypatch):
-    """Original files of at most 4 pictures instead of 10,000."""
+    """Original files of at most 4 images instead of 10,000."""
     monkeypatch.setattr(cifar10_files, "RECORDS", 4)
 
 
 @pytest.fixture
 def pixels():
-    """Red, green and blue of 24 pictures: five files for training, one for the test."""
+    """Red, green and blue of 24 images: five files for training, one for the test."""
     return np.random.default_rng(0).integers(0, 256, (24, 3, 32, 32), np.uint8)
 
 
@@ -267,9 +267,9 @@ def test_cifar10_is_read_from_the_archive_in_any_order(order, tmp_path, pixels, 
 
 
 def test_halves_round_to_even_on_every_machine():
-    colours = np.stack(np.meshgrid(*[np.arange(0, 256, 3)] * 3), axis=-1).reshape(-1, 3)
-    thousandths = colours @ [299, 587, 114]
-    halves = colours[thousandths % 1000 == 500][:100]
+    colors = np.stack(np.meshgrid(*[np.arange(0, 256, 3)] * 3), axis=-1).reshape(-1, 3)
+    thousandths = colors @ [299, 587, 114]
+    halves = colors[thousandths % 1000 == 500][:100]
     assert len(halves) == 100
     pixels = np.repeat(halves.astype(np.uint8), 1024, axis=1)
     even = [round(Fraction(int(value), 1000)) for value in halves @ [299, 587, 114]]
@@ -341,8 +341,8 @@ class TestPickle:
         content = np.zeros((10_000, 3072), np.uint8)
         content[1, 1024] = 255  # the first pixel's green
         (tmp_path / "test_batch").write_bytes(pickled(content.tobytes()))
-        pictures = datasets.cifar10("test", tmp_path, first=2)
-        assert pictures.sum() == pictures[1, 0, 0] == np.float32(150) / np.float32(255)
+        images = datasets.cifar10("test", tmp_path, first=2)
+        assert images.sum() == images[1, 0, 0] == np.float32(150) / np.float32(255)
 
     @pytest.mark.parametrize("pixels_too", [True, False])
     @pytest.mark.usefixtures("small")
@@ -366,7 +366,7 @@ class TestPickle:
     @pytest.mark.usefixtures("small")
     def test_a_wrong_size_is_refused(self, size, tmp_path):
         (tmp_path / "test_batch").write_bytes(bytes(size))
-        with pytest.raises(ValueError, match=f"the 12288 bytes of 4 pictures, got {size};"):
+        with pytest.raises(ValueError, match=f"the 12288 bytes of 4 images, got {size};"):
             datasets.cifar10("test", tmp_path)
 
     @pytest.mark.parametrize(
@@ -389,12 +389,12 @@ class TestPickle:
 
 
 class TestGray:
-    def test_only_pictures_without_loss_are_given(self, tmp_path):
+    def test_only_images_without_loss_are_given(self, tmp_path):
         images = np.arange(5, dtype=np.uint8)[:, None, None] + np.zeros((32, 32), np.uint8)
         lossless = np.array([False, True, True, False, True])
         np.savez(tmp_path / "cifar10_gray.npz", x_test=images, test_lossless=lossless)
-        pictures = datasets.cifar10("test", tmp_path)
-        np.testing.assert_array_equal(pictures * 255, images[[1, 2, 4]])
+        images = datasets.cifar10("test", tmp_path)
+        np.testing.assert_array_equal(images * 255, images[[1, 2, 4]])
         assert len(datasets.cifar10("test", tmp_path, first=2)) == 2
         shares = []
         np.savez(tmp_path / "cifar10_gray.npz", x_train=images, train_lossless=lossless)
@@ -419,6 +419,6 @@ class TestGray:
             datasets.cifar10("test", tmp_path)
 
     def test_the_copy_of_the_experiments_is_read(self, data):
-        pictures = datasets.cifar10("test", data, first=3)
-        assert (pictures.dtype, pictures.shape) == (np.float32, (3, 32, 32))
-        assert pictures.max() <= 1
+        images = datasets.cifar10("test", data, first=3)
+        assert (images.dtype, images.shape) == (np.float32, (3, 32, 32))
+        assert images.max() <= 1

@@ -103,7 +103,7 @@ def test_what_is_fetched_is_told_and_then_kept(site, url, server, cache, caplog)
         assert fetch.fetched(some, ["some.bin"], shares.append) == cache
     assert (cache / "some.bin").read_bytes() == bytes(200_000)
     message = str(told.pop().message)
-    for part in (url, "1 file, about 2.5 MB", "SHA-256: here", "no licence stated", "Somebody"):
+    for part in (url, "1 file, about 2.5 MB", "SHA-256: here", "no license stated", "Somebody"):
         assert part in message
     assert str(cache) in message
     assert shares == sorted(shares)
@@ -222,8 +222,8 @@ def test_cifar10_is_fetched_as_an_archive_and_stays_one(site, url, server, cache
     monkeypatch.setattr(cifar10, "SHA256", hashlib.sha256(path.read_bytes()).hexdigest())
     shares = []
     with pytest.warns(JotlightWarning, match=r"CIFAR-10: 1 file, about 170 MB, from .*\.tar\.gz"):
-        pictures = datasets.cifar10("test", progress=shares.append)
-    np.testing.assert_array_equal(pictures, np.ones((2, 32, 32)))
+        images = datasets.cifar10("test", progress=shares.append)
+    np.testing.assert_array_equal(images, np.ones((2, 32, 32)))
     assert shares == sorted(shares)
     assert shares[-1] == 1
     assert datasets.cifar10("test", first=1).shape == (1, 32, 32)

@@ -92,7 +92,7 @@ def test_pictures_of_deep_networks(level, member, width):
         jl.Network.residual(SENSOR, member, rng=0),
         jl.Network.conditional(member, rng=0),
     ):
-        alive = deep.lively(network, rng)
+        alive = deep.with_noise(network, rng)
         same(
             level,
             lambda threads=1, alive=alive: alive.reconstruct(bits, SENSOR, threads=threads),
@@ -101,7 +101,7 @@ def test_pictures_of_deep_networks(level, member, width):
 
 
 def test_pictures_of_networks_of_any_wiring(level):
-    network = deep.wired(np.random.default_rng(0), jl.Sensor(oversampling=4, frames=2), tied=False)
+    network = deep.random_graph(np.random.default_rng(0), jl.Sensor(oversampling=4, frames=2), tied=False)
     bits = network.sensor.expose(IMAGE, 0)
     same(level, lambda threads=1: network.reconstruct(bits, threads=threads), 1e-5)
 

@@ -81,7 +81,7 @@ def test_counting_takes_less_than_a_twentieth_of_a_bit_per_jot_besides_bits_and_
 MILLION = """
 import contextlib
 import sys
-from jotlight import cli
+from jotlight.cli import app
 from jotlight.formats.writing import write_capture
 from jotlight.sensing.frames import Frames
 
@@ -94,7 +94,7 @@ written, _ = growth(lambda: write_capture(jl.Bits(frames), Path("million" + {end
 def run(*words):
     sys.argv = ["jotlight", *words]
     with contextlib.suppress(SystemExit):
-        cli.main()
+        app.main()
 
 
 sys.stdout = sys.stderr

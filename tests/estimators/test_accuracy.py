@@ -1,4 +1,4 @@
-"""The numbers that the design names, measured or computed from first principles."""
+"""Published accuracies, measured or computed from first principles."""
 
 import numpy as np
 import pytest
@@ -8,13 +8,13 @@ from scipy.stats import binom
 
 import jotlight as jl
 
-# Mean square error of maximum likelihood, c uniform in [0, 1], S = 1, q = 1, in dB.
-UNIFORM = {9: 13.147, 16: 15.103, 25: 16.756, 36: 18.133}
-UNIFORM |= {49: 19.307, 64: 20.364, 81: 21.291, 100: 22.132}
+# The PSNR in dB of maximum likelihood for c uniform in [0, 1], S = 1, q = 1, by bits per pixel.
+UNIFORM_PSNR = {9: 13.147, 16: 15.103, 25: 16.756, 36: 18.133}
+UNIFORM_PSNR |= {49: 19.307, 64: 20.364, 81: 21.291, 100: 22.132}
 
 
-@pytest.mark.parametrize("bits", UNIFORM)
-def test_the_estimator_has_the_error_of_the_table(bits):
+@pytest.mark.parametrize("bits", UNIFORM_PSNR)
+def test_the_exact_error_of_maximum_likelihood_is_that_of_the_table(bits):
     counts = np.arange(bits + 1)
     estimates = jl.mle(counts[None], jl.Sensor(frames=bits))[0].astype(float)
 
@@ -22,16 +22,16 @@ def test_the_estimator_has_the_error_of_the_table(bits):
         return binom.pmf(counts, bits, -np.expm1(-light)) @ (estimates - light) ** 2
 
     mean, _ = quad(error, 0, 1, epsabs=1e-10)
-    assert -10 * np.log10(mean) == pytest.approx(UNIFORM[bits], abs=6e-4)
+    assert -10 * np.log10(mean) == pytest.approx(UNIFORM_PSNR[bits], abs=6e-4)
 
 
-@pytest.mark.parametrize("bits", UNIFORM)
-def test_simulation_and_estimation_have_the_error_of_the_table(bits):
+@pytest.mark.parametrize("bits", UNIFORM_PSNR)
+def test_the_simulated_error_of_maximum_likelihood_is_that_of_the_table(bits):
     scene = jl.datasets.uniform_scene((1024, 1024), rng=bits)
     sensor = jl.Sensor(oversampling=round(bits**0.5))
     errors = (jl.mle(sensor.expose(scene, rng=bits), sensor) - scene).astype(float) ** 2
     sampling_error = errors.std() / np.sqrt(errors.size)
-    assert errors.mean() == pytest.approx(10 ** (-UNIFORM[bits] / 10), abs=4 * sampling_error)
+    assert errors.mean() == pytest.approx(10 ** (-UNIFORM_PSNR[bits] / 10), abs=4 * sampling_error)
 
 
 @pytest.fixture(scope="module")
@@ -54,18 +54,18 @@ def mean_psnr(method, captures):
     return np.mean([jl.metrics.psnr(method(bits), truth) for bits, truth in captures])
 
 
-def test_maximum_likelihood_on_photographs(captures):
+def test_maximum_likelihood_reaches_its_psnr_on_photographs(captures):
     sensor = jl.Sensor(oversampling=4)
     assert mean_psnr(lambda bits: jl.mle(bits, sensor), captures) == pytest.approx(15.48, abs=0.05)
 
 
 @pytest.mark.parametrize(("sigma", "decibel"), [(0.5, 18.95), (1.0, 23.66)])
-def test_the_initial_network_on_photographs(captures, sigma, decibel):
+def test_the_initial_network_reaches_its_psnr_on_photographs(captures, sigma, decibel):
     network = jl.Network.initial(jl.Sensor(oversampling=4), sigma=sigma)
     assert mean_psnr(network.reconstruct, captures) == pytest.approx(decibel, abs=0.1)
 
 
-def test_the_exact_inverse_gains_on_photographs(captures):
+def test_the_exact_inverse_has_a_higher_psnr_than_the_algebraic_one_on_photographs(captures):
     sensor = jl.Sensor(oversampling=4)
     exact, algebraic = (
         mean_psnr(

@@ -15,24 +15,24 @@ needs_bm3d = pytest.mark.skipif(
 NAMES = ["gaussian", "tv", "nlm", pytest.param("bm3d", marks=needs_bm3d)]
 
 
-def test_every_denoiser_has_a_name():
+def test_the_denoisers_have_these_names():
     assert sorted(denoise.DENOISERS) == ["bm3d", "gaussian", "nlm", "tv"]
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_noise_is_reduced_and_the_scene_kept(name):
+def test_the_mean_square_error_is_at_least_halved(name):
     rows, columns = np.mgrid[:32, :32]
     scene = 3 + np.sin(rows / 6) + (columns > 16)
     noisy = (scene + np.random.default_rng(0).normal(0, jl.vst.NOISE, scene.shape)).astype(
         np.float32
     )
-    given = denoise.DENOISERS[name](noisy)
-    assert (given.shape, given.dtype) == (scene.shape, np.float32)
-    assert np.mean((given - scene) ** 2) < 0.5 * np.mean((noisy - scene) ** 2)
+    denoised = denoise.DENOISERS[name](noisy)
+    assert (denoised.shape, denoised.dtype) == (scene.shape, np.float32)
+    assert np.mean((denoised - scene) ** 2) < 0.5 * np.mean((noisy - scene) ** 2)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_input_is_not_changed(name):
+def test_the_input_is_not_modified(name):
     noisy = np.random.default_rng(1).normal(3, 0.5, (16, 16)).astype(np.float32)
     before = noisy.copy()
     denoise.DENOISERS[name](noisy)
@@ -41,24 +41,24 @@ def test_the_input_is_not_changed(name):
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("shape", [(1, 1), (8, 8), (1, 9)])
-def test_the_shape_of_the_smallest_images_is_kept(name, shape):
+def test_tiny_images_keep_their_shape(name, shape):
     image = np.random.default_rng(2).normal(3, 0.5, shape).astype(np.float32)
-    given = denoise.DENOISERS[name](image)
-    assert given.shape == shape
-    assert np.isfinite(given).all()
+    denoised = denoise.DENOISERS[name](image)
+    assert denoised.shape == shape
+    assert np.isfinite(denoised).all()
 
 
 @pytest.mark.parametrize(
     ("function", "option"),
     [(denoise.gaussian, "sigma"), (denoise.tv, "weight"), (denoise.nlm, "strength")],
 )
-def test_more_strength_leaves_less_noise(function, option):
+def test_a_larger_strength_leaves_less_noise(function, option):
     noisy = np.random.default_rng(3).normal(3, 0.5, (48, 48)).astype(np.float32)
-    left = [function(noisy, **{option: value}).std() for value in (0.1, 0.5, 2)]
-    assert left[0] > left[1] > left[2]
+    remaining = [function(noisy, **{option: value}).std() for value in (0.1, 0.5, 2)]
+    assert remaining[0] > remaining[1] > remaining[2]
 
 
-def test_a_gaussian_has_the_standard_deviation_in_pixels():
+def test_the_gaussian_has_the_stated_standard_deviation_in_pixels():
     image = np.zeros((41, 41), np.float32)
     image[20, 20] = 1
     spread = denoise.gaussian(image, 2.5).sum(0)
@@ -66,38 +66,38 @@ def test_a_gaussian_has_the_standard_deviation_in_pixels():
     assert np.sqrt(spread @ distance**2) == pytest.approx(2.5, rel=0.01)
 
 
-def test_pick_gives_what_was_named_or_given():
+def test_resolve_denoiser_accepts_a_name_or_a_callable():
     assert denoise.resolve_denoiser("tv") is denoise.tv
     assert denoise.resolve_denoiser(np.copy) is np.copy
 
 
-def test_without_its_package_bm3d_says_which_extra_and_licence(monkeypatch):
+def test_without_its_package_bm3d_names_the_extra_and_its_license(monkeypatch):
     monkeypatch.setitem(sys.modules, "bm3d", None)
     with pytest.raises(jl.MissingExtraError, match=r"jotlight\[bm3d\].*non-commercial"):
         jl.noniterative(np.zeros((4, 4), int), jl.Sensor(), denoiser="bm3d")
 
 
-def test_without_its_package_the_method_is_not_available(monkeypatch):
+def test_without_its_package_the_bm3d_method_is_unavailable(monkeypatch):
     method = METHODS["noniterative-bm3d"]
     assert method.available == (importlib.util.find_spec("bm3d") is not None)
     monkeypatch.setitem(sys.modules, "bm3d", None)
     assert not method.available
 
 
-def test_a_denoiser_that_works_beside_hands_on_errors_and_the_callers_settings():
+def test_a_denoiser_in_a_thread_raises_its_errors_and_uses_the_callers_numpy_settings():
     with pytest.raises(RuntimeError, match="sequence argument"):
         jl.denoise.gaussian(np.ones((8, 8), np.float32), sigma=[1, 2, 3])
     with np.errstate(all="raise"):
         jl.denoise.gaussian(np.ones((8, 8), np.float32))
 
 
-def test_methods_are_the_same_in_parts_of_any_size(monkeypatch):
+def test_the_chunk_size_does_not_change_the_estimates(monkeypatch):
     rng = np.random.default_rng(0)
     sensor = jl.Sensor(frames=9, dark_counts=rng.random((30, 40)), mask=rng.random((30, 40)) < 0.1)
     counts = rng.integers(0, 10, (30, 40))
     network = jl.Network.initial(jl.Sensor(frames=9), taps=7)
 
-    def pictures():
+    def estimates():
         return [
             jl.mle(counts, sensor),
             jl.noniterative(counts, sensor, denoiser="gaussian"),
@@ -106,8 +106,8 @@ def test_methods_are_the_same_in_parts_of_any_size(monkeypatch):
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", jl.JotlightWarning)
-        whole = pictures()
+        expected = estimates()
         monkeypatch.setattr("jotlight.chunks._MAX_PIXELS", 7)
         monkeypatch.setattr("jotlight.networks.inference.FLOPS_PER_BAND", 1)
-        for one, other in zip(whole, pictures(), strict=True):
+        for one, other in zip(estimates(), expected, strict=True):
             np.testing.assert_array_equal(one, other)

@@ -6,7 +6,7 @@ import jotlight as jl
 from reference import methods
 
 
-def as_it_is(z):
+def identity(z):
     return z
 
 
@@ -28,15 +28,17 @@ def counts():
     ],
     ids=str,
 )
-def test_without_denoising_the_algebraic_inverse_leaves_maximum_likelihood(counts, options):
+def test_without_denoising_the_algebraic_inverse_gives_the_maximum_likelihood_estimate(
+    counts, options
+):
     sensor = jl.Sensor(frames=16, **options)
-    picture = jl.noniterative(counts, sensor, denoiser=as_it_is, inverse="algebraic")
-    np.testing.assert_allclose(picture, jl.mle(counts, sensor), rtol=1e-4, atol=1e-5)
+    estimate = jl.noniterative(counts, sensor, denoiser=identity, inverse="algebraic")
+    np.testing.assert_allclose(estimate, jl.mle(counts, sensor), rtol=1e-4, atol=1e-5)
 
 
 @pytest.mark.parametrize("inverse", jl.vst.INVERSES)
 @pytest.mark.parametrize("threshold", [1, 2])
-def test_the_steps_are_those_of_the_paper(counts, inverse, threshold):
+def test_the_estimate_agrees_with_the_steps_of_the_paper(counts, inverse, threshold):
     sensor = jl.Sensor(
         frames=16, threshold=threshold, dark_counts=0.1, efficiency=0.8, max_intensity=2.0
     )
@@ -48,21 +50,21 @@ def test_the_steps_are_those_of_the_paper(counts, inverse, threshold):
     expected = methods.mle(
         denoised, 16, threshold=threshold, sensitivity=0.8, dark=0.1, max_intensity=2.0
     )
-    picture = jl.noniterative(counts, sensor, denoiser=blur, inverse=inverse)
-    np.testing.assert_allclose(picture, expected, atol=2e-5)
+    estimate = jl.noniterative(counts, sensor, denoiser=blur, inverse=inverse)
+    np.testing.assert_allclose(estimate, expected, atol=2e-5)
 
 
-def test_the_denoiser_sees_noise_of_the_standard_deviation_it_is_told():
-    seen = []
+def test_the_denoiser_receives_noise_of_the_standard_deviation_noise():
+    inputs = []
     counts = np.random.default_rng(1).binomial(64, 0.4, (200, 200))
-    jl.noniterative(counts, jl.Sensor(frames=64), denoiser=lambda z: seen.append(z) or z)
-    (z,) = seen
+    jl.noniterative(counts, jl.Sensor(frames=64), denoiser=lambda z: inputs.append(z) or z)
+    (z,) = inputs
     assert (z.dtype, z.shape) == (np.float32, (200, 200))
     assert z.std() == pytest.approx(jl.vst.NOISE, rel=0.02)
 
 
 @pytest.mark.parametrize("name", ["gaussian", "tv", "nlm"])
-def test_a_name_means_the_function_of_that_name(counts, name):
+def test_a_name_selects_the_function_of_that_name(counts, name):
     sensor = jl.Sensor(frames=16)
     function = getattr(jl.denoise, name)
     np.testing.assert_array_equal(
@@ -71,7 +73,7 @@ def test_a_name_means_the_function_of_that_name(counts, name):
     )
 
 
-def test_defaults_are_total_variation_and_the_exact_inverse(counts):
+def test_the_defaults_are_total_variation_and_the_exact_inverse(counts):
     sensor = jl.Sensor(frames=16)
     np.testing.assert_array_equal(
         jl.noniterative(counts, sensor),
@@ -82,86 +84,89 @@ def test_defaults_are_total_variation_and_the_exact_inverse(counts):
 @pytest.mark.parametrize(
     ("oversampling", "frames"), [(1, 16), (2, 4), (4, 1)], ids=["frames", "both", "jots"]
 )
-def test_jots_in_space_and_frames_in_time_count_alike(counts, oversampling, frames):
+def test_jots_and_frames_are_interchangeable(counts, oversampling, frames):
     sensor = jl.Sensor(oversampling=oversampling, frames=frames)
     expected = jl.noniterative(counts, jl.Sensor(frames=16), denoiser="gaussian")
-    given = jl.noniterative(counts, sensor, denoiser="gaussian")
-    np.testing.assert_array_equal(given, expected)
+    estimate = jl.noniterative(counts, sensor, denoiser="gaussian")
+    np.testing.assert_array_equal(estimate, expected)
 
 
 @pytest.mark.parametrize("denoiser", ["gaussian", "tv", "nlm"])
-def test_the_exact_inverse_is_better_on_a_real_capture(data, denoiser):
+def test_the_exact_inverse_has_a_smaller_error_on_a_real_capture(data, denoiser):
     capture = np.load(data / "real/swissspad2_bird/counts.npz")
-    seen, later = capture["k16"], capture["k64"].astype(int) - capture["k16"]
+    counts, later = capture["k16"], capture["k64"].astype(int) - capture["k16"]
     sensor = jl.Sensor(frames=16, max_intensity=4.0)
 
     def error(inverse):
-        picture = jl.noniterative(seen, sensor, denoiser=denoiser, inverse=inverse)
-        off = 1 - np.exp(-picture.astype(float)) - later / 48
-        return np.mean(off[later >= 0] ** 2)
+        estimate = jl.noniterative(counts, sensor, denoiser=denoiser, inverse=inverse)
+        difference = 1 - np.exp(-estimate.astype(float)) - later / 48
+        return np.mean(difference[later >= 0] ** 2)
 
     assert error("exact") < error("algebraic")
 
 
-def test_maximum_likelihood_of_a_real_capture_is_that_of_its_counts(data):
-    seen = np.load(data / "real/swissspad2_bird/counts.npz")["k16"]
-    picture = jl.mle(seen, jl.Sensor(frames=16, max_intensity=4.0))
-    np.testing.assert_allclose(picture, methods.mle(seen, 16, max_intensity=4.0), rtol=1e-6)
+def test_the_maximum_likelihood_estimate_of_a_real_capture_agrees_with_the_reference(data):
+    counts = np.load(data / "real/swissspad2_bird/counts.npz")["k16"]
+    estimate = jl.mle(counts, jl.Sensor(frames=16, max_intensity=4.0))
+    np.testing.assert_allclose(estimate, methods.mle(counts, 16, max_intensity=4.0), rtol=1e-6)
 
 
-def test_pixels_with_fewer_live_jots_stand_for_whole_ones():
+def test_pixels_with_dead_jots_have_the_intensity_of_pixels_without():
     mask = np.zeros((8, 8), bool)
     mask[::2, ::2] = True
     bits = np.zeros((3, 8, 8), bool)
     bits[:2] = True
     sensor = jl.Sensor(oversampling=2, frames=3, mask=mask, max_intensity=9.0)
-    picture = jl.noniterative(
-        jl.Bits.from_array(bits), sensor, denoiser=as_it_is, inverse="algebraic"
+    estimate = jl.noniterative(
+        jl.Bits.from_array(bits), sensor, denoiser=identity, inverse="algebraic"
     )
-    np.testing.assert_allclose(picture, np.log(3), rtol=1e-5)
+    np.testing.assert_allclose(estimate, np.log(3), rtol=1e-5)
 
 
 @pytest.mark.parametrize("dead", [0.0, 7.0])
 @pytest.mark.parametrize("method", [jl.mle, jl.noniterative])
-def test_dark_counts_of_dead_jots_are_not_looked_at(method, dead):
+def test_dark_counts_of_dead_jots_are_ignored(method, dead):
     mask = np.tile(np.eye(2, dtype=bool), (3, 4))
     bits = jl.Bits.from_array(np.random.default_rng(7).random((9, 6, 8)) < 0.6)
     sensor = jl.Sensor(oversampling=2, frames=9, mask=mask, dark_counts=0.25)
-    given = method(bits, sensor.replace(dark_counts=np.where(mask, dead, 0.25)))
-    np.testing.assert_allclose(given, method(bits, sensor), rtol=1e-5)
+    estimate = method(bits, sensor.replace(dark_counts=np.where(mask, dead, 0.25)))
+    np.testing.assert_allclose(estimate, method(bits, sensor), rtol=1e-5)
 
 
 @pytest.mark.parametrize("threshold", [1, 2])
-def test_hot_pixels_are_brought_to_the_median_dark_counts(threshold):
+def test_hot_pixels_are_corrected_for_their_own_dark_counts(threshold):
     rng = np.random.default_rng(2)
     frames, light = 400, 0.7
     dark = np.full((40, 40), 0.1)
     dark[::5, ::5] = 0.9
     rate = light + dark
-    chance = methods.gammainc(threshold, rate)
-    counts = rng.binomial(frames, chance)
+    probability = methods.gammainc(threshold, rate)
+    counts = rng.binomial(frames, probability)
     sensor = jl.Sensor(frames=frames, threshold=threshold, dark_counts=dark)
-    picture = jl.noniterative(counts, sensor, denoiser=as_it_is)
+    estimate = jl.noniterative(counts, sensor, denoiser=identity)
     np.testing.assert_allclose(
-        picture, jl.mle(counts, sensor), atol=4 / frames, err_msg="each pixel by its own dark count"
+        estimate,
+        jl.mle(counts, sensor),
+        atol=4 / frames,
+        err_msg="each pixel by its own dark count",
     )
-    hot = picture[::5, ::5]
+    hot = estimate[::5, ::5]
     slope = (
         np.diff(methods.gammainc(threshold, light + 0.9 + np.array([-0.5, 0.5]) * 1e-6))[0] / 1e-6
     )
-    deviation = np.sqrt(chance[0, 0] * (1 - chance[0, 0]) / frames) / slope
+    deviation = np.sqrt(probability[0, 0] * (1 - probability[0, 0]) / frames) / slope
     assert hot.mean() == pytest.approx(light, abs=5 * deviation / np.sqrt(hot.size) + 2 / frames)
 
 
 @pytest.mark.parametrize("threshold", [1, 3])
-def test_hot_pixels_without_light_and_with_all_of_it_stay_so(threshold):
+def test_hot_pixels_without_ones_give_0_and_with_only_ones_give_s(threshold):
     sensor = jl.Sensor(frames=16, threshold=threshold, dark_counts=[[0.0, 0.1, 5.0]])
     for count, light in (0, 0), (16, 1):
-        picture = jl.noniterative([[count] * 3], sensor, denoiser=as_it_is, inverse="algebraic")
-        np.testing.assert_allclose(picture, light, atol=1e-6)
+        estimate = jl.noniterative([[count] * 3], sensor, denoiser=identity, inverse="algebraic")
+        np.testing.assert_allclose(estimate, light, atol=1e-6)
 
 
-def test_blind_pixels_among_dark_ones_are_filled():
+def test_dead_pixels_in_a_dark_region_are_filled_with_darkness():
     mask = np.zeros((20, 20), bool)
     mask[8:12, 12:15] = True
     counts = np.random.default_rng(3).integers(0, 10, (20, 20))
@@ -169,17 +174,17 @@ def test_blind_pixels_among_dark_ones_are_filled():
     bright = np.where(mask, 9, counts)
     sensor = jl.Sensor(frames=9, mask=mask)
     with pytest.warns(jl.JotlightWarning, match="12 of 400 pixels"):
-        picture = jl.noniterative(bright, sensor, denoiser=as_it_is)
-    assert (picture[8:12, 12:15] < 1e-6).all()
+        estimate = jl.noniterative(bright, sensor, denoiser=identity)
+    assert (estimate[8:12, 12:15] < 1e-6).all()
 
 
 @pytest.mark.parametrize("denoiser", ["gaussian", "tv", "nlm"])
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1), (2, 3)])
-def test_the_smallest_pictures_work(denoiser, shape):
+def test_tiny_images_have_finite_estimates(denoiser, shape):
     counts = np.random.default_rng(4).integers(0, 17, shape)
-    picture = jl.noniterative(counts, jl.Sensor(frames=16), denoiser=denoiser)
-    assert picture.shape == shape
-    assert np.isfinite(picture).all()
+    estimate = jl.noniterative(counts, jl.Sensor(frames=16), denoiser=denoiser)
+    assert estimate.shape == shape
+    assert np.isfinite(estimate).all()
 
 
 @pytest.mark.parametrize(
@@ -195,19 +200,19 @@ def test_the_smallest_pictures_work(denoiser, shape):
         (lambda z: z + np.inf, ValueError, "with NaN or infinity"),
     ],
 )
-def test_a_denoiser_that_does_not_fit_is_refused(counts, denoiser, error, message):
+def test_an_invalid_denoiser_or_result_is_refused(counts, denoiser, error, message):
     with pytest.raises(error, match=message):
         jl.noniterative(counts, jl.Sensor(frames=16), denoiser=denoiser)
 
 
-def test_a_denoiser_may_give_any_values_and_the_picture_stays_in_range(counts):
+def test_the_estimate_stays_in_0_to_s_for_any_result_of_the_denoiser(counts):
     def wild(z):
         return np.linspace(-1e6, 1e6, z.size).reshape(z.shape)
 
     for inverse in jl.vst.INVERSES:
         sensor = jl.Sensor(frames=16, max_intensity=2.0)
-        picture = jl.noniterative(counts, sensor, denoiser=wild, inverse=inverse)
-        assert (picture.min(), picture.max()) == (0, 2)
+        estimate = jl.noniterative(counts, sensor, denoiser=wild, inverse=inverse)
+        assert (estimate.min(), estimate.max()) == (0, 2)
 
 
 def test_an_unknown_inverse_is_refused_before_any_work(counts):

@@ -1,5 +1,3 @@
-"""Intervals hold the truth as often as they say, and standard errors are the spread."""
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -8,75 +6,75 @@ import jotlight as jl
 from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.response import detection_probability
 
-FLUXES = [0.0, 0.003, 0.05, 0.4, 1.5, 4.0, 9.0]
+LIGHT_LEVELS = [0.0, 0.003, 0.05, 0.4, 1.5, 4.0, 9.0]
 
 
 def coverage(sensor, light, level=0.95):
-    """The exact probability that the interval holds the truth: a sum over all counts."""
+    """Return the exact probability that the interval contains the truth: a sum over all counts."""
     bits = sensor.bits_per_pixel
     counts = np.arange(bits + 1)
-    known = jl.uncertainty(counts[None], sensor, confidence_level=level)
-    chance = float(
+    result = jl.uncertainty(counts[None], sensor, confidence_level=level)
+    probability = float(
         detection_probability(sensor.threshold, sensor.efficiency * light + sensor.dark_counts)
     )
     truth = np.float32(light * bits / sensor.gain)
-    holds = (known.low[0] <= truth) & (truth <= known.high[0])
-    return float(stats.binom.pmf(counts, bits, chance)[holds].sum())
+    contains = (result.low[0] <= truth) & (truth <= result.high[0])
+    return float(stats.binom.pmf(counts, bits, probability)[contains].sum())
 
 
 @pytest.mark.parametrize("bits", [1, 2, 5, 16, 64, 256])
 @pytest.mark.parametrize("threshold", [1, 2, 5])
 @pytest.mark.parametrize("dark", [0.0, 0.02, 0.5])
-def test_the_coverage_is_at_least_what_it_says_at_any_flux(bits, threshold, dark):
+def test_the_coverage_reaches_the_confidence_level_at_any_light(bits, threshold, dark):
     sensor = jl.Sensor(
         frames=bits, threshold=threshold, dark_counts=dark, efficiency=0.8, max_intensity=20.0
     )
     for level in (0.5, 0.95, 0.999):
-        assert min(coverage(sensor, light, level) for light in FLUXES) >= level - 1e-9
+        assert min(coverage(sensor, light, level) for light in LIGHT_LEVELS) >= level - 1e-9
 
 
-def test_the_coverage_is_close_where_there_are_many_bits():
+def test_the_coverage_is_close_to_the_confidence_level_with_many_bits():
     sensor = jl.Sensor(frames=256, max_intensity=20.0)
     covered = [coverage(sensor, light) for light in np.linspace(0.3, 2, 30)]
     assert np.mean(covered) < 0.975
 
 
-def test_the_interval_is_the_exact_binomial_one():
+def test_the_interval_is_the_exact_binomial_interval():
     counts = np.arange(21)
-    known = jl.uncertainty(
+    result = jl.uncertainty(
         counts[None], jl.Sensor(frames=20, max_intensity=9.0), confidence_level=0.9
     )
     for count in counts:
         exact = stats.binomtest(int(count), 20).proportion_ci(0.9, method="exact")
-        assert -np.expm1(-known.low[0, count]) == pytest.approx(exact.low, abs=1e-6)
+        assert -np.expm1(-result.low[0, count]) == pytest.approx(exact.low, abs=1e-6)
         if count < 20:
-            assert -np.expm1(-known.high[0, count]) == pytest.approx(exact.high, abs=1e-6)
+            assert -np.expm1(-result.high[0, count]) == pytest.approx(exact.high, abs=1e-6)
 
 
-def test_the_standard_error_has_its_closed_form_for_one_photon():
+def test_for_a_threshold_of_1_the_standard_error_has_its_closed_form():
     sensor = jl.Sensor(oversampling=2, frames=25, gain=40.0, max_intensity=20.0)
     counts = np.arange(1, 100)[None]
     light = -np.log1p(-counts / 100)
     expected = np.sqrt(np.expm1(light) / 100) * 100 / 40
-    known = jl.uncertainty(counts, sensor)
-    np.testing.assert_allclose(known.standard_error, expected, rtol=1e-6)
+    result = jl.uncertainty(counts, sensor)
+    np.testing.assert_allclose(result.standard_error, expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize("threshold", [1, 2, 5])
-def test_the_standard_error_is_the_spread_of_estimates_of_many_bits(threshold):
+def test_with_many_bits_the_standard_error_is_the_spread_of_the_estimates(threshold):
     sensor = jl.Sensor(
         frames=4000, threshold=threshold, dark_counts=0.1, efficiency=0.7, max_intensity=30.0
     )
-    chance = float(detection_probability(threshold, 0.7 * 2.0 + 0.1))
+    probability = float(detection_probability(threshold, 0.7 * 2.0 + 0.1))
     number = 8000
-    counts = np.random.default_rng(threshold).binomial(4000, chance, (1, number))
+    counts = np.random.default_rng(threshold).binomial(4000, probability, (1, number))
     spread = jl.mle(counts, sensor).std()
-    # Four standard errors of a standard deviation of so many: fails by chance once in 16,000.
-    told = np.median(jl.uncertainty(counts, sensor).standard_error)
-    assert abs(spread / told - 1) < 4 / np.sqrt(2 * number) + 0.005
+    # Four standard errors of a standard deviation: one run in 16,000 fails by chance.
+    predicted = np.median(jl.uncertainty(counts, sensor).standard_error)
+    assert abs(spread / predicted - 1) < 4 / np.sqrt(2 * number) + 0.005
 
 
-def differing(rng):
+def unequal_jots(rng):
     dark = rng.uniform(0, 0.3, (8, 8)).astype(np.float32)
     efficiency = rng.uniform(0.2, 1, (8, 8)).astype(np.float32)
     mask = rng.random((8, 8)) < 0.2
@@ -87,25 +85,26 @@ def differing(rng):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("threshold", [1, 3])
-def test_pixels_whose_jots_differ_are_covered_too(threshold):
-    sensor = differing(np.random.default_rng(0)).replace(threshold=threshold)
-    known = np.zeros((4, 4))
+def test_the_coverage_reaches_the_confidence_level_where_jots_of_a_pixel_differ(threshold):
+    sensor = unequal_jots(np.random.default_rng(0)).replace(threshold=threshold)
+    covered = np.zeros((4, 4))
     runs = 150
     for light in (0.0, 0.2, 2.0):
-        known[:] = 0
+        covered[:] = 0
         for seed in range(runs):
-            found = jl.uncertainty(
+            result = jl.uncertainty(
                 sensor.expose(np.full((4, 4), light), rng=seed), sensor, confidence_level=0.9
             )
-            known += (found.low <= light) & (light <= found.high)
-        assert found.dead[0, 0]
-        assert found.dead.sum() == 1
-        # 15 pixels, each below the 1e-6 quantile of a binomial with 0.9: by chance once in 20,000.
-        assert known.min() >= stats.binom.ppf(1e-6, runs, 0.9)
+            covered += (result.low <= light) & (light <= result.high)
+        assert result.dead[0, 0]
+        assert result.dead.sum() == 1
+        # 15 pixels at the 1e-6 quantile of a binomial with 0.9: one run in 20,000 fails by chance.
+        assert covered.min() >= stats.binom.ppf(1e-6, runs, 0.9)
 
 
-def test_jots_that_differ_by_nothing_worth_mentioning_give_what_equal_ones_give():
+def test_jots_that_differ_negligibly_have_the_uncertainty_of_equal_jots():
     rng = np.random.default_rng(1)
     dark = np.full((8, 8), 0.1, np.float32)
     dark[::2] += np.float32(1e-6)
@@ -117,36 +116,36 @@ def test_jots_that_differ_by_nothing_worth_mentioning_give_what_equal_ones_give(
         np.testing.assert_allclose(getattr(one, name), getattr(other, name), atol=2e-5)
 
 
-def test_flags_tell_what_little_is_known():
+def test_flags_mark_unlit_saturated_and_dead_pixels():
     mask = np.array([[False, False, False, True]])
     sensor = jl.Sensor(frames=10, dark_counts=0.2, mask=mask, max_intensity=3.0)
-    known = jl.uncertainty(np.array([[2, 7, 10, 0]]), sensor)
-    assert known.flags().tolist() == [[1, 0, 2, 4]]
-    assert known.low[0, 0] == 0
-    assert known.high[0, 2] == 3
-    assert (known.low[0, 3], known.high[0, 3]) == (0, 3)
-    assert np.isinf(known.standard_error[0, 3])
-    assert np.isfinite(known.standard_error[0, :3]).all()
+    result = jl.uncertainty(np.array([[2, 7, 10, 0]]), sensor)
+    assert result.flags().tolist() == [[1, 0, 2, 4]]
+    assert result.low[0, 0] == 0
+    assert result.high[0, 2] == 3
+    assert (result.low[0, 3], result.high[0, 3]) == (0, 3)
+    assert np.isinf(result.standard_error[0, 3])
+    assert np.isfinite(result.standard_error[0, :3]).all()
 
 
-def test_colour_is_done_channel_by_channel():
+def test_color_channels_are_independent():
     sensor = jl.Sensor(frames=9)
     counts = np.random.default_rng(0).integers(0, 10, (3, 4, 3))
-    known = jl.uncertainty(counts, sensor)
+    result = jl.uncertainty(counts, sensor)
     one = jl.uncertainty(counts[..., 1], sensor)
-    assert (known.low[..., 1] == one.low).all()
-    assert known.flags().shape == (3, 4, 3)
+    assert (result.low[..., 1] == one.low).all()
+    assert result.flags().shape == (3, 4, 3)
     bits = sensor.expose(np.full((3, 4, 3), 0.5), rng=0)
     assert (jl.uncertainty(bits, sensor).high == jl.uncertainty(bits.counts(), sensor).high).all()
 
 
 @pytest.mark.parametrize("level", [0.4, 1.0, float("nan")])
-def test_a_level_that_cannot_be_is_refused(level):
+def test_a_confidence_level_out_of_range_is_refused(level):
     with pytest.raises(ValueError, match=r"0\.5 to below 1"):
         jl.uncertainty(np.zeros((1, 1), int), jl.Sensor(), confidence_level=level)
 
 
-def test_counts_of_jots_that_differ_are_refused():
+def test_counts_are_refused_where_jots_of_a_pixel_differ():
     with pytest.raises(ValueError, match="the bits are needed"):
         jl.uncertainty(
             np.zeros((1, 1), int),
@@ -155,7 +154,7 @@ def test_counts_of_jots_that_differ_are_refused():
 
 
 @pytest.mark.parametrize("options", [{}, {"threshold": 3}, {"dark_counts": 0.3, "gain": 2.0}])
-def test_the_largest_intensity_that_clips_nothing(options):
+def test_the_saturation_intensity_clips_only_saturated_pixels(options):
     sensor = jl.Sensor(frames=50, **options)
     sensor = sensor.replace(max_intensity=saturation_intensity(sensor))
     estimates = jl.mle(np.array([[48, 49, 50]]), sensor)[0]

@@ -12,29 +12,29 @@ def some_counts(bits):
 
 
 @pytest.mark.parametrize("bits", BITS)
-def test_stabilise_is_equation_6(bits):
+def test_anscombe_is_equation_6(bits):
     counts = some_counts(bits)
     expected = methods.anscombe(counts, bits)
     np.testing.assert_allclose(jl.vst.anscombe(counts, bits), expected, rtol=2e-7)
 
 
 @pytest.mark.parametrize("bits", BITS)
-def test_algebraic_inverse_is_equation_7_between_the_ends(bits):
+def test_the_algebraic_inverse_is_equation_7_clipped_to_0_and_k(bits):
     z = np.linspace(*methods.anscombe(np.array([0, bits]), bits), 500).astype(np.float32)
     expected = np.clip(methods.algebraic_inverse(z.astype(float), bits), 0, bits)
-    given = jl.vst.inverse_anscombe(z, bits, inverse="algebraic")
-    np.testing.assert_allclose(given, expected, atol=1e-7 * bits)
+    counts = jl.vst.inverse_anscombe(z, bits, inverse="algebraic")
+    np.testing.assert_allclose(counts, expected, atol=1e-7 * bits)
 
 
 @pytest.mark.parametrize("bits", BITS)
-def test_algebraic_inverse_undoes_stabilise(bits):
+def test_the_algebraic_inverse_inverts_anscombe(bits):
     counts = some_counts(bits)
     back = jl.vst.inverse_anscombe(jl.vst.anscombe(counts, bits), bits, inverse="algebraic")
     np.testing.assert_allclose(back, counts, atol=3e-7 * bits)
 
 
 @pytest.mark.parametrize("bits", BITS)
-def test_exact_inverse_has_no_bias(bits):
+def test_the_exact_inverse_is_unbiased(bits):
     probability = np.array([1e-4, 0.003, 0.02, 0.1, 0.37, 0.5, 0.8, 0.97, 0.9995])
     mean = np.array([methods.stabilized_moments(p, bits)[0] for p in probability])
     estimate = jl.vst.inverse_anscombe(mean, bits)
@@ -42,14 +42,14 @@ def test_exact_inverse_has_no_bias(bits):
 
 
 @pytest.mark.parametrize("bits", [1, 4, 16, 81])
-def test_exact_inverse_is_the_twins_everywhere(bits):
+def test_the_exact_inverse_agrees_with_the_reference(bits):
     z = np.linspace(*methods.anscombe(np.array([0, bits]), bits), 60).astype(np.float32)
     expected = [methods.exact_inverse(float(value), bits) for value in z]
     np.testing.assert_allclose(jl.vst.inverse_anscombe(z, bits), expected, atol=2e-6 * bits)
 
 
 @pytest.mark.parametrize("bits", [4, 16, 64])
-def test_algebraic_inverse_has_the_bias_that_the_exact_one_removes(bits):
+def test_the_algebraic_inverse_is_biased_as_equation_7_predicts(bits):
     mean = np.array([methods.stabilized_moments(p, bits)[0] for p in (0.05, 0.9)])
     algebraic = jl.vst.inverse_anscombe(mean, bits, inverse="algebraic")
     bias = methods.algebraic_inverse(mean, bits) - bits * np.array([0.05, 0.9])
@@ -59,7 +59,7 @@ def test_algebraic_inverse_has_the_bias_that_the_exact_one_removes(bits):
 
 @pytest.mark.parametrize("bits", [16, 100, 4096])
 @pytest.mark.parametrize("probability", [0.2, 0.5, 0.8])
-def test_stabilised_noise_has_the_standard_deviation_that_denoisers_are_told(bits, probability):
+def test_stabilized_noise_has_the_standard_deviation_noise(bits, probability):
     weights = methods.binom.pmf(np.arange(bits + 1), bits, probability)
     z = jl.vst.anscombe(np.arange(bits + 1), bits)
     deviation = np.sqrt(weights @ (z - weights @ z) ** 2)
@@ -68,16 +68,16 @@ def test_stabilised_noise_has_the_standard_deviation_that_denoisers_are_told(bit
 
 @pytest.mark.parametrize("inverse", jl.vst.INVERSES)
 @pytest.mark.parametrize("bits", [1, 16, 1000])
-def test_values_that_no_count_has_give_the_ends(bits, inverse):
-    least, most = methods.anscombe(np.array([0, bits]), bits)
-    z = [-np.inf, -1e30, -1, 0, least - 1e-3, most + 1e-3, 2 * most, 4 * most, 1e30, np.inf]
+def test_values_outside_of_the_range_of_anscombe_give_0_or_k(bits, inverse):
+    low, high = methods.anscombe(np.array([0, bits]), bits)
+    z = [-np.inf, -1e30, -1, 0, low - 1e-3, high + 1e-3, 2 * high, 4 * high, 1e30, np.inf]
     expected = [0] * 5 + [bits] * 5
     np.testing.assert_array_equal(jl.vst.inverse_anscombe(z, bits, inverse=inverse), expected)
 
 
 @pytest.mark.parametrize("inverse", jl.vst.INVERSES)
 @pytest.mark.parametrize("bits", [1, 7, 100_000])
-def test_inverses_rise(bits, inverse):
+def test_the_inverses_are_monotone(bits, inverse):
     z = np.linspace(-1, methods.anscombe(bits, bits) + 1, 5000)
     counts = jl.vst.inverse_anscombe(z, bits, inverse=inverse)
     assert (np.diff(counts) >= 0).all()
@@ -86,15 +86,15 @@ def test_inverses_rise(bits, inverse):
 
 @pytest.mark.parametrize("shape", [(), (0,), (5,), (2, 3), (2, 3, 4)])
 @pytest.mark.parametrize("function", [jl.vst.anscombe, jl.vst.inverse_anscombe])
-def test_any_shape_and_memory_order_is_kept(function, shape):
+def test_shape_and_values_do_not_depend_on_the_memory_order(function, shape):
     values = np.array(np.random.default_rng(0).uniform(0.7, 5, shape), order="F")
-    given = function(values, 16)
-    assert (given.shape, given.dtype) == (shape, np.float32)
-    np.testing.assert_array_equal(given.ravel(), function(values.ravel(), 16))
+    result = function(values, 16)
+    assert (result.shape, result.dtype) == (shape, np.float32)
+    np.testing.assert_array_equal(result.ravel(), function(values.ravel(), 16))
 
 
 @pytest.mark.parametrize("inverse", jl.vst.INVERSES)
-def test_threads_do_not_change_values(inverse):
+def test_the_number_of_threads_does_not_change_the_values(inverse):
     z = np.linspace(0, 6, 10_001)
     one, all_ = (
         jl.vst.inverse_anscombe(z, 16, inverse=inverse, threads=threads) for threads in (1, None)
@@ -102,7 +102,7 @@ def test_threads_do_not_change_values(inverse):
     np.testing.assert_array_equal(one, all_)
 
 
-def test_all_bits_set_stay_so_where_float32_cannot_hold_k():
+def test_a_count_of_k_stays_k_where_float32_cannot_represent_k():
     bits = 2**25 - 1
     z = jl.vst.anscombe(bits, bits)
     np.testing.assert_allclose(z, np.sqrt(bits) * np.pi / 2, rtol=1e-3)
@@ -118,22 +118,22 @@ def test_all_bits_set_stay_so_where_float32_cannot_hold_k():
         ([0], 0, "bits per pixel"),
     ],
 )
-def test_stabilise_refuses(counts, bits, message):
+def test_anscombe_refuses_counts_outside_of_0_to_k(counts, bits, message):
     with pytest.raises(ValueError, match=message):
         jl.vst.anscombe(counts, bits)
 
 
 @pytest.mark.parametrize("inverse", jl.vst.INVERSES)
-def test_invert_refuses_no_bits(inverse):
+def test_the_inverses_refuse_zero_bits_per_pixel(inverse):
     with pytest.raises(ValueError, match="bits per pixel"):
         jl.vst.inverse_anscombe([1.0], 0, inverse=inverse)
 
 
-def test_unknown_inverse_is_refused():
+def test_an_unknown_inverse_is_refused():
     with pytest.raises(ValueError, match="one of exact, algebraic, got 'asymptotic'"):
         jl.vst.inverse_anscombe([1.0], 4, inverse="asymptotic")
 
 
-def test_nan_is_refused_and_does_not_become_a_count():
+def test_nan_is_refused():
     with pytest.raises(ValueError, match="z: expected numbers"):
         jl.vst.inverse_anscombe([1.0, np.nan], 4)

@@ -1,4 +1,4 @@
-"""Counts in TIFF and PNG, and masks."""
+"""Counts in TIFF and PNG files, and masks."""
 
 import numpy as np
 import png
@@ -14,7 +14,7 @@ COUNTS = np.random.default_rng(0).integers(0, 300, (5, 6, 7), np.uint16)
 
 @pytest.mark.parametrize("compression", [None, "zlib"])
 @pytest.mark.parametrize("order", ["<", ">"])
-def test_stacks_in_tiff(tmp_path, compression, order):
+def test_a_tiff_holds_one_image_or_a_stack(tmp_path, compression, order):
     options = {"photometric": "minisblack", "compression": compression, "byteorder": order}
     tifffile.imwrite(tmp_path / "a.tif", COUNTS, **options)
     with pytest.warns(jl.JotlightWarning, match="sum of its 5 images"):
@@ -26,20 +26,20 @@ def test_stacks_in_tiff(tmp_path, compression, order):
     np.testing.assert_array_equal(jl.open(tmp_path / "a.tif"), COUNTS[0])
 
 
-def test_colour_counts_in_tiff(tmp_path):
+def test_a_tiff_holds_color_counts(tmp_path):
     image = COUNTS[:, :, :3]
     tifffile.imwrite(tmp_path / "a.tif", image, photometric="rgb")
     np.testing.assert_array_equal(jl.open(tmp_path / "a.tif"), image)
 
 
-def test_floats_are_no_counts(tmp_path):
+def test_floats_are_refused_as_counts(tmp_path):
     tifffile.imwrite(tmp_path / "a.tif", np.ones((4, 5), np.float32))
     with pytest.raises(ValueError, match="floats are an image of intensities"):
         jl.open(tmp_path / "a.tif")
 
 
 @pytest.mark.parametrize("depth", [1, 2, 4, 8, 16])
-def test_png_of_every_depth(tmp_path, depth):
+def test_a_png_of_every_depth_is_read(tmp_path, depth):
     levels = np.random.default_rng(0).integers(0, 2**depth, (6, 11), np.uint16)
     with (tmp_path / "a.png").open("wb") as file:
         png.Writer(11, 6, greyscale=True, bitdepth=depth).write(file, levels.tolist())
@@ -50,7 +50,7 @@ def test_png_of_every_depth(tmp_path, depth):
         np.testing.assert_array_equal(read, levels)
 
 
-def test_a_palette_is_counts_that_a_program_has_painted(tmp_path):
+def test_the_indices_into_a_palette_are_counts(tmp_path):
     levels = np.random.default_rng(0).integers(0, 16, (6, 11), np.uint8)
     with (tmp_path / "a.png").open("wb") as file:
         colours = [(16 * level, 0, 255 - level) for level in range(16)]
@@ -58,7 +58,7 @@ def test_a_palette_is_counts_that_a_program_has_painted(tmp_path):
     np.testing.assert_array_equal(jl.open(tmp_path / "a.png"), levels)
 
 
-def test_folders_of_pictures_are_in_natural_order(tmp_path):
+def test_a_folder_of_images_is_in_natural_order(tmp_path):
     for number, image in enumerate(COUNTS):
         Image.fromarray(image).save(tmp_path / f"{number + 8}.png")
     with pytest.warns(jl.JotlightWarning, match="sum of its 5 images"):
@@ -69,13 +69,13 @@ def test_folders_of_pictures_are_in_natural_order(tmp_path):
         jl.open(tmp_path)
 
 
-def test_colour_is_refused(tmp_path):
+def test_a_color_png_is_refused(tmp_path):
     Image.fromarray(np.zeros((4, 5, 3), np.uint8)).save(tmp_path / "a.png")
     with pytest.raises(ValueError, match="expected gray levels"):
         jl.open(tmp_path / "a.png")
 
 
-def test_masks(tmp_path):
+def test_masks_are_read_from_arrays_and_images(tmp_path):
     mask = np.zeros((6, 11), bool)
     mask[2, 3] = True
     np.save(tmp_path / "a.npy", mask)
@@ -90,7 +90,7 @@ def test_masks(tmp_path):
 
 @pytest.mark.parametrize(("levels", "is_bits"), [(COUNTS[0], False), (COUNTS[0] > 150, True)])
 @pytest.mark.parametrize("name", ["a.png", "a.tif"])
-def test_pictures_are_not_what_they_are_called_when_they_hold_else(tmp_path, levels, is_bits, name):
+def test_images_of_counts_are_not_bits_and_the_reverse(tmp_path, levels, is_bits, name):
     if name == "a.png":
         Image.fromarray(levels).save(tmp_path / name)
     elif is_bits:

@@ -1,3 +1,5 @@
+"""Files of networks: they load unchanged, and damaged ones are refused."""
+
 import json
 import pickle
 
@@ -25,7 +27,7 @@ MAPPED = jl.Sensor(
 
 @pytest.mark.parametrize("sensor", [jl.Sensor(oversampling=3, kernel="linear"), MAPPED], ids=repr)
 @pytest.mark.parametrize("tied", [True, False])
-def test_a_saved_network_comes_back(tmp_path, sensor, tied):
+def test_a_saved_network_loads_unchanged(tmp_path, sensor, tied):
     rng = np.random.default_rng(13)
     made = random_network(rng, sensor, [2, 3, 1], [(3, 4), (5, 1)], tied=tied)
     network = jl.Network(made.layers, sensor, {"steps": 7, "start": "σ", "costs": [1.5, None]})
@@ -40,7 +42,7 @@ def test_a_saved_network_comes_back(tmp_path, sensor, tied):
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
 
 
-def test_a_history_that_is_no_json_is_refused_and_the_old_file_stays(tmp_path):
+def test_a_history_that_json_cannot_hold_leaves_the_old_file(tmp_path):
     path = tmp_path / "model.safetensors"
     TIED.save(path)
     before = path.read_bytes()
@@ -51,7 +53,7 @@ def test_a_history_that_is_no_json_is_refused_and_the_old_file_stays(tmp_path):
 
 @pytest.fixture(scope="module")
 def parts(tmp_path_factory):
-    """Header and body of a saved network, to be tampered with."""
+    """Header and body of a saved network, which the tests damage."""
     path = tmp_path_factory.mktemp("network") / "model.safetensors"
     TIED.save(path)
     content = path.read_bytes()
@@ -59,12 +61,12 @@ def parts(tmp_path_factory):
     return json.loads(content[8 : 8 + length]), content[8 + length :]
 
 
-def joined(header, body):
+def join(header, body):
     text = json.dumps(header).encode()
     return len(text).to_bytes(8, "little") + text + body
 
 
-def refused(path, content, message):
+def assert_refused(path, content, message):
     path.write_bytes(content)
     with pytest.raises(ValueError, match=message) as caught:
         jl.Network.load(path)
@@ -73,7 +75,7 @@ def refused(path, content, message):
 
 @pytest.mark.parametrize("length", [0, 7, 8, 100, -4, -1])
 def test_truncated_files_are_refused(tmp_path, parts, length):
-    refused(tmp_path / "net", joined(*parts)[:length], "expected a safetensors file")
+    assert_refused(tmp_path / "net", join(*parts)[:length], "expected a safetensors file")
 
 
 @pytest.mark.parametrize(
@@ -81,13 +83,13 @@ def test_truncated_files_are_refused(tmp_path, parts, length):
     [b"\xff" * 64, pickle.dumps([1, 2]), b"\x93NUMPY\x01\x00", b"PK\x03\x04" + b"\0" * 99],
 )
 def test_files_of_another_kind_are_refused(tmp_path, content):
-    refused(tmp_path / "net", content, "expected a safetensors file")
+    assert_refused(tmp_path / "net", content, "expected a safetensors file")
 
 
 @pytest.mark.parametrize("metadata", [None, {"format": "pt"}])
-def test_safetensors_of_others_are_refused(tmp_path, metadata):
+def test_safetensors_files_of_other_programs_are_refused(tmp_path, metadata):
     content = save({"layers.0.filters": np.ones(3)}, metadata)
-    refused(tmp_path / "net", content, "a safetensors file of another kind")
+    assert_refused(tmp_path / "net", content, "a safetensors file of another kind")
 
 
 DEEP = "[" * 100_000
@@ -119,7 +121,7 @@ TWO = '[{{"start": {0}, "spacing": {1}}}, {{"start": 0, "spacing": 1}}]'
         ("layers", TWO.format(0, '1, "skip": [0]')),
         ("layers", TWO.format(0, '1, "trainable": "much"')),
         ("layers", TWO.format(0, '1, "filters": 1')),
-        ("layers", TWO.format(0, '1, "colour": 1')),
+        ("layers", TWO.format(0, '1, "color": 1')),
         ("layers", DEEP),
         ("trials_range", "[]"),
         ("trials_range", "[1]"),
@@ -143,19 +145,19 @@ TWO = '[{{"start": {0}, "spacing": {1}}}, {{"start": 0, "spacing": 1}}]'
     ],
     ids=lambda text: text[:40],
 )
-def test_damaged_metadata_are_refused(tmp_path, parts, name, text):
+def test_damaged_metadata_is_refused(tmp_path, parts, name, text):
     header, body = parts
     metadata = header["__metadata__"] | {name: text}
-    content = joined(header | {"__metadata__": metadata}, body)
-    refused(tmp_path / "net", content, "damaged network file")
+    content = join(header | {"__metadata__": metadata}, body)
+    assert_refused(tmp_path / "net", content, "damaged network file")
 
 
 @pytest.mark.parametrize("name", ["layers", "sensor", "trials_range", "history"])
-def test_missing_metadata_are_refused(tmp_path, parts, name):
+def test_missing_metadata_is_refused(tmp_path, parts, name):
     header, body = parts
     metadata = {key: value for key, value in header["__metadata__"].items() if key != name}
-    content = joined(header | {"__metadata__": metadata}, body)
-    refused(tmp_path / "net", content, f"damaged network file: '{name}'")
+    content = join(header | {"__metadata__": metadata}, body)
+    assert_refused(tmp_path / "net", content, f"damaged network file: '{name}'")
 
 
 @pytest.mark.parametrize("version", ["1", "2", "", None])
@@ -164,8 +166,8 @@ def test_other_versions_are_refused(tmp_path, parts, version):
     metadata = {key: value for key, value in header["__metadata__"].items() if key != "version"}
     if version is not None:
         metadata["version"] = version
-    content = joined(header | {"__metadata__": metadata}, body)
-    refused(tmp_path / "net", content, "expected format version 3")
+    content = join(header | {"__metadata__": metadata}, body)
+    assert_refused(tmp_path / "net", content, "expected format version 3")
 
 
 GOOD = {
@@ -194,7 +196,7 @@ GOOD = {
         ("sensor.mask", np.ones((4, 4), np.float32)),
         ("sensor.mask", np.ones(4, bool)),
         ("sensor.dark_counts", np.full((4, 4), -1, np.float32)),
-        ("sensor.colour", np.ones((4, 4), np.float32)),
+        ("sensor.color", np.ones((4, 4), np.float32)),
         ("sensor.gain", np.ones((4, 4), np.float32)),
     ],
 )
@@ -203,38 +205,38 @@ def test_tensors_that_are_missing_or_do_not_fit_are_refused(tmp_path, parts, nam
     if tensor is None:
         del tensors[name]
     content = save(tensors, parts[0]["__metadata__"])
-    refused(tmp_path / "net", content, "damaged network file")
+    assert_refused(tmp_path / "net", content, "damaged network file")
 
 
-def test_the_untouched_parts_of_these_tests_are_a_network(tmp_path, parts):
-    for content in joined(*parts), save(GOOD, parts[0]["__metadata__"]):
+def test_the_undamaged_files_of_these_tests_are_networks(tmp_path, parts):
+    for content in join(*parts), save(GOOD, parts[0]["__metadata__"]):
         (tmp_path / "net").write_bytes(content)
         assert jl.Network.load(tmp_path / "net").sensor == SPACE
 
 
 @pytest.mark.parametrize(("kind", "size"), [("BF16", 2), ("F8_E4M3", 1)])
-def test_tensors_of_types_that_numpy_lacks_are_refused(tmp_path, parts, kind, size):
+def test_tensors_of_types_unknown_to_numpy_are_refused(tmp_path, parts, kind, size):
     header, offset = {"__metadata__": parts[0]["__metadata__"]}, 0
     for name, tensor in GOOD.items():
         end = offset + size * tensor.size
         header[name] = {"dtype": kind, "shape": tensor.shape, "data_offsets": [offset, end]}
         offset = end
-    refused(tmp_path / "net", joined(header, bytes(offset)), "expected a safetensors file")
+    assert_refused(tmp_path / "net", join(header, bytes(offset)), "expected a safetensors file")
 
 
-def test_half_precision_is_taken(tmp_path, parts):
+def test_half_precision_is_accepted(tmp_path, parts):
     half = {name: tensor.astype(np.float16) for name, tensor in GOOD.items()}
     (tmp_path / "net").write_bytes(save(half, parts[0]["__metadata__"]))
     assert jl.Network.load(tmp_path / "net").layers[0].filters.dtype == np.float32
 
 
-def test_a_missing_file_is_missed_by_name(tmp_path):
+def test_a_missing_file_is_named(tmp_path):
     for path in tmp_path, tmp_path / "missing.safetensors":
         with pytest.raises(FileNotFoundError, match="there is no network file"):
             jl.Network.load(path)
 
 
-def test_the_same_network_is_always_the_same_bytes(tmp_path):
+def test_files_of_equal_networks_have_equal_bytes(tmp_path):
     network = jl.Network.initial(jl.Sensor(oversampling=3, mask=np.eye(6, dtype=bool)))
     written = set()
     for number in range(8):

@@ -1,4 +1,4 @@
-"""The networks that come with jotlight."""
+"""The trained networks that come with jotlight."""
 
 import functools
 import re
@@ -21,9 +21,9 @@ MIXED = [
     jl.Sensor(oversampling=5, frames=4),
 ]
 
-# On the camera's picture, in dB, the least gain over maximum likelihood and over the initial
-# network with σ = 0.7, where learning began, by K. With many bits the latter vanishes there: that
-# picture is smoother than those that the networks have learned from.
+# Minimum gain in dB on the image "camera" over maximum likelihood, and over the initial network
+# with σ = 0.7, by K. The second one vanishes for many bits, since this image is smoother than the
+# images of the training set.
 GAINS = {
     9: (10, 4.5), 16: (9, 3.2), 25: (8, 2.2), 36: (7, 1.4), 49: (6, 0.8), 64: (5, 0.4),
     81: (4, 0.1), 100: (3, -0.15),
@@ -33,7 +33,7 @@ by_bits = pytest.mark.parametrize("bits", BITS_PER_PIXEL)
 
 
 @functools.cache
-def model(bits):
+def two_layer_network(bits):
     return jl.Network.load(FOLDER / f"two-layer-k{bits}.safetensors")
 
 
@@ -44,7 +44,7 @@ def camera():
 
 @functools.cache
 def photographs(data):
-    """The first twenty to test on, of which no network has learned."""
+    """The first twenty test images, which no network was trained on."""
     folder = data / "bsds300" / "test"
     if not folder.is_dir():
         pytest.skip(f"no BSDS300 in {data}")
@@ -53,29 +53,29 @@ def photographs(data):
     return [read_image(path, gray=True) for path in paths]
 
 
-def test_the_counts_of_bits_are_those_that_are_promised():
+def test_two_layer_networks_exist_for_eight_values_of_k():
     assert BITS_PER_PIXEL == (9, 16, 25, 36, 49, 64, 81, 100)
 
 
 @pytest.mark.parametrize("sensor", [*SPACE, *TIME, *MIXED], ids=repr)
-def test_jots_in_space_and_frames_in_time_are_served_by_one_tied_network(sensor):
+def test_one_tied_network_serves_jots_and_frames(sensor):
     assert unsupported_message(sensor, "two-layer") is None
     network = pretrained(sensor, "two-layer")
     assert network.tied
     np.testing.assert_array_equal(
-        parameter_vector(network), parameter_vector(model(sensor.bits_per_pixel))
+        parameter_vector(network), parameter_vector(two_layer_network(sensor.bits_per_pixel))
     )
     image = camera()[100:130, 180:220]
     bits = sensor.expose(image, rng=0)
-    picture = network.reconstruct(bits)
-    assert picture.shape == image.shape
-    assert jl.metrics.psnr(picture, image) > jl.metrics.psnr(jl.mle(bits, sensor), image) + 1
+    estimate = network.reconstruct(bits)
+    assert estimate.shape == image.shape
+    assert jl.metrics.psnr(estimate, image) > jl.metrics.psnr(jl.mle(bits, sensor), image) + 1
     counts = bits.counts(sensor.oversampling)
-    np.testing.assert_array_equal(network.reconstruct(counts, sensor), picture)
+    np.testing.assert_array_equal(network.reconstruct(counts, sensor), estimate)
 
 
 @by_bits
-def test_a_file_is_small_and_has_no_more_beside_it_than_its_card(bits):
+def test_a_file_is_small_and_has_a_card(bits):
     assert (FOLDER / f"two-layer-k{bits}.safetensors").stat().st_size < 20_000
     assert sorted(path.name for path in FOLDER.glob(f"two-layer-k{bits}.*")) == [
         f"two-layer-k{bits}.md",
@@ -84,12 +84,13 @@ def test_a_file_is_small_and_has_no_more_beside_it_than_its_card(bits):
 
 
 @by_bits
-def test_the_card_names_data_command_seed_and_quality(bits):
-    card = (FOLDER / f"two-layer-k{bits}.md").read_text(encoding="utf-8")
+def test_a_card_states_data_command_seed_and_scores(bits):
+    lines = (FOLDER / f"two-layer-k{bits}.md").read_text(encoding="utf-8")
+    card = " ".join(lines.split())
     assert f"K = {bits} " in card
     assert "BSDS300" in card
-    assert f"tools/train_two_layer.py DATA --bits {bits}`" in card
-    run = model(bits).history["run"]
+    assert f"tools/train.py DATA --only two-layer-k{bits}`" in card
+    run = two_layer_network(bits).history["run"]
     assert f"seed {run['seed']};" in card
     assert f"{run['steps']} steps of {run['batch']} patches of {run['patch']}" in card
     assert not re.search(r"[{}]|\bnan\b", card)
@@ -97,12 +98,12 @@ def test_the_card_names_data_command_seed_and_quality(bits):
     likelihood = float(re.search(r"likelihood on the same bits:\s+PSNR ([\d.]+) dB", card)[1])
     assert likelihood + 3 < quality < 40
     parameters = int(re.search(r"(\d+) parameters", card)[1])
-    assert parameters == parameter_vector(model(bits)).size
+    assert parameters == parameter_vector(two_layer_network(bits)).size
 
 
 @by_bits
-def test_a_network_was_trained_for_its_sensor_on_what_the_card_says(bits):
-    network = model(bits)
+def test_a_network_was_trained_for_its_sensor_as_its_card_states(bits):
+    network = two_layer_network(bits)
     assert network.sensor == jl.Sensor(oversampling=round(bits**0.5))
     assert network.history["trained on"] == "BSDS300 train, gray"
     loss = network.history["records"]["loss"]
@@ -112,15 +113,15 @@ def test_a_network_was_trained_for_its_sensor_on_what_the_card_says(bits):
 
 @by_bits
 def test_the_parameters_are_admissible(bits):
-    vector = parameter_vector(model(bits))
-    projected = SafeSet().project(model(bits), vector)
+    vector = parameter_vector(two_layer_network(bits))
+    projected = SafeSet().project(two_layer_network(bits), vector)
     # To the rounding of float32.
     np.testing.assert_allclose(vector, projected, rtol=1e-6, atol=1e-6)
 
 
 @by_bits
 def test_splines_do_not_fall(bits):
-    for layer in model(bits).layers:
+    for layer in two_layer_network(bits).layers:
         [coefficients] = layer.coefficients.astype(float)
         knots = layer.start + layer.spacing * (np.arange(len(coefficients) + 4) - 3)
         z = np.linspace(knots[3], knots[-4], 10_000)
@@ -130,7 +131,7 @@ def test_splines_do_not_fall(bits):
 
 
 @by_bits
-def test_outputs_lie_in_0_to_1_for_any_counts(bits):
+def test_estimates_lie_in_0_to_1_for_any_counts(bits):
     sensor, rng = jl.Sensor(frames=bits), np.random.default_rng(bits)
     shape = (40, 50)
     scenes = {
@@ -140,21 +141,23 @@ def test_outputs_lie_in_0_to_1_for_any_counts(bits):
         "extreme": bits * rng.integers(0, 2, shape),
         "point": bits * (np.arange(2000).reshape(shape) == 1025),
     }
-    pictures = {name: model(bits).reconstruct(counts, sensor) for name, counts in scenes.items()}
-    for picture in pictures.values():
-        assert picture.min() >= 0
-        assert picture.max() <= 1
-    # A photograph's black is seldom 0: less than 8 levels of 255.
-    assert pictures["none"].max() < 0.03
-    assert pictures["all"].min() > 0.98
+    estimates = {
+        name: two_layer_network(bits).reconstruct(counts, sensor) for name, counts in scenes.items()
+    }
+    for estimate in estimates.values():
+        assert estimate.min() >= 0
+        assert estimate.max() <= 1
+    # The black of photographs is rarely 0. The bound is 8 levels of 255.
+    assert estimates["none"].max() < 0.03
+    assert estimates["all"].min() > 0.98
 
 
 @pytest.mark.parametrize("sensor", SPACE, ids=repr)
 def test_a_network_beats_maximum_likelihood_and_its_own_start(sensor):
     bits = sensor.expose(camera(), rng=0)
     quality = {
-        name: jl.metrics.psnr(picture, camera())
-        for name, picture in {
+        name: jl.metrics.psnr(estimate, camera())
+        for name, estimate in {
             "learned": pretrained(sensor, "two-layer").reconstruct(bits),
             "likelihood": jl.mle(bits, sensor),
             "start": jl.Network.initial(sensor).reconstruct(bits),
@@ -165,26 +168,27 @@ def test_a_network_beats_maximum_likelihood_and_its_own_start(sensor):
     assert quality["learned"] > quality["start"] + over_start
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", SPACE, ids=repr)
-def test_on_photographs_like_those_of_the_training_a_network_errs_least(data, sensor):
+def test_a_network_beats_smoothing_on_test_photographs(data, sensor):
     images = [image[80:240, 80:240] for image in photographs(data)]
 
     def quality(network):
-        """From the mean of all squared errors, which is what learning makes least."""
-        pictures = [
+        """PSNR of the mean square error, which training minimizes."""
+        estimates = [
             network.reconstruct(sensor.expose(image, rng=number))
             for number, image in enumerate(images)
         ]
-        return jl.metrics.psnr(np.stack(pictures), np.stack(images))
+        return jl.metrics.psnr(np.stack(estimates), np.stack(images))
 
     for sigma in (0.7, 1.0):
         smoother = jl.Network.initial(sensor, sigma=sigma)
         assert quality(pretrained(sensor, "two-layer")) > quality(smoother) + 0.1
 
 
-# From K = 49 on smoothing with σ = 1 is better there.
+# From K = 49, smoothing with σ = 1 is better on this image.
 @pytest.mark.parametrize(("side", "gain"), [(3, 2.2), (4, 1.1), (5, 0.4), (6, 0.0)])
-def test_with_few_bits_a_network_beats_smoothing_on_other_photographs_too(side, gain):
+def test_a_network_for_few_bits_beats_smoothing_on_other_photographs_too(side, gain):
     sensor = jl.Sensor(oversampling=side)
     bits = sensor.expose(camera(), rng=0)
     smooth = jl.Network.initial(sensor, sigma=1.0).reconstruct(bits)
@@ -192,16 +196,16 @@ def test_with_few_bits_a_network_beats_smoothing_on_other_photographs_too(side, 
     assert learned > jl.metrics.psnr(smooth, camera()) + gain
 
 
-def test_more_bits_give_a_better_picture():
+def test_more_bits_improve_the_estimate():
     image = camera()[100:300, 100:300]
     quality = []
     for sensor in SPACE:
-        picture = pretrained(sensor, "two-layer").reconstruct(sensor.expose(image, rng=0))
-        quality.append(jl.metrics.psnr(picture, image))
+        estimate = pretrained(sensor, "two-layer").reconstruct(sensor.expose(image, rng=0))
+        quality.append(jl.metrics.psnr(estimate, image))
     assert (np.diff(quality) > 0.1).all()
 
 
-def test_dead_jots_are_served():
+def test_networks_serve_dead_jots():
     image = camera()[100:150, 100:150]
     mask = np.random.default_rng(0).random((200, 200)) < 0.1
     sensor = jl.Sensor(oversampling=4, mask=mask)
@@ -211,51 +215,52 @@ def test_dead_jots_are_served():
     unmasked = jl.metrics.psnr(
         pretrained(whole, "two-layer").reconstruct(whole.expose(image, rng=0)), image
     )
-    # A tenth less of light costs a tenth of the noise's power at most, 0.5 dB.
+    # A tenth less light costs at most a tenth of the noise power, 0.5 dB.
     assert unmasked - 0.6 < masked < unmasked + 0.6
 
 
-def test_colour_is_served_channel_by_channel():
+def test_networks_serve_color_channel_by_channel():
     image = jl.datasets.photograph("coffee")[100:140, 180:229]
     sensor = jl.Sensor(oversampling=4)
     bits = sensor.expose(image, rng=0)
-    picture = pretrained(sensor, "two-layer").reconstruct(bits)
-    assert picture.shape == image.shape
-    assert jl.metrics.psnr(picture, image) > jl.metrics.psnr(jl.mle(bits, sensor), image) + 3
+    estimate = pretrained(sensor, "two-layer").reconstruct(bits)
+    assert estimate.shape == image.shape
+    assert jl.metrics.psnr(estimate, image) > jl.metrics.psnr(jl.mle(bits, sensor), image) + 3
     for channel in range(3):
         counts = bits.counts(4)[..., channel]
         np.testing.assert_array_equal(
-            pretrained(sensor, "two-layer").reconstruct(counts, sensor), picture[..., channel]
+            pretrained(sensor, "two-layer").reconstruct(counts, sensor), estimate[..., channel]
         )
 
 
-def test_weak_dark_counts_are_served():
+def test_networks_serve_weak_dark_counts():
     image = camera()[100:200, 100:200]
     sensor = jl.Sensor(oversampling=4, dark_counts=0.05)
     bits = sensor.expose(image, rng=0)
     assert unsupported_message(sensor, "two-layer") is None
-    picture = pretrained(sensor, "two-layer").reconstruct(bits)
-    assert jl.metrics.psnr(picture, image) > jl.metrics.psnr(jl.mle(bits, sensor), image) + 5
-    assert abs(picture.mean() - image.mean()) < 0.02
+    estimate = pretrained(sensor, "two-layer").reconstruct(bits)
+    assert jl.metrics.psnr(estimate, image) > jl.metrics.psnr(jl.mle(bits, sensor), image) + 5
+    assert abs(estimate.mean() - image.mean()) < 0.02
 
 
-def test_efficiency_and_gain_may_share_the_exposure():
+def test_only_the_product_of_efficiency_and_gain_matters():
     assert unsupported_message(jl.Sensor(frames=16, gain=32, efficiency=0.5), "two-layer") is None
     assert unsupported_message(jl.Sensor(frames=16, efficiency=0.5), "two-layer") is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("quality", "least"),
     [("two-layer", 24.30), ("small", 25.95), ("medium", 26.43), ("large", 26.70)],
 )
-def test_the_promised_quality_is_met_on_photographs(data, quality, least):
+def test_networks_reach_the_documented_psnr(data, quality, least):
     sensor = jl.Sensor(frames=16)
     images = photographs(data)
     assert jl.evaluate(pretrained(sensor, quality), images, sensor).mean("psnr") >= least
 
 
-# Least PSNR over total variation, in dB, of the network that is told K.
-TOLD = {
+# Minimum gain in dB of the medium network over total variation.
+EXPOSURES = {
     "one bit": (jl.Sensor(), 3.5),
     "four frames": (jl.Sensor(frames=4), 2.5),
     "sixteen jots": (jl.Sensor(oversampling=4), 1.8),
@@ -267,7 +272,8 @@ TOLD = {
 }
 
 
-@pytest.mark.parametrize(("sensor", "gain"), TOLD.values(), ids=TOLD)
+@pytest.mark.slow
+@pytest.mark.parametrize(("sensor", "gain"), EXPOSURES.values(), ids=EXPOSURES)
 def test_the_medium_network_serves_any_exposure_better_than_total_variation(sensor, gain):
     image = camera()
     bits = sensor.expose(image, rng=1)
@@ -276,17 +282,18 @@ def test_the_medium_network_serves_any_exposure_better_than_total_variation(sens
 
 
 @by_bits
-def test_the_small_network_is_better_than_the_fast_one(bits):
+def test_the_small_network_beats_the_two_layer_one(bits):
     sensor, image = jl.Sensor(frames=bits), camera()[64:192, 160:288]
     seen = sensor.expose(image, rng=1)
-    small, fast = (
+    small, two_layer = (
         jl.metrics.psnr(pretrained(sensor, quality).reconstruct(seen), image)
         for quality in ("small", "two-layer")
     )
-    assert small > fast + 0.5
+    assert small > two_layer + 0.5
 
 
-def test_the_large_network_is_better_than_the_medium_one_and_for_16_bits_alone():
+@pytest.mark.slow
+def test_the_large_network_beats_the_medium_one_and_serves_16_bits_only():
     sensor, image = jl.Sensor(frames=16), camera()
     seen = sensor.expose(image, rng=1)
     large, medium = (
@@ -298,14 +305,14 @@ def test_the_large_network_is_better_than_the_medium_one_and_for_16_bits_alone()
         pretrained(jl.Sensor(frames=25), "large")
 
 
-def test_no_file_of_a_network_is_large():
+def test_files_are_small():
     assert (FOLDER / "medium.safetensors").stat().st_size < 2_600_000
     assert (FOLDER / "large-k16.safetensors").stat().st_size < 2_000_000
     for bits in BITS_PER_PIXEL:
         assert (FOLDER / f"small-k{bits}.safetensors").stat().st_size < 60_000
 
 
-def test_there_is_no_other_quality():
+def test_an_unknown_quality_is_refused():
     with pytest.raises(
         ValueError, match="quality: expected one of two-layer, small, medium, large, got 'best'"
     ):

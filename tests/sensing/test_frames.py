@@ -124,6 +124,6 @@ def test_packed_bits_are_transposed(shape):
 def test_packed_frames_are_turned(shape, degrees, flip):
     array = random(shape)
     packed, width = orient_packed(twin.packed(array), shape[2], degrees // 90 % 4, flip)
-    expected = twin.turned(array, degrees, flip)
+    expected = twin.oriented(array, degrees, flip)
     assert jl.Bits(packed, width).shape == expected.shape
     np.testing.assert_array_equal(np.asarray(packed), twin.packed(expected))

@@ -18,11 +18,11 @@ SIZES = [(1, 1), (2, 5), (33, 47), (64, 40)]
 
 
 def member(name):
-    return deep.lively(jl.Network.residual(SENSOR, name, rng=0), np.random.default_rng(0))
+    return deep.with_noise(jl.Network.residual(SENSOR, name, rng=0), np.random.default_rng(0))
 
 
 def conditional(name):
-    return deep.lively(jl.Network.conditional(name, rng=0), np.random.default_rng(1))
+    return deep.with_noise(jl.Network.conditional(name, rng=0), np.random.default_rng(1))
 
 
 def build_two_layer(*, tied):
@@ -36,8 +36,8 @@ NETWORKS = {
     "two layers, jots": lambda: build_two_layer(tied=False),
     "small": lambda: member("small"),
     "medium": lambda: member("medium"),
-    "wired": lambda: deep.wired(np.random.default_rng(3), SENSOR),
-    "wired, jots": lambda: deep.wired(np.random.default_rng(3), SENSOR, tied=False),
+    "wired": lambda: deep.random_graph(np.random.default_rng(3), SENSOR),
+    "wired, jots": lambda: deep.random_graph(np.random.default_rng(3), SENSOR, tied=False),
 }
 CONDITIONAL = {"small": lambda: conditional("small"), "medium": lambda: conditional("medium")}
 every_network = pytest.mark.parametrize(

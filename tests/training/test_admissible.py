@@ -1,3 +1,5 @@
+"""The admissible set: projections, and the bounds that they guarantee."""
+
 import hypothesis.extra.numpy as hnp
 import numpy as np
 import pytest
@@ -31,7 +33,7 @@ CASES = st.tuples(
 
 
 def bare_network(sensor, channels, sizes, *, tied):
-    """Only shapes, and domains [0, K], [-1, 2], [0, 3] and [-7, -5]."""
+    """A network of ones, with the spline domains [0, K], [-1, 2], [0, 3], and [-7, -5]."""
     block = (1, 1, 1) if tied else (sensor.frames, sensor.oversampling, sensor.oversampling)
     shapes = [(channels[0], *block)]
     shapes += [(b, a, *size) for a, b, size in zip(channels, channels[1:], sizes, strict=False)]
@@ -49,7 +51,7 @@ def domains_of(network):
     return [(x.start, x.start + x.spacing * (x.coefficients.shape[1] - 3)) for x in network.layers]
 
 
-def far_out(rng, size):
+def random_vector(rng, size):
     return rng.normal(0, 1, size) * 10 ** rng.uniform(-1, 3)
 
 
@@ -66,7 +68,7 @@ def assert_in_set(network, vector, nu, slack=1e-9):
         if index + 1 == len(domains):
             low, high = 0, network.sensor.max_intensity
         else:
-            # The interval that grows to the domain when ν of its width is put on each side.
+            # The interval that becomes the domain when ν times its width is added on each side.
             (a, b) = domains[index + 1]
             low, high = (
                 ((1 + nu) * a + nu * b) / (1 + 2 * nu),
@@ -77,28 +79,28 @@ def assert_in_set(network, vector, nu, slack=1e-9):
 
 
 @given(SMALL, NU)
-def test_the_nearest_filter_is_the_nearest_of_all(taps, nu):
+def test_nearest_filter_equals_an_exhaustive_search(taps, nu):
     found = nearest_filter(taps, nu)
     expected = twins.nearest_filter(taps, nu)
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
 @given(SMALL, st.floats(0.1, 9))
-def test_the_nearest_weights_are_the_nearest_of_all(taps, total):
+def test_nearest_weights_equal_an_exhaustive_search(taps, total):
     np.testing.assert_allclose(
         nearest_weights(taps, total), twins.nearest_weights(taps, total), atol=1e-9
     )
 
 
 @given(SMALL)
-def test_the_nearest_that_rise_are_the_nearest_of_all_cut_off_too(values):
+def test_nearest_monotone_is_the_nearest_within_bounds_too(values):
     found = nearest_monotone(values)
     assert (np.diff(found) >= 0).all()
     expected = twins.nearest_monotone(values, -2.0, 1.0)
     np.testing.assert_allclose(found.clip(-2, 1), expected, atol=1e-6)
 
 
-def test_splines_rise_where_there_is_one_channel_throughout_and_it_is_asked_for():
+def test_splines_are_monotone_on_request_where_every_layer_has_one_channel():
     sensor = jl.Sensor(oversampling=3)
     for channels, monotone, rises in [
         ([1, 1], True, True),
@@ -114,10 +116,10 @@ def test_splines_rise_where_there_is_one_channel_throughout_and_it_is_asked_for(
 
 
 @given(CASES)
-def test_projection_leads_into_the_set_and_then_nowhere(case):
+def test_projection_reaches_the_set_and_is_idempotent(case):
     sensor, shape, tied, nu, seed = case
     network = bare_network(sensor, *shape, tied=tied)
-    start = far_out(np.random.default_rng(seed), len(parameter_vector(network)))
+    start = random_vector(np.random.default_rng(seed), len(parameter_vector(network)))
     before = start.copy()
     once = SafeSet(nu).project(network, start)
     np.testing.assert_array_equal(start, before)
@@ -126,24 +128,24 @@ def test_projection_leads_into_the_set_and_then_nowhere(case):
 
 
 @given(CASES)
-def test_projection_brings_no_two_points_apart(case):
+def test_projection_is_nonexpansive(case):
     sensor, shape, tied, nu, seed = case
     network, rng = bare_network(sensor, *shape, tied=tied), np.random.default_rng(seed)
-    one = far_out(rng, len(parameter_vector(network)))
-    other = one + far_out(rng, len(one)) * rng.choice([1e-3, 1.0])
+    one = random_vector(rng, len(parameter_vector(network)))
+    other = one + random_vector(rng, len(one)) * rng.choice([1e-3, 1.0])
     here, there = (SafeSet(nu).project(network, x) for x in (one, other))
     assert np.linalg.norm(here - there) <= np.linalg.norm(one - other) * (1 + 1e-12)
 
 
 @given(CASES)
-def test_no_point_of_the_set_is_nearer_than_the_projection(case):
+def test_the_projection_is_the_nearest_point_of_the_set(case):
     sensor, shape, tied, nu, seed = case
     network, rng = bare_network(sensor, *shape, tied=tied), np.random.default_rng(seed)
-    start = far_out(rng, len(parameter_vector(network)))
+    start = random_vector(rng, len(parameter_vector(network)))
     nearest = SafeSet(nu).project(network, start)
     for _ in range(5):
-        # Of a convex set no point lies beyond the plane that the way to it stands upright on.
-        member = SafeSet(nu).project(network, start + far_out(rng, len(start)))
+        # The projection on a convex set satisfies a variational inequality.
+        member = SafeSet(nu).project(network, start + random_vector(rng, len(start)))
         assert (start - nearest) @ (member - nearest) <= 1e-8 * (1 + start @ start)
 
 
@@ -159,78 +161,79 @@ def test_initial_networks_are_in_the_set(sensor, sigma, nu, tied):
 
 
 def patterns(rng, sensor):
-    """Bits of single blocks (N, T, K̂, K̂): all 0, all 1, chequered, each jot alone, and others."""
+    """Bits of single blocks (N, T, K̂, K̂): all 0, all 1, checkered, each jot alone, and others."""
     block = (sensor.frames, sensor.oversampling, sensor.oversampling)
-    chequered = np.indices(block).sum(0) % 2 == 1
+    checkered = np.indices(block).sum(0) % 2 == 1
     single = np.eye(sensor.bits_per_pixel, dtype=bool).reshape(-1, *block)
     rest = rng.random((24, *block)) < rng.random((24, 1, 1, 1))
     return np.concatenate(
-        [np.zeros((1, *block), bool), np.ones((1, *block), bool), [chequered, ~chequered],
+        [np.zeros((1, *block), bool), np.ones((1, *block), bool), [checkered, ~checkered],
          single, ~single, rest]
     )  # fmt: skip
 
 
-def whole(blocks):
-    """From blocks (H, W, T, K̂, K̂) to bits (T, H·K̂, W·K̂)."""
+def join_blocks(blocks):
+    """Bits (T, H·K̂, W·K̂) from blocks (H, W, T, K̂, K̂)."""
     height, width, frames, side, _ = blocks.shape
     return blocks.transpose(2, 0, 3, 1, 4).reshape(frames, height * side, width * side)
 
 
-def adversaries(rng, network):
-    """Bits that make a sum of the second layer, in the middle of the picture, most or least."""
+def extreme_bits(rng, network):
+    """Bits that maximize or minimize a sum of the second layer at the center pixel."""
     choice = patterns(rng, network.sensor)
     side = 7
     for index in range(4):
-        yield whole(np.broadcast_to(choice[index], (side, side, *choice[index].shape)))
+        yield join_blocks(np.broadcast_to(choice[index], (side, side, *choice[index].shape)))
     grid = np.indices((side, side)).sum(0) % 2
-    yield whole(choice[grid])
-    yield whole(choice[rng.integers(len(choice), size=(side, side))])
+    yield join_blocks(choice[grid])
+    yield join_blocks(choice[rng.integers(len(choice), size=(side, side))])
     yield random_bits(rng, network.sensor, side, side)
     if len(network.layers) == 1:
         return
     layers = twins.layers_of(network, parameter_vector(network))
-    alone = whole(choice[None])
-    answers = twins.sums(layers[0].filters, alone, network.sensor.oversampling)[:, 0]
+    alone = join_blocks(choice[None])
+    answers = twins.first_sums(layers[0].filters, alone, network.sensor.oversampling)[:, 0]
     for plane, coefficients in zip(answers, layers[0].coefficients, strict=True):
         plane[:] = networks.spline(plane, coefficients, layers[0].start, layers[0].spacing)
     for filters in layers[1].filters:
         (_, height, width), top = filters.shape, side // 2
-        # Convolution turns the filter around.
+        # A convolution flips its filter.
         weighed = np.einsum("cij,cn->ijn", filters[:, ::-1, ::-1], answers)
         for place in (weighed.argmax(2), weighed.argmin(2)):
             picked = np.zeros((side, side), int)
             rows = slice(top - height // 2, top + height // 2 + 1)
             picked[rows, top - width // 2 : top + width // 2 + 1] = place
-            yield whole(choice[picked])
+            yield join_blocks(choice[picked])
 
 
+@pytest.mark.slow
 @given(CASES)
-def test_no_bits_whatever_lead_out_of_a_range(case):
+def test_no_bits_lead_out_of_a_range(case):
     sensor, shape, tied, nu, seed = case
     rng = np.random.default_rng(seed)
     bare = bare_network(sensor, *shape, tied=tied)
     network = with_parameters(
-        bare, SafeSet(nu).project(bare, far_out(rng, len(parameter_vector(bare))))
+        bare, SafeSet(nu).project(bare, random_vector(rng, len(parameter_vector(bare))))
     )
     vector = parameter_vector(network)
-    for bits in adversaries(rng, network):
-        sums = twins.inputs(network, vector, bits)
+    for bits in extreme_bits(rng, network):
+        sums = twins.spline_inputs(network, vector, bits)
         for plane, (low, high) in zip(sums, domains_of(network), strict=True):
             slack = 5e-6 * max(abs(low), abs(high))
             assert plane.min() >= low - slack
             assert plane.max() <= high + slack
-        picture = network.reconstruct(jl.Bits.from_array(bits))
-        assert picture.min() >= 0
-        assert picture.max() <= np.float32(sensor.max_intensity)
-        np.testing.assert_allclose(picture, twins.output(network, vector, bits), atol=1e-3)
+        estimate = network.reconstruct(jl.Bits.from_array(bits))
+        assert estimate.min() >= 0
+        assert estimate.max() <= np.float32(sensor.max_intensity)
+        np.testing.assert_allclose(estimate, twins.output(network, vector, bits), atol=1e-3)
         if network.tied:
             counts = sensing.block_counts(bits, sensor.oversampling)
-            np.testing.assert_array_equal(network.reconstruct(counts), picture)
+            np.testing.assert_array_equal(network.reconstruct(counts), estimate)
 
 
 @pytest.mark.parametrize("nu", [0.0, 0.5, 2.0])
 @pytest.mark.parametrize("tied", [True, False])
-def test_the_bounds_are_reached_and_so_no_tighter_than_needed(tied, nu):
+def test_the_bounds_are_reached_so_they_are_tight(tied, nu):
     bare = bare_network(SENSORS[1], [1, 1], [(1, 3)], tied=tied)
     vector = parameter_vector(bare)
     (taps, first), (filters, second) = split_vector(bare, vector)
@@ -240,15 +243,15 @@ def test_the_bounds_are_reached_and_so_no_tighter_than_needed(tied, nu):
     second[0, :4], second[0, 4:] = -1e3, 1e3
     network = with_parameters(bare, SafeSet(nu).project(bare, vector))
     bits = np.repeat([[[False, True, False], [True, False, True]]], 3, axis=2).repeat(3, axis=1)
-    p, r = twins.inputs(network, parameter_vector(network), bits)
+    p, r = twins.spline_inputs(network, parameter_vector(network), bits)
     np.testing.assert_allclose([p.min(), p.max()], (0, 9), rtol=1e-6)
     np.testing.assert_allclose(r[0, :, 1], (2, -1), rtol=2e-6)
-    picture = network.reconstruct(jl.Bits.from_array(bits))
-    np.testing.assert_array_equal(picture[:, 1], (1, 0))
+    estimate = network.reconstruct(jl.Bits.from_array(bits))
+    np.testing.assert_array_equal(estimate[:, 1], (1, 0))
 
 
 class Frozen:
-    """A set of a user's: filters must stay 1, coefficients in [0.2, 0.7]."""
+    """A user-defined set: filters equal 1, and coefficients lie in [0.2, 0.7]."""
 
     def project(self, network, vector):
         new = vector.copy()
@@ -259,9 +262,9 @@ class Frozen:
 
 
 @pytest.mark.parametrize("optimizer", jl.training.OPTIMIZERS)
-def test_train_stays_in_the_set_it_is_given(optimizer):
+def test_train_stays_in_a_user_defined_set(optimizer):
     network = bare_network(SENSORS[1], [1, 1], [(3, 3)], tied=True)
-    learned, _ = jl.train(
+    trained, _ = jl.train(
         network,
         lambda rng, number: rng.random((number, 8, 8), np.float32),
         steps=2,
@@ -270,13 +273,13 @@ def test_train_stays_in_the_set_it_is_given(optimizer):
         optimizer=optimizer,
         admissible=Frozen(),
     )
-    found = parameter_vector(learned)
-    np.testing.assert_allclose(found, Frozen().project(learned, found), rtol=1e-6)
+    found = parameter_vector(trained)
+    np.testing.assert_allclose(found, Frozen().project(trained, found), rtol=1e-6)
     assert (parameter_vector(network) != found).any()
 
 
 @pytest.mark.parametrize("nu", [-0.1, np.nan, np.inf])
-def test_a_room_for_negative_taps_that_is_none_is_refused(nu):
+def test_a_negative_or_infinite_nu_is_refused(nu):
     with pytest.raises(ValueError, match="nu: expected a number of 0 or more"):
         SafeSet(nu)
 

@@ -1,3 +1,5 @@
+"""The engine's cost, gradient, and normal equations against slow twins."""
+
 import sys
 import threading
 import time
@@ -26,7 +28,7 @@ SENSORS = {
     "cubic": jl.Sensor(oversampling=2, frames=3, kernel="cubic", dark_counts=0.1),
     "cubic, q = 2": jl.Sensor(oversampling=3, kernel="cubic", threshold=2, efficiency=0.8),
 }
-# Of different sizes, within the images, at their rims, and one whole.
+# Patches of different sizes: inside the images, at their rims, and a whole image.
 PATCHES = [(0, 2, 8, 3, 10), (1, 0, 7, 0, 8), (0, 4, 12, 0, 9), (1, 0, 7, 2, 6)]
 IMAGES = [
     np.random.default_rng(index).random(shape, np.float32)
@@ -50,28 +52,28 @@ def crops(patches=PATCHES, images=IMAGES):
     return [images[i][top:bottom, left:right] for i, top, bottom, left, right in patches]
 
 
-def bits_of(sensor, patches=PATCHES):
-    """Patch number i is seen in frames of its own, from i·T on."""
+def patch_bits(sensor, patches=PATCHES):
+    """Bits of each patch: patch i uses the frames from i·T on."""
     all_frames = sensor.replace(frames=len(patches) * sensor.frames)
     for index, crop in enumerate(crops(patches)):
         mine = slice(index * sensor.frames, (index + 1) * sensor.frames)
         yield all_frames.expose(crop, SEED, frames=mine).to_array()
 
 
-def kept(patches=PATCHES, border=1):
-    return [twins.counted(patch, IMAGES[patch[0]].shape, border) for patch in patches]
+def counted_pixels(patches=PATCHES, border=1):
+    return [twins.counted_pixels(patch, IMAGES[patch[0]].shape, border) for patch in patches]
 
 
-def network_off_the_rims(case, sensor, *, tied):
-    """A network whose sums keep away from the ends of a spline, where its slope jumps to 0."""
+def network_away_from_knots(case, sensor, *, tied):
+    """A network whose sums avoid the ends of the splines, where the slope jumps to 0."""
     for seed in range(100):
         network = random_network(np.random.default_rng(seed), sensor, *CASES[case], tied=tied)
         vector = parameter_vector(network)
         gaps = [
             np.abs(plane - end).min()
-            for bits in bits_of(sensor)
+            for bits in patch_bits(sensor)
             for layer, plane in zip(
-                network.layers, twins.inputs(network, vector, bits), strict=True
+                network.layers, twins.spline_inputs(network, vector, bits), strict=True
             )
             for end in (layer.start, layer.start + layer.spacing * 8)
         ]
@@ -80,59 +82,60 @@ def network_off_the_rims(case, sensor, *, tied):
     raise AssertionError("no such network")
 
 
-def double(network, vector):
+def in_float64(network, vector):
     return engine_layers(network, vector, np.float64)
 
 
 @pytest.mark.parametrize("tied", [True, False])
 @pytest.mark.parametrize("sensor", SENSORS.values(), ids=SENSORS)
 @pytest.mark.parametrize("case", CASES)
-def test_every_derivative_is_that_of_central_differences(case, sensor, tied):
-    network, vector = network_off_the_rims(case, sensor, tied=tied)
+def test_gradients_equal_central_differences(case, sensor, tied):
+    network, vector = network_away_from_knots(case, sensor, tied=tied)
     batch = batch_of(sensor)
 
     def cost(vector):
-        errors, _ = engine.squared_errors(double(network, vector), batch, None)
+        errors, _ = engine.squared_errors(in_float64(network, vector), batch, None)
         return np.array([0.5 * errors.mean()])
 
-    (errors, pixels), gradient = engine.gradient(double(network, vector), batch, None)
+    (errors, pixels), gradient = engine.gradient(in_float64(network, vector), batch, None)
     expected = twins.jacobian(cost, vector)[0]
     np.testing.assert_allclose(gradient, expected, rtol=1e-6, atol=1e-8 * np.abs(expected).max())
-    again, same = engine.squared_errors(double(network, vector), batch, None)
+    again, same = engine.squared_errors(in_float64(network, vector), batch, None)
     np.testing.assert_array_equal(errors, again)
     np.testing.assert_array_equal(pixels, same)
     (_, _), single = engine.gradient(engine_layers(network, vector), batch, None)
-    # How far 32 bits may be off depends on the parameter; together they are as near as this.
+    # The error of a single derivative in float32 varies; that of the whole gradient is bounded.
     assert np.linalg.norm(single - gradient) < 2e-5 * np.linalg.norm(gradient)
 
 
 @pytest.mark.parametrize("tied", [True, False])
 @pytest.mark.parametrize("sensor", SENSORS.values(), ids=SENSORS)
 @pytest.mark.parametrize("border", [0, 1, 2])
-def test_errors_are_the_twins_over_the_pixels_that_count(sensor, border, tied):
+def test_errors_equal_the_twins_over_the_counted_pixels(sensor, border, tied):
     network = random_network(np.random.default_rng(3), sensor, *CASES["three layers"], tied=tied)
     vector = parameter_vector(network)
     errors, pixels = engine.squared_errors(
-        double(network, vector), batch_of(sensor, border=border), None
+        in_float64(network, vector), batch_of(sensor, border=border), None
     )
-    parts = zip(bits_of(sensor), crops(), kept(border=border), strict=True)
+    parts = zip(patch_bits(sensor), crops(), counted_pixels(border=border), strict=True)
     expected = [
         np.sum((twins.output(network, vector, bits) - crop)[inside] ** 2)
         for bits, crop, inside in parts
     ]
     np.testing.assert_allclose(errors, expected, rtol=1e-11)
-    assert list(pixels) == [inside.sum() for inside in kept(border=border)]
+    assert list(pixels) == [inside.sum() for inside in counted_pixels(border=border)]
     assert pixels[1] == 7 * 8  # the image ends where the patch does
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tied", [True, False])
 @pytest.mark.parametrize("sensor", [SENSORS["box"], SENSORS["cubic, q = 2"]], ids=repr)
 @pytest.mark.parametrize("case", ["one layer", "even filters", "three layers"])
-def test_the_matrix_is_the_mean_of_jacobians_squared(case, sensor, tied):
-    network, vector = network_off_the_rims(case, sensor, tied=tied)
+def test_the_matrix_is_the_mean_of_squared_jacobians(case, sensor, tied):
+    network, vector = network_away_from_knots(case, sensor, tied=tied)
     batch = batch_of(sensor)
     expected, slope = 0, 0
-    for bits, crop, inside in zip(bits_of(sensor), crops(), kept(), strict=True):
+    for bits, crop, inside in zip(patch_bits(sensor), crops(), counted_pixels(), strict=True):
 
         def estimate(vector, bits=bits, inside=inside):
             return twins.output(network, vector, bits)[inside]
@@ -140,20 +143,20 @@ def test_the_matrix_is_the_mean_of_jacobians_squared(case, sensor, tied):
         jacobian = twins.jacobian(estimate, vector)
         expected = expected + jacobian.T @ jacobian / len(PATCHES)
         slope = slope + jacobian.T @ (estimate(vector) - crop[inside]) / len(PATCHES)
-    both = engine.normal_equations(double(network, vector), batch, None)
+    both = engine.normal_equations(in_float64(network, vector), batch, None)
     (errors, pixels), gradient, matrix = both
     np.testing.assert_allclose(matrix, expected, rtol=1e-6, atol=1e-7 * np.abs(expected).max())
     np.testing.assert_allclose(gradient, slope, rtol=1e-6, atol=1e-7 * np.abs(slope).max())
     np.testing.assert_array_equal(matrix, matrix.T)
     single = engine.normal_equations(engine_layers(network, vector), batch, None)[2]
     assert np.linalg.norm(single - matrix) < 2e-5 * np.linalg.norm(matrix)
-    alone = engine.gradient(double(network, vector), batch, None)
+    alone = engine.gradient(in_float64(network, vector), batch, None)
     np.testing.assert_array_equal(gradient, alone[1])
     np.testing.assert_array_equal(errors, alone[0][0])
     np.testing.assert_array_equal(pixels, alone[0][1])
 
 
-def test_a_whole_image_is_a_patch_whose_rim_counts():
+def test_the_rim_of_a_whole_image_counts():
     sensor = SENSORS["box"]
     network = random_network(np.random.default_rng(4), sensor, *CASES["two layers"], tied=True)
     whole = [(0, 0, 12, 0, 13)]
@@ -161,12 +164,12 @@ def test_a_whole_image_is_a_patch_whose_rim_counts():
     (error,), (pixels,) = engine.squared_errors(
         engine_layers(network, parameter_vector(network)), batch, None
     )
-    picture = network.reconstruct(sensor.expose(IMAGES[0], SEED)).astype(float)
+    estimate = network.reconstruct(sensor.expose(IMAGES[0], SEED)).astype(float)
     assert pixels == 12 * 13
-    assert error == pytest.approx(np.sum((picture - IMAGES[0]) ** 2), rel=1e-5)
+    assert error == pytest.approx(np.sum((estimate - IMAGES[0]) ** 2), rel=1e-5)
 
 
-def test_a_patch_that_is_all_border_counts_for_nothing():
+def test_a_patch_inside_its_border_counts_for_nothing():
     sensor = SENSORS["box"]
     network = random_network(np.random.default_rng(4), sensor, *CASES["two layers"], tied=True)
     layers = engine_layers(network, parameter_vector(network))
@@ -179,7 +182,7 @@ def test_a_patch_that_is_all_border_counts_for_nothing():
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("tied", [True, False])
-def test_threads_change_nothing(dtype, tied):
+def test_the_number_of_threads_changes_nothing(dtype, tied):
     sensor = SENSORS["box"]
     network = random_network(np.random.default_rng(6), sensor, *CASES["three layers"], tied=tied)
     layers = engine_layers(network, parameter_vector(network), dtype)
@@ -196,7 +199,7 @@ def test_threads_change_nothing(dtype, tied):
         np.testing.assert_array_equal(results[0], other)
 
 
-def test_a_stack_of_images_is_as_good_as_a_list():
+def test_a_stack_and_a_list_of_images_are_equal():
     sensor = SENSORS["cubic"]
     network = random_network(np.random.default_rng(6), sensor, *CASES["two layers"], tied=False)
     layers = engine_layers(network, parameter_vector(network))
@@ -235,7 +238,7 @@ CALLS = [engine.squared_errors, engine.gradient, engine.normal_equations]
     ],
     ids=lambda patches: str(list(patches)),
 )
-def test_patches_that_are_no_part_of_an_image_are_refused(call, patches):
+def test_patches_outside_their_image_are_refused(call, patches):
     batch = {**batch_of(PLAIN), "patches": np.array(patches, np.int64)}
     with pytest.raises(ValueError, match="expected"):
         call(engine_layers(ONE, parameter_vector(ONE)), batch, None)
@@ -261,7 +264,7 @@ def test_a_batch_that_does_not_fit_is_refused(call, changes):
 
 @pytest.fixture
 def ticks():
-    """As in test_gil: a number that another thread raises whenever it is let in."""
+    """A number that another thread increments whenever it can run."""
     interval, count, stop = sys.getswitchinterval(), [0], threading.Event()
 
     def tick():
@@ -281,7 +284,7 @@ def ticks():
 
 
 @pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__name__)
-def test_other_threads_run_meanwhile(call, ticks):
+def test_other_threads_run_during_a_call(call, ticks):
     layers = engine_layers(ONE, parameter_vector(ONE))
     scenes = np.full((64, 32, 32), 0.5, np.float32)
     batch = batch_of(PLAIN, images=scenes, patches=[(i, 0, 32, 0, 32) for i in range(64)])

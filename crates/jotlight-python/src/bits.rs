@@ -1,16 +1,19 @@
-use jotlight::bits::PackedBits;
+//! Counts of packed bits.
+
+use jotlight::bits::{self, PackedBits};
 use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2};
 use pyo3::prelude::*;
 
 use crate::run;
 
+/// Add the ones among the jots of each pixel in all frames to `counts`.
 #[pyfunction]
-#[pyo3(signature = (packed, width, side, valid, counts, threads))]
+#[pyo3(signature = (packed, width, oversampling, valid, counts, threads))]
 pub fn add_block_counts(
     py: Python<'_>,
     packed: PyReadonlyArray3<'_, u8>,
     width: usize,
-    side: usize,
+    oversampling: usize,
     valid: Option<PyReadonlyArray2<'_, u8>>,
     mut counts: PyReadwriteArray2<'_, i32>,
     threads: Option<isize>,
@@ -18,6 +21,11 @@ pub fn add_block_counts(
     let (packed, counts) = (packed.as_array(), counts.as_array_mut());
     let valid = valid.as_ref().map(|valid| valid.as_array());
     run(py, threads, || {
-        jotlight::bits::add_block_counts(&PackedBits::new(packed, width)?, side, valid, counts)
+        bits::add_block_counts(
+            &PackedBits::new(packed, width)?,
+            oversampling,
+            valid,
+            counts,
+        )
     })
 }

@@ -1,6 +1,7 @@
-//! The Python module `jotlight._engine`: arrays in, arrays out, the GIL released in between.
+//! The Python module `jotlight._engine`, which converts arguments and releases the GIL.
 #![allow(missing_docs)]
 
+mod arguments;
 mod bits;
 mod cpu;
 mod likelihood;
@@ -14,7 +15,7 @@ use jotlight::error::Error;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// The compiled engine. Its functions check shapes; `jotlight`'s own functions name, check and explain the rest.
+/// The compiled engine. It checks shapes; the functions of `jotlight` check and document the rest.
 #[pymodule]
 mod _engine {
     use super::{PyModule, PyResult};
@@ -26,8 +27,9 @@ mod _engine {
     use super::cpu::{choose_cpu_level, cpu_level, cpu_levels, multiply_adds, read_words};
     #[pymodule_export]
     use super::likelihood::{
-        likelihood_admm_update, likelihood_gradient_and_curvature, likelihood_information,
-        likelihood_proximal, log_likelihood,
+        detection_probability, inverse_detection_probability, likelihood_admm_update,
+        likelihood_gradient_and_curvature, likelihood_information, likelihood_proximal,
+        log_likelihood,
     };
     #[pymodule_export]
     use super::mle::{equivalent_counts, mle_from_counts, mle_from_jots, mle_from_probability};
@@ -38,8 +40,7 @@ mod _engine {
     };
     #[pymodule_export]
     use super::sensing::{
-        detection_probability, expose, inverse_detection_probability, kernel_taps, probability,
-        rate, spread_adjoint, spread_forward, spread_normal,
+        expose, kernel_taps, probability, rate, spread_adjoint, spread_forward, spread_normal,
     };
     #[pymodule_export]
     use super::tv::{
@@ -59,7 +60,7 @@ fn to_python(error: Error) -> PyErr {
     PyValueError::new_err(error.to_string())
 }
 
-/// Runs `work` without the GIL on `threads` threads.
+/// Run `work` without the GIL on `threads` threads.
 fn run<R: Send>(
     py: Python<'_>,
     threads: Option<isize>,

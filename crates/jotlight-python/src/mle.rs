@@ -1,125 +1,139 @@
+//! Maximum-likelihood estimates for the box kernel.
+
 use jotlight::likelihood::Threshold;
-use jotlight::mle::{self, Jot, JotCounts, Jots, PixelResponse};
+use jotlight::mle::{self, JotCounts, JotResponse, JotResponses, PixelResponse};
 use numpy::{PyReadonlyArray1, PyReadwriteArray1};
 use pyo3::prelude::*;
 
-use crate::likelihood::{PyCounts, PyFloats};
+use crate::arguments::PyValues;
 use crate::{run, to_python};
 
-/// (threshold, light per jot and frame, largest intensity), as `Sensor._response` gives them.
-type Response = (u32, f64, f64);
-
-fn response((threshold, light, max_intensity): Response) -> PyResult<PixelResponse> {
-    Ok(PixelResponse {
-        threshold: Threshold::new(threshold).map_err(to_python)?,
-        light,
-        max_intensity,
-    })
-}
-
-/// (efficiency, dark counts) of all jots.
-type PyJot = (f64, f64);
-
-fn jot((efficiency, dark): PyJot) -> Jot {
-    Jot { efficiency, dark }
-}
-
-/// (efficiency, dark counts), each one number or one for each pixel or jot.
+/// The response of a pixel, as the tuple (threshold, light per jot and frame at intensity 1,
+/// maximum intensity).
 #[derive(FromPyObject)]
-pub struct PyJots<'py>(PyFloats<'py>, PyFloats<'py>);
+pub struct PyPixelResponse(u32, f64, f64);
 
-impl PyJots<'_> {
-    fn view(&self) -> PyResult<Jots<'_>> {
-        Ok(Jots {
-            efficiency: self.0.view()?,
-            dark: self.1.view()?,
+impl PyPixelResponse {
+    fn to_engine(&self) -> PyResult<PixelResponse> {
+        Ok(PixelResponse {
+            threshold: Threshold::new(self.0).map_err(to_python)?,
+            light_per_intensity: self.1,
+            max_intensity: self.2,
         })
     }
 }
 
+/// The response that all jots share, as the tuple (efficiency, dark counts).
+#[derive(FromPyObject)]
+pub struct PyJotResponse(f64, f64);
+
+impl PyJotResponse {
+    fn to_engine(&self) -> JotResponse {
+        JotResponse {
+            efficiency: self.0,
+            dark_counts: self.1,
+        }
+    }
+}
+
+/// The responses of all jots or pixels, as the tuple (efficiency, dark counts).
+#[derive(FromPyObject)]
+pub struct PyJotResponses<'py>(PyValues<'py, f64>, PyValues<'py, f64>);
+
+impl PyJotResponses<'_> {
+    fn to_engine(&self) -> PyResult<JotResponses<'_>> {
+        Ok(JotResponses {
+            efficiency: self.0.to_engine()?,
+            dark_counts: self.1.to_engine()?,
+        })
+    }
+}
+
+/// Write the estimates from the counts of pixels into `out`.
 #[pyfunction]
-#[pyo3(signature = (sensor, counts, trials, jots, out, threads))]
+#[pyo3(signature = (response, counts, trials, jots, out, threads))]
 pub fn mle_from_counts(
     py: Python<'_>,
-    sensor: Response,
+    response: PyPixelResponse,
     counts: PyReadonlyArray1<'_, i32>,
-    trials: PyCounts<'_>,
-    jots: PyJots<'_>,
+    trials: PyValues<'_, i32>,
+    jots: PyJotResponses<'_>,
     mut out: PyReadwriteArray1<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let response = response(sensor)?;
-    let (trials, jots) = (trials.view()?, jots.view()?);
+    let response = response.to_engine()?;
+    let (trials, jots) = (trials.to_engine()?, jots.to_engine()?);
     let (counts, out) = (counts.as_slice()?, out.as_slice_mut()?);
     run(py, threads, || {
         mle::from_counts(&response, counts, trials, &jots, out)
     })
 }
 
+/// Write the expected counts of pixels with `bits` readings and `reference` jots into `out`.
 #[pyfunction]
-#[pyo3(signature = (sensor, counts, trials, jots, bits, reference, out, threads))]
+#[pyo3(signature = (response, counts, trials, jots, bits, reference, out, threads))]
 #[allow(clippy::too_many_arguments)]
 pub fn equivalent_counts(
     py: Python<'_>,
-    sensor: Response,
+    response: PyPixelResponse,
     counts: PyReadonlyArray1<'_, i32>,
-    trials: PyCounts<'_>,
-    jots: PyJots<'_>,
+    trials: PyValues<'_, i32>,
+    jots: PyJotResponses<'_>,
     bits: i32,
-    reference: PyJot,
+    reference: PyJotResponse,
     mut out: PyReadwriteArray1<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let response = response(sensor)?;
-    let (trials, jots) = (trials.view()?, jots.view()?);
+    let (response, reference) = (response.to_engine()?, reference.to_engine());
+    let (trials, jots) = (trials.to_engine()?, jots.to_engine()?);
     let (counts, out) = (counts.as_slice()?, out.as_slice_mut()?);
     run(py, threads, || {
-        mle::equivalent_counts(&response, counts, trials, &jots, bits, jot(reference), out)
+        mle::equivalent_counts(&response, counts, trials, &jots, bits, reference, out)
     })
 }
 
+/// Write the intensities for detection probabilities into `out`.
 #[pyfunction]
-#[pyo3(signature = (sensor, probability, reference, out, threads))]
+#[pyo3(signature = (response, probability, jot, out, threads))]
 pub fn mle_from_probability(
     py: Python<'_>,
-    sensor: Response,
+    response: PyPixelResponse,
     probability: PyReadonlyArray1<'_, f32>,
-    reference: PyJot,
+    jot: PyJotResponse,
     mut out: PyReadwriteArray1<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let response = response(sensor)?;
+    let (response, jot) = (response.to_engine()?, jot.to_engine());
     let (probability, out) = (probability.as_slice()?, out.as_slice_mut()?);
     run(py, threads, || {
-        mle::from_probability(&response, probability, jot(reference), out)
+        mle::from_probability(&response, probability, jot, out)
     })
 }
 
+/// Write the estimates of pixels with unequal jots into `out`, `width` per row.
 #[pyfunction]
-#[pyo3(signature = (sensor, ones, jots, dead, frames, side, width, out, threads))]
+#[pyo3(signature = (response, ones, jots, dead, frames, oversampling, width, out, threads))]
 #[allow(clippy::too_many_arguments)]
 pub fn mle_from_jots(
     py: Python<'_>,
-    sensor: Response,
+    response: PyPixelResponse,
     ones: PyReadonlyArray1<'_, i32>,
-    jots: PyJots<'_>,
+    jots: PyJotResponses<'_>,
     dead: Option<PyReadonlyArray1<'_, bool>>,
     frames: i32,
-    side: usize,
+    oversampling: usize,
     width: usize,
     mut out: PyReadwriteArray1<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let response = response(sensor)?;
+    let response = response.to_engine()?;
+    let dead = dead.as_ref().map(PyReadonlyArray1::as_slice).transpose()?;
     let counts = JotCounts {
         ones: ones.as_slice()?,
-        jots: jots.view()?,
-        dead: match &dead {
-            Some(dead) => Some(dead.as_slice()?),
-            None => None,
-        },
+        responses: jots.to_engine()?,
+        dead,
         frames,
-        side,
+        oversampling,
     };
     let out = out.as_slice_mut()?;
     run(py, threads, || {

@@ -1,41 +1,14 @@
+//! The sensor model: drawing bits, rates, probabilities, and the operator G.
+
 use jotlight::likelihood::Threshold;
-use jotlight::sensing::{self, Image, Kernel, PerJot, Sensor, Spread, Window};
+use jotlight::sensing::{self, Kernel, Sensor, SpreadOperator, Window};
 use numpy::{PyReadonlyArray2, PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::prelude::*;
 
+use crate::arguments::{PyImage, PyPerJot};
 use crate::{run, to_python};
 
-#[derive(FromPyObject)]
-pub enum PyImage<'py> {
-    F32(PyReadonlyArray2<'py, f32>),
-    F64(PyReadonlyArray2<'py, f64>),
-}
-
-impl PyImage<'_> {
-    fn view(&self) -> Image<'_> {
-        match self {
-            Self::F32(image) => Image::F32(image.as_array()),
-            Self::F64(image) => Image::F64(image.as_array()),
-        }
-    }
-}
-
-#[derive(FromPyObject)]
-pub enum PyPerJot<'py> {
-    Same(f64),
-    Map(PyReadonlyArray2<'py, f32>),
-}
-
-impl PyPerJot<'_> {
-    fn view(&self) -> PerJot<'_> {
-        match self {
-            Self::Same(value) => PerJot::Same(*value),
-            Self::Map(map) => PerJot::Map(map.as_array()),
-        }
-    }
-}
-
-/// The keyword arguments that describe a sensor, as `Sensor._engine_arguments` gives them.
+/// A sensor, as a dictionary.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct PySensor<'py> {
@@ -49,18 +22,19 @@ pub struct PySensor<'py> {
 }
 
 impl PySensor<'_> {
-    pub fn view(&self) -> PyResult<Sensor<'_>> {
+    pub fn to_engine(&self) -> PyResult<Sensor<'_>> {
         Ok(Sensor {
             kernel: Kernel::new(self.kernel_degree, self.oversampling).map_err(to_python)?,
             gain_per_frame: self.gain_per_frame,
-            efficiency: self.efficiency.view(),
-            dark_counts: self.dark_counts.view(),
+            efficiency: self.efficiency.to_engine(),
+            dark_counts: self.dark_counts.to_engine(),
             dead: self.dead.as_ref().map(|dead| dead.as_array()),
             threshold: Threshold::new(self.threshold).map_err(to_python)?,
         })
     }
 }
 
+/// Draw the bits of a window of frames, rows, and columns into `out`.
 #[pyfunction]
 #[pyo3(signature = (sensor, image, seed, channel, frames, rows, columns, out, threads))]
 #[allow(clippy::too_many_arguments)]
@@ -76,7 +50,7 @@ pub fn expose(
     mut out: PyReadwriteArray3<'_, u8>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let (sensor, image, out) = (sensor.view()?, image.view(), out.as_array_mut());
+    let (sensor, image, out) = (sensor.to_engine()?, image.to_engine(), out.as_array_mut());
     let window = Window {
         frames: frames.0..frames.1,
         rows: rows.0..rows.1,
@@ -87,6 +61,7 @@ pub fn expose(
     })
 }
 
+/// Write the rates of rows of jots, starting at row `first`, into `out`.
 #[pyfunction]
 #[pyo3(signature = (sensor, image, first, out, threads))]
 pub fn rate(
@@ -97,10 +72,11 @@ pub fn rate(
     mut out: PyReadwriteArray2<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let (sensor, image, out) = (sensor.view()?, image.view(), out.as_array_mut());
+    let (sensor, image, out) = (sensor.to_engine()?, image.to_engine(), out.as_array_mut());
     run(py, threads, || sensing::rate(&sensor, image, first, out))
 }
 
+/// Write the detection probabilities of rows of jots, starting at row `first`, into `out`.
 #[pyfunction]
 #[pyo3(signature = (sensor, image, first, out, threads))]
 pub fn probability(
@@ -111,21 +87,29 @@ pub fn probability(
     mut out: PyReadwriteArray2<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let (sensor, image, out) = (sensor.view()?, image.view(), out.as_array_mut());
+    let (sensor, image, out) = (sensor.to_engine()?, image.to_engine(), out.as_array_mut());
     run(py, threads, || {
         sensing::probability(&sensor, image, first, out)
     })
 }
 
-/// (degree, K̂) of the kernels down the columns and along the rows, and the gain.
-type PySpread = ((usize, usize), (usize, usize), f64);
+/// The operator gain · G, as the tuple (vertical kernel, horizontal kernel, gain).
+///
+/// A kernel is the tuple (degree, K̂).
+#[derive(FromPyObject)]
+pub struct PySpread((usize, usize), (usize, usize), f64);
 
-fn spread_of((down, along, gain): PySpread) -> PyResult<(Spread, f64)> {
-    let down = Kernel::new(down.0, down.1).map_err(to_python)?;
-    let along = Kernel::new(along.0, along.1).map_err(to_python)?;
-    Ok((Spread::new(down, along), gain))
+impl PySpread {
+    fn to_engine(&self) -> PyResult<(SpreadOperator, f64)> {
+        let kernel = |(degree, oversampling)| Kernel::new(degree, oversampling).map_err(to_python);
+        Ok((
+            SpreadOperator::new(kernel(self.0)?, kernel(self.1)?),
+            self.2,
+        ))
+    }
 }
 
+/// Write gain · G `image` into `out`.
 #[pyfunction]
 #[pyo3(signature = (spread, image, out, threads))]
 pub fn spread_forward(
@@ -135,11 +119,12 @@ pub fn spread_forward(
     mut out: PyReadwriteArray2<'_, f64>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let (spread, gain) = spread_of(spread)?;
+    let (spread, gain) = spread.to_engine()?;
     let (image, out) = (image.as_array(), out.as_array_mut());
     run(py, threads, || spread.forward(gain, image, out))
 }
 
+/// Write gain · Gᵀ `jots` into `out`.
 #[pyfunction]
 #[pyo3(signature = (spread, jots, out, threads))]
 pub fn spread_adjoint(
@@ -149,11 +134,12 @@ pub fn spread_adjoint(
     mut out: PyReadwriteArray2<'_, f64>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let (spread, gain) = spread_of(spread)?;
+    let (spread, gain) = spread.to_engine()?;
     let (jots, out) = (jots.as_array(), out.as_array_mut());
     run(py, threads, || spread.adjoint(gain, jots, out))
 }
 
+/// Write gain² · Gᵀ diag(weights) G `image` into `out`.
 #[pyfunction]
 #[pyo3(signature = (spread, weights, image, out, threads))]
 pub fn spread_normal(
@@ -164,25 +150,14 @@ pub fn spread_normal(
     mut out: PyReadwriteArray2<'_, f64>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let (spread, gain) = spread_of(spread)?;
+    let (spread, gain) = spread.to_engine()?;
     let (weights, image, out) = (weights.as_array(), image.as_array(), out.as_array_mut());
     run(py, threads, || spread.normal(gain, weights, image, out))
 }
 
+/// Return the integrals g of a B-spline kernel over the jots.
 #[pyfunction]
 pub fn kernel_taps(degree: usize, oversampling: usize) -> PyResult<Vec<f64>> {
     let kernel = Kernel::new(degree, oversampling).map_err(to_python)?;
     Ok(kernel.taps().to_vec())
-}
-
-#[pyfunction]
-pub fn detection_probability(threshold: u32, rate: f64) -> PyResult<f64> {
-    Ok(Threshold::new(threshold).map_err(to_python)?.fires(rate))
-}
-
-#[pyfunction]
-pub fn inverse_detection_probability(threshold: u32, probability: f64) -> PyResult<f64> {
-    Ok(Threshold::new(threshold)
-        .map_err(to_python)?
-        .rate(probability))
 }

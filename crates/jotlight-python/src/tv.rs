@@ -1,8 +1,10 @@
+//! Total variation: differences, their adjoint, shrinkage, and the ADMM update.
+
 use jotlight::tv::{self, Norm};
 use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::prelude::*;
 
-use crate::likelihood::{PyFloats, PyStep, step_of};
+use crate::arguments::{PyAdmmStep, PyValues};
 use crate::run;
 
 fn norm(isotropic: bool) -> Norm {
@@ -13,6 +15,7 @@ fn norm(isotropic: bool) -> Norm {
     }
 }
 
+/// Write the differences of an image to the pixel below and to the right into `out`.
 #[pyfunction]
 #[pyo3(signature = (image, out, threads))]
 pub fn differences(
@@ -25,62 +28,68 @@ pub fn differences(
     run(py, threads, || tv::differences(image, out))
 }
 
+/// Write the adjoint of `differences` into `out`.
 #[pyfunction]
-#[pyo3(signature = (planes, out, threads))]
+#[pyo3(signature = (differences, out, threads))]
 pub fn differences_adjoint(
     py: Python<'_>,
-    planes: PyReadonlyArray3<'_, f64>,
+    differences: PyReadonlyArray3<'_, f64>,
     mut out: PyReadwriteArray2<'_, f64>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let (planes, out) = (planes.as_array(), out.as_array_mut());
-    run(py, threads, || tv::adjoint(planes, out))
+    let (differences, out) = (differences.as_array(), out.as_array_mut());
+    run(py, threads, || tv::adjoint(differences, out))
 }
 
+/// Replace `differences` with the proximal map of Σ threshold · |·|.
 #[pyfunction]
-#[pyo3(signature = (planes, threshold, isotropic, threads))]
+#[pyo3(signature = (differences, threshold, isotropic, threads))]
 pub fn shrink(
     py: Python<'_>,
-    mut planes: PyReadwriteArray3<'_, f64>,
-    threshold: PyFloats<'_>,
+    mut differences: PyReadwriteArray3<'_, f64>,
+    threshold: PyValues<'_, f64>,
     isotropic: bool,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let (planes, threshold) = (planes.as_array_mut(), threshold.view()?);
+    let (differences, threshold) = (differences.as_array_mut(), threshold.to_engine()?);
     run(py, threads, || {
-        tv::shrink(planes, threshold, norm(isotropic))
+        tv::shrink(differences, threshold, norm(isotropic))
     })
 }
 
+/// Return Σ weight · |differences|.
 #[pyfunction]
-#[pyo3(signature = (planes, weight, isotropic, threads))]
+#[pyo3(signature = (differences, weight, isotropic, threads))]
 pub fn total_variation(
     py: Python<'_>,
-    planes: PyReadonlyArray3<'_, f64>,
-    weight: PyFloats<'_>,
+    differences: PyReadonlyArray3<'_, f64>,
+    weight: PyValues<'_, f64>,
     isotropic: bool,
     threads: Option<isize>,
 ) -> PyResult<f64> {
-    let (planes, weight) = (planes.as_array(), weight.view()?);
-    run(py, threads, || tv::total(planes, weight, norm(isotropic)))
+    let (differences, weight) = (differences.as_array(), weight.to_engine()?);
+    run(py, threads, || {
+        tv::total_variation(differences, weight, norm(isotropic))
+    })
 }
 
+/// Update `x` and `dual` by one ADMM iteration and return ‖D image − x‖².
 #[pyfunction]
 #[pyo3(signature = (step, weight, isotropic, image, x, dual, threads))]
 #[allow(clippy::too_many_arguments)]
 pub fn total_variation_admm_update(
     py: Python<'_>,
-    step: PyStep,
-    weight: PyFloats<'_>,
+    step: PyAdmmStep,
+    weight: PyValues<'_, f64>,
     isotropic: bool,
     image: PyReadonlyArray2<'_, f64>,
     mut x: PyReadwriteArray3<'_, f64>,
     mut dual: PyReadwriteArray3<'_, f64>,
     threads: Option<isize>,
 ) -> PyResult<f64> {
+    let (step, weight) = (step.to_engine(), weight.to_engine()?);
     let (image, x, dual) = (image.as_array(), x.as_array_mut(), dual.as_array_mut());
-    let weight = weight.view()?;
     run(py, threads, || {
-        tv::split(&step_of(step), weight, norm(isotropic), image, x, dual)
+        tv::admm_update(&step, weight, norm(isotropic), image, x, dual)
     })
 }

@@ -1,9 +1,12 @@
+//! Variance stabilization of binomial counts.
+
 use jotlight::vst::{Anscombe, ExactInverse, map};
 use numpy::{PyReadonlyArray1, PyReadwriteArray1};
 use pyo3::prelude::*;
 
 use crate::run;
 
+/// Write the Anscombe transform of counts among `bits` bits into `out`.
 #[pyfunction]
 #[pyo3(signature = (counts, bits, out, threads))]
 pub fn anscombe(
@@ -15,11 +18,12 @@ pub fn anscombe(
 ) -> PyResult<()> {
     let (counts, out) = (counts.as_array(), out.as_array_mut());
     run(py, threads, || {
-        let transform = Anscombe::new(bits)?;
-        map(counts, out, |count| transform.stabilise(count))
+        let anscombe = Anscombe::new(bits)?;
+        map(counts, out, |count| anscombe.transform(count))
     })
 }
 
+/// Write the algebraic inverse of the Anscombe transform into `out`.
 #[pyfunction]
 #[pyo3(signature = (z, bits, out, threads))]
 pub fn inverse_anscombe_algebraic(
@@ -31,11 +35,12 @@ pub fn inverse_anscombe_algebraic(
 ) -> PyResult<()> {
     let (z, out) = (z.as_array(), out.as_array_mut());
     run(py, threads, || {
-        let transform = Anscombe::new(bits)?;
-        map(z, out, |z| transform.algebraic_inverse(z))
+        let anscombe = Anscombe::new(bits)?;
+        map(z, out, |z| anscombe.algebraic_inverse(z))
     })
 }
 
+/// Write the exact unbiased inverse of the Anscombe transform into `out`.
 #[pyfunction]
 #[pyo3(signature = (z, bits, out, threads))]
 pub fn inverse_anscombe_exact(
@@ -47,7 +52,7 @@ pub fn inverse_anscombe_exact(
 ) -> PyResult<()> {
     let (z, out) = (z.as_array(), out.as_array_mut());
     run(py, threads, || {
-        let inverse = ExactInverse::new(bits)?;
-        map(z, out, |z| inverse.invert(z))
+        let exact = ExactInverse::new(bits)?;
+        map(z, out, |z| exact.inverse(z))
     })
 }

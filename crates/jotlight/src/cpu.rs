@@ -1,5 +1,6 @@
-//! Instruction sets: the hot loops are written once and compiled for several, of which a probe chooses the best that the
-//! processor has. Tests may choose another one.
+//! Instruction sets: each hot loop is written once and compiled for several of them.
+//!
+//! A probe selects the best instruction set of the processor once. Tests may select another one.
 
 use std::sync::atomic::{AtomicU8, Ordering};
 
@@ -8,10 +9,10 @@ pub use pulp::{Simd, WithSimd};
 
 use crate::error::{Error, Result};
 
-/// What the hot loops are compiled for.
+/// An instruction set for which the hot loops are compiled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
-    /// One number at a time.
+    /// Scalar code: one number at a time.
     Scalar,
     /// x86-64-v3: AVX2 and fused multiply-add, eight numbers of 32 bits at a time.
     #[cfg(target_arch = "x86_64")]
@@ -24,7 +25,7 @@ pub enum Level {
     Neon,
 }
 
-/// All levels, the better the later.
+/// All levels, from the slowest to the fastest.
 const LEVELS: &[Level] = &[
     Level::Scalar,
     #[cfg(target_arch = "x86_64")]
@@ -35,12 +36,12 @@ const LEVELS: &[Level] = &[
     Level::Neon,
 ];
 
-/// Place in [`LEVELS`] of the one in use, once it is known.
-static CHOSEN: AtomicU8 = AtomicU8::new(UNKNOWN);
+/// The index in [`LEVELS`] of the current level, or [`UNKNOWN`] before the first probe.
+static CURRENT: AtomicU8 = AtomicU8::new(UNKNOWN);
 const UNKNOWN: u8 = u8::MAX;
 
 impl Level {
-    /// Its name.
+    /// Return the name of the level.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -54,15 +55,15 @@ impl Level {
         }
     }
 
-    /// Those that this processor has.
+    /// Return the levels that this processor supports, from the slowest to the fastest.
     #[must_use]
-    pub fn all() -> Vec<Self> {
+    pub fn supported() -> Vec<Self> {
         let mut levels = LEVELS.to_vec();
-        levels.retain(|level| level.is_there());
+        levels.retain(|level| level.is_supported());
         levels
     }
 
-    fn is_there(self) -> bool {
+    fn is_supported(self) -> bool {
         match self {
             Self::Scalar => true,
             #[cfg(target_arch = "x86_64")]
@@ -74,40 +75,42 @@ impl Level {
         }
     }
 
-    /// The one in use: the best that there is, unless another was chosen.
+    /// Return the current level: the fastest supported one, unless [`Level::choose`] set another.
     #[must_use]
     pub fn current() -> Self {
-        let mut chosen = CHOSEN.load(Ordering::Relaxed);
-        if chosen == UNKNOWN {
-            let best = LEVELS.iter().rposition(|level| level.is_there());
-            chosen = best.unwrap_or_default() as u8;
-            CHOSEN.store(chosen, Ordering::Relaxed);
+        let mut index = CURRENT.load(Ordering::Relaxed);
+        if index == UNKNOWN {
+            let fastest = LEVELS.iter().rposition(|level| level.is_supported());
+            index = fastest.unwrap_or_default() as u8;
+            CURRENT.store(index, Ordering::Relaxed);
         }
-        LEVELS[usize::from(chosen)]
+        LEVELS[usize::from(index)]
     }
 
-    /// Uses the level of that name from now on in all threads, or the best again. Results agree within rounding, and are the same bits for
-    /// whole numbers.
+    /// Set the current level of all threads by its name, or to the fastest one for `None`.
+    ///
+    /// The results of different levels agree within rounding; integer results are identical.
     ///
     /// # Errors
-    /// [`Error::Shape`] when the processor has none of that name.
+    /// [`Error::Range`] when the processor supports no level with this name.
     pub fn choose(name: Option<&str>) -> Result<()> {
-        let chosen = match name {
+        let index = match name {
             None => UNKNOWN,
             Some(name) => LEVELS
                 .iter()
-                .position(|level| level.is_there() && level.name() == name)
+                .position(|level| level.is_supported() && level.name() == name)
                 .ok_or_else(|| {
-                    let names: Vec<_> = Self::all().into_iter().map(Self::name).collect();
-                    Error::shape("instruction set", names.join(", "), name)
+                    let names: Vec<_> = Self::supported().into_iter().map(Self::name).collect();
+                    let expected = format!("one of {}", names.join(", "));
+                    Error::range("instruction set", expected, name)
                 })? as u8,
         };
-        CHOSEN.store(chosen, Ordering::Relaxed);
+        CURRENT.store(index, Ordering::Relaxed);
         Ok(())
     }
 }
 
-/// The instructions of x86-64-v4, where these are in use.
+/// Return the x86-64-v4 instructions if they are the current level.
 #[cfg(target_arch = "x86_64")]
 pub fn v4() -> Option<pulp::x86::V4> {
     (Level::current() == Level::V4)
@@ -115,30 +118,36 @@ pub fn v4() -> Option<pulp::x86::V4> {
         .flatten()
 }
 
-/// Runs work that is written in vectors, on those of the level in use.
+/// Run vector code with the instructions of the current level.
 pub fn run<W: WithSimd>(work: W) -> W::Output {
     match Level::current() {
         Level::Scalar => work.with_simd(Scalar::new()),
         #[cfg(target_arch = "x86_64")]
-        Level::V3 => on(pulp::x86::V3::try_new(), work),
+        Level::V3 => run_with(pulp::x86::V3::try_new(), work),
         #[cfg(target_arch = "x86_64")]
-        Level::V4 => on(pulp::x86::V4::try_new(), work),
+        Level::V4 => run_with(pulp::x86::V4::try_new(), work),
         #[cfg(target_arch = "aarch64")]
-        Level::Neon => on(pulp::aarch64::Neon::try_new(), work),
+        Level::Neon => run_with(pulp::aarch64::Neon::try_new(), work),
     }
 }
 
-fn on<W: WithSimd, S: Simd>(simd: Option<S>, work: W) -> W::Output {
+fn run_with<W: WithSimd, S: Simd>(simd: Option<S>, work: W) -> W::Output {
     match simd {
         Some(simd) => simd.vectorize(work),
         None => work.with_simd(Scalar::new()),
     }
 }
 
-/// Declares functions that run another, which has to be inlined always, compiled for the level in use:
+/// Declare functions that run an inlined body, compiled for each level, at the current level.
+///
+/// The body must be `#[inline(always)]`:
 /// `levels! { fn apply[F: Real](spline: &Spline<F>, plane: &mut [F]) = apply_inlined; }`
 macro_rules! levels {
-    ($($(#[$attribute:meta])* $scope:vis fn $name:ident $([$($generics:tt)*])? ($($argument:ident: $type:ty),* $(,)?) = $inlined:path;)*) => {$(
+    ($(
+        $(#[$attribute:meta])*
+        $scope:vis fn $name:ident $([$($generics:tt)*])? ($($argument:ident: $type:ty),* $(,)?)
+            = $inlined:path;
+    )*) => {$(
         $(#[$attribute])*
         $scope fn $name $(<$($generics)*>)? ($($argument: $type),*) {
             struct Work<A>(A);

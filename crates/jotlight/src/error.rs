@@ -1,34 +1,34 @@
-//! The engine's one error type.
+//! The error type of the engine.
 
-/// What can be wrong with a call to the engine. Each message says what was expected and what came.
+/// A reason why the engine refuses a call. The message states the expected and the received value.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Error {
-    /// Two arrays, or an array and a number, do not fit together.
-    #[error("{what}: expected {expected}, got {given}")]
+    /// An array has the wrong shape, or two arrays do not fit together.
+    #[error("{what}: expected {expected}, got {received}")]
     Shape {
-        /// Which array.
+        /// The name of the array.
         what: &'static str,
-        /// The shape or size that would fit.
+        /// The shape or size that fits.
         expected: String,
-        /// The shape or size that came.
-        given: String,
+        /// The shape or size of the argument.
+        received: String,
     },
-    /// A number lies outside of its range.
-    #[error("{what}: expected {expected}, got {given}")]
+    /// A value lies outside its range.
+    #[error("{what}: expected {expected}, got {received}")]
     Range {
-        /// Which number.
+        /// The name of the value.
         what: &'static str,
-        /// The range.
-        expected: &'static str,
-        /// The number that came.
-        given: String,
+        /// The range, or the list of choices.
+        expected: String,
+        /// The value of the argument.
+        received: String,
     },
-    /// The pool of threads could not be started.
-    #[error("cannot start {threads} threads: {reason}")]
+    /// The operating system refused to start threads.
+    #[error("threads: cannot start {threads} threads ({reason}); pass a smaller number")]
     Threads {
-        /// How many were asked for.
+        /// The number of threads of the call.
         threads: usize,
-        /// What the operating system said.
+        /// The reason that the operating system states.
         reason: String,
     },
 }
@@ -37,24 +37,24 @@ impl Error {
     pub(crate) fn shape(
         what: &'static str,
         expected: impl std::fmt::Debug,
-        given: impl std::fmt::Debug,
+        received: impl std::fmt::Debug,
     ) -> Self {
         Self::Shape {
             what,
             expected: format!("{expected:?}"),
-            given: format!("{given:?}"),
+            received: format!("{received:?}"),
         }
     }
 
     pub(crate) fn range(
         what: &'static str,
-        expected: &'static str,
-        given: impl std::fmt::Display,
+        expected: impl Into<String>,
+        received: impl std::fmt::Display,
     ) -> Self {
         Self::Range {
             what,
-            expected,
-            given: given.to_string(),
+            expected: expected.into(),
+            received: received.to_string(),
         }
     }
 }

@@ -1,114 +1,190 @@
-//! Maximum likelihood for the box kernel (paper, equation (5)), for any threshold, with dark counts and dead jots.
+//! Maximum-likelihood estimates for the box kernel (paper, equation (5)).
+//!
+//! `Differs from the paper:` the threshold q is arbitrary, jots have an efficiency and dark counts,
+//! and dead jots are left out.
 
+use num_integer::div_rem;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::likelihood::{Threshold, Values, check_counts};
+use crate::likelihood::{Threshold, check_counts};
+use crate::values::Values;
 
-/// How the intensity c of a pixel becomes the rate of its jots, η s + d with s = α c / K, and back.
+/// The relation between the intensity c of a pixel and the rate η s + d of its jots, s = α c / K.
 #[derive(Clone, Copy, Debug)]
 pub struct PixelResponse {
     /// The threshold q.
     pub threshold: Threshold,
-    /// α / K: photons per jot and frame for unit intensity.
-    pub light: f64,
+    /// α / K, the expected photons per jot and frame at intensity 1.
+    pub light_per_intensity: f64,
     /// S, the upper bound of c.
     pub max_intensity: f64,
 }
 
-/// What a jot makes of the light on it.
+/// The response of a jot to light.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Jot {
-    /// η, the share of it that is detected.
+pub struct JotResponse {
+    /// The quantum efficiency η.
     pub efficiency: f64,
-    /// d, what is detected without light, per frame.
-    pub dark: f64,
+    /// The dark counts d, the expected detections per frame without light.
+    pub dark_counts: f64,
 }
 
-/// What the jots of each pixel have in common.
+/// The responses of all jots, or of the jots of each pixel.
 #[derive(Clone, Copy, Debug)]
-pub struct Jots<'a> {
-    /// η.
+pub struct JotResponses<'a> {
+    /// The quantum efficiency η.
     pub efficiency: Values<'a, f64>,
-    /// d.
-    pub dark: Values<'a, f64>,
+    /// The dark counts d, per frame.
+    pub dark_counts: Values<'a, f64>,
 }
 
-impl Jots<'_> {
-    fn at(&self, index: usize) -> Jot {
-        Jot {
-            efficiency: self.efficiency.at(index),
-            dark: self.dark.at(index),
+impl JotResponses<'_> {
+    fn get(&self, index: usize) -> JotResponse {
+        JotResponse {
+            efficiency: self.efficiency.get(index),
+            dark_counts: self.dark_counts.get(index),
         }
     }
 
-    fn check(&self, length: usize) -> Result<()> {
-        self.efficiency.check("efficiency", length)?;
-        self.dark.check("dark counts", length)
+    fn check_length(&self, length: usize) -> Result<()> {
+        self.efficiency.check_length("efficiency", length)?;
+        self.dark_counts.check_length("dark counts", length)
     }
+}
+
+/// The ones of each jot over all frames, as `(H·K̂) × (W·K̂)` values in row-major order.
+#[derive(Clone, Copy, Debug)]
+pub struct JotCounts<'a> {
+    /// The number of ones of each jot.
+    pub ones: &'a [i32],
+    /// The response of each jot.
+    pub responses: JotResponses<'a>,
+    /// Whether each jot is dead.
+    pub dead: Option<&'a [bool]>,
+    /// The number of frames T.
+    pub frames: i32,
+    /// The oversampling K̂.
+    pub oversampling: usize,
+}
+
+/// The counts of one jot and its response.
+struct Jot {
+    ones: f64,
+    zeros: f64,
+    response: JotResponse,
 }
 
 impl PixelResponse {
-    /// ĉ = (K/α)(P⁻¹(q, p) − d)/η clipped to [0, S]: equation (5), for any q and with dark counts d.
+    /// Return ĉ = (K/α)(P⁻¹(q, p) − d)/η, clipped to [0, S]: equation (5) for any q, η, and d.
     #[must_use]
-    pub fn intensity(&self, probability: f64, jot: Jot) -> f64 {
-        ((self.threshold.rate(probability) - jot.dark) / (jot.efficiency * self.light))
+    pub fn intensity(&self, probability: f64, jot: JotResponse) -> f64 {
+        let rate = self.threshold.inverse_detection_probability(probability);
+        ((rate - jot.dark_counts) / (jot.efficiency * self.light_per_intensity))
             .clamp(0.0, self.max_intensity)
+    }
+
+    /// Return the intensity of a pixel with L = `ones` of `trials` readings, or NaN without
+    /// readings.
+    fn intensity_from_count(&self, ones: i32, trials: i32, jot: JotResponse) -> f32 {
+        if trials == 0 {
+            f32::NAN
+        } else {
+            self.intensity(f64::from(ones) / f64::from(trials), jot) as f32
+        }
+    }
+
+    /// Return dℓ/dc of a pixel, up to the factor α / K. It decreases with c, because ℓ is concave.
+    fn score(&self, jots: &[Jot], intensity: f64) -> f64 {
+        jots.iter()
+            .map(|jot| {
+                let JotResponse {
+                    efficiency,
+                    dark_counts,
+                } = jot.response;
+                let rate = efficiency * self.light_per_intensity * intensity + dark_counts;
+                let mut score = 0.0;
+                if jot.ones > 0.0 {
+                    score += jot.ones * self.threshold.detection_score(rate);
+                }
+                if jot.zeros > 0.0 {
+                    score -= jot.zeros * self.threshold.non_detection_score(rate);
+                }
+                efficiency * score
+            })
+            .sum()
+    }
+
+    /// Return the intensity in [0, S] that maximizes the likelihood of the jots of a pixel.
+    fn maximize_likelihood(&self, jots: &[Jot]) -> f64 {
+        let (mut low, mut high) = (0.0, self.max_intensity);
+        // The score of a one is infinite at rate 0. A tiny positive intensity stands in for 0.
+        if self.score(jots, f64::MIN_POSITIVE.sqrt()) <= 0.0 {
+            return 0.0;
+        }
+        if self.score(jots, high) >= 0.0 {
+            return high;
+        }
+        // Bisection, because the score may be infinite at one end. A float32 result needs few
+        // steps.
+        while high - low > 1e-9 * high {
+            let middle = 0.5 * (low + high);
+            if self.score(jots, middle) > 0.0 {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        0.5 * (low + high)
     }
 }
 
-/// The maximum-likelihood picture from counts of ones out of `trials` valid bits a pixel. A pixel without a valid bit becomes NaN, for the
-/// caller to fill.
+/// Write the maximum-likelihood estimate from `counts` of ones among `trials` readings per pixel
+/// into `out`. A pixel without readings becomes NaN.
 ///
 /// # Errors
-/// [`Error::Shape`] when the arrays do not fit.
+/// [`Error::Shape`] when the arrays do not fit, [`Error::Range`] for a count outside 0 to `trials`.
 pub fn from_counts(
     response: &PixelResponse,
     counts: &[i32],
     trials: Values<'_, i32>,
-    jots: &Jots<'_>,
+    jots: &JotResponses<'_>,
     out: &mut [f32],
 ) -> Result<()> {
-    check(counts, trials, jots, out)?;
-    let one_curve = match (trials, jots.efficiency, jots.dark) {
-        (Values::Same(trials), Values::Same(efficiency), Values::Same(dark))
+    check_pixels(counts, trials, jots, out)?;
+    let intensities = match (trials, jots.efficiency, jots.dark_counts) {
+        (Values::Same(trials), Values::Same(efficiency), Values::Same(dark_counts))
             if (trials as usize) < counts.len() =>
         {
-            // Fewer counts are possible than there are pixels: one look-up table.
-            Some(
-                (0..=trials)
-                    .map(|ones| estimate(response, ones, trials, Jot { efficiency, dark }))
-                    .collect::<Vec<f32>>(),
-            )
+            // There are fewer possible counts than pixels, so a table saves time.
+            let jot = JotResponse {
+                efficiency,
+                dark_counts,
+            };
+            let intensity = |ones| response.intensity_from_count(ones, trials, jot);
+            Some((0..=trials).map(intensity).collect::<Vec<f32>>())
         }
         _ => None,
     };
     out.par_iter_mut().enumerate().for_each(|(index, out)| {
         let ones = counts[index];
-        *out = match &one_curve {
-            Some(curve) => curve[ones as usize],
-            None => estimate(response, ones, trials.at(index), jots.at(index)),
+        *out = match &intensities {
+            Some(intensities) => intensities[ones as usize],
+            None => response.intensity_from_count(ones, trials.get(index), jots.get(index)),
         };
     });
     Ok(())
 }
 
-fn estimate(response: &PixelResponse, ones: i32, trials: i32, jot: Jot) -> f32 {
-    if trials == 0 {
-        f32::NAN
-    } else {
-        response.intensity(f64::from(ones) / f64::from(trials), jot) as f32
-    }
-}
-
-/// The intensity that makes each pixel's bits fire with a given probability; the last step of the non-iterative method.
+/// Write the intensity for each detection probability into `out`: the last step of the
+/// non-iterative method.
 ///
 /// # Errors
 /// [`Error::Shape`] when the arrays do not fit.
 pub fn from_probability(
     response: &PixelResponse,
     probability: &[f32],
-    jot: Jot,
+    jot: JotResponse,
     out: &mut [f32],
 ) -> Result<()> {
     if probability.len() != out.len() {
@@ -122,148 +198,115 @@ pub fn from_probability(
     Ok(())
 }
 
-/// The counts that pixels with other jots and fewer valid bits would have shown with jots as `reference` and all `bits`
-/// valid, as real numbers in [0, `bits`]: what a method that looks at many pixels at once takes in. NaN without a valid bit.
+/// Write the expected counts of equivalent pixels into `out`, as real numbers in [0, `bits`].
+///
+/// An equivalent pixel has the maximum-likelihood intensity of the actual one, but `bits` readings
+/// and jots with the response `reference`. Methods that combine pixels can therefore treat all
+/// pixels alike. A pixel without readings becomes NaN.
 ///
 /// # Errors
-/// [`Error::Shape`] when the arrays do not fit.
+/// [`Error::Shape`] when the arrays do not fit, [`Error::Range`] for a count outside 0 to `trials`.
 pub fn equivalent_counts(
     response: &PixelResponse,
     counts: &[i32],
     trials: Values<'_, i32>,
-    jots: &Jots<'_>,
+    jots: &JotResponses<'_>,
     bits: i32,
-    reference: Jot,
+    reference: JotResponse,
     out: &mut [f32],
 ) -> Result<()> {
-    check(counts, trials, jots, out)?;
-    let all = f64::from(bits);
+    check_pixels(counts, trials, jots, out)?;
+    let bits = f64::from(bits);
+    let threshold = response.threshold;
     out.par_iter_mut().enumerate().for_each(|(index, out)| {
-        let (trials, jot) = (trials.at(index), jots.at(index));
+        let (trials, jot) = (trials.get(index), jots.get(index));
         let fraction = f64::from(counts[index]) / f64::from(trials);
         *out = if trials == 0 {
             f32::NAN
         } else if jot == reference {
-            (all * fraction) as f32
+            (bits * fraction) as f32
         } else {
-            let light = (response.threshold.rate(fraction) - jot.dark).max(0.0) / jot.efficiency;
-            let rate = reference.efficiency * light + reference.dark;
-            (all * response.threshold.fires(rate)) as f32
+            let rate = threshold.inverse_detection_probability(fraction);
+            let light = (rate - jot.dark_counts).max(0.0) / jot.efficiency;
+            let reference_rate = reference.efficiency * light + reference.dark_counts;
+            (bits * threshold.detection_probability(reference_rate)) as f32
         };
     });
     Ok(())
 }
 
-fn check(counts: &[i32], trials: Values<'_, i32>, jots: &Jots<'_>, out: &[f32]) -> Result<()> {
-    trials.check("trials", counts.len())?;
-    jots.check(counts.len())?;
-    if out.len() != counts.len() {
-        return Err(Error::shape("out", counts.len(), out.len()));
-    }
-    check_counts(counts, trials)
-}
-
-/// Maximum likelihood for pixels whose jots differ, which has no closed form: the scalar concave
-/// problem max over c of Σ L_j log P(q, x_j) + (T − L_j) log(1 − P(q, x_j)), x_j = η_j α c / K + d_j, solved to rounding.
+/// Write the maximum-likelihood estimate of pixels with unequal jots into `out`, `width` per row.
+///
+/// This problem has no closed form. The estimate maximizes the concave function
+/// `Σ L_j log P(q, x_j) + (T − L_j) log(1 − P(q, x_j))` over c in [0, S], where
+/// `x_j = η_j α c / K + d_j`. A pixel without live jots becomes NaN.
 ///
 /// # Errors
 /// [`Error::Shape`] when the arrays do not fit.
 pub fn from_jots(
     response: &PixelResponse,
-    jots: &JotCounts<'_>,
+    counts: &JotCounts<'_>,
     width: usize,
     out: &mut [f32],
 ) -> Result<()> {
-    let side = jots.side;
-    if jots.ones.len() != out.len() * side * side || !out.len().is_multiple_of(width.max(1)) {
-        return Err(Error::shape(
-            "ones",
-            out.len() * side * side,
-            jots.ones.len(),
-        ));
+    let oversampling = counts.oversampling;
+    let jots = out.len() * oversampling * oversampling;
+    if counts.ones.len() != jots || !out.len().is_multiple_of(width.max(1)) {
+        return Err(Error::shape("ones", jots, counts.ones.len()));
     }
-    jots.jots.check(jots.ones.len())?;
-    if let Some(dead) = jots.dead
-        && dead.len() != jots.ones.len()
+    counts.responses.check_length(jots)?;
+    if let Some(dead) = counts.dead
+        && dead.len() != jots
     {
-        return Err(Error::shape("mask", jots.ones.len(), dead.len()));
+        return Err(Error::shape("mask", jots, dead.len()));
     }
-    out.par_iter_mut().enumerate().for_each_init(
-        Vec::new,
-        |block: &mut Vec<(f64, f64, Jot)>, (index, out)| {
-            let (row, column) = (index / width, index % width);
-            block.clear();
-            for line in 0..side {
-                let start = (row * side + line) * width * side + column * side;
-                for jot in start..start + side {
-                    if jots.dead.is_none_or(|dead| !dead[jot]) {
-                        let ones = f64::from(jots.ones[jot]);
-                        block.push((ones, f64::from(jots.frames) - ones, jots.jots.at(jot)));
-                    }
-                }
-            }
-            *out = if block.is_empty() {
+    out.par_iter_mut()
+        .enumerate()
+        .for_each_init(Vec::new, |jots, (index, out)| {
+            collect_live_jots(counts, div_rem(index, width), width, jots);
+            *out = if jots.is_empty() {
                 f32::NAN
             } else {
-                response.most_likely(block) as f32
+                response.maximize_likelihood(jots) as f32
             };
-        },
-    );
+        });
     Ok(())
 }
 
-/// What each jot reported over all frames, `(H·K̂) × (W·K̂)` of them row by row.
-#[derive(Clone, Copy, Debug)]
-pub struct JotCounts<'a> {
-    /// Ones of each jot.
-    pub ones: &'a [i32],
-    /// What each makes of the light.
-    pub jots: Jots<'a>,
-    /// True for a dead jot.
-    pub dead: Option<&'a [bool]>,
-    /// T.
-    pub frames: i32,
-    /// K̂.
-    pub side: usize,
-}
-
-impl PixelResponse {
-    /// dℓ/dc of a pixel, up to the factor α / K: falls as c grows, since ℓ is concave.
-    fn score(&self, block: &[(f64, f64, Jot)], intensity: f64) -> f64 {
-        block
-            .iter()
-            .map(|&(ones, zeros, jot)| {
-                let rate = jot.efficiency * self.light * intensity + jot.dark;
-                let mut score = 0.0;
-                if ones > 0.0 {
-                    score += ones * self.threshold.fired_score(rate);
-                }
-                if zeros > 0.0 {
-                    score -= zeros * self.threshold.dark_score(rate);
-                }
-                jot.efficiency * score
-            })
-            .sum()
-    }
-
-    fn most_likely(&self, block: &[(f64, f64, Jot)]) -> f64 {
-        let (mut low, mut high) = (0.0, self.max_intensity);
-        // At s = 0 a jot that fired has an infinite score, so the smallest positive intensity stands for 0.
-        if self.score(block, f64::MIN_POSITIVE.sqrt()) <= 0.0 {
-            return 0.0;
-        }
-        if self.score(block, high) >= 0.0 {
-            return high;
-        }
-        // Bisection: the score may be infinite at one end, and a float32 picture needs few steps.
-        while high - low > 1e-9 * high {
-            let middle = 0.5 * (low + high);
-            if self.score(block, middle) > 0.0 {
-                low = middle;
-            } else {
-                high = middle;
+/// Replace the content of `jots` with the live jots of the pixel at `(row, column)`.
+fn collect_live_jots(
+    counts: &JotCounts<'_>,
+    (row, column): (usize, usize),
+    width: usize,
+    jots: &mut Vec<Jot>,
+) {
+    let oversampling = counts.oversampling;
+    jots.clear();
+    for jot_row in row * oversampling..(row + 1) * oversampling {
+        let start = jot_row * width * oversampling + column * oversampling;
+        for index in start..start + oversampling {
+            if counts.dead.is_none_or(|dead| !dead[index]) {
+                let ones = f64::from(counts.ones[index]);
+                jots.push(Jot {
+                    ones,
+                    zeros: f64::from(counts.frames) - ones,
+                    response: counts.responses.get(index),
+                });
             }
         }
-        0.5 * (low + high)
     }
+}
+
+fn check_pixels(
+    counts: &[i32],
+    trials: Values<'_, i32>,
+    jots: &JotResponses<'_>,
+    out: &[f32],
+) -> Result<()> {
+    trials.check_length("trials", counts.len())?;
+    jots.check_length(counts.len())?;
+    if out.len() != counts.len() {
+        return Err(Error::shape("out", counts.len(), out.len()));
+    }
+    check_counts(counts, trials)
 }

@@ -1,4 +1,4 @@
-//! The width of the numbers that a network is run with.
+//! The floating-point types of the engine, and their SIMD vectors.
 
 use std::fmt::Debug;
 use std::iter::Sum;
@@ -7,23 +7,27 @@ use ndarray::NdFloat;
 
 use crate::cpu::Simd;
 
-/// `f32` for work; `f64` is the same code with errors too small to matter, which tells what the first should give.
+/// The floating-point type of a computation: `f32` or `f64`.
+///
+/// The public functions compute with `f32`. Tests run the same code with `f64` to obtain accurate
+/// reference values, for example for finite differences.
 pub trait Real: NdFloat + Sum<Self> + Default + Lanes {
-    /// The nearest number of this width.
+    /// Return the value of this type that is nearest to `x`.
     fn from_f64(x: f64) -> Self;
-    /// The same number in 64 bits.
+    /// Return the same value as `f64`.
     fn as_f64(self) -> f64;
-    /// A small whole number.
+    /// Return a small integer as a value of this type.
     fn from_index(index: usize) -> Self;
-    /// The nearest whole number, of 0 to 2²², as a number and as an index. Quick, since processors convert many at once
-    /// only where it need not be checked that they fit.
+    /// Return the integer nearest to a value in \[0, 2²²\], as a value and as an index.
+    ///
+    /// Compilers vectorize this code. They do not vectorize a cast that checks for overflow.
     fn nearest(self) -> (Self, u32);
-    /// The same numbers, if they are of 32 bits.
-    fn as_f32s(numbers: &mut [Self]) -> Option<&mut [f32]>;
+    /// Return the slice as `f32`, or None for other types.
+    fn as_f32_slice(values: &mut [Self]) -> Option<&mut [f32]>;
 }
 
 macro_rules! real {
-    ($(($float:ty, $ones:expr, $as_f32s:expr)),*) => {$(
+    ($(($float:ty, $unit_ulp:expr, $as_f32_slice:expr)),*) => {$(
         impl Real for $float {
             #[inline(always)]
             fn from_f64(x: f64) -> Self {
@@ -40,14 +44,15 @@ macro_rules! real {
             }
             #[inline(always)]
             fn nearest(self) -> (Self, u32) {
-                // At this size the last bit of a number is worth 1.
-                const ONES: $float = $ones;
-                let shifted = self + ONES;
-                (shifted - ONES, shifted.to_bits() as u32 & 0x3f_ffff)
+                // At this magnitude the last bit of the mantissa is worth 1, so the sum is rounded
+                // to an integer, which the low bits of its representation contain.
+                const UNIT_ULP: $float = $unit_ulp;
+                let shifted = self + UNIT_ULP;
+                (shifted - UNIT_ULP, shifted.to_bits() as u32 & 0x3f_ffff)
             }
             #[inline(always)]
-            fn as_f32s(numbers: &mut [Self]) -> Option<&mut [f32]> {
-                ($as_f32s)(numbers)
+            fn as_f32_slice(values: &mut [Self]) -> Option<&mut [f32]> {
+                ($as_f32_slice)(values)
             }
         }
     )*};
@@ -57,51 +62,60 @@ real!(
     (f64, 4_503_599_627_370_496.0, |_| None)
 );
 
-/// The most numbers that a register holds.
-pub const LANES: usize = 16;
+/// The maximum number of values in a SIMD register.
+pub const MAX_LANES: usize = 16;
 
-/// Numbers of which a register holds several.
+/// A type with SIMD registers that hold several values.
 pub trait Lanes: Copy {
-    /// A register of them.
+    /// A register of values.
     type Vector<S: Simd>: Copy + Debug;
-    /// How many it holds.
+    /// Return the number of values in a register.
     fn lanes<S: Simd>() -> usize;
-    /// Whole registers of a slice.
-    fn vectors<S: Simd>(numbers: &[Self]) -> &[Self::Vector<S>];
-    /// Whole registers of a slice.
-    fn vectors_mut<S: Simd>(numbers: &mut [Self]) -> &mut [Self::Vector<S>];
-    /// The same number in all places.
-    fn splat<S: Simd>(simd: S, number: Self) -> Self::Vector<S>;
-    /// a·b + c, rounded once where the processor does so at no cost.
+    /// Return the slice as whole registers, without the remainder.
+    fn vectors<S: Simd>(values: &[Self]) -> &[Self::Vector<S>];
+    /// Return the mutable slice as whole registers, without the remainder.
+    fn vectors_mut<S: Simd>(values: &mut [Self]) -> &mut [Self::Vector<S>];
+    /// Return a register that holds one value in every lane.
+    fn splat<S: Simd>(simd: S, value: Self) -> Self::Vector<S>;
+    /// Return a·b + c. It is rounded once where the processor has a fused multiply-add.
     fn multiply_add<S: Simd>(
         simd: S,
         a: Self::Vector<S>,
         b: Self::Vector<S>,
         c: Self::Vector<S>,
     ) -> Self::Vector<S>;
-    /// The sum of a register.
-    fn total<S: Simd>(simd: S, vector: Self::Vector<S>) -> Self;
+    /// Return the sum of the lanes of a register.
+    fn reduce_sum<S: Simd>(simd: S, vector: Self::Vector<S>) -> Self;
 }
 
 macro_rules! lanes {
-    ($number:ty, $vector:ident, $lanes:ident, $slice:ident, $slice_mut:ident, $splat:ident, $multiply_add:ident, $total:ident) => {
-        impl Lanes for $number {
+    (
+        $float:ty,
+        $vector:ident,
+        $lanes:ident,
+        $slice:ident,
+        $slice_mut:ident,
+        $splat:ident,
+        $multiply_add:ident,
+        $reduce_sum:ident
+    ) => {
+        impl Lanes for $float {
             type Vector<S: Simd> = S::$vector;
             #[inline(always)]
             fn lanes<S: Simd>() -> usize {
                 S::$lanes
             }
             #[inline(always)]
-            fn vectors<S: Simd>(numbers: &[Self]) -> &[S::$vector] {
-                S::$slice(numbers).0
+            fn vectors<S: Simd>(values: &[Self]) -> &[S::$vector] {
+                S::$slice(values).0
             }
             #[inline(always)]
-            fn vectors_mut<S: Simd>(numbers: &mut [Self]) -> &mut [S::$vector] {
-                S::$slice_mut(numbers).0
+            fn vectors_mut<S: Simd>(values: &mut [Self]) -> &mut [S::$vector] {
+                S::$slice_mut(values).0
             }
             #[inline(always)]
-            fn splat<S: Simd>(simd: S, number: Self) -> S::$vector {
-                simd.$splat(number)
+            fn splat<S: Simd>(simd: S, value: Self) -> S::$vector {
+                simd.$splat(value)
             }
             #[inline(always)]
             fn multiply_add<S: Simd>(
@@ -113,8 +127,8 @@ macro_rules! lanes {
                 simd.$multiply_add(a, b, c)
             }
             #[inline(always)]
-            fn total<S: Simd>(simd: S, vector: S::$vector) -> Self {
-                simd.$total(vector)
+            fn reduce_sum<S: Simd>(simd: S, vector: S::$vector) -> Self {
+                simd.$reduce_sum(vector)
             }
         }
     };

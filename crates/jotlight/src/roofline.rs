@@ -1,15 +1,17 @@
-//! What the processor can do at best, to which the speed of the engine is compared.
+//! Measurements of the processor's peak speed, to which the benchmarks compare the engine.
 
 use rayon::prelude::*;
 
 use crate::cpu::{self, Simd, WithSimd, levels};
 use crate::numbers::Lanes;
 
-/// Sums that are worked on in turn, more than a processor has under way.
-const CHAINS: usize = 12;
+/// Number of independent sums. It exceeds the number of operations that a processor overlaps.
+const INDEPENDENT_SUMS: usize = 12;
 
-/// Does nothing but fused multiply-adds of `f32` in registers, `rounds` times [`CHAINS`] registers on each thread; gives the number of floating-point
-/// operations, two for each.
+/// Run fused multiply-adds of `f32` registers and return the number of floating-point operations.
+///
+/// Each thread performs `rounds` × 12 multiply-adds of a register. Each counts as
+/// two operations per number.
 #[must_use]
 pub fn multiply_adds(rounds: usize) -> u64 {
     (0..rayon::current_num_threads())
@@ -27,35 +29,35 @@ impl WithSimd for MultiplyAdds {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> u64 {
         let (factor, term) = (f32::splat(simd, 0.999_999), f32::splat(simd, 1e-7));
-        let mut sums = [f32::splat(simd, 0.5); CHAINS];
+        let mut sums = [f32::splat(simd, 0.5); INDEPENDENT_SUMS];
         for _ in 0..self.0 {
             for sum in &mut sums {
                 *sum = f32::multiply_add(simd, *sum, factor, term);
             }
         }
         std::hint::black_box(sums);
-        2 * (self.0 * CHAINS * f32::lanes::<S>()) as u64
+        2 * (self.0 * INDEPENDENT_SUMS * f32::lanes::<S>()) as u64
     }
 }
 
-/// The sum of many words, which takes as long as reading them.
+/// Return the wrapping sum of `words`. Its duration is the duration of reading them.
 #[must_use]
-pub fn read(words: &[u64]) -> u64 {
+pub fn read_words(words: &[u64]) -> u64 {
     words
         .par_chunks(1 << 17)
         .map(|words| {
             let mut sum = 0;
-            add(words, &mut sum);
+            sum_words(words, &mut sum);
             sum
         })
         .reduce(|| 0, u64::wrapping_add)
 }
 
 levels! {
-    fn add(words: &[u64], sum: &mut u64) = add_inlined;
+    fn sum_words(words: &[u64], sum: &mut u64) = sum_words_inlined;
 }
 
 #[inline(always)]
-fn add_inlined(words: &[u64], sum: &mut u64) {
+fn sum_words_inlined(words: &[u64], sum: &mut u64) {
     *sum = words.iter().fold(0, |sum, &word| sum.wrapping_add(word));
 }

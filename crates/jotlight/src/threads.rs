@@ -1,4 +1,4 @@
-//! How many threads a call uses.
+//! The number of threads of a call, and the pools of threads that calls reuse.
 
 use std::sync::Mutex;
 use std::thread::available_parallelism;
@@ -7,14 +7,13 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::error::{Error, Result};
 
-/// Threads that wait for a further call, since starting them takes longer than a small picture.
-static WAITING: Mutex<Vec<Pool>> = Mutex::new(Vec::new());
+/// Pools that wait for another call. Starting threads takes longer than the work on a small image.
+static IDLE_POOLS: Mutex<Vec<Pool>> = Mutex::new(Vec::new());
 
-/// Pools that wait at most.
-const MOST: usize = 4;
+const MAX_IDLE_POOLS: usize = 4;
 
 struct Pool {
-    /// Threads do not survive a fork: a child needs its own.
+    /// The process that owns the threads. Threads do not survive a fork: a child needs its own.
     process: u32,
     threads: usize,
     workers: ThreadPool,
@@ -24,72 +23,79 @@ struct Pool {
 
 #[cfg(target_os = "linux")]
 impl Pool {
-    /// Gives each thread a share of the caller's cores, as many shares as there are threads or cores. Else two that wake together may be put on one
-    /// core: where a virtual machine's sleeping cores do not look free, many a call ends before the system has parted them.
-    fn spread(&self) {
+    /// Restrict each thread to its own part of the caller's cores.
+    ///
+    /// The cores are divided into as many parts as there are threads or cores, whichever is fewer.
+    /// Without this, two threads that wake together may share a core: on a virtual machine,
+    /// sleeping cores may look busy, and many calls end before the system separates the threads.
+    fn pin_to_cores(&self) {
         use rustix::thread::{CpuSet, sched_getaffinity, sched_getcpu, sched_setaffinity};
 
-        // Of the caller, who may have been kept to some of them since the last call.
+        // The caller's cores may have changed since the last call.
         let Ok(allowed) = sched_getaffinity(None) else {
             return;
         };
         let cores = (0..CpuSet::MAX_CPU).filter(|&core| allowed.is_set(core));
         let mut cores: Vec<_> = cores.collect();
-        let shares = self.threads.min(cores.len()).max(1);
-        // The first thread, which works alone where there is little to do, has the caller's core, for the caller sleeps: other callers have others.
-        let here = sched_getcpu();
-        let here = cores.iter().position(|&core| core == here);
-        cores.rotate_left(here.unwrap_or(0));
+        let parts = self.threads.min(cores.len()).max(1);
+        // The first thread works alone when there is little to do. It receives the core of the
+        // caller, which sleeps during the call. Concurrent callers have different cores.
+        let caller_core = sched_getcpu();
+        let caller_index = cores.iter().position(|&core| core == caller_core);
+        cores.rotate_left(caller_index.unwrap_or(0));
         for (index, &id) in self.ids.iter().enumerate() {
-            let mut share = CpuSet::new();
-            for &core in cores.iter().skip(index % shares).step_by(shares) {
-                share.set(core);
+            let mut part = CpuSet::new();
+            for &core in cores.iter().skip(index % parts).step_by(parts) {
+                part.set(core);
             }
-            // Where the system forbids it, the threads do without.
-            let _ = sched_setaffinity(Some(id), &share);
+            // Where the system forbids it, the threads run without a restriction.
+            let _ = sched_setaffinity(Some(id), &part);
         }
     }
 }
 
-/// Runs `work` on `threads` threads, or on all of the machine's when `threads` is `None`. Calls at the same time have threads of their own; `work` itself is not to call it.
+/// Run `work` on `threads` threads, or on as many as the machine has cores for `None`.
+///
+/// Concurrent calls use separate threads. `work` must not call this function.
 ///
 /// # Errors
-/// [`Error::Range`] for zero threads, [`Error::Threads`] when they cannot be started.
+/// [`Error::Range`] for zero threads, [`Error::Threads`] when the threads cannot be started.
 pub fn install<R: Send>(threads: Option<usize>, work: impl FnOnce() -> R + Send) -> Result<R> {
     let threads = match threads {
         Some(0) => return Err(Error::range("threads", "at least 1", 0)),
         Some(threads) => threads,
         None => available_parallelism().map_or(1, usize::from),
     };
-    let pool = match waiting(threads) {
+    let pool = match take_idle_pool(threads) {
         Some(pool) => pool,
-        None => started(threads)?,
+        None => start_pool(threads)?,
     };
     #[cfg(target_os = "linux")]
-    pool.spread();
+    pool.pin_to_cores();
     let result = pool.workers.install(work);
-    // Where another call looks at them just now, or in the child of a fork did so for ever, these threads end.
-    if let Ok(mut pools) = WAITING.try_lock()
-        && pools.len() < MOST
+    // The lock may be taken: briefly by another call, or forever in the child of a fork. The
+    // threads of this pool then end.
+    if let Ok(mut pools) = IDLE_POOLS.try_lock()
+        && pools.len() < MAX_IDLE_POOLS
     {
         pools.push(pool);
     }
     Ok(result)
 }
 
-/// Takes a pool of that many threads from those that wait.
-fn waiting(threads: usize) -> Option<Pool> {
+/// Remove an idle pool of `threads` threads from the list and return it.
+fn take_idle_pool(threads: usize) -> Option<Pool> {
     let process = std::process::id();
-    let mut pools = WAITING.try_lock().ok()?;
-    // What belongs to the parent of a fork has no threads here that could be told to end.
+    let mut pools = IDLE_POOLS.try_lock().ok()?;
+    // In the child of a fork, the parent's pools have no threads. Dropping them would wait forever.
     pools
         .extract_if(.., |pool| pool.process != process)
         .for_each(std::mem::forget);
-    let place = pools.iter().position(|pool| pool.threads == threads)?;
-    Some(pools.swap_remove(place))
+    let index = pools.iter().position(|pool| pool.threads == threads)?;
+    Some(pools.swap_remove(index))
 }
 
-fn started(threads: usize) -> Result<Pool> {
+fn start_pool(threads: usize) -> Result<Pool> {
     let workers = ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()

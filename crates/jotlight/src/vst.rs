@@ -1,20 +1,21 @@
-//! Variance stabilisation of binomial counts (paper, equations (6) and (7)).
+//! Variance stabilization of binomial counts (paper, equations (6) and (7)).
 //!
-//! After T the noise is close to normal with standard deviation 1/2, whatever the light.
+//! After the Anscombe transform, the noise is approximately normal with standard deviation 1/2 for
+//! any light.
 
 use ndarray::{ArrayView1, ArrayViewMut1};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 
-/// The transform for counts out of K bits.
+/// The Anscombe transform of counts of ones among K bits, and its algebraic inverse.
 #[derive(Clone, Copy, Debug)]
 pub struct Anscombe {
     bits: f64,
 }
 
 impl Anscombe {
-    /// For counts out of `bits` = K.
+    /// Return the transform for counts among `bits` = K bits.
     ///
     /// # Errors
     /// [`Error::Range`] for K = 0.
@@ -27,31 +28,34 @@ impl Anscombe {
         })
     }
 
-    /// T: equation (6).
+    /// Return T(`count`): equation (6).
     #[must_use]
-    pub fn stabilise(&self, count: f64) -> f64 {
-        // A float32 count may lie above K where K is beyond 2²⁴.
-        let share = ((count + 0.375) / (self.bits + 0.75)).min(1.0);
-        (self.bits + 0.5).sqrt() * share.sqrt().asin()
+    pub fn transform(&self, count: f64) -> f64 {
+        // A float32 count may exceed K when K is greater than 2²⁴.
+        let fraction = ((count + 0.375) / (self.bits + 0.75)).min(1.0);
+        (self.bits + 0.5).sqrt() * fraction.sqrt().asin()
     }
 
-    /// T⁻¹: equation (7), for z inside of the range of T, and clipped to [0, K].
+    /// Return T⁻¹(`z`): equation (7).
+    ///
+    /// `Differs from the paper:` z is clipped to angles of 0 to π/2, and the result to [0, K].
     #[must_use]
     pub fn algebraic_inverse(&self, z: f64) -> f64 {
         let angle = (z / (self.bits + 0.5).sqrt()).clamp(0.0, std::f64::consts::FRAC_PI_2);
         ((self.bits + 0.75) * angle.sin().powi(2) - 0.375).clamp(0.0, self.bits)
     }
 
-    /// E\[T(L)\] for L ~ Binomial(K, p).
+    /// Return E\[T(L)\] for L ~ Binomial(K, `probability`), where 0 < `probability` < 1.
     #[must_use]
     pub fn expectation(&self, probability: f64) -> f64 {
-        // From the most likely count outwards: the weights fall from 1, so nothing over- or underflows for any K.
+        // The sum starts at the most likely count. The weights decrease from 1 on both sides of it,
+        // so nothing overflows or underflows for any K.
         let mode = ((self.bits + 1.0) * probability).floor().min(self.bits);
         let odds = probability / (1.0 - probability);
-        let (mut total, mut sum) = (1.0, self.stabilise(mode));
+        let (mut total, mut sum) = (1.0, self.transform(mode));
         let mut add = |weight: f64, count: f64| {
             total += weight;
-            sum += weight * self.stabilise(count);
+            sum += weight * self.transform(count);
         };
         let (mut weight, mut count) = (1.0, mode);
         while count < self.bits && weight > 1e-18 {
@@ -69,7 +73,7 @@ impl Anscombe {
     }
 }
 
-/// The exact unbiased inverse: maps E\[T(L)\], L ~ Binomial(K, p), to K p.
+/// The exact unbiased inverse, which maps E\[T(L)\] with L ~ Binomial(K, p) to K p.
 #[derive(Clone, Debug)]
 pub struct ExactInverse {
     bits: f64,
@@ -78,19 +82,19 @@ pub struct ExactInverse {
 }
 
 impl ExactInverse {
-    /// Nodes of the table, at p = sin² of even angles: dense where T is steep. Linear interpolation between them is off by
-    /// less than 10⁻⁶ K.
-    const NODES: usize = 2048;
+    /// Number of intervals of the table. The nodes p = sin²(angle), at equidistant angles, are
+    /// dense where T is steep. The error of linear interpolation is below 10⁻⁶ K.
+    const INTERVALS: usize = 2048;
 
-    /// Tabulates the inverse for counts out of `bits` = K.
+    /// Return the tabulated inverse for counts among `bits` = K bits.
     ///
     /// # Errors
     /// [`Error::Range`] for K = 0.
     pub fn new(bits: u32) -> Result<Self> {
-        let transform = Anscombe::new(bits)?;
-        let probabilities: Vec<f64> = (0..=Self::NODES)
+        let anscombe = Anscombe::new(bits)?;
+        let probabilities: Vec<f64> = (0..=Self::INTERVALS)
             .map(|node| {
-                let angle = std::f64::consts::FRAC_PI_2 * node as f64 / Self::NODES as f64;
+                let angle = std::f64::consts::FRAC_PI_2 * node as f64 / Self::INTERVALS as f64;
                 angle.sin().powi(2)
             })
             .collect();
@@ -98,36 +102,36 @@ impl ExactInverse {
             .par_iter()
             .enumerate()
             .map(|(node, &p)| match node {
-                0 => transform.stabilise(0.0),
-                Self::NODES => transform.stabilise(transform.bits),
-                _ => transform.expectation(p),
+                0 => anscombe.transform(0.0),
+                Self::INTERVALS => anscombe.transform(anscombe.bits),
+                _ => anscombe.expectation(p),
             })
             .collect();
-        let counts = probabilities.iter().map(|p| p * transform.bits).collect();
+        let counts = probabilities.iter().map(|p| p * anscombe.bits).collect();
         Ok(Self {
-            bits: transform.bits,
+            bits: anscombe.bits,
             expectations,
             counts,
         })
     }
 
-    /// K p for z = E\[T(L)\]; 0 or K for a z that no p gives.
+    /// Return K p for `z` = E\[T(L)\]. A z outside the range of E\[T(L)\] maps to 0 or K.
     #[must_use]
-    pub fn invert(&self, z: f64) -> f64 {
+    pub fn inverse(&self, z: f64) -> f64 {
         let above = self.expectations.partition_point(|&value| value <= z);
         if above == 0 {
             0.0
-        } else if above > Self::NODES {
+        } else if above > Self::INTERVALS {
             self.bits
         } else {
             let (left, right) = (self.expectations[above - 1], self.expectations[above]);
-            let share = (z - left) / (right - left);
-            self.counts[above - 1] + share * (self.counts[above] - self.counts[above - 1])
+            let fraction = (z - left) / (right - left);
+            self.counts[above - 1] + fraction * (self.counts[above] - self.counts[above - 1])
         }
     }
 }
 
-/// Applies `function` to every value, in parallel.
+/// Write `function` of each value into `out`, in parallel.
 ///
 /// # Errors
 /// [`Error::Shape`] when the arrays do not fit.

@@ -1,12 +1,12 @@
-//! Counting in the packed domain against counting one jot after the other.
+//! Counts in the packed domain against counts of one jot after the other.
 
 use jotlight::bits::{PackedBits, add_block_counts, packed_width};
 use jotlight::error::{Error, Result};
 use jotlight::threads;
 use ndarray::{Array2, Array3, s};
 
-/// Bytes without a pattern, padding bits among them.
-fn garbage(frames: usize, rows: usize, width: usize) -> Array3<u8> {
+/// Return pseudorandom bytes, including the padding bits.
+fn random_bytes(frames: usize, rows: usize, width: usize) -> Array3<u8> {
     let mut state = 0x2016_u32;
     Array3::from_shape_simple_fn((frames, rows, packed_width(width)), || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -14,20 +14,20 @@ fn garbage(frames: usize, rows: usize, width: usize) -> Array3<u8> {
     })
 }
 
-fn naive(
+fn naive_counts(
     bytes: &Array3<u8>,
     width: usize,
-    side: usize,
+    oversampling: usize,
     valid: impl Fn(usize, usize) -> bool,
 ) -> Array2<i32> {
     let (frames, rows, _) = bytes.dim();
-    let mut counts = Array2::zeros((rows / side, width / side));
+    let mut counts = Array2::zeros((rows / oversampling, width / oversampling));
     for frame in 0..frames {
         for row in 0..rows {
             for column in 0..width {
                 let bit = bytes[[frame, row, column / 8]] >> (7 - column % 8) & 1;
                 if valid(row, column) {
-                    counts[[row / side, column / side]] += i32::from(bit);
+                    counts[[row / oversampling, column / oversampling]] += i32::from(bit);
                 }
             }
         }
@@ -36,88 +36,107 @@ fn naive(
 }
 
 #[test]
-fn any_number_of_frames_is_counted() -> Result<()> {
+fn counts_are_right_for_any_number_of_frames() -> Result<()> {
     for frames in (1..=40).chain([63, 64, 65, 255, 256, 257, 1000]) {
-        for (side, rows, width) in [(1, 5, 77), (1, 3, 64), (2, 4, 22), (3, 9, 33), (8, 8, 72)] {
-            let bytes = garbage(frames, rows, width);
+        for (oversampling, rows, width) in
+            [(1, 5, 77), (1, 3, 64), (2, 4, 22), (3, 9, 33), (8, 8, 72)]
+        {
+            let bytes = random_bytes(frames, rows, width);
             let bits = PackedBits::new(bytes.view(), width)?;
-            let mut counts = Array2::zeros((rows / side, width / side));
-            add_block_counts(&bits, side, None, counts.view_mut())?;
-            let expected = naive(&bytes, width, side, |_, _| true);
-            assert_eq!(counts, expected, "{frames} frames, side {side}");
+            let mut counts = Array2::zeros((rows / oversampling, width / oversampling));
+            add_block_counts(&bits, oversampling, None, counts.view_mut())?;
+            let expected = naive_counts(&bytes, width, oversampling, |_, _| true);
+            assert_eq!(
+                counts, expected,
+                "{frames} frames, oversampling {oversampling}"
+            );
 
-            // Frames whose rows are not one after the other in memory.
-            let spread = PackedBits::new(bytes.slice(s![..;2, .., ..]), width)?;
+            // Frames that are not contiguous in memory.
+            let strided = PackedBits::new(bytes.slice(s![..;2, .., ..]), width)?;
             let half = bytes.slice(s![..;2, .., ..]).to_owned();
             counts.fill(0);
-            add_block_counts(&spread, side, None, counts.view_mut())?;
-            assert_eq!(counts, naive(&half, width, side, |_, _| true));
+            add_block_counts(&strided, oversampling, None, counts.view_mut())?;
+            assert_eq!(
+                counts,
+                naive_counts(&half, width, oversampling, |_, _| true)
+            );
         }
     }
     Ok(())
 }
 
 #[test]
-fn counts_are_those_of_single_jots() -> Result<()> {
-    for side in [1, 2, 3, 7, 8, 9, 57, 58, 64, 70, 120] {
-        let (rows, width) = (2 * side, 3 * side);
-        let bytes = garbage(3, rows, width);
+fn counts_are_right_for_any_oversampling_and_mask() -> Result<()> {
+    for oversampling in [1, 2, 3, 7, 8, 9, 57, 58, 64, 70, 120] {
+        let (rows, width) = (2 * oversampling, 3 * oversampling);
+        let bytes = random_bytes(3, rows, width);
         let bits = PackedBits::new(bytes.view(), width)?;
         let mut counts = Array2::zeros((2, 3));
-        add_block_counts(&bits, side, None, counts.view_mut())?;
+        add_block_counts(&bits, oversampling, None, counts.view_mut())?;
         assert_eq!(
             counts,
-            naive(&bytes, width, side, |_, _| true),
-            "side {side}"
+            naive_counts(&bytes, width, oversampling, |_, _| true),
+            "oversampling {oversampling}"
         );
 
-        let mask = garbage(1, rows, width + 1);
+        let mask = random_bytes(1, rows, width + 1);
         let mask = mask.slice(s![0, .., ..packed_width(width)]);
         let is_valid =
             |row: usize, column: usize| mask[[row, column / 8]] >> (7 - column % 8) & 1 == 1;
         counts.fill(0);
-        add_block_counts(&bits, side, Some(mask), counts.view_mut())?;
+        add_block_counts(&bits, oversampling, Some(mask), counts.view_mut())?;
         assert_eq!(
             counts,
-            naive(&bytes, width, side, is_valid),
-            "side {side}, masked"
+            naive_counts(&bytes, width, oversampling, is_valid),
+            "oversampling {oversampling}, masked"
         );
     }
     Ok(())
 }
 
 #[test]
-fn counts_are_added_to_what_is_there() -> Result<()> {
-    for side in [1, 4] {
+fn counts_are_added_to_the_previous_ones() -> Result<()> {
+    for oversampling in [1, 4] {
         let bytes = Array3::from_elem((300, 40, 2), 0xff);
         let bits = PackedBits::new(bytes.view(), 12)?;
-        let mut counts = Array2::from_elem((40 / side, 12 / side), 1000);
-        add_block_counts(&bits, side, None, counts.view_mut())?;
-        let all = 1000 + 300 * (side * side) as i32;
-        assert!(counts.iter().all(|&count| count == all), "side {side}");
+        let mut counts = Array2::from_elem((40 / oversampling, 12 / oversampling), 1000);
+        add_block_counts(&bits, oversampling, None, counts.view_mut())?;
+        let all = 1000 + 300 * (oversampling * oversampling) as i32;
+        assert!(
+            counts.iter().all(|&count| count == all),
+            "oversampling {oversampling}"
+        );
     }
     Ok(())
 }
 
 #[test]
-fn layout_and_threads_do_not_matter() -> Result<()> {
-    let bytes = garbage(20, 66, 30);
-    let expected = [1, 6].map(|side| naive(&bytes, 30, side, |_, _| true));
-    let mut turned = bytes.clone();
-    turned.invert_axis(ndarray::Axis(0));
+fn counts_do_not_depend_on_layout_or_threads() -> Result<()> {
+    let bytes = random_bytes(20, 66, 30);
+    let expected = [1, 6].map(|oversampling| naive_counts(&bytes, 30, oversampling, |_, _| true));
+    let mut reversed = bytes.clone();
+    reversed.invert_axis(ndarray::Axis(0));
     let fortran = bytes
         .clone()
         .reversed_axes()
         .as_standard_layout()
         .to_owned();
-    for view in [bytes.view(), turned.view(), fortran.t()] {
+    for view in [bytes.view(), reversed.view(), fortran.t()] {
         for threads in [Some(1), Some(2), Some(3), None] {
-            for (side, expected) in [1, 6].into_iter().zip(&expected) {
+            for (oversampling, expected) in [1, 6].into_iter().zip(&expected) {
                 let mut counts = Array2::zeros(expected.dim());
                 threads::install(threads, || {
-                    add_block_counts(&PackedBits::new(view, 30)?, side, None, counts.view_mut())
+                    add_block_counts(
+                        &PackedBits::new(view, 30)?,
+                        oversampling,
+                        None,
+                        counts.view_mut(),
+                    )
                 })??;
-                assert_eq!(&counts, expected, "side {side}, threads {threads:?}");
+                assert_eq!(
+                    &counts, expected,
+                    "oversampling {oversampling}, threads {threads:?}"
+                );
             }
         }
     }
@@ -125,9 +144,9 @@ fn layout_and_threads_do_not_matter() -> Result<()> {
 }
 
 #[test]
-fn what_does_not_fit_is_an_error() -> Result<()> {
-    let bytes = garbage(2, 6, 12);
-    let shape = |error: Result<()>| match error {
+fn arguments_that_do_not_fit_are_errors() -> Result<()> {
+    let bytes = random_bytes(2, 6, 12);
+    let name = |error: Result<()>| match error {
         Err(Error::Shape { what, .. } | Error::Range { what, .. }) => what,
         other => {
             assert!(other.is_err(), "no error");
@@ -136,14 +155,21 @@ fn what_does_not_fit_is_an_error() -> Result<()> {
     };
     for width in [8, 17] {
         assert_eq!(
-            shape(PackedBits::new(bytes.view(), width).map(|_| ())),
+            name(PackedBits::new(bytes.view(), width).map(|_| ())),
             "bytes in a packed row"
         );
     }
     let bits = PackedBits::new(bytes.view(), 12)?;
     let mask = Array2::<u8>::zeros((6, 1));
     let mut counts = Array2::zeros((3, 6));
-    let mut add = |side, mask| shape(add_block_counts(&bits, side, mask, counts.view_mut()));
+    let mut add = |oversampling, mask| {
+        name(add_block_counts(
+            &bits,
+            oversampling,
+            mask,
+            counts.view_mut(),
+        ))
+    };
     assert_eq!(add(0, None), "oversampling");
     assert_eq!(add(5, None), "rows and columns of jots");
     assert_eq!(add(3, None), "counts");

@@ -1,169 +1,254 @@
-//! P(b = 1), its slope, scores and inverse against their definitions.
+//! The log-likelihood against finite differences, and its proximal map against its definition.
 
+use jotlight::admm::AdmmStep;
 use jotlight::error::{Error, Result};
-use jotlight::likelihood::Threshold;
+use jotlight::likelihood::{Readings, Threshold};
+use jotlight::threads;
+use jotlight::values::Values;
 
-const THRESHOLDS: [u32; 6] = [1, 2, 3, 5, 20, 100];
-const RATES: [f64; 12] = [
-    1e-9, 1e-4, 0.01, 0.3, 1.0, 2.5, 4.999, 5.0, 19.0, 60.0, 100.5, 150.0,
-];
-
-/// P(Y < q), the Poisson probabilities summed one by one.
-fn poisson_below(q: u32, s: f64) -> f64 {
-    let mut term = (-s).exp();
-    let mut sum = 0.0;
-    for k in 0..q {
-        sum += term;
-        term *= s / f64::from(k + 1);
-    }
-    sum
+/// The arrays that readings refer to, with different numbers for each element.
+struct Data {
+    ones: Vec<i32>,
+    trials: Vec<i32>,
+    efficiency: Vec<f64>,
+    dark_counts: Vec<f64>,
+    light: Vec<f64>,
 }
 
-fn assert_close(value: f64, expected: f64, relative: f64, what: &str) {
-    let off = (value - expected).abs();
-    assert!(
-        off <= relative * expected.abs(),
-        "{what}: {value} instead of {expected}"
-    );
-}
-
-#[test]
-fn both_probabilities_are_sums_of_poisson_terms() -> Result<()> {
-    for q in THRESHOLDS {
-        let threshold = Threshold::new(q)?;
-        assert_eq!(threshold.photons(), q);
-        for s in RATES {
-            let below = poisson_below(q, s);
-            let what = format!("q = {q}, s = {s}");
-            assert_close(threshold.stays_dark(s), below, 1e-11, &what);
-            assert!(
-                (threshold.fires(s) - (1.0 - below)).abs() < 1e-12,
-                "{what}: {}",
-                threshold.fires(s)
-            );
+impl Data {
+    fn new(length: usize) -> Self {
+        let trials: Vec<i32> = (0..length).map(|i| (i % 10) as i32).collect();
+        Self {
+            ones: (0..length)
+                .map(|i| (i * 7) as i32 % (trials[i] + 1))
+                .collect(),
+            efficiency: (0..length).map(|i| 0.3 + 0.07 * (i % 11) as f64).collect(),
+            dark_counts: (0..length).map(|i| 0.02 * (i % 4) as f64).collect(),
+            light: (0..length).map(|i| 0.05 + 0.31 * (i % 13) as f64).collect(),
+            trials,
         }
-        assert_eq!(
-            [threshold.fires(0.0), threshold.stays_dark(0.0)].map(f64::to_bits),
-            [0.0f64, 1.0].map(f64::to_bits)
-        );
+    }
+
+    fn readings(&self, q: u32) -> Result<Readings<'_>> {
+        Readings::new(
+            Threshold::new(q)?,
+            &self.ones,
+            Values::Each(&self.trials),
+            Values::Each(&self.efficiency),
+            Values::Each(&self.dark_counts),
+        )
+    }
+
+    /// Return the data of a single element.
+    fn element(&self, index: usize) -> Self {
+        Self {
+            ones: vec![self.ones[index]],
+            trials: vec![self.trials[index]],
+            efficiency: vec![self.efficiency[index]],
+            dark_counts: vec![self.dark_counts[index]],
+            light: vec![self.light[index]],
+        }
+    }
+}
+
+#[test]
+fn the_value_is_a_sum_of_logarithms() -> Result<()> {
+    let data = Data::new(100);
+    for q in [1, 2, 6] {
+        let threshold = Threshold::new(q)?;
+        let expected: f64 = (0..100)
+            .map(|i| {
+                let rate = data.efficiency[i] * data.light[i] + data.dark_counts[i];
+                let (ones, zeros) = (data.ones[i], data.trials[i] - data.ones[i]);
+                f64::from(ones) * threshold.detection_probability(rate).ln()
+                    + f64::from(zeros) * threshold.non_detection_probability(rate).ln()
+            })
+            .sum();
+        let value = data.readings(q)?.value(&data.light)?;
+        assert!((value - expected).abs() < 1e-9 * expected.abs(), "q = {q}");
     }
     Ok(())
 }
 
 #[test]
-fn faint_and_bright_tails_keep_their_digits() -> Result<()> {
-    for (q, factorial) in [(1, 1.0), (2, 2.0), (3, 6.0), (5, 120.0)] {
-        let threshold = Threshold::new(q)?;
-        let s = 1e-9f64;
-        assert_close(
-            threshold.fires(s),
-            s.powi(q as i32) / factorial,
-            1e-8,
-            "faint",
-        );
-        let (s, k) = (700.0f64, q as i32 - 1);
-        let leading = (-s).exp() * s.powi(k) * f64::from(q) / factorial;
-        assert_close(
-            threshold.stays_dark(s),
-            leading,
-            1.2 * f64::from(k) / s,
-            "bright",
-        );
+fn gradient_and_curvature_agree_with_finite_differences() -> Result<()> {
+    let data = Data::new(130);
+    for q in [1, 2, 6] {
+        let (mut gradient, mut curvature) = ([0.0; 130], [0.0; 130]);
+        let readings = data.readings(q)?;
+        readings.gradient_and_curvature(&data.light, &mut gradient, &mut curvature)?;
+        for index in 0..130 {
+            let element = data.element(index);
+            let readings = element.readings(q)?;
+            let step = 1e-4 * element.light[0];
+            let value = |light: f64| readings.value(&[light]);
+            let [below, here, above] =
+                [-1.0, 0.0, 1.0].map(|side| value(element.light[0] + side * step));
+            let (below, here, above) = (below?, here?, above?);
+            let first = (above - below) / (2.0 * step);
+            let second = -((above - here) - (here - below)) / (step * step);
+            let scale = first.abs() + 1.0;
+            assert!(
+                (gradient[index] - first).abs() < 1e-5 * scale,
+                "q = {q}, {index}"
+            );
+            let scale = second.abs() + first.abs() / element.light[0] + 1.0;
+            assert!(
+                (curvature[index] - second).abs() < 1e-3 * scale,
+                "q = {q}, {index}"
+            );
+            assert!(curvature[index] >= 0.0);
+        }
     }
     Ok(())
 }
 
 #[test]
-fn slope_and_scores_are_derivatives() -> Result<()> {
-    for q in THRESHOLDS {
+fn vector_code_for_one_photon_agrees_with_the_threshold() -> Result<()> {
+    let data = Data::new(5000);
+    let threshold = Threshold::new(1)?;
+    let (mut gradient, mut curvature) = (vec![0.0; 5000], vec![0.0; 5000]);
+    let readings = data.readings(1)?;
+    readings.gradient_and_curvature(&data.light, &mut gradient, &mut curvature)?;
+    for i in 0..5000 {
+        let rate = data.efficiency[i] * data.light[i] + data.dark_counts[i];
+        let (ones, zeros) = (data.ones[i], data.trials[i] - data.ones[i]);
+        let (score, concavity) = threshold.detection_score_and_curvature(rate);
+        let expected = data.efficiency[i] * (f64::from(ones) * score - f64::from(zeros));
+        assert!((gradient[i] - expected).abs() < 1e-12 * (1.0 + f64::from(ones) * score));
+        let expected = data.efficiency[i].powi(2) * f64::from(ones) * concavity;
+        assert!((curvature[i] - expected).abs() <= 1e-12 * expected);
+    }
+    Ok(())
+}
+
+#[test]
+fn information_is_the_expected_curvature() -> Result<()> {
+    // A binomial count has the expectation n P, so the expected curvature weighs both curvatures.
+    let data = Data::new(60);
+    for q in [1, 3] {
         let threshold = Threshold::new(q)?;
-        for s in RATES {
-            let step = 1e-5 * s;
-            let derivative = |f: &dyn Fn(f64) -> f64| (f(s + step) - f(s - step)) / (2.0 * step);
-            let what = format!("q = {q}, s = {s}");
-            let fires = threshold.fires(s);
-            if fires > 1e-290 {
-                let lower = derivative(&|s| threshold.fires(s).ln());
-                assert!(
-                    (threshold.fired_score(s) - lower).abs() < 1e-5 * (lower + 1e-5 / s),
-                    "{what}: {} instead of {lower}",
-                    threshold.fired_score(s)
-                );
-                assert_close(
-                    threshold.slope(s),
-                    threshold.fired_score(s) * fires,
-                    1e-9,
-                    &what,
-                );
+        let mut information = [0.0; 60];
+        data.readings(q)?
+            .information(&data.light, &mut information)?;
+        for i in 0..60 {
+            let rate = data.efficiency[i] * data.light[i] + data.dark_counts[i];
+            let of_ones = threshold.detection_score_and_curvature(rate).1;
+            let of_zeros = threshold.non_detection_score_and_curvature(rate).1;
+            let expected = f64::from(data.trials[i])
+                * data.efficiency[i].powi(2)
+                * (threshold.detection_probability(rate) * of_ones
+                    + threshold.non_detection_probability(rate) * of_zeros);
+            assert!((information[i] - expected).abs() <= 1e-9 * (expected + 1e-9));
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn no_point_nearby_is_better_than_the_proximal_map() -> Result<()> {
+    let (data, max_light) = (Data::new(200), 3.0);
+    for q in [1, 2, 6] {
+        for penalty in [0.01, 1.0, 1e4] {
+            let points: Vec<f64> = (0..200).map(|i| -1.0 + 0.03 * f64::from(i)).collect();
+            let mut minimizers = points.clone();
+            let readings = data.readings(q)?;
+            readings.proximal(penalty, max_light, &data.light, &mut minimizers)?;
+            for (index, (&x, point)) in minimizers.iter().zip(points).enumerate() {
+                assert!((0.0..=max_light).contains(&x));
+                let element = data.element(index);
+                let readings = element.readings(q)?;
+                let objective = |x: f64| -> Result<f64> {
+                    Ok(0.5 * penalty * (x - point).powi(2) - readings.value(&[x])?)
+                };
+                let minimum = objective(x)?;
+                for other in [x - 1e-3, x + 1e-3, 0.0, 0.5 * max_light, max_light] {
+                    let other = objective(other.clamp(0.0, max_light))?;
+                    let rounding = 1e-9 * (1.0 + minimum.abs());
+                    assert!(
+                        other >= minimum - rounding,
+                        "q = {q}, ρ = {penalty}, {index}"
+                    );
+                }
             }
-            let upper = -derivative(&|s| threshold.stays_dark(s).ln());
-            assert!(
-                (threshold.dark_score(s) - upper).abs() < 1e-5 * (upper + 1e-5 / s),
-                "{what}: {} instead of {upper}",
-                threshold.dark_score(s)
-            );
         }
     }
     Ok(())
 }
 
 #[test]
-fn scores_stay_finite_where_probabilities_underflow() -> Result<()> {
-    let threshold = Threshold::new(100)?;
-    assert_eq!(threshold.fires(1e-9).to_bits(), 0);
-    assert_close(threshold.fired_score(1e-9), 100.0 / 1e-9, 1e-9, "faint");
-    assert_eq!(threshold.stays_dark(1e4).to_bits(), 0);
-    assert_close(threshold.dark_score(1e4), 1.0 - 99.0 / 1e4, 1e-4, "bright");
-    Ok(())
-}
-
-#[test]
-fn rate_undoes_both_probabilities() -> Result<()> {
-    for q in THRESHOLDS {
-        let threshold = Threshold::new(q)?;
-        for exponent in -280..0 {
-            let probability = 10f64.powi(exponent);
-            let what = format!("q = {q}, p = {probability}");
-            assert_close(
-                threshold.fires(threshold.rate(probability)),
-                probability,
-                1e-11,
-                &what,
-            );
+fn an_admm_update_is_a_proximal_map_and_a_dual_step() -> Result<()> {
+    let (data, max_light) = (Data::new(150), 4.0);
+    let step = AdmmStep {
+        penalty: 2.0,
+        relaxation: 1.6,
+    };
+    for q in [1, 3] {
+        let readings = data.readings(q)?;
+        let (mut x, mut dual) = (vec![0.7; 150], vec![0.1; 150]);
+        let relaxed = |light: f64| 1.6 * light - 0.6 * 0.7 + 0.1;
+        let points: Vec<f64> = data.light.iter().copied().map(relaxed).collect();
+        let mut expected = points.clone();
+        readings.proximal(step.penalty, max_light, &x, &mut expected)?;
+        let residual = readings.admm_update(&step, max_light, &data.light, &mut x, &mut dual)?;
+        let mut sum = 0.0;
+        for i in 0..150 {
+            assert!((x[i] - expected[i]).abs() < 1e-5, "q = {q}, {i}");
+            assert!((dual[i] - (points[i] - x[i])).abs() < 1e-12);
+            sum += (data.light[i] - x[i]).powi(2);
         }
-        for exponent in 1..15 {
-            let probability = 1.0 - 10f64.powi(-exponent);
-            let what = format!("q = {q}, p = {probability}");
-            let dark = threshold.stays_dark(threshold.rate(probability));
-            assert_close(dark, 1.0 - probability, 1e-11, &what);
-        }
-        assert_eq!(threshold.rate(0.0).to_bits(), 0);
-        assert!(threshold.rate(1.0).is_infinite());
+        assert!((residual - sum).abs() < 1e-9 * sum);
     }
     Ok(())
 }
 
 #[test]
-fn endless_light_makes_every_jot_fire() -> Result<()> {
-    for q in THRESHOLDS {
-        let threshold = Threshold::new(q)?;
-        let ends = [
-            threshold.fires(f64::INFINITY),
-            threshold.stays_dark(f64::INFINITY),
-        ];
-        assert_eq!(ends.map(f64::to_bits), [1.0f64, 0.0].map(f64::to_bits));
+fn results_do_not_depend_on_the_number_of_threads() -> Result<()> {
+    let data = Data::new(20_000);
+    for q in [1, 2] {
+        let run = |threads| {
+            threads::install(Some(threads), || -> Result<(u64, Vec<u64>)> {
+                let readings = data.readings(q)?;
+                let mut point = data.light.clone();
+                readings.proximal(0.5, 4.0, &data.light, &mut point)?;
+                let value = readings.value(&point)?.to_bits();
+                Ok((value, point.into_iter().map(f64::to_bits).collect()))
+            })?
+        };
+        let one = run(1)?;
+        assert_eq!(run(2)?, one);
+        assert_eq!(run(5)?, one);
     }
     Ok(())
 }
 
 #[test]
-fn a_threshold_of_no_photons_is_an_error() {
+fn arguments_that_do_not_fit_are_errors() -> Result<()> {
+    let threshold = Threshold::new(1)?;
+    let readings = |ones, trials, efficiency| {
+        Readings::new(threshold, ones, trials, efficiency, Values::Same(0.0)).map(|_| ())
+    };
+    let name = |result: Result<()>| match result {
+        Err(Error::Shape { what, .. } | Error::Range { what, .. }) => what,
+        _ => "no error of shape or range",
+    };
+    let one = Values::Same(1.0);
+    assert_eq!(name(readings(&[0, 3], Values::Same(2), one)), "counts");
+    assert_eq!(name(readings(&[-1], Values::Same(2), one)), "counts");
+    assert_eq!(name(readings(&[0], Values::Each(&[1, 1]), one)), "trials");
+    let efficiency = Values::Each(&[1.0; 3][..]);
     assert_eq!(
-        Threshold::new(0),
-        Err(Error::Range {
-            what: "threshold",
-            expected: "at least 1 photon",
-            given: "0".into()
-        })
+        name(readings(&[0], Values::Same(1), efficiency)),
+        "efficiency"
     );
+
+    let data = Data::new(3);
+    let readings = data.readings(1)?;
+    assert_eq!(name(readings.value(&[1.0]).map(|_| ())), "light");
+    let mut point = [1.0; 3];
+    for penalty in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let refused = readings.proximal(penalty, 1.0, &[1.0; 3], &mut point);
+        assert_eq!(name(refused), "penalty");
+    }
+    Ok(())
 }

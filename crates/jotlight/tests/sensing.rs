@@ -1,4 +1,4 @@
-//! From light to bits, without Python.
+//! Rates, probabilities, and bits of the sensor model against their definitions.
 
 use jotlight::bits::packed_width;
 use jotlight::error::{Error, Result};
@@ -20,7 +20,7 @@ fn sensor<'a>(degree: usize, oversampling: usize, q: u32) -> Result<Sensor<'a>> 
     })
 }
 
-fn scene(height: usize, width: usize) -> Array2<f64> {
+fn test_image(height: usize, width: usize) -> Array2<f64> {
     Array2::from_shape_fn((height, width), |(row, column)| {
         0.5 + 0.5 * (1.0 + row as f64 + 0.37 * (column * column) as f64).sin()
     })
@@ -35,12 +35,12 @@ fn whole(image: &Array2<f64>, frames: usize) -> Window {
 }
 
 fn draw(sensor: &Sensor<'_>, image: &Array2<f64>, window: &Window) -> Result<Array3<u8>> {
-    let side = sensor.kernel.oversampling();
+    let oversampling = sensor.kernel.oversampling();
     let mut out = Array3::from_elem(
         (
             window.frames.len(),
-            window.rows.len() * side,
-            packed_width(window.columns.len() * side),
+            window.rows.len() * oversampling,
+            packed_width(window.columns.len() * oversampling),
         ),
         0xff,
     );
@@ -61,7 +61,7 @@ fn bit(bits: &Array3<u8>, frame: usize, row: usize, column: usize) -> u8 {
 
 #[test]
 fn bits_are_the_same_for_any_number_of_threads() -> Result<()> {
-    let image = scene(23, 31);
+    let image = test_image(23, 31);
     for degree in 0..=3 {
         let sensor = sensor(degree, 3, 2)?;
         let on = |threads| threads::install(threads, || draw(&sensor, &image, &whole(&image, 3)))?;
@@ -74,10 +74,10 @@ fn bits_are_the_same_for_any_number_of_threads() -> Result<()> {
 }
 
 #[test]
-fn a_window_holds_what_the_whole_holds_there() -> Result<()> {
-    for (degree, side, width) in [(0, 1, 5000), (0, 7, 700), (1, 3, 40), (3, 5, 900)] {
-        let image = scene(4, width);
-        let sensor = sensor(degree, side, 1)?;
+fn a_window_holds_the_bits_of_the_whole_image() -> Result<()> {
+    for (degree, oversampling, width) in [(0, 1, 5000), (0, 7, 700), (1, 3, 40), (3, 5, 900)] {
+        let image = test_image(4, width);
+        let sensor = sensor(degree, oversampling, 1)?;
         let all = draw(&sensor, &image, &whole(&image, 4))?;
         for (frames, rows, columns) in [
             (1..3, 1..4, 0..width),
@@ -92,13 +92,13 @@ fn a_window_holds_what_the_whole_holds_there() -> Result<()> {
             };
             let part = draw(&sensor, &image, &window)?;
             let (frames, rows, bytes) = part.dim();
-            let jots = window.columns.len() * side;
+            let jots = window.columns.len() * oversampling;
             for frame in 0..frames {
                 for row in 0..rows {
                     for column in 0..8 * bytes {
                         let expected = if column < jots {
-                            let column = window.columns.start * side + column;
-                            let row = window.rows.start * side + row;
+                            let column = window.columns.start * oversampling + column;
+                            let row = window.rows.start * oversampling + row;
                             bit(&all, window.frames.start + frame, row, column)
                         } else {
                             0
@@ -113,9 +113,9 @@ fn a_window_holds_what_the_whole_holds_there() -> Result<()> {
 }
 
 #[test]
-fn every_channel_frame_and_row_has_draws_of_its_own() -> Result<()> {
+fn every_channel_frame_and_row_has_its_own_draws() -> Result<()> {
     let (sensor, image) = (sensor(0, 2, 1)?, Array2::from_elem((3, 40), 0.5));
-    let mut seen = Vec::new();
+    let mut rows = Vec::new();
     for channel in 0..3 {
         let mut out = Array3::zeros((4, 6, 10));
         let light = Image::F64(image.view());
@@ -128,32 +128,32 @@ fn every_channel_frame_and_row_has_draws_of_its_own() -> Result<()> {
             out.view_mut(),
         )?;
         for row in out.rows() {
-            assert!(!seen.contains(&row.to_vec()), "channel {channel}");
-            seen.push(row.to_vec());
+            assert!(!rows.contains(&row.to_vec()), "channel {channel}");
+            rows.push(row.to_vec());
         }
     }
     Ok(())
 }
 
 #[test]
-fn the_rate_of_a_jot_is_the_light_of_the_pixels_around() -> Result<()> {
-    let image = scene(5, 6);
+fn the_rate_of_a_jot_is_a_weighted_sum_of_pixels() -> Result<()> {
+    let image = test_image(5, 6);
     for degree in 0..=3 {
-        for side in 1..=4 {
-            let sensor = sensor(degree, side, 1)?;
-            let mut rates = Array2::zeros((5 * side, 6 * side));
+        for oversampling in 1..=4 {
+            let sensor = sensor(degree, oversampling, 1)?;
+            let mut rates = Array2::zeros((5 * oversampling, 6 * oversampling));
             rate(&sensor, Image::F64(image.view()), 0, rates.view_mut())?;
             let taps = sensor.kernel.taps();
-            let reach = (degree * side / 2) as isize;
-            // How much of pixel `pixel` falls on jot `jot`, and where the scene goes on past the rim.
-            let share = |jot: usize, pixel: isize| {
-                let place = jot as isize + reach - pixel * side as isize;
-                usize::try_from(place)
+            let shift = (degree * oversampling / 2) as isize;
+            // The weight of a pixel at a jot, and the index of the continuation at the border.
+            let weight = |jot: usize, pixel: isize| {
+                let tap = jot as isize + shift - pixel * oversampling as isize;
+                usize::try_from(tap)
                     .ok()
-                    .and_then(|place| taps.get(place))
+                    .and_then(|tap| taps.get(tap))
                     .unwrap_or(&0.0)
             };
-            let inside = |pixel: isize, size: isize| match pixel {
+            let mirror = |pixel: isize, size: isize| match pixel {
                 ..0 => (-1 - pixel) as usize,
                 _ if pixel >= size => (2 * size - 1 - pixel) as usize,
                 _ => pixel as usize,
@@ -162,14 +162,15 @@ fn the_rate_of_a_jot_is_the_light_of_the_pixels_around() -> Result<()> {
                 let mut light = 0.0;
                 for y in -3..8 {
                     for x in -3..9 {
-                        light +=
-                            share(row, y) * share(column, x) * image[[inside(y, 5), inside(x, 6)]];
+                        light += weight(row, y)
+                            * weight(column, x)
+                            * image[[mirror(y, 5), mirror(x, 6)]];
                     }
                 }
                 let expected = 0.9 * sensor.gain_per_frame * light + 0.02;
                 assert!(
                     (f64::from(value) - expected).abs() < 1e-6 * expected,
-                    "degree {degree}, side {side}, jot {row}, {column}: {value} for {expected}"
+                    "degree {degree}, K̂ {oversampling}, ({row}, {column}): {value}, not {expected}"
                 );
             }
         }
@@ -178,8 +179,8 @@ fn the_rate_of_a_jot_is_the_light_of_the_pixels_around() -> Result<()> {
 }
 
 #[test]
-fn jots_fire_as_often_as_their_probability_and_dead_ones_never() -> Result<()> {
-    let image = scene(6, 9);
+fn frequencies_of_ones_agree_with_the_probabilities() -> Result<()> {
+    let image = test_image(6, 9);
     let dead = Array2::from_shape_fn((18, 27), |(row, column)| (row + column) % 5 == 0);
     let dark = Array2::from_shape_fn((18, 27), |(row, _)| 0.01 * row as f32);
     for (degree, q) in [(0, 1), (0, 3), (2, 2)] {
@@ -188,28 +189,35 @@ fn jots_fire_as_often_as_their_probability_and_dead_ones_never() -> Result<()> {
             dark_counts: PerJot::Map(dark.view()),
             ..sensor(degree, 3, q)?
         };
-        let mut chance = Array2::zeros((18, 27));
-        probability(&sensor, Image::F64(image.view()), 0, chance.view_mut())?;
+        let mut probabilities = Array2::zeros((18, 27));
+        probability(
+            &sensor,
+            Image::F64(image.view()),
+            0,
+            probabilities.view_mut(),
+        )?;
         let frames = 4000;
         let bits = draw(&sensor, &image, &whole(&image, frames))?;
-        for ((row, column), &chance) in chance.indexed_iter() {
-            let fired: i32 = (0..frames)
+        for ((row, column), &expected) in probabilities.indexed_iter() {
+            let ones: i32 = (0..frames)
                 .map(|frame| i32::from(bit(&bits, frame, row, column)))
                 .sum();
             if dead[[row, column]] {
-                assert_eq!((fired, chance.to_bits()), (0, 0));
+                assert_eq!((ones, expected.to_bits()), (0, 0));
             } else {
-                // Past 6.5 standard deviations and a bit for the skew: less than once in 10⁶ seeds.
-                let (mean, frames) = (frames as f64 * f64::from(chance), frames as f64);
+                // The bound is 6.5 standard deviations plus 6 for the skewness: less than one of
+                // 10⁶ seeds violates it.
+                let (mean, frames) = (frames as f64 * f64::from(expected), frames as f64);
                 let deviation = (mean * (1.0 - mean / frames)).sqrt();
-                assert!((f64::from(fired) - mean).abs() < 6.5 * deviation + 6.0);
+                assert!((f64::from(ones) - mean).abs() < 6.5 * deviation + 6.0);
             }
         }
     }
     Ok(())
 }
 
-fn what(result: Result<()>) -> &'static str {
+/// Return the name of the argument that an error is about.
+fn argument(result: Result<()>) -> &'static str {
     match result {
         Err(Error::Shape { what, .. } | Error::Range { what, .. }) => what,
         _ => "no error of shape or range",
@@ -217,70 +225,76 @@ fn what(result: Result<()>) -> &'static str {
 }
 
 #[test]
-fn what_does_not_fit_is_an_error() -> Result<()> {
-    let (dead, dark) = (Array2::from_elem((8, 9), false), Array2::zeros((4, 5)));
-    let image = scene(4, 5);
-    let light = Image::F64(image.view());
-    let plain = sensor(1, 2, 1)?;
-    let try_out = |sensor: &Sensor<'_>, shape, channel, window: &Window| {
-        let mut out = Array3::zeros(shape);
-        what(expose(sensor, light, SEED, channel, window, out.view_mut()))
+fn windows_that_do_not_fit_are_errors() -> Result<()> {
+    let image = test_image(4, 5);
+    let sensor = sensor(1, 2, 1)?;
+    let refused = |shape, channel, window: &Window| {
+        let (light, mut out) = (Image::F64(image.view()), Array3::zeros(shape));
+        argument(expose(
+            &sensor,
+            light,
+            SEED,
+            channel,
+            window,
+            out.view_mut(),
+        ))
     };
     let all = whole(&image, 1);
     for shape in [(1, 8, 1), (1, 4, 2), (2, 8, 2)] {
-        assert_eq!(try_out(&plain, shape, 0, &all), "out");
+        assert_eq!(refused(shape, 0, &all), "out");
     }
-    assert_eq!(try_out(&plain, (1, 8, 2), 128, &all), "channel");
-    for (window, expected) in [
-        (
-            Window {
-                rows: 0..5,
-                ..all.clone()
-            },
-            "window rows",
-        ),
-        (
-            Window {
-                columns: 4..6,
-                ..all.clone()
-            },
-            "window columns",
-        ),
-        (
-            Window {
-                frames: 1 << 32..(1 << 32) + 1,
-                ..all.clone()
-            },
-            "frames",
-        ),
+    assert_eq!(refused((1, 8, 2), 128, &all), "channel");
+    for (frames, rows, columns, expected) in [
+        (0..1, 0..5, 0..5, "window rows"),
+        (0..1, 0..4, 4..6, "window columns"),
+        (1 << 32..(1 << 32) + 1, 0..4, 0..5, "frames"),
     ] {
-        assert_eq!(try_out(&plain, (1, 8, 2), 0, &window), expected);
+        let window = Window {
+            frames,
+            rows,
+            columns,
+        };
+        assert_eq!(refused((1, 8, 2), 0, &window), expected);
     }
+    Ok(())
+}
 
-    let mut out = Array2::zeros((8, 10));
+#[test]
+fn maps_that_do_not_fit_are_errors() -> Result<()> {
+    let (dead, dark) = (Array2::from_elem((8, 9), false), Array2::zeros((4, 5)));
+    let image = test_image(4, 5);
+    let light = Image::F64(image.view());
+    let plain = sensor(1, 2, 1)?;
     let masked = Sensor {
         dead: Some(dead.view()),
         ..plain.clone()
     };
-    let dim = Sensor {
+    let with_dark_counts = Sensor {
         dark_counts: PerJot::Map(dark.view()),
         ..plain.clone()
     };
-    assert_eq!(try_out(&masked, (1, 8, 2), 0, &all), "mask");
-    assert_eq!(try_out(&dim, (1, 8, 2), 0, &all), "dark counts");
-    assert_eq!(what(rate(&masked, light, 0, out.view_mut())), "mask");
-    assert_eq!(
-        what(probability(&dim, light, 0, out.view_mut())),
-        "dark counts"
-    );
+    let all = whole(&image, 1);
+    let mut out = Array2::zeros((8, 10));
+    for (sensor, expected) in [(&masked, "mask"), (&with_dark_counts, "dark counts")] {
+        let mut bits = Array3::zeros((1, 8, 2));
+        let exposed = expose(sensor, light, SEED, 0, &all, bits.view_mut());
+        assert_eq!(argument(exposed), expected);
+        assert_eq!(argument(rate(sensor, light, 0, out.view_mut())), expected);
+        let probabilities = probability(sensor, light, 0, out.view_mut());
+        assert_eq!(argument(probabilities), expected);
+    }
     let mut small = Array2::zeros((4, 5));
-    assert_eq!(what(rate(&plain, light, 0, small.view_mut())), "out");
+    assert_eq!(argument(rate(&plain, light, 0, small.view_mut())), "out");
     let empty = Array2::<f32>::zeros((0, 5));
-    assert_eq!(
-        what(rate(&plain, Image::F32(empty.view()), 0, out.view_mut())),
-        "image"
-    );
-    assert_eq!(what(Kernel::new(4, 2).map(|_| ())), "kernel degree");
-    assert_eq!(what(Kernel::new(0, 0).map(|_| ())), "oversampling");
+    let light = Image::F32(empty.view());
+    assert_eq!(argument(rate(&plain, light, 0, out.view_mut())), "image");
     Ok(())
+}
+
+#[test]
+fn kernels_that_do_not_exist_are_errors() {
+    for (degree, oversampling, expected) in [(4, 2, "kernel degree"), (0, 0, "oversampling")] {
+        let kernel = Kernel::new(degree, oversampling);
+        assert_eq!(argument(kernel.map(|_| ())), expected);
+    }
 }

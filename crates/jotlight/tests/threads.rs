@@ -1,4 +1,4 @@
-#![allow(missing_docs)]
+//! The distribution of the caller's cores over the threads of a pool.
 #![cfg(target_os = "linux")]
 
 use std::error::Error;
@@ -8,12 +8,12 @@ use rustix::thread::{CpuSet, sched_getaffinity, sched_getcpu, sched_setaffinity}
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
-/// The cores of each thread that works.
-fn shares(number: usize) -> Result<Vec<CpuSet>> {
-    let shares = threads::install(Some(number), || {
+/// Return the cores that each of `number` threads may use.
+fn cores_of_threads(number: usize) -> Result<Vec<CpuSet>> {
+    let sets = threads::install(Some(number), || {
         rayon::broadcast(|_| sched_getaffinity(None))
     })?;
-    Ok(shares.into_iter().collect::<rustix::io::Result<_>>()?)
+    Ok(sets.into_iter().collect::<rustix::io::Result<_>>()?)
 }
 
 fn cores(set: &CpuSet) -> Vec<usize> {
@@ -22,29 +22,29 @@ fn cores(set: &CpuSet) -> Vec<usize> {
 }
 
 #[test]
-fn threads_share_the_cores_out() -> Result<()> {
+fn threads_divide_the_cores_evenly() -> Result<()> {
     let allowed = cores(&sched_getaffinity(None)?);
     let numbers = [1, 2, 3, allowed.len()];
     for number in numbers.into_iter().filter(|&n| n <= allowed.len()) {
-        let mut shares: Vec<_> = shares(number)?.iter().map(cores).collect();
-        let sizes = shares.iter().map(Vec::len);
-        assert!(sizes.clone().max() <= sizes.min().map(|least| least + 1));
-        shares.sort();
-        let mut together = shares.concat();
-        together.sort_unstable();
-        assert_eq!(together, allowed, "{number} threads");
+        let mut parts: Vec<_> = cores_of_threads(number)?.iter().map(cores).collect();
+        let sizes = parts.iter().map(Vec::len);
+        assert!(sizes.clone().max() <= sizes.min().map(|min| min + 1));
+        parts.sort();
+        let mut union = parts.concat();
+        union.sort_unstable();
+        assert_eq!(union, allowed, "{number} threads");
     }
-    // More threads than cores: each core has its part of them.
-    let more = shares(2 * allowed.len())?;
+    // With twice as many threads as cores, each core belongs to two threads.
+    let parts = cores_of_threads(2 * allowed.len())?;
     for &core in &allowed {
-        let its = more.iter().filter(|share| share.is_set(core));
-        assert_eq!(its.count(), 2, "core {core}");
+        let threads = parts.iter().filter(|part| part.is_set(core));
+        assert_eq!(threads.count(), 2, "core {core}");
     }
     Ok(())
 }
 
 #[test]
-fn the_first_thread_has_the_callers_core() -> Result<()> {
+fn the_first_thread_receives_the_callers_core() -> Result<()> {
     let allowed = sched_getaffinity(None)?;
     let Some(&second) = cores(&allowed).get(1) else {
         return Ok(());
@@ -52,36 +52,36 @@ fn the_first_thread_has_the_callers_core() -> Result<()> {
     let mut one = CpuSet::new();
     one.set(second);
     let mut stayed = 0;
-    let mut held = 0;
+    let mut received = 0;
     for _ in 0..200 {
-        // It mostly stays there.
+        // The caller moves to this core and mostly stays there.
         sched_setaffinity(None, &one)?;
         sched_setaffinity(None, &allowed)?;
         let core = sched_getcpu();
-        let shares = shares(2)?;
-        // Else the caller may have moved before its core was asked for.
+        let parts = cores_of_threads(2)?;
+        // Otherwise the caller may have moved before the pool read its core.
         if core == second && core == sched_getcpu() {
             stayed += 1;
-            held += usize::from(shares[0].is_set(core));
+            received += usize::from(parts[0].is_set(core));
         }
     }
     assert!(stayed > 0);
-    assert!(held * 10 >= stayed * 9, "{held} of {stayed}");
+    assert!(received * 10 >= stayed * 9, "{received} of {stayed}");
     Ok(())
 }
 
 #[test]
-fn threads_stay_with_the_cores_of_the_caller() -> Result<()> {
+fn threads_stay_within_the_cores_of_the_caller() -> Result<()> {
     let before = sched_getaffinity(None)?;
     let mut one = CpuSet::new();
     one.set(sched_getcpu());
-    // The same threads wait for the next call.
-    for kept in [before, one, before] {
-        sched_setaffinity(None, &kept)?;
-        for share in shares(2)? {
-            let share = cores(&share);
-            assert!(!share.is_empty());
-            assert!(share.iter().all(|&core| kept.is_set(core)));
+    // All calls reuse the same idle threads.
+    for allowed in [before, one, before] {
+        sched_setaffinity(None, &allowed)?;
+        for part in cores_of_threads(2)? {
+            let part = cores(&part);
+            assert!(!part.is_empty());
+            assert!(part.iter().all(|&core| allowed.is_set(core)));
         }
     }
     Ok(())

@@ -1,4 +1,13 @@
-"""Calibration: what a dark and a flat capture tell of a sensor's jots."""
+"""Calibration: what a dark and a flat capture reveal about the jots of a sensor.
+
+- `estimate`: `calibrate`, from captures to a `Calibration`.
+- `bulk`: the distribution of the dark counts of ordinary jots, and from it the hot ones.
+- `flat`: the response of each jot, and the dead ones.
+- `steadiness`: tests of the assumption that frames are independent and alike.
+- `rates`: from counts to detections per frame.
+- `result`: the `Calibration` and its file.
+- `figure`: a page of plots.
+"""
 
 from jotlight.calibration.bulk import Bulk, fit_bulk
 from jotlight.calibration.estimate import calibrate

@@ -1,4 +1,4 @@
-"""A page of plots of a calibration. Made without pyplot, as all figures are."""
+"""A page of plots of a calibration."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ _HOT, _MASKED, _DEAD = "#f2a541", "#c1292e", "#2f6fdb"
 
 
 def page(calibration: Calibration) -> "Figure":
-    """Draw the maps, the distributions with the lines that were drawn in them, and the numbers."""
+    """Return a figure of the maps, the distributions with their limits, and the numbers."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(17, 9), facecolor="white", layout="constrained")
@@ -39,17 +39,17 @@ def page(calibration: Calibration) -> "Figure":
     return figure
 
 
-def _title(axes: "Axes", words: str) -> None:
-    axes.set_title(words, fontsize=11, color=_INK, loc="left")
+def _title(axes: "Axes", text: str) -> None:
+    axes.set_title(text, fontsize=11, color=_INK, loc="left")
 
 
-def _absent(axes: "Axes", words: str) -> None:
-    axes.text(0.5, 0.5, words, ha="center", color=_QUIET, transform=axes.transAxes)
+def _absent(axes: "Axes", text: str) -> None:
+    axes.text(0.5, 0.5, text, ha="center", color=_QUIET, transform=axes.transAxes)
     axes.set_axis_off()
 
 
-def _image(axes: "Axes", image: npt.NDArray[np.floating], title: str, **how: Any) -> None:
-    shown = axes.imshow(image, interpolation="nearest", **how)
+def _image(axes: "Axes", image: npt.NDArray[np.floating], title: str, **options: Any) -> None:
+    shown = axes.imshow(image, interpolation="nearest", **options)
     axes.set_xticks([])
     axes.set_yticks([])
     _title(axes, title)
@@ -57,43 +57,43 @@ def _image(axes: "Axes", image: npt.NDArray[np.floating], title: str, **how: Any
 
 
 def _dark_map(axes: "Axes", calibration: Calibration) -> None:
-    # One count in all frames stands for none of them, which a logarithm cannot show.
-    least = 1 / calibration.dark_frames
-    image = np.log10(np.maximum(calibration.dark_counts, least))
+    # A logarithm cannot show 0, so one count in all frames replaces it.
+    smallest = 1 / calibration.dark_frames
+    image = np.log10(np.maximum(calibration.dark_counts, smallest))
     _image(axes, image, "dark counts per frame, log₁₀", cmap="inferno")
 
 
 def _dark_histogram(axes: "Axes", calibration: Calibration) -> None:
     ones, bulk = calibration.dark_ones, calibration.bulk
-    most = min(max(3 * calibration.hot_from, 10), calibration.dark_frames)
-    step = max(1, most // 200)
-    edges = np.arange(0, most + step + 1, step) - 0.5
+    top = min(max(3 * calibration.hot_threshold, 10), calibration.dark_frames)
+    step = max(1, top // 200)
+    edges = np.arange(0, top + step + 1, step) - 0.5
     number, _ = np.histogram(ones, edges)
     axes.bar(edges[:-1], number, width=step, align="edge", color=_BAR, label="jots")
     middle = np.rint((edges[:-1] + edges[1:]) / 2)
     middle = middle[middle <= calibration.dark_frames]
-    # As many as make the lower half what it is: not all jots are ordinary.
+    # Scaled to the lower half of the jots, since not all jots are ordinary.
     half = np.arange(np.median(ones) + 1)
     ordinary = (ones < len(half)).sum() / np.exp(bulk.log_probability(half)).sum()
     expected = ordinary * step * np.exp(bulk.log_probability(middle))
     axes.plot(middle, expected, color=_MARK, linewidth=1.5, label="ordinary jots, fitted")
-    if calibration.too_few() is None:
+    if calibration.insufficient_frames_reason() is None:
         axes.axvline(
-            calibration.hot_from - 0.5,
+            calibration.hot_threshold - 0.5,
             color=_HOT,
             linestyle="--",
-            label=f"hot from {calibration.hot_from}",
+            label=f"hot: {calibration.hot_threshold} or more",
         )
     axes.set_yscale("log")
     axes.set_ylim(0.5, 2 * max(int(number.max()), 1))
     above = int((ones > edges[-1]).sum())
     axes.set_xlabel(
         f"ones in {calibration.dark_frames} dark frames"
-        + (f"; {above} jots lie further right" if above else ""),
+        + (f"; {above} jots are beyond the axis" if above else ""),
         color=_QUIET,
     )
     axes.legend(fontsize=8, frameon=False)
-    _title(axes, "how many jots have how many dark counts")
+    _title(axes, "distribution of the dark counts")
 
 
 def _flags(axes: "Axes", calibration: Calibration) -> None:
@@ -107,15 +107,15 @@ def _flags(axes: "Axes", calibration: Calibration) -> None:
         (_MASKED, masked_hot, "hot, masked"),
         (_DEAD, calibration.dead, "dead, masked"),
     ]
-    for colour, flags, _ in shown:
-        image[flags] = to_rgb(colour)
+    for color, flags, _ in shown:
+        image[flags] = to_rgb(color)
     axes.imshow(image, interpolation="nearest")
     axes.set_xticks([])
     axes.set_yticks([])
     axes.legend(
         handles=[
-            Patch(color=colour, label=f"{words}: {flags.sum()} ({flags.mean():.2%})")
-            for colour, flags, words in shown
+            Patch(color=color, label=f"{text}: {flags.sum()} ({flags.mean():.2%})")
+            for color, flags, text in shown
         ],
         loc="upper center",
         bbox_to_anchor=(0.5, -0.02),
@@ -131,12 +131,12 @@ def _response(
     good = relative[~calibration.mask]
     low, high = np.percentile(good, (0.5, 99.5))
     image = np.where(calibration.mask, np.nan, relative)
-    _image(map_axes, image, "response relative to its surroundings", vmin=low, vmax=high)
+    _image(map_axes, image, "response relative to the neighborhood", vmin=low, vmax=high)
     axes.hist(good, bins=100, range=(good.min(), good.max()), color=_BAR)
     axes.set_yscale("log")
     axes.set_xlabel(
-        "response of jots that are not masked\n"
-        f"noise of counting, {calibration.flat_noise:.2%}, is taken off the PRNU",
+        "response of the jots that are not masked\n"
+        f"the PRNU excludes the counting noise of {calibration.flat_noise:.2%}",
         color=_QUIET,
     )
     _title(axes, f"PRNU {calibration.prnu:.2%} ± {calibration.prnu_error:.2%}")
@@ -144,7 +144,7 @@ def _response(
 
 def _steadiness(axes: "Axes", name: str, found: Steadiness | None) -> None:
     if found is None:
-        _absent(axes, f"{name}: no single frames,\nso no look at change over time")
+        _absent(axes, f"{name}: no single frames,\nso no test of change over time")
         return
     _image(axes, found.map, f"{name}: change over time, in σ", vmin=-4, vmax=4, cmap="RdBu_r")
     axes.set_xlabel(
@@ -158,24 +158,24 @@ def _steadiness(axes: "Axes", name: str, found: Steadiness | None) -> None:
 def _numbers(axes: "Axes", calibration: Calibration) -> None:
     axes.set_axis_off()
     for index, fact in enumerate(facts(calibration)):
-        # In points, so that lines keep their distance whatever the height of the axes.
-        for text, colour, size, below in zip(fact, (_QUIET, _INK), (7, 8.5), (0, 8), strict=True):
+        # Offsets in points keep the distance of the lines for any height of the axes.
+        for text, color, size, below in zip(fact, (_QUIET, _INK), (7, 8.5), (0, 8), strict=True):
             axes.annotate(
                 text,
                 (0, 1),
                 xytext=(0, -21 * index - below),
                 xycoords="axes fraction",
                 textcoords="offset points",
-                color=colour,
+                color=color,
                 fontsize=size,
                 va="top",
             )
 
 
 def facts(calibration: Calibration) -> list[tuple[str, str]]:
-    """What there is to tell in words, which the page and the command line show."""
+    """Return pairs of name and text that the page and the command line show."""
     dead, mask, rate = calibration.dead, calibration.mask, calibration.false_positive_rate
-    told = [
+    lines = [
         ("jots", " x ".join(map(str, calibration.shape))),
         (
             "dark counts",
@@ -185,39 +185,41 @@ def facts(calibration: Calibration) -> list[tuple[str, str]]:
         *_hot(calibration),
     ]
     if calibration.prnu is not None:
-        chance = f"by chance {rate * dead.size:.2g} at most"
-        told.append(("dead", f"{dead.sum()} ({dead.mean():.2%}); {chance}"))
-    told.append(
+        expected = f"at most {rate * dead.size:.2g} by chance"
+        lines.append(("dead", f"{dead.sum()} ({dead.mean():.2%}); {expected}"))
+    lines.append(
         (
             "masked",
             f"{mask.sum()} ({mask.mean():.2%}): dead, or hot with more than "
-            f"{calibration.most_dark:g} per frame",
+            f"{calibration.max_dark:g} per frame",
         )
     )
     if calibration.prnu is not None:
-        told.append(
+        lines.append(
             (
                 "PRNU",
                 f"{calibration.prnu:.2%} ± {calibration.prnu_error:.2%}, without "
-                f"{calibration.flat_noise:.2%} of counting",
+                f"{calibration.flat_noise:.2%} of counting noise",
             )
         )
     for name in ("dark", "flat"):
         found = getattr(calibration, f"{name}_steadiness")
         if found is not None:
-            told.append((f"{name}: frames correlate", _z(found.correlation, found.correlation_z)))
-            told.append((f"{name}: change over time", f"z = {found.homogeneity_z:.1f}"))
-    return told
+            lines.append(
+                (f"{name}: correlation of frames", _z(found.correlation, found.correlation_z))
+            )
+            lines.append((f"{name}: change over time", f"z = {found.homogeneity_z:.1f}"))
+    return lines
 
 
 def _hot(calibration: Calibration) -> list[tuple[str, str]]:
-    hot, chance = calibration.hot, calibration.hot_chance
-    if (few := calibration.too_few()) is not None:
-        return [("hot", "none can be told, with so few frames"), ("hot by chance", few)]
-    asked = f"{calibration.false_positive_rate:.2g}"
+    hot, rate = calibration.hot, calibration.hot_probability
+    if (reason := calibration.insufficient_frames_reason()) is not None:
+        return [("hot", "none found: too few frames"), ("hot by chance", reason)]
+    limit = f"{calibration.false_positive_rate:.2g}"
     return [
-        ("hot", f"{hot.sum()} ({hot.mean():.2%}), from {calibration.hot_from} ones on"),
-        ("hot by chance", f"{chance * hot.size:.2g}, a rate of {chance:.2g}; {asked} at most"),
+        ("hot", f"{hot.sum()} ({hot.mean():.2%}); {calibration.hot_threshold} ones or more"),
+        ("hot by chance", f"{rate * hot.size:.2g}, a rate of {rate:.2g}; at most {limit}"),
     ]
 
 

@@ -1,4 +1,4 @@
-"""What an evenly lit capture tells: the response of each jot, and jots that have none."""
+"""The response of each jot, and dead jots, from a capture of even light."""
 
 import dataclasses
 
@@ -8,37 +8,38 @@ import numpy.typing as npt
 from jotlight.calibration.rates import Counts, Rates, detections, variance
 from jotlight.sensing.response import detection_probability
 
-LOCAL = 15
-"""Side of the window, in jots, whose median is the light that falls on its middle."""
+WINDOW = 15
+"""Side of the window, in jots, whose median estimates the light on its center."""
 
-LEAST_RESPONSE = 0.2
-"""Share of the response of its neighbourhood below which a jot is dead, and above whose inverse
-it is stuck."""
+MIN_RESPONSE = 0.2
+"""A jot is dead below this multiple of the response of its neighborhood, or above its inverse."""
 
-CLEAR = 4.0
-"""Standard deviations from 1 beyond which a response is taken as it was counted: measured, see
-docs/guide/calibration.md."""
+OUTLIER = 4.0
+"""A response this many standard deviations from 1 is an outlier and keeps its measured value.
 
-_LEAST_LIGHT = 0.1
-"""Of the light in a flat capture, in standard deviations of one jot."""
+`docs/results/calibration.md` has the measurement behind this number.
+"""
+
+_MIN_LIGHT = 0.1
+"""Minimum light of a flat capture, in standard deviations of one jot."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Response:
-    """The response of the jots relative to that of their neighbourhood.
+    """The response of the jots relative to that of their neighborhood.
 
     Parameters
     ----------
     relative : ndarray of float64, shape (H, W)
-        Around 1, within [1/5, 5]; 1 where it is not known. Drawn towards 1 as far as counting blurs
-        it, unless it is clearly another.
+        Around 1, within [1/5, 5]; 1 where it is unknown. Shrunk toward 1 according to the counting
+        noise, except for outliers.
     dead : ndarray of bool, shape (H, W)
-        Jots that respond too little or too much.
+        Jots that respond too weakly or too strongly.
     prnu, prnu_error : float
-        Standard deviation of the response among good jots that are not clear outliers, without
-        that of counting, and its standard error.
+        Standard deviation of the response over good jots without outliers and without the counting
+        noise, and its standard error.
     noise : float
-        The standard deviation that counting adds to the response of a jot.
+        Standard deviation of the counting noise in the response of one jot.
     """
 
     relative: Rates
@@ -48,7 +49,7 @@ class Response:
     noise: float
 
 
-def response(
+def measure_response(
     ones: Counts,
     frames: int,
     dark: Rates,
@@ -58,26 +59,25 @@ def response(
     threshold: int,
     false_positive_rate: float,
 ) -> Response:
-    """Find the response of each jot from a capture of even light.
+    """Return the response of each jot from a capture of even light.
 
-    Light is taken to vary slowly over the sensor: the median over 15 x 15 jots is divided out, and
-    with it whatever of the response varies as slowly. What is left, r with variance v by counting,
-    is drawn towards 1: the best linear estimate of a response that varies by PRNU is
-    1 + (r - 1) PRNU²/(PRNU² + v), so that the map brings less noise than it takes away. A jot that
-    is further off than most could be is not one of those that vary by PRNU, and keeps its r.
+    Light is assumed to vary slowly over the sensor. So the median over 15 x 15 jots is divided out,
+    together with any equally slow variation of the response. The rest is r. Its counting noise has
+    the variance v. The best linear estimate of a response that varies by PRNU is
+    1 + (r - 1) PRNU²/(PRNU² + v). An outlier keeps its r.
 
     Parameters
     ----------
     ones, frames : ndarray of int, int
-        L of each jot, and out of how many frames.
+        L of each jot, and the number of frames.
     dark, dark_variance : ndarray of float64
-        Dark counts per frame, and the variance with which they are known.
+        Dark counts per frame, and their variance.
     bad : ndarray of bool
-        Jots that are not looked at.
+        Jots to ignore.
     threshold : int
         q.
     false_positive_rate : float
-        The share, at most, of jots with 1/5 to 5 times the response of their neighbourhood that
+        Maximum fraction of the jots with 1/5 to 5 times the response of their neighborhood that
         are called dead, by the exact binomial tail.
     """
     from scipy.stats import binom
@@ -85,20 +85,20 @@ def response(
     full = ones >= frames
     if full[~bad].mean() > 0.5:
         raise ValueError(
-            f"flat: expected a capture with light that leaves some bits 0, but most jots fired in "
-            f"all {frames} frames; take it with less light"
+            f"flat: expected a capture with light that leaves some bits 0, but most jots report 1 "
+            f"in all {frames} frames; record it with less light"
         )
     light = detections(ones, frames, threshold) - dark
     local = _local_median(light, bad)
     counting = variance(local + dark, frames, threshold) + dark_variance
-    if not np.median(local[~bad]) > _LEAST_LIGHT * np.sqrt(np.median(counting[~bad])):
+    if not np.median(local[~bad]) > _MIN_LIGHT * np.sqrt(np.median(counting[~bad])):
         raise ValueError(
-            "flat: expected more ones than the dark capture has, got none; take it with light, "
+            "flat: expected more ones than in the dark capture, got no more; record it with light "
             "and with the exposure of the dark capture"
         )
     local = np.maximum(local, 1e-3 * np.median(local[~bad]))
-    weak = detection_probability(threshold, LEAST_RESPONSE * local + dark)
-    strong = detection_probability(threshold, local / LEAST_RESPONSE + dark)
+    weak = detection_probability(threshold, MIN_RESPONSE * local + dark)
+    strong = detection_probability(threshold, local / MIN_RESPONSE + dark)
     dead = binom.cdf(ones, frames, weak) <= false_positive_rate
     dead |= binom.sf(ones - 1, frames, strong) <= false_positive_rate
 
@@ -107,39 +107,41 @@ def response(
     if not good.any():
         raise ValueError("flat: expected some jots that respond, got none")
     relative = np.ones(light.shape)
-    relative[good], prnu, error = drawn_in((light / local)[good], counting[good])
-    relative = np.clip(relative, LEAST_RESPONSE, 1 / LEAST_RESPONSE)
+    relative[good], prnu, error = shrink_response((light / local)[good], counting[good])
+    relative = np.clip(relative, MIN_RESPONSE, 1 / MIN_RESPONSE)
     return Response(relative, dead, prnu, error, float(np.sqrt(counting[good].mean())))
 
 
-def drawn_in(relative: Rates, noise: Rates, clear: float = CLEAR) -> tuple[Rates, float, float]:
-    """Responses drawn towards 1, their standard deviation without noise, and its standard error.
+def shrink_response(
+    relative: Rates, noise: Rates, outlier: float = OUTLIER
+) -> tuple[Rates, float, float]:
+    """Return responses shrunk toward 1, their standard deviation without noise, and its error.
 
     Parameters
     ----------
     relative, noise : ndarray of float64
-        The response of each jot as it was counted, and the variance that counting adds to it.
-    clear : float
-        Standard deviations from 1, noise included, beyond which a response stays as it is.
+        The measured response of each jot, and the variance of its counting noise.
+    outlier : float
+        A response this many standard deviations from 1, including noise, is not shrunk.
     """
     squares = (relative - np.median(relative)) ** 2
-    # At first from the median, which outliers do not pull at: 0.6745 σ of a normal distribution.
+    # The median ignores outliers. For a normal distribution it is 0.6745 σ.
     between = max(float(np.median(squares)) / 0.6745**2 - float(np.median(noise)), 0.0)
-    ordinary = squares <= clear**2 * (between + noise)
+    ordinary = squares <= outlier**2 * (between + noise)
     between = max(float((squares - noise)[ordinary].mean()), 0.0)
     error = float(squares[ordinary].std()) / np.sqrt(ordinary.sum())
-    # Where nothing is left above the noise, the error is that of the variance itself.
+    # If no variance exceeds the noise, the error is that of the variance itself.
     error = min(error / (2 * np.sqrt(between)), np.sqrt(error)) if between else np.sqrt(error)
-    kept = between / (between + noise)
-    kept[(relative - 1) ** 2 > clear**2 * (between + noise)] = 1.0
-    return 1 + (relative - 1) * kept, float(np.sqrt(between)), float(error)
+    weight = between / (between + noise)
+    weight[(relative - 1) ** 2 > outlier**2 * (between + noise)] = 1.0
+    return 1 + (relative - 1) * weight, float(np.sqrt(between)), float(error)
 
 
 def _local_median(light: Rates, bad: npt.NDArray[np.bool_]) -> Rates:
-    """The median of the jots around each, bad ones left out as well as a filter can."""
+    """Return the median around each jot. Bad jots take the median of a first pass."""
     from scipy.ndimage import median_filter
 
-    side = tuple(min(LOCAL, size - 1 + size % 2) for size in light.shape)
+    side = tuple(min(WINDOW, size - 1 + size % 2) for size in light.shape)
     first = np.where(bad, np.median(light[~bad]), light)
     first = median_filter(first, size=side, mode="reflect")
     return np.asarray(median_filter(np.where(bad, first, light), size=side, mode="reflect"))

@@ -1,4 +1,4 @@
-"""From counts to detections per frame and back, for any threshold, however many there are."""
+"""From counts to detections per frame, for any threshold."""
 
 import numpy as np
 import numpy.typing as npt
@@ -11,29 +11,31 @@ Rates = npt.NDArray[np.float64]
 
 
 def detections(ones: Counts, frames: int, threshold: int) -> Rates:
-    """Detections per frame that make L ones of N frames most likely: P⁻¹(q, L/N).
+    """Return the most likely detections per frame of each jot: P⁻¹(q, L/N).
 
-    All N of them would make it infinite; half a one less stands for that.
+    L = N would make them infinite, so N - 1/2 replaces it.
 
     Examples
     --------
     >>> detections(np.array([[0, 5, 10]], np.int32), 10, 1).round(3).tolist()
     [[0.0, 0.693, 2.996]]
     """
-    different, place = np.unique(ones, return_inverse=True)
-    shares = np.minimum(different, frames - 0.5) / frames
-    rates = [engine.inverse_detection_probability(threshold, float(share)) for share in shares]
-    return np.asarray(rates, np.float64)[place].reshape(ones.shape)
+    unique, index = np.unique(ones, return_inverse=True)
+    fractions = np.minimum(unique, frames - 0.5) / frames
+    rates = [
+        engine.inverse_detection_probability(threshold, float(fraction)) for fraction in fractions
+    ]
+    return np.asarray(rates, np.float64)[index].reshape(ones.shape)
 
 
 def variance(rates: Rates, frames: int, threshold: int) -> Rates:
-    """The variance of :func:`detections` at these rates, to first order; of 1 count for none.
+    """Return the variance of :func:`detections` at these rates, to first order.
 
-    It is p(1 - p)/N over the square of ∂P/∂s.
+    It is p(1 - p)/N divided by the square of ∂P/∂s. Rates below half a count, and above N - 1/2
+    counts, have the variance at these limits.
     """
-    # Below half a count the first order says nothing.
-    least = engine.inverse_detection_probability(threshold, 0.5 / frames)
-    most = engine.inverse_detection_probability(threshold, 1 - 0.5 / frames)
-    s = np.clip(rates, least, most)
-    p, density = detection_probability(threshold, s), detection_density(threshold, s)
-    return np.asarray(p * (1 - p) / frames / density**2)
+    low = engine.inverse_detection_probability(threshold, 0.5 / frames)
+    high = engine.inverse_detection_probability(threshold, 1 - 0.5 / frames)
+    s = np.clip(rates, low, high)
+    p = detection_probability(threshold, s)
+    return np.asarray(p * (1 - p) / frames / detection_density(threshold, s) ** 2)

@@ -1,4 +1,4 @@
-"""A calibration: what two captures tell of a sensor, as one file."""
+"""A calibration: what two captures reveal about the jots of a sensor."""
 
 import dataclasses
 import json
@@ -34,50 +34,51 @@ _MAPS = {
     "dark_steadiness": np.float32,
     "flat_steadiness": np.float32,
 }
-"""All tensors that a file may have, with their types."""
+"""The tensors of a file and their types."""
 
-_NEEDED = {"dark_counts", "mask", "hot", "dead", "dark_ones"}
+_REQUIRED = {"dark_counts", "mask", "hot", "dead", "dark_ones"}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Calibration:
-    """What is known of a sensor's jots; made by :func:`jotlight.calibrate`.
+    """What is known about the jots of a sensor; :func:`jotlight.calibrate` returns it.
 
     Parameters
     ----------
     dark_counts : ndarray of float32, shape (H, W)
-        d: detections per frame without light.
+        d: detections per jot and frame without light.
     mask : ndarray of bool, shape (H, W)
-        Jots that reconstruction does not look at: dead ones, and hot ones with more dark counts
-        than `most_dark`.
+        Jots that reconstruction ignores: dead ones, and hot ones with more dark counts than
+        `max_dark`.
     hot, dead : ndarray of bool, shape (H, W)
-        Jots whose dark counts the bulk of the jots does not explain, and jots that do not respond.
+        Jots whose dark counts the distribution of ordinary jots does not explain, and jots that do
+        not respond.
     efficiency : ndarray of float32, shape (H, W), optional
-        η, the response relative to the strongest. None without a flat capture.
+        η, the response relative to the strongest jot. None without a flat capture.
     scale : float
-        The response of the strongest jot, where the median of those not masked is 1.
+        The response of the strongest jot, in units of the median of the jots that are not masked.
     threshold : int
         q.
-    false_positive_rate, most_dark : float
-        As given to :func:`jotlight.calibrate`.
+    false_positive_rate, max_dark : float
+        The arguments of :func:`jotlight.calibrate`.
     bulk : Bulk
         The distribution of the dark counts of ordinary jots.
-    hot_from : int
-        Ones in the dark capture from which a jot is hot; N + 1 where even N of N could be chance.
-    hot_chance : float
-        The share of ordinary jots that have so many, by the fitted bulk.
+    hot_threshold : int
+        Smallest count of a hot jot in the dark capture; N + 1 if even N ones may occur by chance.
+    hot_probability : float
+        Probability that an ordinary jot reaches this count, by the fitted distribution.
     dark_ones, dark_frames : ndarray of int32, int
         The dark capture.
     flat_ones, flat_frames : ndarray of int32, int, optional
         The flat capture.
     prnu, prnu_error, flat_noise : float, optional
-        Non-uniformity of the response, its standard error, and the noise of counting in the
-        response of one jot, as shares of the response.
+        Non-uniformity of the response, its standard error, and the counting noise in the response
+        of one jot, as fractions of the response.
     dark_steadiness, flat_steadiness : Steadiness, optional
-        What the frames of the captures told, where they were given one by one.
+        The tests of the frames of the captures, if they contain single frames.
     provenance : dict
-        Where the captures are from and how they were turned, by ``"dark"`` and ``"flat"``, as far
-        as that is known.
+        Where the captures come from and their orientation, with the keys ``"dark"`` and
+        ``"flat"``, as far as it is known.
     """
 
     dark_counts: Map
@@ -86,10 +87,10 @@ class Calibration:
     dead: Flags
     threshold: int
     false_positive_rate: float
-    most_dark: float
+    max_dark: float
     bulk: Bulk
-    hot_from: int
-    hot_chance: float
+    hot_threshold: int
+    hot_probability: float
     dark_ones: Ones
     dark_frames: int
     efficiency: Map | None = None
@@ -109,76 +110,77 @@ class Calibration:
         height, width = self.dark_counts.shape
         return height, width
 
-    def too_few(self) -> str | None:
-        """Say why the dark capture is too short to tell hot jots at the rate asked for, or None."""
-        if self.hot_from <= self.dark_frames:
+    def insufficient_frames_reason(self) -> str | None:
+        """Return why the dark capture has too few frames to find hot jots at the rate, or None."""
+        if self.hot_threshold <= self.dark_frames:
             return None
-        number, chance = self.dark_frames, self.bulk.chance(self.dark_frames)
-        return f"{number} of {number} bits are ones by chance in {chance:.2g} of ordinary jots"
+        number = self.dark_frames
+        probability = self.bulk.tail_probability(number)
+        return f"{number} of {number} bits are ones by chance in {probability:.2g} of ordinary jots"
 
     def sensor(self, frames: int = 1, **changes: Any) -> Sensor:
-        """Give the sensor with these maps.
+        """Return a sensor with these maps.
 
-        Unless `gain` is among the changes, a pixel of intensity 1 gives an ordinary jot one
-        detection per frame.
+        Unless the changes contain `gain`, a pixel of intensity 1 causes one detection per frame in
+        the median jot.
 
         Parameters
         ----------
         frames : int
-            T of the capture to be reconstructed.
+            T of the capture to reconstruct.
         **changes
-            Parameters of :class:`jotlight.Sensor`, taken as they are.
+            Parameters of :class:`jotlight.Sensor`. They are used unchanged.
         """
         return self.applied_to(Sensor(frames=frames, threshold=self.threshold), **changes)
 
     def applied_to(self, sensor: Sensor, **changes: Any) -> Sensor:
-        """Give a sensor these maps; its gain counts the detections of an ordinary jot.
+        """Return the sensor with these maps. Its gain counts the detections of the median jot.
 
         Raises
         ------
         ValueError
-            When the sensor is not consistent with them.
+            If the sensor contradicts the maps.
         """
-        # Dark counts are detections, and not bits, so that they hold for any threshold.
+        # Dark counts are detections, not bits, so they hold for any threshold.
         maps: dict[str, Any] = {"dark_counts": self.dark_counts}
         maps["mask"] = self.mask if self.mask.any() else None
         if self.efficiency is not None:
             maps["efficiency"] = self.efficiency
-        numbers = {name: value for name, value in changes.items() if name not in maps}
-        chosen = {name: value for name, value in changes.items() if name in maps}
-        plain = sensor.replace(dark_counts=0.0, efficiency=1.0, mask=None, **numbers)
+        scalars = {name: value for name, value in changes.items() if name not in maps}
+        replaced = {name: value for name, value in changes.items() if name in maps}
+        plain = sensor.replace(dark_counts=0.0, efficiency=1.0, mask=None, **scalars)
         if "gain" not in changes and "efficiency" not in changes and plain.gain is not None:
             plain = plain.replace(gain=plain.gain * self.scale)
-        return plain.replace(**{**maps, **chosen})
+        return plain.replace(**{**maps, **replaced})
 
     def check_capture(self, shape: tuple[int, ...], provenance: Provenance | None = None) -> None:
-        """Raise ValueError unless a capture has as many rows and columns, and is turned alike."""
+        """Raise ValueError unless a capture has the same size and orientation."""
         if tuple(shape) != self.shape:
             raise ValueError(
-                f"calibration: it is of {self.shape[0]} x {self.shape[1]} jots, and the capture "
-                f"has {' x '.join(map(str, shape))}; make it from captures that are opened in the "
-                "same way (--rotate, --flip, --width)"
+                f"calibration: it has {self.shape[0]} x {self.shape[1]} jots, and the capture "
+                f"has {' x '.join(map(str, shape))}; calibrate with captures that are opened in "
+                "the same way (--rotate, --flip, --width)"
             )
         for name, own in self.provenance.items():
             if provenance is not None:
-                check_alike("this", provenance, f"the calibration's {name}", own)
+                check_same_orientation("this", provenance, f"the calibration's {name}", own)
 
-    def unsure(self, provenance: Provenance | None) -> str | None:
-        """Say why nothing tells that a capture's jots lie as they do here, or None."""
+    def unconfirmed_reason(self, provenance: Provenance | None) -> str | None:
+        """Return why it is uncertain that a capture has its jots in the same places, or None."""
         if provenance is None or provenance.orientation is None:
-            return "how the capture was turned is not known"
+            return "the orientation of the capture is unknown"
         known = self.provenance.get("dark")
         if known is None or known.orientation is None:
-            return "how the captures of the calibration were turned is not known"
-        # Files that were converted lie as those that they were made of.
+            return "the orientation of the calibration is unknown"
+        # A converted file has the orientation of its origin.
         own, its = [*known.lineage()][-1].format, [*provenance.lineage()][-1].format
         if own != its:
             return f"the calibration is from {own} and the capture is {its}"
         return None
 
-    def numbers(self) -> dict[str, Any]:
-        """All that is not a map, by name; JSON can hold it."""
-        told = {}
+    def metadata(self) -> dict[str, Any]:
+        """Return everything that is not a map, by name, as values that JSON can hold."""
+        values = {}
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             if isinstance(value, Bulk | Steadiness):
@@ -190,11 +192,11 @@ class Calibration:
             if field.name == "provenance":
                 value = {name: provenance.to_json() for name, provenance in value.items()}
             if value is not None and not isinstance(value, np.ndarray):
-                told[field.name] = value
-        return told
+                values[field.name] = value
+        return values
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write all of it to one `.safetensors` file.
+        """Write the calibration to a `.safetensors` file.
 
         Examples
         --------
@@ -216,20 +218,20 @@ class Calibration:
         metadata = {
             "format": FORMAT,
             "version": _VERSION,
-            "numbers": json.dumps(self.numbers(), sort_keys=True),
+            "numbers": json.dumps(self.metadata(), sort_keys=True),
         }
         write_tensors(path, tensors, metadata)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read what :meth:`save` wrote.
+        """Return the calibration from a file that :meth:`save` wrote.
 
         Raises
         ------
         OSError
-            When the file cannot be read.
+            If the file cannot be read.
         ValueError
-            When it is damaged, or no calibration.
+            If it is damaged, or not a calibration.
         """
         path = Path(path)
         if not path.is_file():
@@ -241,62 +243,56 @@ class Calibration:
             raise ValueError(f"{path}: the calibration is damaged ({error})") from error
 
 
+_STEADINESS = {"dark_steadiness", "flat_steadiness"}
+_SCALARS = {
+    "dark_frames": (1, 2**31, int),
+    "threshold": (1, 2**31, int),
+    "hot_threshold": (1, 2**31, int),
+    "hot_probability": (0, 1, float),
+    "false_positive_rate": (0, 1, float),
+    "max_dark": (0, math.inf, float),
+    "scale": (0, 1e6, float),
+}
+_FLAT_SCALARS = {
+    "prnu": (0, math.inf, float),
+    "prnu_error": (0, math.inf, float),
+    "flat_noise": (0, math.inf, float),
+}
+"""Names, limits, and types of the numbers in a file. Those of a flat capture are optional."""
+
+
 def _checked(tensors: Tensors, numbers: Any) -> dict[str, Any]:
-    """The parameters of a calibration from what a file holds, or ValueError."""
-    if not _NEEDED <= tensors.keys() <= _MAPS.keys():
-        raise ValueError(f"expected tensors {', '.join(_NEEDED)}, got {', '.join(tensors)}")
-    shape = tensors["mask"].shape
-    for name, tensor in tensors.items():
-        if tensor.dtype != _MAPS[name] or tensor.shape != shape or tensor.ndim != 2:
-            raise ValueError(f"{name}: got {tensor.dtype} of shape {tensor.shape}")
+    """Return the fields of a calibration from a file, or raise ValueError."""
+    _check_tensors(tensors)
     known = {field.name for field in dataclasses.fields(Calibration)}
-    known = known | {"files"}
-    if not isinstance(numbers, dict) or not numbers.keys() <= known - (
-        _MAPS.keys() - {"dark_steadiness", "flat_steadiness"}
-    ):
-        raise ValueError("its numbers are not those of a calibration")
+    if not isinstance(numbers, dict) or not numbers.keys() <= known - (_MAPS.keys() - _STEADINESS):
+        raise ValueError("its metadata are not those of a calibration")
     values: dict[str, Any] = dict(numbers)
-    for name in ("dark_frames", "threshold", "hot_from"):
-        values[name] = _number(numbers.get(name), name, 1, 2**31, int)
-    for name, least, most in (
-        ("false_positive_rate", 0, 1), ("most_dark", 0, math.inf), ("scale", 0, 1e6),
-    ):  # fmt: skip
-        values[name] = _number(numbers.get(name), name, least, most)
-    of_flat = ("prnu", "prnu_error", "flat_noise")
-    if any((name in numbers) != ("efficiency" in tensors) for name in of_flat):
-        raise ValueError(f"expected efficiency, {', '.join(of_flat)}, or none of them")
-    for name in of_flat:
+    for name, limits in _SCALARS.items():
+        values[name] = _number(numbers.get(name), name, *limits)
+    if any((name in numbers) != ("efficiency" in tensors) for name in _FLAT_SCALARS):
+        raise ValueError(f"expected efficiency, {', '.join(_FLAT_SCALARS)}, or none of them")
+    for name, limits in (_FLAT_SCALARS | {"flat_frames": (1, 2**31, int)}).items():
         if name in numbers:
-            values[name] = _number(numbers[name], name, 0, math.inf)
-    if "flat_frames" in numbers:
-        values["flat_frames"] = _number(numbers["flat_frames"], "flat_frames", 1, 2**31, int)
+            values[name] = _number(numbers[name], name, *limits)
     bulk = _object(numbers.get("bulk"), "bulk", {"frames", "mean", "spread"})
     values["bulk"] = Bulk(
         _number(bulk["frames"], "frames", 1, 2**31, int),
         _number(bulk["mean"], "mean", 0, 1),
         _number(bulk["spread"], "spread", 0, 100),
     )
-    # Earlier calibrations do not tell it.
-    values["hot_chance"] = _number(
-        numbers.get("hot_chance", values["bulk"].chance(values["hot_from"])), "hot_chance", 0, 1
-    )
-    names = {field.name for field in dataclasses.fields(Steadiness)} - {"map"}
-    for name in ("dark_steadiness", "flat_steadiness"):
+    for name in _STEADINESS:
         if (name in numbers) != (name in tensors):
             raise ValueError(f"{name}: expected a map and numbers")
         if name in numbers:
-            told = _object(numbers[name], name, names)
-            found = {part: _number(told[part], part, -math.inf, math.inf) for part in names}
-            values[name] = Steadiness(**found, map=tensors[name])
-    # Earlier calibrations name files and nothing more, which is not used.
-    values.pop("files", None)
+            values[name] = _steadiness(name, numbers[name], tensors[name])
     provenance = values.get("provenance", {})
     if not isinstance(provenance, dict) or not provenance.keys() <= {"dark", "flat"}:
         raise ValueError("provenance: expected an object with dark and flat")
-    values["provenance"] = {name: Provenance.from_json(told) for name, told in provenance.items()}
-    for name in _MAPS.keys() - {"dark_steadiness", "flat_steadiness"}:
+    values["provenance"] = {name: Provenance.from_json(part) for name, part in provenance.items()}
+    for name in _MAPS.keys() - _STEADINESS:
         values[name] = tensors.get(name)
-    # What the sensor says of its maps holds here.
+    # The sensor checks the values of its maps.
     Sensor(
         dark_counts=values["dark_counts"],
         efficiency=1.0 if values["efficiency"] is None else values["efficiency"],
@@ -305,8 +301,27 @@ def _checked(tensors: Tensors, numbers: Any) -> dict[str, Any]:
     return values
 
 
-def check_alike(name: str, provenance: Provenance, other_name: str, other: Provenance) -> None:
-    """Raise ValueError when two captures are known to be turned in different ways."""
+def _check_tensors(tensors: Tensors) -> None:
+    """Raise ValueError unless the tensors have the names, types, and one shape of the maps."""
+    if not _REQUIRED <= tensors.keys() <= _MAPS.keys():
+        raise ValueError(f"expected tensors {', '.join(_REQUIRED)}, got {', '.join(tensors)}")
+    shape = tensors["mask"].shape
+    for name, tensor in tensors.items():
+        if tensor.dtype != _MAPS[name] or tensor.shape != shape or tensor.ndim != 2:
+            raise ValueError(f"{name}: got {tensor.dtype} of shape {tensor.shape}")
+
+
+def _steadiness(name: str, content: Any, map_: npt.NDArray[Any]) -> Steadiness:
+    names = {field.name for field in dataclasses.fields(Steadiness)} - {"map"}
+    values = _object(content, name, names)
+    found = {part: _number(values[part], part, -math.inf, math.inf) for part in names}
+    return Steadiness(**found, map=map_)
+
+
+def check_same_orientation(
+    name: str, provenance: Provenance, other_name: str, other: Provenance
+) -> None:
+    """Raise ValueError if two captures are known to have different orientations."""
     if (
         None not in (provenance.orientation, other.orientation)
         and provenance.orientation != other.orientation
@@ -314,7 +329,7 @@ def check_alike(name: str, provenance: Provenance, other_name: str, other: Prove
         raise ValueError(
             f"calibration: {name} capture is {provenance.describe_orientation()}, and "
             f"{other_name} capture "
-            f"{other.describe_orientation()}; open them so that they are turned alike "
+            f"{other.describe_orientation()}; open them in the same orientation "
             "(--rotate, --flip)"
         )
 
@@ -325,7 +340,7 @@ def _object(value: Any, name: str, keys: set[str]) -> dict[str, Any]:
     return value
 
 
-def _number(value: Any, name: str, least: float, most: float, kind: type = float) -> Any:
-    if type(value) not in (int, kind) or not least <= value <= most or math.isinf(value):
-        raise ValueError(f"{name}: expected a number from {least:g} to {most:g}, got {value!r}")
+def _number(value: Any, name: str, low: float, high: float, kind: type = float) -> Any:
+    if type(value) not in (int, kind) or not low <= value <= high or math.isinf(value):
+        raise ValueError(f"{name}: expected a number from {low:g} to {high:g}, got {value!r}")
     return kind(value)

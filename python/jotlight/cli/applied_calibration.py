@@ -1,4 +1,4 @@
-"""A calibration as `jotlight reconstruct` applies it, and the record of that beside the picture."""
+"""The calibration that ``jotlight reconstruct`` applies, and its record beside the output."""
 
 import contextlib
 import dataclasses
@@ -16,16 +16,23 @@ from jotlight.files import atomic_write
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
-_FORMAT = "jotlight picture"
-_MOST_JSON = 1 << 20
+_FORMAT = "jotlight image"
+_MAX_JSON_BYTES = 1 << 20
 _RECORDED = (
-    "provenance", "false_positive_rate", "most_dark", "hot_from", "hot_chance", "prnu", "scale",
-)  # fmt: skip
+    "provenance",
+    "false_positive_rate",
+    "max_dark",
+    "hot_threshold",
+    "hot_probability",
+    "prnu",
+    "scale",
+)
+"""Numbers of a calibration that the record repeats."""
 
 
 @dataclasses.dataclass(frozen=True)
 class AppliedCalibration:
-    """A calibration, the file it is from, and where it is recorded."""
+    """A calibration with its file and the path of its record."""
 
     calibration: Calibration
     name: str
@@ -34,24 +41,24 @@ class AppliedCalibration:
 
     @classmethod
     def read(cls, path: Path, output: Path) -> Self:
-        """Read a calibration for a picture.
+        """Return the calibration of a file, to be recorded beside an output.
 
         Raises
         ------
         ValueError
-            When it is damaged, or something of others stands where the record goes.
+            When the file is damaged, or the record would replace a file that is not a record.
         """
         calibration = Calibration.load(path)
         record = output.with_name(f"{output.name}.json")
-        if record.exists() and not _ours(record):
+        if record.exists() and not _is_record(record):
             raise ValueError(
-                f"{record}: what was applied would be recorded here, but the file is not of "
-                "jotlight and is not overwritten; give the picture another name"
+                f"{record}: the record of the calibration belongs here, but this file is not from "
+                "jotlight; choose another name for the output"
             )
         return cls(calibration, path.name, hashlib.sha256(path.read_bytes()).hexdigest(), record)
 
-    def told(self, sensor: Sensor, provenance: Provenance | None) -> list[str]:
-        """What was applied, one line each; maps that options gave take the calibration's place."""
+    def notes(self, sensor: Sensor, provenance: Provenance | None) -> list[str]:
+        """Return what was applied, one line each. Maps from options replace the calibration's."""
         found = self.calibration
         used = self._used(sensor)
         applied = []
@@ -61,9 +68,11 @@ class AppliedCalibration:
             applied.append(f"{found.mask.sum()} masked jots")
         if used["efficiency"]:
             applied.append(f"response (PRNU {found.prnu:.2%})")
-        lines = [f"calibration {self.name}: {', '.join(applied) or 'nothing of it'}"]
-        if applied and (unsure := found.unsure(provenance)) is not None:
-            lines.append(f"calibration {self.name}: {unsure}; jots are taken to lie alike")
+        lines = [f"calibration {self.name}: {', '.join(applied) or 'nothing'}"]
+        if applied and (unsure := found.unconfirmed_reason(provenance)) is not None:
+            lines.append(
+                f"calibration {self.name}: {unsure}; the jots are assumed to be oriented alike"
+            )
         return lines
 
     def _used(self, sensor: Sensor) -> dict[str, bool]:
@@ -78,7 +87,7 @@ class AppliedCalibration:
     def description(
         self, sensor: Sensor, method: str, data: str, provenance: Provenance | None
     ) -> dict[str, Any]:
-        """What goes into the record."""
+        """Return the contents of the record."""
         return {
             "format": _FORMAT,
             "version": 1,
@@ -94,7 +103,7 @@ class AppliedCalibration:
                 "masked_jots": int(sensor.mask.sum()) if sensor.mask is not None else 0,
                 **{
                     name: value
-                    for name, value in self.calibration.numbers().items()
+                    for name, value in self.calibration.metadata().items()
                     if name in _RECORDED
                 },
             },
@@ -102,25 +111,31 @@ class AppliedCalibration:
 
 
 @contextlib.contextmanager
-def recorded(known: AppliedCalibration | None) -> Iterator[Callable[..., None]]:
-    """Give a function that writes the record; it appears when the block ends, or not at all."""
-    if known is None:
+def recorded(applied: AppliedCalibration | None) -> Iterator[Callable[..., None]]:
+    """Create the record of a calibration, which appears when the block ends without an error.
+
+    Yields
+    ------
+    callable
+        Takes the sensor, the method, the name of the data, and their provenance.
+    """
+    if applied is None:
         yield lambda *_: None
         return
-    with atomic_write(known.record) as temporary:
+    with atomic_write(applied.record) as temporary:
 
         def record(sensor: Sensor, method: str, data: str, provenance: Provenance | None) -> None:
-            description = known.description(sensor, method, data, provenance)
+            description = applied.description(sensor, method, data, provenance)
             temporary.write_text(json.dumps(description, indent=2) + "\n", encoding="utf-8")
 
         yield record
 
 
-def _ours(path: Path) -> bool:
+def _is_record(path: Path) -> bool:
     try:
-        if path.stat().st_size > _MOST_JSON:
+        if path.stat().st_size > _MAX_JSON_BYTES:
             return False
-        told = json.loads(path.read_text(encoding="utf-8"))
+        record = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return False
-    return isinstance(told, dict) and told.get("format") == _FORMAT
+    return isinstance(record, dict) and record.get("format") == _FORMAT

@@ -1,96 +1,73 @@
-"""What commands that open captures share."""
+"""Options that say how to open a capture."""
 
 import dataclasses
 import re
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-import numpy as np
-import numpy.typing as npt
-import typer
+from cyclopts import Parameter
 
-from jotlight.calibration import Calibration
-from jotlight.cli.console import out, progress
-from jotlight.files import refuse_overwrite
+from jotlight.cli.common_options import CAPTURE_PANEL
 from jotlight.formats import FORMATS, open_capture
-from jotlight.formats.capture import Capture, CountStack
-from jotlight.formats.description import companion_files
+from jotlight.formats.capture import Capture
 from jotlight.formats.orientation import FLIPS
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.pixel_counts import carried_sensor
-from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.sensor import Sensor
+
+_KEY = "Name of the array in a .npz, .mat, HDF5 file or zarr folder."
 
 
-def _option(help_: str, *names: str) -> object:
-    return typer.Option(*names, help=help_, rich_help_panel="Capture")
-
-
-Format = Annotated[
-    str | None,
-    _option(
-        f"Of what is read: {', '.join(FORMATS)}. Default: what the content tells; raw frames "
-        "tell nothing.",
-        "--format",
-    ),
-]
-Width = Annotated[int | None, _option("True width in jots, where the file does not tell.")]
-FrameRange = Annotated[
-    str | None,
-    _option("Some of the frames: 100:200 is 100 to 199, counted from 0; 0:200:2 every second."),
-]
-Rotate = Annotated[int, _option("Degrees, anticlockwise: a multiple of 90.")]
-Flip = Annotated[str | None, _option(f"After that, mirror: {' or '.join(FLIPS)}.")]
-Counts = Annotated[
-    bool | None,
-    _option(
-        "Whether the numbers are counts or bits. Default: uint8 of three or four dimensions in a "
-        ".npy is bits, and so is bool of as many; other numbers are counts.",
-        "--counts/--bits",
-    ),
-]
-Unpacked = Annotated[
-    bool | None,
-    _option(
-        "Whether each number is one bit, 0 and 1 or 0 and 255, or each byte has eight. Default: "
-        "eight, and what does not look so is refused.",
-        "--unpacked/--packed",
-    ),
-]
-Key = Annotated[str | None, _option("Name of the array in a .npz, .mat, HDF5 file or zarr folder.")]
-
-
-def frames_of(text: str | None) -> slice | None:
-    """The frames of an A:B or A:B:STEP."""
-    if text is None:
-        return None
-    match = re.fullmatch(r"(\d{0,15}):(\d{0,15})(?::(\d{0,15}))?", text.strip(), re.ASCII)
-    if match is None or (match[3] and int(match[3]) == 0):
-        raise ValueError(f"frame-range: expected A:B, A: or :B in whole numbers, got {text!r}")
-    return slice(*(int(number) if number else None for number in match.groups()))
-
-
-@dataclasses.dataclass(frozen=True)
+@Parameter(name="*", group=CAPTURE_PANEL)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class CaptureOptions:
-    """A capture, and the options that say how it is opened."""
+    """Parameters of :func:`jotlight.formats.open_capture`; None where an option is not set."""
 
-    path: Path
-    format: str | None = None
-    width: int | None = None
-    frame_range: str | None = None
-    rotate: int = 0
-    flip: str | None = None
-    key: str | None = None
-    counts: bool | None = None
-    unpacked: bool | None = None
+    key: Annotated[str | None, Parameter(help=_KEY)] = None
+    counts: Annotated[
+        bool | None,
+        Parameter(
+            negative="--bits",
+            help="Read numbers as counts or as bits. Default: in a .npy, bool and uint8 of three "
+            "or four dimensions are bits. All other numbers are counts.",
+        ),
+    ] = None
+    unpacked: Annotated[
+        bool | None,
+        Parameter(
+            negative="--packed",
+            help="Read one bit from each number, 0 and 1 or 0 and 255, or eight bits from each "
+            "byte. Default: eight. Data that look like one bit per number are then refused.",
+        ),
+    ] = None
+    width: Annotated[
+        int | None, Parameter(help="Width in jots, for files that do not state it.")
+    ] = None
+    format: Annotated[
+        str | None,
+        Parameter(
+            help=f"Format of the capture: {', '.join(FORMATS)}. Default: detected from the "
+            "content, which is impossible for raw frames."
+        ),
+    ] = None
+    frame_range: Annotated[
+        str | None,
+        Parameter(
+            help="Some of the frames, counted from 0. 100:200 is frames 100 to 199, and 0:200:2 "
+            "is every second frame."
+        ),
+    ] = None
+    rotate: Annotated[
+        int, Parameter(help="Counterclockwise rotation in degrees, a multiple of 90.")
+    ] = 0
+    flip: Annotated[
+        str | None, Parameter(help=f"Mirror after the rotation: {' or '.join(FLIPS)}.")
+    ] = None
 
-    def open(self) -> Capture:
-        """Open it, with images of counts not yet summed."""
+    def open(self, path: Path) -> Capture:
+        """Return the bits or the counts of a capture. A stack of counts is not yet summed."""
         return open_capture(
-            self.path,
+            path,
             format=self.format,
             width=self.width,
-            frames=frames_of(self.frame_range),
+            frames=parse_frame_range(self.frame_range),
             rotate=self.rotate,
             flip=self.flip,
             key=self.key,
@@ -98,111 +75,50 @@ class CaptureOptions:
             unpacked=self.unpacked,
         )
 
-    def words(self, key: str = "--sensor-key") -> list[str]:
-        """The options that were given, as `jotlight train --sensor` takes them.
-
-        Other commands name the array by another option.
-        """
+    def to_argv(self, key_option: str = "--key") -> list[str]:
+        """Return the options as words of a command line, which may rename `--key`."""
         values = {
             "--format": self.format,
             "--width": self.width,
             "--frame-range": self.frame_range,
             "--rotate": self.rotate or None,
             "--flip": self.flip,
-            key: self.key,
+            key_option: self.key,
         }
-        given = [(name, str(value)) for name, value in values.items() if value is not None]
-        words = [word for pair in given for word in pair]
+        argv = [
+            word
+            for option, value in values.items()
+            if value is not None
+            for word in (option, str(value))
+        ]
         if self.counts is not None:
-            words.append("--counts" if self.counts else "--bits")
+            argv.append("--counts" if self.counts else "--bits")
         if self.unpacked is not None:
-            words.append("--unpacked" if self.unpacked else "--packed")
-        return words
+            argv.append("--unpacked" if self.unpacked else "--packed")
+        return argv
 
 
-def refuse_capture_overwrite(output: Path, data: Path) -> None:
-    """Raise ValueError when a file to be written is part of what is read."""
-    refuse_overwrite(output, [data, *companion_files(data)])
-    if data.is_dir() and data.resolve() in (output.resolve(), *output.resolve().parents):
-        raise ValueError(
-            f"{output}: the folder {data} is read, so nothing is written into it; give another name"
-        )
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TargetCaptureOptions(CaptureOptions):
+    """Parameters of the capture for which a network is trained.
 
-
-def describe_provenance(provenance: Provenance | None) -> list[str]:
-    """What was assumed of a file, one line each."""
-    return [] if provenance is None else provenance.describe()
-
-
-def check_told(path: Path, told: int | None, given: int, words: str) -> None:
-    """Raise ValueError when counts are out of another number of bits than options say."""
-    if told not in (None, given):
-        raise ValueError(
-            f"{path}: tells of counts out of {told} bits, and {words} of {given}; leave the option "
-            "out"
-        )
-
-
-def with_frames(capture: CountStack, path: Path, given: dict[str, Any]) -> dict[str, Any]:
-    """The parameters given for a sensor that saw counts, with the frames that the file tells.
-
-    Raises
-    ------
-    ValueError
-        When nothing tells out of how many bits the counts are, or the file contradicts what is
-        given.
+    In that command, `--key` names the array of training images.
     """
-    told, jots = capture.total_trials, given.get("oversampling", 1) ** 2
-    if "frames" not in given and told is not None and jots > 0 and told % jots == 0:
-        return {**given, "frames": told // jots}
-    if "frames" in given or "oversampling" in given:
-        names = (name for name in ("frames", "oversampling") if name in given)
-        words = " and ".join(f"--{name} {given[name]}" for name in names)
-        check_told(path, told, given.get("frames", 1) * jots, words)
-        return given
-    if told is None:
-        raise ValueError(
-            f"{path}: holds counts, and nothing tells out of how many bits; give --frames, or "
-            "--oversampling where a pixel covers many jots"
-        )
-    return given
+
+    key: Annotated[str | None, Parameter(name="--sensor-key", help=_KEY)] = None
 
 
-def seen_by_sensor(
-    capture: Capture,
-    path: Path,
-    given: dict[str, Any],
-    calibration: Calibration | None = None,
-) -> tuple[Bits | npt.NDArray[np.int32], Sensor, str]:
-    """The data, their sensor, and in a word where it is from."""
-    if isinstance(capture, Bits):
-        if calibration is not None:
-            calibration.check_capture(capture.shape[1:3], capture.provenance)
-        sensor = carried_sensor(capture)
-        if sensor is None:
-            words = "nothing beside the bits tells their sensor; assumed"
-            if calibration is not None:
-                return capture, calibration.sensor(**{"frames": len(capture), **given}), words
-            return capture, Sensor(**{"frames": len(capture), **given}), words
-        if calibration is not None:
-            return capture, calibration.applied_to(sensor, **given), "sensor"
-        return capture, sensor.replace(**given), "sensor"
-    given = with_frames(capture, path, given)
-    with progress(1) as begin:
-        counts = capture.sum(begin("summing"))
-    if calibration is None:
-        return counts, Sensor(**given), "assumed"
-    side = given.get("oversampling", 1)
-    calibration.check_capture(tuple(side * size for size in counts.shape[:2]), capture.provenance)
-    return counts, calibration.sensor(**given), "assumed"
+def parse_frame_range(text: str | None) -> slice | None:
+    """Return the frames of A:B or A:B:STEP, or None for all frames.
 
-
-def seen_and_told(
-    capture: Capture, path: Path, given: dict[str, Any], calibration: Path | None
-) -> tuple[Bits | npt.NDArray[np.int32], Sensor]:
-    """The data and their sensor, once it is said where that is from."""
-    found = None if calibration is None else Calibration.load(calibration)
-    seen, sensor, where = seen_by_sensor(capture, path, given, found)
-    for line in (*describe_provenance(capture.provenance), f"{where}: {sensor!r}"):
-        out.print(line, soft_wrap=True, markup=False)
-    return seen, sensor
+    Examples
+    --------
+    >>> parse_frame_range("100:200")
+    slice(100, 200, None)
+    """
+    if text is None:
+        return None
+    match = re.fullmatch(r"(\d{0,15}):(\d{0,15})(?::(\d{0,15}))?", text.strip(), re.ASCII)
+    if match is None or (match[3] and int(match[3]) == 0):
+        raise ValueError(f"frame-range: expected A:B, A: or :B in whole numbers, got {text!r}")
+    return slice(*(int(number) if number else None for number in match.groups()))

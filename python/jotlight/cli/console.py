@@ -1,4 +1,4 @@
-"""What the user sees while and after a command works."""
+"""Output to the terminal: results, warnings, errors, and progress."""
 
 import contextlib
 import re
@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.progress import (
     BarColumn,
     Progress,
+    ProgressColumn,
     SpinnerColumn,
     TaskProgressColumn,
     TextColumn,
@@ -22,31 +23,36 @@ from jotlight.errors import JotlightWarning
 from jotlight.estimators.convergence import Iteration
 from jotlight.training import Record
 
-# What stands between colons, as in a range of frames, is no emoji.
+# Without emoji=False, rich replaces text between colons, as in a range of frames, by an emoji.
 out = Console(highlight=False, emoji=False)
 err = Console(stderr=True, highlight=False, emoji=False)
 
+_shown_warnings: set[str] = set()
 
-class Begin(Protocol):
-    """Begins a step of a bar."""
-
-    def __call__(self, name: str, size: float = 1.0) -> Callable[[float], None]:
-        """Give the function that takes the share that is done."""
+_PYTHON_ADVICE = re.compile(r"[\w.]+[=\[(]\S* \((--[^()]+)\)")
+"""Advice of the library, such as ``counts=True (--counts)``."""
 
 
-_said: set[str] = set()
+def _with_options_only(message: str) -> str:
+    """Return a message whose advice names the option instead of the Python parameter."""
+    return _PYTHON_ADVICE.sub(r"\1", message)
 
-_ADVICE = re.compile(r"[\w.]+[=\[(]\S* \((--[^()]+)\)")
+
+def report(*lines: str) -> None:
+    """Print results to the standard output."""
+    for line in lines:
+        out.print(_with_options_only(line), soft_wrap=True, markup=False)
 
 
-def _of_options(message: str) -> str:
-    """Advice such as ``counts=True (--counts)`` with the option alone."""
-    return _ADVICE.sub(r"\1", message)
+def caution(label: str, message: str) -> None:
+    """Print a remark with a highlighted label to the standard error."""
+    text = escape(_with_options_only(message))
+    err.print(f"[yellow]{escape(label)}:[/] {text}", soft_wrap=True)
 
 
 def error(message: str) -> None:
-    """Say in one line what went wrong."""
-    err.print(f"[bold red]error:[/] {escape(_of_options(message))}", soft_wrap=True)
+    """Print an error in one line."""
+    err.print(f"[bold red]error:[/] {escape(_with_options_only(message))}", soft_wrap=True)
 
 
 def show_warning(
@@ -57,102 +63,109 @@ def show_warning(
     file: TextIO | None = None,
     line: str | None = None,
 ) -> None:
-    """Print our own warnings in one line, each once, and others as Python does."""
-    if issubclass(category, JotlightWarning):
-        if str(message) in _said:
-            return
-        _said.add(str(message))
-        err.print(f"[yellow]warning:[/] {escape(_of_options(str(message)))}", soft_wrap=True)
-    else:
-        err.print(escape(warnings.formatwarning(message, category, filename, lineno, line)), end="")
+    """Print each warning of jotlight once, in one line, and others as Python does.
+
+    The parameters are those of :func:`warnings.showwarning`.
+    """
+    if not issubclass(category, JotlightWarning):
+        text = warnings.formatwarning(message, category, filename, lineno, line)
+        err.print(escape(text), end="")
+    elif str(message) not in _shown_warnings:
+        _shown_warnings.add(str(message))
+        caution("warning", str(message))
 
 
 @contextlib.contextmanager
-def silent(wanted: bool) -> Iterator[None]:
-    """Print nothing while the block runs, if so wanted; an error that ends it is said."""
+def silenced(enabled: bool) -> Iterator[None]:
+    """Suppress all output while the block runs, if enabled."""
     before = out.quiet, err.quiet
-    out.quiet = err.quiet = wanted
+    out.quiet = err.quiet = enabled
     try:
         yield
     finally:
         out.quiet, err.quiet = before
 
 
+class Begin(Protocol):
+    """Begin the next step of a progress bar."""
+
+    def __call__(self, name: str, size: float = 1.0) -> Callable[[float], None]:
+        """Return a function that takes the fraction of the step that is done."""
+
+
+def _bar(*columns: ProgressColumn) -> Progress:
+    """Return a progress bar that shows on a terminal only and vanishes at the end."""
+    return Progress(
+        SpinnerColumn(), *columns, console=err, transient=True, disable=not err.is_terminal
+    )
+
+
 @contextlib.contextmanager
 def progress(total: float | None, *, remaining: bool = False) -> Iterator[Begin]:
-    """Show a bar over a number of steps while the block runs, on a terminal only.
+    """Show a progress bar while the block runs.
 
-    Without a total the bar moves to and fro, for work that does not tell how far it is.
+    Parameters
+    ----------
+    total : float or None
+        Number of steps. With None the bar moves to and fro, for work without progress reports.
+    remaining : bool
+        Whether to show the remaining time instead of the elapsed time.
 
-    Gives a function that begins the next step, by name, and returns a function that takes
-    the share of it that is done. A step counts as 1 of the total, or as much as it is given.
-    For long work it can show how much time remains.
+    Yields
+    ------
+    Begin
+        Takes the name of the next step, and the part of the total that it counts as.
     """
     time = [TimeRemainingColumn(), TextColumn("left")] if remaining else [TimeElapsedColumn()]
-    bar = Progress(
-        SpinnerColumn(),
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TaskProgressColumn(),
-        *time,
-        console=err,
-        transient=True,
-        disable=not err.is_terminal,
-    )
+    bar = _bar(TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), *time)
     with bar:
         task = bar.add_task("", total=total)
-        begun = 0.0
+        next_start = 0.0
 
         def begin(name: str, size: float = 1.0) -> Callable[[float], None]:
-            nonlocal begun
-            first, begun = begun, begun + size
-            bar.update(task, description=name, completed=first)
-            return lambda share: bar.update(task, completed=first + size * share)
+            nonlocal next_start
+            start, next_start = next_start, next_start + size
+            bar.update(task, description=name, completed=start)
+            return lambda fraction: bar.update(task, completed=start + size * fraction)
 
         yield begin
 
 
 @contextlib.contextmanager
 def live_iterations(title: str) -> Iterator[Callable[[Iteration], None]]:
-    """Show how an iterative method comes nearer, on a terminal only.
+    """Show the convergence of an iterative method.
 
-    Gives a function that takes each iteration.
+    Yields
+    ------
+    callable
+        Takes each iteration.
     """
-    bar = Progress(
-        SpinnerColumn(),
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=16),
-        TimeElapsedColumn(),
-        console=err,
-        transient=True,
-        disable=not err.is_terminal,
-    )
+    bar = _bar(TextColumn("{task.description}"), BarColumn(bar_width=16), TimeElapsedColumn())
     with bar:
         task = bar.add_task(title, total=1.0)
 
         def show(step: Iteration) -> None:
-            words = f"iteration {step.number}, residual {step.residual:.1e} (to {step.tol:g})"
-            bar.update(task, description=words, completed=step.progress)
+            text = f"iteration {step.number}, residual {step.residual:.1e} (to {step.tol:g})"
+            bar.update(task, description=text, completed=step.progress)
 
         yield show
 
 
 @contextlib.contextmanager
 def live_training(steps: int) -> Iterator[Callable[[Record], None]]:
-    """Show a run: a live line on a terminal, and elsewhere a line at each tenth of the way.
+    """Show a training run: a live line on a terminal, elsewhere ten lines in all.
 
-    Gives a function that takes the record of each step.
+    Yields
+    ------
+    callable
+        Takes the record of each step.
     """
-    bar = Progress(
-        SpinnerColumn(),
+    bar = _bar(
         TextColumn("step {task.completed:.0f}/{task.total:.0f}"),
         BarColumn(bar_width=24),
         TextColumn("{task.description}"),
         TimeRemainingColumn(),
         TextColumn("left"),
-        console=err,
-        transient=True,
-        disable=not err.is_terminal,
     )
     with bar:
         task = bar.add_task("starting", total=steps)
@@ -164,10 +177,10 @@ def live_training(steps: int) -> Iterator[Callable[[Record], None]]:
                 test = f"  test {record.test_psnr:.2f} dB"
             if record.held_out is not None:
                 test = f"  held out {record.held_out:.5f} nats per bit"
-            words = f"cost {record.loss:.4g}  gradient {record.gradient_norm:.3g}{test}"
-            bar.update(task, completed=record.step, description=words)
-            every = max(1, steps // 10)
-            if not err.is_terminal and (record.step % every == 0 or record.step == steps):
-                err.print(f"step {record.step}/{steps}  {words}", soft_wrap=True)
+            text = f"cost {record.loss:.4g}  gradient {record.gradient_norm:.3g}{test}"
+            bar.update(task, completed=record.step, description=text)
+            interval = max(1, steps // 10)
+            if not err.is_terminal and (record.step % interval == 0 or record.step == steps):
+                err.print(f"step {record.step}/{steps}  {text}", soft_wrap=True)
 
         yield show

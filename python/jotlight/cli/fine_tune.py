@@ -1,161 +1,149 @@
-"""What `jotlight train --self-supervised` does: a network learns from a capture's own bits."""
+"""``jotlight fine-tune``: a network trained further on the bits of one capture."""
 
+import dataclasses
 import functools
 import shlex
 from pathlib import Path
 from typing import Any
 
-from jotlight.cli import capture_options, networks, training_run
-from jotlight.cli.console import err, out, silent
+from jotlight import plots
+from jotlight.calibration import Calibration
+from jotlight.cli.capture_options import CaptureOptions
+from jotlight.cli.captured import Captured, add_sensor, refuse_capture_overwrite
+from jotlight.cli.common_options import Capture
+from jotlight.cli.console import caution, report, silenced
+from jotlight.cli.learners import check_device
+from jotlight.cli.sensor_options import CalibratedSensorOptions
+from jotlight.cli.training_options import TrainingOptions
+from jotlight.cli.training_run import (
+    check_checkpoint,
+    checkpoint_path,
+    report_training,
+    run_training,
+)
+from jotlight.files import refuse_overwrite
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import pretrained, unsupported_reason
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import History
 
 _QUALITY = "medium"
-"""Of the network to start from, unless one is given."""
-
-_COMES_WITH_START = "layers and bits are those of the network of --start"
-_ADAM = "it takes the steps of Adam; --learning-rate says how large they are"
-_TESTED = "a tenth of the capture's bits is what it is tested on"
-_NO_IMAGES = "it learns from the capture alone"
-_REASONS = {
-    "images": _NO_IMAGES,
-    "white": _NO_IMAGES,
-    "sensor": "give the capture once",
-    "sensor_key": "--key names the array of the capture",
-    "network": _COMES_WITH_START,
-    "any_bits": _COMES_WITH_START,
-    "sigma": _COMES_WITH_START,
-    "untied": _COMES_WITH_START,
-    "test": _TESTED,
-    "test_key": _TESTED,
-    "seconds": "--steps says how long it takes",
-    "optimizer": _ADAM,
-    "learning_rate": _ADAM,
-    "damping": _ADAM,
-}
+"""Size of the shipped network to start from."""
 
 
-def refuse_others(**given: object) -> None:
-    """Raise ValueError for an option that does not go with --self-supervised."""
-    for name, value in given.items():
-        if value is not None and value is not False:
-            raise ValueError(
-                f"{name.replace('_', '-')}: does not go with --self-supervised, where "
-                f"{_REASONS[name]}; leave it out"
-            )
-
-
-def learn(
-    reading: capture_options.CaptureOptions,
+def fine_tune(
+    data: Capture,
+    /,
     *,
-    output: Path,
-    start: Path | None,
-    calibration: Path | None,
-    steps: int | None,
-    rate: float | None,
-    seed: int,
-    device: str | None,
-    resume: bool,
-    restart: bool,
-    plot: Path | None,
-    given: dict[str, Any],
-    words: dict[str, list[str]],
-    **settings: Any,
+    training: TrainingOptions,
+    capture: CaptureOptions = CaptureOptions(),
+    sensor: CalibratedSensorOptions = CalibratedSensorOptions(),
 ) -> None:
-    """Make a network better for a capture, and write it.
+    """Train a network further on the bits of one capture, without images or ground truth.
 
-    Parameters
-    ----------
-    reading : capture_options.CaptureOptions
-        The capture.
-    given, words
-        The options of its sensor, by parameter: as values and as words of a command.
-    **settings
-        Others of `jotlight.torch.fine_tune`.
-
-    Raises
-    ------
-    MissingExtraError
-        When PyTorch is not installed.
+    Ctrl-C stops the run. With --resume it continues as if it had never been stopped. The command
+    needs PyTorch, the extra torch.
     """
+    _check_outputs(data, training, sensor)
     from jotlight.torch import distributed, fine_tuning
-    from jotlight.torch.bit_splitting import check_kernel
 
-    networks.check_device(device)
-    checkpoint = training_run.checkpoint_of(output)
-    first = distributed.rank() == 0
-    if first:
-        training_run.check_checkpoint(checkpoint, resume, restart)
-    steps = fine_tuning.STEPS if steps is None else steps
-    with silent(not first):
-        seen, sensor = capture_options.seen_and_told(
-            reading.open(), reading.path, given, calibration
-        )
-        check_kernel(sensor)
-        network = _start(start, sensor)
-        if network.trials_range is None and "max_intensity" not in given:
-            # As `reconstruct` takes it: a network's outputs lie in its own range.
-            sensor = sensor.replace(max_intensity=network.sensor.max_intensity)
+    check_device(training.device)
+    is_first = distributed.rank() == 0
+    if is_first:
+        check_checkpoint(training)
+    steps = fine_tuning.STEPS if training.steps is None else training.steps
+    rate = fine_tuning.RATE if training.learning_rate is None else training.learning_rate
+    with silenced(not is_first):
+        captured, network = _capture_and_network(data, training, capture, sensor)
         run = functools.partial(
             fine_tuning.fine_tune,
             network,
-            seen,
-            sensor,
+            captured.data,
+            captured.sensor,
             steps=steps,
-            rate=fine_tuning.RATE if rate is None else rate,
-            rng=seed,
-            device=device,
-            checkpoint=checkpoint,
-            resume=resume,
-            **settings,
+            rate=rate,
+            batch=training.batch,
+            patch=training.patch,
+            rng=training.seed,
+            device=training.device,
+            threads=training.threads,
+            checkpoint=checkpoint_path(training.output),
+            resume=training.resume,
         )
-        if not first:
+        if not is_first:
             run()
             return
-    about = {"fine-tuned on": str(reading.path)}
-    history, seconds = training_run.learn(
-        run, output, plot, steps=steps, remedy="--learning-rate", about=about
+    history, seconds = run_training(
+        run,
+        training,
+        steps=steps,
+        remedy="--learning-rate",
+        provenance={"fine-tuned on": str(data)},
     )
-    command = ["jotlight", "reconstruct", str(reading.path), *reading.words("--key")]
-    if calibration is not None:
-        command += ["--calibration", str(calibration)]
-    for pair in words.values():
-        command += pair
-    command += ["--model", str(output), "-o", "picture.png"]
-    _tell(output, history, seconds, plot, shlex.join(command))
+    _report(training, history, seconds)
+    argv = ["jotlight", "reconstruct", str(data), *capture.to_argv(), *sensor.to_argv()]
+    argv += ["--model", str(training.output), "-o", "image.png"]
+    report(f"Reconstruct with it: {shlex.join(argv)}")
+
+
+def _check_outputs(data: Path, training: TrainingOptions, sensor: CalibratedSensorOptions) -> None:
+    """Raise ValueError for outputs that cannot be written."""
+    checkpoint = checkpoint_path(training.output)
+    if training.plot is not None:
+        plots.check_figure(training.plot)
+    for file in filter(None, (training.output, training.plot, checkpoint)):
+        refuse_overwrite(file, [training.start, sensor.calibration, *sensor.map_files()])
+        refuse_capture_overwrite(file, data)
+
+
+def _capture_and_network(
+    path: Path,
+    training: TrainingOptions,
+    capture: CaptureOptions,
+    sensor: CalibratedSensorOptions,
+) -> tuple[Captured, Network]:
+    """Return the data with their sensor, and the network to start from."""
+    from jotlight.torch.bit_splitting import check_kernel
+
+    kwargs: dict[str, Any] = sensor.to_kwargs()
+    opened = capture.open(path)
+    calibration = None if sensor.calibration is None else Calibration.load(sensor.calibration)
+    captured = add_sensor(opened, path, kwargs, calibration)
+    report(*captured.notes())
+    check_kernel(captured.sensor)
+    network = _start(training.start, captured.sensor)
+    if network.trials_range is None and "max_intensity" not in kwargs:
+        # `jotlight reconstruct` also uses the range that the network was trained for.
+        own = captured.sensor.replace(max_intensity=network.sensor.max_intensity)
+        captured = dataclasses.replace(captured, sensor=own)
+    return captured, network
 
 
 def _start(path: Path | None, sensor: Sensor) -> Network:
-    """The network to start from, once it is said which one that is."""
+    """Return the network to start from, and report which one it is."""
     if path is not None:
-        out.print(f"starts from {path}", soft_wrap=True, markup=False)
+        report(f"starts from {path}")
         return Network.load(path)
     if (reason := unsupported_reason(sensor, _QUALITY)) is not None:
         raise ValueError(
-            f"start: expected a network to start from, since {reason}; give one with --start, or "
-            "some of the frames with --frame-range"
+            f"start: expected a network to start from, since {reason}; name one with --start, or "
+            "select some of the frames with --frame-range"
         )
-    out.print(f"starts from the network of quality {_QUALITY} that comes with jotlight")
+    report(f"starts from the {_QUALITY} network that ships with jotlight")
     return pretrained(sensor, _QUALITY)
 
 
-def _tell(output: Path, history: History, seconds: float, plot: Path | None, command: str) -> None:
+def _report(training: TrainingOptions, history: History, seconds: float) -> None:
     steps = len(history) - 1
     before, after = history.held_out[0], history.held_out[-1]
-    out.print(
-        f"{output}: learned in {steps} step{'' if steps == 1 else 's'} and {seconds:.1f} s, "
-        f"{before:.5f} to {after:.5f} nats per bit held out",
-        soft_wrap=True,
-        markup=False,
+    report_training(
+        f"trained in {steps} step{'' if steps == 1 else 's'} and {seconds:.1f} s, "
+        f"{before:.5f} to {after:.5f} nats per held-out bit",
+        training,
     )
     if after == before:
-        err.print(
-            "[yellow]nothing learned:[/] no other parameters made the bits held out more likely, "
-            "so that these are those of the start; try more --steps, or another --learning-rate",
-            soft_wrap=True,
+        caution(
+            "no improvement",
+            "no other parameters made the held-out bits more likely, so the network equals the "
+            "start; try more --steps or another --learning-rate",
         )
-    if plot is not None:
-        out.print(f"Look at [bold]{plot}[/]", soft_wrap=True)
-    out.print(f"Reconstruct with it: {command}", soft_wrap=True, markup=False)

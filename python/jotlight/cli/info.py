@@ -1,23 +1,23 @@
-"""`jotlight info`: what is in a file."""
+"""``jotlight info``: the contents of a file."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import typer
+from cyclopts import Parameter
 from rich.table import Table
 
 from jotlight.calibration import Calibration
 from jotlight.calibration.result import FORMAT as CALIBRATION
-from jotlight.cli import capture_options
+from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.console import out, progress
 from jotlight.files import atomic_write, refuse_overwrite
 from jotlight.formats import open_capture
 from jotlight.formats.arrays import list_npz_arrays, read_npy, read_npz, read_npz_label
 from jotlight.formats.capture import Capture, CountStack, is_single_image
-from jotlight.formats.labels import read_counts_label
 from jotlight.formats.detect import detect_format
+from jotlight.formats.labels import read_counts_label
 from jotlight.formats.tiff_directories import open_checked_tiff
 from jotlight.images.io import read_image
 from jotlight.networks.graph import flops_per_pixel
@@ -31,36 +31,26 @@ from jotlight.training import History
 def info(
     file: Annotated[
         Path,
-        typer.Argument(
+        Parameter(
             help="A capture of bits or counts, a file or a folder; a network or a calibration "
-            "(.safetensors); or a picture."
+            "(.safetensors); or an image."
         ),
     ],
-    width: capture_options.Width = None,
-    format_: capture_options.Format = None,
-    frame_range: capture_options.FrameRange = None,
-    rotate: capture_options.Rotate = 0,
-    flip: capture_options.Flip = None,
-    key: capture_options.Key = None,
-    counts: capture_options.Counts = None,
-    unpacked: capture_options.Unpacked = None,
+    /,
+    *,
+    capture: CaptureOptions = CaptureOptions(),
     plot: Annotated[
         Path | None,
-        typer.Option(
-            help="A figure of a calibration, or of a learned network: .png, .pdf or .svg."
-        ),
+        Parameter(help="A figure of a calibration or a trained network: .png, .pdf or .svg."),
     ] = None,
 ) -> None:
-    """Say what a file holds: shape, sensor, share of ones, range."""
+    """Show the contents of a file: kind, shape, sensor, fraction of ones, range."""
     if plot is not None:
         _draw(file, plot)
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")
-    reading = capture_options.CaptureOptions(
-        file, format_, width, frame_range, rotate, flip, key, counts, unpacked
-    )
-    for name, value in _facts(file, reading):
+    for name, value in _facts(file, capture):
         table.add_row(name, value)
     out.print(table)
     if file.suffix.lower() == ".safetensors" and stored_format(file) != CALIBRATION:
@@ -82,24 +72,25 @@ def _draw(file: Path, plot: Path) -> None:
     network = Network.load(file)
     last = network.history.get("fine tuning", network.history)
     if "records" not in last:
-        raise ValueError(f"{file}: this network has no history of a run to draw")
+        raise ValueError(f"{file}: this network has no history of a training run to draw")
     refuse_overwrite(plot, [file])
     with atomic_write(plot) as temporary:
         history = History.from_json(last["records"])
         plots.training(network, history).savefig(temporary, dpi=110)
 
 
-_PICTURES = (".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".ppm", ".gif")
-"""Endings of what is a picture and no capture."""
+_IMAGE_SUFFIXES = (".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".ppm", ".gif")
+"""Suffixes of images that are never captures."""
 
 
-def _facts(file: Path, reading: capture_options.CaptureOptions) -> list[tuple[str, str]]:
+def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
+    """Return the rows of the table: names and values."""
     ending = file.suffix.lower()
     if ending == ".safetensors":
         if stored_format(file) == CALIBRATION:
             return _calibration_facts(Calibration.load(file))
         return _network_facts(Network.load(file))
-    if reading == capture_options.CaptureOptions(file) and file.is_file():
+    if capture == CaptureOptions() and file.is_file():
         if ending == ".npz" and read_npz_label(file) is None:
             facts = [("kind", "archive of arrays")]
             for name in list_npz_arrays(file):
@@ -108,33 +99,33 @@ def _facts(file: Path, reading: capture_options.CaptureOptions) -> list[tuple[st
             return facts
         if ending == ".npy" and (array := read_npy(file)).dtype.kind not in "biu":
             return [("kind", "array"), ("shape", _by(array.shape)), *_range(np.asarray(array))]
-        if _is_picture(file):
-            return _picture_facts(file)
-    return _capture_facts(reading.open())
+        if _is_image(file):
+            return _image_facts(file)
+    return _capture_facts(capture.open(file))
 
 
-def _picture_facts(file: Path) -> list[tuple[str, str]]:
-    picture = read_image(file)
-    size = ("shape", _by(picture.shape))
+def _image_facts(file: Path) -> list[tuple[str, str]]:
+    image = read_image(file)
+    size = ("shape", _by(image.shape))
     try:
         capture = open_capture(file)
-    except (OSError, ValueError):  # no capture, as in colour or floats
-        return [("kind", "picture"), size, *_range(picture)]
+    except (OSError, ValueError):  # color images and floats are no captures
+        return [("kind", "image"), size, *_range(image)]
     if isinstance(capture, Bits):
         kind, levels = "bits", capture.counts(1)
     else:
         kind, levels = "counts", np.asarray(capture.images)
     return [
-        ("kind", f"{kind}, or a picture"),
+        ("kind", f"{kind}, or an image"),
         size,
         (kind, f"{levels.min():g} to {levels.max():g}"),
-        ("picture", _range(picture)[0][1]),
-        ("", f"--{kind} tells of it as a capture"),
+        ("image", _range(image)[0][1]),
+        ("", f"--{kind} shows it as a capture"),
     ]
 
 
-def _is_picture(file: Path) -> bool:
-    """Whether a file is a picture rather than a capture, unless the user says otherwise."""
+def _is_image(file: Path) -> bool:
+    """Return whether a file is an image rather than a capture, as far as its content shows."""
     ending = file.suffix.lower()
     if ending in (".tif", ".tiff"):
         try:
@@ -143,12 +134,12 @@ def _is_picture(file: Path) -> bool:
                 if read_counts_label(tiff.pages[0].description) != (None, None):
                     return False
                 return bool(dtype.kind == "f" or (dtype == np.uint8 and is_single_image(shape)))
-        except Exception:  # reading it will say what is wrong
+        except Exception:  # reading the file reports the error
             return True
     try:
         return detect_format(file) == "png"
     except ValueError:
-        return ending in _PICTURES
+        return ending in _IMAGE_SUFFIXES
 
 
 def _capture_facts(capture: Capture) -> list[tuple[str, str]]:
@@ -184,7 +175,7 @@ def _bits_facts(bits: Bits) -> list[tuple[str, str]]:
         ("ones", f"{ones / np.prod(bits.shape, dtype=float):.3%}"),
     ]
     if bits.sensor is None:
-        return [*facts, ("sensor", "not told")]
+        return [*facts, ("sensor", "not stated")]
     pixels = f"{height // bits.sensor.oversampling} x {width // bits.sensor.oversampling}"
     return [
         *facts,
@@ -203,34 +194,31 @@ def _calibration_facts(calibration: Calibration) -> list[tuple[str, str]]:
 def _network_facts(network: Network) -> list[tuple[str, str]]:
     layers, history = network.layers, network.history
     if network.trials_range is None:
-        served = ("sensor", repr(network.sensor))
+        sensor = repr(network.sensor)
     else:
         low, high = network.trials_range
-        served = (
-            "sensor",
-            f"any of {low} to {high} bits per pixel, {network.sensor.kernel} kernel",
-        )
+        sensor = f"any of {low} to {high} bits per pixel, {network.sensor.kernel} kernel"
     facts = [
         ("kind", "network"),
-        served,
+        ("sensor", sensor),
         ("parameters", f"{sum(layer.parameter_count for layer in layers):,}"),
         ("work", f"{flops_per_pixel(layers) / 1000:.3g} kFLOP per pixel"),
         ("halo", f"{network.halo} pixels"),
     ]
-    told = [name for name in ("start", "trained on", "fine-tuned on") if name in history]
-    facts += [(name, str(history[name])) for name in told]
-    for name, part in (("learned", history), ("fine-tuned", history.get("fine tuning", {}))):
+    origins = [name for name in ("start", "trained on", "fine-tuned on") if name in history]
+    facts += [(name, str(history[name])) for name in origins]
+    for name, part in (("trained", history), ("fine-tuned", history.get("fine tuning", {}))):
         if "run" in part and "records" in part:
-            facts.append((name, _trainer(part["run"], History.from_json(part["records"]))))
+            facts.append((name, _describe_run(part["run"], History.from_json(part["records"]))))
     return facts
 
 
 def _layers(layers: Sequence[Layer]) -> Table:
-    """A row for each layer; what is as in a plain chain stays empty."""
+    """Return a table with a row for each layer. Values of a plain chain of layers stay empty."""
     table = Table(box=None, header_style="bold", pad_edge=False)
-    for name in ("layer", "reads", "adds", "stride", "up"):
+    for name in ("layer", "input", "skip", "stride", "up"):
         table.add_column(name, justify="right")
-    for name in ("filters", "splines", "on"):
+    for name in ("filters", "splines", "range"):
         table.add_column(name)
     for index, layer in enumerate(layers):
         wiring = [
@@ -249,25 +237,25 @@ def _layers(layers: Sequence[Layer]) -> Table:
 
 
 def _splines(layer: Layer) -> tuple[str, str]:
-    """The shape of the coefficients, and where they bend."""
+    """Return the shape of the coefficients, and the range of the knots."""
     if layer.coefficients is None:
         return "none", ""
     end = layer.start + layer.spacing * (layer.coefficients.shape[-1] - 3)
     return _by(layer.coefficients.shape), f"{layer.start:.3g} to {end:.3g}"
 
 
-def _trainer(run: dict[str, Any], history: History) -> str:
-    trainer = (
+def _describe_run(run: dict[str, Any], history: History) -> str:
+    text = (
         f"{history.steps[-1]} steps of {run.get('optimizer')}, seed {run.get('seed')}; cost "
         f"{history.loss[0]:.4g} to {history.loss[-1]:.4g}"
     )
     measured = history.test_psnr[np.isfinite(history.test_psnr)]
     if len(measured):
-        trainer += f", test PSNR {measured[0]:.2f} to {measured[-1]:.2f} dB"
-    told = history.held_out[np.isfinite(history.held_out)]
-    if len(told):
-        trainer += f", held out {told[0]:.5f} to {told[-1]:.5f} nats per bit"
-    return trainer
+        text += f", test PSNR {measured[0]:.2f} to {measured[-1]:.2f} dB"
+    held_out = history.held_out[np.isfinite(history.held_out)]
+    if len(held_out):
+        text += f", held out {held_out[0]:.5f} to {held_out[-1]:.5f} nats per bit"
+    return text
 
 
 def _by(shape: tuple[int, ...]) -> str:

@@ -1,4 +1,4 @@
-"""What `jotlight reconstruct` writes beside and instead of a single picture."""
+"""Options that name the output files of ``jotlight reconstruct``, and their writing."""
 
 import contextlib
 import dataclasses
@@ -8,156 +8,150 @@ from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
-import typer
+from cyclopts import Parameter
 
 from jotlight import __version__
+from jotlight.cli.captured import Captured
+from jotlight.cli.common_options import OUTPUT_PANEL
 from jotlight.estimators.brightness import detected_photons
 from jotlight.estimators.uncertainty import uncertainty
 from jotlight.files import atomic_write
 from jotlight.images.image_stack import stack_writer
 from jotlight.images.io import DISPLAYED, FLOATS, image_writer
 from jotlight.images.tone import CURVES, Tone, check_curve
-from jotlight.sensing.bits import Bits
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 UNITS = {"intensity": "intensity", "photons": "detected photons per pixel and frame"}
-"""The units that floats may have, and what a file says of them."""
+"""Units of floats, with the text that a file states."""
 
 _DEFAULT_CURVE = "gamma"
 
 
-def _option(help_: str, *names: str, panel: str = "Output") -> Any:
-    return typer.Option(*names, help=help_, rich_help_panel=panel)
-
-
-Units = Annotated[
-    str,
-    _option(
-        "Of a .tif, .exr or .npy: intensity, or photons (per frame, as a pixel of median response "
-        "detects them)."
-    ),
-]
-Preview = Annotated[
-    Path | None, _option("A .png or .jpg to look at beside the picture, white at a percentile.")
-]
-Curve = Annotated[
-    str | None,
-    _option(
-        f"Tone curve of what is to look at: {', '.join(CURVES)}. Default: {_DEFAULT_CURVE} for a "
-        "preview or a film; a .png or .jpg as the picture itself is linear, white at the largest "
-        "intensity."
-    ),
-]
-UncertaintyFile = Annotated[
-    Path | None,
-    _option(
-        "Standard error, confidence interval and flags of each pixel, for the method mle: a .npz, "
-        ".npy or .tif.",
-        "--uncertainty",
-    ),
-]
-Level = Annotated[float, _option("Coverage of the confidence interval.")]
-Window = Annotated[
-    int | None,
-    _option(
-        "Frames of each picture of a film; the output is a new folder of .png, a .mp4 or a .npy.",
-        panel="Video",
-    ),
-]
-Step = Annotated[
-    int | None,
-    _option("Frames from one window to the next. Default: as many as a window.", panel="Video"),
-]
-Fps = Annotated[float, _option("Pictures per second of a .mp4.", panel="Video")]
-
-
-@dataclasses.dataclass(frozen=True)
+@Parameter(name="*", group=OUTPUT_PANEL)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class OutputOptions:
-    """Which files are wanted and what is to stand in them."""
+    """Files to write, and their contents."""
 
-    picture: Path
-    preview: Path | None = None
-    uncertainty: Path | None = None
-    units: str = "intensity"
-    curve: str | None = None
-    level: float = 0.95
-    depth: int = 8
+    output: Annotated[
+        Path,
+        Parameter(
+            alias="-o",
+            help="A .png or .jpg for display; a .tif, .exr or .npy for floats that are never "
+            "clipped.",
+        ),
+    ]
+    units: Annotated[
+        str,
+        Parameter(
+            help="Units of a .tif, .exr or .npy: intensity, or photons, the number that a pixel "
+            "of median response detects per frame."
+        ),
+    ] = "intensity"
+    preview: Annotated[
+        Path | None,
+        Parameter(help="A .png or .jpg in addition, for display. White is at a percentile."),
+    ] = None
+    curve: Annotated[
+        str | None,
+        Parameter(
+            help=f"Tone curve of an image for display: {', '.join(CURVES)}. Default: "
+            f"{_DEFAULT_CURVE} for a preview or a video. An output in .png or .jpg is linear, "
+            "with white at the largest intensity."
+        ),
+    ] = None
+    uncertainty: Annotated[
+        Path | None,
+        Parameter(
+            help="A .npz, .npy or .tif with the standard error, confidence interval and flags of "
+            "each pixel, for the method mle."
+        ),
+    ] = None
+    level: Annotated[float, Parameter(help="Coverage of the confidence interval.")] = 0.95
+    depth: Annotated[int, Parameter(help="Bits per value of a .png: 8 or 16.")] = 8
 
-    def __post_init__(self) -> None:
+    def check(self) -> None:
+        """Raise ValueError for options that do not belong together."""
+        displayed = self.output.suffix.lower() in DISPLAYED
         if self.units not in UNITS:
             raise ValueError(f"units: expected one of {', '.join(UNITS)}, got {self.units!r}")
         if self.curve is not None:
             check_curve(self.curve)
-        if (
-            self.curve is not None
-            and self.preview is None
-            and self.picture.suffix.lower() in FLOATS
-        ):
-            raise ValueError(
-                f"curve: is for a .png or .jpg, not for the floats of {self.picture}; --preview "
-                "asks for one beside it"
-            )
+            if self.preview is None and self.output.suffix.lower() in FLOATS:
+                raise ValueError(
+                    f"curve: is for a .png or .jpg, not for the floats of {self.output}; "
+                    "--preview writes an image for display in addition"
+                )
         names = [path.resolve() for path in self.paths()]
         if len(set(names)) < len(names):
-            raise ValueError("expected another name for each file to be written, got one twice")
+            raise ValueError("expected a different name for each output, got the same name twice")
         if self.preview is not None and self.preview.suffix.lower() not in DISPLAYED:
             raise ValueError(f"preview: expected a name in .png or .jpg, got {self.preview}")
-        if self.units != "intensity" and self.picture.suffix.lower() in DISPLAYED:
+        if self.units != "intensity" and displayed:
             raise ValueError(
-                f"units: are for numbers, and {self.picture} is to look at; write a .tif, .exr or "
-                ".npy, with --preview for a picture beside it"
+                f"units: are for floats, and {self.output} is for display; write a .tif, .exr or "
+                ".npy, and add --preview for an image for display"
             )
         if self.uncertainty is not None:
             stack_writer(self.uncertainty)
             if not 0.5 <= self.level < 1:
-                raise ValueError(f"level: expected 0.5 to below 1, got {self.level}")
+                raise ValueError(f"level: expected a number in [0.5, 1), got {self.level}")
 
     def paths(self) -> list[Path]:
-        """All files to be written."""
-        return [p for p in (self.picture, self.preview, self.uncertainty) if p is not None]
+        """Return all files to write."""
+        paths = (self.output, self.preview, self.uncertainty)
+        return [path for path in paths if path is not None]
 
     def scale(self, sensor: Sensor) -> np.float32:
-        """What an intensity is to be multiplied by for the units."""
+        """Return the factor from intensity to the units."""
         return np.float32(detected_photons(sensor) if self.units == "photons" else 1)
 
     @contextlib.contextmanager
-    def files(self) -> Iterator[list[Path]]:
-        """Make the temporary files, so that a place that cannot be written to is found early."""
+    def temporary_files(self) -> Iterator[list[Path]]:
+        """Create the files, which reveals a folder that cannot be written before any work.
+
+        Yields
+        ------
+        list of Path
+            A temporary file for each of :meth:`paths`.
+        """
         with contextlib.ExitStack() as stack:
             yield [stack.enter_context(atomic_write(path)) for path in self.paths()]
 
     def write(
         self,
         files: list[Path],
-        picture: npt.NDArray[np.float32],
-        seen: Bits | npt.NDArray[np.int32],
-        sensor: Sensor,
+        estimate: npt.NDArray[np.float32],
+        captured: Captured,
         *,
         white: float,
-        note: dict[str, Any],
+        metadata: dict[str, Any],
         threads: int | None,
     ) -> None:
-        """Fill the files in the order of :meth:`paths`."""
-        rest = list(files)
-        displayed = self.picture.suffix.lower() in DISPLAYED
-        if displayed and self.curve is not None:
-            write = image_writer(self.picture, depth=self.depth)
-            write(rest.pop(0), Tone.fit(picture, self.curve)(picture))
+        """Write the temporary files, in the order of :meth:`paths`."""
+        remaining = list(files)
+        scale = self.scale(captured.sensor)
+        if self.output.suffix.lower() in DISPLAYED and self.curve is not None:
+            write = image_writer(self.output, depth=self.depth)
+            write(remaining.pop(0), Tone.fit(estimate, self.curve)(estimate))
         else:
-            write = image_writer(self.picture, depth=self.depth, white=white, note=note)
-            write(rest.pop(0), picture * self.scale(sensor))
+            write = image_writer(self.output, depth=self.depth, white=white, note=metadata)
+            write(remaining.pop(0), estimate * scale)
         if self.preview is not None:
-            tone = Tone.fit(picture, self.curve or _DEFAULT_CURVE)
-            image_writer(self.preview)(rest.pop(0), tone(picture))
+            tone = Tone.fit(estimate, self.curve or _DEFAULT_CURVE)
+            image_writer(self.preview)(remaining.pop(0), tone(estimate))
         if self.uncertainty is not None:
-            known = uncertainty(seen, sensor, confidence_level=self.level, threads=threads)
-            facts = {**note, "level": self.level, "flags": "1 unlit, 2 saturated, 4 dead"}
-            planes = known.arrays(float(self.scale(sensor)))
-            stack_writer(self.uncertainty, facts)(rest.pop(0), planes)
+            known = uncertainty(
+                captured.data, captured.sensor, confidence_level=self.level, threads=threads
+            )
+            facts = {**metadata, "level": self.level, "flags": "1 unlit, 2 saturated, 4 dead"}
+            write_stack = stack_writer(self.uncertainty, facts)
+            write_stack(remaining.pop(0), known.arrays(float(scale)))
 
-    def note(self, sensor: Sensor, method: str, provenance: Provenance | None) -> dict[str, Any]:
-        """What a file says of itself."""
+    def metadata(
+        self, sensor: Sensor, method: str, provenance: Provenance | None
+    ) -> dict[str, Any]:
+        """Return the facts that a file of floats states about itself."""
         return {
             "software": f"jotlight {__version__}",
             "units": UNITS[self.units],
@@ -167,6 +161,6 @@ class OutputOptions:
             "provenance": None if provenance is None else provenance.to_json(),
         }
 
-    def film_tone(self, pictures: list[npt.NDArray[np.float32]]) -> Tone:
-        """One curve for all pictures of a film, from some of them, so that nothing flickers."""
-        return Tone.fit(np.stack(pictures), self.curve or _DEFAULT_CURVE)
+    def video_tone(self, estimates: list[npt.NDArray[np.float32]]) -> Tone:
+        """Return one tone curve for a video, fitted to some of its images, to avoid flicker."""
+        return Tone.fit(np.stack(estimates), self.curve or _DEFAULT_CURVE)

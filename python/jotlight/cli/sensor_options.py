@@ -1,124 +1,119 @@
-"""Options that several commands share."""
+"""Options that describe a sensor."""
 
-import functools
-import inspect
-from collections.abc import Callable
+import dataclasses
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
-import typer
+from cyclopts import Parameter
 
+from jotlight.cli.common_options import SENSOR_PANEL
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.image_files import read_mask
 from jotlight.sensing.maps import MAPS
 from jotlight.sensing.sensor import KERNELS
 
+Oversampling = Annotated[int, Parameter(alias="-k", help="K̂: each pixel covers K̂ x K̂ jots.")]
+Frames = Annotated[int, Parameter(alias="-t", help="T: number of binary frames.")]
 
-def _sensor_option(help_: str, *names: str) -> Any:
-    return typer.Option(*names, help=help_, rich_help_panel="Sensor")
 
+@Parameter(name="*", group=SENSOR_PANEL)
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SensorOptions:
+    """Parameters of a :class:`jotlight.Sensor`; None where an option is not set."""
 
-SENSOR_OPTIONS: dict[str, Any] = {
-    "oversampling": Annotated[
-        int | None,
-        _sensor_option("K̂: each pixel covers K̂ x K̂ jots.", "--oversampling", "-k"),
-    ],
-    "frames": Annotated[int | None, _sensor_option("T: binary frames.", "--frames", "-t")],
-    "gain": Annotated[
+    oversampling: Oversampling | None = None
+    frames: Frames | None = None
+    gain: Annotated[
         float | None,
-        _sensor_option(
-            "α: photons on a pixel of intensity 1, over all jots and frames. Default: K, the "
+        Parameter(
+            help="α: photons on a pixel of intensity 1, over all jots and frames. Default: K, the "
             "number of bits per pixel."
         ),
-    ],
-    "threshold": Annotated[
-        int | None,
-        _sensor_option("q: photons that make a jot report 1.", "--threshold", "-q"),
-    ],
-    "kernel": Annotated[
-        str | None, _sensor_option(f"How a pixel's light is spread: {', '.join(KERNELS)}.")
-    ],
-    "dark_counts": Annotated[
+    ] = None
+    threshold: Annotated[
+        int | None, Parameter(alias="-q", help="q: number of photons that make a jot report 1.")
+    ] = None
+    kernel: Annotated[
+        str | None, Parameter(help=f"Spread of a pixel's light: {', '.join(KERNELS)}.")
+    ] = None
+    dark_counts: Annotated[
         str | None,
-        _sensor_option(
-            "d: detections per jot and frame without light; a number, or a .npy map of the jots."
+        Parameter(
+            help="d: detections per jot and frame without light. A number, or a .npy map of the "
+            "jots."
         ),
-    ],
-    "efficiency": Annotated[
+    ] = None
+    efficiency: Annotated[
         str | None,
-        _sensor_option(
-            "η: the share of photons that are detected; a number, or a .npy map of the jots."
+        Parameter(
+            help="η: fraction of photons that are detected. A number, or a .npy map of the jots."
         ),
-    ],
-    "mask": Annotated[
+    ] = None
+    mask: Annotated[
         Path | None,
-        _sensor_option(
-            "A .npy of bool over the jots, True for a dead one; or a PNG, black for the good ones."
+        Parameter(
+            help="Dead jots: a .npy of bool that is True for dead jots, or a PNG that is black for "
+            "live jots."
         ),
-    ],
-    "max_intensity": Annotated[
-        float | None, _sensor_option("S: the largest intensity that an estimate may have.")
-    ],
-}
-"""An option for each parameter of a sensor."""
+    ] = None
+    max_intensity: Annotated[
+        float | None, Parameter(help="S: largest intensity of an estimate.")
+    ] = None
 
+    def _set(self) -> dict[str, Any]:
+        fields = (field.name for field in dataclasses.fields(SensorOptions))
+        values = {name: getattr(self, name) for name in fields}
+        return {name: value for name, value in values.items() if value is not None}
 
-def takes_sensor(**defaults: object) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a command all the options of a sensor; its parameter `given` gets those that were set.
+    def to_kwargs(self) -> dict[str, Any]:
+        """Return the keyword arguments of a Sensor, with maps read from their files."""
+        kwargs = self._set()
+        for name in ("dark_counts", "efficiency"):
+            if name in kwargs:
+                kwargs[name] = _number_or_map(kwargs[name])
+        if "mask" in kwargs:
+            kwargs["mask"] = read_mask(Path(kwargs["mask"]))
+        return kwargs
 
-    `given` becomes a dict of parameters, with maps read from their files, `defaults` included, and
-    `inputs` the list of these files; a command with a parameter `words` gets the same options as
-    words for another command line, by parameter.
-    """
+    def map_files(self) -> list[Path]:
+        """Return the files that hold maps."""
+        values = self._set()
+        return [Path(values[name]) for name in MAPS if name in values]
 
-    def decorate(command: Callable[..., None]) -> Callable[..., None]:
-        own = inspect.signature(command, eval_str=True).parameters
-        added = {
-            name: inspect.Parameter(
-                name,
-                inspect.Parameter.KEYWORD_ONLY,
-                default=defaults.get(name),
-                annotation=annotation,
-            )
-            for name, annotation in SENSOR_OPTIONS.items()
-        }
-
-        @functools.wraps(command)
-        def run(**options: Any) -> None:
-            given = {name: options.pop(name) for name in added}
-            if "words" in own:
-                options["words"] = {
-                    name: [f"--{name.replace('_', '-')}", str(value)]
-                    for name, value in given.items()
-                    if value is not None
-                }
-            files = [Path(given[name]) for name in MAPS if given[name]]
-            command(**options, given=_read_maps(given), inputs=files)
-
-        parameters = [
-            parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)
-            for parameter in own.values()
-            if parameter.name not in ("given", "inputs", "words")
+    def to_argv(self) -> list[str]:
+        """Return the options as words of a command line."""
+        return [
+            word
+            for name, value in self._set().items()
+            for word in (f"--{name.replace('_', '-')}", str(value))
         ]
-        parameters += added.values()
-        # What typer reads.
-        vars(run)["__signature__"] = inspect.Signature(parameters)
-        run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-        return run
-
-    return decorate
 
 
-def _read_maps(options: dict[str, Any]) -> dict[str, Any]:
-    given = {name: value for name, value in options.items() if value is not None}
-    for name in ("dark_counts", "efficiency"):
-        if name in given:
-            given[name] = _number_or_map(given[name])
-    if "mask" in given:
-        given["mask"] = read_mask(Path(given["mask"]))
-    return given
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ExposureOptions(SensorOptions):
+    """Parameters of a sensor to simulate."""
+
+    oversampling: Oversampling = 4
+    frames: Frames = 1
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CalibratedSensorOptions(SensorOptions):
+    """Parameters of the sensor of a capture, with its calibration."""
+
+    calibration: Annotated[
+        Path | None,
+        Parameter(
+            help="Dark counts, dead jots and response of the sensor, from `jotlight calibrate`."
+        ),
+    ] = None
+
+    def to_argv(self) -> list[str]:
+        """Return the options as words of a command line."""
+        calibration = [] if self.calibration is None else ["--calibration", str(self.calibration)]
+        return [*calibration, *super().to_argv()]
 
 
 def _number_or_map(text: str) -> float | npt.NDArray[Any]:
@@ -126,16 +121,3 @@ def _number_or_map(text: str) -> float | npt.NDArray[Any]:
         return float(text)
     except ValueError:
         return np.array(read_npy(text))
-
-
-Seed = Annotated[int, typer.Option(help="Seed of the random bits.")]
-Gray = Annotated[bool, typer.Option("--gray", help="Turn a colour photograph into grey.")]
-White = Annotated[
-    float | None,
-    typer.Option(
-        help="Level of the photograph that stands for intensity 1; needed for integers whose "
-        "scale is unknown."
-    ),
-]
-Key = Annotated[str | None, typer.Option(help="Name of the array in a .npz.")]
-Threads = Annotated[int | None, typer.Option(help="Threads to use. Default: all.")]

@@ -1,4 +1,4 @@
-"""Signals that end a command: as exceptions, so that temporary files are removed."""
+"""Termination signals, raised as exceptions so that temporary files are removed."""
 
 import logging
 import signal
@@ -7,51 +7,51 @@ from collections.abc import Callable
 from typing import Any
 
 _SIGNALS = ("SIGTERM", "SIGHUP")
-"""The second is what a closing terminal sends; Windows does not have it."""
+"""A closing terminal sends SIGHUP, which Windows does not have."""
 
-_SOON = 0.01
-"""Seconds."""
+_DELAY = 0.01
+"""Seconds until an exception that Python dropped is raised again."""
 
 
-def stop_by_exceptions() -> None:
-    """Make the signals raise SystemExit, with the status that a shell makes of them too."""
+def exit_on_signals() -> None:
+    """Raise SystemExit on each signal, with the exit code that a shell reports for it."""
     for name in _SIGNALS:
         number = getattr(signal, name, None)
-        # What the caller ignores, as nohup does, stays so.
+        # nohup sets SIGHUP to be ignored, and it must stay ignored.
         if number is not None and signal.getsignal(number) != signal.SIG_IGN:
-            signal.signal(number, _stop)
+            signal.signal(number, _exit)
     if not getattr(sys.unraisablehook, "raises_again", False):
-        sys.unraisablehook = _raising_again(sys.unraisablehook)
+        sys.unraisablehook = _raise_again_after(sys.unraisablehook)
 
 
-def quiet_tasks() -> None:
-    """Let nothing be said of tasks that zarr has not ended."""
+def silence_pending_tasks() -> None:
+    """Suppress messages about tasks that zarr has not finished."""
     logging.getLogger("asyncio").setLevel(logging.CRITICAL + 1)
 
 
-def _stop(number: int, frame: object) -> None:
+def _exit(number: int, frame: object) -> None:
     for name in _SIGNALS:
         if hasattr(signal, name):
-            # Nothing is to interrupt the removal of files; to ignore the signal would say so.
+            # A further signal must not interrupt the removal of files.
             signal.signal(getattr(signal, name), lambda *_: None)
-    quiet_tasks()
+    silence_pending_tasks()
     sys.exit(128 + number)
 
 
-def _raising_again(before: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """A hook for exceptions that Python drops, as it does in destructors, to raise ours again."""
+def _raise_again_after(hook: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Return a hook that raises our exceptions again where Python drops them, as in destructors."""
 
-    def hook(dropped: Any) -> None:
+    def raising_hook(dropped: Any) -> None:
         reason = dropped.exc_value
         if not isinstance(reason, SystemExit | KeyboardInterrupt) or sys.platform == "win32":
-            before(dropped)
+            hook(dropped)
             return
 
         def again(*_: object) -> None:
             raise type(reason)(*reason.args)
 
         signal.signal(signal.SIGALRM, again)
-        signal.setitimer(signal.ITIMER_REAL, _SOON)
+        signal.setitimer(signal.ITIMER_REAL, _DELAY)
 
-    vars(hook)["raises_again"] = True
-    return hook
+    vars(raising_hook)["raises_again"] = True
+    return raising_hook

@@ -1,48 +1,48 @@
-"""`jotlight simulate`: a photograph into bits."""
+"""``jotlight simulate``: the bits of a photograph."""
 
 import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-import typer
+from cyclopts import Parameter
 
 from jotlight.checks import as_image
-from jotlight.cli import sensor_options
-from jotlight.cli.console import out, progress
+from jotlight.cli.common_options import Gray, Photo, Seed, Threads, White
+from jotlight.cli.console import progress, report
+from jotlight.cli.sensor_options import ExposureOptions
 from jotlight.files import refuse_overwrite
-from jotlight.formats.description import companion_files
 from jotlight.formats.cube import create_bits
+from jotlight.formats.description import companion_files
 from jotlight.images.io import read_image
 from jotlight.sensing.sensor import Sensor
 
 
-@sensor_options.takes_sensor(oversampling=4, frames=1)
 def simulate(
-    photo: Annotated[Path, typer.Argument(help="PNG, JPEG, TIFF or .npy.")],
+    photo: Photo,
+    /,
     *,
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="Packed bits, .npy; a .json goes beside it.")
+        Path,
+        Parameter(
+            alias="-o", help="Packed bits, .npy. A .json that describes them lies beside it."
+        ),
     ],
-    given: dict[str, Any],
-    inputs: list[Path],
-    seed: sensor_options.Seed = 0,
-    gray: sensor_options.Gray = False,
-    white: sensor_options.White = None,
-    threads: sensor_options.Threads = None,
+    sensor: ExposureOptions = ExposureOptions(),
+    seed: Seed = 0,
+    gray: Gray = False,
+    white: White = None,
+    threads: Threads = None,
 ) -> None:
-    """Draw the bits that a quanta image sensor would report of a photograph."""
-    sensor = Sensor(**given)
-    maps = [output.with_suffix(f".{name}.npy") for name in sensor.maps()]
+    """Simulate the bits that a quanta image sensor reports of a photograph."""
+    exposed = Sensor(**sensor.to_kwargs())
+    maps = [output.with_suffix(f".{name}.npy") for name in exposed.maps()]
     for file in {output, output.with_suffix(".json"), *maps, *companion_files(output)}:
-        refuse_overwrite(file, [photo, *inputs])
+        refuse_overwrite(file, [photo, *sensor.map_files()])
     image = as_image(read_image(photo, white=white, gray=gray))
-    height, width = (size * sensor.oversampling for size in image.shape[:2])
-    shape = (sensor.frames, height, math.ceil(width / 8), *image.shape[2:])
-    with (
-        create_bits(output, shape, width, sensor) as packed,
-        progress(1) as begin,
-    ):
-        bits = sensor.expose(
+    height, width = (size * exposed.oversampling for size in image.shape[:2])
+    shape = (exposed.frames, height, math.ceil(width / 8), *image.shape[2:])
+    with create_bits(output, shape, width, exposed) as packed, progress(1) as begin:
+        bits = exposed.expose(
             image, seed, out=packed, threads=threads, progress=begin("drawing bits")
         )
-    out.print(f"{output}: {bits!r}", soft_wrap=True, markup=False)
+    report(f"{output}: {bits!r}")

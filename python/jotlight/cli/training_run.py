@@ -1,4 +1,4 @@
-"""Runs that learn: where they are kept when they are stopped, how they go on, what they write."""
+"""A training run: its checkpoint, its progress, and the files it writes."""
 
 import contextlib
 import time
@@ -6,99 +6,107 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from jotlight import plots
-from jotlight.cli.console import err, live_training
+from jotlight.cli.console import err, live_training, report
+from jotlight.cli.training_options import TrainingOptions
 from jotlight.files import atomic_write
 from jotlight.networks.network import Network
 from jotlight.training import History
 
 
-def checkpoint_of(output: Path) -> Path:
-    """Where the run that learns a network is kept.
+def checkpoint_path(output: Path) -> Path:
+    """Return the file that keeps a stopped run.
 
     Raises
     ------
     ValueError
-        When the network's file is not named as one.
+        When the output is not named as a network.
     """
     if output.suffix.lower() != ".safetensors" or output.stem.endswith(".checkpoint"):
         raise ValueError(
-            f"{output}: expected a name that ends in .safetensors, and not in "
+            f"{output}: expected a name that ends in .safetensors, but not in "
             ".checkpoint.safetensors, which is for stopped runs"
         )
     return output.with_suffix(".checkpoint.safetensors")
 
 
-def check_checkpoint(checkpoint: Path, resume: bool, restart: bool) -> None:
-    """Raise ValueError or OSError when a stopped run and the options do not go together."""
-    if resume and restart:
+def check_checkpoint(options: TrainingOptions) -> None:
+    """Raise ValueError or OSError when a stopped run and the options do not fit together."""
+    checkpoint = checkpoint_path(options.output)
+    if options.resume and options.restart:
         raise ValueError("--resume and --restart: expected one of them, got both")
-    if checkpoint.exists() and not (resume or restart):
+    if checkpoint.exists() and not (options.resume or options.restart):
         raise ValueError(
-            f"{checkpoint}: a run to this output was stopped; add --resume to go on with it, or "
-            "--restart to forget it"
+            f"{checkpoint}: a run to this output was stopped; add --resume to continue it, or "
+            "--restart to discard it"
         )
-    if resume and not checkpoint.exists():
+    if options.resume and not checkpoint.exists():
         raise FileNotFoundError(f"there is no stopped run to resume: no file {checkpoint}")
 
 
-def learn(
-    run: Callable[..., tuple[Network, History]],
-    output: Path,
-    plot: Path | None,
+def run_training(
+    train: Callable[..., tuple[Network, History]],
+    options: TrainingOptions,
     *,
     steps: int,
     remedy: str,
-    about: dict[str, str],
+    provenance: dict[str, str],
 ) -> tuple[History, float]:
-    """Let a run learn and show its trainer, and write the network and its figure.
+    """Train a network with live progress, and write the network and its figure.
 
     Parameters
     ----------
-    run : callable
+    train : callable
         Takes `callback`.
-    output, plot : Path
-        Where network and figure go.
+    options : TrainingOptions
+        Files to write.
     steps : int
-        How many the run is to take.
+        Number of steps of the run.
     remedy : str
-        The option to lower when it diverges.
-    about : dict
-        What the network's history tells besides.
+        Option to lower when the run diverges.
+    provenance : dict
+        Facts to add to the history of the network.
 
     Returns
     -------
     history : History
     seconds : float
-        How long it took.
+        Duration of the run.
     """
-    begun = time.perf_counter()
-    checkpoint = checkpoint_of(output)
-    # Made now, so that a place that cannot be written to is found before any work is done.
+    start = time.perf_counter()
+    checkpoint = checkpoint_path(options.output)
+    # The files are created now, to reveal a folder that cannot be written before any work.
     with contextlib.ExitStack() as files:
-        temporary = files.enter_context(atomic_write(output))
-        figure = files.enter_context(atomic_write(plot)) if plot is not None else None
-        with _kept(checkpoint, remedy), live_training(steps) as show:
-            learned, history = run(callback=show)
-        learned.history.update(about)
-        learned.save(temporary)
+        temporary = files.enter_context(atomic_write(options.output))
+        figure = None if options.plot is None else files.enter_context(atomic_write(options.plot))
+        with _explain_stop(checkpoint, remedy), live_training(steps) as show:
+            network, history = train(callback=show)
+        network.history.update(provenance)
+        network.save(temporary)
         if figure is not None:
-            plots.training(learned, history).savefig(figure, dpi=110)
+            plots.training(network, history).savefig(figure, dpi=110)
     checkpoint.unlink(missing_ok=True)
-    return history, time.perf_counter() - begun
+    return history, time.perf_counter() - start
+
+
+def report_training(text: str, options: TrainingOptions) -> None:
+    """Print the result of a run, and the name of its figure."""
+    report(f"{options.output}: {text}")
+    if options.plot is not None:
+        report(f"Figure: {options.plot}")
 
 
 @contextlib.contextmanager
-def _kept(checkpoint: Path, remedy: str) -> Iterator[None]:
-    """Say how to go on where a run ended early."""
+def _explain_stop(checkpoint: Path, remedy: str) -> Iterator[None]:
+    """Print how to continue a run that ends early."""
     try:
         yield
     except (KeyboardInterrupt, OSError):
         if checkpoint.exists():
             err.print(
-                f"\nThe run so far is kept in [bold]{checkpoint}[/]: the same command with "
-                "--resume goes on",
+                f"\nThe run so far is kept in [bold]{checkpoint}[/]. The same command with "
+                "--resume continues it.",
                 soft_wrap=True,
             )
         raise
     except FloatingPointError as error:
-        raise FloatingPointError(f"{error}. Begin anew with --restart and {remedy}") from error
+        raise FloatingPointError(f"{error}. Start again with --restart and {remedy}") from error

@@ -245,11 +245,11 @@ def _update(
     `min_force` the stiffness that does so for the dual one.
     """
     distances, changes = zip(*(term.update(image) for term in terms), strict=True)
-    primal = _ratio(sum(distances), _square_sum(image) + image.size * dark**2)
+    primal = _relative(sum(distances), _square_sum(image) + image.size * dark**2)
     # Without a prior the multipliers vanish. Then the stiffness of the likelihood is the scale.
     forces = sum(_square_sum(term.multiplier_force()) for term in terms)
     forces += min_force**2 * _square_sum(image)
-    return primal, _ratio(_square_sum(_sum(changes)), forces)
+    return primal, _relative(_square_sum(_sum(changes)), forces)
 
 
 def _finite_log_likelihood(problem: Problem, estimate: Array, min_light: float) -> float:
@@ -261,8 +261,10 @@ def _finite_log_likelihood(problem: Problem, estimate: Array, min_light: float) 
     return problem.likelihood.value(light)
 
 
-def _ratio(part: float, whole: float) -> float:
-    return float(np.sqrt(part / whole)) if whole > 0 else float(part > 0)
+def _relative(norm_squared: float, scale_squared: float) -> float:
+    if scale_squared > 0:
+        return float(np.sqrt(norm_squared / scale_squared))
+    return float(norm_squared > 0)
 
 
 def _sum(arrays: Iterable[Array]) -> Array:

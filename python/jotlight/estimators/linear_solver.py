@@ -69,7 +69,9 @@ class NormalEquations:
             curvature = self._differences.adjoint(self._differences.forward(image))
             return data * light + variation * curvature + sum(box) * image
 
-        # Conjugate gradients, preconditioned by the nearly diagonal form.
+        # Conjugate gradients, preconditioned by the nearly diagonal form. scipy.sparse.linalg.cg
+        # takes the same steps, but its scalar products start BLAS threads, which compete with the
+        # threads of the engine.
         solution, residual = guess, right - multiply(guess)
         limit = self._tol**2 * dot(right, right)
         search, size = np.zeros_like(right), 1.0

@@ -204,7 +204,10 @@ def _gradient_direction(model: _QuadraticModel, free: Mask) -> Array:
 
 
 def _newton_direction(model: _QuadraticModel, free: Mask) -> Array:
-    """Solve Newton's equations on the free pixels by truncated conjugate gradients."""
+    """Return the solution of Newton's equations on the free pixels, by conjugate gradients.
+
+    They stop at directions without curvature, which scipy.sparse.linalg.cg does not detect.
+    """
     direction = np.where(free, 0.0, -model.scaled_gradient())
     solution = np.zeros_like(direction)
     residual = np.where(free, -model.gradient, 0.0)

@@ -23,7 +23,7 @@ _NODES = 20
 _MAX_SIGMAS = 12
 """The sums over counts end this many standard deviations from the mean."""
 
-_COUNTS_PER_SIGMA = 100
+COUNTS_PER_SIGMA = 100
 """The maximum number of counts per standard deviation in the sums."""
 
 _SATURATED_SHARE = 0.01
@@ -257,7 +257,7 @@ def _binomial_weights(bits: int, probability: float) -> tuple[Array, Array]:
     reach = _MAX_SIGMAS * sigma + 2 * _MAX_SIGMAS
     # For a wide distribution a coarser grid suffices. With bell-shaped weights, sums of smooth
     # functions agree to far more than ten digits.
-    step = max(1, int(sigma / _COUNTS_PER_SIGMA))
+    step = max(1, int(sigma / COUNTS_PER_SIGMA))
     counts = np.arange(max(0, int(mean - reach)), min(bits, int(mean + reach) + 1) + 1.0, step)
     logarithms = xlogy(counts, probability) + xlog1py(bits - counts, -probability)
     logarithms -= gammaln(counts + 1) + gammaln(bits - counts + 1)

@@ -13,8 +13,9 @@ from jotlight.sensing.response import inverse_detection_probability
 NORMS = ("isotropic", "anisotropic")
 """The norms of the two differences of a pixel that total variation can sum."""
 
-_STRENGTH, _POWER = 0.62, 0.4
-"""Fitted to BSDS training images over six exposures by ``benchmarks/studies/weights.py``."""
+WEIGHT_STRENGTH, WEIGHT_POWER = 0.62, 0.4
+"""The constants of the automatic weight. ``benchmarks/studies/weights.py`` fitted them to BSDS
+training images at six exposures."""
 
 _BLOCK = 4
 """The side in pixels of the blocks that the roughness is measured on."""
@@ -156,14 +157,14 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
     light_of_ones = operator.forward(np.ones(operator.input_shape))
     score = operator.adjoint(likelihood.gradient_and_curvature(constant)[0])
     information = operator.adjoint(likelihood.information(constant) * light_of_ones)
-    local = np.sqrt(_local_information(problem, light_of_ones))
+    local = np.sqrt(local_information(problem, light_of_ones))
     roughness = 1.0
     # In a scene so bright that it saturates nearly all bits, the roughness is unknown.
     if information.mean() > 1e-6 * np.square(local).mean():
         noise = 1 / math.sqrt(information.mean())
         roughness = _roughness(score, information, problem.max_intensity) / noise
     per_direction = math.pi / 4 if check_norm(norm) == "anisotropic" and local.ndim == 2 else 1.0
-    return np.asarray(per_direction * _STRENGTH * roughness**-_POWER * local)
+    return np.asarray(per_direction * WEIGHT_STRENGTH * roughness**-WEIGHT_POWER * local)
 
 
 def _roughness(score: Array, information: Array, max_intensity: float) -> float:
@@ -195,8 +196,30 @@ def _block_sums(image: Array, sides: list[int]) -> Array:
     return image
 
 
-def _local_information(problem: Problem, light_of_ones: Array) -> Array:
-    """Return I of each pixel, as if all pixels had the mean number of valid bits."""
+def local_information(problem: Problem, light_of_ones: Array) -> Array:
+    """Return the Fisher information I of each pixel about its intensity, at its local light.
+
+    Every pixel counts as one with the mean number of valid bits.
+
+    Parameters
+    ----------
+    problem : Problem
+        The data and their operator.
+    light_of_ones : ndarray of float64
+        The light of the cells at the constant intensity 1.
+
+    Returns
+    -------
+    ndarray of float64
+        I in 1 over units of intensity squared, of the shape of the image.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.operators import scaling
+    >>> problem = Problem(scaling((4, 4), 1.0), Likelihood(np.full((4, 4), 8), trials=16))
+    >>> local_information(problem, np.ones((4, 4))).round(3)[0, 0]  # 16 / (e^s - 1), s = log 2
+    np.float64(16.0)
+    """
     from scipy.ndimage import gaussian_filter
 
     operator, likelihood = problem.operator, problem.likelihood

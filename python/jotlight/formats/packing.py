@@ -68,6 +68,9 @@ def check_packed(frames: npt.NDArray[np.uint8] | Frames, name: str) -> None:
     reads the first frames. If few jots fire there, it also reads frames from the middle and the
     end.
     """
+    if frames.size == 0:
+        # Without frames, the size of a frame is a mere claim, for which no memory may be allocated.
+        return
     frame_bytes = max(1, frames.nbytes // max(1, len(frames)))
     number = max(1, _INSPECTED_BYTES // frame_bytes)
     fired, levels = np.zeros(frames.shape[1:], np.bool_), {0}

@@ -1,4 +1,4 @@
-"""Networks with strides, kept planes and more, as the definitions have them, and random ones."""
+"""Slow twins of networks with strides, upsampling, and skip connections, and random examples."""
 
 import dataclasses
 
@@ -8,85 +8,87 @@ from scipy.interpolate import BSpline
 import jotlight as jl
 from reference import networks
 
+SENSOR = jl.Sensor(oversampling=4)
 
-def filtered(planes, layer):
-    """Equation (9) with a stride: past the rim, planes are mirrored."""
+
+def strided_convolution(image, layer):
+    """Equation (9) with a stride, on channels (C, H, W) with mirrored padding."""
     outputs, _, height, width = layer.filters.shape
-    row, column = layer.padding
-    rows, columns = (size // layer.stride for size in planes.shape[1:])
-    wide = np.pad(planes, ((0, 0), (height, height), (width, width)), mode="symmetric")
-    found = np.zeros((outputs, rows, columns))
+    above, left = layer.padding
+    rows, columns = (size // layer.stride for size in image.shape[1:])
+    padded = np.pad(image, ((0, 0), (height, height), (width, width)), mode="symmetric")
+    result = np.zeros((outputs, rows, columns))
     for y, x in np.ndindex(height, width):
-        # What is convolved with filters meets them turned around.
+        # A convolution flips its filter.
         taps = layer.filters[:, :, height - 1 - y, width - 1 - x].astype(float)
-        top, left = height + y - row, width + x - column
-        seen = wide[
+        first_row, first_column = height + y - above, width + x - left
+        window = padded[
             :,
-            top : top + rows * layer.stride : layer.stride,
-            left : left + columns * layer.stride : layer.stride,
+            first_row : first_row + rows * layer.stride : layer.stride,
+            first_column : first_column + columns * layer.stride : layer.stride,
         ]
-        found += np.tensordot(taps, seen, 1)
-    return found
+        result += np.tensordot(taps, window, 1)
+    return result
 
 
-def to_space(planes, times):
-    """From depth to space: a channel's `times`² planes become its pixels, row by row."""
-    channels, rows, columns = len(planes) // times**2, *planes.shape[1:]
-    found = np.zeros((channels, rows * times, columns * times))
-    for channel, y, x in np.ndindex(channels, times, times):
-        found[channel, y::times, x::times] = planes[(channel * times + y) * times + x]
-    return found
+def depth_to_space(channels, factor):
+    """`factor`² channels become the pixels of one, row by row."""
+    number, rows, columns = len(channels) // factor**2, *channels.shape[1:]
+    result = np.zeros((number, rows * factor, columns * factor))
+    for channel, y, x in np.ndindex(number, factor, factor):
+        result[channel, y::factor, x::factor] = channels[(channel * factor + y) * factor + x]
+    return result
 
 
-def picture(layers, sums, step):
-    """From the sums of the first layer, which is conditioned on K already."""
+def output(layers, sums, divisor):
+    """The network's output from the sums of its first layer, for layers without parameter sets."""
     height, width = sums.shape[1:]
-    sums = np.pad(sums, ((0, 0), (0, -height % step), (0, -width % step)), mode="symmetric")
-    planes = []
+    sums = np.pad(sums, ((0, 0), (0, -height % divisor), (0, -width % divisor)), mode="symmetric")
+    outputs = []
     for index, layer in enumerate(layers):
         if index:
-            source = planes[index - 1 if layer.input is None else layer.input]
-            sums = to_space(filtered(source, layer), layer.upsampling)
+            source = outputs[index - 1 if layer.input is None else layer.input]
+            sums = depth_to_space(strided_convolution(source, layer), layer.upsampling)
         if layer.skip is not None:
-            sums = sums + planes[layer.skip]
+            sums = sums + outputs[layer.skip]
         if layer.coefficients is not None:
-            bent = [
-                networks.spline(plane, coefficients.astype(float), layer.start, layer.spacing)
-                for plane, coefficients in zip(sums, layer.coefficients, strict=True)
-            ]
-            planes.append(np.array(bent))
-        else:
-            planes.append(sums)
-    return planes[-1][0, :height, :width]
+            sums = np.array(
+                [
+                    networks.spline(channel, coefficients.astype(float), layer.start, layer.spacing)
+                    for channel, coefficients in zip(sums, layer.coefficients, strict=True)
+                ]
+            )
+        outputs.append(sums)
+    return outputs[-1][0, :height, :width]
 
 
-def shares(bits, between, number):
-    """How much of each set a network has that is told K: cubic B-splines at log2 K."""
-    low, high = np.log2(between)
+def conditioning_weights(bits, trials_range, number):
+    """The values of `number` cubic B-splines at log2 K."""
+    low, high = np.log2(trials_range)
     spacing = (high - low) / (number - 3)
     knots = low + spacing * (np.arange(number + 4) - 3)
-    place = np.clip(np.log2(bits), low, high - 1e-12)
-    return np.array([float(BSpline(knots, one, 3)(place)) for one in np.eye(number)])
+    position = np.clip(np.log2(bits), low, high - 1e-12)
+    return np.array([float(BSpline(knots, one, 3)(position)) for one in np.eye(number)])
 
 
-def conditioned(layers, bits, between, number):
-    """The layers of a network that is told K, for counts."""
-    part = shares(bits, between, number)
-    found = []
+def conditioned(layers, bits, trials_range, number):
+    """The layers of a K-conditioned network for one K and counts."""
+    weights = conditioning_weights(bits, trials_range, number)
+    result = []
     for index, layer in enumerate(layers):
         filters, coefficients = layer.filters.astype(float), layer.coefficients
         if filters.ndim == 5:
-            filters = np.tensordot(part, filters, 1)
+            filters = np.tensordot(weights, filters, 1)
         if index == 0:
             filters = filters / bits
         if coefficients is not None and coefficients.ndim == 3:
-            coefficients = np.tensordot(part, coefficients.astype(float), 1)
-        found.append(dataclasses.replace(layer, filters=filters, coefficients=coefficients))
-    return found
+            coefficients = np.tensordot(weights, coefficients.astype(float), 1)
+        result.append(dataclasses.replace(layer, filters=filters, coefficients=coefficients))
+    return result
 
 
-def lively(network, rng, size=0.3):
-    """The network with noise on all that training may change."""
+def with_noise(network, rng, size=0.3):
+    """The network with noise on all trainable parameters."""
     layers = []
     for layer in network.layers:
         changes = {}
@@ -100,8 +102,23 @@ def lively(network, rng, size=0.3):
     return jl.Network(layers, network.sensor, trials_range=network.trials_range)
 
 
-def wired(rng, sensor, *, tied=True, odd=False):
-    """A bit of everything: strides of 2 and 3, and filters that these divide, or do not."""
+def residual_network(name, seed=0):
+    """A residual network for `SENSOR` whose parameters are all random."""
+    return with_noise(jl.Network.residual(SENSOR, name, rng=seed), np.random.default_rng(seed))
+
+
+def conditional_network(name="small", seed=0):
+    """A K-conditioned network whose parameters are all random."""
+    return with_noise(jl.Network.conditional(name, rng=seed), np.random.default_rng(seed))
+
+
+def random_counts(sensor, height, width, seed=0):
+    rng = np.random.default_rng(seed)
+    return rng.integers(0, sensor.bits_per_pixel + 1, (height, width))
+
+
+def random_graph(rng, sensor, *, tied=True, odd=False):
+    """A network with strides of 2 and 3, upsampling, and skips; `odd` filters exceed multiples."""
     block = (1, 1, 1) if tied else (sensor.frames, sensor.oversampling, sensor.oversampling)
 
     def layer(outputs, inputs, height, width, *, upsampling=1, splines=True, **options):

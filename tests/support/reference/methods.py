@@ -19,7 +19,9 @@ def log_likelihood(intensity, ones, frames, dark, *, threshold=1, sensitivity=1.
     return np.sum(xlogy(ones, one) + xlogy(frames - ones, zero))
 
 
-def most_likely_intensity(ones, frames, dark, *, threshold=1, sensitivity=1.0, max_intensity=1.0):
+def maximum_likelihood_intensity(
+    ones, frames, dark, *, threshold=1, sensitivity=1.0, max_intensity=1.0
+):
     """The maximum of equation (4) for the jots of one pixel, by search over a grid."""
 
     def cost(intensity):

@@ -1,4 +1,4 @@
-"""Slow and obvious twins of what learning computes, in float64."""
+"""Slow twins of training, in float64."""
 
 from itertools import pairwise, product
 from types import SimpleNamespace
@@ -13,7 +13,7 @@ from reference import networks
 
 
 def layers_of(network, vector):
-    """The vector cut up: of every layer the filters, then the coefficients."""
+    """The filters and coefficients of each layer from the vector of all parameters."""
     layers, start = [], 0
     for layer in network.layers:
         parts = []
@@ -27,7 +27,7 @@ def layers_of(network, vector):
     return layers
 
 
-def sums(filters, bits, side):
+def first_sums(filters, bits, side):
     """Equation (11), for tied filters too."""
     frames, height, width = bits.shape
     jots = bits.reshape(frames, height // side, side, width // side, side).astype(float)
@@ -35,10 +35,10 @@ def sums(filters, bits, side):
     return np.einsum("ctij,thiwj->chw", taps, jots)
 
 
-def inputs(network, vector, bits):
-    """What the splines of each layer read: equations (11), (9) and on."""
+def spline_inputs(network, vector, bits):
+    """Inputs of the splines of each layer: equations (11), (9), and so on."""
     layers = layers_of(network, vector)
-    found = [sums(layers[0].filters, bits, network.sensor.oversampling)]
+    found = [first_sums(layers[0].filters, bits, network.sensor.oversampling)]
     for before, layer in pairwise(layers):
         planes = [
             networks.spline(plane, coefficients, before.start, before.spacing)
@@ -54,11 +54,13 @@ def inputs(network, vector, bits):
 
 def output(network, vector, bits):
     layers = layers_of(network, vector)
-    return networks.network(layers, sums(layers[0].filters, bits, network.sensor.oversampling))
+    return networks.network(
+        layers, first_sums(layers[0].filters, bits, network.sensor.oversampling)
+    )
 
 
 def jacobian(function, vector, step=1e-5):
-    """By central differences, one column for each parameter."""
+    """The Jacobian by central differences, one column per parameter."""
     columns = []
     for index in range(len(vector)):
         change = np.zeros(len(vector))
@@ -67,8 +69,8 @@ def jacobian(function, vector, step=1e-5):
     return np.array(columns).T / (2 * step)
 
 
-def counted(patch, size, border):
-    """Which pixels of a patch count: those not within the border of a rim inside of the image."""
+def counted_pixels(patch, size, border):
+    """A mask of the pixels that count: those outside the border, except at the image's own rim."""
     _, top, bottom, left, right = patch
     rows, columns = np.mgrid[top:bottom, left:right]
     near = (rows < top + border) & (top > 0)
@@ -79,7 +81,7 @@ def counted(patch, size, border):
 
 
 def nearest_filter(taps, nu):
-    """Nearest with sum 1 and ‖x‖₁ ≤ 1 + 2ν: over all signs that the answer may have."""
+    """The nearest taps with sum 1 and ‖x‖₁ ≤ 1 + 2ν, by a search over all signs."""
     whole = taps + (1 - taps.sum()) / len(taps)
     if np.abs(whole).sum() <= 1 + 2 * nu:
         return whole
@@ -97,7 +99,7 @@ def nearest_filter(taps, nu):
 
 
 def nearest_weights(taps, total):
-    """Nearest with x ≥ 0 and Σ x = total: over all supports."""
+    """The nearest taps with x ≥ 0 and Σ x = total, by a search over all supports."""
     best = None
     for kept in product((False, True), repeat=len(taps)):
         kind = np.array(kept)
@@ -112,7 +114,7 @@ def nearest_weights(taps, total):
 
 
 def nearest_monotone(values, low, high):
-    """Nearest of all that do not fall and stay in [low, high], by quadratic programming."""
+    """The nearest monotone values in [low, high], by quadratic programming."""
     steps = [
         {"type": "ineq", "fun": lambda x, k=k: x[k + 1] - x[k]} for k in range(len(values) - 1)
     ]
@@ -129,7 +131,7 @@ def nearest_monotone(values, low, high):
 
 
 def posterior(count, bits):
-    """Of c uniform in [0, 1] given L, with α = K and q = 1: mean, deviation and P(L)."""
+    """Mean and deviation of c given L, for uniform c in [0, 1], α = K, and q = 1, and P(L)."""
 
     def moment(power):
         def integrand(c):

@@ -1,60 +1,65 @@
-//! Ones per pixel, counted in the packed domain.
+//! Counts of the ones of each pixel, taken in the packed domain.
 
 use std::borrow::Cow;
 
 use ndarray::{ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis, s};
 use rayon::prelude::*;
 
-use super::planes::{GROUP, Planes};
-use super::{FIELD, PackedBits, field, mask_row, packed_width};
+use super::bit_planes::{BitCounters, GROUP_SIZE};
+use super::{MAX_FIELD_BITS, PackedBits, bit_field, mask_row, packed_width};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
 
-/// Bytes of a frame that one task counts in all frames: as many as can be, since memory is read fastest in long stretches, but so few that
-/// the planes stay near the core, and fewer where that leaves threads without work.
-const STRETCH: std::ops::RangeInclusive<usize> = 1024..=8192;
+/// Range of the bytes per frame that one task counts with bit planes.
+///
+/// Long sequences are read fastest, but the bit planes must fit into the cache. Smaller tasks are
+/// used where larger ones would leave threads without work.
+const BYTES_PER_BIT_PLANE_TASK: std::ops::RangeInclusive<usize> = 1024..=8192;
 
-/// Bytes of a frame that make it worth while to start a task.
-const TASK: usize = 1 << 14;
+/// Bytes per frame that one task counts frame by frame. It outweighs the cost of starting the task.
+const BYTES_PER_FRAME_TASK: usize = 1 << 14;
 
-/// With so many frames bit planes are faster than counting the bits of each pixel in each frame.
-const MANY: usize = 2 * GROUP;
+/// Number of frames from which on bit planes are faster than counting frame by frame.
+const MIN_FRAMES_FOR_BIT_PLANES: usize = 2 * GROUP_SIZE;
 
-/// Adds, to each pixel of `counts`, the ones among its `side` × `side` jots in all frames. `valid` is a packed mask of the
-/// jots that count, `(H, ⌈W/8⌉)`.
+/// Add to each pixel of `counts` the ones among its K̂ × K̂ jots in all frames.
+///
+/// `valid` is a packed mask `(H, ⌈W/8⌉)` of the jots that count.
 ///
 /// # Errors
-/// [`Error::Shape`] when the arrays do not fit.
+/// [`Error::Shape`] when the arrays do not fit, [`Error::Range`] when the oversampling K̂ is 0 or
+/// does not divide the frame.
 pub fn add_block_counts(
     bits: &PackedBits<'_>,
-    side: usize,
+    oversampling: usize,
     valid: Option<ArrayView2<'_, u8>>,
     mut counts: ArrayViewMut2<'_, i32>,
 ) -> Result<()> {
-    let pixels = bits.pixels(side)?;
+    let pixels = bits.pixel_shape(oversampling)?;
     if counts.dim() != pixels {
         return Err(Error::shape("counts", pixels, counts.dim()));
     }
     let (frames, rows, width) = bits.shape();
     check_mask(valid, rows, width)?;
-    let in_planes = side == 1 || frames >= MANY;
-    let share = packed_width(width) * rows / rayon::current_num_threads();
-    let stretch = if in_planes {
-        share.clamp(*STRETCH.start(), *STRETCH.end())
+    let use_bit_planes = oversampling == 1 || frames >= MIN_FRAMES_FOR_BIT_PLANES;
+    let bytes_per_task = if use_bit_planes {
+        let bytes_per_thread = packed_width(width) * rows / rayon::current_num_threads();
+        let limits = BYTES_PER_BIT_PLANE_TASK;
+        bytes_per_thread.clamp(*limits.start(), *limits.end())
     } else {
-        TASK
+        BYTES_PER_FRAME_TASK
     };
-    let lines = (stretch / (packed_width(width) * side).max(1)).max(1);
+    let pixel_rows = (bytes_per_task / (packed_width(width) * oversampling).max(1)).max(1);
     counts
-        .axis_chunks_iter_mut(Axis(0), lines)
+        .axis_chunks_iter_mut(Axis(0), pixel_rows)
         .into_par_iter()
         .enumerate()
         .for_each(|(chunk, counts)| {
-            let first = chunk * lines;
-            if in_planes {
-                add_in_planes(bits, frames, side, first, valid, counts);
+            let first = chunk * pixel_rows;
+            if use_bit_planes {
+                add_with_bit_planes(bits, frames, oversampling, first, valid, counts);
             } else {
-                add_blocks(bits, frames, side, first, valid, counts);
+                add_frame_by_frame(bits, frames, oversampling, first, valid, counts);
             }
         });
     Ok(())
@@ -75,15 +80,16 @@ pub(crate) fn check_mask(
     }
 }
 
-fn add_blocks(
+/// Add the ones of few frames to the rows of `counts`, of which the first is pixel row `first`.
+fn add_frame_by_frame(
     bits: &PackedBits<'_>,
     frames: usize,
-    side: usize,
+    oversampling: usize,
     first: usize,
     valid: Option<ArrayView2<'_, u8>>,
     mut counts: ArrayViewMut2<'_, i32>,
 ) {
-    let rows = first * side..(first + counts.nrows()) * side;
+    let rows = first * oversampling..(first + counts.nrows()) * oversampling;
     for frame in 0..frames {
         let mut bytes = bits.rows(frame, rows.clone());
         if let Some(valid) = valid {
@@ -92,55 +98,57 @@ fn add_blocks(
                 *bits &= valid;
             }
         }
-        add_rows(&bytes, side, &mut counts);
+        add_rows(&bytes, oversampling, &mut counts);
     }
 }
 
 levels! {
-    /// Adds the ones of each pixel in rows of jots.
-    fn add_rows(bytes: &[u8], side: usize, counts: &mut ArrayViewMut2<'_, i32>) = add_rows_inlined;
+    /// Add the ones of each pixel in consecutive rows of jots.
+    fn add_rows(
+        bytes: &[u8], oversampling: usize, counts: &mut ArrayViewMut2<'_, i32>,
+    ) = add_rows_inlined;
 }
 
 #[inline(always)]
-fn add_rows_inlined(bytes: &[u8], side: usize, counts: &mut ArrayViewMut2<'_, i32>) {
-    let width = packed_width(side * counts.ncols());
+fn add_rows_inlined(bytes: &[u8], oversampling: usize, counts: &mut ArrayViewMut2<'_, i32>) {
+    let width = packed_width(oversampling * counts.ncols());
     for (row, bytes) in bytes.chunks_exact(width.max(1)).enumerate() {
-        add_row(bytes, side, &mut counts.row_mut(row / side));
+        add_row(bytes, oversampling, &mut counts.row_mut(row / oversampling));
     }
 }
 
 #[inline(always)]
-fn add_row(bytes: &[u8], side: usize, counts: &mut ArrayViewMut1<'_, i32>) {
-    if let (2 | 4 | 8, Some(counts)) = (side, counts.as_slice_mut()) {
-        return match side {
-            2 => add_shares_of_bytes::<4>(bytes, counts),
-            4 => add_shares_of_bytes::<2>(bytes, counts),
-            _ => add_shares_of_bytes::<1>(bytes, counts),
+fn add_row(bytes: &[u8], oversampling: usize, counts: &mut ArrayViewMut1<'_, i32>) {
+    if let (2 | 4 | 8, Some(counts)) = (oversampling, counts.as_slice_mut()) {
+        return match oversampling {
+            2 => add_pixels_of_bytes::<4>(bytes, counts),
+            4 => add_pixels_of_bytes::<2>(bytes, counts),
+            _ => add_pixels_of_bytes::<1>(bytes, counts),
         };
     }
-    if side <= FIELD {
+    if oversampling <= MAX_FIELD_BITS {
         for (pixel, count) in counts.iter_mut().enumerate() {
-            *count += field(bytes, pixel * side, side).count_ones() as i32;
+            *count += bit_field(bytes, pixel * oversampling, oversampling).count_ones() as i32;
         }
         return;
     }
     for (pixel, count) in counts.iter_mut().enumerate() {
-        let mut start = pixel * side;
-        let end = start + side;
+        let mut start = pixel * oversampling;
+        let end = start + oversampling;
         while start < end {
-            let length = (end - start).min(FIELD);
-            *count += field(bytes, start, length).count_ones() as i32;
+            let length = (end - start).min(MAX_FIELD_BITS);
+            *count += bit_field(bytes, start, length).count_ones() as i32;
             start += length;
         }
     }
 }
 
-/// Adds the ones of pixels of 2, 4 or 8 jots, of which so many share a byte.
+/// Add the ones of pixels that are 2, 4, or 8 jots wide, where `PIXELS` pixels fill one byte.
 #[inline(always)]
-fn add_shares_of_bytes<const PIXELS: usize>(bytes: &[u8], counts: &mut [i32]) {
+fn add_pixels_of_bytes<const PIXELS: usize>(bytes: &[u8], counts: &mut [i32]) {
     let width = 8 / PIXELS;
-    let share = |byte: u8, pixel: usize| {
-        // Sums of two, four and eight neighbouring bits, all of a byte at once.
+    let count_ones = |byte: u8, pixel: usize| {
+        // Sums of two, four, and eight neighboring bits, for all of the byte at once.
         let mut sums = byte - (byte >> 1 & 0x55);
         if PIXELS < 4 {
             sums = (sums & 0x33) + (sums >> 2 & 0x33);
@@ -150,53 +158,56 @@ fn add_shares_of_bytes<const PIXELS: usize>(bytes: &[u8], counts: &mut [i32]) {
         }
         i32::from(sums >> (8 - width * (pixel + 1)) & (0xff >> (8 - width)) as u8)
     };
-    let whole = counts.as_chunks_mut::<PIXELS>();
-    for (counts, &byte) in whole.0.iter_mut().zip(bytes) {
+    let (groups, rest) = counts.as_chunks_mut::<PIXELS>();
+    let whole_bytes = groups.len();
+    for (counts, &byte) in groups.iter_mut().zip(bytes) {
         for pixel in 0..PIXELS {
-            counts[pixel] += share(byte, pixel);
+            counts[pixel] += count_ones(byte, pixel);
         }
     }
-    for (pixel, count) in whole.1.iter_mut().enumerate() {
-        *count += share(bytes[whole.0.len()], pixel);
+    for (pixel, count) in rest.iter_mut().enumerate() {
+        *count += count_ones(bytes[whole_bytes], pixel);
     }
 }
 
-/// Many frames: the ones of each jot over all of them, in bit planes, then those of each pixel.
-fn add_in_planes(
+/// Add the ones of many frames to the rows of `counts`, of which the first is pixel row `first`.
+///
+/// Bit planes sum each jot over the frames; then the jots of each pixel are added.
+fn add_with_bit_planes(
     bits: &PackedBits<'_>,
     frames: usize,
-    side: usize,
+    oversampling: usize,
     first: usize,
     valid: Option<ArrayView2<'_, u8>>,
     mut counts: ArrayViewMut2<'_, i32>,
 ) {
     let (_, _, columns) = bits.shape();
     let width = packed_width(columns);
-    let rows = first * side..(first + counts.nrows()) * side;
-    let mut planes = Planes::new(rows.len() * width);
-    let nothing = vec![0; rows.len() * width];
-    for group in (0..frames).step_by(GROUP) {
-        let stretches: [Cow<'_, [u8]>; GROUP] = std::array::from_fn(|index| {
+    let rows = first * oversampling..(first + counts.nrows()) * oversampling;
+    let mut counters = BitCounters::new(rows.len() * width);
+    let no_ones = vec![0; rows.len() * width];
+    for group in (0..frames).step_by(GROUP_SIZE) {
+        let sequences: [Cow<'_, [u8]>; GROUP_SIZE] = std::array::from_fn(|index| {
             if group + index < frames {
                 bits.rows(group + index, rows.clone())
             } else {
-                Cow::Borrowed(&nothing[..])
+                Cow::Borrowed(&no_ones[..])
             }
         });
-        planes.add(&stretches.each_ref().map(|bytes| &bytes[..]));
+        counters.add(&sequences.each_ref().map(|bytes| &bytes[..]));
     }
     let mut jots = vec![0; columns];
     for row in 0..rows.len() {
         jots.fill(0);
-        planes.add_to(row * width..(row + 1) * width, &mut jots);
+        counters.add_to_counts(row * width..(row + 1) * width, &mut jots);
         if let Some(valid) = valid {
             let valid = mask_row(valid, rows.start + row);
             for (column, jot) in jots.iter_mut().enumerate() {
                 *jot *= i32::from(valid[column / 8] >> (7 - column % 8) & 1);
             }
         }
-        let mut counts = counts.row_mut(row / side);
-        for (count, jots) in counts.iter_mut().zip(jots.chunks_exact(side)) {
+        let mut counts = counts.row_mut(row / oversampling);
+        for (count, jots) in counts.iter_mut().zip(jots.chunks_exact(oversampling)) {
             *count += jots.iter().sum::<i32>();
         }
     }

@@ -1,7 +1,7 @@
-//! Packed bits `(T, H, ⌈W/8⌉)`, most significant bit first, as `numpy.packbits` lays them out.
+//! Packed bits `(T, H, ⌈W/8⌉)`, most significant bit first, in the layout of `numpy.packbits`.
 
+mod bit_planes;
 mod count;
-mod planes;
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -13,13 +13,13 @@ use crate::error::{Error, Result};
 pub use count::add_block_counts;
 pub(crate) use count::check_mask;
 
-/// Bytes of a packed row of `width` jots.
+/// Return the number of bytes of a packed row of `width` jots.
 #[must_use]
 pub fn packed_width(width: usize) -> usize {
     width.div_ceil(8)
 }
 
-/// The bits of all frames, with the true width of a row.
+/// The packed bits of all frames and the width of a row in jots.
 #[derive(Clone, Copy, Debug)]
 pub struct PackedBits<'a> {
     bytes: ArrayView3<'a, u8>,
@@ -27,7 +27,7 @@ pub struct PackedBits<'a> {
 }
 
 impl<'a> PackedBits<'a> {
-    /// Bits of rows that are `width` jots wide; what the last byte holds past that is never read.
+    /// Return the bits of rows of `width` jots. Padding bits in the last byte are ignored.
     ///
     /// # Errors
     /// [`Error::Shape`] when the bytes of a row do not hold `width` bits.
@@ -42,7 +42,7 @@ impl<'a> PackedBits<'a> {
         Ok(Self { bytes, width })
     }
 
-    /// Frames, rows and columns of jots.
+    /// Return the numbers of frames, rows of jots, and columns of jots.
     #[must_use]
     pub fn shape(&self) -> (usize, usize, usize) {
         let (frames, rows, _) = self.bytes.dim();
@@ -53,7 +53,7 @@ impl<'a> PackedBits<'a> {
         contiguous(self.bytes.slice_move(s![frame, row, ..]))
     }
 
-    /// The bytes of some rows of a frame, one row after the other.
+    /// Return the bytes of a range of rows of a frame, row after row.
     pub(crate) fn rows(&self, frame: usize, rows: Range<usize>) -> Cow<'a, [u8]> {
         let part = self.bytes.slice_move(s![frame, rows, ..]);
         match part.to_slice() {
@@ -62,27 +62,27 @@ impl<'a> PackedBits<'a> {
         }
     }
 
-    /// Rows and columns of pixels for blocks of `side` × `side` jots.
+    /// Return the numbers of rows and columns of pixels for blocks of K̂ × K̂ jots.
     ///
     /// # Errors
-    /// [`Error::Shape`] when the blocks do not fill the frame.
-    pub(crate) fn pixels(&self, side: usize) -> Result<(usize, usize)> {
+    /// [`Error::Range`] when K̂ = `oversampling` is 0 or does not divide the frame.
+    pub(crate) fn pixel_shape(&self, oversampling: usize) -> Result<(usize, usize)> {
         let (_, rows, columns) = self.shape();
-        if side == 0 {
-            return Err(Error::range("oversampling", "at least 1", side));
+        if oversampling == 0 {
+            return Err(Error::range("oversampling", "at least 1", oversampling));
         }
-        if !rows.is_multiple_of(side) || !columns.is_multiple_of(side) {
-            return Err(Error::shape(
+        if !rows.is_multiple_of(oversampling) || !columns.is_multiple_of(oversampling) {
+            return Err(Error::range(
                 "rows and columns of jots",
-                format!("multiples of the oversampling {side}"),
-                (rows, columns),
+                format!("multiples of the oversampling {oversampling}"),
+                format!("{rows} x {columns}"),
             ));
         }
-        Ok((rows / side, columns / side))
+        Ok((rows / oversampling, columns / oversampling))
     }
 }
 
-/// A row in one piece, which loops run over fastest; only a row that is strided, as one colour of many is, gets copied.
+/// Return a row as a slice. Only a strided row, such as a row of one color channel, is copied.
 pub(crate) fn contiguous<T: Copy>(row: ArrayView1<'_, T>) -> Cow<'_, [T]> {
     match row.to_slice() {
         Some(slice) => Cow::Borrowed(slice),
@@ -90,20 +90,22 @@ pub(crate) fn contiguous<T: Copy>(row: ArrayView1<'_, T>) -> Cow<'_, [T]> {
     }
 }
 
-/// The row of a packed mask.
+/// Return a row of a packed mask.
 pub(crate) fn mask_row(mask: ArrayView2<'_, u8>, row: usize) -> Cow<'_, [u8]> {
     contiguous(mask.slice_move(s![row, ..]))
 }
 
-/// Up to 57 bits from bit `start` on, the first as the most significant of the result's lowest `length` bits.
+/// Return the `length` bits from bit `start` on as an integer. The last is the least significant.
+///
+/// `length` is at most [`MAX_FIELD_BITS`].
 #[inline(always)]
-pub(crate) fn field(bytes: &[u8], start: usize, length: usize) -> u64 {
-    debug_assert!(length <= 57);
+pub(crate) fn bit_field(bytes: &[u8], start: usize, length: usize) -> u64 {
+    debug_assert!(length <= MAX_FIELD_BITS);
     let first = start / 8;
     let word = if let Some(eight) = bytes[first..].first_chunk() {
         u64::from_be_bytes(*eight)
     } else if let Some(last) = bytes.last_chunk() {
-        // The row ends within these eight bytes, and what follows it is never read.
+        // The row ends within these eight bytes. The zeros that the shift brings in are never used.
         u64::from_be_bytes(*last) << (8 * (first + 8 - bytes.len()))
     } else {
         let mut eight = [0u8; 8];
@@ -117,5 +119,5 @@ pub(crate) fn field(bytes: &[u8], start: usize, length: usize) -> u64 {
     }
 }
 
-/// The longest field that [`field`] reads wherever it starts.
-pub(crate) const FIELD: usize = 57;
+/// Maximum length of a field of [`bit_field`] that may start at any bit.
+pub(crate) const MAX_FIELD_BITS: usize = 57;

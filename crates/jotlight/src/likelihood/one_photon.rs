@@ -1,118 +1,89 @@
-//! The likelihood of many cells at a time for the threshold of one photon, where P = 1 − e^(−s): one body that the compiler turns into vector code.
+//! The derivatives of ℓ and the proximal map for q = 1, P = 1 − e^(−s), on vectors of elements.
+//!
+//! The loops run over fixed groups of elements, which the compiler turns into vector instructions.
+//! The formulas are those of [`super::Threshold`] with q = 1; only e^s − 1 is evaluated
+//! differently.
 
-use super::{Cells, DARKEST, ROUNDS, first_try};
+use super::MIN_RATE;
+use super::chunk::Chunk;
+use super::proximal::{MAX_ITERATIONS, ProximalProblem};
 use crate::cpu::levels;
 
-/// Cells side by side.
-const LANES: usize = 16;
-type Lanes = [f64; LANES];
+/// Number of elements in a group.
+const GROUP_SIZE: usize = 16;
+type Group = [f64; GROUP_SIZE];
 
 levels! {
-    /// The gradient and the curvature of ℓ, as [`super::Seen::slopes`] gives them.
-    pub(super) fn slopes(
-        cells: &Cells, light: &[f64], gradient: &mut [f64], curvature: &mut [f64],
-    ) = slopes_inlined;
-    /// The proximal map of −ℓ: Newton's method between bounds, as [`super::Seen::nearest`] does for one cell.
-    pub(super) fn nearest(
-        cells: &Cells, limits: (f64, f64, f64), guess: &[f64], point: &mut [f64],
-    ) = nearest_inlined;
+    /// Write ∂ℓ/∂s and −∂²ℓ/∂s², as [`super::Readings::gradient_and_curvature`] does.
+    pub(super) fn gradient_and_curvature(
+        chunk: &Chunk, light: &[f64], gradient: &mut [f64], curvature: &mut [f64],
+    ) = gradient_and_curvature_inlined;
+    /// Replace `point` by the proximal map of −ℓ, as [`super::Readings::proximal`] does.
+    pub(super) fn solve_proximal(
+        chunk: &Chunk, problem: &ProximalProblem, guess: &[f64], point: &mut [f64],
+    ) = solve_proximal_inlined;
 }
 
 #[inline(always)]
-fn slopes_inlined(cells: &Cells, light: &[f64], gradient: &mut [f64], curvature: &mut [f64]) {
-    for start in (0..light.len()).step_by(LANES) {
-        let group = Group::of(cells, start);
-        let (score, bend) = group.slopes(&lanes(light, start));
-        store(&score, start, gradient);
-        store(&bend, start, curvature);
+fn gradient_and_curvature_inlined(
+    chunk: &Chunk,
+    light: &[f64],
+    gradient: &mut [f64],
+    curvature: &mut [f64],
+) {
+    for start in (0..light.len()).step_by(GROUP_SIZE) {
+        let elements = Elements::load(chunk, start);
+        let (first, second) = elements.gradient_and_curvature(&load(light, start));
+        store(&first, start, gradient);
+        store(&second, start, curvature);
     }
 }
 
 #[inline(always)]
-fn nearest_inlined(
-    cells: &Cells,
-    (penalty, most, tolerance): (f64, f64, f64),
+fn solve_proximal_inlined(
+    chunk: &Chunk,
+    problem: &ProximalProblem,
     guess: &[f64],
     point: &mut [f64],
 ) {
-    for start in (0..point.len()).step_by(LANES) {
-        let group = Group::of(cells, start);
-        let goal = lanes(point, start);
-        let mut x = lanes(guess, start);
-        let (at_0, _) = group.rise(&[0.0; LANES], &goal, penalty);
-        let (at_most, _) = group.rise(&[most; LANES], &goal, penalty);
-        let mut done = [false; LANES];
-        for lane in 0..LANES {
-            // The slope rises: where it is above 0 from the start, or below 0 to the end, the root lies outside.
-            done[lane] = at_0[lane] >= 0.0 || at_most[lane] <= 0.0;
-            x[lane] = if at_0[lane] >= 0.0 {
-                0.0
-            } else if at_most[lane] <= 0.0 {
-                most
-            } else {
-                first_try(x[lane], most)
-            };
-        }
-        let (mut low, mut high) = ([0.0; LANES], [most; LANES]);
-        for _ in 0..ROUNDS {
-            let (slope, bend) = group.rise(&x, &goal, penalty);
-            let mut left = false;
-            for lane in 0..LANES {
-                let above = slope[lane] > 0.0;
-                high[lane] = if above { x[lane] } else { high[lane] };
-                low[lane] = if above { low[lane] } else { x[lane] };
-                let step = x[lane] - slope[lane] / bend[lane];
-                let newton =
-                    step > low[lane] && step < high[lane] || step.to_bits() == x[lane].to_bits();
-                let next = if newton {
-                    step
-                } else {
-                    0.5 * (low[lane] + high[lane])
-                };
-                let near = newton && (next - x[lane]).abs() <= tolerance * next
-                    || high[lane] - low[lane] <= f64::EPSILON * high[lane];
-                x[lane] = if done[lane] { x[lane] } else { next };
-                done[lane] |= near;
-                left |= !done[lane];
-            }
-            if !left {
-                break;
-            }
-        }
+    for start in (0..point.len()).step_by(GROUP_SIZE) {
+        let elements = Elements::load(chunk, start);
+        let x = elements.minimize(problem, &load(point, start), &load(guess, start));
         store(&x, start, point);
     }
 }
 
-/// What so many cells saw; past the end of a stretch, cells without a bit.
-struct Group {
-    ones: Lanes,
-    zeros: Lanes,
-    efficiency: Lanes,
-    dark: Lanes,
+/// A group of elements. Elements past the end of a chunk have no readings.
+struct Elements {
+    ones: Group,
+    zeros: Group,
+    efficiency: Group,
+    dark_counts: Group,
 }
 
-impl Group {
+impl Elements {
     #[inline(always)]
-    fn of(cells: &Cells, start: usize) -> Self {
+    fn load(chunk: &Chunk, start: usize) -> Self {
         Self {
-            ones: lanes(&cells.ones, start),
-            zeros: lanes(&cells.zeros, start),
-            efficiency: lanes(&cells.efficiency, start),
-            dark: lanes(&cells.dark, start),
+            ones: load(&chunk.ones, start),
+            zeros: load(&chunk.zeros, start),
+            efficiency: load(&chunk.efficiency, start),
+            dark_counts: load(&chunk.dark_counts, start),
         }
     }
 
-    /// ∂ℓ/∂s = η (L / (e^(η s + d) − 1) − (n − L)), and the curvature.
+    /// Return ∂ℓ/∂s = η (L / (e^(η s + d) − 1) − (n − L)) and −∂²ℓ/∂s².
     #[inline(always)]
-    fn slopes(&self, light: &Lanes) -> (Lanes, Lanes) {
-        let mut rate = [0.0; LANES];
-        for lane in 0..LANES {
-            rate[lane] = (self.efficiency[lane] * light[lane] + self.dark[lane]).max(DARKEST);
+    fn gradient_and_curvature(&self, light: &Group) -> (Group, Group) {
+        let mut rate = [0.0; GROUP_SIZE];
+        for lane in 0..GROUP_SIZE {
+            rate[lane] =
+                (self.efficiency[lane] * light[lane] + self.dark_counts[lane]).max(MIN_RATE);
         }
-        let grown = exp_m1(&rate);
-        let (mut gradient, mut curvature) = ([0.0; LANES], [0.0; LANES]);
-        for lane in 0..LANES {
-            let score = 1.0 / grown[lane];
+        let exp_m1 = exp_m1(&rate);
+        let (mut gradient, mut curvature) = ([0.0; GROUP_SIZE], [0.0; GROUP_SIZE]);
+        for lane in 0..GROUP_SIZE {
+            let score = 1.0 / exp_m1[lane];
             let efficiency = self.efficiency[lane];
             gradient[lane] = efficiency * (self.ones[lane] * score - self.zeros[lane]);
             curvature[lane] = efficiency * efficiency * (self.ones[lane] * (score * (score + 1.0)));
@@ -120,42 +91,98 @@ impl Group {
         (gradient, curvature)
     }
 
-    /// The slope of −ℓ(x) + ½ penalty (x − goal)², and its own.
+    /// Return the minimizers in [0, `max_light`] of −ℓ(x) + ½ ρ (x − goal)² by Newton's method
+    /// between bounds that bisection tightens.
     #[inline(always)]
-    fn rise(&self, x: &Lanes, goal: &Lanes, penalty: f64) -> (Lanes, Lanes) {
-        let (mut slope, mut bend) = self.slopes(x);
-        for lane in 0..LANES {
-            slope[lane] = penalty * (x[lane] - goal[lane]) - slope[lane];
-            bend[lane] += penalty;
+    fn minimize(&self, problem: &ProximalProblem, goal: &Group, guess: &Group) -> Group {
+        let ProximalProblem {
+            penalty,
+            max_light,
+            tolerance,
+        } = *problem;
+        let (at_zero, _) = self.objective_derivatives(&[0.0; GROUP_SIZE], goal, penalty);
+        let (at_max, _) = self.objective_derivatives(&[max_light; GROUP_SIZE], goal, penalty);
+        let mut x = *guess;
+        let mut done = [false; GROUP_SIZE];
+        for lane in 0..GROUP_SIZE {
+            // The derivative increases. Its root lies outside the bounds where it is positive at 0
+            // or negative at the maximum.
+            done[lane] = at_zero[lane] >= 0.0 || at_max[lane] <= 0.0;
+            x[lane] = if at_zero[lane] >= 0.0 {
+                0.0
+            } else if at_max[lane] <= 0.0 {
+                max_light
+            } else {
+                problem.start(x[lane])
+            };
         }
-        (slope, bend)
+        let (mut low, mut high) = ([0.0; GROUP_SIZE], [max_light; GROUP_SIZE]);
+        for _ in 0..MAX_ITERATIONS {
+            let (first, second) = self.objective_derivatives(&x, goal, penalty);
+            let mut any_left = false;
+            for lane in 0..GROUP_SIZE {
+                let is_above = first[lane] > 0.0;
+                high[lane] = if is_above { x[lane] } else { high[lane] };
+                low[lane] = if is_above { low[lane] } else { x[lane] };
+                let step = x[lane] - first[lane] / second[lane];
+                let is_newton =
+                    step > low[lane] && step < high[lane] || step.to_bits() == x[lane].to_bits();
+                let next = if is_newton {
+                    step
+                } else {
+                    0.5 * (low[lane] + high[lane])
+                };
+                let is_close = is_newton && (next - x[lane]).abs() <= tolerance * next
+                    || high[lane] - low[lane] <= f64::EPSILON * high[lane];
+                x[lane] = if done[lane] { x[lane] } else { next };
+                done[lane] |= is_close;
+                any_left |= !done[lane];
+            }
+            if !any_left {
+                break;
+            }
+        }
+        x
+    }
+
+    /// Return the first and the second derivative of −ℓ(x) + ½ penalty (x − goal)².
+    #[inline(always)]
+    fn objective_derivatives(&self, x: &Group, goal: &Group, penalty: f64) -> (Group, Group) {
+        let (mut first, mut second) = self.gradient_and_curvature(x);
+        for lane in 0..GROUP_SIZE {
+            first[lane] = penalty * (x[lane] - goal[lane]) - first[lane];
+            second[lane] += penalty;
+        }
+        (first, second)
     }
 }
 
+/// Return the group that starts at `start`, filled up with zeros past the end.
 #[inline(always)]
-fn lanes(values: &[f64], start: usize) -> Lanes {
+fn load(values: &[f64], start: usize) -> Group {
     let values = &values[start..];
     if let Some(whole) = values.first_chunk() {
         return *whole;
     }
-    let mut part = [0.0; LANES];
+    let mut part = [0.0; GROUP_SIZE];
     part[..values.len()].copy_from_slice(values);
     part
 }
 
 #[inline(always)]
-fn store(lanes: &Lanes, start: usize, out: &mut [f64]) {
+fn store(group: &Group, start: usize, out: &mut [f64]) {
     let out = &mut out[start..];
-    let length = out.len().min(LANES);
-    out[..length].copy_from_slice(&lanes[..length]);
+    let length = out.len().min(GROUP_SIZE);
+    out[..length].copy_from_slice(&group[..length]);
 }
 
-/// e^x − 1 for x ≥ 0, to a few units of the last digit; past 709 as for 709.
+/// Return e^x − 1 for x ≥ 0, accurate to a few units of the last digit. Larger x count as 709.
 ///
-/// x = k ln 2 + r with |r| ≤ ½ ln 2, and e^x − 1 = 2^k (e^r − 1) + (2^k − 1), with the series of e^r − 1 to its 13th term.
+/// With x = k ln 2 + r and |r| ≤ ½ ln 2, e^x − 1 = 2^k (e^r − 1) + (2^k − 1). The Taylor series of
+/// e^r − 1 is evaluated up to its 13th term.
 #[inline(always)]
-fn exp_m1(x: &Lanes) -> Lanes {
-    // Adding this leaves the nearest whole number in the lowest bits.
+fn exp_m1(x: &Group) -> Group {
+    // Adding this constant leaves the nearest integer in the lowest bits.
     const SHIFT: f64 = 6_755_399_441_055_744.0;
     const LN_2_HIGH: f64 = 0.693_147_180_369_123_8;
     const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;
@@ -173,20 +200,20 @@ fn exp_m1(x: &Lanes) -> Lanes {
         1.0 / 6.0,
         0.5,
     ];
-    let mut grown = [0.0; LANES];
-    for lane in 0..LANES {
+    let mut result = [0.0; GROUP_SIZE];
+    for lane in 0..GROUP_SIZE {
         let x = x[lane].min(709.0);
         let shifted = x * std::f64::consts::LOG2_E + SHIFT;
         let k = shifted - SHIFT;
         let r = (x - k * LN_2_HIGH) - k * LN_2_LOW;
         let mut sum = SERIES[0];
-        for term in &SERIES[1..] {
-            sum = sum * r + term;
+        for coefficient in &SERIES[1..] {
+            sum = sum * r + coefficient;
         }
         let power = f64::from_bits(shifted.to_bits().wrapping_add(1023) << 52);
-        grown[lane] = power * (r + r * r * sum) + (power - 1.0);
+        result[lane] = power * (r + r * r * sum) + (power - 1.0);
     }
-    grown
+    result
 }
 
 #[cfg(test)]
@@ -194,17 +221,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_exponential_is_that_of_the_library() {
+    fn exp_m1_agrees_with_the_standard_library() {
         let mut x = 1e-150;
         while x < 709.0 {
-            let grown = exp_m1(&[x; LANES])[0];
+            let value = exp_m1(&[x; GROUP_SIZE])[0];
             let exact = x.exp_m1();
             assert!(
-                (grown - exact).abs() <= 4.0 * f64::EPSILON * exact,
-                "{x}: {grown} instead of {exact}"
+                (value - exact).abs() <= 4.0 * f64::EPSILON * exact,
+                "{x}: {value} instead of {exact}"
             );
             x *= 1.0 + 1e-3;
         }
-        assert!(exp_m1(&[1e4; LANES])[0] > 1e307);
+        assert!(exp_m1(&[1e4; GROUP_SIZE])[0] > 1e307);
     }
 }

@@ -1,11 +1,13 @@
-//! What one bit says of the light: P(b = 1), its logarithm and their slopes, and its inverse, for any threshold q.
+//! The detection probability P(q, s) of a jot: its logarithm, derivatives, and inverse for any q.
 //!
-//! A jot sees Y ~ Poisson(s) photons and reports b = [Y ≥ q] (paper, equation (3)), so that
-//! P(b = 1) = P(q, s), the regularised lower incomplete gamma function.
+//! A jot collects Y ~ Poisson(s) photons and reports b = [Y ≥ q] (paper, equation (3)). Therefore
+//! P(b = 1) = P(q, s), the regularized lower incomplete gamma function. The paper writes p₁(s) for
+//! P(b = 1) and p₀(s) for P(b = 0). No other module repeats these formulas, except that
+//! `likelihood/one_photon.rs` evaluates the derivatives for q = 1 on whole vectors.
 
 use crate::error::{Error, Result};
 
-/// The threshold q of a jot: it reports 1 when at least q photons arrive.
+/// The threshold q of a jot: the jot reports 1 when at least q photons arrive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Threshold {
     q: f64,
@@ -13,7 +15,7 @@ pub struct Threshold {
 }
 
 impl Threshold {
-    /// The threshold of `q` photons.
+    /// Return the threshold of `q` photons.
     ///
     /// # Errors
     /// [`Error::Range`] for q = 0: such a jot would always report 1.
@@ -28,16 +30,18 @@ impl Threshold {
         })
     }
 
-    /// q.
+    /// Return q.
     #[must_use]
     pub fn photons(&self) -> u32 {
         self.q as u32
     }
 
-    /// P(b = 1) = P(Y ≥ q) for s ≥ 0 expected photons; accurate for the smallest s too.
+    /// Return P(b = 1) = P(Y ≥ q) = P(q, s) for s ≥ 0 expected photons.
+    ///
+    /// The relative accuracy holds for the smallest s too.
     #[must_use]
-    pub fn fires(&self, s: f64) -> f64 {
-        if self.one_photon() {
+    pub fn detection_probability(&self, s: f64) -> f64 {
+        if self.is_one_photon() {
             -(-s).exp_m1()
         } else if s < self.q {
             self.poisson(s) * self.upper_sum(s)
@@ -46,10 +50,12 @@ impl Threshold {
         }
     }
 
-    /// P(b = 0) = P(Y < q) for s ≥ 0 expected photons; accurate for the largest s too.
+    /// Return P(b = 0) = P(Y < q) = 1 − P(q, s) for s ≥ 0 expected photons.
+    ///
+    /// The relative accuracy holds for the largest s too.
     #[must_use]
-    pub fn stays_dark(&self, s: f64) -> f64 {
-        if self.one_photon() {
+    pub fn non_detection_probability(&self, s: f64) -> f64 {
+        if self.is_one_photon() {
             (-s).exp()
         } else if s < self.q {
             1.0 - self.poisson(s) * self.upper_sum(s)
@@ -58,71 +64,73 @@ impl Threshold {
         }
     }
 
-    /// dP(b = 1)/ds = s^(q−1) e^(−s) / (q−1)!.
+    /// Return dP(b = 1)/ds = s^(q−1) e^(−s) / (q−1)!.
     #[must_use]
-    pub fn slope(&self, s: f64) -> f64 {
-        if self.one_photon() {
+    pub fn detection_derivative(&self, s: f64) -> f64 {
+        if self.is_one_photon() {
             (-s).exp()
         } else {
             self.poisson(s) * self.q / s.max(f64::MIN_POSITIVE)
         }
     }
 
-    /// d log P(b = 1)/ds for s > 0: what a jot that fired says of the light. Finite where P itself underflows.
+    /// Return the score d log P(b = 1)/ds of a one for s > 0.
+    ///
+    /// It is finite where P(b = 1) underflows.
     #[must_use]
-    pub fn fired_score(&self, s: f64) -> f64 {
-        self.fired_slopes(s).0
+    pub fn detection_score(&self, s: f64) -> f64 {
+        self.detection_score_and_curvature(s).0
     }
 
-    /// −d log P(b = 0)/ds for s > 0: what a jot that stayed dark says of the light. Finite where P(b = 0) underflows.
+    /// Return −d log P(b = 0)/ds, the negated score of a zero, for s > 0.
+    ///
+    /// It is finite where P(b = 0) underflows.
     #[must_use]
-    pub fn dark_score(&self, s: f64) -> f64 {
-        self.dark_slopes(s).0
+    pub fn non_detection_score(&self, s: f64) -> f64 {
+        self.non_detection_score_and_curvature(s).0
     }
 
-    /// log P(b = 1). Finite where P itself underflows; −∞ for s = 0.
+    /// Return log P(b = 1). It is finite where P(b = 1) underflows, and −∞ for s = 0.
     #[must_use]
-    pub fn log_fires(&self, s: f64) -> f64 {
+    pub fn log_detection_probability(&self, s: f64) -> f64 {
         if s <= 0.0 {
             f64::NEG_INFINITY
-        } else if self.one_photon() {
-            if s < 1.0 {
-                (-(-s).exp_m1()).ln()
-            } else {
-                (-(-s).exp()).ln_1p()
-            }
-        } else if s < self.q {
-            self.ln_poisson(s) + self.upper_sum(s).ln()
+        } else if s >= self.q {
+            (-self.non_detection_probability(s)).ln_1p()
+        } else if self.is_one_photon() {
+            self.detection_probability(s).ln()
         } else {
-            (-self.poisson(s) * self.lower_sum(s)).ln_1p()
+            self.ln_poisson(s) + self.upper_sum(s).ln()
         }
     }
 
-    /// log P(b = 0). Finite where P(b = 0) underflows.
+    /// Return log P(b = 0). It is finite where P(b = 0) underflows.
     #[must_use]
-    pub fn log_stays_dark(&self, s: f64) -> f64 {
-        if self.one_photon() {
+    pub fn log_non_detection_probability(&self, s: f64) -> f64 {
+        if self.is_one_photon() {
             -s
         } else if s < self.q {
-            (-self.poisson(s) * self.upper_sum(s)).ln_1p()
+            (-self.detection_probability(s)).ln_1p()
         } else {
             self.ln_poisson(s) + self.lower_sum(s).ln()
         }
     }
 
-    /// d log P(b = 1)/ds and −d² log P(b = 1)/ds², both above 0 as log P is concave, for s > 0.
+    /// Return d log P(b = 1)/ds and −d² log P(b = 1)/ds² for s > 0.
     ///
-    /// With the score F the curvature is F² − F·((q − 1)/s − 1). Below s = q that difference is written as a sum of positive
-    /// terms, so that nothing cancels.
+    /// Both are positive, because log P is concave.
+    ///
+    /// With the score F, the curvature is F² − F·((q − 1)/s − 1). Below s = q, a sum of positive
+    /// terms replaces this difference, so that nothing cancels.
     #[must_use]
     #[inline]
-    pub fn fired_slopes(&self, s: f64) -> (f64, f64) {
-        if self.one_photon() {
+    pub fn detection_score_and_curvature(&self, s: f64) -> (f64, f64) {
+        if self.is_one_photon() {
             let score = s.exp_m1().recip();
             return (score, score * (score + 1.0));
         }
         if s >= self.q {
-            let score = self.slope(s) / self.fires(s);
+            let score = self.detection_derivative(s) / self.detection_probability(s);
             return (score, score * (score + 1.0 - (self.q - 1.0) / s));
         }
         let (mut term, mut sum, mut weighted, mut k) = (1.0, 1.0, 1.0, 0.0);
@@ -136,17 +144,18 @@ impl Threshold {
         (score, score / s * (weighted / sum))
     }
 
-    /// −d log P(b = 0)/ds and −d² log P(b = 0)/ds², neither below 0, for s > 0.
+    /// Return −d log P(b = 0)/ds and −d² log P(b = 0)/ds² for s > 0. Neither is negative.
     ///
-    /// With the score G the curvature is G² + G·((q − 1)/s − 1), above s = q again as a sum of positive terms.
+    /// With the negated score G, the curvature is G² + G·((q − 1)/s − 1). Above s = q, a sum of
+    /// positive terms replaces this difference.
     #[must_use]
     #[inline]
-    pub fn dark_slopes(&self, s: f64) -> (f64, f64) {
-        if self.one_photon() {
+    pub fn non_detection_score_and_curvature(&self, s: f64) -> (f64, f64) {
+        if self.is_one_photon() {
             return (1.0, 0.0);
         }
         if s < self.q {
-            let score = self.slope(s) / self.stays_dark(s);
+            let score = self.detection_derivative(s) / self.non_detection_probability(s);
             return (score, score * (score + (self.q - 1.0) / s - 1.0));
         }
         let (mut term, mut sum, mut weighted, mut k) = (1.0, 1.0, 0.0, 0.0);
@@ -160,41 +169,46 @@ impl Threshold {
         (score, score * score * weighted / s)
     }
 
-    /// The s at which P(b = 1) is `probability`: P⁻¹(q, ·). 0 gives 0, 1 gives infinity.
+    /// Return the rate s with P(q, s) = `probability`: the inverse P⁻¹(q, ·).
+    ///
+    /// Probability 0 maps to 0, and probability 1 to infinity. For q = 1 the inverse is
+    /// −log(1 − p), which the paper's equation (5) contains.
     #[must_use]
-    pub fn rate(&self, probability: f64) -> f64 {
+    pub fn inverse_detection_probability(&self, probability: f64) -> f64 {
         if probability <= 0.0 {
             return 0.0;
         }
         if probability >= 1.0 {
             return f64::INFINITY;
         }
-        if self.one_photon() {
+        if self.is_one_photon() {
             return -(-probability).ln_1p();
         }
-        if probability < self.fires(self.q) {
-            // ln P is concave in ln s, and the first term of the tail, s^q / q! = p, lies left of the root: Newton's steps
-            // rise to the root and never pass it.
+        if probability < self.detection_probability(self.q) {
+            // ln P is concave in ln s, and the first term of the tail, s^q / q! = p, lies left of
+            // the root. Newton's steps therefore rise to the root and never pass it.
             let target = probability.ln();
             let start = ((target + self.ln_factorial) / self.q).exp();
-            newton(start, |s| {
-                let short = target - self.ln_poisson(s) - self.upper_sum(s).ln();
-                s * (short / (s * self.fired_score(s))).exp()
+            iterate_to_fixed_point(start, |s| {
+                let difference = target - self.ln_poisson(s) - self.upper_sum(s).ln();
+                s * (difference / (s * self.detection_score(s))).exp()
             })
         } else {
-            // ln(1 − P) is concave and falls: the first step passes the root, the others come back to it.
+            // ln(1 − P) is concave and falls. The first Newton step passes the root, and the
+            // others return to it.
             let target = (1.0 - probability).ln();
-            newton(self.q, |s| {
-                s + (self.ln_poisson(s) + self.lower_sum(s).ln() - target) / self.dark_score(s)
+            iterate_to_fixed_point(self.q, |s| {
+                let difference = self.ln_poisson(s) + self.lower_sum(s).ln() - target;
+                s + difference / self.non_detection_score(s)
             })
         }
     }
 
-    fn one_photon(&self) -> bool {
+    fn is_one_photon(&self) -> bool {
         self.q < 1.5
     }
 
-    /// P(Y = q).
+    /// Return P(Y = q).
     fn poisson(&self, s: f64) -> f64 {
         if s <= 0.0 || s.is_infinite() {
             0.0
@@ -207,7 +221,9 @@ impl Threshold {
         self.q * s.ln() - s - self.ln_factorial
     }
 
-    /// P(Y ≥ q) / P(Y = q) = 1 + s/(q+1) + s²/((q+1)(q+2)) + …: all terms positive, so nothing cancels.
+    /// Return P(Y ≥ q) / P(Y = q) = 1 + s/(q+1) + s²/((q+1)(q+2)) + …
+    ///
+    /// All terms are positive, so nothing cancels.
     fn upper_sum(&self, s: f64) -> f64 {
         let (mut term, mut sum, mut k) = (1.0, 1.0, self.q);
         while term > f64::EPSILON * 0.1 * sum {
@@ -218,7 +234,7 @@ impl Threshold {
         sum
     }
 
-    /// P(Y < q) / P(Y = q) = q/s + q(q−1)/s² + ….
+    /// Return P(Y < q) / P(Y = q) = q/s + q(q−1)/s² + …
     fn lower_sum(&self, s: f64) -> f64 {
         let (mut term, mut sum, mut k) = (1.0, 0.0, self.q);
         while k > 0.0 && term > f64::EPSILON * 0.1 * sum {
@@ -230,8 +246,8 @@ impl Threshold {
     }
 }
 
-/// Iterates `step` until it stands still.
-fn newton(start: f64, step: impl Fn(f64) -> f64) -> f64 {
+/// Apply `step` until the value stays the same up to rounding, at most 100 times.
+fn iterate_to_fixed_point(start: f64, step: impl Fn(f64) -> f64) -> f64 {
     let mut s = start;
     for _ in 0..100 {
         let next = step(s);

@@ -1,152 +1,167 @@
-//! How layers are put together: what each reads and adds, and how large its planes are.
+//! The graph of a network: which layer reads which, and the resolution of their planes.
+
+use num_integer::Integer;
 
 use super::layer::{Layer, Wiring};
 use crate::error::{Error, Result};
 use crate::numbers::Real;
 
-/// Rows of a picture that one row of a network's planes may stand for, and the other way round: parts of pictures are no smaller.
-const LARGEST_STEP: usize = 256;
+/// The maximum of `Graph::size_divisor`, and of the upsampling relative to the image.
+const MAX_SCALE: usize = 256;
 
-/// Numbers of planes at a pixel, times the step: 256 times as many are the least that a part of a picture takes, 1 GiB.
-const LARGEST_PART: usize = 1 << 20;
+/// The maximum of `Graph::values_per_pixel` × `Graph::size_divisor`. The smallest tile holds 256
+/// times this many values, which are 1 GiB of `f32`.
+const MAX_VALUES_TIMES_DIVISOR: usize = 1 << 20;
 
-/// Layers in order, checked.
+/// Layers in order of evaluation, with checked connections.
 pub(super) struct Graph<'a, F> {
     pub layers: Vec<&'a Layer<F>>,
-    /// Which layer each of them reads; the first reads the data.
-    pub sources: Vec<usize>,
-    /// The last layer that takes the planes of each.
+    /// The index of the layer that each layer reads. The first layer reads the data.
+    pub inputs: Vec<usize>,
+    /// The index of the last layer that uses the output of each layer.
     pub last_use: Vec<usize>,
-    /// Rows of the picture for so many of a layer's planes: (picture, planes).
-    scales: Vec<(usize, usize)>,
-    /// What rows and columns of the planes of the first layer have to be a multiple of.
-    pub step: usize,
-    /// Numbers of the largest planes for a pixel.
-    pub numbers: usize,
+    scales: Vec<Scale>,
+    /// The divisor that height and width of the first layer's planes must share.
+    pub size_divisor: usize,
+    /// The maximum number of values per image pixel in the output of a layer.
+    pub values_per_pixel: usize,
+}
+
+/// The resolution of a layer's planes as a reduced fraction: `plane` rows for `image` image rows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Scale {
+    image: usize,
+    plane: usize,
+}
+
+impl Scale {
+    fn reduced(image: usize, plane: usize) -> Self {
+        let divisor = image.gcd(&plane);
+        Self {
+            image: image / divisor,
+            plane: plane / divisor,
+        }
+    }
 }
 
 impl<'a, F: Real> Graph<'a, F> {
-    /// Checks that each layer reads and adds planes that fit, and that the last gives one plane of the picture's own size.
+    /// Return the graph of the layers.
     ///
     /// # Errors
-    /// [`Error::Shape`] and [`Error::Range`] when something does not fit.
+    /// [`Error::Shape`] and [`Error::Range`] if a layer reads or adds planes that do not fit, if
+    /// nothing uses the output of a layer, or if the last layer does not return one plane of the
+    /// image's size.
     pub fn new(layers: &[&'a Layer<F>]) -> Result<Self> {
-        let mut graph = Self {
-            layers: layers.to_vec(),
-            sources: vec![0],
-            last_use: vec![0; layers.len()],
-            scales: vec![(1, 1)],
-            step: 1,
-            numbers: layers.first().map_or(0, |layer| layer.channels()),
-        };
         let Some((first, last)) = layers.first().zip(layers.last()) else {
             return Err(Error::range("layers", "at least one", 0));
         };
         if first.wiring != Wiring::default() {
-            let expected = "no stride, upsampling or kept planes in the first";
+            let expected = "no stride, upsampling, or skip connection in the first";
             return Err(Error::range("layers", expected, "some"));
         }
-        for (index, layer) in layers.iter().enumerate().skip(1) {
-            let source = layer.wiring.reads.unwrap_or(index - 1);
-            for number in [Some(source), layer.wiring.adds].into_iter().flatten() {
-                if number >= index {
-                    let expected = "one before the layer that reads it";
-                    return Err(Error::range("layer that is read", expected, number));
-                }
-                graph.last_use[number] = index;
-            }
-            let (inputs, channels) = (layer.filters.dim().1, layers[source].channels());
-            if inputs != channels {
-                return Err(Error::shape("input channels of a layer", channels, inputs));
-            }
-            let (above, below) = graph.scales[source];
-            // What filters with a stride give has whole rows, before any are made of its depth.
-            let (above, below) = reduced(above * layer.wiring.stride, below);
-            graph.step = graph.step / greatest_divisor(graph.step, above) * above;
-            let scale = reduced(above, below * layer.wiring.upsampling);
-            if graph.step.max(scale.1) > LARGEST_STEP {
-                let expected = "strides and upsamplings of at most 256 together";
-                return Err(Error::range("layers", expected, graph.step.max(scale.1)));
-            }
-            if let Some(kept) = layer.wiring.adds {
-                let expected = (layer.channels(), scale);
-                let given = (layers[kept].channels(), graph.scales[kept]);
-                if given != expected {
-                    return Err(Error::shape("kept planes", expected, given));
-                }
-            }
-            let numbers = layer.channels() * scale.1 * scale.1;
-            graph.numbers = graph.numbers.max(numbers.div_ceil(scale.0 * scale.0));
-            graph.sources.push(source);
-            graph.scales.push(scale);
+        let mut graph = Self {
+            layers: layers.to_vec(),
+            inputs: vec![0],
+            last_use: vec![0; layers.len()],
+            scales: vec![Scale { image: 1, plane: 1 }],
+            size_divisor: 1,
+            values_per_pixel: first.channels(),
+        };
+        for index in 1..layers.len() {
+            graph.connect(index)?;
         }
-        if graph.numbers * graph.step > LARGEST_PART {
-            let expected = "at most 2^20 numbers at a pixel, times the strides";
-            let given = graph.numbers * graph.step;
-            return Err(Error::range("layers", expected, given));
+        let values = graph.values_per_pixel * graph.size_divisor;
+        if values > MAX_VALUES_TIMES_DIVISOR {
+            let expected = "at most 2^20 values per pixel, times the strides";
+            return Err(Error::range("layers", expected, values));
         }
-        if let Some(unused) = graph.last_use[..layers.len() - 1]
-            .iter()
-            .position(|&by| by == 0)
-        {
-            return Err(Error::range(
-                "layers",
-                "planes that another one takes",
-                unused,
-            ));
+        let others = &graph.last_use[..layers.len() - 1];
+        if let Some(unused) = others.iter().position(|&user| user == 0) {
+            let expected = "each output to be used by a later layer";
+            return Err(Error::range("layers", expected, unused));
         }
-        if (last.channels(), graph.scales.last()) != (1, Some(&(1, 1))) {
-            let expected = "1, of the size of the picture";
-            return Err(Error::shape(
-                "output channels of the last layer",
-                expected,
-                last.channels(),
-            ));
+        if (last.channels(), graph.scales.last()) != (1, Some(&Scale { image: 1, plane: 1 })) {
+            let expected = "1, of the size of the image";
+            let what = "output channels of the last layer";
+            return Err(Error::shape(what, expected, last.channels()));
         }
         Ok(graph)
     }
 
-    /// Rows and columns of a layer's planes, for those of the picture, which are multiples of the step.
-    pub fn size(&self, layer: usize, (rows, columns): (usize, usize)) -> (usize, usize) {
-        let (above, below) = self.scales[layer];
-        (rows / above * below, columns / above * below)
+    /// Check the connections of a layer, and record its input and the resolution of its output.
+    fn connect(&mut self, index: usize) -> Result<()> {
+        let layer = self.layers[index];
+        let input = layer.wiring.input.unwrap_or(index - 1);
+        for other in [Some(input), layer.wiring.skip].into_iter().flatten() {
+            if other >= index {
+                let expected = "a layer before the one that reads it";
+                return Err(Error::range("input or skip of a layer", expected, other));
+            }
+            self.last_use[other] = index;
+        }
+        let (read, channels) = (layer.filters.dim().1, self.layers[input].channels());
+        if read != channels {
+            return Err(Error::shape("input channels of a layer", channels, read));
+        }
+        let scale = self.scales[input];
+        // The output of filters with a stride must have whole rows before the depth-to-space
+        // rearrangement adds rows.
+        let strided = Scale::reduced(scale.image * layer.wiring.stride, scale.plane);
+        self.size_divisor = self.size_divisor.lcm(&strided.image);
+        let scale = Scale::reduced(strided.image, strided.plane * layer.wiring.upsampling);
+        let largest = self.size_divisor.max(scale.plane);
+        if largest > MAX_SCALE {
+            let expected = "strides and upsamplings of at most 256 together";
+            return Err(Error::range("layers", expected, largest));
+        }
+        if let Some(skip) = layer.wiring.skip {
+            let resolution = |scale: Scale| (scale.plane, scale.image);
+            let expected = (layer.channels(), resolution(scale));
+            let received = (self.layers[skip].channels(), resolution(self.scales[skip]));
+            if received != expected {
+                let what = "channels and resolution of a skip connection";
+                return Err(Error::shape(what, expected, received));
+            }
+        }
+        let values = layer.channels() * scale.plane * scale.plane;
+        let values_per_pixel = values.div_ceil(scale.image * scale.image);
+        self.values_per_pixel = self.values_per_pixel.max(values_per_pixel);
+        self.inputs.push(input);
+        self.scales.push(scale);
+        Ok(())
+    }
+
+    /// Return rows and columns of a layer's planes for an image whose height and width are
+    /// multiples of `size_divisor`.
+    pub fn plane_size(&self, layer: usize, (height, width): (usize, usize)) -> (usize, usize) {
+        let Scale { image, plane } = self.scales[layer];
+        (height / image * plane, width / image * plane)
     }
 }
 
-fn reduced(above: usize, below: usize) -> (usize, usize) {
-    let divisor = greatest_divisor(above, below);
-    (above / divisor, below / divisor)
-}
-
-fn greatest_divisor(a: usize, b: usize) -> usize {
-    if b == 0 {
-        a
-    } else {
-        greatest_divisor(b, a % b)
-    }
-}
-
-/// Checks that each layer reads what the one before it gives, and that the last gives one plane.
-pub(super) fn check_chain<F: Real>(layers: &[Layer<F>]) -> Result<()> {
+/// Check that each layer reads the previous one and has splines, and that the last layer returns
+/// one plane.
+pub(super) fn check_sequential<F: Real>(layers: &[Layer<F>]) -> Result<()> {
     let Some(last) = layers.last() else {
         return Err(Error::range("layers", "at least one", 0));
     };
     let plain = |layer: &Layer<F>| layer.wiring == Wiring::default() && !layer.splines.is_empty();
     if !layers.iter().all(plain) {
-        let expected = "each to read the one before, and splines in all of them";
+        let expected = "each to read the previous one and to have splines";
         return Err(Error::range("layers", expected, "others"));
     }
-    for (before, layer) in layers.iter().zip(&layers[1..]) {
-        let (outputs, inputs) = (before.filters.dim().0, layer.filters.dim().1);
+    for (previous, layer) in layers.iter().zip(&layers[1..]) {
+        let (outputs, inputs) = (previous.filters.dim().0, layer.filters.dim().1);
         if inputs != outputs {
             return Err(Error::shape("input channels of a layer", outputs, inputs));
         }
     }
-    if last.filters.dim().0 != 1 {
+    let outputs = last.filters.dim().0;
+    if outputs != 1 {
         return Err(Error::shape(
             "output channels of the last layer",
             1,
-            last.filters.dim().0,
+            outputs,
         ));
     }
     Ok(())

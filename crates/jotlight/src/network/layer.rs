@@ -1,42 +1,44 @@
-//! A layer of the network, and how it is put among the others.
+//! A layer of the network: a bank of filters, one spline per channel, and the layer's connections.
 
 use std::sync::OnceLock;
 
 use ndarray::{Array4, ArrayView2, ArrayView4};
 
-use super::convolution::adjoint::{Filters, Turned};
-use super::convolution::winograd::Fast;
+use super::convolution::adjoint::AdjointTaps;
+use super::convolution::filter_taps::FilterTaps;
+use super::convolution::winograd::Winograd;
+use super::spline::channels::build_splines;
 use super::spline::evaluate::Spline;
-use crate::bits::contiguous;
 use crate::error::{Error, Result};
 use crate::numbers::Real;
 
-/// A filter bank followed by one spline per output channel: φ(D(h * u) + v), with u the planes that it reads, D from depth to space, and v
-/// kept planes.
+/// A layer φ(D(h * u) + v) with splines φ, depth-to-space rearrangement D, filters h, input planes
+/// u, and skip planes v.
 #[derive(Clone, Debug)]
 pub struct Layer<F> {
     pub(super) filters: Array4<F>,
-    /// The filters in the order of the loops, of layers that read planes: made when they are first needed.
-    taps: OnceLock<Filters<F>>,
-    turned: OnceLock<Turned<F>>,
-    /// The filters of those that are quicker in another way.
-    fast: OnceLock<Option<Fast<F>>>,
-    /// None where the sums stay as they are.
+    /// The splines of the channels. Empty if the layer is linear.
     pub(super) splines: Vec<Spline<F>>,
     pub(super) wiring: Wiring,
+    // The filters in the memory order of the inner loops. Each form is computed when it is first
+    // needed, because most networks need only one of them per layer.
+    filter_taps: OnceLock<FilterTaps<F>>,
+    adjoint_taps: OnceLock<AdjointTaps<F>>,
+    winograd: OnceLock<Option<Winograd<F>>>,
 }
 
-/// How a layer is put among the others.
+/// The connections of a layer to the other layers, and its change of resolution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wiring {
-    /// Rows and columns of what is read from one output to the next.
+    /// The step of the filters along rows and columns of the input.
     pub stride: usize,
-    /// From depth to space: so many rows and columns in place of one, taken from the channels.
+    /// The depth-to-space factor r: r² planes become one plane with r times as many rows and
+    /// columns.
     pub upsampling: usize,
-    /// The layer whose planes are read, if it is not the one before.
-    pub reads: Option<usize>,
-    /// The layer whose planes are added.
-    pub adds: Option<usize>,
+    /// The index of the layer whose output the filters read. None: the previous layer.
+    pub input: Option<usize>,
+    /// The index of the layer whose output is added before the splines. None: no skip connection.
+    pub skip: Option<usize>,
 }
 
 impl Default for Wiring {
@@ -44,19 +46,23 @@ impl Default for Wiring {
         Self {
             stride: 1,
             upsampling: 1,
-            reads: None,
-            adds: None,
+            input: None,
+            skip: None,
         }
     }
 }
 
 impl<F: Real> Layer<F> {
-    /// `filters` are `(C, C_in, height, width)`, for the first layer `(C, T, K̂, K̂)` or, tied, `(C, 1, 1, 1)`;
-    /// `coefficients` `(C / upsampling², N_w)` belong to knots at `start` + k·`spacing`.
+    /// Return a layer with filters of shape `(outputs, inputs, height, width)`.
+    ///
+    /// The filters of a first layer have shape `(C, T, K̂, K̂)`, or `(C, 1, 1, 1)` if they are
+    /// tied. The spline coefficients have shape `(outputs / upsampling², N_w)` and belong to knots
+    /// at `start` + k·`spacing`.
     ///
     /// # Errors
-    /// [`Error::Shape`] when the arrays do not fit, [`Error::Range`] for fewer than 4 coefficients, a spacing that is not positive,
-    /// infinity or NaN, and a stride that is larger than the filters.
+    /// [`Error::Shape`] if the arrays do not fit. [`Error::Range`] for values that are not finite,
+    /// fewer than 4 coefficients, a spacing that is not positive, a stride that exceeds the size
+    /// of the filters, and an upsampling whose square does not divide the number of outputs.
     pub fn new(
         filters: Array4<F>,
         coefficients: Option<ArrayView2<'_, F>>,
@@ -64,113 +70,96 @@ impl<F: Real> Layer<F> {
         spacing: F,
         wiring: Wiring,
     ) -> Result<Self> {
-        let (outputs, _, lines, columns) = filters.dim();
-        if filters.is_empty() {
-            let given = format!("{:?}", filters.dim());
-            return Err(Error::range("filters", "at least one tap", given));
-        }
-        if !filters.iter().all(|x| x.is_finite()) {
-            return Err(Error::range("filters", "finite numbers", "infinity or NaN"));
-        }
-        let Wiring {
-            stride, upsampling, ..
-        } = wiring;
-        if !(1..=lines.min(columns)).contains(&stride) {
-            return Err(Error::range(
-                "stride",
-                "1 to the size of the filters",
-                stride,
-            ));
-        }
-        if upsampling == 0 || !outputs.is_multiple_of(upsampling * upsampling) {
-            let expected = "one whose square divides the number of filters";
-            return Err(Error::range("upsampling", expected, upsampling));
-        }
+        check_filters(filters.view(), wiring)?;
+        let channels = filters.dim().0 / (wiring.upsampling * wiring.upsampling);
         let splines = match coefficients {
             None => Vec::new(),
-            Some(coefficients) => splines_of(coefficients, start, spacing)?,
+            Some(coefficients) => build_splines(coefficients, start, spacing)?,
         };
-        let channels = outputs / (upsampling * upsampling);
         if coefficients.is_some() && splines.len() != channels {
-            let given = splines.len();
-            return Err(Error::shape("rows of spline coefficients", channels, given));
+            let rows = splines.len();
+            return Err(Error::shape("rows of spline coefficients", channels, rows));
         }
         Ok(Self {
-            taps: OnceLock::new(),
-            turned: OnceLock::new(),
-            fast: OnceLock::new(),
             filters,
             splines,
             wiring,
+            filter_taps: OnceLock::new(),
+            adjoint_taps: OnceLock::new(),
+            winograd: OnceLock::new(),
         })
     }
 
-    /// The filters `(C, C_in, height, width)`.
+    /// Return the filters, `(outputs, inputs, height, width)`.
     #[must_use]
     pub fn filters(&self) -> ArrayView4<'_, F> {
         self.filters.view()
     }
 
-    pub(super) fn taps(&self) -> &Filters<F> {
-        self.taps
-            .get_or_init(|| Filters::new(self.filters.view(), self.wiring.stride))
-    }
-
-    pub(super) fn fast(&self) -> Option<&Fast<F>> {
-        let made = || Fast::new(self.filters.view(), self.wiring.stride);
-        self.fast.get_or_init(made).as_ref()
-    }
-
-    pub(super) fn turned(&self) -> &Turned<F> {
-        self.turned.get_or_init(|| Turned::new(self.filters.view()))
-    }
-
-    /// The planes that it gives.
+    /// Return the number of output planes.
     #[must_use]
     pub fn channels(&self) -> usize {
         self.filters.dim().0 / (self.wiring.upsampling * self.wiring.upsampling)
     }
 
-    /// The pointwise functions, one per channel, or none.
+    /// Return the splines, one per channel, or none if the layer is linear.
     #[must_use]
     pub fn splines(&self) -> &[Spline<F>] {
         &self.splines
     }
 
-    /// The number of taps and coefficients.
+    /// Return the number of filter taps and spline coefficients.
     #[must_use]
     pub fn parameters(&self) -> usize {
         self.filters.len() + self.splines.iter().map(Spline::len).sum::<usize>()
     }
 
-    /// φ of planes `(C, H, W)`, in place: equations (8) and (10).
-    pub(super) fn bend(&self, planes: &mut [F]) {
+    /// Apply the splines in place to planes `(C, H, W)`: equations (8) and (10).
+    pub(super) fn activate(&self, planes: &mut [F]) {
         let pixels = planes.len() / self.channels();
         for (spline, plane) in self.splines.iter().zip(planes.chunks_exact_mut(pixels)) {
             spline.apply(plane);
         }
     }
+
+    pub(super) fn filter_taps(&self) -> &FilterTaps<F> {
+        self.filter_taps
+            .get_or_init(|| FilterTaps::new(self.filters.view(), self.wiring.stride))
+    }
+
+    pub(super) fn adjoint_taps(&self) -> &AdjointTaps<F> {
+        self.adjoint_taps
+            .get_or_init(|| AdjointTaps::new(self.filters.view()))
+    }
+
+    /// Return the filters for Winograd convolution, or None where direct convolution is faster.
+    pub(super) fn winograd(&self) -> Option<&Winograd<F>> {
+        self.winograd
+            .get_or_init(|| Winograd::new(self.filters.view(), self.wiring.stride))
+            .as_ref()
+    }
 }
 
-/// One spline of each row of coefficients.
-pub(super) fn splines_of<F: Real>(
-    coefficients: ArrayView2<'_, F>,
-    start: F,
-    spacing: F,
-) -> Result<Vec<Spline<F>>> {
-    if coefficients.ncols() < 4 {
-        let given = coefficients.ncols();
-        return Err(Error::range("spline coefficients", "at least 4", given));
+/// Check that the filters are finite, and that stride and upsampling fit their shape.
+fn check_filters<F: Real>(filters: ArrayView4<'_, F>, wiring: Wiring) -> Result<()> {
+    let (outputs, _, height, width) = filters.dim();
+    if filters.is_empty() {
+        let shape = format!("{:?}", filters.dim());
+        return Err(Error::range("filters", "at least one tap", shape));
     }
-    if !coefficients.iter().all(|x| x.is_finite()) {
-        let given = "infinity or NaN";
-        return Err(Error::range("spline coefficients", "finite numbers", given));
+    if !filters.iter().all(|x| x.is_finite()) {
+        return Err(Error::range("filters", "finite values", "infinity or NaN"));
     }
-    if !(spacing > F::zero() && spacing.is_finite() && start.is_finite()) {
-        return Err(Error::range("knot spacing", "positive", spacing));
+    let Wiring {
+        stride, upsampling, ..
+    } = wiring;
+    if !(1..=height.min(width)).contains(&stride) {
+        let expected = "1 to the size of the filters";
+        return Err(Error::range("stride", expected, stride));
     }
-    let rows = coefficients.rows().into_iter();
-    Ok(rows
-        .map(|row| Spline::new(&contiguous(row), start, spacing))
-        .collect())
+    if upsampling == 0 || !outputs.is_multiple_of(upsampling * upsampling) {
+        let expected = "a number whose square divides the number of filters";
+        return Err(Error::range("upsampling", expected, upsampling));
+    }
+    Ok(())
 }

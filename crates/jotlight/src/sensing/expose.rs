@@ -1,32 +1,35 @@
-//! Bits, drawn straight into packed words.
+//! Random bits, drawn directly into packed words (paper, equation (3)).
 
 use std::sync::Arc;
 
 use ndarray::{ArrayViewMut1, ArrayViewMut3, Axis};
+use num_integer::{Integer, div_rem};
 use rayon::prelude::*;
 
-use super::bound::{Bounds, exactly};
-use super::rate::Light;
+use super::probability_table::{ProbabilityTable, exact_probability};
+use super::rate::Exposure;
 use super::{Image, Sensor, Window};
 use crate::bits::packed_width;
 use crate::cpu::levels;
 use crate::error::{Error, Result};
 use crate::likelihood::Threshold;
-use crate::rng::{ALIGNMENT, JotRandom, RowPlace, check_size};
+use crate::rng::{ALIGNMENT, JotRandom, RowStream, check_size};
 
-/// Jots of a row that are drawn at a time; bounds the memory of a thread.
-const STRETCH: usize = 2048;
+/// Number of jots of a row that are drawn together. It bounds the memory of a thread.
+const JOTS_PER_SEGMENT: usize = 2048;
 
-/// Jots that make it worth while to start a task.
-const TASK: usize = 1 << 13;
+/// Minimum number of jots of a task. It outweighs the cost of starting the task.
+const MIN_JOTS_PER_TASK: usize = 1 << 13;
 
-/// Draws the bits of a window of frames and pixels into `out` `(frames, rows·K̂, ⌈columns·K̂ / 8⌉)`, most significant bit first.
+/// Draw the bits of a window of frames and pixels into `out` `(frames, rows·K̂, ⌈columns·K̂ / 8⌉)`.
 ///
-/// Each jot has a place of its own in the stream of random numbers, so that a window holds exactly the bits that
-/// the whole would hold there, and `channel` keeps the channels of a colour image independent.
+/// The bits are packed with the most significant bit first. Each jot has its own place in the
+/// random streams. Therefore a window holds the same bits as the whole image does there, and the
+/// color channels, numbered by `channel`, are independent.
 ///
 /// # Errors
-/// [`Error::Shape`] when the arrays do not fit, [`Error::Range`] when there are too many frames or rows.
+/// [`Error::Shape`] when the arrays do not fit, [`Error::Range`] when the window lies outside the
+/// image or there are too many frames or rows.
 pub fn expose(
     sensor: &Sensor<'_>,
     image: Image<'_>,
@@ -37,162 +40,181 @@ pub fn expose(
 ) -> Result<()> {
     sensor.check(&image)?;
     window.check(image.shape())?;
-    let side = sensor.kernel.oversampling();
-    check_size(channel, window.frames.end, image.shape().0 * side)?;
+    let oversampling = sensor.kernel.oversampling();
+    check_size(channel, window.frames.end, image.shape().0 * oversampling)?;
     let expected = (
         window.frames.len(),
-        window.rows.len() * side,
-        packed_width(window.columns.len() * side),
+        window.rows.len() * oversampling,
+        packed_width(window.columns.len() * oversampling),
     );
     if out.dim() != expected {
         return Err(Error::shape("out", expected, out.dim()));
     }
 
-    let light = Light { sensor, image };
-    let jots_per_row = window.frames.len() * side * side * window.columns.len();
-    // One task a row of pixels, with that row's bits of all frames: probabilities are found once for all frames.
-    out.axis_chunks_iter_mut(Axis(1), side)
+    let exposure = Exposure { sensor, image };
+    let jots_per_row = window.frames.len() * oversampling * oversampling * window.columns.len();
+    // A task draws whole rows of pixels in all frames, so that each probability is computed once.
+    out.axis_chunks_iter_mut(Axis(1), oversampling)
         .into_par_iter()
         .enumerate()
-        .with_min_len((TASK / jots_per_row.max(1)).max(1))
+        .with_min_len((MIN_JOTS_PER_TASK / jots_per_row.max(1)).max(1))
         .for_each_init(
-            || Scratch::new(seed, sensor.threshold),
-            |scratch, (row, mut out)| {
-                scratch.draw_pixels(&light, window.rows.start + row, channel, window, &mut out);
+            || RowSampler::new(seed, sensor.threshold),
+            |sampler, (row, mut out)| {
+                let row = window.rows.start + row;
+                sampler.draw_pixel_row(&exposure, row, channel, window, &mut out);
             },
         );
     Ok(())
 }
 
-/// What a thread needs for a stretch of a row.
-struct Scratch {
+/// The random numbers and the buffers with which a thread draws segments of rows.
+struct RowSampler {
     random: JotRandom,
-    table: Arc<Bounds>,
-    /// η s + d, one for so many jots in a row, the first of them with column `base`.
+    table: Arc<ProbabilityTable>,
+    /// The column of the first jot of the segment, a multiple of [`ALIGNMENT`].
+    first_column: usize,
+    /// η s + d of each run of `jots_per_rate` jots that lie in one pixel.
     rates: Vec<f64>,
     jots_per_rate: usize,
-    base: usize,
-    /// The bound of each rate, and of each jot, in whole words.
-    of_rates: Vec<u16>,
-    bounds: Vec<u16>,
-    bytes: Vec<u8>,
+    /// P(b = 1) of each rate, in units of 2⁻¹⁶.
+    rate_probabilities: Vec<u16>,
+    /// P(b = 1) of each jot, in units of 2⁻¹⁶, padded to whole words.
+    jot_probabilities: Vec<u16>,
+    /// The 16-bit draws of the segment.
+    draws: Vec<u8>,
+    /// The bits of the segment.
     words: Vec<u64>,
-    /// Whether a draw of the word is close to its bound.
-    close: Vec<bool>,
+    /// Whether a draw of each word is so close to its probability that 16 bits do not decide.
+    undecided: Vec<bool>,
 }
 
-impl Scratch {
+impl RowSampler {
     fn new(seed: [u8; 32], threshold: Threshold) -> Self {
         Self {
             random: JotRandom::new(seed),
-            table: Bounds::of(threshold),
+            table: ProbabilityTable::shared(threshold),
+            first_column: 0,
             rates: Vec::new(),
             jots_per_rate: 1,
-            base: 0,
-            of_rates: Vec::new(),
-            bounds: Vec::new(),
-            bytes: Vec::new(),
+            rate_probabilities: Vec::new(),
+            jot_probabilities: Vec::new(),
+            draws: Vec::new(),
             words: Vec::new(),
-            close: Vec::new(),
+            undecided: Vec::new(),
         }
     }
 
-    /// Draws a row of pixels, that is K̂ rows of jots, of all frames.
-    fn draw_pixels(
+    /// Draw a row of pixels, which is K̂ rows of jots, in all frames of the window.
+    fn draw_pixel_row(
         &mut self,
-        light: &Light<'_, '_, '_>,
+        exposure: &Exposure<'_, '_, '_>,
         pixel_row: usize,
         channel: usize,
         window: &Window,
         out: &mut ArrayViewMut3<'_, u8>,
     ) {
-        let side = light.sensor.kernel.oversampling();
-        let end = window.columns.end * side;
-        let mut start = window.columns.start * side;
+        let oversampling = exposure.sensor.kernel.oversampling();
+        let end = window.columns.end * oversampling;
+        let mut start = window.columns.start * oversampling;
         let mut byte = 0;
         while start < end {
-            let stop = (start + STRETCH).min(end);
-            // Draws begin at an aligned column; the few before `start` belong to the neighbouring tile and are shifted out.
-            self.base = start / ALIGNMENT * ALIGNMENT;
-            for line in 0..side {
-                let row = pixel_row * side + line;
-                if line == 0 || light.sensor.blockwise().is_none() {
-                    self.prepare(light, row, stop);
+            let stop = (start + JOTS_PER_SEGMENT).min(end);
+            // Draws start at an aligned column. Those before `start` belong to the neighboring tile
+            // and are not written.
+            self.first_column = start.prev_multiple_of(&ALIGNMENT);
+            for jot_row in 0..oversampling {
+                let row = pixel_row * oversampling + jot_row;
+                if jot_row == 0 || exposure.sensor.uniform_response().is_none() {
+                    self.compute_rates(exposure, row, stop);
+                    self.look_up_probabilities(stop);
                 }
-                let mut out = out.index_axis_mut(Axis(1), line);
+                let mut out = out.index_axis_mut(Axis(1), jot_row);
                 for (frame, mut out) in window.frames.clone().zip(out.outer_iter_mut()) {
-                    self.draw_words(RowPlace::new(channel, frame, row), &light.sensor.threshold);
-                    write_bits(&self.words, start - self.base, stop - start, byte, &mut out);
+                    let stream = RowStream::new(channel, frame, row);
+                    self.draw_words(stream, &exposure.sensor.threshold);
+                    let offset = start - self.first_column;
+                    write_bits(&self.words, offset, stop - start, byte, &mut out);
                 }
             }
-            byte += STRETCH / 8;
+            byte += JOTS_PER_SEGMENT / 8;
             start = stop;
         }
     }
 
-    /// Rates and bounds of the jots up to `stop`.
-    fn prepare(&mut self, light: &Light<'_, '_, '_>, row: usize, stop: usize) {
-        let sensor = light.sensor;
-        if let Some(response) = sensor.blockwise() {
-            let side = sensor.kernel.oversampling();
-            self.jots_per_rate = side;
-            let pixels = self.base / side..stop.div_ceil(side);
-            light.block_detections(row / side, pixels, response, &mut self.rates);
+    /// Compute the rates of the jots of a row from `first_column` to `stop`.
+    fn compute_rates(&mut self, exposure: &Exposure<'_, '_, '_>, row: usize, stop: usize) {
+        let sensor = exposure.sensor;
+        if let Some(response) = sensor.uniform_response() {
+            let oversampling = sensor.kernel.oversampling();
+            self.jots_per_rate = oversampling;
+            let pixels = self.first_column / oversampling..stop.div_ceil(oversampling);
+            exposure.pixel_rates(row / oversampling, pixels, response, &mut self.rates);
         } else {
             self.jots_per_rate = 1;
-            light.detections(row, self.base..stop, &mut self.rates);
+            exposure.jot_rates(row, self.first_column..stop, &mut self.rates);
             if sensor.dead.is_some() {
-                for (column, rate) in (self.base..stop).zip(&mut self.rates) {
+                for (column, rate) in (self.first_column..stop).zip(&mut self.rates) {
                     if sensor.is_dead(row, column) {
                         *rate = 0.0;
                     }
                 }
             }
         }
-        let length = stop - self.base;
-        if self.jots_per_rate == 1 {
-            self.table.look_up(&self.rates, &mut self.bounds);
-        } else {
-            self.table.look_up(&self.rates, &mut self.of_rates);
-            self.bounds.resize(self.rates.len() * self.jots_per_rate, 0);
-            let runs = self.bounds.chunks_exact_mut(self.jots_per_rate);
-            for (run, bound) in runs.zip(&self.of_rates) {
-                run.fill(*bound);
-            }
-            self.bounds.drain(..self.base % self.jots_per_rate);
-            self.bounds.truncate(length);
-        }
-        let words = length.div_ceil(64);
-        self.bounds.resize(words * 64, 0);
-        self.bytes.resize(words * 128, 0);
-        self.words.resize(words, 0);
-        self.close.resize(words, false);
     }
 
-    /// b = [U < P(b = 1)] with U uniform of 48 bits, of which the first 16 nearly always decide.
-    fn draw_words(&mut self, place: RowPlace, threshold: &Threshold) {
-        self.random.draws(place, self.base, &mut self.bytes);
-        let draws = self.bytes.as_chunks::<128>().0;
-        let bounds = self.bounds.as_chunks::<64>().0;
-        compare(draws, bounds, &mut self.words, &mut self.close);
-        for (index, (draws, bounds)) in draws.iter().zip(bounds).enumerate() {
-            if self.close[index] {
+    /// Look up the probabilities of the jots up to `stop`, and resize the buffers to them.
+    fn look_up_probabilities(&mut self, stop: usize) {
+        let length = stop - self.first_column;
+        let probabilities = &mut self.jot_probabilities;
+        if self.jots_per_rate == 1 {
+            self.table.look_up(&self.rates, probabilities);
+        } else {
+            self.table
+                .look_up(&self.rates, &mut self.rate_probabilities);
+            probabilities.resize(self.rates.len() * self.jots_per_rate, 0);
+            let runs = probabilities.chunks_exact_mut(self.jots_per_rate);
+            for (run, probability) in runs.zip(&self.rate_probabilities) {
+                run.fill(*probability);
+            }
+            probabilities.drain(..self.first_column % self.jots_per_rate);
+            probabilities.truncate(length);
+        }
+        let words = length.div_ceil(64);
+        probabilities.resize(words * 64, 0);
+        self.draws.resize(words * 128, 0);
+        self.words.resize(words, 0);
+        self.undecided.resize(words, false);
+    }
+
+    /// Draw b = [U < P(b = 1)] for a segment, with U uniform over 48 bits.
+    ///
+    /// The first 16 bits of U nearly always decide; the others are drawn only when needed.
+    fn draw_words(&mut self, stream: RowStream, threshold: &Threshold) {
+        self.random
+            .fill_draws(stream, self.first_column, &mut self.draws);
+        let draws = self.draws.as_chunks::<128>().0;
+        let probabilities = self.jot_probabilities.as_chunks::<64>().0;
+        compare(draws, probabilities, &mut self.words, &mut self.undecided);
+        for (index, (draws, probabilities)) in draws.iter().zip(probabilities).enumerate() {
+            if self.undecided[index] {
                 let mut word = self.words[index];
-                for (jot, (draw, &bound)) in draws.as_chunks().0.iter().zip(bounds).enumerate() {
+                let draws = draws.as_chunks().0;
+                for (jot, (draw, &probability)) in draws.iter().zip(probabilities).enumerate() {
                     let draw = u16::from_le_bytes(*draw);
-                    if draw.abs_diff(bound) > Bounds::MARGIN {
+                    if draw.abs_diff(probability) > ProbabilityTable::MARGIN {
                         continue;
                     }
-                    let column = self.base + index * 64 + jot;
-                    let rate = column / self.jots_per_rate - self.base / self.jots_per_rate;
-                    // Past the end of the row there is no rate, and no bit is kept.
+                    let column = self.first_column + index * 64 + jot;
+                    let rate = column / self.jots_per_rate - self.first_column / self.jots_per_rate;
+                    // The padding past the end of the row has no rate. Its bits are not written.
                     let Some(&rate) = self.rates.get(rate) else {
                         continue;
                     };
-                    let low = self.random.refinement(place, column);
+                    let low = self.random.refinement(stream, column);
                     let draw = u64::from(draw) << 32 | u64::from(low);
                     let bit = 1 << (63 - jot);
-                    if draw < exactly(threshold, rate) {
+                    if draw < exact_probability(threshold, rate) {
                         word |= bit;
                     } else {
                         word &= !bit;
@@ -205,33 +227,36 @@ impl Scratch {
 }
 
 levels! {
-    /// Which draws are below their bounds, 64 of them to a word, the first in the most significant bit, and whether any of them is close to
-    /// its bound.
-    fn compare(draws: &[[u8; 128]], bounds: &[[u16; 64]], words: &mut [u64], close: &mut [bool]) = compare_inlined;
+    /// Write a one for each draw below its probability, with the first of 64 draws in the most
+    /// significant bit of a word, and whether a draw of the word is close to its probability.
+    fn compare(
+        draws: &[[u8; 128]], probabilities: &[[u16; 64]], words: &mut [u64], undecided: &mut [bool],
+    ) = compare_inlined;
 }
 
 #[inline(always)]
 fn compare_inlined(
     draws: &[[u8; 128]],
-    bounds: &[[u16; 64]],
+    probabilities: &[[u16; 64]],
     words: &mut [u64],
-    close: &mut [bool],
+    undecided: &mut [bool],
 ) {
-    let out = words.iter_mut().zip(close);
-    for ((draws, bounds), (word, is_close)) in draws.iter().zip(bounds).zip(out) {
-        let mut below = [0u8; 64];
-        let mut close = 0;
-        for ((below, draw), &bound) in below.iter_mut().zip(draws.as_chunks::<2>().0).zip(bounds) {
+    let out = words.iter_mut().zip(undecided);
+    for ((draws, probabilities), (word, undecided)) in draws.iter().zip(probabilities).zip(out) {
+        let mut bits = [0u8; 64];
+        let mut any_close = 0;
+        let draws = draws.as_chunks::<2>().0;
+        for ((bit, draw), &probability) in bits.iter_mut().zip(draws).zip(probabilities) {
             let draw = u16::from_le_bytes(*draw);
-            *below = u8::from(draw < bound);
-            close |= u16::from(draw.abs_diff(bound) <= Bounds::MARGIN);
+            *bit = u8::from(draw < probability);
+            any_close |= u16::from(draw.abs_diff(probability) <= ProbabilityTable::MARGIN);
         }
-        *word = pack(&below);
-        *is_close = close != 0;
+        *word = pack(&bits);
+        *undecided = any_close != 0;
     }
 }
 
-/// 64 bytes of 0 or 1 into a word, the first byte into the most significant bit.
+/// Return a word of 64 bits from 64 bytes of 0 or 1. The first byte is the most significant bit.
 #[inline(always)]
 fn pack(bits: &[u8; 64]) -> u64 {
     bits.as_chunks::<8>().0.iter().fold(0, |word, &eight| {
@@ -241,7 +266,9 @@ fn pack(bits: &[u8; 64]) -> u64 {
     })
 }
 
-/// Writes `length` bits, from bit `offset` of `words` on, to `out` from byte `byte` on; padding bits are 0.
+/// Write `length` bits of `words`, from bit `offset` on, to `out` from byte `byte` on.
+///
+/// Padding bits are 0.
 fn write_bits(
     words: &[u64],
     offset: usize,
@@ -249,26 +276,30 @@ fn write_bits(
     byte: usize,
     out: &mut ArrayViewMut1<'_, u8>,
 ) {
-    let mut whole = 0;
+    let mut whole_words = 0;
     if offset == 0
         && let Some(out) = out.as_slice_mut()
     {
-        whole = length / 64;
+        whole_words = length / 64;
         let out = out[byte..].as_chunks_mut::<8>().0;
-        for (out, word) in out.iter_mut().zip(&words[..whole]) {
+        for (out, word) in out.iter_mut().zip(&words[..whole_words]) {
             *out = word.to_be_bytes();
         }
     }
     let rest = out.iter_mut().skip(byte).take(length.div_ceil(8));
-    for (index, out) in rest.enumerate().skip(8 * whole) {
+    for (index, out) in rest.enumerate().skip(8 * whole_words) {
         let bit = offset + 8 * index;
-        let (word, shift) = (bit / 64, bit % 64);
+        let (word, shift) = div_rem(bit, 64);
         let mut value = words[word] << shift;
         if shift > 56 && word + 1 < words.len() {
             value |= words[word + 1] >> (64 - shift);
         }
-        let left = length - 8 * index;
-        let keep = if left < 8 { !(0xff >> left) } else { 0xff };
-        *out = (value >> 56) as u8 & keep;
+        let remaining = length - 8 * index;
+        let mask = if remaining < 8 {
+            !(0xff >> remaining)
+        } else {
+            0xff
+        };
+        *out = (value >> 56) as u8 & mask;
     }
 }

@@ -1,23 +1,30 @@
-//! The interpolation kernel φ of the light field and its integrals g over the jots.
+//! The integrals g of the interpolation kernel φ over the jots (paper, section 2.1 and equation
+//! (2)).
+
+use num_integer::div_rem;
 
 use crate::error::{Error, Result};
 
-/// A B-spline of degree 0 (the box of equation (2)) to 3, sampled by K̂ jots per pixel and dimension.
+/// The integrals g of a B-spline over the jots, with K̂ jots per pixel and dimension.
 ///
-/// `Differs from the paper:` the kernel is centred on its pixel, so that a smooth one does not shift the picture. Where
-/// degree·K̂ is odd the centre falls half a jot to the right, since the number of taps stays (degree + 1)·K̂.
+/// Degree 0 is the box, whose integrals are equation (2); the maximum degree is 3.
+///
+/// `Differs from the paper:` the kernel is centered on its pixel, so that a smooth kernel does not
+/// shift the image. Where degree·K̂ is odd, the center falls half a jot to the right, because the
+/// number of taps stays (degree + 1)·K̂.
 #[derive(Clone, Debug)]
 pub struct Kernel {
     taps: Vec<f64>,
     oversampling: usize,
-    reach: usize,
+    /// Number of jots by which centering moves the kernel to the left.
+    shift: usize,
 }
 
 impl Kernel {
-    /// The kernel of a degree for K̂ = `oversampling` jots.
+    /// Return the kernel of a B-spline degree for K̂ = `oversampling` jots per pixel.
     ///
     /// # Errors
-    /// [`Error::Range`] for a degree past 3 or K̂ = 0.
+    /// [`Error::Range`] for a degree above 3 or K̂ = 0.
     pub fn new(degree: usize, oversampling: usize) -> Result<Self> {
         if degree > 3 {
             return Err(Error::range("kernel degree", "0 to 3", degree));
@@ -25,50 +32,58 @@ impl Kernel {
         if oversampling == 0 {
             return Err(Error::range("oversampling", "at least 1", oversampling));
         }
-        let edge = |m: usize| spline_integral(degree, m as f64 / oversampling as f64);
+        let integral = |m: usize| spline_integral(degree, m as f64 / oversampling as f64);
         Ok(Self {
             taps: (0..(degree + 1) * oversampling)
-                .map(|m| edge(m + 1) - edge(m))
+                .map(|m| integral(m + 1) - integral(m))
                 .collect(),
             oversampling,
-            reach: degree * oversampling / 2,
+            shift: degree * oversampling / 2,
         })
     }
 
-    /// g: one integral a jot, in order, with sum 1.
+    /// Return g: one integral per jot, in order, with sum 1.
     #[must_use]
     pub fn taps(&self) -> &[f64] {
         &self.taps
     }
 
-    /// K̂.
+    /// Return the oversampling K̂.
     #[must_use]
     pub fn oversampling(&self) -> usize {
         self.oversampling
     }
 
-    /// The degree of the B-spline.
+    /// Return the degree of the B-spline.
     #[must_use]
     pub fn degree(&self) -> usize {
         self.taps.len() / self.oversampling - 1
     }
 
-    /// The last of the degree + 1 pixels that light jot `jot`, and the tap that weighs it; the pixel before it has the tap K̂
-    /// further on, and so forth.
+    /// Return the last of the degree + 1 pixels that light jot `jot`, and the jot's position in it.
     ///
-    /// `Differs from the paper:` where such a pixel lies past the rim, the scene goes on [`mirrored`]; there the light ends with
-    /// the picture, which would dim its rim.
+    /// `Differs from the paper:` beyond the border, the image continues symmetrically, see
+    /// [`mirror_index`]. In the paper the light ends at the border, which would dim the border.
     pub(super) fn last_pixel(&self, jot: usize) -> (isize, usize) {
-        let place = jot + self.reach;
-        (
-            (place / self.oversampling) as isize,
-            place % self.oversampling,
-        )
+        let (pixel, position) = div_rem(jot + self.shift, self.oversampling);
+        (pixel as isize, position)
+    }
+
+    /// Return the taps of the pixels that light a jot, from the last pixel to the first.
+    ///
+    /// `position` is the jot's position from [`Kernel::last_pixel`].
+    pub(super) fn pixel_taps(&self, position: usize) -> impl Iterator<Item = f64> {
+        self.taps[position..]
+            .iter()
+            .step_by(self.oversampling)
+            .copied()
     }
 }
 
-/// The index inside of `0..size` that symmetric continuation puts at `index`: … 1 0 | 0 1 2 … n−1 | n−1 n−2 …
-pub(crate) fn mirrored(index: isize, size: usize) -> usize {
+/// Return the index in `0..size` that symmetric continuation assigns to `index`.
+///
+/// The continuation repeats the edge: … 1 0 | 0 1 2 … n−1 | n−1 n−2 …
+pub(crate) fn mirror_index(index: isize, size: usize) -> usize {
     if (0..size as isize).contains(&index) {
         return index as usize;
     }
@@ -76,12 +91,12 @@ pub(crate) fn mirrored(index: isize, size: usize) -> usize {
     folded.min(2 * size - 1 - folded)
 }
 
-/// ∫ from 0 to x of the B-spline with knots 0, 1, …, degree + 1.
+/// Return the integral from 0 to x of the B-spline with knots 0, 1, …, degree + 1.
 fn spline_integral(degree: usize, x: f64) -> f64 {
     let order = degree + 1;
     let middle = 0.5 * order as f64;
     if x > middle {
-        // The terms of the sum below grow and cancel towards the right end; the spline is even.
+        // The spline is symmetric. The terms of the sum below grow and cancel toward the right end.
         return 1.0 - spline_integral(degree, order as f64 - x);
     }
     let mut binomial = 1.0;
@@ -100,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_box_spreads_a_pixel_evenly() -> Result<()> {
+    fn the_box_lights_all_jots_of_a_pixel_equally() -> Result<()> {
         assert_eq!(Kernel::new(0, 4)?.taps(), [0.25; 4]);
         Ok(())
     }
@@ -112,7 +127,7 @@ mod tests {
                 let kernel = Kernel::new(degree, oversampling)?;
                 assert_eq!(kernel.taps().len(), (degree + 1) * oversampling);
                 assert!((kernel.taps().iter().sum::<f64>() - 1.0).abs() < 1e-14);
-                // A constant image lights every jot alike.
+                // A constant image lights all jots equally.
                 for phase in 0..oversampling {
                     let light: f64 = kernel.taps()[phase..].iter().step_by(oversampling).sum();
                     assert!((light * oversampling as f64 - 1.0).abs() < 1e-14);
@@ -123,8 +138,8 @@ mod tests {
     }
 
     #[test]
-    fn mirrored_repeats_the_edge() {
-        let row: Vec<usize> = (-4..8).map(|index| mirrored(index, 3)).collect();
+    fn mirror_index_repeats_the_edge() {
+        let row: Vec<usize> = (-4..8).map(|index| mirror_index(index, 3)).collect();
         assert_eq!(row, [2, 2, 1, 0, 0, 1, 2, 2, 1, 0, 0, 1]);
     }
 }

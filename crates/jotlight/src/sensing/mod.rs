@@ -1,15 +1,16 @@
-//! From light to bits (paper, section 2.1).
+//! The sensor model, from an image to bits (paper, section 2.1).
 //!
-//! An image c gives every jot s = (α/T)·(G c) expected photons a frame; quantum efficiency η and dark counts d make
-//! that η s + d; a jot reports 1 when at least q photons arrive.
+//! An image c produces s = (α/T)·(G c) expected photons per jot and frame. Quantum efficiency η and
+//! dark counts d turn s into the rate η s + d. A jot reports 1 when at least q photons arrive
+//! (equation (3)).
 
-mod bound;
 mod expose;
 mod kernel;
+mod probability_table;
 mod rate;
 mod spread;
 
-pub(crate) use kernel::mirrored;
+pub(crate) use kernel::mirror_index;
 
 use std::ops::Range;
 
@@ -21,19 +22,19 @@ use crate::likelihood::Threshold;
 pub use expose::expose;
 pub use kernel::Kernel;
 pub use rate::{probability, rate};
-pub use spread::Spread;
+pub use spread::SpreadOperator;
 
-/// A two-dimensional image of either floating-point width, so that none is copied to be read.
+/// A two-dimensional image of 32-bit or 64-bit floats. Neither is copied.
 #[derive(Clone, Copy, Debug)]
 pub enum Image<'a> {
-    /// 32-bit.
+    /// 32-bit floats.
     F32(ArrayView2<'a, f32>),
-    /// 64-bit.
+    /// 64-bit floats.
     F64(ArrayView2<'a, f64>),
 }
 
 impl Image<'_> {
-    /// Height and width in pixels.
+    /// Return the height and the width in pixels.
     #[must_use]
     pub fn shape(&self) -> (usize, usize) {
         match self {
@@ -43,17 +44,17 @@ impl Image<'_> {
     }
 }
 
-/// What jots may have in common or each for itself: one number, or a map over the jots.
+/// A property of jots: one number for all jots, or a map over the jots.
 #[derive(Clone, Copy, Debug)]
 pub enum PerJot<'a> {
-    /// The same for all jots.
+    /// The value of all jots.
     Same(f64),
-    /// One for each jot, `(H·K̂, W·K̂)`.
+    /// The value of each jot, `(H·K̂, W·K̂)`.
     Map(ArrayView2<'a, f32>),
 }
 
 impl PerJot<'_> {
-    fn check(&self, what: &'static str, jots: (usize, usize)) -> Result<()> {
+    fn check_shape(&self, what: &'static str, jots: (usize, usize)) -> Result<()> {
         match self {
             Self::Map(map) if map.dim() != jots => Err(Error::shape(what, jots, map.dim())),
             _ => Ok(()),
@@ -61,18 +62,19 @@ impl PerJot<'_> {
     }
 }
 
-/// A sensor, as far as light is concerned.
+/// The properties of a sensor that determine its bits.
 #[derive(Clone, Debug)]
 pub struct Sensor<'a> {
-    /// The interpolation kernel, which knows the oversampling K̂.
+    /// The interpolation kernel, which includes the oversampling K̂.
     pub kernel: Kernel,
-    /// α/T: photons per frame and unit of intensity, spread over the jots by the kernel.
+    /// α/T, the photons per frame and pixel at intensity 1. The kernel distributes them over the
+    /// jots.
     pub gain_per_frame: f64,
-    /// Quantum efficiency η.
+    /// The quantum efficiency η.
     pub efficiency: PerJot<'a>,
-    /// Dark counts d, per jot and frame.
+    /// The dark counts d per jot and frame.
     pub dark_counts: PerJot<'a>,
-    /// Jots that never fire, `(H·K̂, W·K̂)`, true where dead.
+    /// Whether each jot is dead and always reports 0, `(H·K̂, W·K̂)`.
     pub dead: Option<ArrayView2<'a, bool>>,
     /// The threshold q.
     pub threshold: Threshold,
@@ -88,10 +90,10 @@ impl Sensor<'_> {
                 format!("{height} x {width}"),
             ));
         }
-        let side = self.kernel.oversampling();
-        let jots = (height * side, width * side);
-        self.efficiency.check("efficiency", jots)?;
-        self.dark_counts.check("dark counts", jots)?;
+        let oversampling = self.kernel.oversampling();
+        let jots = (height * oversampling, width * oversampling);
+        self.efficiency.check_shape("efficiency", jots)?;
+        self.dark_counts.check_shape("dark counts", jots)?;
         if let Some(dead) = &self.dead
             && dead.dim() != jots
         {
@@ -100,13 +102,13 @@ impl Sensor<'_> {
         Ok(())
     }
 
-    /// η and d of all jots, where the jots of a pixel all have the same rate.
-    fn blockwise(&self) -> Option<(f64, f64)> {
+    /// Return (η, d) of all jots if the jots of a pixel always share one rate, or `None`.
+    fn uniform_response(&self) -> Option<(f64, f64)> {
         match (self.efficiency, self.dark_counts) {
-            (PerJot::Same(efficiency), PerJot::Same(dark))
+            (PerJot::Same(efficiency), PerJot::Same(dark_counts))
                 if self.kernel.degree() == 0 && self.dead.is_none() =>
             {
-                Some((efficiency, dark))
+                Some((efficiency, dark_counts))
             }
             _ => None,
         }
@@ -117,14 +119,14 @@ impl Sensor<'_> {
     }
 }
 
-/// A part of all that a sensor reports: frames, and rows and columns of *pixels*.
+/// A range of frames, rows of pixels, and columns of pixels.
 #[derive(Clone, Debug)]
 pub struct Window {
-    /// Frames.
+    /// The range of frames.
     pub frames: Range<usize>,
-    /// Rows of pixels.
+    /// The range of rows, in pixels.
     pub rows: Range<usize>,
-    /// Columns of pixels.
+    /// The range of columns, in pixels.
     pub columns: Range<usize>,
 }
 
@@ -135,11 +137,20 @@ impl Window {
             ("window columns", &self.columns, width),
         ] {
             if range.start > range.end || range.end > size {
-                return Err(Error::shape(what, 0..size, range));
+                return Err(Error::range(
+                    what,
+                    format!("a range within 0..{size}"),
+                    format!("{range:?}"),
+                ));
             }
         }
         if self.frames.start > self.frames.end {
-            return Err(Error::shape("window frames", "start <= end", &self.frames));
+            let frames = format!("{:?}", self.frames);
+            return Err(Error::range(
+                "window frames",
+                "a start that is not above the end",
+                frames,
+            ));
         }
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! The expected photons of every jot, row by row, so that no map over the jots is ever held.
+//! The rate and the detection probability of each jot, computed row by row.
 
 use std::ops::Range;
 
@@ -9,9 +9,11 @@ use super::{Image, PerJot, Sensor};
 use crate::bits::contiguous;
 use crate::cpu::levels;
 use crate::error::{Error, Result};
-use crate::sensing::kernel::{Kernel, mirrored};
+use crate::sensing::kernel::{Kernel, mirror_index};
 
-/// Expected detections η s + d per frame, with s = (α/T)·(G c), of the rows of jots from `first` on, into `out` `(rows, W·K̂)`.
+/// Write the rates η s + d of rows of jots into `out` `(rows, W·K̂)`, with s = (α/T)·(G c).
+///
+/// The rate is the expected number of detections per frame. The rows start at row `first`.
 ///
 /// # Errors
 /// [`Error::Shape`] when the arrays do not fit.
@@ -24,7 +26,9 @@ pub fn rate(
     for_each_jot(sensor, image, first, out, |rate, _| rate)
 }
 
-/// P(b = 1) of the rows of jots from `first` on, into `out` `(rows, W·K̂)`; 0 where the jot is dead.
+/// Write P(b = 1) of rows of jots into `out` `(rows, W·K̂)`. A dead jot has probability 0.
+///
+/// The rows start at row `first`.
 ///
 /// # Errors
 /// [`Error::Shape`] when the arrays do not fit.
@@ -38,7 +42,7 @@ pub fn probability(
         if dead {
             0.0
         } else {
-            sensor.threshold.fires(rate)
+            sensor.threshold.detection_probability(rate)
         }
     })
 }
@@ -52,22 +56,23 @@ fn for_each_jot(
 ) -> Result<()> {
     sensor.check(&image)?;
     let (height, width) = image.shape();
-    let side = sensor.kernel.oversampling();
+    let oversampling = sensor.kernel.oversampling();
+    let (jot_rows, jot_columns) = (height * oversampling, width * oversampling);
     let (rows, columns) = out.dim();
-    if columns != width * side || first + rows > height * side {
-        return Err(Error::shape(
+    if columns != jot_columns || first + rows > jot_rows {
+        return Err(Error::range(
             "out",
-            format!("rows within {} x {}", height * side, width * side),
+            format!("rows within {jot_rows} x {jot_columns}"),
             format!("{rows} x {columns} from row {first} on"),
         ));
     }
-    let light = Light { sensor, image };
+    let exposure = Exposure { sensor, image };
     out.axis_iter_mut(Axis(0))
         .into_par_iter()
         .enumerate()
         .for_each_init(Vec::new, |rates, (row, mut out)| {
             let row = first + row;
-            light.detections(row, 0..width * side, rates);
+            exposure.jot_rates(row, 0..jot_columns, rates);
             for (column, (out, rate)) in out.iter_mut().zip(rates.iter()).enumerate() {
                 *out = value(*rate, sensor.is_dead(row, column)) as f32;
             }
@@ -75,23 +80,23 @@ fn for_each_jot(
     Ok(())
 }
 
-/// The light of an image on a sensor.
-pub(super) struct Light<'l, 's, 'i> {
+/// An image on a sensor.
+pub(super) struct Exposure<'l, 's, 'i> {
     pub sensor: &'l Sensor<'s>,
     pub image: Image<'i>,
 }
 
-impl Light<'_, '_, '_> {
-    /// η s + d of the jots of a row and range of columns, into `rates`.
-    pub fn detections(&self, row: usize, columns: Range<usize>, rates: &mut Vec<f64>) {
+impl Exposure<'_, '_, '_> {
+    /// Replace `rates` with η s + d of a range of columns in a row of jots.
+    pub fn jot_rates(&self, row: usize, columns: Range<usize>, rates: &mut Vec<f64>) {
         let kernel = &self.sensor.kernel;
         match self.image {
-            Image::F32(image) => filter(kernel, kernel, image, row, columns.clone(), rates),
-            Image::F64(image) => filter(kernel, kernel, image, row, columns.clone(), rates),
+            Image::F32(image) => filter_row(kernel, kernel, image, row, columns.clone(), rates),
+            Image::F64(image) => filter_row(kernel, kernel, image, row, columns.clone(), rates),
         }
         let gain = self.sensor.gain_per_frame;
         match self.sensor.efficiency {
-            PerJot::Same(efficiency) => stretch(efficiency * gain, 0.0, rates),
+            PerJot::Same(efficiency) => scale_and_add(efficiency * gain, 0.0, rates),
             PerJot::Map(map) => {
                 let map = map.row(row);
                 for (rate, column) in rates.iter_mut().zip(columns.clone()) {
@@ -100,7 +105,7 @@ impl Light<'_, '_, '_> {
             }
         }
         match self.sensor.dark_counts {
-            PerJot::Same(dark) => stretch(1.0, dark, rates),
+            PerJot::Same(dark_counts) => scale_and_add(1.0, dark_counts, rates),
             PerJot::Map(map) => {
                 let map = map.row(row);
                 for (rate, column) in rates.iter_mut().zip(columns) {
@@ -110,37 +115,39 @@ impl Light<'_, '_, '_> {
         }
     }
 
-    /// η s + d of any jot of each of these pixels, where all jots have the same `(η, d)`.
-    pub fn block_detections(
+    /// Replace `rates` with η s + d of a range of pixels in a row, where all jots share `(η, d)`
+    /// and the jots of a pixel share one rate.
+    pub fn pixel_rates(
         &self,
         row: usize,
         pixels: Range<usize>,
-        (efficiency, dark): (f64, f64),
+        (efficiency, dark_counts): (f64, f64),
         rates: &mut Vec<f64>,
     ) {
         match self.image {
-            Image::F32(image) => widen(image.slice(s![row, pixels]), rates),
-            Image::F64(image) => widen(image.slice(s![row, pixels]), rates),
+            Image::F32(image) => convert_to_f64(image.slice(s![row, pixels]), rates),
+            Image::F64(image) => convert_to_f64(image.slice(s![row, pixels]), rates),
         }
-        let share = self.sensor.kernel.taps()[0];
-        let sensitivity = efficiency * self.sensor.gain_per_frame * share * share;
-        stretch(sensitivity, dark, rates);
+        let tap = self.sensor.kernel.taps()[0];
+        let detections_per_intensity = efficiency * self.sensor.gain_per_frame * tap * tap;
+        scale_and_add(detections_per_intensity, dark_counts, rates);
     }
 }
 
-fn widen<F: Copy + Into<f64>>(values: ArrayView1<'_, F>, out: &mut Vec<f64>) {
+fn convert_to_f64<F: Copy + Into<f64>>(values: ArrayView1<'_, F>, out: &mut Vec<f64>) {
     out.clear();
     out.resize(values.len(), 0.0);
     add_scaled(1.0, &contiguous(values), out);
 }
 
 levels! {
-    /// Adds the light of a row, scaled. In two roundings on every processor, since bits are to be the same on all.
+    /// Add factor · light to the sums. The product and the sum are rounded separately, so that the
+    /// bits are the same on every processor.
     fn add_scaled[F: Copy + Into<f64>](
         factor: f64, light: &[F], sums: &mut [f64],
     ) = add_scaled_inlined;
-    /// rates · factor + term, likewise.
-    fn stretch(factor: f64, term: f64, rates: &mut [f64]) = stretch_inlined;
+    /// Replace the rates with rates · factor + term, with the same two roundings.
+    fn scale_and_add(factor: f64, term: f64, rates: &mut [f64]) = scale_and_add_inlined;
 }
 
 #[inline(always)]
@@ -151,46 +158,52 @@ fn add_scaled_inlined<F: Copy + Into<f64>>(factor: f64, light: &[F], sums: &mut 
 }
 
 #[inline(always)]
-fn stretch_inlined(factor: f64, term: f64, rates: &mut [f64]) {
+fn scale_and_add_inlined(factor: f64, term: f64, rates: &mut [f64]) {
     for rate in rates {
         *rate = *rate * factor + term;
     }
 }
 
-/// G c: up by K̂, then g along both axes, for the jots of a row and range of columns.
-pub(super) fn filter<F: Copy + Into<f64>>(
-    down: &Kernel,
-    along: &Kernel,
+/// Replace `out` with G c for a range of columns in a row of jots.
+///
+/// G upsamples the image by K̂ and filters it with g along both axes.
+pub(super) fn filter_row<F: Copy + Into<f64>>(
+    vertical: &Kernel,
+    horizontal: &Kernel,
     image: ArrayView2<'_, F>,
     row: usize,
     columns: Range<usize>,
     out: &mut Vec<f64>,
 ) {
-    let side = along.oversampling();
-    let (first, phase) = along.last_pixel(columns.start);
-    let (last, _) = along.last_pixel(columns.end - 1);
-    let light = down_the_columns(down, image, row, first - along.degree() as isize..last + 1);
+    let oversampling = horizontal.oversampling();
+    let degree = horizontal.degree();
+    let (first, phase) = horizontal.last_pixel(columns.start);
+    let (last, _) = horizontal.last_pixel(columns.end - 1);
+    let light = filter_columns(vertical, image, row, first - degree as isize..last + 1);
 
-    // Along the row, the jots at the same place in their pixels at a time, so that the loop over pixels is a plain one.
+    // All jots at the same position in their pixels are computed together: the inner loop then runs
+    // over consecutive pixels.
     let pixels = (last - first + 1) as usize;
     out.clear();
-    out.resize(pixels * side, 0.0);
+    out.resize(pixels * oversampling, 0.0);
     let mut sums = vec![0.0; pixels];
-    for place in 0..side {
+    for position in 0..oversampling {
         sums.fill(0.0);
-        for (back, &tap) in along.taps()[place..].iter().step_by(side).enumerate() {
-            add_scaled(tap, &light[along.degree() - back..], &mut sums);
+        for (distance, tap) in horizontal.pixel_taps(position).enumerate() {
+            add_scaled(tap, &light[degree - distance..], &mut sums);
         }
-        for (block, &sum) in out.chunks_exact_mut(side).zip(&sums) {
-            block[place] = sum;
+        for (block, &sum) in out.chunks_exact_mut(oversampling).zip(&sums) {
+            block[position] = sum;
         }
     }
     out.drain(..phase);
     out.truncate(columns.len());
 }
 
-/// The light of the pixels `pixels` on a row of jots, the scene going on mirrored past its rim.
-fn down_the_columns<F: Copy + Into<f64>>(
+/// Return the image filtered along the columns, for a row of jots and the columns `pixels`.
+///
+/// Beyond the border, the image continues symmetrically.
+fn filter_columns<F: Copy + Into<f64>>(
     kernel: &Kernel,
     image: ArrayView2<'_, F>,
     row: usize,
@@ -198,17 +211,16 @@ fn down_the_columns<F: Copy + Into<f64>>(
 ) -> Vec<f64> {
     let (height, width) = image.dim();
     let mut light: Vec<f64> = vec![0.0; pixels.len()];
-    let (bottom, line) = kernel.last_pixel(row);
+    let (bottom, position) = kernel.last_pixel(row);
     let inside = pixels.start.max(0) as usize..(pixels.end.max(0) as usize).min(width);
     let left = (inside.start as isize - pixels.start) as usize;
-    let taps = kernel.taps()[line..].iter().step_by(kernel.oversampling());
-    for (back, &tap) in taps.enumerate() {
-        let row = mirrored(bottom - back as isize, height);
-        let seen = contiguous(image.slice_move(s![row, inside.clone()]));
-        add_scaled(tap, &seen, &mut light[left..]);
+    for (distance, tap) in kernel.pixel_taps(position).enumerate() {
+        let row = mirror_index(bottom - distance as isize, height);
+        let intensities = contiguous(image.slice_move(s![row, inside.clone()]));
+        add_scaled(tap, &intensities, &mut light[left..]);
         for pixel in (pixels.start..0).chain(width as isize..pixels.end) {
             light[(pixel - pixels.start) as usize] +=
-                tap * image[[row, mirrored(pixel, width)]].into();
+                tap * image[[row, mirror_index(pixel, width)]].into();
         }
     }
     light

@@ -1,30 +1,36 @@
-//! G as a linear operator on images and signals, and its exact adjoint.
+//! The linear operator G of the paper's section 2.2.1 on images and signals, and its exact adjoint.
 
 use ndarray::{Array2, ArrayView2, ArrayViewMut2, Axis};
+use num_integer::div_rem;
 use rayon::prelude::*;
 
-use super::kernel::{Kernel, mirrored};
-use super::rate::filter;
+use super::kernel::{Kernel, mirror_index};
+use super::rate::filter_row;
 use crate::bits::contiguous;
 use crate::error::{Error, Result};
 
-/// G: the light that each jot gets from an image of the intensities c, down the columns by one kernel and along the rows by another.
+/// The operator G, which spreads the intensities of an image over the jots.
 ///
-/// A signal is an image of one row whose kernel down the columns is the box of a single jot.
+/// The vertical kernel filters along the columns and the horizontal kernel along the rows. A signal
+/// is an image of one row whose vertical kernel is the box of a single jot.
 #[derive(Clone, Debug)]
-pub struct Spread {
-    down: Kernel,
-    along: Kernel,
+pub struct SpreadOperator {
+    vertical: Kernel,
+    horizontal: Kernel,
 }
 
-impl Spread {
-    /// The operator of two kernels.
+impl SpreadOperator {
+    /// Return the operator of two kernels.
     #[must_use]
-    pub fn new(down: Kernel, along: Kernel) -> Self {
-        Self { down, along }
+    pub fn new(vertical: Kernel, horizontal: Kernel) -> Self {
+        Self {
+            vertical,
+            horizontal,
+        }
     }
 
-    /// `out = gain · G image`, with `out` of (H·K̂, W·K̂).
+    /// Write gain · G `image` into `out` `(H·K̂, W·K̂)`.
+    ///
     ///
     /// # Errors
     /// [`Error::Shape`] when the arrays do not fit.
@@ -34,13 +40,20 @@ impl Spread {
         image: ArrayView2<'_, f64>,
         mut out: ArrayViewMut2<'_, f64>,
     ) -> Result<()> {
-        self.check(image.dim(), out.dim())?;
+        self.check_shapes(image.dim(), out.dim())?;
         let width = out.ncols();
         out.axis_iter_mut(Axis(0))
             .into_par_iter()
             .enumerate()
             .for_each_init(Vec::new, |light, (row, mut out)| {
-                filter(&self.down, &self.along, image, row, 0..width, light);
+                filter_row(
+                    &self.vertical,
+                    &self.horizontal,
+                    image,
+                    row,
+                    0..width,
+                    light,
+                );
                 for (out, light) in out.iter_mut().zip(light.iter()) {
                     *out = gain * light;
                 }
@@ -48,7 +61,10 @@ impl Spread {
         Ok(())
     }
 
-    /// `out = gain · Gᵀ jots`, with `out` of (H, W): ⟨G x, y⟩ = ⟨x, Gᵀ y⟩ to rounding, the mirrored rim included.
+    /// Write gain · Gᵀ `jots` into `out` `(H, W)`.
+    ///
+    /// ⟨G x, y⟩ = ⟨x, Gᵀ y⟩ holds up to rounding, including the continuation at the border.
+    ///
     ///
     /// # Errors
     /// [`Error::Shape`] when the arrays do not fit.
@@ -58,15 +74,16 @@ impl Spread {
         jots: ArrayView2<'_, f64>,
         out: ArrayViewMut2<'_, f64>,
     ) -> Result<()> {
-        self.check(out.dim(), jots.dim())?;
-        self.gather(gain, out, |row, light| {
+        self.check_shapes(out.dim(), jots.dim())?;
+        self.apply_adjoint(gain, out, |row, light| {
             light.clear();
             light.extend_from_slice(&contiguous(jots.row(row)));
         });
         Ok(())
     }
 
-    /// `out = gain² · Gᵀ diag(weights) G image`, and no map over the jots is made on the way.
+    /// Write gain² · Gᵀ diag(weights) G `image` into `out` `(H, W)`, without a map over the jots.
+    ///
     ///
     /// # Errors
     /// [`Error::Shape`] when the arrays do not fit.
@@ -77,12 +94,12 @@ impl Spread {
         image: ArrayView2<'_, f64>,
         out: ArrayViewMut2<'_, f64>,
     ) -> Result<()> {
-        self.check(image.dim(), weights.dim())?;
-        self.check(out.dim(), weights.dim())?;
-        self.gather(gain * gain, out, |row, light| {
-            filter(
-                &self.down,
-                &self.along,
+        self.check_shapes(image.dim(), weights.dim())?;
+        self.check_shapes(out.dim(), weights.dim())?;
+        self.apply_adjoint(gain * gain, out, |row, light| {
+            filter_row(
+                &self.vertical,
+                &self.horizontal,
                 image,
                 row,
                 0..weights.ncols(),
@@ -95,15 +112,15 @@ impl Spread {
         Ok(())
     }
 
-    /// `out = gain · Gᵀ` of the jots that `light_of` gives, row by row.
-    fn gather(
+    /// Write gain · Gᵀ of an array over the jots into `out`. `fill_row` computes its rows.
+    fn apply_adjoint(
         &self,
         gain: f64,
         mut out: ArrayViewMut2<'_, f64>,
-        light_of: impl Fn(usize, &mut Vec<f64>) + Sync,
+        fill_row: impl Fn(usize, &mut Vec<f64>) + Sync,
     ) {
         let (height, width) = out.dim();
-        let jot_rows = height * self.down.oversampling();
+        let jot_rows = height * self.vertical.oversampling();
         let mut rows = Array2::<f64>::zeros((jot_rows, width));
         rows.axis_iter_mut(Axis(0))
             .into_par_iter()
@@ -111,60 +128,65 @@ impl Spread {
             .for_each_init(
                 || (Vec::new(), Vec::new()),
                 |(light, padded), (index, mut row)| {
-                    light_of(index, light);
-                    self.gather_along(light, row.as_slice_mut().unwrap_or_default(), padded);
+                    fill_row(index, light);
+                    self.apply_horizontal_adjoint(
+                        light,
+                        row.as_slice_mut().unwrap_or_default(),
+                        padded,
+                    );
                 },
             );
 
-        // The rows of jots that each row of pixels lights, and how strongly.
-        let mut lit: Vec<Vec<(usize, f64)>> = vec![Vec::new(); height];
+        // The rows of jots that each row of pixels lights, with their weights.
+        let mut lit_rows: Vec<Vec<(usize, f64)>> = vec![Vec::new(); height];
         for row in 0..jot_rows {
-            let (bottom, line) = self.down.last_pixel(row);
-            let taps = self.down.taps()[line..].iter();
-            for (back, &tap) in taps.step_by(self.down.oversampling()).enumerate() {
-                lit[mirrored(bottom - back as isize, height)].push((row, gain * tap));
+            let (bottom, position) = self.vertical.last_pixel(row);
+            for (distance, tap) in self.vertical.pixel_taps(position).enumerate() {
+                lit_rows[mirror_index(bottom - distance as isize, height)].push((row, gain * tap));
             }
         }
         out.axis_iter_mut(Axis(0))
             .into_par_iter()
-            .zip(lit)
-            .for_each(|(mut out, lit)| {
+            .zip(lit_rows)
+            .for_each(|(mut out, lit_rows)| {
                 out.fill(0.0);
-                for (row, weight) in lit {
+                for (row, weight) in lit_rows {
                     out.scaled_add(weight, &rows.row(row));
                 }
             });
     }
 
-    /// What the pixels of a row get back from a row of jots: the adjoint of the second half of [`filter`].
-    fn gather_along(&self, jots: &[f64], row: &mut [f64], padded: &mut Vec<f64>) {
-        let side = self.along.oversampling();
-        let degree = self.along.degree();
-        let (first, phase) = self.along.last_pixel(0);
-        let (last, _) = self.along.last_pixel(jots.len() - 1);
+    /// Write the horizontal part of Gᵀ, from a row of jots to a row of pixels, into `row`: the
+    /// adjoint of the second half of [`filter_row`].
+    fn apply_horizontal_adjoint(&self, jots: &[f64], row: &mut [f64], padded: &mut Vec<f64>) {
+        let oversampling = self.horizontal.oversampling();
+        let degree = self.horizontal.degree();
+        let (first, phase) = self.horizontal.last_pixel(0);
+        let (last, _) = self.horizontal.last_pixel(jots.len() - 1);
         let start = first - degree as isize;
         padded.clear();
         padded.resize((last - start + 1) as usize, 0.0);
-        for (place, &jot) in (phase..).zip(jots) {
-            let taps = self.along.taps()[place % side..].iter().step_by(side);
-            let pixels = &mut padded[place / side..];
-            for (back, &tap) in taps.enumerate() {
-                pixels[degree - back] += tap * jot;
+        for (index, &jot) in (phase..).zip(jots) {
+            let (pixel, position) = div_rem(index, oversampling);
+            let pixels = &mut padded[pixel..];
+            for (distance, tap) in self.horizontal.pixel_taps(position).enumerate() {
+                pixels[degree - distance] += tap * jot;
             }
         }
         row.fill(0.0);
         for (pixel, &light) in (start..).zip(padded.iter()) {
-            row[mirrored(pixel, row.len())] += light;
+            row[mirror_index(pixel, row.len())] += light;
         }
     }
 
-    fn check(&self, image: (usize, usize), jots: (usize, usize)) -> Result<()> {
+    fn check_shapes(&self, image: (usize, usize), jots: (usize, usize)) -> Result<()> {
         if image.0 == 0 || image.1 == 0 {
-            return Err(Error::shape("image", "at least one pixel", image));
+            let received = format!("{} x {}", image.0, image.1);
+            return Err(Error::range("image", "at least one pixel", received));
         }
         let expected = (
-            image.0 * self.down.oversampling(),
-            image.1 * self.along.oversampling(),
+            image.0 * self.vertical.oversampling(),
+            image.1 * self.horizontal.oversampling(),
         );
         if jots == expected {
             Ok(())

@@ -1,71 +1,88 @@
-//! Banks of many filters, in tiles that stay in registers: several outputs at a time share every number that is loaded.
+//! Direct correlation of a stack of planes with a bank of filters. Tiles of several outputs stay in
+//! registers, and the outputs share every loaded value.
 
+use super::PlanesView;
+use super::direct::store;
 use crate::cpu::{self, Simd, WithSimd};
-use crate::network::convolution::direct::Planes;
-use crate::numbers::LANES;
 use crate::numbers::Real;
 
-/// Outputs that are worked on at a time: with 32 registers and with 16, and what is left over.
-const MANY: usize = 8;
-const FEW: usize = 4;
+/// The number of outputs in a large group. It needs a processor with 32 registers.
+const LARGE_GROUP: usize = 8;
+/// The number of outputs in a small group.
+const SMALL_GROUP: usize = 4;
 
-/// Registers of a row, for many outputs and for few.
-const WIDE: usize = 3;
-const WIDER: usize = 6;
+/// The number of registers per output in a tile of a large group.
+const NARROW_TILE: usize = 3;
+/// The number of registers per output in a tile of a small group, with 32 registers.
+const WIDE_TILE: usize = 6;
 
-/// The taps of a bank `(outputs, inputs, lines, columns)` in the order of the loops: some outputs at a time, of these every input, line
-/// and column, and there the outputs side by side.
+/// The taps of filters `(outputs, inputs, rows, columns)` in the order of the loops.
+///
+/// The outputs are divided into groups. Within a group the taps are ordered by input, row, and
+/// column, and the taps of the outputs lie side by side.
 #[derive(Clone, Debug)]
-pub(crate) struct Bank<F> {
-    blocks: Vec<Block<F>>,
+pub(super) struct ChannelBank<F> {
+    groups: Vec<OutputGroup<F>>,
     outputs: usize,
-    lines: usize,
+    rows: usize,
     columns: usize,
 }
 
 #[derive(Clone, Debug)]
-enum Block<F> {
-    Many(Vec<[F; MANY]>),
-    Few(Vec<[F; FEW]>),
+enum OutputGroup<F> {
+    Large(Vec<[F; LARGE_GROUP]>),
+    Small(Vec<[F; SMALL_GROUP]>),
 }
 
-impl<F: Real> Bank<F> {
-    /// `tap(output, input, line, column)` tells them, for loops that run forward.
+impl<F: Real> ChannelBank<F> {
+    /// Return the bank of filters with taps `tap(output, input, row, column)`.
     pub fn new(
-        (outputs, inputs, lines, columns): (usize, usize, usize, usize),
+        (outputs, inputs, rows, columns): (usize, usize, usize, usize),
         tap: impl Fn(usize, usize, usize, usize) -> F,
     ) -> Self {
-        let many = cpu::run(Registers) >= 32;
-        let (mut blocks, mut first) = (Vec::new(), 0);
+        let large_groups = cpu::run(RegisterCount) >= 32;
+        let (mut groups, mut first) = (Vec::new(), 0);
         while first < outputs {
-            let at = |output: usize, input, line, column| match first + output {
-                output if output < outputs => tap(output, input, line, column),
+            // The last group is filled up with taps of 0.
+            let tap = |output: usize, input, row, column| match first + output {
+                output if output < outputs => tap(output, input, row, column),
                 _ => F::zero(),
             };
-            if many && outputs - first > FEW {
-                blocks.push(Block::Many(in_order((inputs, lines, columns), at)));
-                first += MANY;
+            if large_groups && outputs - first > SMALL_GROUP {
+                groups.push(OutputGroup::Large(ordered_taps(
+                    (inputs, rows, columns),
+                    tap,
+                )));
+                first += LARGE_GROUP;
             } else {
-                blocks.push(Block::Few(in_order((inputs, lines, columns), at)));
-                first += FEW;
+                groups.push(OutputGroup::Small(ordered_taps(
+                    (inputs, rows, columns),
+                    tap,
+                )));
+                first += SMALL_GROUP;
             }
         }
         Self {
-            blocks,
+            groups,
             outputs,
-            lines,
+            rows,
             columns,
         }
     }
 
-    /// How many filters there are.
+    /// Return the number of filters.
     pub fn outputs(&self) -> usize {
         self.outputs
     }
 
-    /// Σ taps · source into planes `(outputs, height, width)`.
-    pub fn correlate(&self, source: Planes<'_, F>, (height, width): (usize, usize), out: &mut [F]) {
-        cpu::run(Correlate {
+    /// Write Σ taps · source to planes `(outputs, height, width)`.
+    pub fn correlate(
+        &self,
+        source: PlanesView<'_, F>,
+        (height, width): (usize, usize),
+        out: &mut [F],
+    ) {
+        cpu::run(BankCorrelation {
             bank: self,
             source,
             height,
@@ -75,17 +92,17 @@ impl<F: Real> Bank<F> {
     }
 }
 
-/// `tap(output, input, line, column)` of some outputs, side by side.
-fn in_order<F, const O: usize>(
-    (inputs, lines, columns): (usize, usize, usize),
+/// Return the taps `tap(output, input, row, column)` of a group, ordered by input, row, and column.
+fn ordered_taps<F, const O: usize>(
+    (inputs, rows, columns): (usize, usize, usize),
     tap: impl Fn(usize, usize, usize, usize) -> F,
 ) -> Vec<[F; O]> {
-    let mut taps = Vec::with_capacity(inputs * lines * columns);
+    let mut taps = Vec::with_capacity(inputs * rows * columns);
     for input in 0..inputs {
-        for line in 0..lines {
+        for row in 0..rows {
             for column in 0..columns {
                 taps.push(std::array::from_fn(|output| {
-                    tap(output, input, line, column)
+                    tap(output, input, row, column)
                 }));
             }
         }
@@ -93,9 +110,9 @@ fn in_order<F, const O: usize>(
     taps
 }
 
-struct Registers;
+struct RegisterCount;
 
-impl WithSimd for Registers {
+impl WithSimd for RegisterCount {
     type Output = usize;
 
     #[inline(always)]
@@ -104,39 +121,46 @@ impl WithSimd for Registers {
     }
 }
 
-struct Correlate<'a, F> {
-    bank: &'a Bank<F>,
-    source: Planes<'a, F>,
+struct BankCorrelation<'a, F> {
+    bank: &'a ChannelBank<F>,
+    source: PlanesView<'a, F>,
     height: usize,
     width: usize,
     out: &'a mut [F],
 }
 
-impl<F: Real> WithSimd for Correlate<'_, F> {
+impl<F: Real> WithSimd for BankCorrelation<'_, F> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
         let (bank, lanes) = (self.bank, F::lanes::<S>());
+        // All outputs of a few columns, while the source of these columns is in the cache.
+        let block = WIDE_TILE * lanes;
         for row in 0..self.height {
-            // All outputs of a few columns, while what they read is near the core.
-            let stretch = WIDER * lanes;
-            for column in (0..self.width).step_by(stretch) {
-                let end = (column + stretch).min(self.width);
+            for column in (0..self.width).step_by(block) {
+                let columns = column..(column + block).min(self.width);
                 let mut first = 0;
-                for block in &bank.blocks {
-                    match block {
-                        Block::Many(taps) => {
-                            self.stretch::<S, MANY, WIDE>(simd, taps, first, row, column..end);
-                            first += MANY;
+                for group in &bank.groups {
+                    let columns = columns.clone();
+                    match group {
+                        OutputGroup::Large(taps) => {
+                            self.block::<S, LARGE_GROUP, NARROW_TILE>(
+                                simd, taps, first, row, columns,
+                            );
+                            first += LARGE_GROUP;
                         }
-                        Block::Few(taps) if S::REGISTER_COUNT < 32 => {
-                            self.stretch::<S, FEW, WIDE>(simd, taps, first, row, column..end);
-                            first += FEW;
+                        OutputGroup::Small(taps) if S::REGISTER_COUNT < 32 => {
+                            self.block::<S, SMALL_GROUP, NARROW_TILE>(
+                                simd, taps, first, row, columns,
+                            );
+                            first += SMALL_GROUP;
                         }
-                        Block::Few(taps) => {
-                            self.stretch::<S, FEW, WIDER>(simd, taps, first, row, column..end);
-                            first += FEW;
+                        OutputGroup::Small(taps) => {
+                            self.block::<S, SMALL_GROUP, WIDE_TILE>(
+                                simd, taps, first, row, columns,
+                            );
+                            first += SMALL_GROUP;
                         }
                     }
                 }
@@ -145,10 +169,10 @@ impl<F: Real> WithSimd for Correlate<'_, F> {
     }
 }
 
-impl<F: Real> Correlate<'_, F> {
-    /// Some outputs of a part of a row.
+impl<F: Real> BankCorrelation<'_, F> {
+    /// Compute some columns of a row, for the `O` outputs from the output `first` on.
     #[inline(always)]
-    fn stretch<S: Simd, const O: usize, const C: usize>(
+    fn block<S: Simd, const O: usize, const C: usize>(
         &mut self,
         simd: S,
         taps: &[[F; O]],
@@ -170,7 +194,7 @@ impl<F: Real> Correlate<'_, F> {
         }
     }
 
-    /// `O` outputs of `C` registers of a row.
+    /// Compute `C` registers of a row for `O` outputs, and return `C`.
     #[inline(always)]
     fn tile<S: Simd, const O: usize, const C: usize>(
         &mut self,
@@ -180,13 +204,13 @@ impl<F: Real> Correlate<'_, F> {
         row: usize,
         column: usize,
     ) -> usize {
-        let Bank { lines, columns, .. } = *self.bank;
+        let ChannelBank { rows, columns, .. } = *self.bank;
         let lanes = F::lanes::<S>();
         let mut sums = [[F::splat(simd, F::zero()); C]; O];
-        let inputs = taps.chunks_exact(lines * columns);
-        for (taps, plane) in inputs.zip(self.source.data.chunks(self.source.plane)) {
-            for (line, taps) in taps.chunks_exact(columns).enumerate() {
-                let source = &plane[(row + line) * self.source.stride + column..];
+        let inputs = taps.chunks_exact(rows * columns);
+        for (taps, plane) in inputs.zip(self.source.data.chunks(self.source.plane_stride)) {
+            for (tap_row, taps) in taps.chunks_exact(columns).enumerate() {
+                let source = &plane[(row + tap_row) * self.source.row_stride + column..];
                 let source = &source[..columns - 1 + C * lanes];
                 for (taps, window) in taps.iter().zip(source.windows(C * lanes)) {
                     let window = F::vectors::<S>(window);
@@ -204,21 +228,7 @@ impl<F: Real> Correlate<'_, F> {
         let length = (self.width - column).min(C * lanes);
         let planes = self.out.chunks_exact_mut(self.height * self.width);
         for (plane, sums) in planes.skip(first).zip(sums) {
-            let out = &mut plane[row * self.width + column..][..length];
-            let mut parts = out.chunks_exact_mut(lanes);
-            let mut sums = sums.into_iter();
-            for (part, sum) in parts.by_ref().zip(sums.by_ref()) {
-                F::vectors_mut::<S>(part)[0] = sum;
-            }
-            // What is left is shorter than a register.
-            let rest = parts.into_remainder();
-            if let Some(sum) = sums.next()
-                && !rest.is_empty()
-            {
-                let mut whole = [F::zero(); LANES];
-                F::vectors_mut::<S>(&mut whole)[0] = sum;
-                rest.copy_from_slice(&whole[..rest.len()]);
-            }
+            store::<S, F, C>(sums, &mut plane[row * self.width + column..][..length]);
         }
         C
     }

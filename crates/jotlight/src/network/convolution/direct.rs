@@ -1,88 +1,80 @@
-//! Sums of products over a sliding window, in tiles that stay in registers: every number that is loaded serves several sums.
+//! Direct correlation of a stack of planes with one filter. Tiles of the output stay in registers,
+//! and each loaded value contributes to several sums.
 
 use std::ops::Range;
 
+use super::PlanesView;
 use crate::cpu::{self, Simd, WithSimd};
-use crate::numbers::LANES;
-use crate::numbers::Real;
+use crate::numbers::{MAX_LANES, Real};
 
-/// Rows past the last one that a tile may read, and then throws away.
-pub(crate) const SPARE_ROWS: usize = 3;
-/// Columns past the last one that [`gradient`] may read.
-pub(crate) const SPARE_COLUMNS: usize = 4;
+/// The number of rows beyond the last one that a tile may read. Their results are discarded.
+pub(super) const SPARE_ROWS: usize = 3;
 
-/// Columns that tiles are worked on in, from the top to the bottom.
-const STRETCH: usize = 512;
+/// The number of columns that are processed from top to bottom before the next ones, so that the
+/// rows of the source stay in the cache from one tile to the tile below.
+const BLOCK_COLUMNS: usize = 512;
 
-/// Planes in rows with room to read past their ends.
-#[derive(Clone, Copy)]
-pub(crate) struct Planes<'a, F> {
-    pub data: &'a [F],
-    /// Numbers from one plane to the next, and from one row to the next.
-    pub plane: usize,
-    pub stride: usize,
-}
-
-/// The taps of a filter `(channels, lines, columns)` in the order in which tiles of `rows` rows take them: for every row of the
-/// source and every column the taps that serve the rows of the tile; 0 where there is none.
+/// The taps of a filter `(channels, rows, columns)` in the order of the loops over a tile.
+///
+/// For every row of the source that a tile reads and every column of the filter, it holds the taps
+/// for the rows of the tile. They are 0 where the filter does not reach.
 #[derive(Clone, Debug)]
-pub(crate) struct Taps<F> {
-    numbers: Vec<F>,
+pub(super) struct FilterTiles<F> {
+    values: Vec<F>,
+    tile_rows: usize,
     rows: usize,
-    lines: usize,
     columns: usize,
 }
 
-impl<F: Real> Taps<F> {
-    /// `tap(channel, line, column)` tells them.
+impl<F: Real> FilterTiles<F> {
+    /// Return the filter with taps `tap(channel, row, column)`.
     pub fn new(
-        (channels, lines, columns): (usize, usize, usize),
+        (channels, rows, columns): (usize, usize, usize),
         tap: impl Fn(usize, usize, usize) -> F,
     ) -> Self {
-        let rows = cpu::run(TileRows);
-        let depth = lines + rows - 1;
-        let mut taps = vec![F::zero(); channels * depth * columns * rows];
+        let tile_rows = cpu::run(TileRows);
+        let depth = rows + tile_rows - 1;
+        let mut values = vec![F::zero(); channels * depth * columns * tile_rows];
         for channel in 0..channels {
-            for line in 0..lines {
+            for row in 0..rows {
                 for column in 0..columns {
-                    let tap = tap(channel, line, column);
-                    for row in 0..rows {
-                        let place = (channel * depth + line + row) * columns + column;
-                        taps[place * rows + row] = tap;
+                    let tap = tap(channel, row, column);
+                    for tile_row in 0..tile_rows {
+                        let index = (channel * depth + row + tile_row) * columns + column;
+                        values[index * tile_rows + tile_row] = tap;
                     }
                 }
             }
         }
         Self {
-            numbers: taps,
+            values,
+            tile_rows,
             rows,
-            lines,
             columns,
         }
     }
 
-    /// Σ taps · source into rows of `width`, the first of them at row `first` of the source; source rows outside of `live` are
-    /// known to be 0.
+    /// Write Σ taps · source to rows of `width` values.
+    ///
+    /// The source is 0 outside the rows `nonzero`.
     pub fn correlate(
         &self,
-        source: Planes<'_, F>,
-        first: usize,
-        live: Range<usize>,
+        source: PlanesView<'_, F>,
+        nonzero: Range<usize>,
         width: usize,
         out: &mut [F],
     ) {
-        cpu::run(Correlate {
-            taps: self,
+        cpu::run(DirectCorrelation {
+            filter: self,
             source,
-            first,
-            live,
+            nonzero,
             width,
             out,
         });
     }
 }
 
-/// With 32 registers tiles of 4 rows and 4 registers in each, with 16 of 3 and 3.
+/// The number of rows of a tile: 4 x 4 registers of sums if the processor has 32, and else 3 x 3.
 struct TileRows;
 
 impl WithSimd for TileRows {
@@ -94,119 +86,101 @@ impl WithSimd for TileRows {
     }
 }
 
-struct Correlate<'a, F> {
-    taps: &'a Taps<F>,
-    source: Planes<'a, F>,
-    first: usize,
-    live: Range<usize>,
+struct DirectCorrelation<'a, F> {
+    filter: &'a FilterTiles<F>,
+    source: PlanesView<'a, F>,
+    nonzero: Range<usize>,
     width: usize,
     out: &'a mut [F],
 }
 
-impl<F: Real> WithSimd for Correlate<'_, F> {
+impl<F: Real> WithSimd for DirectCorrelation<'_, F> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        if self.taps.rows == 4 {
-            self.tiles::<S, 4, 4>(simd);
+        if self.filter.tile_rows == 4 {
+            self.run::<S, 4, 4>(simd);
         } else {
-            self.tiles::<S, 3, 3>(simd);
+            self.run::<S, 3, 3>(simd);
         }
     }
 }
 
-impl<F: Real> Correlate<'_, F> {
+impl<F: Real> DirectCorrelation<'_, F> {
     #[inline(always)]
-    fn tiles<S: Simd, const R: usize, const C: usize>(mut self, simd: S) {
+    fn run<S: Simd, const R: usize, const C: usize>(mut self, simd: S) {
         let lanes = F::lanes::<S>();
         let rows = self.out.len() / self.width;
-        // Stretch by stretch, so that the rows of the source stay near the core from one tile to the one below.
-        let stretch = STRETCH.next_multiple_of(C * lanes);
-        let starts = (0..self.width).step_by(stretch);
-        for (start, row) in
-            starts.flat_map(|start| (0..rows).step_by(R).map(move |row| (start, row)))
-        {
-            let mut column = start;
-            let end = (start + stretch).min(self.width);
-            while column < end {
-                let vectors = (end - column).div_ceil(lanes);
-                column += lanes
-                    * match vectors.min(C) {
-                        1 => self.tile::<S, R, 1>(simd, row, column),
-                        2 => self.tile::<S, R, 2>(simd, row, column),
-                        3 => self.tile::<S, R, 3>(simd, row, column),
-                        _ => self.tile::<S, R, C>(simd, row, column),
-                    };
+        let block = BLOCK_COLUMNS.next_multiple_of(C * lanes);
+        for start in (0..self.width).step_by(block) {
+            for row in (0..rows).step_by(R) {
+                let mut column = start;
+                let end = (start + block).min(self.width);
+                while column < end {
+                    let vectors = (end - column).div_ceil(lanes);
+                    column += lanes
+                        * match vectors.min(C) {
+                            1 => self.tile::<S, R, 1>(simd, row, column),
+                            2 => self.tile::<S, R, 2>(simd, row, column),
+                            3 => self.tile::<S, R, 3>(simd, row, column),
+                            _ => self.tile::<S, R, C>(simd, row, column),
+                        };
+                }
             }
         }
     }
 
-    /// `R` rows of `C` registers.
+    /// Compute `R` rows of `C` registers, and return `C`.
     #[inline(always)]
     fn tile<S: Simd, const R: usize, const C: usize>(
         &mut self,
         simd: S,
-        row: usize,
+        top: usize,
         column: usize,
     ) -> usize {
-        let Taps {
-            numbers,
-            lines,
+        let FilterTiles {
+            values,
+            rows,
             columns,
             ..
-        } = self.taps;
-        let top = self.first + row;
-        let depth = lines + R - 1;
-        // Rows of the source, from the tile's first on, that are not all 0.
-        let from = self.live.start.saturating_sub(top).min(depth);
-        let to = self.live.end.saturating_sub(top).min(depth);
+        } = self.filter;
+        let depth = rows + R - 1;
+        let from = self.nonzero.start.saturating_sub(top).min(depth);
+        let to = self.nonzero.end.saturating_sub(top).min(depth);
         let mut sums = [[F::splat(simd, F::zero()); C]; R];
-        let channels = numbers.as_chunks::<R>().0.chunks_exact(depth * columns);
-        for (taps, plane) in channels.zip(self.source.data.chunks(self.source.plane)) {
-            for line in from..to {
-                let source = &plane[(top + line) * self.source.stride + column..];
-                let taps = &taps[line * columns..][..*columns];
-                // Which rows of the tile this row of the source is for.
-                let rows = ((line + 1).saturating_sub(*lines), (line + 1).min(R));
-                sums = match rows {
-                    (0, 1) => add::<S, F, R, C, 0, 1>(simd, source, taps, sums),
-                    (0, 2) => add::<S, F, R, C, 0, 2>(simd, source, taps, sums),
-                    (0, 3) => add::<S, F, R, C, 0, 3>(simd, source, taps, sums),
-                    (1, 2) => add::<S, F, R, C, 1, 2>(simd, source, taps, sums),
-                    (1, 3) => add::<S, F, R, C, 1, 3>(simd, source, taps, sums),
-                    (2, 3) => add::<S, F, R, C, 2, 3>(simd, source, taps, sums),
-                    (1, 4) => add::<S, F, R, C, 1, 4>(simd, source, taps, sums),
-                    (2, 4) => add::<S, F, R, C, 2, 4>(simd, source, taps, sums),
-                    (3, 4) => add::<S, F, R, C, 3, 4>(simd, source, taps, sums),
-                    _ => add::<S, F, R, C, 0, R>(simd, source, taps, sums),
+        let channels = values.as_chunks::<R>().0.chunks_exact(depth * columns);
+        for (taps, plane) in channels.zip(self.source.data.chunks(self.source.plane_stride)) {
+            for row in from..to {
+                let source = &plane[(top + row) * self.source.row_stride + column..];
+                let taps = &taps[row * columns..][..*columns];
+                // The rows of the tile that this row of the source contributes to.
+                let tile_rows = ((row + 1).saturating_sub(*rows), (row + 1).min(R));
+                sums = match tile_rows {
+                    (0, 1) => add_row::<S, F, R, C, 0, 1>(simd, source, taps, sums),
+                    (0, 2) => add_row::<S, F, R, C, 0, 2>(simd, source, taps, sums),
+                    (0, 3) => add_row::<S, F, R, C, 0, 3>(simd, source, taps, sums),
+                    (1, 2) => add_row::<S, F, R, C, 1, 2>(simd, source, taps, sums),
+                    (1, 3) => add_row::<S, F, R, C, 1, 3>(simd, source, taps, sums),
+                    (2, 3) => add_row::<S, F, R, C, 2, 3>(simd, source, taps, sums),
+                    (1, 4) => add_row::<S, F, R, C, 1, 4>(simd, source, taps, sums),
+                    (2, 4) => add_row::<S, F, R, C, 2, 4>(simd, source, taps, sums),
+                    (3, 4) => add_row::<S, F, R, C, 3, 4>(simd, source, taps, sums),
+                    _ => add_row::<S, F, R, C, 0, R>(simd, source, taps, sums),
                 };
             }
         }
-        let lanes = F::lanes::<S>();
-        let length = (self.width - column).min(C * lanes);
-        for (out, sums) in self.out.chunks_exact_mut(self.width).skip(row).zip(sums) {
-            let out = &mut out[column..][..length];
-            let mut parts = out.chunks_exact_mut(lanes);
-            let mut sums = sums.into_iter();
-            for (part, sum) in parts.by_ref().zip(sums.by_ref()) {
-                F::vectors_mut::<S>(part)[0] = sum;
-            }
-            // What is left is shorter than a register.
-            if let Some(sum) = sums.next() {
-                let rest = parts.into_remainder();
-                let mut whole = [F::zero(); LANES];
-                F::vectors_mut::<S>(&mut whole)[0] = sum;
-                rest.copy_from_slice(&whole[..rest.len()]);
-            }
+        let length = (self.width - column).min(C * F::lanes::<S>());
+        for (out, sums) in self.out.chunks_exact_mut(self.width).skip(top).zip(sums) {
+            store::<S, F, C>(sums, &mut out[column..][..length]);
         }
         C
     }
 }
 
-/// Adds one row of the source to the rows `FROM` to `TO` of a tile.
+/// Add one row of the source to the rows `FROM` to `TO` of a tile.
 #[inline(always)]
-fn add<S, F, const R: usize, const C: usize, const FROM: usize, const TO: usize>(
+fn add_row<S, F, const R: usize, const C: usize, const FROM: usize, const TO: usize>(
     simd: S,
     source: &[F],
     taps: &[[F; R]],
@@ -231,94 +205,20 @@ where
     sums
 }
 
-/// Adds Σ weights · source for every shift of the source by `(lines, columns)`, to `sums[line][column]`. Weights come in rows of
-/// `width`, a multiple of [`LANES`], with [`SPARE_ROWS`] rows of 0 before the first and after the last.
-pub(crate) fn gradient<F: Real>(
-    source: &[F],
-    stride: usize,
-    weights: &[F],
-    width: usize,
-    shifts: (usize, usize),
-    sums: &mut [f64],
-) {
-    cpu::run(Gradient {
-        source,
-        stride,
-        weights,
-        width,
-        shifts,
-        sums,
-    });
-}
-
-struct Gradient<'a, F> {
-    source: &'a [F],
-    stride: usize,
-    weights: &'a [F],
-    width: usize,
-    shifts: (usize, usize),
-    sums: &'a mut [f64],
-}
-
-impl<F: Real> WithSimd for Gradient<'_, F> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(mut self, simd: S) {
-        if S::REGISTER_COUNT < 32 {
-            self.tiles::<S, 3, 3>(simd);
-        } else {
-            self.tiles::<S, 4, 5>(simd);
-        }
+/// Store registers to a slice that may be shorter.
+#[inline(always)]
+pub(super) fn store<S: Simd, F: Real, const C: usize>(sums: [F::Vector<S>; C], out: &mut [F]) {
+    let mut parts = out.chunks_exact_mut(F::lanes::<S>());
+    let mut sums = sums.into_iter();
+    for (part, sum) in parts.by_ref().zip(sums.by_ref()) {
+        F::vectors_mut::<S>(part)[0] = sum;
     }
-}
-
-impl<F: Real> Gradient<'_, F> {
-    #[inline(always)]
-    fn tiles<S: Simd, const R: usize, const C: usize>(&mut self, simd: S) {
-        for line in (0..self.shifts.0).step_by(R) {
-            for column in (0..self.shifts.1).step_by(C) {
-                let tile = self.tile::<S, R, C>(simd, line, column);
-                let rows = self.sums.chunks_exact_mut(self.shifts.1).skip(line);
-                for (sums, tile) in rows.zip(tile) {
-                    for (sum, tile) in sums[column..].iter_mut().zip(tile) {
-                        *sum += F::total(simd, tile).as_f64();
-                    }
-                }
-            }
-        }
-    }
-
-    /// The sums of `R` lines and `C` columns of shifts.
-    #[inline(always)]
-    fn tile<S: Simd, const R: usize, const C: usize>(
-        &self,
-        simd: S,
-        line: usize,
-        column: usize,
-    ) -> [[F::Vector<S>; C]; R] {
-        let lanes = F::lanes::<S>();
-        let rows = self.weights.len() / self.width - 2 * SPARE_ROWS;
-        let mut sums = [[F::splat(simd, F::zero()); C]; R];
-        for row in 0..rows + R - 1 {
-            let source = &self.source[(line + row) * self.stride + column..];
-            let weights: [&[F::Vector<S>]; R] = std::array::from_fn(|back| {
-                let row = SPARE_ROWS + row - back;
-                F::vectors::<S>(&self.weights[row * self.width..][..self.width])
-            });
-            for (step, start) in (0..self.width).step_by(lanes).enumerate() {
-                let source = &source[start..][..lanes + C - 1];
-                let windows: [_; C] =
-                    std::array::from_fn(|shift| F::vectors::<S>(&source[shift..][..lanes])[0]);
-                for row in 0..R {
-                    let weights = weights[row][step];
-                    for shift in 0..C {
-                        sums[row][shift] =
-                            F::multiply_add(simd, windows[shift], weights, sums[row][shift]);
-                    }
-                }
-            }
-        }
-        sums
+    let rest = parts.into_remainder();
+    if let Some(sum) = sums.next()
+        && !rest.is_empty()
+    {
+        let mut whole = [F::zero(); MAX_LANES];
+        F::vectors_mut::<S>(&mut whole)[0] = sum;
+        rest.copy_from_slice(&whole[..rest.len()]);
     }
 }

@@ -1,122 +1,107 @@
-//! Banks of filters of three lines in half the multiplications: four rows at a time, in six sums of them (Winograd's F(4, 3), along
-//! columns alone, whose sums need no shuffling of registers).
+//! Convolution with filters of three rows by Winograd's F(4, 3): four output rows cost six
+//! multiplications per tap instead of twelve.
+//!
+//! The algorithm is applied along columns only, so its transforms need no shuffling of registers.
 
 use ndarray::{ArrayView4, Axis};
 
-use crate::cpu::{self, Simd, WithSimd};
-use crate::network::convolution::adjoint::before;
-use crate::network::convolution::channel_bank::Bank;
-use crate::network::convolution::direct::Planes;
-use crate::network::tiling::region::{Part, Place, Row};
-use crate::numbers::LANES;
-use crate::numbers::Real;
-use crate::sensing::mirrored;
+use super::channel_bank::ChannelBank;
+use super::winograd_transforms::{InputTransform, OutputTransform, TRANSFORMED_ROWS, filter_rows};
+use super::{PlanesView, leading_rows};
+use crate::cpu;
+use crate::network::tiling::region::Region;
+use crate::network::tiling::strips::StripedPlanes;
+use crate::numbers::{MAX_LANES, Real};
 
-/// Lines of a filter, rows that are found at a time, and sums that they are found from.
-pub(crate) const LINES: usize = 3;
-pub(crate) const ROWS: usize = 4;
-const SUMS: usize = 6;
+/// The number of rows of a filter.
+pub(super) const FILTER_ROWS: usize = 3;
+/// The number of output rows that are computed together.
+pub(crate) const OUTPUT_ROWS: usize = 4;
 
-/// Inputs and outputs from which on what is saved is more than what the sums cost.
-const INPUTS: usize = 16;
-const OUTPUTS: usize = 4;
-/// Columns at a time, so that the sums of all planes stay near the core.
-const STRETCH: usize = 144;
-/// Numbers in a row of sums: loops read whole registers past the end.
-const STRIDE: usize = STRETCH + 2 * LANES;
+/// The minimum number of inputs and of outputs. With fewer, the transforms cost more than the
+/// multiplications that they save.
+const MIN_INPUTS: usize = 16;
+const MIN_OUTPUTS: usize = 4;
 
-/// What the lines of a filter are weighed by in each sum.
-const OF_LINES: [[f64; LINES]; SUMS] = [
-    [1.0 / 4.0, 0.0, 0.0],
-    [-1.0 / 6.0, -1.0 / 6.0, -1.0 / 6.0],
-    [-1.0 / 6.0, 1.0 / 6.0, -1.0 / 6.0],
-    [1.0 / 24.0, 1.0 / 12.0, 1.0 / 6.0],
-    [1.0 / 24.0, -1.0 / 12.0, 1.0 / 6.0],
-    [0.0, 0.0, 1.0],
-];
+/// The number of columns that are processed at a time, so that the transformed rows of all planes
+/// stay in the cache.
+const BLOCK_COLUMNS: usize = 144;
+/// The length of a transformed row. The loops read whole registers beyond the end.
+pub(super) const ROW_STRIDE: usize = BLOCK_COLUMNS + 2 * MAX_LANES;
 
-/// A bank of filters of one line for each of the sums.
+/// Transformed filters: a bank of filters with one row for each transformed row.
 #[derive(Clone, Debug)]
-pub(crate) struct Fast<F> {
-    banks: Vec<Bank<F>>,
+pub(crate) struct Winograd<F> {
+    banks: Vec<ChannelBank<F>>,
     inputs: usize,
     outputs: usize,
     columns: usize,
 }
 
-impl<F: Real> Fast<F> {
-    /// Of filters `(outputs, inputs, lines, columns)`, if it is worth it.
+impl<F: Real> Winograd<F> {
+    /// Return the transformed filters `(outputs, inputs, rows, columns)`, or None where direct
+    /// convolution is faster.
     pub fn new(filters: ArrayView4<'_, F>, stride: usize) -> Option<Self> {
-        let (outputs, inputs, lines, columns) = filters.dim();
-        let many = inputs >= INPUTS && outputs >= OUTPUTS;
-        if lines != LINES || columns > LANES || stride != 1 || !many {
+        let (outputs, inputs, rows, columns) = filters.dim();
+        let many = inputs >= MIN_INPUTS && outputs >= MIN_OUTPUTS;
+        if rows != FILTER_ROWS || columns > MAX_LANES || stride != 1 || !many {
             return None;
         }
-        // Turned around, so that loops run forward.
-        let weighed = filters.lanes(Axis(2)).into_iter().map(|tap| {
-            OF_LINES.map(|weights| {
-                let lines = tap.iter().rev().zip(weights);
-                F::from_f64(lines.map(|(tap, weight)| tap.as_f64() * weight).sum())
-            })
-        });
-        let weighed: Vec<_> = weighed.collect();
-        let bank = |sum: usize| {
-            Bank::new((outputs, inputs, 1, columns), |output, input, _, column| {
-                weighed[(output * inputs + input) * columns + columns - 1 - column][sum]
+        // The taps are reversed, so that the loops run forward.
+        let transformed = filters.lanes(Axis(2)).into_iter();
+        let transformed: Vec<_> = transformed
+            .map(|taps| filter_rows(taps.iter().rev().copied()))
+            .collect();
+        let bank = |row: usize| {
+            let shape = (outputs, inputs, 1, columns);
+            ChannelBank::new(shape, |output, input, _, column| {
+                transformed[(output * inputs + input) * columns + columns - 1 - column][row]
             })
         };
         Some(Self {
-            banks: (0..SUMS).map(bank).collect(),
+            banks: (0..TRANSFORMED_ROWS).map(bank).collect(),
             inputs,
             outputs,
             columns,
         })
     }
 
-    /// h * u of a part of the output, `(outputs, height, width)`, whose first row is a multiple of [`ROWS`], in `room` for the sums.
-    pub fn correlate(
+    /// Write h * u to a region of the output, `(outputs, height, width)`. Its first row must be a
+    /// multiple of [`OUTPUT_ROWS`].
+    pub fn convolve(
         &self,
-        source: &Part<'_, F>,
-        wanted: &Place,
-        room: &mut Vec<F>,
+        source: &StripedPlanes<'_, F>,
+        output: &Region,
+        workspace: &mut Vec<F>,
         out: &mut [F],
     ) {
-        let of_inputs = self.inputs * STRIDE;
-        let length = SUMS * (of_inputs + self.outputs * STRETCH);
-        room.resize(room.len().max(length), F::zero());
-        let (sums, products) = room.split_at_mut(SUMS * of_inputs);
-        let (height, width) = (wanted.rows.len(), wanted.columns.len());
-        let first = |place: usize, taps: usize| place as isize - before(taps, 1) as isize;
-        let top = first(wanted.rows.start, LINES);
-        let left = first(wanted.columns.start, self.columns);
-        for row in (0..height).step_by(ROWS) {
-            for column in (0..width).step_by(STRETCH) {
-                let length = STRETCH.min(width - column);
-                cpu::run(Gather {
+        let transformed_length = self.inputs * ROW_STRIDE;
+        let length = TRANSFORMED_ROWS * (transformed_length + self.outputs * BLOCK_COLUMNS);
+        workspace.resize(workspace.len().max(length), F::zero());
+        let (transformed, products) = workspace.split_at_mut(TRANSFORMED_ROWS * transformed_length);
+        let (height, width) = (output.rows.len(), output.columns.len());
+        let first = |start: usize, taps: usize| start as isize - leading_rows(taps, 1) as isize;
+        let top = first(output.rows.start, FILTER_ROWS);
+        let left = first(output.columns.start, self.columns);
+        for row in (0..height).step_by(OUTPUT_ROWS) {
+            for column in (0..width).step_by(BLOCK_COLUMNS) {
+                let length = BLOCK_COLUMNS.min(width - column);
+                cpu::run(InputTransform {
                     source,
                     top: top + row as isize,
-                    rows: SUMS.min(height - row + LINES - 1),
+                    rows: TRANSFORMED_ROWS.min(height - row + FILTER_ROWS - 1),
                     left: left + column as isize,
                     length: length + self.columns - 1,
-                    sums,
+                    transformed,
                 });
-                // In whole registers.
-                let wide = length.next_multiple_of(LANES);
-                let products = &mut products[..SUMS * self.outputs * wide];
-                let parts = products.chunks_exact_mut(self.outputs * wide);
-                let parts = parts.zip(sums.chunks_exact(of_inputs));
-                for (bank, (products, sums)) in self.banks.iter().zip(parts) {
-                    let planes = Planes {
-                        data: sums,
-                        plane: STRIDE,
-                        stride: STRIDE,
-                    };
-                    bank.correlate(planes, (1, wide), products);
-                }
-                cpu::run(Spread {
+                let padded_length = length.next_multiple_of(MAX_LANES);
+                let products = &mut products[..TRANSFORMED_ROWS * self.outputs * padded_length];
+                self.multiply(transformed, padded_length, products);
+                cpu::run(OutputTransform {
                     products,
-                    wide,
-                    place: (row, column),
+                    padded_length,
+                    row,
+                    column,
                     length,
                     size: (height, width),
                     out,
@@ -124,167 +109,31 @@ impl<F: Real> Fast<F> {
             }
         }
     }
-}
 
-/// The sums of six rows of every plane from a place on, `(sums, planes, STRIDE)`. Past the last row of all that is needed it takes 0.
-struct Gather<'a, F> {
-    source: &'a Part<'a, F>,
-    top: isize,
-    rows: usize,
-    left: isize,
-    length: usize,
-    sums: &'a mut [F],
-}
-
-impl<F: Real> WithSimd for Gather<'_, F> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Part { columns, size, .. } = self.source;
-        let lanes = F::lanes::<S>();
-        let length = self.length.next_multiple_of(lanes);
-        let width = columns.len();
-        let start = self.left - columns.start as isize;
-        let lines: [_; SUMS] = std::array::from_fn(|row| {
-            let row = row.min(self.rows - 1) as isize;
-            self.source.row(mirrored(self.top + row, size.0))
-        });
-        // The columns that need no mirroring.
-        let known = (-start).max(0) as usize..self.length.min((width as isize - start) as usize);
-        let of_sum = self.sums.len() / SUMS;
-        let inputs = of_sum / STRIDE;
-        // Loops read whole registers, where they can without leaving the strip.
-        let room = |line: &Row<'_, F>| line.of(inputs - 1).len() >= start.max(0) as usize + length;
-        let whole = known == (0..self.length) && self.rows == SUMS && lines.iter().all(room);
-        let mut copies = [[F::zero(); STRIDE]; SUMS];
-        for input in 0..inputs {
-            let rows: [&[F]; SUMS] = if whole {
-                lines.map(|line| &line.of(input)[start as usize..][..length])
-            } else {
-                for (copy, line) in copies.iter_mut().zip(lines).take(self.rows) {
-                    let line = line.of(input);
-                    let from = (start + known.start as isize) as usize;
-                    copy[known.clone()].copy_from_slice(&line[from..][..known.len()]);
-                    for column in (0..known.start).chain(known.end..self.length) {
-                        let source = mirrored(self.left + column as isize, size.1);
-                        copy[column] = line[source - columns.start];
-                    }
-                }
-                std::array::from_fn(|row| &copies[row][..length])
+    /// Correlate each transformed row with its bank, to products `(rows, outputs, length)`.
+    fn multiply(&self, transformed: &[F], length: usize, products: &mut [F]) {
+        let products = products.chunks_exact_mut(self.outputs * length);
+        let rows = transformed.chunks_exact(self.inputs * ROW_STRIDE);
+        for (bank, (products, row)) in self.banks.iter().zip(products.zip(rows)) {
+            let planes = PlanesView {
+                data: row,
+                plane_stride: ROW_STRIDE,
+                row_stride: ROW_STRIDE,
             };
-            let rows = rows.map(F::vectors::<S>);
-            let mut parts = self.sums.chunks_exact_mut(of_sum);
-            let sums: [_; SUMS] = std::array::from_fn(|_| {
-                let part = parts.next().unwrap_or_default();
-                F::vectors_mut::<S>(&mut part[input * STRIDE..][..length])
-            });
-            for column in 0..length / lanes {
-                // Not by iterators of arrays: what is not inlined goes through memory.
-                let found = gathered::<S, F>(simd, std::array::from_fn(|row| rows[row][column]));
-                for sum in 0..SUMS {
-                    sums[sum][column] = found[sum];
-                }
-            }
-        }
-    }
-}
-
-/// The six sums of six rows.
-#[inline(always)]
-fn gathered<S: Simd, F: Real>(
-    simd: S,
-    [a, b, c, d, e, f]: [F::Vector<S>; SUMS],
-) -> [F::Vector<S>; SUMS] {
-    let add = |number, x, y| F::multiply_add(simd, F::splat(simd, F::from_f64(number)), x, y);
-    let (even, odd) = (add(-4.0, c, e), add(-4.0, b, d));
-    let (near, far) = (add(-1.0, c, e), add(-1.0, b, d));
-    [
-        add(4.0, a, add(-5.0, c, e)),
-        add(1.0, odd, even),
-        add(-1.0, odd, even),
-        add(2.0, far, near),
-        add(-2.0, far, near),
-        add(4.0, b, add(-5.0, d, f)),
-    ]
-}
-
-/// Four rows of six sums.
-#[inline(always)]
-fn spread<S: Simd, F: Real>(
-    simd: S,
-    [a, b, c, d, e, f]: [F::Vector<S>; SUMS],
-) -> [F::Vector<S>; ROWS] {
-    let add = |number, x, y| F::multiply_add(simd, F::splat(simd, F::from_f64(number)), x, y);
-    let (near, far) = (add(1.0, c, b), add(1.0, e, d));
-    let (tilt, lean) = (add(-1.0, c, b), add(-1.0, e, d));
-    [
-        add(1.0, near, add(1.0, far, a)),
-        add(2.0, lean, tilt),
-        add(4.0, far, near),
-        add(8.0, lean, add(1.0, tilt, f)),
-    ]
-}
-
-/// From the filtered sums `(sums, outputs, wide)` to four rows of the outputs.
-struct Spread<'a, F> {
-    products: &'a [F],
-    wide: usize,
-    place: (usize, usize),
-    /// Columns that are wanted.
-    length: usize,
-    size: (usize, usize),
-    out: &'a mut [F],
-}
-
-impl<F: Real> WithSimd for Spread<'_, F> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Self { wide, length, .. } = self;
-        let (height, width) = self.size;
-        let lanes = F::lanes::<S>();
-        let planes = self.out.chunks_exact_mut(height * width);
-        for (output, plane) in planes.enumerate() {
-            let mut parts = self.products.chunks_exact(self.products.len() / SUMS);
-            let products: [_; SUMS] = std::array::from_fn(|_| {
-                let part = parts.next().unwrap_or_default();
-                F::vectors::<S>(&part[output * wide..][..wide])
-            });
-            let rows = plane.chunks_exact_mut(width).skip(self.place.0);
-            let rows: [_; ROWS] = {
-                let mut rows = rows.map(|row| &mut row[self.place.1..][..length]);
-                std::array::from_fn(|_| rows.next().unwrap_or_default())
-            };
-            for column in 0..length.div_ceil(lanes) {
-                let found = spread::<S, F>(simd, std::array::from_fn(|sum| products[sum][column]));
-                for row in 0..ROWS {
-                    let (found, row) = (found[row], &mut *rows[row]);
-                    let first = column * lanes;
-                    let last = (first + lanes).min(row.len());
-                    if first + lanes <= row.len() {
-                        F::vectors_mut::<S>(&mut row[first..last])[0] = found;
-                    } else if first < last {
-                        // What is left is shorter than a register.
-                        let mut whole = [F::zero(); LANES];
-                        F::vectors_mut::<S>(&mut whole)[0] = found;
-                        row[first..last].copy_from_slice(&whole[..last - first]);
-                    }
-                }
-            }
+            bank.correlate(planes, (1, length), products);
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use ndarray::{Array3, Array4};
+    use ndarray::{Array3, Array4, s};
 
     use super::*;
+    use crate::sensing::mirror_index;
 
-    /// Numbers without a pattern, from a linear congruence.
-    fn some(length: usize) -> Vec<f32> {
+    /// Return pseudorandom values in \[−0.5, 0.6\] from a linear congruential generator.
+    fn random(length: usize) -> Vec<f32> {
         let next = |state: &u32| Some(state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
         let states = std::iter::successors(Some(1u32), next);
         states
@@ -293,74 +142,84 @@ mod tests {
             .collect()
     }
 
-    fn found(fast: &Fast<f32>, planes: &[f32], size: (usize, usize), wanted: &Place) -> Vec<f32> {
-        let whole = Place {
-            rows: 0..size.0,
-            columns: 0..size.1,
-        };
-        let source = Part::whole(planes, whole, size);
-        let mut out = vec![f32::NAN; fast.outputs * wanted.pixels()];
-        fast.correlate(&source, wanted, &mut Vec::new(), &mut out);
+    fn convolved(
+        winograd: &Winograd<f32>,
+        planes: &[f32],
+        size: (usize, usize),
+        output: &Region,
+    ) -> Vec<f32> {
+        let source = StripedPlanes::single(planes, Region::whole(size), size);
+        let mut out = vec![f32::NAN; winograd.outputs * output.pixels()];
+        winograd.convolve(&source, output, &mut Vec::new(), &mut out);
         out
     }
 
+    /// Return the sum of products at one pixel of an output.
+    fn sum_of_products(
+        planes: &[f32],
+        (height, width): (usize, usize),
+        filters: &Array4<f32>,
+        (output, row, column): (usize, usize, usize),
+    ) -> f64 {
+        let (_, inputs, rows, columns) = filters.dim();
+        let mut sum = 0.0;
+        for input in 0..inputs {
+            for tap_row in 0..rows {
+                for tap_column in 0..columns {
+                    let y = mirror_index((row + tap_row) as isize - 1, height);
+                    let leading = leading_rows(columns, 1) as isize;
+                    let x = mirror_index((column + tap_column) as isize - leading, width);
+                    let value = planes[(input * height + y) * width + x];
+                    let tap = [output, input, rows - 1 - tap_row, columns - 1 - tap_column];
+                    sum += f64::from(value) * f64::from(filters[tap]);
+                }
+            }
+        }
+        sum
+    }
+
     #[test]
-    fn it_gives_the_sums_of_products_and_the_same_bits_for_every_part()
+    fn results_are_sums_of_products_and_do_not_depend_on_the_region()
     -> Result<(), Box<dyn std::error::Error>> {
         for (height, width) in [(1, 1), (2, 17), (9, 40), (13, 230)] {
             for columns in [1, 2, 3, 6] {
-                let (outputs, inputs) = (5, INPUTS);
-                let planes = some(inputs * height * width);
-                let shape = (outputs, inputs, LINES, columns);
-                let filters = some(outputs * inputs * LINES * columns);
+                let (outputs, inputs) = (5, MIN_INPUTS);
+                let planes = random(inputs * height * width);
+                let shape = (outputs, inputs, FILTER_ROWS, columns);
+                let filters = random(outputs * inputs * FILTER_ROWS * columns);
                 let filters = Array4::from_shape_vec(shape, filters)?;
-                let fast = Fast::new(filters.view(), 1).ok_or("not for these")?;
-                let whole = Place {
-                    rows: 0..height,
-                    columns: 0..width,
-                };
-                let all = found(&fast, &planes, (height, width), &whole);
+                let winograd = Winograd::new(filters.view(), 1).ok_or("expected Winograd")?;
+                let size = (height, width);
+                let all = convolved(&winograd, &planes, size, &Region::whole(size));
                 let all = Array3::from_shape_vec((outputs, height, width), all)?;
 
-                for ((output, row, column), &value) in all.indexed_iter() {
-                    let mut sum = 0.0;
-                    for input in 0..inputs {
-                        for line in 0..LINES {
-                            for tap in 0..columns {
-                                let y = mirrored((row + line) as isize - 1, height);
-                                let before = before(columns, 1) as isize;
-                                let x = mirrored((column + tap) as isize - before, width);
-                                let place = (input * height + y) * width + x;
-                                let tap = [output, input, LINES - 1 - line, columns - 1 - tap];
-                                sum += f64::from(planes[place]) * f64::from(filters[tap]);
-                            }
-                        }
-                    }
-                    assert!((f64::from(value) - sum).abs() < 1e-5);
+                for (index, &value) in all.indexed_iter() {
+                    let expected = sum_of_products(&planes, size, &filters, index);
+                    assert!((f64::from(value) - expected).abs() < 1e-5);
                 }
 
-                let part = Place {
-                    rows: height / 2 / ROWS * ROWS..height,
+                let part = Region {
+                    rows: height / 2 / OUTPUT_ROWS * OUTPUT_ROWS..height,
                     columns: width / 3..width.div_ceil(2),
                 };
-                let some = found(&fast, &planes, (height, width), &part);
-                let expected = all.slice(ndarray::s![.., part.rows.clone(), part.columns.clone()]);
-                assert!(expected.iter().eq(some.iter()));
+                let found = convolved(&winograd, &planes, size, &part);
+                let expected = all.slice(s![.., part.rows.clone(), part.columns.clone()]);
+                assert!(expected.iter().eq(found.iter()));
             }
         }
         Ok(())
     }
 
     #[test]
-    fn filters_that_it_is_not_for_are_left_to_others() {
-        for (outputs, inputs, lines, stride) in [
-            (OUTPUTS, INPUTS, 5, 1),
-            (OUTPUTS, INPUTS - 1, 3, 1),
-            (OUTPUTS - 1, INPUTS, 3, 1),
-            (OUTPUTS, INPUTS, 3, 2),
+    fn other_filters_are_left_to_direct_convolution() {
+        for (outputs, inputs, rows, stride) in [
+            (MIN_OUTPUTS, MIN_INPUTS, 5, 1),
+            (MIN_OUTPUTS, MIN_INPUTS - 1, 3, 1),
+            (MIN_OUTPUTS - 1, MIN_INPUTS, 3, 1),
+            (MIN_OUTPUTS, MIN_INPUTS, 3, 2),
         ] {
-            let filters = Array4::<f32>::zeros((outputs, inputs, lines, 3));
-            assert!(Fast::new(filters.view(), stride).is_none());
+            let filters = Array4::<f32>::zeros((outputs, inputs, rows, 3));
+            assert!(Winograd::new(filters.view(), stride).is_none());
         }
     }
 }

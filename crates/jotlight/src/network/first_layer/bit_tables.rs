@@ -1,104 +1,113 @@
-//! Filters over a pixel's block of bits, by tables: the bits of a block are a number, and tables tell what the taps make of it.
+//! The filters of the first layer over packed bits, equation (11), by table look-up: the bits of a
+//! block form an index, and tables hold the filtered sum of every index.
 
 use ndarray::{Array3, ArrayView3, ArrayView4};
 use rayon::prelude::*;
 
-use crate::bits::{PackedBits, field};
+use crate::bits::{PackedBits, bit_field};
 use crate::cpu::levels;
 use crate::network::spline::evaluate::Spline;
-use crate::network::tiling::region::Place;
+use crate::network::tiling::region::Region;
 use crate::numbers::Real;
 
-/// Bits of a table: of one for the whole block, if there are twice as many pixels as entries, and else of each of several.
-const WHOLE: usize = 16;
-const PART: usize = 10;
+/// The maximum number of bits of a single table for the whole block. It is used if the image has
+/// twice as many pixels as the table has entries.
+const WHOLE_BLOCK_BITS: usize = 16;
+/// The maximum number of bits of one of several tables.
+const TABLE_BITS: usize = 10;
 
-/// Entries that make it worth while to start a task.
-const TASK: usize = 1 << 13;
+/// The number of table entries that a parallel task processes.
+const ENTRIES_PER_TASK: usize = 1 << 13;
 
-/// Some jots of a line, in one frame.
-struct Field {
+/// Consecutive jots in one row of a block, in one frame.
+struct JotRun {
     frame: usize,
-    line: usize,
+    row: usize,
     first: usize,
     length: usize,
 }
 
 /// The tables of a layer's filters `(C, T, K̂, K̂)`.
-pub(crate) struct Tables<F> {
+pub(crate) struct BitTables<F> {
     side: usize,
-    groups: Vec<Group<F>>,
+    tables: Vec<RunTable<F>>,
 }
 
-struct Group<F> {
-    fields: Vec<Field>,
-    /// Of each channel.
-    tables: Vec<Vec<F>>,
+/// Some runs of a block's jots, and the filtered sum of their bits.
+struct RunTable<F> {
+    runs: Vec<JotRun>,
+    /// For each channel, the sum at every index that the bits of the runs form.
+    channels: Vec<Vec<F>>,
 }
 
-impl<F: Real> Group<F> {
-    /// One for the bits of both, with the sums that both would have, to the last place: pictures and their parts have the same.
-    fn with(mut self, other: Self) -> Self {
-        for (table, other) in self.tables.iter_mut().zip(&other.tables) {
+impl<F: Real> RunTable<F> {
+    /// Return one table for the runs of both. Its entries are the sums of both tables' entries, so
+    /// the results do not depend on the choice between one table and several.
+    fn merge(mut self, other: Self) -> Self {
+        for (table, other) in self.channels.iter_mut().zip(&other.channels) {
             let sums = |&first: &F| other.iter().map(move |&second| first + second);
             *table = table.iter().flat_map(sums).collect();
         }
-        self.fields.extend(other.fields);
+        self.runs.extend(other.runs);
         self
     }
 }
 
-impl<F: Real> Tables<F> {
-    /// For so many pixels.
+impl<F: Real> BitTables<F> {
+    /// Return the tables for an image of `pixels` pixels.
     pub fn new(filters: ArrayView4<'_, F>, pixels: usize) -> Self {
         let (_, frames, side, _) = filters.dim();
-        let whole = frames * side * side;
-        let worth = whole <= WHOLE && pixels >= 2 << whole;
-        let groups = groups(frames, side).into_iter().map(|fields| {
-            let tables = filters.outer_iter().map(|taps| table(&fields, taps));
-            let tables = tables.collect();
-            Group { fields, tables }
+        let bits = frames * side * side;
+        let single = bits <= WHOLE_BLOCK_BITS && pixels >= 2 << bits;
+        let tables = divide_block(frames, side).into_iter().map(|runs| {
+            let channels = filters.outer_iter().map(|taps| sums_of_runs(&runs, taps));
+            let channels = channels.collect();
+            RunTable { runs, channels }
         });
-        let mut groups: Vec<_> = groups.collect();
-        if worth {
-            groups = groups.into_iter().reduce(Group::with).into_iter().collect();
+        let mut tables: Vec<_> = tables.collect();
+        if single {
+            tables = tables
+                .into_iter()
+                .reduce(RunTable::merge)
+                .into_iter()
+                .collect();
         }
-        Self { side, groups }
+        Self { side, tables }
     }
 
-    /// Puts φ(p) in the place of p, where one table holds it whole; tells whether it did.
-    pub fn bend(&mut self, splines: &[Spline<F>]) -> bool {
-        let [group] = &mut self.groups[..] else {
+    /// Replace p by φ(p) in the table if a single table holds p. Return whether it does.
+    pub fn activate(&mut self, splines: &[Spline<F>]) -> bool {
+        let [table] = &mut self.tables[..] else {
             return false;
         };
-        for (spline, table) in splines.iter().zip(&mut group.tables) {
-            table
-                .par_chunks_mut(TASK)
-                .for_each(|part| spline.apply(part));
+        for (spline, values) in splines.iter().zip(&mut table.channels) {
+            values
+                .par_chunks_mut(ENTRIES_PER_TASK)
+                .for_each(|values| spline.apply(values));
         }
         true
     }
 
-    /// p of some pixels, `(C, rows, columns)`: equation (11).
-    pub fn fill(&self, bits: &PackedBits<'_>, place: &Place, out: &mut [F]) {
-        // Eight pixels begin with a byte, however many jots each has.
-        let first = place.columns.start / 8 * 8;
-        let mut codes = vec![0u32; place.columns.end - first];
-        let (skipped, width) = (place.columns.start - first, place.columns.len());
+    /// Write p of a region of pixels, `(C, rows, columns)`.
+    pub fn filter(&self, bits: &PackedBits<'_>, region: &Region, out: &mut [F]) {
+        // Eight pixels begin with a whole byte, whatever the number of jots per pixel.
+        let first = region.columns.start / 8 * 8;
+        let mut indices = vec![0u32; region.columns.end - first];
+        let (skipped, width) = (region.columns.start - first, region.columns.len());
         out.fill(F::zero());
-        for (line, row) in place.rows.clone().enumerate() {
-            for group in &self.groups {
-                codes.fill(0);
-                for field in &group.fields {
-                    let jots = bits.row(field.frame, row * self.side + field.line);
+        for (out_row, row) in region.rows.clone().enumerate() {
+            for table in &self.tables {
+                indices.fill(0);
+                for run in &table.runs {
+                    let jots = bits.row(run.frame, row * self.side + run.row);
                     let jots = &jots[first / 8 * self.side..];
-                    append(jots, self.side, field.first, field.length, &mut codes);
+                    append_bits(jots, self.side, run.first, run.length, &mut indices);
                 }
-                let planes = out.chunks_exact_mut(place.pixels());
-                for (plane, table) in planes.zip(&group.tables) {
-                    let sums = &mut plane[line * width..][..width];
-                    for (sum, &code) in sums.iter_mut().zip(&codes[skipped..]) {
-                        *sum += table[code as usize];
+                let planes = out.chunks_exact_mut(region.pixels());
+                for (plane, values) in planes.zip(&table.channels) {
+                    let sums = &mut plane[out_row * width..][..width];
+                    for (sum, &index) in sums.iter_mut().zip(&indices[skipped..]) {
+                        *sum += values[index as usize];
                     }
                 }
             }
@@ -106,40 +115,37 @@ impl<F: Real> Tables<F> {
     }
 }
 
-/// p of whole filters, one plane per filter.
-pub(crate) fn block_filter<F: Real>(
+/// Return p of all pixels, one plane per filter.
+pub(crate) fn filter_bits<F: Real>(
     bits: &PackedBits<'_>,
     filters: ArrayView4<'_, F>,
     (height, width): (usize, usize),
 ) -> Array3<F> {
     let mut planes = Array3::zeros((filters.dim().0, height, width));
     if let Some(planes) = planes.as_slice_mut() {
-        let whole = Place {
-            rows: 0..height,
-            columns: 0..width,
-        };
-        Tables::new(filters, height * width).fill(bits, &whole, planes);
+        let tables = BitTables::new(filters, height * width);
+        tables.filter(bits, &Region::whole((height, width)), planes);
     }
     planes
 }
 
-/// The fields of a block, in groups of at most [`PART`] bits.
-fn groups(frames: usize, side: usize) -> Vec<Vec<Field>> {
-    let mut groups: Vec<Vec<Field>> = Vec::new();
-    let mut room = 0;
+/// Return the runs of a block, divided into groups of at most [`TABLE_BITS`] bits.
+fn divide_block(frames: usize, side: usize) -> Vec<Vec<JotRun>> {
+    let mut groups: Vec<Vec<JotRun>> = Vec::new();
+    let mut free_bits = 0;
     for frame in 0..frames {
-        for line in 0..side {
-            for first in (0..side).step_by(PART) {
-                let length = PART.min(side - first);
-                if room < length {
+        for row in 0..side {
+            for first in (0..side).step_by(TABLE_BITS) {
+                let length = TABLE_BITS.min(side - first);
+                if free_bits < length {
                     groups.push(Vec::new());
-                    room = PART;
+                    free_bits = TABLE_BITS;
                 }
-                room -= length;
+                free_bits -= length;
                 if let Some(group) = groups.last_mut() {
-                    group.push(Field {
+                    group.push(JotRun {
                         frame,
-                        line,
+                        row,
                         first,
                         length,
                     });
@@ -150,58 +156,65 @@ fn groups(frames: usize, side: usize) -> Vec<Vec<Field>> {
     groups
 }
 
-/// Σ taps · bits for every number that the bits of some fields may be, the first of them the most significant.
-fn table<F: Real>(fields: &[Field], taps: ArrayView3<'_, F>) -> Vec<F> {
-    let mut table = vec![F::zero()];
-    for field in fields.iter().rev() {
-        for place in (field.first..field.first + field.length).rev() {
-            let tap = taps[[field.frame, field.line, place]];
-            table.extend_from_within(..);
-            let half = table.len() / 2;
-            for sum in &mut table[half..] {
+/// Return Σ taps · bits for every index that the bits of the runs form. The first bit is the most
+/// significant one.
+fn sums_of_runs<F: Real>(runs: &[JotRun], taps: ArrayView3<'_, F>) -> Vec<F> {
+    let mut sums = vec![F::zero()];
+    for run in runs.iter().rev() {
+        for column in (run.first..run.first + run.length).rev() {
+            let tap = taps[[run.frame, run.row, column]];
+            sums.extend_from_within(..);
+            let half = sums.len() / 2;
+            for sum in &mut sums[half..] {
                 *sum += tap;
             }
         }
     }
-    table
+    sums
 }
 
 levels! {
-    /// Appends `length` jots of each pixel's `side`, from number `first` on, to the code of the pixel.
-    fn append(
-        bytes: &[u8], side: usize, first: usize, length: usize, codes: &mut [u32],
-    ) = append_inlined;
+    /// Append `length` of each pixel's `side` jots, from the jot `first` on, to the pixel's index.
+    fn append_bits(
+        bytes: &[u8], side: usize, first: usize, length: usize, indices: &mut [u32],
+    ) = append_bits_inlined;
 }
 
 #[inline(always)]
-fn append_inlined(bytes: &[u8], side: usize, first: usize, length: usize, codes: &mut [u32]) {
+fn append_bits_inlined(
+    bytes: &[u8],
+    side: usize,
+    first: usize,
+    length: usize,
+    indices: &mut [u32],
+) {
     match (side, length) {
-        (1, 1) => append_shares_of_bytes::<8>(bytes, codes),
-        (2, 2) => append_shares_of_bytes::<4>(bytes, codes),
-        (4, 4) => append_shares_of_bytes::<2>(bytes, codes),
-        (8, 8) => append_shares_of_bytes::<1>(bytes, codes),
+        (1, 1) => append_whole_rows::<8>(bytes, indices),
+        (2, 2) => append_whole_rows::<4>(bytes, indices),
+        (4, 4) => append_whole_rows::<2>(bytes, indices),
+        (8, 8) => append_whole_rows::<1>(bytes, indices),
         _ => {
-            for (pixel, code) in codes.iter_mut().enumerate() {
-                *code = *code << length | field(bytes, pixel * side + first, length) as u32;
+            for (pixel, index) in indices.iter_mut().enumerate() {
+                *index = *index << length | bit_field(bytes, pixel * side + first, length) as u32;
             }
         }
     }
 }
 
-/// Of pixels of which so many share a byte.
+/// Append a whole row of each pixel's jots, where `PIXELS` pixels share a byte.
 #[inline(always)]
-fn append_shares_of_bytes<const PIXELS: usize>(bytes: &[u8], codes: &mut [u32]) {
+fn append_whole_rows<const PIXELS: usize>(bytes: &[u8], indices: &mut [u32]) {
     let width = 8 / PIXELS;
-    let share =
+    let jots =
         |byte: u8, pixel: usize| u32::from(byte) >> (8 - width * (pixel + 1)) & ((1 << width) - 1);
-    let (whole, rest) = codes.as_chunks_mut::<PIXELS>();
+    let (whole, rest) = indices.as_chunks_mut::<PIXELS>();
     let last = whole.len();
-    for (codes, &byte) in whole.iter_mut().zip(bytes) {
+    for (indices, &byte) in whole.iter_mut().zip(bytes) {
         for pixel in 0..PIXELS {
-            codes[pixel] = codes[pixel] << width | share(byte, pixel);
+            indices[pixel] = indices[pixel] << width | jots(byte, pixel);
         }
     }
-    for (pixel, code) in rest.iter_mut().enumerate() {
-        *code = *code << width | share(bytes[last], pixel);
+    for (pixel, index) in rest.iter_mut().enumerate() {
+        *index = *index << width | jots(bytes[last], pixel);
     }
 }

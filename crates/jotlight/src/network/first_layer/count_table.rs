@@ -1,18 +1,18 @@
-//! A function of counts, by table.
+//! A table of the first layer's output by count, for tied filters.
 
 use crate::cpu::levels;
 use crate::numbers::Real;
 
-/// Entries that a byte tells apart: in a table with so many, indices need not be checked.
+/// The length of a small table. A byte indexes it without a bounds check.
 const SMALL: usize = 256;
 
-/// What a count amounts to.
-pub(crate) enum Table<F> {
+/// The value of a function of counts.
+pub(crate) enum CountTable<F> {
     Small(Box<[F; SMALL]>),
     Large(Vec<F>),
 }
 
-impl<F: Real> Table<F> {
+impl<F: Real> CountTable<F> {
     pub fn new(values: &[F]) -> Self {
         if values.len() > SMALL {
             return Self::Large(values.to_vec());
@@ -22,7 +22,7 @@ impl<F: Real> Table<F> {
         Self::Small(table)
     }
 
-    /// The values of counts that are in the table.
+    /// Write the value of each count. The table must contain all counts.
     pub fn look_up(&self, counts: &[i32], out: &mut [F]) {
         match self {
             Self::Small(table) => look_up(table, counts, out),

@@ -1,87 +1,96 @@
-//! Splines alone, over stacks of planes, for networks that are put together elsewhere.
+//! The reverse derivative of a spline: the gradients of its argument and of its coefficients,
+//! equations (14) to (19).
 
-use ndarray::{Array2, Array3, ArrayView2, ArrayView3, Axis, Zip};
-use rayon::prelude::*;
-
-use crate::error::{Error, Result};
-use crate::network::layer::splines_of;
-use crate::network::spline::evaluate::Spline;
+use super::evaluate::{BASIS, Spline, dot};
+use crate::cpu::levels;
 use crate::numbers::Real;
 
-/// Splines of many channels: coefficients `(C, N_w)` of knots at `start` + k·`spacing`.
-pub struct Splines<F>(Vec<Spline<F>>);
+/// The number of interleaved partial sums. An addition then does not wait for the previous one.
+const INTERLEAVED: usize = 2;
 
-impl<F: Real> Splines<F> {
-    /// One of each row of coefficients.
-    ///
-    /// # Errors
-    /// [`Error::Range`] for fewer than 4 coefficients, a spacing that is not positive, and infinity or NaN.
-    pub fn new(coefficients: ArrayView2<'_, F>, start: F, spacing: F) -> Result<Self> {
-        Ok(Self(splines_of(coefficients, start, spacing)?))
-    }
+/// The number of pixels that are summed in the type of the planes before the sum goes to `f64`.
+const BLOCK_PIXELS: usize = 4096;
 
-    /// φ of planes `(N, C, P)`, each channel by its own.
-    ///
-    /// # Errors
-    /// [`Error::Shape`] for another number of channels.
-    pub fn bend(&self, planes: ArrayView3<'_, F>) -> Result<Array3<F>> {
-        self.check(planes.dim())?;
-        let mut out = planes.to_owned();
-        Zip::indexed(out.lanes_mut(Axis(2))).par_for_each(|(_, channel), mut plane| {
-            if let Some(plane) = plane.as_slice_mut() {
-                self.0[channel].apply(plane);
-            }
-        });
-        Ok(out)
-    }
-
-    /// The gradient with respect to planes and coefficients `(C, N_w)`, given that of [`Splines::bend`]; the same for any number of threads.
-    ///
-    /// # Errors
-    /// [`Error::Shape`] when the arrays do not fit.
-    pub fn push(
+impl<F: Real> Spline<F> {
+    /// Pull a gradient back through φ: replace the gradient with respect to φ(z) by that with
+    /// respect to z, and add that with respect to the coefficients.
+    pub(crate) fn pull_back(
         &self,
-        planes: ArrayView3<'_, F>,
-        gradient: ArrayView3<'_, F>,
-    ) -> Result<(Array3<F>, Array2<f64>)> {
-        self.check(planes.dim())?;
-        if gradient.dim() != planes.dim() {
-            return Err(Error::shape("gradient", planes.dim(), gradient.dim()));
-        }
-        let (_, channels, _) = planes.dim();
-        let number = self.0.first().map_or(0, Spline::len);
-        let planes = planes.as_standard_layout();
-        let mut out = gradient.to_owned();
-        let parts: Vec<_> = out
-            .outer_iter_mut()
-            .into_par_iter()
-            .zip(planes.outer_iter())
-            .map(|(mut out, planes)| {
-                let mut sums = Array2::zeros((channels, number));
-                let rows = out.outer_iter_mut().zip(planes.outer_iter());
-                for ((spline, (mut out, plane)), mut sums) in
-                    self.0.iter().zip(rows).zip(sums.outer_iter_mut())
-                {
-                    if let (Some(out), Some(plane), Some(sums)) =
-                        (out.as_slice_mut(), plane.to_slice(), sums.as_slice_mut())
-                    {
-                        spline.push(plane, out, sums);
+        inputs: &[F],
+        gradient: &mut [F],
+        coefficient_gradient: &mut [f64],
+    ) {
+        pull_back(self, inputs, gradient, coefficient_gradient);
+    }
+
+    #[inline(always)]
+    fn pull_back_inlined(
+        &self,
+        inputs: &[F],
+        gradient: &mut [F],
+        coefficient_gradient: &mut [f64],
+    ) {
+        // The sums Σ gradient · (1, f, f², f³) of each knot interval determine the gradient of the
+        // coefficients. Neighboring pixels mostly lie in the same interval.
+        let mut partial_sums = vec![[F::zero(); 4]; INTERLEAVED * self.cubics.len()];
+        let gradients = gradient.chunks_mut(BLOCK_PIXELS);
+        for (inputs, gradient) in inputs.chunks(BLOCK_PIXELS).zip(gradients) {
+            for (pixel, (&z, gradient)) in inputs.iter().zip(gradient).enumerate() {
+                let (interval, f) = self.locate(z);
+                let interval = interval as usize;
+                let sums = &mut partial_sums[interval * INTERLEAVED + pixel % INTERLEAVED];
+                let squared = *gradient * f * f;
+                let powers = [*gradient, *gradient * f, squared, squared * f];
+                for k in 0..4 {
+                    sums[k] += powers[k];
+                }
+                *gradient *= self.slope_in(interval, f, z);
+            }
+            let intervals = partial_sums.chunks_exact_mut(INTERLEAVED);
+            for (interval, partial_sums) in intervals.enumerate() {
+                let mut sums = [0.0; 4];
+                for partial in partial_sums {
+                    for (sum, part) in sums.iter_mut().zip(partial) {
+                        *sum += std::mem::take(part).as_f64();
                     }
                 }
-                sums
-            })
-            .collect();
-        let mut sums = Array2::zeros((channels, number));
-        for part in parts {
-            sums += &part;
+                let gradients = coefficient_gradient[interval..].iter_mut();
+                for (gradient, basis) in gradients.zip(BASIS) {
+                    *gradient += dot(basis, sums);
+                }
+            }
         }
-        Ok((out, sums))
     }
+}
 
-    fn check(&self, (_, channels, _): (usize, usize, usize)) -> Result<()> {
-        if channels == self.0.len() {
-            return Ok(());
+levels! {
+    fn pull_back[F: Real](
+        spline: &Spline<F>, inputs: &[F], gradient: &mut [F], coefficient_gradient: &mut [f64],
+    ) = Spline::pull_back_inlined;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gradients_are_those_of_slopes_and_weights() {
+        let spline = Spline::new(&[0.3, -1.2, 2.0, 0.7, 1.1, -0.4], -1.0, 0.5);
+        let inputs: Vec<f64> = (0..5000).map(|k| f64::from(k) * 4e-4 - 1.2).collect();
+        let outer: Vec<f64> = (0..5000).map(|k| f64::from(k).sin()).collect();
+        let (mut gradient, mut coefficient_gradient) = (outer.clone(), [0.0; 6]);
+        spline.pull_back(&inputs, &mut gradient, &mut coefficient_gradient);
+
+        let mut expected = [0.0; 6];
+        for ((&z, &outer), &found) in inputs.iter().zip(&outer).zip(&gradient) {
+            assert!((found - outer * spline.slope(z)).abs() < 1e-12);
+            let (first, weights) = spline.weights(z);
+            for (k, weight) in weights.iter().enumerate() {
+                expected[first + k] += outer * weight;
+            }
         }
-        Err(Error::shape("channels", self.0.len(), channels))
+        for (found, expected) in coefficient_gradient.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-9);
+        }
     }
 }

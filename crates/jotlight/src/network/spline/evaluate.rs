@@ -1,35 +1,39 @@
-//! The pointwise nonlinearity: a cubic B-spline on even knots.
+//! Evaluation of one cubic B-spline, equations (8) and (10), and of its derivatives.
 
+#[cfg(target_arch = "x86_64")]
+use super::registers::{MAX_INTERVALS, RegisterTable};
 #[cfg(target_arch = "x86_64")]
 use crate::cpu;
 use crate::cpu::levels;
-#[cfg(target_arch = "x86_64")]
-use crate::network::spline::registers::{INTERVALS, Short};
 use crate::numbers::Real;
 
-/// φ(z) = Σ_k w_k β3((z − start)/Δ − (k − 1)): equations (8) and (10), on \[start, start + (N_w − 3) Δ\]; constant outside of it.
+/// φ(z) = Σ_k w_k β3((z − start)/Δ − (k − 1)): equations (8) and (10).
 ///
-/// `Differs from the paper:` the knots begin at `start` and not at 0, so that all N_w functions lie over the range of the input.
+/// The domain is \[start, start + (N_w − 3) Δ\]. Outside of it φ is constant.
+///
+/// `Differs from the paper:` the knots begin at `start` and not at 0, so that all N_w basis
+/// functions lie over the range of the input.
 #[derive(Clone, Debug)]
 pub struct Spline<F> {
-    /// The cubic of each knot interval, in powers of the distance past its first knot.
-    cubics: Vec<[F; 4]>,
-    /// The same, power by power, as far as there is room.
+    /// The cubic of each knot interval, in powers of the distance from its first knot.
+    pub(super) cubics: Vec<[F; 4]>,
+    /// The coefficients of the first [`TABLE`] cubics, power by power.
     powers: Box<[[F; TABLE]; 4]>,
     start: F,
     inverse_spacing: F,
-    hull: (F, F),
+    /// The minimum and the maximum of the B-spline coefficients, between which φ lies.
+    bounds: (F, F),
 }
 
-/// Pixels that are worked on at a time.
+/// The number of pixels that the vectorized loops process at a time.
 const GROUP: usize = 64;
 
-/// Knot intervals that a byte tells apart: of a table with so many, indices need not be checked.
+/// The length of the table of cubics. A byte indexes it without a bounds check.
 const TABLE: usize = 256;
 
 impl<F: Real> Spline<F> {
     pub(crate) fn new(coefficients: &[F], start: F, spacing: F) -> Self {
-        let hull = coefficients
+        let bounds = coefficients
             .iter()
             .fold((F::infinity(), F::neg_infinity()), |(low, high), &w| {
                 (low.min(w), high.max(w))
@@ -46,79 +50,80 @@ impl<F: Real> Spline<F> {
             powers,
             start,
             inverse_spacing: F::one() / spacing,
-            hull,
+            bounds,
         }
     }
 
-    /// N_w.
+    /// Return the number N_w of coefficients.
     #[must_use]
     pub fn len(&self) -> usize {
         self.cubics.len() + 3
     }
 
-    /// Never: a spline has at least four coefficients.
+    /// Return false: a spline has at least four coefficients.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         false
     }
 
-    /// φ(z), never outside of the coefficients' hull, not even by rounding.
+    /// Return φ(z). Rounding does not take it out of the range of the coefficients.
     #[must_use]
     #[inline(always)]
     pub fn value(&self, z: F) -> F {
-        let (first, f) = self.place(z);
-        let [a, b, c, d] = self.cubics[first as usize];
-        clamp(((d * f + c) * f + b) * f + a, self.hull.0, self.hull.1)
+        let (interval, f) = self.locate(z);
+        self.bounded(polynomial(self.cubics[interval as usize], f))
     }
 
-    /// φ'(z), 0 where φ is constant.
+    /// Return φ'(z), which is 0 where φ is constant.
     #[must_use]
     #[inline(always)]
     pub fn slope(&self, z: F) -> F {
-        let (first, f) = self.place(z);
-        self.slope_at(z, first as usize, f)
+        let (interval, f) = self.locate(z);
+        self.slope_in(interval as usize, f, z)
     }
 
+    /// Return φ'(z) for z in a knot interval, at the fraction f of it.
     #[inline(always)]
-    fn slope_at(&self, z: F, first: usize, f: F) -> F {
-        let [_, b, c, d] = self.cubics[first];
+    pub(super) fn slope_in(&self, interval: usize, f: F, z: F) -> F {
+        let [_, b, c, d] = self.cubics[interval];
         let (two, three) = (F::from_f64(2.0), F::from_f64(3.0));
         let slope = ((three * d * f + two * c) * f + b) * self.inverse_spacing;
-        let place = (z - self.start) * self.inverse_spacing;
-        let inside = place >= F::zero() && place <= F::from_index(self.cubics.len());
+        let position = (z - self.start) * self.inverse_spacing;
+        let inside = position >= F::zero() && position <= F::from_index(self.cubics.len());
         if inside { slope } else { F::zero() }
     }
 
-    /// The first of the four coefficients that φ(z) depends on, and how much on each: dφ(z)/dw_k, equations (17) and (19).
+    /// Return the derivatives dφ(z)/dw_k, equations (17) and (19).
+    ///
+    /// Only four of them are not 0. The result is the index of the first one, and their values.
     #[must_use]
     #[inline(always)]
     pub fn weights(&self, z: F) -> (usize, [F; 4]) {
-        let (first, f) = self.place(z);
+        let (interval, f) = self.locate(z);
         let f = f.as_f64();
         let powers = [1.0, f, f * f, f * f * f];
-        (
-            first as usize,
-            BASIS.map(|basis| F::from_f64(dot(basis, powers))),
-        )
+        let weights = BASIS.map(|basis| F::from_f64(dot(basis, powers)));
+        (interval as usize, weights)
     }
 
-    /// φ of many, in place.
+    /// Replace each value z of a plane by φ(z).
     pub fn apply(&self, plane: &mut [F]) {
         #[cfg(target_arch = "x86_64")]
-        if self.cubics.len() <= INTERVALS
+        if self.cubics.len() <= MAX_INTERVALS
             && let Some(simd) = cpu::v4()
-            && let Some(plane) = F::as_f32s(plane)
+            && let Some(plane) = F::as_f32_slice(plane)
         {
-            return cpu::run(Short {
+            let to_f32 = |x: F| x.as_f64() as f32;
+            return cpu::run(RegisterTable {
                 simd,
                 powers: self
                     .powers
                     .each_ref()
-                    .map(|powers| std::array::from_fn(|interval| powers[interval].as_f64() as f32)),
+                    .map(|table| std::array::from_fn(|interval| to_f32(table[interval]))),
                 intervals: self.cubics.len() as f32,
-                start: self.start.as_f64() as f32,
-                inverse_spacing: self.inverse_spacing.as_f64() as f32,
-                hull: (self.hull.0.as_f64() as f32, self.hull.1.as_f64() as f32),
+                start: to_f32(self.start),
+                inverse_spacing: to_f32(self.inverse_spacing),
+                bounds: (to_f32(self.bounds.0), to_f32(self.bounds.1)),
                 plane,
             });
         }
@@ -126,7 +131,7 @@ impl<F: Real> Spline<F> {
     }
 
     #[inline(always)]
-    fn apply_to(&self, plane: &mut [F]) {
+    fn apply_inlined(&self, plane: &mut [F]) {
         if self.cubics.len() > TABLE {
             for z in plane {
                 *z = self.value(*z);
@@ -137,100 +142,69 @@ impl<F: Real> Spline<F> {
         for group in groups {
             self.apply_to_group(group);
         }
-        // What is left is done in a group of its own, so that a pixel's value does not depend on its place.
+        // The rest is padded to a group, so that the value of a pixel does not depend on its
+        // position in the plane.
         let mut group = [F::zero(); GROUP];
         group[..rest.len()].copy_from_slice(rest);
         self.apply_to_group(&mut group);
         rest.copy_from_slice(&group[..rest.len()]);
     }
 
-    /// In two loops, each of which becomes vector code; one that does both does not.
+    /// Replace each z of a group by φ(z).
+    ///
+    /// The compiler vectorizes each of the two loops, but not one loop that does both.
     #[inline(always)]
     fn apply_to_group(&self, group: &mut [F; GROUP]) {
-        let (mut intervals, mut through) = ([0; GROUP], [F::zero(); GROUP]);
-        for place in 0..GROUP {
-            (intervals[place], through[place]) = self.place(group[place]);
+        let (mut intervals, mut fractions) = ([0; GROUP], [F::zero(); GROUP]);
+        for pixel in 0..GROUP {
+            (intervals[pixel], fractions[pixel]) = self.locate(group[pixel]);
         }
         let [a, b, c, d] = &*self.powers;
-        for place in 0..GROUP {
-            let (interval, f) = (usize::from(intervals[place] as u8), through[place]);
-            let value = ((d[interval] * f + c[interval]) * f + b[interval]) * f + a[interval];
-            group[place] = clamp(value, self.hull.0, self.hull.1);
+        for pixel in 0..GROUP {
+            let interval = usize::from(intervals[pixel] as u8);
+            let cubic = [a[interval], b[interval], c[interval], d[interval]];
+            group[pixel] = self.bounded(polynomial(cubic, fractions[pixel]));
         }
     }
 
-    /// The knot interval of z, and how far z is through it. On a knot either of the two that meet there, since φ and its slope
-    /// go on smoothly.
+    /// Return the knot interval of z and the fraction of the interval that lies below z.
+    ///
+    /// For z on a knot it is either of the two adjacent intervals. The result is the same, because
+    /// φ and φ' are continuous.
     #[inline(always)]
-    fn place(&self, z: F) -> (u32, F) {
+    pub(super) fn locate(&self, z: F) -> (u32, F) {
         let intervals = F::from_index(self.cubics.len());
         let half = F::from_f64(0.5);
-        let place = (z - self.start) * self.inverse_spacing;
-        let place = clamp(place, F::zero(), intervals);
-        let (first, index) = clamp(place - half, F::zero(), intervals - F::one()).nearest();
-        (index, place - first)
-    }
-}
-
-/// Sums that take turns.
-const TURNS: usize = 2;
-/// Inputs of one sum.
-const STRETCH: usize = 4096;
-
-impl<F: Real> Spline<F> {
-    /// Pushes a gradient through φ: from that of φ(z) to that of z, in place, and to that of the coefficients, which is added.
-    pub(crate) fn push(&self, inputs: &[F], gradient: &mut [F], of_coefficients: &mut [f64]) {
-        push(self, inputs, gradient, of_coefficients);
+        let position = (z - self.start) * self.inverse_spacing;
+        let position = clamp(position, F::zero(), intervals);
+        let (first, index) = clamp(position - half, F::zero(), intervals - F::one()).nearest();
+        (index, position - first)
     }
 
     #[inline(always)]
-    fn push_on(&self, inputs: &[F], gradient: &mut [F], of_coefficients: &mut [f64]) {
-        // Of each knot interval Σ gradient · (1, f, f², f³), from which the basis functions' sums follow. Neighbours mostly
-        // meet in one interval; its sums take turns, so that none waits for the one before.
-        let mut turns = vec![[F::zero(); 4]; TURNS * self.cubics.len()];
-        // In stretches, so that no long sum is kept in few bits.
-        for (inputs, gradient) in inputs.chunks(STRETCH).zip(gradient.chunks_mut(STRETCH)) {
-            for (index, (&z, gradient)) in inputs.iter().zip(gradient).enumerate() {
-                let (first, f) = self.place(z);
-                let first = first as usize;
-                let sums = &mut turns[first * TURNS + index % TURNS];
-                let squared = *gradient * f * f;
-                let powers = [*gradient, *gradient * f, squared, squared * f];
-                for k in 0..4 {
-                    sums[k] += powers[k];
-                }
-                *gradient *= self.slope_at(z, first, f);
-            }
-            for (first, turns) in turns.chunks_exact_mut(TURNS).enumerate() {
-                let mut sums = [0.0; 4];
-                for turn in turns {
-                    for (sum, part) in sums.iter_mut().zip(turn) {
-                        *sum += std::mem::take(part).as_f64();
-                    }
-                }
-                for (out, powers) in of_coefficients[first..].iter_mut().zip(BASIS) {
-                    *out += dot(powers, sums);
-                }
-            }
-        }
+    fn bounded(&self, value: F) -> F {
+        clamp(value, self.bounds.0, self.bounds.1)
     }
 }
 
 levels! {
-    fn apply[F: Real](spline: &Spline<F>, plane: &mut [F]) = Spline::apply_to;
-    fn push[F: Real](
-        spline: &Spline<F>, inputs: &[F], gradient: &mut [F], of_coefficients: &mut [f64],
-    ) = Spline::push_on;
+    fn apply[F: Real](spline: &Spline<F>, plane: &mut [F]) = Spline::apply_inlined;
 }
 
-/// `low` for NaN.
+/// Return x limited to \[low, high\], and `low` for NaN.
 #[inline(always)]
-pub(crate) fn clamp<F: Real>(x: F, low: F, high: F) -> F {
+pub(super) fn clamp<F: Real>(x: F, low: F, high: F) -> F {
     let x = if x > low { x } else { low };
     if x < high { x } else { high }
 }
 
-/// What four coefficients in a row amount to between the knots that they share, in powers of the distance.
+/// Return a + b·f + c·f² + d·f³.
+#[inline(always)]
+fn polynomial<F: Real>([a, b, c, d]: [F; 4], f: F) -> F {
+    ((d * f + c) * f + b) * f + a
+}
+
+/// Return the cubic of a knot interval, in powers of f, from its four spline coefficients.
 fn cubic<F: Real>(w: &[F]) -> [F; 4] {
     std::array::from_fn(|power| {
         let terms = w
@@ -241,15 +215,16 @@ fn cubic<F: Real>(w: &[F]) -> [F; 4] {
     })
 }
 
-/// The four cubic B-splines that are not zero past a knot, in powers of the distance f in \[0, 1\] past it.
-const BASIS: [[f64; 4]; 4] = [
+/// The four cubic B-splines that are not zero in a knot interval, in powers of the fraction f in
+/// \[0, 1\] of the interval.
+pub(super) const BASIS: [[f64; 4]; 4] = [
     [1.0 / 6.0, -0.5, 0.5, -1.0 / 6.0],
     [4.0 / 6.0, 0.0, -1.0, 0.5],
     [1.0 / 6.0, 0.5, 0.5, -0.5],
     [0.0, 0.0, 0.0, 1.0 / 6.0],
 ];
 
-fn dot(a: [f64; 4], b: [f64; 4]) -> f64 {
+pub(super) fn dot(a: [f64; 4], b: [f64; 4]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
@@ -267,11 +242,31 @@ mod tests {
     }
 
     #[test]
-    fn even_coefficients_make_a_line() {
+    fn equally_spaced_coefficients_make_a_line() {
         let spline = Spline::new(&[-1.0, 0.0, 1.0, 2.0, 3.0], 10.0, 2.0);
         for z in [10.0f64, 10.5, 12.0, 13.7, 14.0] {
             assert!((spline.value(z) - (z - 10.0) / 2.0).abs() < 1e-12);
             assert!((spline.slope(z) - 0.5).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn slopes_and_weights_are_the_derivatives() {
+        let coefficients = [0.3, -1.2, 2.0, 0.7, 1.1, -0.4];
+        let spline = Spline::new(&coefficients, -1.0, 0.5);
+        let step = 1e-6;
+        for z in [-0.97f64, -0.6, -0.1, 0.2, 0.49] {
+            let difference = (spline.value(z + step) - spline.value(z - step)) / (2.0 * step);
+            assert!((spline.slope(z) - difference).abs() < 1e-8);
+
+            let (first, weights) = spline.weights(z);
+            for k in 0..coefficients.len() {
+                let mut changed = coefficients;
+                changed[k] += step;
+                let difference = Spline::new(&changed, -1.0, 0.5).value(z) - spline.value(z);
+                let weight = k.checked_sub(first).and_then(|k| weights.get(k));
+                assert!((weight.unwrap_or(&0.0) - difference / step).abs() < 1e-8);
+            }
         }
     }
 }

@@ -1,6 +1,8 @@
-//! The pointwise nonlinearity: cubic B-splines.
+//! The pointwise nonlinearity φ of equations (8) and (10): a cubic B-spline on equally spaced
+//! knots.
 
-pub(crate) mod backward;
+mod backward;
+pub(crate) mod channels;
 pub(crate) mod evaluate;
 #[cfg(target_arch = "x86_64")]
-pub(crate) mod registers;
+mod registers;

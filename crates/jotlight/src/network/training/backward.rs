@@ -1,85 +1,100 @@
-//! Error backpropagation: the gradient of the cost of one picture by a reverse sweep, equations (14) to (19) for two layers.
+//! Error backpropagation: the gradient of the cost of one image by a reverse sweep. For two layers
+//! it is equations (14) to (19).
 
 use ndarray::{Array3, ArrayView2, ArrayViewMut4, Axis};
 
-use crate::network::convolution::adjoint::{Padded, push_to_planes};
-use crate::network::first_layer::block::Blocks;
+use crate::network::convolution::padded::Padded;
+use crate::network::first_layer::training_data::FirstLayerData;
 use crate::network::layer::Layer;
 use crate::numbers::Real;
 
-/// A forward run that remembers what the sweep back needs.
-pub(crate) struct Trace<'a, F> {
+/// A forward pass that keeps the intermediate results for differentiation.
+pub(super) struct ForwardPass<'a, F> {
     pub layers: &'a [Layer<F>],
-    pub blocks: &'a Blocks<'a>,
-    /// What the filters of every layer but the first read.
-    pub padded: Vec<Padded<F>>,
-    /// What the splines of every layer read.
-    pub inputs: Vec<Array3<F>>,
-    /// ĉ, `(1, H, W)`.
+    pub data: &'a FirstLayerData<'a>,
+    /// The input of the filters of every layer but the first.
+    pub filter_inputs: Vec<Padded<F>>,
+    /// The input of the splines of every layer.
+    pub spline_inputs: Vec<Array3<F>>,
+    /// The estimate ĉ, `(1, H, W)`.
     pub output: Array3<F>,
 }
 
-impl<'a, F: Real> Trace<'a, F> {
-    /// The layers fit each other and the blocks.
-    pub fn new(layers: &'a [Layer<F>], blocks: &'a Blocks<'a>) -> Self {
-        let mut padded = Vec::with_capacity(layers.len());
-        let mut inputs = Vec::with_capacity(layers.len());
+impl<'a, F: Real> ForwardPass<'a, F> {
+    /// Evaluate layers that fit each other and the data.
+    pub fn new(layers: &'a [Layer<F>], data: &'a FirstLayerData<'a>) -> Self {
+        let mut filter_inputs = Vec::with_capacity(layers.len());
+        let mut spline_inputs = Vec::with_capacity(layers.len());
         let mut planes = Array3::default((0, 0, 0));
         for (index, layer) in layers.iter().enumerate() {
             let filtered = if index == 0 {
-                blocks.filtered(layer.filters())
+                data.filter(layer.filters())
             } else {
-                let mirrored = Padded::mirrored(planes.view(), layer.taps());
-                let filtered = mirrored.convolved(layer.taps());
-                padded.push(mirrored);
+                let padded = Padded::mirrored(planes.view(), layer.filter_taps());
+                let filtered = padded.convolved(layer.filter_taps());
+                filter_inputs.push(padded);
                 filtered
             };
             planes.clone_from(&filtered);
             if let Some(planes) = planes.as_slice_mut() {
-                layer.bend(planes);
+                layer.activate(planes);
             }
             if index == 0 {
-                planes = blocks.spread(planes);
+                planes = data.to_pixels(planes);
             }
-            inputs.push(filtered);
+            spline_inputs.push(filtered);
         }
         Self {
             layers,
-            blocks,
-            padded,
-            inputs,
+            data,
+            filter_inputs,
+            spline_inputs,
             output: planes,
         }
     }
 
-    /// Adds the gradient with respect to all parameters, given that of the output, to `out`: of every layer the filters, then
-    /// the coefficients, channel by channel.
-    pub fn backward(&self, of_output: ArrayView2<'_, F>, out: &mut [f64]) {
-        let mut gradient = of_output.insert_axis(Axis(0)).to_owned();
-        let mut rest = out;
+    /// Add the gradient with respect to all parameters to `out`.
+    ///
+    /// `output_gradient` is the gradient with respect to the output. The order of the parameters
+    /// is: for every layer, first the filters and then the spline coefficients of each channel.
+    pub fn add_gradient(&self, output_gradient: ArrayView2<'_, F>, out: &mut [f64]) {
+        let mut gradient = output_gradient.insert_axis(Axis(0)).to_owned();
+        let mut earlier_layers = out;
         for (index, layer) in self.layers.iter().enumerate().rev() {
             if index == 0 {
-                gradient = self.blocks.gather(gradient);
+                gradient = self.data.to_pixels_adjoint(gradient);
             }
-            let (head, mine) = rest.split_at_mut(rest.len() - layer.parameters());
-            rest = head;
-            let (of_filters, mut of_coefficients) = mine.split_at_mut(layer.filters.len());
-            let channels = layer.splines.iter().zip(self.inputs[index].outer_iter());
-            for ((spline, input), mut gradient) in channels.zip(gradient.outer_iter_mut()) {
-                let (bins, further) = of_coefficients.split_at_mut(spline.len());
-                of_coefficients = further;
-                if let (Some(input), Some(gradient)) = (input.as_slice(), gradient.as_slice_mut()) {
-                    spline.push(input, gradient, bins);
-                }
-            }
-            let Ok(of_filters) = ArrayViewMut4::from_shape(layer.filters.dim(), of_filters) else {
+            let start = earlier_layers.len() - layer.parameters();
+            let (head, parameters) = earlier_layers.split_at_mut(start);
+            earlier_layers = head;
+            let (filters, coefficients) = parameters.split_at_mut(layer.filters.len());
+            self.pull_back_splines(index, &mut gradient, coefficients);
+            let Ok(filters) = ArrayViewMut4::from_shape(layer.filters.dim(), filters) else {
                 continue;
             };
             if index == 0 {
-                self.blocks.push_to_taps(gradient.view(), of_filters);
+                self.data.add_tap_gradient(gradient.view(), filters);
             } else {
-                self.padded[index - 1].push_to_taps(gradient.view(), of_filters);
-                gradient = push_to_planes(layer.turned(), gradient.view());
+                self.filter_inputs[index - 1].add_tap_gradient(gradient.view(), filters);
+                gradient = layer.adjoint_taps().pull_back(gradient.view());
+            }
+        }
+    }
+
+    /// Pull a gradient back through the splines of a layer, and add that of their coefficients.
+    fn pull_back_splines(
+        &self,
+        layer: usize,
+        gradient: &mut Array3<F>,
+        mut coefficients: &mut [f64],
+    ) {
+        let splines = &self.layers[layer].splines;
+        let channels = splines.iter().zip(self.spline_inputs[layer].outer_iter());
+        for ((spline, input), mut gradient) in channels.zip(gradient.outer_iter_mut()) {
+            let (own, others) = coefficients.split_at_mut(spline.len());
+            coefficients = others;
+            if let (Some(input), Some(gradient)) = (input.as_slice(), gradient.as_slice_mut()) {
+                spline.pull_back(input, gradient, own);
             }
         }
     }

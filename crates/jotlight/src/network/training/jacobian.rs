@@ -1,82 +1,135 @@
-//! The Jacobian of a picture: what each parameter changes in it, equation (15), forward through the layers.
+//! The Jacobian of an estimate with respect to the parameters, equation (15), by forward
+//! differentiation through the layers.
 
-use ndarray::{Array3, s};
+use ndarray::{Array3, Axis, s};
 
-use crate::network::convolution::adjoint::Padded;
-use crate::network::training::backward::Trace;
+use super::backward::ForwardPass;
+use crate::network::convolution::padded::Padded;
 use crate::numbers::Real;
 
-impl<F: Real> Trace<'_, F> {
-    /// dĉ/da for all parameters a, in the order of [`Trace::backward`], as rows over the `pixels` of the picture that are wanted.
-    /// A parameter that changes nothing there is left out: its index is not among the first list.
-    pub fn jacobian(&self, pixels: &[usize]) -> (Vec<usize>, Vec<F>) {
-        let mut rows = Rows {
+/// The rows of a transposed Jacobian that are not 0: dĉ/da for some parameters a.
+pub(super) struct JacobianRows<'a, F> {
+    /// The pixels of the estimate, which are the columns.
+    pixels: &'a [usize],
+    /// The index of each row's parameter.
+    pub parameters: Vec<usize>,
+    /// The values of the rows, one row after the other.
+    pub values: Vec<F>,
+}
+
+impl<F: Real> JacobianRows<'_, F> {
+    fn push(&mut self, parameter: usize, estimate_tangent: &Array3<F>) {
+        let Some(tangent) = estimate_tangent.as_slice() else {
+            return;
+        };
+        let start = self.values.len();
+        let row = self.pixels.iter().map(|&pixel| tangent[pixel]);
+        self.values.extend(row);
+        if self.values[start..].iter().all(|x| *x == F::zero()) {
+            self.values.truncate(start);
+        } else {
+            self.parameters.push(parameter);
+        }
+    }
+}
+
+impl<F: Real> ForwardPass<'_, F> {
+    /// Return dĉ/da at some pixels for all parameters a, in the order of
+    /// [`ForwardPass::add_gradient`]. Parameters that change none of the pixels are left out.
+    pub fn jacobian<'p>(&self, pixels: &'p [usize]) -> JacobianRows<'p, F> {
+        let mut rows = JacobianRows {
             pixels,
-            indices: Vec::new(),
+            parameters: Vec::new(),
             values: Vec::new(),
         };
-        let mut index = 0;
-        for (depth, layer) in self.layers.iter().enumerate() {
-            let (channels, inputs, lines, columns) = layer.filters.dim();
-            for channel in 0..channels {
-                let mut visit = |number: usize, plane: &[F]| {
-                    let tangent = self.bent(depth, channel, plane);
-                    rows.add(index + number, &self.push(depth, tangent));
-                };
-                if depth == 0 {
-                    self.blocks
-                        .each_tap((inputs, lines, columns), |[t, i, j], plane| {
-                            visit((t * lines + i) * columns + j, plane);
-                        });
-                } else {
-                    self.padded[depth - 1].each_tap((inputs, lines, columns), &mut visit);
-                }
-                index += inputs * lines * columns;
-            }
-            for (channel, spline) in layer.splines.iter().enumerate() {
-                let input = self.inputs[depth].index_axis(ndarray::Axis(0), channel);
-                let shares: Vec<_> = input.iter().map(|&z| spline.weights(z)).collect();
-                for number in 0..spline.len() {
-                    let mut tangent = Array3::zeros(self.inputs[depth].dim());
-                    let mut any = false;
-                    let mut plane = tangent.index_axis_mut(ndarray::Axis(0), channel);
-                    for (value, (first, weights)) in plane.iter_mut().zip(&shares) {
-                        if let Some(&weight) =
-                            number.checked_sub(*first).and_then(|k| weights.get(k))
-                        {
-                            *value = weight;
-                            any = true;
-                        }
-                    }
-                    if any {
-                        rows.add(index + number, &self.push(depth, tangent));
-                    }
-                }
-                index += spline.len();
-            }
+        let mut first = 0;
+        for depth in 0..self.layers.len() {
+            first = self.add_filter_rows(depth, first, &mut rows);
+            first = self.add_coefficient_rows(depth, first, &mut rows);
         }
-        (rows.indices, rows.values)
+        rows
     }
 
-    /// From what changes in one channel's input of the splines to what changes in their outputs.
-    fn bent(&self, depth: usize, channel: usize, plane: &[F]) -> Array3<F> {
-        let inputs = &self.inputs[depth];
+    /// Add the rows of a layer's filters, whose parameters begin at `first`. Return the index of
+    /// the parameter after them.
+    fn add_filter_rows(
+        &self,
+        depth: usize,
+        mut first: usize,
+        rows: &mut JacobianRows<'_, F>,
+    ) -> usize {
+        let (outputs, inputs, height, width) = self.layers[depth].filters.dim();
+        let size = (inputs, height, width);
+        for channel in 0..outputs {
+            let mut visit = |tap: usize, plane: &[F]| {
+                let tangent = self.spline_tangent(depth, channel, plane);
+                rows.push(first + tap, &self.push_forward(depth, tangent));
+            };
+            if depth == 0 {
+                self.data.for_each_tap(size, |[frame, row, column], plane| {
+                    visit((frame * height + row) * width + column, plane);
+                });
+            } else {
+                self.filter_inputs[depth - 1].for_each_tap(size, &mut visit);
+            }
+            first += inputs * height * width;
+        }
+        first
+    }
+
+    /// Add the rows of a layer's spline coefficients, whose parameters begin at `first`. Return
+    /// the index of the parameter after them.
+    fn add_coefficient_rows(
+        &self,
+        depth: usize,
+        mut first: usize,
+        rows: &mut JacobianRows<'_, F>,
+    ) -> usize {
+        for (channel, spline) in self.layers[depth].splines.iter().enumerate() {
+            let input = self.spline_inputs[depth].index_axis(Axis(0), channel);
+            let weights_per_pixel: Vec<_> = input.iter().map(|&z| spline.weights(z)).collect();
+            for coefficient in 0..spline.len() {
+                let mut tangent = Array3::zeros(self.spline_inputs[depth].dim());
+                let mut is_used = false;
+                let mut plane = tangent.index_axis_mut(Axis(0), channel);
+                for (value, (start, weights)) in plane.iter_mut().zip(&weights_per_pixel) {
+                    let weight = coefficient.checked_sub(*start);
+                    if let Some(&weight) = weight.and_then(|k| weights.get(k)) {
+                        *value = weight;
+                        is_used = true;
+                    }
+                }
+                if is_used {
+                    rows.push(first + coefficient, &self.push_forward(depth, tangent));
+                }
+            }
+            first += spline.len();
+        }
+        first
+    }
+
+    /// Return the tangent of a layer's output from that of one channel's spline input.
+    fn spline_tangent(&self, depth: usize, channel: usize, plane: &[F]) -> Array3<F> {
+        let inputs = &self.spline_inputs[depth];
         let spline = &self.layers[depth].splines[channel];
         let mut tangent = Array3::zeros(inputs.dim());
         let outputs = tangent.slice_mut(s![channel, .., ..]).into_iter();
-        for ((out, &z), &change) in outputs.zip(inputs.slice(s![channel, .., ..])).zip(plane) {
+        let inputs = inputs.slice(s![channel, .., ..]);
+        for ((out, &z), &change) in outputs.zip(inputs).zip(plane) {
             *out = spline.slope(z) * change;
         }
         tangent
     }
 
-    /// From what changes in the outputs of a layer to what changes in the picture.
-    fn push(&self, depth: usize, mut tangent: Array3<F>) -> Array3<F> {
+    /// Return the tangent of the estimate from that of a layer's output.
+    fn push_forward(&self, depth: usize, mut tangent: Array3<F>) -> Array3<F> {
         if depth == 0 {
-            tangent = self.blocks.spread(tangent);
+            tangent = self.data.to_pixels(tangent);
         }
-        for (layer, inputs) in self.layers.iter().zip(&self.inputs).skip(depth + 1) {
-            tangent = Padded::mirrored(tangent.view(), layer.taps()).convolved(layer.taps());
+        let later_layers = self.layers.iter().zip(&self.spline_inputs).skip(depth + 1);
+        for (layer, inputs) in later_layers {
+            let taps = layer.filter_taps();
+            tangent = Padded::mirrored(tangent.view(), taps).convolved(taps);
             let channels = layer.splines.iter().zip(inputs.outer_iter());
             for ((spline, input), mut tangent) in channels.zip(tangent.outer_iter_mut()) {
                 tangent.zip_mut_with(&input, |change, &z| *change *= spline.slope(z));
@@ -86,24 +139,74 @@ impl<F: Real> Trace<'_, F> {
     }
 }
 
-struct Rows<'a, F> {
-    pixels: &'a [usize],
-    indices: Vec<usize>,
-    values: Vec<F>,
-}
+#[cfg(test)]
+mod tests {
+    use ndarray::{Array2, Array4};
 
-impl<F: Real> Rows<'_, F> {
-    fn add(&mut self, index: usize, picture: &Array3<F>) {
-        let Some(picture) = picture.as_slice() else {
-            return;
+    use super::*;
+    use crate::bits::PackedBits;
+    use crate::error::Result;
+    use crate::network::first_layer::training_data::FirstLayerData;
+    use crate::network::layer::{Layer, Wiring};
+
+    const SHAPES: [(usize, usize, usize, usize); 2] = [(2, 1, 2, 2), (1, 2, 3, 3)];
+    const COEFFICIENTS: usize = 7;
+
+    fn layers(parameters: &[f64]) -> Result<Vec<Layer<f64>>> {
+        let mut values = parameters.iter().copied();
+        let layer = |shape: (usize, usize, usize, usize)| {
+            let mut next = || values.next().unwrap_or(f64::NAN);
+            let filters = Array4::from_shape_simple_fn(shape, &mut next);
+            let coefficients = Array2::from_shape_simple_fn((shape.0, COEFFICIENTS), next);
+            Layer::new(
+                filters,
+                Some(coefficients.view()),
+                -4.0,
+                2.0,
+                Wiring::default(),
+            )
         };
-        let start = self.values.len();
-        self.values
-            .extend(self.pixels.iter().map(|&pixel| picture[pixel]));
-        if self.values[start..].iter().all(|x| *x == F::zero()) {
-            self.values.truncate(start);
-        } else {
-            self.indices.push(index);
+        SHAPES.into_iter().map(layer).collect()
+    }
+
+    fn first_layer_data(packed: &Array3<u8>) -> Result<FirstLayerData<'_>> {
+        let bits = PackedBits::new(packed.view(), 14)?;
+        FirstLayerData::new(bits, 2, false)
+    }
+
+    fn estimate(parameters: &[f64], packed: &Array3<u8>) -> Result<Array3<f64>> {
+        let (layers, data) = (layers(parameters)?, first_layer_data(packed)?);
+        Ok(ForwardPass::new(&layers, &data).output)
+    }
+
+    #[test]
+    fn rows_are_central_differences_of_the_estimate() -> Result<()> {
+        let packed =
+            Array3::from_shape_fn((1, 8, 2), |(_, row, byte)| (row * 89 + byte * 57) as u8);
+        let data = first_layer_data(&packed)?;
+        let count = 2 * 4 + 2 * COEFFICIENTS + 18 + COEFFICIENTS;
+        let mut parameters: Vec<f64> = (0..count)
+            .map(|k| ((k * k) as f64 * 0.37).sin() * 0.6)
+            .collect();
+        let pixels = [0, 5, 9, 27];
+        let initial = layers(&parameters)?;
+        let rows = ForwardPass::new(&initial, &data).jacobian(&pixels);
+        let step = 1e-6;
+        for parameter in 0..count {
+            let value = parameters[parameter];
+            parameters[parameter] = value + step;
+            let above = estimate(&parameters, &packed)?;
+            parameters[parameter] = value - step;
+            let below = estimate(&parameters, &packed)?;
+            parameters[parameter] = value;
+            let row = rows.parameters.iter().position(|&index| index == parameter);
+            for (column, &pixel) in pixels.iter().enumerate() {
+                let index = [0, pixel / 7, pixel % 7];
+                let expected = (above[index] - below[index]) / (2.0 * step);
+                let found = row.map_or(0.0, |row| rows.values[row * pixels.len() + column]);
+                assert!((found - expected).abs() < 1e-7);
+            }
         }
+        Ok(())
     }
 }

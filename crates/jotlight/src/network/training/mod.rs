@@ -1,5 +1,6 @@
-//! Cost, gradient and normal equations.
+//! The cost of a network on training images, its gradient, and its normal equations.
 
-pub(crate) mod backward;
+mod backward;
 pub(crate) mod batch;
-pub(crate) mod jacobian;
+mod jacobian;
+mod patch;

@@ -1,0 +1,70 @@
+//! Types of Python arguments that several functions share, and their conversion for the engine.
+
+use jotlight::admm::AdmmStep;
+use jotlight::sensing::{Image, PerJot};
+use jotlight::values::Values;
+use numpy::{Element, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+
+/// One value for all elements, or an array with one value for each.
+#[derive(FromPyObject)]
+pub enum ValueOrArray<Value, Array> {
+    Value(Value),
+    Array(Array),
+}
+
+/// An argument whose arrays are all 32-bit or all 64-bit floats.
+#[derive(FromPyObject)]
+pub enum Precision<Single, Double> {
+    F32(Single),
+    F64(Double),
+}
+
+/// One value, or a one-dimensional array of the same type.
+pub type PyValues<'py, T> = ValueOrArray<T, PyReadonlyArray1<'py, T>>;
+
+/// One number, or a map over the jots.
+pub type PyPerJot<'py> = ValueOrArray<f64, PyReadonlyArray2<'py, f32>>;
+
+/// A two-dimensional image.
+pub type PyImage<'py> = Precision<PyReadonlyArray2<'py, f32>, PyReadonlyArray2<'py, f64>>;
+
+impl<T: Copy + Element> PyValues<'_, T> {
+    pub fn to_engine(&self) -> PyResult<Values<'_, T>> {
+        Ok(match self {
+            Self::Value(value) => Values::Same(*value),
+            Self::Array(values) => Values::Each(values.as_slice()?),
+        })
+    }
+}
+
+impl PyPerJot<'_> {
+    pub fn to_engine(&self) -> PerJot<'_> {
+        match self {
+            Self::Value(value) => PerJot::Same(*value),
+            Self::Array(map) => PerJot::Map(map.as_array()),
+        }
+    }
+}
+
+impl PyImage<'_> {
+    pub fn to_engine(&self) -> Image<'_> {
+        match self {
+            Self::F32(image) => Image::F32(image.as_array()),
+            Self::F64(image) => Image::F64(image.as_array()),
+        }
+    }
+}
+
+/// The parameters of an ADMM update, as the tuple (penalty, relaxation).
+#[derive(FromPyObject)]
+pub struct PyAdmmStep(f64, f64);
+
+impl PyAdmmStep {
+    pub fn to_engine(&self) -> AdmmStep {
+        AdmmStep {
+            penalty: self.0,
+            relaxation: self.1,
+        }
+    }
+}

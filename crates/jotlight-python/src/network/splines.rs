@@ -1,0 +1,77 @@
+//! The splines alone, as the nonlinearity of PyTorch networks.
+
+use jotlight::network::Splines;
+use jotlight::numbers::Real;
+use numpy::{Element, IntoPyArray, PyArray2, PyReadonlyArray2, PyReadonlyArray3};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use super::precision::{Precision, for_precision};
+use crate::run;
+
+/// Planes (N, C, P) and spline coefficients (C, `N_w`).
+type PlanesAndCoefficients<'py, F> = (PyReadonlyArray3<'py, F>, PyReadonlyArray2<'py, F>);
+
+type PyPlanes<'py> = Precision<PlanesAndCoefficients<'py, f32>, PlanesAndCoefficients<'py, f64>>;
+
+/// The gradients with respect to planes and coefficients.
+type PyGradients<'py> = (Bound<'py, PyAny>, Bound<'py, PyArray2<f64>>);
+
+#[pyfunction]
+#[pyo3(signature = (planes, start, spacing, threads))]
+pub fn activate<'py>(
+    py: Python<'py>,
+    planes: PyPlanes<'py>,
+    start: f64,
+    spacing: f64,
+    threads: Option<isize>,
+) -> PyResult<Bound<'py, PyAny>> {
+    for_precision!(planes, planes => activate_planes(py, planes, (start, spacing), threads))
+}
+
+fn activate_planes<'py, F: Real + Element>(
+    py: Python<'py>,
+    (planes, coefficients): PlanesAndCoefficients<'_, F>,
+    (start, spacing): (f64, f64),
+    threads: Option<isize>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (planes, coefficients) = (planes.as_array(), coefficients.as_array());
+    let out = run(py, threads, || {
+        Splines::new(coefficients, F::from_f64(start), F::from_f64(spacing))?.activate(planes)
+    })?;
+    Ok(out.into_pyarray(py).into_any())
+}
+
+#[pyfunction]
+#[pyo3(signature = (planes, gradient, start, spacing, threads))]
+pub fn activate_backward<'py>(
+    py: Python<'py>,
+    planes: PyPlanes<'py>,
+    gradient: &Bound<'py, PyAny>,
+    start: f64,
+    spacing: f64,
+    threads: Option<isize>,
+) -> PyResult<PyGradients<'py>> {
+    for_precision!(planes, planes => pull_back(py, planes, gradient, (start, spacing), threads))
+}
+
+fn pull_back<'py, F: Real + Element>(
+    py: Python<'py>,
+    (planes, coefficients): PlanesAndCoefficients<'_, F>,
+    gradient: &Bound<'py, PyAny>,
+    (start, spacing): (f64, f64),
+    threads: Option<isize>,
+) -> PyResult<PyGradients<'py>> {
+    let gradient: PyReadonlyArray3<'_, F> = gradient.extract().map_err(|_| {
+        PyValueError::new_err(
+            "gradient: expected an array (N, C, P) with the data type of the planes",
+        )
+    })?;
+    let (planes, coefficients) = (planes.as_array(), coefficients.as_array());
+    let gradient = gradient.as_array();
+    let (out, sums) = run(py, threads, || {
+        Splines::new(coefficients, F::from_f64(start), F::from_f64(spacing))?
+            .pull_back(planes, gradient)
+    })?;
+    Ok((out.into_pyarray(py).into_any(), sums.into_pyarray(py)))
+}

@@ -1,0 +1,139 @@
+//! Cost, gradient, and normal equations of a batch.
+
+use jotlight::network::{Batch, Patch};
+use ndarray::Axis;
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray2, PyReadonlyArray3};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use super::layers::{PyLayer, all_to_engine};
+use super::precision::{Precision, for_precision};
+use crate::run;
+use crate::sensing::PySensor;
+
+type PyLayers<'py> = Precision<Vec<PyLayer<'py, f32>>, Vec<PyLayer<'py, f64>>>;
+
+/// Ground-truth images: one array of images of the same size, or a list of arrays.
+#[derive(FromPyObject)]
+pub enum PyImages<'py> {
+    Stack(PyReadonlyArray3<'py, f32>),
+    Each(Vec<PyReadonlyArray2<'py, f32>>),
+}
+
+/// A batch as a dictionary. Each row of `patches` is an image index, first row, end row, first
+/// column, and end column.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct PyBatch<'py> {
+    sensor: PySensor<'py>,
+    frames: usize,
+    images: PyImages<'py>,
+    patches: PyReadonlyArray2<'py, i64>,
+    border: usize,
+    seed: [u8; 32],
+}
+
+impl PyBatch<'_> {
+    fn view(&self) -> PyResult<Batch<'_>> {
+        let images = match &self.images {
+            PyImages::Stack(stack) => {
+                let stack = stack.as_array();
+                (0..stack.dim().0)
+                    .map(|index| stack.index_axis_move(Axis(0), index))
+                    .collect()
+            }
+            PyImages::Each(images) => images.iter().map(|image| image.as_array()).collect(),
+        };
+        let patches = self.patches.as_array();
+        if patches.ncols() != 5 || patches.iter().any(|&value| value < 0) {
+            return Err(PyValueError::new_err(
+                "patches: expected rows of image index, first row, end row, first column, end \
+                 column, all 0 or more",
+            ));
+        }
+        let patches = patches
+            .rows()
+            .into_iter()
+            .map(|row| {
+                let value = |index: usize| row[index].cast_unsigned() as usize;
+                Patch {
+                    image: value(0),
+                    rows: value(1)..value(2),
+                    columns: value(3)..value(4),
+                }
+            })
+            .collect();
+        Ok(Batch {
+            sensor: self.sensor.to_engine()?,
+            frames: self.frames,
+            images,
+            patches,
+            border: self.border,
+            seed: self.seed,
+        })
+    }
+}
+
+/// The squared error of each patch, and the number of pixels that it sums.
+type SquaredErrors<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<i64>>);
+
+type Vector<'py> = Bound<'py, PyArray1<f64>>;
+
+type Matrix<'py> = Bound<'py, PyArray2<f64>>;
+
+fn to_arrays(py: Python<'_>, squared_errors: Vec<f64>, pixels: Vec<usize>) -> SquaredErrors<'_> {
+    let pixels: Vec<i64> = pixels.into_iter().map(|n| n as i64).collect();
+    (squared_errors.into_pyarray(py), pixels.into_pyarray(py))
+}
+
+#[pyfunction]
+#[pyo3(signature = (layers, batch, threads))]
+pub fn squared_errors<'py>(
+    py: Python<'py>,
+    layers: PyLayers<'py>,
+    batch: PyBatch<'py>,
+    threads: Option<isize>,
+) -> PyResult<SquaredErrors<'py>> {
+    let batch = batch.view()?;
+    let (squared_errors, pixels) = for_precision!(layers, layers => {
+        let layers = all_to_engine(&layers)?;
+        run(py, threads, || batch.squared_errors(&layers))
+    })?;
+    Ok(to_arrays(py, squared_errors, pixels))
+}
+
+#[pyfunction]
+#[pyo3(signature = (layers, batch, threads))]
+pub fn gradient<'py>(
+    py: Python<'py>,
+    layers: PyLayers<'py>,
+    batch: PyBatch<'py>,
+    threads: Option<isize>,
+) -> PyResult<(SquaredErrors<'py>, Vector<'py>)> {
+    let batch = batch.view()?;
+    let result = for_precision!(layers, layers => {
+        let layers = all_to_engine(&layers)?;
+        run(py, threads, || batch.gradient(&layers))
+    })?;
+    let squared_errors = to_arrays(py, result.squared_errors, result.pixels);
+    Ok((squared_errors, result.gradient.into_pyarray(py)))
+}
+
+#[pyfunction]
+#[pyo3(signature = (layers, batch, threads))]
+pub fn normal_equations<'py>(
+    py: Python<'py>,
+    layers: PyLayers<'py>,
+    batch: PyBatch<'py>,
+    threads: Option<isize>,
+) -> PyResult<(SquaredErrors<'py>, Vector<'py>, Matrix<'py>)> {
+    let batch = batch.view()?;
+    let result = for_precision!(layers, layers => {
+        let layers = all_to_engine(&layers)?;
+        run(py, threads, || batch.normal_equations(&layers))
+    })?;
+    let gradient = result.gradient;
+    let squared_errors = to_arrays(py, gradient.squared_errors, gradient.pixels);
+    let gradient = gradient.gradient.into_pyarray(py);
+    Ok((squared_errors, gradient, result.matrix.into_pyarray(py)))
+}

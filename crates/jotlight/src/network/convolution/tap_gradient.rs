@@ -1,0 +1,136 @@
+//! The gradient with respect to the taps of a filter bank, equation (18).
+
+use ndarray::{ArrayView3, ArrayViewMut4, Axis};
+
+use super::direct::SPARE_ROWS;
+use super::padded::Padded;
+use crate::cpu::{self, Simd, WithSimd};
+use crate::numbers::{MAX_LANES, Real};
+
+/// The number of columns beyond the last one that a tile of shifts may read.
+pub(super) const SPARE_COLUMNS: usize = 4;
+
+/// The number of rows that are summed in the type of the planes before the sum goes to `f64`.
+const BAND_ROWS: usize = 64;
+
+impl<F: Real> Padded<F> {
+    /// Add the gradient with respect to the taps. `gradient` is that with respect to the outputs.
+    pub fn add_tap_gradient(
+        &self,
+        gradient: ArrayView3<'_, F>,
+        mut tap_gradient: ArrayViewMut4<'_, f64>,
+    ) {
+        let (_, height, width) = gradient.dim();
+        let weight_stride = width.next_multiple_of(MAX_LANES);
+        let mut sums = vec![0.0; self.taps.0 * self.taps.1];
+        let mut weights = Vec::new();
+        let outputs = gradient
+            .axis_iter(Axis(0))
+            .zip(tap_gradient.axis_iter_mut(Axis(0)));
+        for (gradient, mut tap_gradient) in outputs {
+            for first in (0..height).step_by(BAND_ROWS) {
+                let band = first..(first + BAND_ROWS).min(height);
+                weights.clear();
+                weights.resize((band.len() + 2 * SPARE_ROWS) * weight_stride, F::zero());
+                let inside = weights.chunks_exact_mut(weight_stride).skip(SPARE_ROWS);
+                for (row, out) in band.zip(inside) {
+                    for (out, &value) in out.iter_mut().zip(gradient.row(row)) {
+                        *out = value;
+                    }
+                }
+                for (channel, mut tap_gradient) in tap_gradient.outer_iter_mut().enumerate() {
+                    sums.fill(0.0);
+                    let start = channel * self.plane_stride + first * self.row_stride;
+                    cpu::run(ShiftedProducts {
+                        source: &self.data[start..],
+                        source_stride: self.row_stride,
+                        weights: &weights,
+                        weight_stride,
+                        shifts: self.taps,
+                        sums: &mut sums,
+                    });
+                    // A convolution meets the taps in reverse order.
+                    for (gradient, sum) in tap_gradient.iter_mut().zip(sums.iter().rev()) {
+                        *gradient += sum;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The sums Σ weights · source for every shift (row, column) of the source, which are added to
+/// `sums`.
+struct ShiftedProducts<'a, F> {
+    source: &'a [F],
+    source_stride: usize,
+    /// Rows of `weight_stride` values, a multiple of [`MAX_LANES`], with [`SPARE_ROWS`] rows of 0
+    /// before the first and after the last.
+    weights: &'a [F],
+    weight_stride: usize,
+    shifts: (usize, usize),
+    sums: &'a mut [f64],
+}
+
+impl<F: Real> WithSimd for ShiftedProducts<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        if S::REGISTER_COUNT < 32 {
+            self.run::<S, 3, 3>(simd);
+        } else {
+            self.run::<S, 4, 5>(simd);
+        }
+    }
+}
+
+impl<F: Real> ShiftedProducts<'_, F> {
+    #[inline(always)]
+    fn run<S: Simd, const R: usize, const C: usize>(&mut self, simd: S) {
+        for row in (0..self.shifts.0).step_by(R) {
+            for column in (0..self.shifts.1).step_by(C) {
+                let tile = self.tile::<S, R, C>(simd, row, column);
+                let rows = self.sums.chunks_exact_mut(self.shifts.1).skip(row);
+                for (sums, tile) in rows.zip(tile) {
+                    for (sum, tile) in sums[column..].iter_mut().zip(tile) {
+                        *sum += F::reduce_sum(simd, tile).as_f64();
+                    }
+                }
+            }
+        }
+    }
+
+    /// Return the sums of `R` x `C` shifts from the shift (`row_shift`, `column_shift`) on.
+    #[inline(always)]
+    fn tile<S: Simd, const R: usize, const C: usize>(
+        &self,
+        simd: S,
+        row_shift: usize,
+        column_shift: usize,
+    ) -> [[F::Vector<S>; C]; R] {
+        let lanes = F::lanes::<S>();
+        let rows = self.weights.len() / self.weight_stride - 2 * SPARE_ROWS;
+        let mut sums = [[F::splat(simd, F::zero()); C]; R];
+        for row in 0..rows + R - 1 {
+            let source = &self.source[(row_shift + row) * self.source_stride + column_shift..];
+            let weights: [&[F::Vector<S>]; R] = std::array::from_fn(|shift| {
+                let row = SPARE_ROWS + row - shift;
+                F::vectors::<S>(&self.weights[row * self.weight_stride..][..self.weight_stride])
+            });
+            for (step, start) in (0..self.weight_stride).step_by(lanes).enumerate() {
+                let source = &source[start..][..lanes + C - 1];
+                let windows: [_; C] =
+                    std::array::from_fn(|shift| F::vectors::<S>(&source[shift..][..lanes])[0]);
+                for row in 0..R {
+                    let weights = weights[row][step];
+                    for shift in 0..C {
+                        sums[row][shift] =
+                            F::multiply_add(simd, windows[shift], weights, sums[row][shift]);
+                    }
+                }
+            }
+        }
+        sums
+    }
+}

@@ -1,0 +1,119 @@
+//! The data that the first layer reads in training: counts for tied filters, bits for others.
+
+use ndarray::{Array2, Array3, ArrayView3, ArrayView4, ArrayViewMut4};
+
+use super::bit_tables::filter_bits;
+use crate::bits::{PackedBits, add_block_counts, bit_field};
+use crate::error::Result;
+use crate::numbers::Real;
+
+/// The data that a first layer reads.
+pub(crate) enum FirstLayerData<'a> {
+    /// For tied filters: the number of ones of each pixel, and the maximum K. The layer is
+    /// evaluated once per count, on a plane of the counts 0 to K, and not once per pixel.
+    Counts(Array2<i32>, usize),
+    /// For other filters: the bits, and rows and columns of pixels.
+    Bits(PackedBits<'a>, (usize, usize)),
+}
+
+impl<'a> FirstLayerData<'a> {
+    /// Return the data of a sensor with K̂ = `side`.
+    pub fn new(bits: PackedBits<'a>, side: usize, tied: bool) -> Result<Self> {
+        let pixels = bits.pixel_shape(side)?;
+        if !tied {
+            return Ok(Self::Bits(bits, pixels));
+        }
+        let mut counts = Array2::zeros(pixels);
+        add_block_counts(&bits, side, None, counts.view_mut())?;
+        Ok(Self::Counts(counts, bits.shape().0 * side * side))
+    }
+
+    /// Return p, one plane per filter: over the pixels, or over the counts.
+    pub fn filter<F: Real>(&self, filters: ArrayView4<'_, F>) -> Array3<F> {
+        match self {
+            Self::Counts(_, max) => {
+                let taps: Vec<F> = filters.iter().copied().collect();
+                Array3::from_shape_fn((taps.len(), 1, max + 1), |(channel, _, count)| {
+                    taps[channel] * F::from_index(count)
+                })
+            }
+            Self::Bits(bits, pixels) => filter_bits(bits, filters, *pixels),
+        }
+    }
+
+    /// Return planes over the pixels from planes of the layer.
+    pub fn to_pixels<F: Real>(&self, planes: Array3<F>) -> Array3<F> {
+        match self {
+            Self::Counts(counts, _) => {
+                let mut out = Array3::zeros((planes.dim().0, counts.nrows(), counts.ncols()));
+                for (mut out, by_count) in out.outer_iter_mut().zip(planes.outer_iter()) {
+                    let by_count = by_count.row(0);
+                    out.zip_mut_with(counts, |value, &count| *value = by_count[count as usize]);
+                }
+                out
+            }
+            Self::Bits(..) => planes,
+        }
+    }
+
+    /// Return the adjoint of [`FirstLayerData::to_pixels`] of planes over the pixels.
+    pub fn to_pixels_adjoint<F: Real>(&self, planes: Array3<F>) -> Array3<F> {
+        let Self::Counts(counts, max) = self else {
+            return planes;
+        };
+        let mut out = Array3::zeros((planes.dim().0, 1, max + 1));
+        for (mut out, plane) in out.outer_iter_mut().zip(planes.outer_iter()) {
+            let mut sums = vec![0.0; max + 1];
+            for (&value, &count) in plane.iter().zip(counts) {
+                sums[count as usize] += value.as_f64();
+            }
+            for (out, sum) in out.iter_mut().zip(sums) {
+                *out = F::from_f64(sum);
+            }
+        }
+        out
+    }
+
+    /// Add the gradient with respect to the taps. `gradient` is that with respect to p.
+    pub fn add_tap_gradient<F: Real>(
+        &self,
+        gradient: ArrayView3<'_, F>,
+        mut tap_gradient: ArrayViewMut4<'_, f64>,
+    ) {
+        let outputs = gradient.outer_iter().zip(tap_gradient.outer_iter_mut());
+        for (gradient, mut tap_gradient) in outputs {
+            self.for_each_tap(tap_gradient.dim(), |tap, plane: &[F]| {
+                let products = gradient.iter().zip(plane).map(|(&g, &x)| (g * x).as_f64());
+                tap_gradient[tap] += products.sum::<f64>();
+            });
+        }
+    }
+
+    /// Call `visit` with the frame, row, and column of each tap and the plane that it multiplies.
+    pub fn for_each_tap<F: Real>(
+        &self,
+        (frames, rows, columns): (usize, usize, usize),
+        mut visit: impl FnMut([usize; 3], &[F]),
+    ) {
+        match self {
+            Self::Counts(_, max) => {
+                let counts: Vec<F> = (0..=*max).map(F::from_index).collect();
+                visit([0, 0, 0], &counts);
+            }
+            Self::Bits(bits, (height, width)) => {
+                let mut plane = vec![F::zero(); height * width];
+                for tap in ndarray::indices((frames, rows, columns)) {
+                    let (frame, tap_row, tap_column) = tap;
+                    for (row, plane) in plane.chunks_exact_mut(*width).enumerate() {
+                        let jots = bits.row(frame, row * rows + tap_row);
+                        for (pixel, value) in plane.iter_mut().enumerate() {
+                            let bit = bit_field(&jots, pixel * columns + tap_column, 1);
+                            *value = F::from_index(bit as usize);
+                        }
+                    }
+                    visit([frame, tap_row, tap_column], &plane);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! One spline per channel, applied to stacks of planes and differentiated.
+
+use ndarray::{Array2, Array3, ArrayView2, ArrayView3, Axis, Zip};
+use rayon::prelude::*;
+
+use super::evaluate::Spline;
+use crate::bits::contiguous;
+use crate::error::{Error, Result};
+use crate::numbers::Real;
+
+/// One spline per channel, without filters. PyTorch networks use it as their nonlinearity.
+pub struct Splines<F>(Vec<Spline<F>>);
+
+impl<F: Real> Splines<F> {
+    /// Return splines with coefficients `(C, N_w)` that belong to knots at `start` + k·`spacing`.
+    ///
+    /// # Errors
+    /// [`Error::Range`] for fewer than 4 coefficients, a spacing that is not positive, and values
+    /// that are not finite.
+    pub fn new(coefficients: ArrayView2<'_, F>, start: F, spacing: F) -> Result<Self> {
+        Ok(Self(build_splines(coefficients, start, spacing)?))
+    }
+
+    /// Return φ of planes `(N, C, P)`, with the spline of each channel.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] if the number of channels differs.
+    pub fn activate(&self, planes: ArrayView3<'_, F>) -> Result<Array3<F>> {
+        self.check_channels(planes.dim())?;
+        let mut out = planes.to_owned();
+        Zip::indexed(out.lanes_mut(Axis(2))).par_for_each(|(_, channel), mut plane| {
+            if let Some(plane) = plane.as_slice_mut() {
+                self.0[channel].apply(plane);
+            }
+        });
+        Ok(out)
+    }
+
+    /// Return the gradients with respect to planes `(N, C, P)` and coefficients `(C, N_w)`.
+    ///
+    /// `gradient` is the gradient with respect to the result of [`Splines::activate`]. The result
+    /// is the same for any number of threads.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] if the arrays do not fit.
+    pub fn pull_back(
+        &self,
+        planes: ArrayView3<'_, F>,
+        gradient: ArrayView3<'_, F>,
+    ) -> Result<(Array3<F>, Array2<f64>)> {
+        self.check_channels(planes.dim())?;
+        if gradient.dim() != planes.dim() {
+            return Err(Error::shape("gradient", planes.dim(), gradient.dim()));
+        }
+        let (_, channels, _) = planes.dim();
+        let coefficients = self.0.first().map_or(0, Spline::len);
+        let planes = planes.as_standard_layout();
+        let mut out = gradient.to_owned();
+        let sums_per_item: Vec<_> = out
+            .outer_iter_mut()
+            .into_par_iter()
+            .zip(planes.outer_iter())
+            .map(|(mut out, planes)| {
+                let mut sums = Array2::zeros((channels, coefficients));
+                let rows = out.outer_iter_mut().zip(planes.outer_iter());
+                for ((spline, (mut out, plane)), mut sums) in
+                    self.0.iter().zip(rows).zip(sums.outer_iter_mut())
+                {
+                    if let (Some(out), Some(plane), Some(sums)) =
+                        (out.as_slice_mut(), plane.to_slice(), sums.as_slice_mut())
+                    {
+                        spline.pull_back(plane, out, sums);
+                    }
+                }
+                sums
+            })
+            .collect();
+        // The sums of the items are added in order, so the result does not depend on the threads.
+        let mut sums = Array2::zeros((channels, coefficients));
+        for item in sums_per_item {
+            sums += &item;
+        }
+        Ok((out, sums))
+    }
+
+    fn check_channels(&self, (_, channels, _): (usize, usize, usize)) -> Result<()> {
+        if channels == self.0.len() {
+            return Ok(());
+        }
+        Err(Error::shape("channels", self.0.len(), channels))
+    }
+}
+
+/// Return one spline for each row of coefficients.
+pub(crate) fn build_splines<F: Real>(
+    coefficients: ArrayView2<'_, F>,
+    start: F,
+    spacing: F,
+) -> Result<Vec<Spline<F>>> {
+    let what = "spline coefficients";
+    if coefficients.ncols() < 4 {
+        return Err(Error::range(what, "at least 4", coefficients.ncols()));
+    }
+    if !coefficients.iter().all(|x| x.is_finite()) {
+        return Err(Error::range(what, "finite values", "infinity or NaN"));
+    }
+    if !(spacing > F::zero() && spacing.is_finite() && start.is_finite()) {
+        return Err(Error::range("knot spacing", "positive", spacing));
+    }
+    let rows = coefficients.rows().into_iter();
+    Ok(rows
+        .map(|row| Spline::new(&contiguous(row), start, spacing))
+        .collect())
+}

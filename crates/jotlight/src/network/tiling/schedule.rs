@@ -1,0 +1,96 @@
+//! The division of an image into bands for the threads, and of the bands into tiles.
+
+use ndarray::Array2;
+use rayon::prelude::*;
+
+use super::dependencies::required_regions;
+use super::region::Region;
+use super::workspace::{CachedWorkspace, TileColumn};
+use crate::network::convolution::winograd::OUTPUT_ROWS;
+use crate::network::graph::Graph;
+use crate::numbers::Real;
+
+/// The maximum number of pixels of a tile, or of each of its strips, so that its planes stay in the
+/// cache.
+const MAX_TILE_PIXELS: usize = 1 << 16;
+/// The maximum number of values in the planes of a tile.
+const MAX_TILE_VALUES: usize = 1 << 22;
+/// The limits of a tile's width. A tile must be wide compared to the border that it reads.
+const MAX_TILE_WIDTH: usize = 1024;
+const MIN_TILE_WIDTH: usize = 64;
+/// The minimum height of a band, in receptive fields. It bounds the number of recomputed rows.
+const MIN_BAND_HEIGHT: usize = 4;
+/// The maximum number of bands per thread. With several, no thread waits long for another.
+const BANDS_PER_THREAD: usize = 4;
+/// The number of strips per thread if the threads share a tile.
+const STRIPS_PER_THREAD: usize = 2;
+
+/// Return the image that a network computes.
+///
+/// `first_layer` writes a region of the first layer's output, `(C, rows, columns)`.
+pub(crate) fn evaluate_in_tiles<F: Real>(
+    graph: &Graph<'_, F>,
+    size: (usize, usize),
+    first_layer: impl Fn(&Region, &mut [F]) + Sync,
+) -> Array2<F> {
+    let (height, width) = size;
+    let mut image = Array2::zeros((height, width));
+    let (bands, strips) = divide_among_threads(graph, height);
+    let group = OUTPUT_ROWS * graph.size_divisor;
+    let band_height = height.div_ceil(bands).next_multiple_of(group);
+    let pixels = MAX_TILE_PIXELS.min(MAX_TILE_VALUES / graph.values_per_pixel);
+    let tile_width = (pixels / group).clamp(MIN_TILE_WIDTH, MAX_TILE_WIDTH);
+    let bands = image.as_slice_mut().unwrap_or_default();
+    let bands = bands.par_chunks_mut(band_height * width).enumerate();
+    bands.for_each_init(
+        CachedWorkspace::default,
+        |CachedWorkspace(workspace), (band, out)| {
+            let rows = band * band_height..(band * band_height + band_height).min(height);
+            for left in (0..width).step_by(tile_width) {
+                let columns = left..(left + tile_width).min(width);
+                let tile_height = strips * pixels / columns.len().max(MIN_TILE_WIDTH);
+                let tile_height = tile_height.max(1).next_multiple_of(group);
+                let tiles = rows.clone().step_by(tile_height).map(|top| Region {
+                    rows: top..(top + tile_height).min(rows.end),
+                    columns: columns.clone(),
+                });
+                let column = TileColumn::new(graph, size, strips, &first_layer);
+                column.evaluate(workspace, tiles, |region, planes| {
+                    let out = &mut out[(region.rows.start - rows.start) * width..];
+                    for (row, out) in region.rows.clone().zip(out.chunks_exact_mut(width)) {
+                        let row = &planes.row(row).plane(0)[left - planes.columns.start..];
+                        out[columns.clone()].copy_from_slice(&row[..columns.len()]);
+                    }
+                });
+            }
+        },
+    );
+    image
+}
+
+/// Return the number of bands and the number of strips per tile.
+///
+/// Each thread computes a band. If the image is too low for one band per thread, the threads share
+/// the strips of each tile.
+fn divide_among_threads<F: Real>(graph: &Graph<'_, F>, height: usize) -> (usize, usize) {
+    let threads = rayon::current_num_threads();
+    if threads == 1 {
+        return (1, 1);
+    }
+    // A row far from the borders of a large image has a whole receptive field.
+    let start = graph.size_divisor << 16;
+    let row = Region {
+        rows: start..start + graph.size_divisor,
+        columns: 0..1,
+    };
+    let receptive_field = required_regions(graph, (2 * start, 2 * start), &row)[0]
+        .rows
+        .len();
+    let max_bands = height / (MIN_BAND_HEIGHT * receptive_field);
+    if max_bands < threads {
+        let bands = max_bands.max(1);
+        (bands, (STRIPS_PER_THREAD * threads).div_ceil(bands))
+    } else {
+        (threads * (max_bands / threads).min(BANDS_PER_THREAD), 1)
+    }
+}

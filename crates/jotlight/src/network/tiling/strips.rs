@@ -1,0 +1,98 @@
+//! Stacks of planes in memory: horizontal strips, one below the other.
+
+use std::borrow::Cow;
+use std::ops::Range;
+
+use ndarray::{ArrayView, Dimension};
+
+use super::region::Region;
+
+/// Some rows of a stack of planes, `(channels, rows, columns)`.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Strip<D> {
+    pub rows: Range<usize>,
+    pub data: D,
+}
+
+/// The strips of a layer's output that are in memory.
+pub(super) struct LayerBuffer<F> {
+    pub strips: Vec<Strip<Vec<F>>>,
+    pub columns: Range<usize>,
+}
+
+impl<F> LayerBuffer<F> {
+    /// Return a view for reading. `size` is the size of the whole planes.
+    pub fn view(&self, size: (usize, usize)) -> StripedPlanes<'_, F> {
+        let strips = self.strips.iter().map(|strip| Strip {
+            rows: strip.rows.clone(),
+            data: &strip.data[..],
+        });
+        StripedPlanes {
+            strips: strips.collect(),
+            columns: self.columns.clone(),
+            size,
+        }
+    }
+}
+
+/// A view of a region of a stack of planes.
+pub(crate) struct StripedPlanes<'a, F> {
+    strips: Vec<Strip<&'a [F]>>,
+    pub columns: Range<usize>,
+    /// Rows and columns of the whole planes.
+    pub size: (usize, usize),
+}
+
+impl<'a, F> StripedPlanes<'a, F> {
+    /// Return a view of planes that are a single strip.
+    pub fn single(planes: &'a [F], region: Region, size: (usize, usize)) -> Self {
+        let strip = Strip {
+            rows: region.rows,
+            data: planes,
+        };
+        Self {
+            strips: vec![strip],
+            columns: region.columns,
+            size,
+        }
+    }
+
+    /// Return a row, which must lie in a strip.
+    pub fn row(&self, row: usize) -> PlaneRow<'a, F> {
+        let index = self.strips.partition_point(|strip| strip.rows.end <= row);
+        let Strip { rows, data } = &self.strips[index];
+        let width = self.columns.len();
+        PlaneRow {
+            strip: data,
+            start: (row - rows.start) * width,
+            plane_stride: rows.len() * width,
+        }
+    }
+}
+
+/// The same row of all planes of a strip.
+#[derive(Clone, Copy)]
+pub(crate) struct PlaneRow<'a, F> {
+    strip: &'a [F],
+    /// The offset of the row in the first plane.
+    start: usize,
+    /// The offset from one plane to the next.
+    plane_stride: usize,
+}
+
+impl<'a, F> PlaneRow<'a, F> {
+    /// Return the strip from this row of a plane on, up to the end of the strip.
+    pub fn plane(&self, plane: usize) -> &'a [F] {
+        &self.strip[self.start + plane * self.plane_stride..]
+    }
+}
+
+/// Return planes as a slice in row-major order. They are copied if they are not contiguous.
+pub(crate) fn contiguous_planes<T: Copy, D: Dimension>(
+    planes: ArrayView<'_, T, D>,
+) -> Cow<'_, [T]> {
+    match planes.to_slice() {
+        Some(planes) => Cow::Borrowed(planes),
+        None => Cow::Owned(planes.iter().copied().collect()),
+    }
+}

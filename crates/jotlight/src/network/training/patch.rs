@@ -1,0 +1,138 @@
+//! The evaluation of a network on one patch of a batch.
+
+use std::ops::Range;
+
+use ndarray::{Array2, Array3, ArrayView2, Axis, Zip, s};
+
+use super::backward::ForwardPass;
+use super::batch::{Batch, Patch};
+use crate::bits::{PackedBits, packed_width};
+use crate::error::Result;
+use crate::network::first_layer::training_data::FirstLayerData;
+use crate::network::layer::Layer;
+use crate::numbers::Real;
+use crate::sensing::{self, Image, Window};
+
+/// The evaluation of a network on one patch.
+pub(super) struct PatchEvaluation<'a, F> {
+    pub forward_pass: ForwardPass<'a, F>,
+    /// ĉ − c, and 0 in the border.
+    pub residual: Array2<F>,
+    /// The pixels outside the border.
+    pub pixels: Vec<usize>,
+}
+
+impl<F: Real> PatchEvaluation<'_, F> {
+    /// Return ‖ĉ − c‖².
+    pub fn squared_error(&self) -> f64 {
+        let residual = self.residual.iter();
+        residual.map(|x| x.as_f64() * x.as_f64()).sum()
+    }
+
+    /// Return the gradient of ½‖ĉ − c‖² with respect to all parameters.
+    pub fn gradient(&self, parameters: usize) -> Vec<f64> {
+        let mut gradient = vec![0.0; parameters];
+        let residual = self.residual.view();
+        self.forward_pass.add_gradient(residual, &mut gradient);
+        gradient
+    }
+
+    /// Add JᵀJ to a matrix, where J is the Jacobian of the pixels outside the border.
+    pub fn add_jacobian_products(&self, matrix: &mut Array2<f64>) {
+        let rows = self.forward_pass.jacobian(&self.pixels);
+        let shape = (rows.parameters.len(), self.pixels.len());
+        let Ok(values) = ArrayView2::from_shape(shape, &rows.values) else {
+            return;
+        };
+        let products = values.dot(&values.t());
+        for (&row, products) in rows.parameters.iter().zip(products.outer_iter()) {
+            for (&column, value) in rows.parameters.iter().zip(products) {
+                matrix[[row, column]] += value.as_f64();
+            }
+        }
+    }
+}
+
+impl Batch<'_> {
+    /// Simulate the bits of a patch, evaluate the network, and return the result of `measure`.
+    pub(super) fn evaluate_patch<F: Real, R>(
+        &self,
+        layers: &[Layer<F>],
+        index: usize,
+        measure: impl FnOnce(&PatchEvaluation<'_, F>) -> R,
+    ) -> Result<R> {
+        let patch = &self.patches[index];
+        let image = self.images[patch.image].slice(s![patch.rows.clone(), patch.columns.clone()]);
+        let (height, width) = image.dim();
+        let side = self.sensor.kernel.oversampling();
+        let packed = self.expose_patch(index, image)?;
+        let bits = PackedBits::new(packed.view(), width * side)?;
+        let data = FirstLayerData::new(bits, side, is_tied(&layers[0]))?;
+        let forward_pass = ForwardPass::new(layers, &data);
+
+        let (rows, columns) = self.without_border(patch);
+        let mut residual = Array2::zeros((height, width));
+        let mut pixels = Vec::with_capacity(rows.len() * columns.len());
+        let output = forward_pass.output.index_axis(Axis(0), 0);
+        for row in rows {
+            let inside = s![row, columns.clone()];
+            Zip::from(residual.slice_mut(inside))
+                .and(output.slice(inside))
+                .and(image.slice(inside))
+                .for_each(|out, &estimate, &truth| {
+                    *out = estimate - F::from_f64(f64::from(truth));
+                });
+            pixels.extend(columns.clone().map(|column| row * width + column));
+        }
+        Ok(measure(&PatchEvaluation {
+            forward_pass,
+            residual,
+            pixels,
+        }))
+    }
+
+    /// Return the packed bits of a patch. Each patch has frames of its own.
+    fn expose_patch(&self, index: usize, image: ArrayView2<'_, f32>) -> Result<Array3<u8>> {
+        let (height, width) = image.dim();
+        let side = self.sensor.kernel.oversampling();
+        let shape = (self.frames, height * side, packed_width(width * side));
+        let mut packed = Array3::zeros(shape);
+        let window = Window {
+            frames: index * self.frames..(index + 1) * self.frames,
+            rows: 0..height,
+            columns: 0..width,
+        };
+        let image = Image::F32(image);
+        sensing::expose(
+            &self.sensor,
+            image,
+            self.seed,
+            0,
+            &window,
+            packed.view_mut(),
+        )?;
+        Ok(packed)
+    }
+
+    /// Return rows and columns of a patch without its border. The border of the image itself is
+    /// not removed, because the network sees all that there is.
+    fn without_border(&self, patch: &Patch) -> (Range<usize>, Range<usize>) {
+        let image = &self.images[patch.image];
+        let inside = |range: &Range<usize>, size: usize| {
+            let first = if range.start == 0 { 0 } else { self.border };
+            let last = if range.end == size { 0 } else { self.border };
+            let end = range.len().saturating_sub(last);
+            first.min(end)..end
+        };
+        (
+            inside(&patch.rows, image.nrows()),
+            inside(&patch.columns, image.ncols()),
+        )
+    }
+}
+
+/// Return whether the filters of a first layer have one tap for the whole block.
+pub(super) fn is_tied<F: Real>(layer: &Layer<F>) -> bool {
+    let (_, frames, height, width) = layer.filters.dim();
+    (frames, height, width) == (1, 1, 1)
+}

@@ -1,0 +1,151 @@
+//! The detection probability that a random draw is compared with.
+//!
+//! A table holds P(b = 1) to 16 bits. Only the few draws that come close to the table's value need
+//! the exact probability.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::cpu::levels;
+use crate::likelihood::Threshold;
+use crate::numbers::Real;
+
+/// P(b = 1) = P(q, s) in units of 2⁻¹⁶, tabulated over s.
+#[derive(Debug)]
+pub(super) struct ProbabilityTable {
+    /// Number of entries per expected photon.
+    density: f64,
+    /// The index of the last entry that is used.
+    last: f64,
+    /// The [`ENTRIES`] entries.
+    entries: Vec<u32>,
+}
+
+/// Length of a table. No threshold needs more entries, and an index of 17 bits is always in range.
+const ENTRIES: usize = 1 << 17;
+
+impl ProbabilityTable {
+    /// Number of entries over which P would rise from 0 to 1 at its maximum slope.
+    const ENTRIES_AT_MAX_SLOPE: f64 = 1024.0;
+
+    /// Maximum distance of a 16-bit draw from the table's value at which the exact probability
+    /// decides. Over half an entry P rises by up to 32 units, and rounding the value and the draw
+    /// adds one unit each.
+    pub const MARGIN: u16 = 34;
+
+    /// Return the table of a threshold. All callers share one table per threshold.
+    pub fn shared(threshold: Threshold) -> Arc<Self> {
+        static TABLES: Mutex<Vec<(u32, Arc<ProbabilityTable>)>> = Mutex::new(Vec::new());
+        let photons = threshold.photons();
+        let tables = || TABLES.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = tables().iter().find(|(q, _)| *q == photons).cloned();
+        if let Some((_, table)) = known {
+            return table;
+        }
+        // The lock is free meanwhile: two threads may both compute the table, but none waits.
+        let table = Arc::new(Self::new(threshold));
+        tables().push((photons, Arc::clone(&table)));
+        table
+    }
+
+    fn new(threshold: Threshold) -> Self {
+        // The maximum of dP/ds is at s = q − 1.
+        let max_slope = threshold.detection_derivative(f64::from(threshold.photons() - 1));
+        let density = Self::ENTRIES_AT_MAX_SLOPE * max_slope;
+        let mut entries = vec![0; ENTRIES];
+        let mut last = 0.0;
+        for entry in &mut entries {
+            let probability = threshold.detection_probability((last + 0.5) / density);
+            *entry = (probability * 65536.0).min(65535.0).round() as u32;
+            // The last entry represents all higher rates.
+            if 1.0 - probability < 1e-6 {
+                break;
+            }
+            last += 1.0;
+        }
+        Self {
+            density,
+            last,
+            entries,
+        }
+    }
+
+    /// Replace `probabilities` with P(b = 1) in units of 2⁻¹⁶ for rates of at least 0.
+    pub fn look_up(&self, rates: &[f64], probabilities: &mut Vec<u16>) {
+        probabilities.resize(rates.len(), 0);
+        look_up(self, rates, probabilities);
+    }
+
+    /// Return the probabilities of a group of rates. The compiler vectorizes each of the two loops.
+    #[inline(always)]
+    fn look_up_group(
+        &self,
+        entries: &[u32; ENTRIES],
+        rates: &[f64; GROUP_SIZE],
+    ) -> [u16; GROUP_SIZE] {
+        let mut indices = [0; GROUP_SIZE];
+        for (index, rate) in indices.iter_mut().zip(rates) {
+            // Rounding half an entry less yields the entry that contains the rate. On the edge of
+            // two entries, either is accurate enough.
+            let entry = rate * self.density - 0.5;
+            let entry = if entry < self.last { entry } else { self.last };
+            let entry = if entry > 0.0 { entry } else { 0.0 };
+            *index = entry.nearest().1;
+        }
+        indices.map(|index| entries[index as usize % ENTRIES] as u16)
+    }
+}
+
+/// Number of rates that are looked up together.
+const GROUP_SIZE: usize = 64;
+
+levels! {
+    fn look_up(table: &ProbabilityTable, rates: &[f64], out: &mut [u16]) = look_up_inlined;
+}
+
+#[inline(always)]
+fn look_up_inlined(table: &ProbabilityTable, rates: &[f64], out: &mut [u16]) {
+    let Some(entries) = table.entries.first_chunk() else {
+        return;
+    };
+    let (groups, rest) = rates.as_chunks::<GROUP_SIZE>();
+    let (out_groups, out_rest) = out.as_chunks_mut::<GROUP_SIZE>();
+    for (rates, out) in groups.iter().zip(out_groups) {
+        *out = table.look_up_group(entries, rates);
+    }
+    let mut group = [0.0; GROUP_SIZE];
+    group[..rest.len()].copy_from_slice(rest);
+    out_rest.copy_from_slice(&table.look_up_group(entries, &group)[..rest.len()]);
+}
+
+/// Return P(b = 1) in units of 2⁻⁴⁸.
+pub(super) fn exact_probability(threshold: &Threshold, rate: f64) -> u64 {
+    (threshold.detection_probability(rate) * 48f64.exp2()).round() as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::Result;
+
+    #[test]
+    fn every_entry_is_within_the_margin_of_the_probability() -> Result<()> {
+        for q in [1, 2, 5, 40, 3000] {
+            let threshold = Threshold::new(q)?;
+            let step = 0.000_017_3 * f64::from(q + 100);
+            let mut rates: Vec<f64> = (0..200_000).map(|k| f64::from(k) * step).collect();
+            rates.extend([0.0, 1e-300, 1e4, 1e300, f64::INFINITY]);
+            let mut probabilities = Vec::new();
+            ProbabilityTable::shared(threshold).look_up(&rates, &mut probabilities);
+            for (rate, probability) in rates.iter().zip(probabilities) {
+                let exact = 65536.0 * threshold.detection_probability(*rate);
+                // One unit of the margin belongs to the draw, which is rounded to 16 bits.
+                let error = (f64::from(probability) - exact).abs();
+                assert!(
+                    error <= f64::from(ProbabilityTable::MARGIN - 1),
+                    "q = {q}, s = {rate}: {error}"
+                );
+            }
+        }
+        Ok(())
+    }
+}

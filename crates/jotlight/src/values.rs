@@ -1,0 +1,30 @@
+//! Parameters that are either one value for all elements or one value for each.
+
+use crate::error::{Error, Result};
+
+/// One value that all elements of an array share, or one value for each element.
+#[derive(Clone, Copy, Debug)]
+pub enum Values<'a, T> {
+    /// The value of all elements.
+    Same(T),
+    /// The value of each element, in row-major order.
+    Each(&'a [T]),
+}
+
+impl<T: Copy> Values<'_, T> {
+    pub(crate) fn get(&self, index: usize) -> T {
+        match self {
+            Self::Same(value) => *value,
+            Self::Each(values) => values[index],
+        }
+    }
+
+    pub(crate) fn check_length(&self, what: &'static str, length: usize) -> Result<()> {
+        match self {
+            Self::Each(values) if values.len() != length => {
+                Err(Error::shape(what, length, values.len()))
+            }
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,345 @@
+//! The network against its definition: a forward pass in plain loops, and central differences.
+
+use jotlight::bits::PackedBits;
+use jotlight::error::{Error, Result};
+use jotlight::likelihood::Threshold;
+use jotlight::network::{
+    Batch, Layer, Patch, Splines, Wiring, forward, forward_bits, forward_counts, input_rows,
+    masked_sums,
+};
+use jotlight::sensing::{Kernel, PerJot, Sensor};
+use ndarray::{Array1, Array2, Array3, Array4, ArrayView3, Axis, s};
+
+const START: f64 = -5.0;
+const COEFFICIENTS: usize = 9;
+const SPACING: f64 = 10.0 / (COEFFICIENTS - 3) as f64;
+
+/// A linear congruential generator of values in [−0.5, 0.5].
+struct Random(u32);
+
+impl Random {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f64::from(self.0) / f64::from(u32::MAX) - 0.5
+    }
+
+    fn layer(&mut self, shape: (usize, usize, usize, usize), wiring: Wiring) -> Result<Layer<f64>> {
+        let scale = 2.0 / ((shape.1 * shape.2 * shape.3) as f64).sqrt();
+        let filters = Array4::from_shape_simple_fn(shape, || scale * self.next());
+        let channels = shape.0 / (wiring.upsampling * wiring.upsampling);
+        let coefficients =
+            Array2::from_shape_simple_fn((channels, COEFFICIENTS), || 4.0 * self.next());
+        Layer::new(filters, Some(coefficients.view()), START, SPACING, wiring)
+    }
+}
+
+/// Return the index inside an axis that a mirrored index outside of it refers to.
+fn mirrored(index: isize, size: usize) -> usize {
+    let period = 2 * size as isize;
+    let index = index.rem_euclid(period);
+    index.min(period - 1 - index) as usize
+}
+
+/// Return h * u with a stride, equation (9), by its definition.
+fn convolved(layer: &Layer<f64>, planes: ArrayView3<'_, f64>, stride: usize) -> Array3<f64> {
+    let (outputs, inputs, rows, columns) = layer.filters().dim();
+    let (_, height, width) = planes.dim();
+    let shape = (outputs, height / stride, width / stride);
+    Array3::from_shape_fn(shape, |(output, m, n)| {
+        let mut sum = 0.0;
+        for (input, i, j) in ndarray::indices((inputs, rows, columns)) {
+            let position = |index: usize, tap: usize, taps: usize| {
+                (index * stride + taps - 1 - tap) as isize - ((taps - stride) / 2) as isize
+            };
+            let y = mirrored(position(m, i, rows), height);
+            let x = mirrored(position(n, j, columns), width);
+            sum += layer.filters()[[output, input, i, j]] * planes[[input, y, x]];
+        }
+        sum
+    })
+}
+
+/// Return the output of a network by its definition, for a size that the strides divide.
+fn naive_forward(layers: &[Layer<f64>], wiring: &[Wiring], sums: &Array3<f64>) -> Array2<f64> {
+    let mut planes: Vec<Array3<f64>> = Vec::new();
+    for (index, (layer, wiring)) in layers.iter().zip(wiring).enumerate() {
+        let mut output = sums.clone();
+        if index > 0 {
+            let input = &planes[wiring.input.unwrap_or(index - 1)];
+            let deep = convolved(layer, input.view(), wiring.stride);
+            let (_, rows, columns) = deep.dim();
+            let r = wiring.upsampling;
+            let shape = (layer.channels(), rows * r, columns * r);
+            output = Array3::from_shape_fn(shape, |(channel, y, x)| {
+                deep[[(channel * r + y % r) * r + x % r, y / r, x / r]]
+            });
+        }
+        if let Some(skip) = wiring.skip {
+            output += &planes[skip];
+        }
+        for (spline, mut plane) in layer.splines().iter().zip(output.outer_iter_mut()) {
+            plane.mapv_inplace(|z| spline.value(z));
+        }
+        planes.push(output);
+    }
+    planes[planes.len() - 1].index_axis(Axis(0), 0).to_owned()
+}
+
+fn wiring(stride: usize, upsampling: usize, input: Option<usize>, skip: Option<usize>) -> Wiring {
+    Wiring {
+        stride,
+        upsampling,
+        input,
+        skip,
+    }
+}
+
+/// Return layers with strides, upsampling, skip connections, and one layer for Winograd.
+fn connected_layers(random: &mut Random) -> Result<(Vec<Layer<f64>>, Vec<Wiring>)> {
+    let layers = [
+        ((3, 1, 1, 1), Wiring::default()),
+        ((16, 3, 4, 2), wiring(2, 1, None, None)),
+        ((8, 16, 3, 3), wiring(1, 1, None, None)),
+        ((8, 8, 3, 3), wiring(3, 1, None, None)),
+        ((72, 8, 1, 1), wiring(1, 3, None, Some(2))),
+        ((4, 8, 1, 3), wiring(1, 2, None, None)),
+        ((1, 3, 5, 4), wiring(1, 1, Some(0), Some(5))),
+    ];
+    let built: Result<Vec<_>> = layers
+        .iter()
+        .map(|&(shape, wiring)| random.layer(shape, wiring))
+        .collect();
+    Ok((built?, layers.map(|(_, wiring)| wiring).to_vec()))
+}
+
+fn largest_difference(a: &Array2<f64>, b: &Array2<f64>) -> f64 {
+    let differences = a.iter().zip(b).map(|(a, b)| (a - b).abs());
+    differences.fold(0.0, f64::max)
+}
+
+#[test]
+fn the_forward_pass_is_that_of_the_definition() -> Result<()> {
+    let mut random = Random(1);
+    let (layers, wiring) = connected_layers(&mut random)?;
+    let references: Vec<&Layer<f64>> = layers.iter().collect();
+    for (height, width) in [(6, 6), (24, 66), (48, 6)] {
+        let sums = Array3::from_shape_simple_fn((3, height, width), || 8.0 * random.next());
+        let expected = naive_forward(&layers, &wiring, &sums);
+        let found = forward(&references, sums.view())?;
+        assert!(largest_difference(&found, &expected) < 1e-9);
+    }
+    Ok(())
+}
+
+#[test]
+fn the_input_rows_determine_the_rows_of_the_image() -> Result<()> {
+    let mut random = Random(2);
+    let (layers, _) = connected_layers(&mut random)?;
+    let layers: Vec<&Layer<f64>> = layers.iter().collect();
+    let sums = Array3::from_shape_simple_fn((3, 301, 10), || 8.0 * random.next());
+    let whole = forward(&layers, sums.view())?;
+    for rows in [0..1, 40..43, 148..200, 300..301] {
+        let input = input_rows(&layers, 301, rows.clone())?;
+        assert!(input.len() < 200);
+        let part = forward(&layers, sums.slice(s![.., input.clone(), ..]))?;
+        let found = part.slice(s![rows.start - input.start..rows.end - input.start, ..]);
+        assert_eq!(found, whole.slice(s![rows, ..]));
+    }
+    Ok(())
+}
+
+#[test]
+fn counts_bits_and_sums_lead_to_the_same_image() -> Result<()> {
+    let mut random = Random(3);
+    for (frames, side) in [(1, 2), (2, 3), (1, 4), (3, 8)] {
+        let bits_per_pixel = frames * side * side;
+        let (height, width) = (40, 19);
+        let tap = random.next() / side as f64;
+        let filters = Array4::from_elem((1, frames, side, side), tap);
+        let coefficients = Array2::from_shape_simple_fn((1, COEFFICIENTS), || random.next());
+        let first = |filters| {
+            let wiring = Wiring::default();
+            Layer::new(filters, Some(coefficients.view()), START, SPACING, wiring)
+        };
+        let weighted = first(filters)?;
+        let tied = first(Array4::from_elem((1, 1, 1, 1), tap))?;
+        let second = random.layer((1, 1, 3, 3), Wiring::default())?;
+
+        let bytes = (width * side).div_ceil(8);
+        let packed = Array3::from_shape_simple_fn((frames, height * side, bytes), || {
+            ((random.next() + 0.5) * 255.0) as u8
+        });
+        let bits = PackedBits::new(packed.view(), width * side)?;
+        let mut counts = Array2::zeros((height, width));
+        jotlight::bits::add_block_counts(&bits, side, None, counts.view_mut())?;
+        let by_count = Array2::from_shape_fn((1, bits_per_pixel + 1), |(_, k)| tap * k as f64);
+        let valid = Array2::from_elem((height * side, bytes), 255);
+        let sums = masked_sums(&weighted, &bits, valid.view())?;
+
+        let from_bits = forward_bits(&[&weighted, &second], &bits)?;
+        let from_counts = forward_counts(&[&tied, &second], counts.view(), by_count.view())?;
+        let from_sums = forward(&[&tied, &second], sums.view())?;
+        assert!(largest_difference(&from_bits, &from_counts) < 1e-12);
+        assert!(largest_difference(&from_bits, &from_sums) < 1e-12);
+    }
+    Ok(())
+}
+
+#[test]
+fn counts_without_a_sum_are_refused() -> Result<()> {
+    let layer = Random(4).layer((1, 1, 1, 1), Wiring::default())?;
+    for count in [-1, 3] {
+        let counts = Array2::from_elem((2, 2), count);
+        let result = forward_counts(&[&layer], counts.view(), Array2::zeros((1, 3)).view());
+        assert!(matches!(result, Err(Error::Range { what: "counts", .. })));
+    }
+    Ok(())
+}
+
+#[test]
+fn layers_that_do_not_fit_are_refused() -> Result<()> {
+    let mut random = Random(5);
+    let sums = Array3::zeros((1, 4, 4));
+    let first = random.layer((1, 1, 1, 1), Wiring::default())?;
+    for (shape, wiring) in [
+        ((1, 2, 1, 1), Wiring::default()),
+        ((2, 1, 1, 1), Wiring::default()),
+        ((1, 1, 2, 2), wiring(2, 1, None, None)),
+        ((4, 1, 1, 1), wiring(1, 2, None, None)),
+        ((1, 1, 1, 1), wiring(1, 1, Some(1), None)),
+        ((1, 1, 1, 1), wiring(1, 1, None, Some(1))),
+    ] {
+        let second = random.layer(shape, wiring)?;
+        assert!(forward(&[&first, &second], sums.view()).is_err());
+    }
+    assert!(forward::<f64>(&[], sums.view()).is_err());
+    Ok(())
+}
+
+/// The shapes of a network's filters, and the parameters in the order of the gradient.
+struct Parameters {
+    shapes: Vec<(usize, usize, usize, usize)>,
+    values: Array1<f64>,
+}
+
+impl Parameters {
+    fn random(shapes: Vec<(usize, usize, usize, usize)>, random: &mut Random) -> Self {
+        let mut values = Vec::new();
+        for &(outputs, inputs, rows, columns) in &shapes {
+            let taps = inputs * rows * columns;
+            let scale = 2.0 / (taps as f64).sqrt();
+            values.extend((0..outputs * taps).map(|_| scale * random.next()));
+            values.extend((0..outputs * COEFFICIENTS).map(|_| 3.0 * random.next()));
+        }
+        let values = values.into();
+        Self { shapes, values }
+    }
+
+    fn layers(&self) -> Result<Vec<Layer<f64>>> {
+        let mut values = self.values.iter().copied();
+        let layer = |&shape: &(usize, usize, usize, usize)| {
+            let mut next = || values.next().unwrap_or(f64::NAN);
+            let filters = Array4::from_shape_simple_fn(shape, &mut next);
+            let coefficients = Array2::from_shape_simple_fn((shape.0, COEFFICIENTS), next);
+            let wiring = Wiring::default();
+            Layer::new(filters, Some(coefficients.view()), START, SPACING, wiring)
+        };
+        self.shapes.iter().map(layer).collect()
+    }
+}
+
+fn batch<'a>(images: &'a [Array2<f32>], sensor: Sensor<'a>) -> Batch<'a> {
+    let patch = |image, rows, columns| Patch {
+        image,
+        rows,
+        columns,
+    };
+    Batch {
+        sensor,
+        frames: 2,
+        images: images.iter().map(|image| image.view()).collect(),
+        patches: vec![
+            patch(0, 2..9, 0..8),
+            patch(1, 0..6, 0..5),
+            patch(0, 4..12, 3..13),
+        ],
+        border: 1,
+        seed: [9; 32],
+    }
+}
+
+fn sensor<'a>() -> Result<Sensor<'a>> {
+    Ok(Sensor {
+        kernel: Kernel::new(0, 2)?,
+        gain_per_frame: 6.0,
+        efficiency: PerJot::Same(1.0),
+        dark_counts: PerJot::Same(0.0),
+        dead: None,
+        threshold: Threshold::new(1)?,
+    })
+}
+
+#[test]
+fn gradients_are_those_of_central_differences() -> Result<()> {
+    let mut random = Random(6);
+    let images = [(12, 13), (6, 5)]
+        .map(|shape| Array2::from_shape_simple_fn(shape, || (random.next() + 0.5) as f32));
+    let batch = batch(&images, sensor()?);
+    for shapes in [
+        vec![(1, 1, 1, 1)],
+        vec![(2, 1, 1, 1), (1, 2, 3, 3)],
+        vec![(3, 2, 2, 2), (2, 3, 2, 4), (1, 2, 3, 1)],
+    ] {
+        let mut parameters = Parameters::random(shapes, &mut random);
+        let result = batch.gradient(&parameters.layers()?)?;
+        let normal_equations = batch.normal_equations(&parameters.layers()?)?;
+        assert_eq!(normal_equations.gradient.gradient, result.gradient);
+        let cost = |parameters: &Parameters| -> Result<f64> {
+            let (errors, pixels) = batch.squared_errors(&parameters.layers()?)?;
+            assert_eq!(pixels, result.pixels);
+            Ok(0.5 * errors.iter().sum::<f64>() / errors.len() as f64)
+        };
+        let step = 1e-5;
+        for (index, found) in result.gradient.iter().enumerate() {
+            let value = parameters.values[index];
+            parameters.values[index] = value + step;
+            let above = cost(&parameters)?;
+            parameters.values[index] = value - step;
+            let below = cost(&parameters)?;
+            parameters.values[index] = value;
+            let expected = (above - below) / (2.0 * step);
+            assert!((found - expected).abs() < 1e-5 * (1.0 + expected.abs()));
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn gradients_of_splines_are_those_of_central_differences() -> Result<()> {
+    let mut random = Random(7);
+    let planes = Array3::from_shape_simple_fn((2, 3, 20), || 9.0 * random.next());
+    let outer = Array3::from_shape_simple_fn((2, 3, 20), || random.next());
+    let coefficients = Array2::from_shape_simple_fn((3, COEFFICIENTS), || random.next());
+    let cost = |planes: &Array3<f64>, coefficients: &Array2<f64>| -> Result<f64> {
+        let splines = Splines::new(coefficients.view(), START, SPACING)?;
+        Ok((splines.activate(planes.view())? * &outer).sum())
+    };
+    let splines = Splines::new(coefficients.view(), START, SPACING)?;
+    let (of_planes, of_coefficients) = splines.pull_back(planes.view(), outer.view())?;
+    let step = 1e-5;
+    for (index, found) in of_planes.indexed_iter() {
+        let (mut above, mut below) = (planes.clone(), planes.clone());
+        above[index] += step;
+        below[index] -= step;
+        let difference = cost(&above, &coefficients)? - cost(&below, &coefficients)?;
+        assert!((found - difference / (2.0 * step)).abs() < 1e-7);
+    }
+    for (index, found) in of_coefficients.indexed_iter() {
+        let (mut above, mut below) = (coefficients.clone(), coefficients.clone());
+        above[index] += step;
+        below[index] -= step;
+        let difference = cost(&planes, &above)? - cost(&planes, &below)?;
+        assert!((found - difference / (2.0 * step)).abs() < 1e-7);
+    }
+    Ok(())
+}

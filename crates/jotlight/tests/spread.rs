@@ -1,0 +1,87 @@
+//! The operator G against the rates of the sensor model, its adjoint, and its normal operator.
+
+use jotlight::error::Result;
+use jotlight::likelihood::Threshold;
+use jotlight::sensing::{Image, Kernel, PerJot, Sensor, SpreadOperator, rate};
+use ndarray::Array2;
+
+fn pattern(height: usize, width: usize) -> Array2<f64> {
+    Array2::from_shape_fn((height, width), |(row, column)| {
+        0.6 + 0.5 * (1.3 * row as f64 + 0.41 * (column * column) as f64).sin()
+    })
+}
+
+#[test]
+fn adjoint_and_normal_operators_are_exact() -> Result<()> {
+    for degree in 0..=3 {
+        for oversampling in 1..=4 {
+            for (vertical, jot_rows) in [((degree, oversampling), 4 * oversampling), ((0, 1), 4)] {
+                let vertical = Kernel::new(vertical.0, vertical.1)?;
+                let horizontal = Kernel::new(degree, oversampling)?;
+                let operator = SpreadOperator::new(vertical, horizontal);
+                let jots = (jot_rows, 5 * oversampling);
+                let (x, y) = (pattern(4, 5), pattern(jots.0, jots.1));
+                let (mut forward, mut adjoint) = (Array2::zeros(jots), Array2::zeros((4, 5)));
+                operator.forward(1.7, x.view(), forward.view_mut())?;
+                operator.adjoint(1.7, y.view(), adjoint.view_mut())?;
+                let (left, right) = ((&forward * &y).sum(), (&x * &adjoint).sum());
+                assert!(
+                    (left - right).abs() < 1e-12 * left,
+                    "degree {degree}, K̂ {oversampling}"
+                );
+
+                let (mut normal, mut expected) = (Array2::zeros((4, 5)), Array2::zeros((4, 5)));
+                operator.normal(1.7, y.view(), x.view(), normal.view_mut())?;
+                operator.adjoint(1.7, (&forward * &y).view(), expected.view_mut())?;
+                assert!(
+                    (&normal - &expected)
+                        .iter()
+                        .all(|error| error.abs() < 1e-12)
+                );
+            }
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn the_operator_agrees_with_the_rates() -> Result<()> {
+    for degree in 0..=3 {
+        let sensor = Sensor {
+            kernel: Kernel::new(degree, 3)?,
+            gain_per_frame: 2.5,
+            efficiency: PerJot::Same(1.0),
+            dark_counts: PerJot::Same(0.0),
+            dead: None,
+            threshold: Threshold::new(1)?,
+        };
+        let image = pattern(4, 5);
+        let (mut rates, mut light) = (Array2::zeros((12, 15)), Array2::zeros((12, 15)));
+        rate(&sensor, Image::F64(image.view()), 0, rates.view_mut())?;
+        let operator = SpreadOperator::new(sensor.kernel.clone(), sensor.kernel.clone());
+        operator.forward(2.5, image.view(), light.view_mut())?;
+        let errors = &rates.mapv(f64::from) - &light;
+        assert!(
+            errors.iter().all(|error| error.abs() < 1e-6),
+            "degree {degree}"
+        );
+    }
+    Ok(())
+}
+
+#[test]
+fn arrays_that_do_not_fit_are_errors() -> Result<()> {
+    let operator = SpreadOperator::new(Kernel::new(1, 2)?, Kernel::new(1, 2)?);
+    let (image, jots) = (pattern(4, 5), pattern(8, 9));
+    let mut out = Array2::zeros((8, 9));
+    assert!(operator.forward(1.0, image.view(), out.view_mut()).is_err());
+    let mut out = Array2::zeros((4, 5));
+    assert!(operator.adjoint(1.0, jots.view(), out.view_mut()).is_err());
+    let weights = pattern(8, 9);
+    assert!(
+        operator
+            .normal(1.0, weights.view(), image.view(), out.view_mut())
+            .is_err()
+    );
+    Ok(())
+}

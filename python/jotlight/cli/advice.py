@@ -1,0 +1,78 @@
+"""Advice where no shipped network fits a capture: the command that trains one."""
+
+import dataclasses
+import shlex
+from pathlib import Path
+
+from jotlight.cli.capture_options import CaptureOptions
+from jotlight.cli.sensor_options import CalibratedSensorOptions
+from jotlight.evaluation.methods import DEFAULT_METHOD, Choice
+
+_DIM = 0.7
+"""Brightness of a scene below which the shipped networks lose quality."""
+
+_CLIPPED = 0.98
+"""Fraction of the largest intensity above which an estimate counts as clipped."""
+
+
+def training_advice(
+    path: Path,
+    capture: CaptureOptions,
+    sensor: CalibratedSensorOptions,
+    *,
+    window: int | None,
+    is_bits: bool,
+) -> str:
+    """Return the advice to train a network for a capture, with the command.
+
+    Parameters
+    ----------
+    path : Path
+        Capture.
+    capture, sensor : CaptureOptions, CalibratedSensorOptions
+        Options of the capture and its sensor.
+    window : int or None
+        Frames of each image of a video.
+    is_bits : bool
+        Whether the capture holds bits, which state their number of frames.
+    """
+    frames = window if window is not None else None if is_bits else sensor.frames
+    argv = [
+        *("jotlight", "train", "--sensor", str(path)),
+        *capture.to_argv("--sensor-key"),
+        *dataclasses.replace(sensor, frames=frames).to_argv(),
+        *("-o", "model.safetensors"),
+    ]
+    return (
+        "train one for this capture in a minute, and use it with --model model.safetensors: "
+        + shlex.join(argv)
+    )
+
+
+def range_advice(choice: Choice, maximum: float, brightness: float, training: str) -> str | None:
+    """Return a remark where the range of a network does not fit the scene, or None.
+
+    Parameters
+    ----------
+    choice : Choice
+        Method of the estimate.
+    maximum : float
+        Largest value of the estimate.
+    brightness : float
+        Brightness of the estimate: all but 0.1 % of the pixels are darker.
+    training : str
+        Advice from :func:`training_advice`.
+    """
+    is_shipped = choice.quality is not None
+    if choice.saturation is not None and maximum > _CLIPPED * choice.max_intensity:
+        return (
+            f"the scene reaches the largest intensity {choice.max_intensity:g} of the network; "
+            f"--method {DEFAULT_METHOD} reaches {choice.saturation:.3g}, where the bits saturate"
+            + (f"; or {training}" if is_shipped else "")
+        )
+    if is_shipped and choice.has_fixed_range and brightness < _DIM:
+        return (
+            "the network that ships with jotlight is for scenes with a brightness of 1, and the "
+            f"brightness of this scene is {brightness:.2g}; {training}"
+        )
+    return None

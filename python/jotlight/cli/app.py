@@ -1,0 +1,105 @@
+"""All commands, the translation of errors into exit codes, and the entry point."""
+
+import sys
+import warnings
+from collections.abc import Callable, Sequence
+
+from cyclopts import App, CycloptsError, Group, Parameter
+
+from jotlight import __version__
+from jotlight.cli.calibrate import calibrate
+from jotlight.cli.compare import compare
+from jotlight.cli.console import err, error, out, show_warning
+from jotlight.cli.convert import convert
+from jotlight.cli.demo import demo
+from jotlight.cli.evaluate import evaluate
+from jotlight.cli.fine_tune import fine_tune
+from jotlight.cli.info import info
+from jotlight.cli.plan import plan
+from jotlight.cli.reconstruct import reconstruct
+from jotlight.cli.reproduce import reproduce
+from jotlight.cli.signals import exit_on_signals, silence_pending_tasks
+from jotlight.cli.simulate import simulate
+from jotlight.cli.train import train
+
+COMMANDS: tuple[Callable[..., None], ...] = (
+    demo,
+    compare,
+    simulate,
+    reconstruct,
+    calibrate,
+    train,
+    fine_tune,
+    evaluate,
+    reproduce,
+    plan,
+    info,
+    convert,
+)
+"""All commands, in the order of the help page."""
+
+REFUSED, USAGE, STOPPED = 1, 2, 130
+"""Exit codes for refused input, a wrong command line, and Ctrl-C."""
+
+
+def _shown_default(value: object) -> object:
+    """Return the default to show in the help page, or None for a flag that is off."""
+    return None if value is False else value
+
+
+app = App(
+    name="jotlight",
+    help="Images from the bits of single-photon cameras.",
+    version=f"jotlight {__version__}",
+    # An option that occurs twice takes its last value, as in most shells' tools.
+    default_parameter=Parameter(negative=(), allow_repeating=True, show_default=_shown_default),
+    group_parameters=Group("Options", sort_key=0),
+    help_format="markdown",
+    console=out,
+    error_console=err,
+    suppress_keyboard_interrupt=False,
+)
+for number, command in enumerate(COMMANDS):
+    app.command(command, sort_key=number)
+app.register_install_completion_command(help="Install completion for the current shell.")
+
+
+def run(argv: Sequence[str]) -> int:
+    """Run one command line and return its exit code.
+
+    Errors that the user can correct print one line, without a traceback.
+
+    Parameters
+    ----------
+    argv : sequence of str
+        The words after ``jotlight``.
+    """
+    try:
+        app(argv, exit_on_error=False, print_error=False, result_action="return_value")
+    except KeyboardInterrupt:
+        silence_pending_tasks()
+        error("stopped")
+        return STOPPED
+    except CycloptsError as reason:
+        error(f"{reason} Try 'jotlight --help'.")
+        return USAGE
+    except (
+        ValueError,
+        TypeError,
+        OSError,
+        ImportError,
+        MemoryError,
+        ArithmeticError,
+    ) as reason:
+        # str() of an OSError without a file name starts with its number, which helps nobody.
+        text = isinstance(reason, OSError) and reason.filename is None and reason.strerror
+        error(text or str(reason) or type(reason).__name__)
+        return REFUSED
+    return 0
+
+
+def main() -> None:
+    """Run the command line of this process."""
+    warnings.showwarning = show_warning
+    exit_on_signals()
+    sys.exit(run(sys.argv[1:]))

@@ -1,0 +1,142 @@
+"""The data of a capture together with their sensor."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.calibration import Calibration
+from jotlight.cli.console import progress
+from jotlight.files import refuse_overwrite
+from jotlight.formats.capture import Capture, CountStack
+from jotlight.formats.description import companion_files
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.pixel_counts import carried_sensor
+from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.sensor import Sensor
+
+
+@dataclasses.dataclass(frozen=True)
+class Captured:
+    """Bits or counts with their sensor."""
+
+    data: Bits | npt.NDArray[np.int32]
+    sensor: Sensor
+    has_own_sensor: bool
+    """Whether the file states the sensor."""
+    provenance: Provenance | None
+
+    def notes(self) -> list[str]:
+        """Return the assumptions about the file and the sensor, one line each."""
+        if self.has_own_sensor:
+            origin = "sensor"
+        elif isinstance(self.data, Bits):
+            origin = "the bits do not state their sensor; assumed"
+        else:
+            origin = "assumed"
+        return [*provenance_notes(self.provenance), f"{origin}: {self.sensor!r}"]
+
+
+def provenance_notes(provenance: Provenance | None) -> list[str]:
+    """Return the assumptions about a file, one line each."""
+    return [] if provenance is None else provenance.describe()
+
+
+def add_sensor(
+    capture: Capture,
+    path: Path,
+    sensor_kwargs: dict[str, Any],
+    calibration: Calibration | None = None,
+) -> Captured:
+    """Return the data of a capture with their sensor.
+
+    The sensor is the one of the file, changed first by the calibration and then by the options.
+
+    Parameters
+    ----------
+    capture : Bits or CountStack
+        Opened capture. A stack is summed.
+    path : Path
+        Name for messages.
+    sensor_kwargs : dict
+        Keyword arguments of the sensor that the user set.
+    calibration : Calibration, optional
+        Calibration of the sensor.
+    """
+    if isinstance(capture, Bits):
+        return _add_sensor_to_bits(capture, sensor_kwargs, calibration)
+    sensor_kwargs = _with_trials(capture, path, sensor_kwargs)
+    with progress(1) as begin:
+        counts = capture.sum(begin("summing"))
+    if calibration is None:
+        sensor = Sensor(**sensor_kwargs)
+    else:
+        side = sensor_kwargs.get("oversampling", 1)
+        jots = tuple(side * size for size in counts.shape[:2])
+        calibration.check_capture(jots, capture.provenance)
+        sensor = calibration.sensor(**sensor_kwargs)
+    return Captured(counts, sensor, False, capture.provenance)
+
+
+def _add_sensor_to_bits(
+    bits: Bits, sensor_kwargs: dict[str, Any], calibration: Calibration | None
+) -> Captured:
+    if calibration is not None:
+        calibration.check_capture(bits.shape[1:3], bits.provenance)
+    stated = carried_sensor(bits)
+    if stated is None:
+        sensor_kwargs = {"frames": len(bits), **sensor_kwargs}
+        if calibration is not None:
+            sensor = calibration.sensor(**sensor_kwargs)
+        else:
+            sensor = Sensor(**sensor_kwargs)
+    elif calibration is not None:
+        sensor = calibration.applied_to(stated, **sensor_kwargs)
+    else:
+        sensor = stated.replace(**sensor_kwargs)
+    return Captured(bits, sensor, stated is not None, bits.provenance)
+
+
+def _with_trials(capture: CountStack, path: Path, sensor_kwargs: dict[str, Any]) -> dict[str, Any]:
+    """Return the keyword arguments with the frames that a file of counts states.
+
+    Raises
+    ------
+    ValueError
+        When the number of trials is unknown, or the file contradicts the options.
+    """
+    trials, jots = capture.total_trials, sensor_kwargs.get("oversampling", 1) ** 2
+    if "frames" not in sensor_kwargs and trials is not None and jots > 0 and trials % jots == 0:
+        return {**sensor_kwargs, "frames": trials // jots}
+    names = [name for name in ("frames", "oversampling") if name in sensor_kwargs]
+    if names:
+        options = " and ".join(f"--{name} {sensor_kwargs[name]}" for name in names)
+        check_trials(path, trials, sensor_kwargs.get("frames", 1) * jots, options)
+        return sensor_kwargs
+    if trials is None:
+        raise ValueError(
+            f"{path}: holds counts of an unknown number of trials; set --frames, or "
+            "--oversampling where a pixel covers many jots"
+        )
+    return sensor_kwargs
+
+
+def check_trials(path: Path, stated: int | None, trials: int, options: str) -> None:
+    """Raise ValueError when a file states another number of trials than the options."""
+    if stated not in (None, trials):
+        raise ValueError(
+            f"{path}: states counts of {stated} trials, but {options} means {trials}; leave the "
+            "option out"
+        )
+
+
+def refuse_capture_overwrite(output: Path, capture: Path) -> None:
+    """Raise ValueError when an output is part of a capture."""
+    refuse_overwrite(output, [capture, *companion_files(capture)])
+    folders = (output.resolve(), *output.resolve().parents)
+    if capture.is_dir() and capture.resolve() in folders:
+        raise ValueError(
+            f"{output}: lies in the folder {capture}, which is read; choose another name"
+        )

@@ -1,0 +1,29 @@
+"""Options and help panels that several commands share."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Group, Parameter
+
+METHOD_PANEL = Group("Iterative methods", sort_key=1)
+TRAINING_PANEL = Group("Training", sort_key=2)
+NETWORK_PANEL = Group("Network", sort_key=3)
+SENSOR_PANEL = Group("Sensor", sort_key=4)
+CAPTURE_PANEL = Group("Capture", sort_key=5)
+OUTPUT_PANEL = Group("Output", sort_key=6)
+VIDEO_PANEL = Group("Video", sort_key=7)
+
+Capture = Annotated[Path, Parameter(help="A capture of bits or counts: a file or a folder.")]
+Photo = Annotated[Path, Parameter(help="A photograph: PNG, JPEG, TIFF or .npy.")]
+Seed = Annotated[int, Parameter(help="Seed of the random numbers.")]
+Gray = Annotated[bool, Parameter(help="Convert a color photograph to gray.")]
+White = Annotated[
+    float | None,
+    Parameter(
+        help="Level of the photograph that stands for intensity 1. Required for integers of an "
+        "unknown scale."
+    ),
+]
+ImageKey = Annotated[str | None, Parameter(help="Name of the array of images in a .npz.")]
+Model = Annotated[Path | None, Parameter(help="A network of your own: a .safetensors file.")]
+Threads = Annotated[int | None, Parameter(help="Number of threads. Default: all cores.")]

@@ -1,0 +1,144 @@
+"""Options of the commands that train a network."""
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from jotlight.cli.common_options import (
+    NETWORK_PANEL,
+    TRAINING_PANEL,
+    ImageKey,
+    Seed,
+    Threads,
+    White,
+)
+from jotlight.cli.learners import DEFAULT_OPTIMIZER, DEVICES
+from jotlight.networks.architectures import SIZES, TWO_LAYER
+from jotlight.training import OPTIMIZERS
+
+TRAINING_SECONDS = 45.0
+"""Default time limit of training for a capture, so that the whole command takes a minute."""
+
+_STEPS = ", ".join(f"{optimizer.steps} for {name}" for name, optimizer in OPTIMIZERS.items())
+
+
+@Parameter(name="*", group=TRAINING_PANEL)
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TrainingOptions:
+    """A training run, for ``jotlight train`` and ``jotlight fine-tune``."""
+
+    output: Annotated[Path, Parameter(alias="-o", help="The trained network, .safetensors.")]
+    start: Annotated[
+        Path | None,
+        Parameter(
+            help="A network to start from. Default: initial parameters, and for fine-tune the "
+            "network that ships with jotlight."
+        ),
+    ] = None
+    steps: Annotated[
+        int | None,
+        Parameter(
+            help=f"Number of steps. Default: {_STEPS}, 20000 for deep networks, 500 for fine-tune."
+        ),
+    ] = None
+    learning_rate: Annotated[
+        float | None,
+        Parameter(
+            help="Learning rate of the optimizer. Default: 0.01 for adam, 5e-6 for "
+            "projected-gradient, 0.003 for deep networks, 0.0005 for fine-tune."
+        ),
+    ] = None
+    batch: Annotated[
+        int | None,
+        Parameter(
+            help="Patches per step. Default: as many as hold 2^20 pixels for gauss-newton and 2^17 "
+            "for other optimizers, 16 for deep networks and fine-tune."
+        ),
+    ] = None
+    patch: Annotated[
+        int | None,
+        Parameter(
+            help="Side of a patch in pixels. Default: 64, or 48 for deep networks and fine-tune, "
+            "or that of the smallest image."
+        ),
+    ] = None
+    device: Annotated[
+        str | None,
+        Parameter(
+            help=f"Device for deep networks and fine-tune: {' or '.join(DEVICES)}. Default: cuda "
+            "if there is a GPU."
+        ),
+    ] = None
+    resume: Annotated[bool, Parameter(help="Resume a run that was stopped.")] = False
+    restart: Annotated[
+        bool, Parameter(help="Discard a run that was stopped, and start a new one.")
+    ] = False
+    plot: Annotated[
+        Path | None,
+        Parameter(help="A figure of the run and the network: .png, .pdf or .svg."),
+    ] = None
+    seed: Seed = 0
+    threads: Threads = None
+
+
+@Parameter(name="*", group=NETWORK_PANEL)
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class NetworkOptions:
+    """The network to train, and its optimizer; None where an option is not set."""
+
+    network: Annotated[
+        str | None,
+        Parameter(
+            help=f"Size: one of {', '.join(SIZES)}. All sizes but {TWO_LAYER} need PyTorch, the "
+            f"extra torch, and more time. Default: {TWO_LAYER}."
+        ),
+    ] = None
+    trials_range: Annotated[
+        str | None,
+        Parameter(
+            help="MIN:MAX, such as 1:256: a deep network for every sensor with a number of bits "
+            "per pixel in this range, at any exposure. The sensor options then describe the tests."
+        ),
+    ] = None
+    optimizer: Annotated[
+        str | None,
+        Parameter(
+            help=f"Optimizer of the two-layer network: one of {', '.join(OPTIMIZERS)}. Default: "
+            f"{DEFAULT_OPTIMIZER}. Deep networks use Adam."
+        ),
+    ] = None
+    damping: Annotated[
+        float | None, Parameter(help="Initial damping of gauss-newton. Default: 0.1.")
+    ] = None
+    sigma: Annotated[
+        float | None,
+        Parameter(
+            help="Standard deviation of the initial filter h2 of the two-layer network, in pixels. "
+            "Default: 0.7."
+        ),
+    ] = None
+    untied: Annotated[
+        bool,
+        Parameter(
+            help="Train one weight for each jot of a pixel in the two-layer network, instead of "
+            "one for all jots."
+        ),
+    ] = False
+
+
+@Parameter(name="*")
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ImageOptions:
+    """Images to train on and to test on."""
+
+    key: ImageKey = None
+    white: White = None
+    test: Annotated[
+        Path | None,
+        Parameter(help="A folder or an array of test images, to measure the progress."),
+    ] = None
+    test_key: Annotated[
+        str | None, Parameter(help="Name of the array of images in the .npz of --test.")
+    ] = None

@@ -1,0 +1,57 @@
+import numpy as np
+import pytest
+
+import jotlight as jl
+
+
+def test_the_command_prints_the_required_frames_and_draws_the_figure(run, tmp_path):
+    expected = jl.plan(jl.Sensor(threshold=2), (0.1, 2.0), target_psnr=20.0)
+    words = ["plan", "100:2000", "--frame-rate", 1000, "-q", 2, "--target", 20, "--plot", "a.png"]
+    status, said = run(*words)
+    assert status == 0
+    assert (
+        f"{expected.required_frames} frames ({expected.required_frames / 1000:.3g} s) are enough"
+        in said
+    )
+    assert f"{expected.psnr[-1]:.1f}" in said
+    assert (tmp_path / "a.png").stat().st_size > 10_000
+    status, said = run("plan", "0.5", "--frames", 100)
+    assert status == 0
+    assert [line.split()[0] for line in said.splitlines()[1:9]] == [
+        "1", "2", "4", "8", "16", "32", "64", "100",
+    ]  # fmt: skip
+
+
+def test_a_calibration_is_replaced_by_its_median_jot(run):
+    rng = np.random.default_rng(0)
+    dark = rng.gamma(4, 0.01, (32, 32))
+    camera = jl.Sensor(frames=1000, threshold=2, dark_counts=dark)
+    calibration = jl.calibrate(
+        camera.expose(np.zeros(dark.shape), 1), camera.expose(np.full(dark.shape, 0.7), 2),
+        threshold=2,
+    )  # fmt: skip
+    calibration.save("c.safetensors")
+    median = float(np.median(calibration.dark_counts[~calibration.mask]))
+    for more in ([], ["--efficiency", 0.5]):
+        status, said = run("plan", "0.1:2", "--calibration", "c.safetensors", *more)
+        assert status == 0
+        assert run("plan", "0.1:2", "-q", 2, "--dark-counts", repr(median), *more) == (0, said)
+    words = ["plan", "0.1:2", "--calibration", "c.safetensors", "--dark-counts", 0.5]
+    assert run(*words)[1] == run("plan", "0.1:2", "-q", 2, "--dark-counts", 0.5)[1]
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["2:1"], "LEAST:MOST"),
+        (["dim"], "LEAST:MOST"),
+        (["1:2", "--frame-rate", 0], "frame-rate"),
+        (["1:2", "--plot", "a.txt"], "ends in .png"),
+        (["1:2", "--frames", 0], "frames: expected"),
+    ],
+)
+def test_invalid_arguments_give_one_line_that_names_the_cause(run, words, expected):
+    status, said = run("plan", *words)
+    assert status == 1
+    [line] = said.splitlines()
+    assert expected in line

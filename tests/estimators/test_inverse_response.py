@@ -1,0 +1,38 @@
+import numpy as np
+import pytest
+from scipy.special import gammainc
+
+import jotlight as jl
+from jotlight.estimators.inverse_response import equivalent_counts, intensity_from_probability
+from jotlight.sensing.pixel_counts import count_pixels
+from reference import methods
+
+
+@pytest.mark.parametrize("threshold", [1, 3])
+def test_the_intensity_from_a_probability_is_equation_5(threshold):
+    sensor = jl.Sensor(
+        frames=16, threshold=threshold, efficiency=0.8, dark_counts=0.1, max_intensity=3.0
+    )
+    probability = np.linspace(0, 1, 101, dtype=np.float32)
+    expected = methods.mle(
+        probability, 1, threshold=threshold, sensitivity=0.8, dark=0.1, max_intensity=3.0
+    )
+    estimate = intensity_from_probability(probability, sensor, None)
+    np.testing.assert_allclose(estimate, expected, rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("threshold", [1, 3])
+def test_equivalent_counts_are_those_the_reference_jot_would_show(threshold):
+    sensor = jl.Sensor(frames=16, threshold=threshold, max_intensity=20.0)
+    counts = np.arange(16)[None]
+    light = methods.mle(counts, 16, threshold=threshold, max_intensity=20.0)
+    expected = 16 * gammainc(threshold, 0.5 * light + 0.2)
+    pixels = count_pixels(counts, sensor, None)
+    np.testing.assert_allclose(equivalent_counts(pixels, (0.5, 0.2), None), expected, atol=1e-4)
+
+
+def test_counts_of_reference_jots_are_unchanged():
+    sensor = jl.Sensor(frames=16, efficiency=0.5, dark_counts=0.2)
+    counts = np.arange(17)[None]
+    pixels = count_pixels(counts, sensor, None)
+    np.testing.assert_array_equal(equivalent_counts(pixels, (0.5, 0.2), None), counts)

@@ -1,0 +1,130 @@
+"""Descriptions of photon cubes: foreign, damaged, and hostile ones."""
+
+import json
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from examples.arrays import file_names, random_bits
+from examples.encodings import npy_bytes
+
+OBJECTS = npy_bytes(np.array([[[{}]]], object), allow_pickle=True)
+
+
+def edit(path, **changes):
+    description = json.loads(path.read_text())
+    path.write_text(json.dumps(description | changes))
+
+
+OVERLONG = '{"format": "jotlight bits", "version": 1, "width": 16}' + " " * 2**20
+
+
+FOREIGN = ["{}", "[]", "nonsense", '{"format": "visionsim", "w": 8}', "[" * 100_000, OVERLONG]
+
+
+def test_a_width_that_contradicts_the_description_is_refused(tmp_path):
+    jl.save(random_bits((2, 3, 13)), tmp_path / "cube.npy")
+    assert jl.open(tmp_path / "cube.npy", width=13).width == 13
+    with pytest.raises(ValueError, match="states a width of 13, not 12"):
+        jl.open(tmp_path / "cube.npy", width=12)
+
+
+@pytest.mark.parametrize("text", FOREIGN, ids=lambda text: text[:12])
+def test_a_foreign_description_is_ignored_with_a_warning(tmp_path, text):
+    np.save(tmp_path / "cube.npy", np.zeros((2, 3, 2), np.uint8))
+    (tmp_path / "cube.json").write_text(text)
+    with pytest.warns(jl.JotlightWarning, match=r"cube\.json does not describe bits") as caught:
+        bits = jl.open(tmp_path / "cube.npy")
+    assert (bits.shape, bits.sensor) == ((2, 3, 16), None)
+    assert caught[0].filename == __file__
+
+
+@pytest.mark.parametrize("text", FOREIGN, ids=lambda text: text[:12])
+def test_a_foreign_description_is_never_overwritten(tmp_path, text):
+    (tmp_path / "cube.json").write_text(text)
+    with pytest.raises(FileExistsError, match="jotlight did not write it"):
+        jl.save(random_bits((1, 2, 8)), tmp_path / "cube.npy")
+    assert file_names(tmp_path) == ["cube.json"]
+    assert (tmp_path / "cube.json").read_text() == text
+
+
+def test_a_description_of_another_cube_is_refused(tmp_path):
+    jl.save(random_bits((2, 3, 13)), tmp_path / "cube.npy")
+    np.save(tmp_path / "cube.npy", np.zeros((4, 3, 2), np.uint8))
+    with pytest.raises(ValueError, match=r"cube\.json: describes a cube of shape \[2, 3, 2\]"):
+        jl.open(tmp_path / "cube.npy")
+    (tmp_path / "cube.json").unlink()
+    assert jl.open(tmp_path / "cube.npy").shape == (4, 3, 16)
+
+
+@pytest.fixture
+def saved(tmp_path):
+    """Bits whose sensor has a map, in a folder beside a map that they must not reach."""
+    np.save(tmp_path / "mask.npy", np.zeros((4, 4), bool))
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    sensor = jl.Sensor(mask=np.eye(4, dtype=bool))
+    jl.save(random_bits((1, 4, 4), sensor), folder / "cube.npy")
+    return folder / "cube.npy"
+
+
+@pytest.mark.parametrize(
+    "name", ["../mask.npy", "{parent}/mask.npy", "", ".", "..", "./cube.mask.npy", 3, None, ["a"]]
+)
+def test_a_description_cannot_point_out_of_its_folder(saved, name):
+    if isinstance(name, str):
+        name = name.format(parent=saved.parent.parent)
+    edit(saved.with_suffix(".json"), maps={"mask": name})
+    with pytest.raises(ValueError, match="the name of a file in the same folder"):
+        jl.open(saved)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"version": 2}, "expected version 1 and a width, got version 2"),
+        ({"version": None}, "expected version 1"),
+        ({"width": "4"}, "width '4'"),
+        ({"width": 0}, "width 0"),
+        ({"width": 9}, "width: expected 1 to 8"),
+        ({"width": None}, "width None"),
+        ({"shape": [1, 4, 2]}, r"cube of shape \[1, 4, 2\]"),
+        ({"shape": "1, 4, 1"}, "cube of shape 1, 4, 1"),
+        ({"sensor": []}, "sensor: expected an object"),
+        ({"sensor": {"colour": 1}}, "unknown parameters colour"),
+        ({"sensor": {"frames": 2}}, "expected the sensor's 2 frames"),
+        ({"sensor": {"gain": -1}}, "gain: expected"),
+        ({"sensor": {"oversampling": 3}, "maps": {}}, "multiples of the oversampling"),
+        ({"maps": {"gain": "cube.mask.npy"}}, "sensor|gain"),
+        ({"maps": {"mask": "cube.npy"}}, "mask: expected"),
+        ({"maps": [1]}, r"cube\.json: "),
+        ({"maps": 5}, r"cube\.json: "),
+    ],
+)
+def test_a_damaged_description_is_refused_by_name(saved, changes, message):
+    edit(saved.with_suffix(".json"), **changes)
+    with pytest.raises(ValueError, match=message) as caught:
+        jl.open(saved)
+    assert str(saved.with_suffix("")) in str(caught.value)
+
+
+def test_a_missing_map_is_reported_by_name(saved):
+    saved.with_suffix(".mask.npy").unlink()
+    with pytest.raises(FileNotFoundError, match=r"cube\.mask\.npy"):
+        jl.open(saved)
+
+
+def test_a_map_of_objects_is_refused(saved):
+    saved.with_suffix(".mask.npy").write_bytes(OBJECTS)
+    with pytest.raises(ValueError, match="Python objects"):
+        jl.open(saved)
+
+
+@pytest.mark.parametrize("maps", ['{"kernel": "x.npy"}', "[1]", '"mask"', "7"])
+def test_unknown_maps_are_refused(tmp_path, maps):
+    jl.save(jl.Bits.from_array(np.ones((1, 2, 8), bool), jl.Sensor()), tmp_path / "cube.npy")
+    beside = tmp_path / "cube.json"
+    beside.write_text(beside.read_text().replace('"maps": {}', f'"maps": {maps}'))
+    with pytest.raises(ValueError, match=r"cube\.json: maps: expected files for dark"):
+        jl.open(tmp_path / "cube.npy")

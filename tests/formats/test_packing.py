@@ -1,0 +1,81 @@
+"""Frames with one bit in each number: requested, detected, and refused."""
+
+import gzip
+
+import numpy as np
+import pytest
+import tifffile
+
+import jotlight as jl
+from examples.arrays import random_frames
+from examples.encodings import npy_bytes
+
+
+@pytest.mark.parametrize("white", [1, 255])
+@pytest.mark.parametrize("shape", [(9, 5, 13), (4, 5, 16, 3)])
+@pytest.mark.parametrize("ending", ["npy", "npy.gz", "npz", "h5", "zarr", "tif"])
+def test_unpacked_frames_are_bits_on_request(tmp_path, white, shape, ending):
+    array = random_frames(shape)
+    path, levels = tmp_path / f"a.{ending}", array.astype(np.uint8) * white
+    if ending == "h5":
+        with pytest.importorskip("h5py").File(path, "w") as file:
+            file["a"] = levels
+    elif ending == "zarr":
+        zarr = pytest.importorskip("zarr")
+        zarr.open_array(str(path), mode="w", shape=shape, dtype=np.uint8)[...] = levels
+    elif ending == "tif":
+        tifffile.imwrite(path, levels, photometric="rgb" if len(shape) == 4 else "minisblack")
+    elif ending == "npz":
+        np.savez(path, a=levels)
+    else:
+        path.write_bytes(
+            gzip.compress(npy_bytes(levels)) if ending == "npy.gz" else npy_bytes(levels)
+        )
+    bits = jl.open(path, unpacked=True)
+    assert isinstance(bits, jl.Bits)
+    np.testing.assert_array_equal(bits.to_array(), array)
+    np.testing.assert_array_equal(jl.open(path, unpacked=True, rotate=180)[1:].counts(1),
+                                  array[1:, ::-1, ::-1].sum(0))  # fmt: skip
+    if ending in ("npy", "npy.gz", "h5", "zarr"):
+        with pytest.raises(ValueError, match=f"nothing but 0 and {white}, .*--unpacked"):
+            jl.open(path, counts=False)
+        assert jl.open(path, counts=False, unpacked=False).shape[2] == 8 * shape[2]
+
+
+def test_frames_that_look_packed_are_accepted(tmp_path):
+    dark = np.zeros((50, 6, 4), np.uint8)
+    dark[:, 2, 1] = 1  # a hot jot, the last of its byte
+    for cube in (dark, dark * 0, dark * 0 + 255, np.packbits(random_frames((5, 6, 32)), axis=2)):
+        np.save(tmp_path / "a.npy", cube)
+        np.testing.assert_array_equal(jl.open(tmp_path / "a.npy").packed, cube)
+    jl.save(jl.Bits(np.tile(np.uint8([0, 1]), (2, 9, 9))), tmp_path / "a.npy")
+    assert jl.open(tmp_path / "a.npy").shape == (2, 9, 144)
+
+
+def test_frames_after_dark_ones_are_inspected_too(tmp_path):
+    light = np.zeros((3 << 8, 64, 64), np.uint8)
+    light[384, :2, :8] = 1
+    np.save(tmp_path / "a.npy", light)
+    with pytest.raises(ValueError, match=r"nothing but 0 and 1, .*--unpacked"):
+        jl.open(tmp_path / "a.npy")
+    light[-1, 5, 5] = 2
+    light[384, :2, 2:] = 0
+    light[-1, :2, :8] = 1
+    np.save(tmp_path / "a.npy", light)
+    assert jl.open(tmp_path / "a.npy").shape == (768, 64, 512)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"counts": True}, r"counts: with unpacked each .*\(--counts, --unpacked\)"),
+        ({"format": "spad512s"}, "unpacked: is for bits in arrays"),
+    ],
+)
+def test_unpacked_applies_only_to_bits_in_arrays(tmp_path, options, message):
+    np.save(tmp_path / "a.npy", np.ones((2, 3, 4), np.uint8))
+    with pytest.raises(ValueError, match=message):
+        jl.open(tmp_path / "a.npy", unpacked=True, **options)
+    np.save(tmp_path / "a.npy", np.full((2, 3, 4), 7, np.uint8))
+    with pytest.raises(ValueError, match="expected bits, 0 and 1 only, got 7 to 7"):
+        jl.open(tmp_path / "a.npy", unpacked=True).counts(1)

@@ -1,0 +1,55 @@
+"""Options of `jotlight.open`: frames, orientation, and wrong ones."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from examples.arrays import random_frames
+from reference import formats as twin
+
+HALF = (256, 512)
+
+
+def test_frames_are_selected_rotated_and_mirrored(tmp_path):
+    array = random_frames((6, *HALF))
+    (tmp_path / "a.bin").write_bytes(twin.encode_half_array(array))
+    bits = jl.open(
+        tmp_path / "a.bin",
+        format="swissspad2",
+        frames=slice(2, 5),
+        rotate=90,
+        flip="vertical",
+    )
+    np.testing.assert_array_equal(bits.to_array(), twin.oriented(array[2:5], 90, "vertical"))
+    for words in ("frames 2:5 of 6", "rotated by 90 degrees", "mirrored, vertical"):
+        assert words in str(bits.provenance.notes)
+
+
+def test_rotating_a_capture_rotates_the_maps_of_its_sensor(tmp_path):
+    mask = random_frames((1, 4, 10))[0]
+    jl.save(
+        jl.Bits.from_array(random_frames((2, 4, 10)), jl.Sensor(frames=2, mask=mask)),
+        tmp_path / "a.npy",
+    )
+    bits = jl.open(tmp_path / "a.npy", rotate=90)
+    np.testing.assert_array_equal(bits.sensor.mask, np.rot90(mask))
+    counts = jl.open(tmp_path / "a.npy").counts(mask=mask)
+    np.testing.assert_array_equal(bits.counts(mask=bits.sensor.mask), np.rot90(counts))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"rotate": 45}, "multiple of 90"),
+        ({"flip": "left"}, "horizontal or vertical"),
+        ({"frames": slice(9, 12)}, "no frames"),
+        ({"frames": slice(3, 0, -1)}, "forward|no frames"),
+        ({"key": "x"}, "key: names an array"),
+        ({"counts": True}, "holds bits"),
+        ({"width": 500}, "width: expected 512"),
+    ],
+)
+def test_wrong_options_are_refused(tmp_path, options, message):
+    (tmp_path / "a.bin").write_bytes(twin.encode_half_array(random_frames((4, *HALF))))
+    with pytest.raises(ValueError, match=message):
+        jl.open(tmp_path / "a.bin", format="swissspad2", **options)

@@ -1,0 +1,51 @@
+"""The list of formats: every entry is complete, detected, and has examples."""
+
+import pytest
+
+import jotlight as jl
+from examples import READERS
+from jotlight.formats.detect import detect_format
+from jotlight.formats.registry import FORMATS, WRITERS
+from jotlight.formats.writing import choose_output_format
+
+
+def test_every_format_has_examples_that_are_damaged_and_fuzzed():
+    assert FORMATS.keys() <= READERS.keys()
+
+
+@pytest.mark.parametrize("name", [name for name in FORMATS if FORMATS[name].matches])
+def test_every_format_that_content_can_identify_is_detected(name, tmp_path):
+    reader = READERS[name]
+    pytest.importorskip(reader.needs)
+    path, _, content = reader.example(tmp_path)
+    if FORMATS[name].is_raw and not content.endswith(b"DONE"):
+        path.write_bytes(content + b"DONE")
+    assert detect_format(path) == name
+
+
+def test_the_format_of_raw_frames_without_a_trailer_is_not_guessed(tmp_path):
+    path, _, _ = READERS["swissspad2"].example(tmp_path)
+    with pytest.raises(ValueError, match=r"give the one it is of.*swissspad2"):
+        detect_format(path)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_every_writer_writes_bits_or_counts_to_a_file_or_folder(name):
+    writer = WRITERS[name]
+    assert writer.bits or writer.counts
+    assert writer.extensions or writer.folder
+    assert writer.bits or not writer.keeps_sensor
+    assert writer.counts or not writer.keeps_label
+
+
+def test_an_extension_without_the_expected_content_is_refused(tmp_path):
+    for name, extension in (("a.npy", r"\.npy"), ("a.h5", r"\.h5"), ("a.mat", r"\.mat")):
+        (tmp_path / name).write_bytes(b"text")
+        with pytest.raises(ValueError, match=f"expected a {extension} file by its name"):
+            jl.open(tmp_path / name)
+
+
+def test_the_output_format_follows_from_the_extension_or_is_required(tmp_path):
+    assert choose_output_format(tmp_path / "a.npy.gz") == "npy.gz"
+    with pytest.raises(ValueError, match="implies no single format"):
+        choose_output_format(tmp_path / "a.bin")

@@ -1,0 +1,54 @@
+"""`jotlight.save`: bits and counts in the format that the extension implies."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from examples.arrays import random_bits, random_frames
+from jotlight.formats.cube import create_bits
+
+COUNTS = np.random.default_rng(0).integers(0, 300, (6, 9))
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.npy.gz"])
+def test_saved_bits_are_read_back(tmp_path, name):
+    bits = random_bits((3, 5, 13), jl.Sensor(frames=3))
+    jl.save(bits, tmp_path / name)
+    again = jl.open(tmp_path / name)
+    np.testing.assert_array_equal(again.to_array(), bits.to_array())
+    assert again.sensor == bits.sensor
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.npz", "a.tif", "a.png"])
+@pytest.mark.parametrize("dtype", [np.int64, np.uint16])
+def test_saved_counts_are_read_back(tmp_path, name, dtype):
+    jl.save(COUNTS.astype(dtype), tmp_path / name)
+    np.testing.assert_array_equal(jl.open(tmp_path / name), COUNTS)
+
+
+def test_the_format_can_be_named(tmp_path):
+    frames = random_frames((2, 256, 512))
+    jl.save(jl.Bits.from_array(frames), tmp_path / "a.bin", format="swissspad2")
+    bits = jl.open(tmp_path / "a.bin", format="swissspad2")
+    np.testing.assert_array_equal(bits.to_array(), frames)
+
+
+@pytest.mark.parametrize("data", [[1, 2], np.ones((2, 2)), np.ones((1, 2, 2), bool)])
+def test_only_bits_and_integers_are_saved(tmp_path, data):
+    with pytest.raises(TypeError, match=r"expected jotlight\.Bits or an array of counts"):
+        jl.save(data, tmp_path / "a.npy")
+
+
+@pytest.mark.parametrize("data", [np.array([[-1]]), np.array([[2**31]]), np.ones(3, np.int32)])
+def test_impossible_counts_are_not_saved(tmp_path, data):
+    with pytest.raises(ValueError, match="data: expected counts"):
+        jl.save(data, tmp_path / "a.npy")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_cube_is_created_only_as_npy(tmp_path):
+    with (
+        pytest.raises(ValueError, match=r"ends in \.npy"),
+        create_bits(tmp_path / "cube.bin", (1, 2, 1), 8, None),
+    ):
+        pass

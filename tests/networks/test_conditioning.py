@@ -1,0 +1,93 @@
+"""K-conditioned networks: interpolated parameters."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.networks.conditioning import conditioning_weights, count_sets
+from jotlight.networks.graph import size_divisor
+from reference import deep
+from reference.deep import conditional_network, random_counts
+
+SENSOR = jl.Sensor(oversampling=4)
+
+
+TRIALS_RANGE = (1, 256)
+
+
+@pytest.mark.parametrize("bits", [1, 2, 16, 100, 256])
+@pytest.mark.parametrize("size", [(1, 1), (19, 30)])
+def test_a_conditioned_network_equals_its_twin(bits, size):
+    network, sensor = conditional_network(), jl.Sensor(frames=bits, max_intensity=5.0)
+    counts = random_counts(sensor, *size)
+    layers = deep.conditioned(network.layers, bits, TRIALS_RANGE, count_sets(network.layers))
+    # Trained filters are kept in float32.
+    sums = counts[None] * np.float64(layers[0].filters.reshape(()))
+    expected = deep.output(layers, sums, size_divisor(layers))
+    shares = network.conditioned_on(sensor).reconstruct(counts, sensor)
+    np.testing.assert_allclose(shares, expected, atol=1e-5)
+    light = (-np.log1p(-expected.clip(0, 1 - 1e-9))).clip(0, 5)
+    near = expected < 0.95
+    np.testing.assert_allclose(
+        network.reconstruct(counts, sensor)[near], light[near], atol=3e-4, rtol=1e-3
+    )
+
+
+@pytest.mark.parametrize("number", [4, 5, 6, 9])
+def test_conditioning_weights_are_values_of_b_splines(number):
+    for bits in (1, 1.5, 2, 16, 99, 255.9, 256):
+        found = conditioning_weights(bits, TRIALS_RANGE, number)
+        assert found.min() >= 0
+        assert abs(found.sum() - 1) < 1e-12
+        np.testing.assert_allclose(
+            found, deep.conditioning_weights(bits, TRIALS_RANGE, number), atol=1e-10
+        )
+
+
+def test_equal_parameter_sets_give_the_same_layer_for_every_k():
+    network = jl.Network.conditional("small", rng=0)
+    layer = network.layers[5]
+    assert layer.set_counts
+    for bits in (1, 7, 256):
+        at = layer.interpolate(conditioning_weights(bits, TRIALS_RANGE, 6))
+        np.testing.assert_allclose(at.coefficients, layer.coefficients[0], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("bits", "message"),
+    [
+        (None, "trials_range: expected a range of K for layers with sets"),
+        ((0, 16), "trials_range: expected the smallest and the largest K of a tied network"),
+        (
+            (16, 16),
+            "trials_range: expected the smallest and the largest K of a tied network",
+        ),
+    ],
+)
+def test_parameter_sets_need_a_range_of_k(bits, message):
+    with pytest.raises(ValueError, match=message):
+        jl.Network(conditional_network().layers, jl.Sensor(), trials_range=bits)
+
+
+def test_all_layers_need_the_same_number_of_sets_and_at_least_four():
+    layers = list(conditional_network().layers)
+    for kept in (3, 5):
+        cut = dataclasses.replace(layers[1], filters=layers[1].filters[:kept])
+        with pytest.raises(ValueError, match="the same number of parameter sets"):
+            jl.Network([layers[0], cut, *layers[2:]], jl.Sensor(), trials_range=TRIALS_RANGE)
+
+
+def test_a_k_out_of_range_is_refused():
+    with pytest.raises(ValueError, match="for 1 to 256 bits per pixel, got 257"):
+        conditional_network().reconstruct(np.ones((4, 4), int), jl.Sensor(frames=257))
+
+
+def test_a_conditional_network_serves_different_k_in_turn():
+    network = jl.Network.conditional("small", trials_range=(2, 32), rng=0)
+    counts = np.random.default_rng(7).integers(0, 3, (20, 30))
+    four, nine = jl.Sensor(frames=4), jl.Sensor(frames=9)
+    first, other = network.reconstruct(counts, four), network.reconstruct(counts, nine)
+    assert (first != other).any()
+    np.testing.assert_array_equal(network.reconstruct(counts, four), first)

@@ -1,0 +1,66 @@
+"""Examples of photographs, of sets of images, and of the archive of CIFAR-10."""
+
+import functools
+import io
+import tarfile
+
+import numpy as np
+from PIL import Image
+
+from examples.captures import COUNTS, palette, tiff, written
+from examples.encodings import INSIDE_GZIP, INSIDE_NPZ, PNG_CHECKSUMS, array_makers
+from examples.reader import Reader
+from jotlight.datasets.cifar10_files import from_archive
+from jotlight.images.io import image_writer, read_image
+from jotlight.images.sets import read_image_set
+
+RNG = np.random.default_rng(0)
+
+
+def _with_pillow(*formats):
+    image = Image.fromarray(COUNTS.astype(np.uint8))
+    return tuple(functools.partial(image.save, format=format_) for format_ in formats)
+
+
+def _png_of_depth_16(path):
+    image_writer(path, depth=16)(path, RNG.random((6, 9, 3)))
+
+
+def _cifar_archive(path):
+    with tarfile.open(path, "w:gz") as archive:
+        member = tarfile.TarInfo("cifar-10-batches-bin/test_batch.bin")
+        member.size = 3073
+        archive.addfile(member, io.BytesIO(bytes(3073)))
+
+
+IMAGES = {
+    "image": Reader("a.jpg", read_image, _with_pillow("JPEG", "PPM", "BMP", "WEBP", "GIF", "TGA")),
+    "image-png": Reader(
+        "a.png",
+        functools.partial(read_image, gray=True),
+        (_png_of_depth_16, palette, *written("png", COUNTS)),
+        **PNG_CHECKSUMS,
+    ),
+    "image-tiff": Reader(
+        "a.tif",
+        functools.partial(read_image, gray=True),
+        (
+            tiff(np.ones((5, 9, 3), np.float32), photometric="rgb"),
+            tiff(np.ones((5, 9), np.uint8), compression="zlib"),
+        ),
+    ),
+    "image-set": Reader("a.npy", read_image_set, array_makers(RNG.random((2, 5, 9), np.float32))),
+    "image-set-npz": Reader(
+        "a.npz",
+        read_image_set,
+        (functools.partial(np.savez, a=np.ones((2, 5, 9), np.uint8)),),
+        **INSIDE_NPZ,
+    ),
+    "cifar-archive": Reader(
+        "a.tar.gz",
+        lambda path: list(from_archive(path, ["test_batch"])),
+        (_cifar_archive,),
+        **INSIDE_GZIP,
+    ),
+}
+"""Readers of images, by a name of their own."""

@@ -1,0 +1,109 @@
+"""The model cards of the trained networks."""
+
+import textwrap
+from pathlib import Path
+
+import numpy as np
+
+import jotlight as jl
+from jotlight.evaluation.evaluate import Evaluation
+from jotlight.networks.graph import flops_per_pixel
+
+TEMPLATE = Path(__file__).with_name("model_card.md")
+WIDTH = 112
+"""Maximum number of characters in a line of a card."""
+
+ONE_K = (
+    "K = {bits} binary readings of each pixel, in space, in time, or both, or their counts; "
+    "threshold q = 1, gain α = K (on average one photon per jot and frame at intensity 1), box "
+    "kernel, intensities in [0, 1]."
+)
+ANY_K = (
+    "every K from {low} to {high}, since it is K-conditioned; every exposure with on average 0.02 "
+    "to 3 detections per jot and frame, including dark counts; every threshold, through P; box "
+    "kernel."
+)
+TWO_LAYER_LIMITS = (
+    "other exposures (`jotlight train` makes a network for them), smooth kernels, strong dark "
+    "counts. On scenes with much finer or coarser detail than photographs it smooths too much or "
+    "too little."
+)
+DEEP_LIMITS = (
+    "smooth kernels, color filters, and scenes unlike photographs. Where the bits hold little "
+    "information, the estimate shows what photographs usually look like: fine texture may be "
+    "missing or invented."
+)
+
+
+def render(name: str, network: jl.Network, recipe: str, scores: str) -> str:
+    """Return the card of a network."""
+    if network.trials_range is None:
+        purpose = ONE_K.format(bits=network.sensor.bits_per_pixel)
+    else:
+        low, high = network.trials_range
+        purpose = ANY_K.format(low=low, high=high)
+    card = TEMPLATE.read_text(encoding="utf-8").format(
+        name=name,
+        channels=" → ".join(str(layer.channels) for layer in network.layers),
+        parameters=sum(layer.parameter_count for layer in network.layers),
+        kiloflops=flops_per_pixel(network.layers) / 1000,
+        purpose=purpose,
+        recipe=recipe,
+        scores=scores,
+        limits=TWO_LAYER_LIMITS if len(network.layers) == 2 else DEEP_LIMITS,
+    )
+    return "".join(_wrap(line) + "\n" for line in card.splitlines())
+
+
+def _wrap(line: str) -> str:
+    indent = "  " if line.startswith("- ") else ""
+    return textwrap.fill(
+        line, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+    )
+
+
+def score(network: jl.Network, tests: list[np.ndarray]) -> str:
+    """Return the sentence about a network's scores on the test images."""
+    if network.trials_range is not None:
+        mean = {bits: np.mean(_psnr(network, bits, tests[:20])) for bits in (1, 4, 16, 64, 256)}
+        return conditional_scores(mean)
+    if len(network.layers) == 2:
+        own, likelihood = (
+            jl.evaluate(method, tests, network.sensor) for method in (network, jl.mle)
+        )
+        return two_layer_scores(
+            psnr=own.mean("psnr"),
+            first=Evaluation(own.scores[:20]).mean("psnr"),
+            worst=own.mean_of_worst("psnr", 0.05),
+            snr=own.mean("snr"),
+            ssim=own.mean("ssim"),
+            mle_psnr=likelihood.mean("psnr"),
+            mle_ssim=likelihood.mean("ssim"),
+        )
+    psnr = _psnr(network, network.sensor.bits_per_pixel, tests)
+    return residual_scores(float(np.mean(psnr)), float(np.mean(psnr[:20])))
+
+
+def _psnr(network: jl.Network, bits: int, tests: list[np.ndarray]) -> list[float]:
+    sensor = jl.Sensor(frames=bits)
+    return [
+        jl.metrics.psnr(network.reconstruct(sensor.expose(image, rng=number), sensor), image)
+        for number, image in enumerate(tests)
+    ]
+
+
+def two_layer_scores(**values: float) -> str:
+    return (
+        "PSNR {psnr:.2f} dB (first 20: {first:.2f} dB, worst 5 %: {worst:.2f} dB), SNR {snr:.2f} "
+        "dB, SSIM {ssim:.3f}. Maximum likelihood on the same bits: PSNR {mle_psnr:.2f} dB, SSIM "
+        "{mle_ssim:.3f}."
+    ).format(**values)
+
+
+def residual_scores(psnr: float, first: float) -> str:
+    return f"PSNR {psnr:.2f} dB (first 20: {first:.2f} dB)."
+
+
+def conditional_scores(psnr: dict[int, float]) -> str:
+    by_bits = ", ".join(f"{value:.2f} dB for K = {bits}" for bits, value in psnr.items())
+    return f"α = K, first 20 images: PSNR {by_bits}."
