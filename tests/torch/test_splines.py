@@ -156,4 +156,4 @@ def test_a_spline_compiles_into_one_graph():
 @pytest.mark.filterwarnings("ignore:The .grad attribute of a Tensor that is not a leaf")
 def test_the_registered_operators_are_sound():
     z, coefficients = random_planes((2, 3, 4), *KNOTS[1], torch.float64)
-    torch.library.opcheck(torch.ops.jotlight.bend, (z, coefficients, *KNOTS[1][1:]))
+    torch.library.opcheck(torch.ops.jotlight.spline, (z, coefficients, *KNOTS[1][1:]))

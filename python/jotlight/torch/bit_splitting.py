@@ -215,7 +215,8 @@ class BitSplitter:
         floor = _FLOOR / self.trials
         p = floor + (1 - 2 * floor) * p
         terms = ones * p.log() + (trials - ones) * torch.log1p(-p)
-        return -terms.sum() / trials.sum().clamp(min=1)
+        per_bit: Tensor = -terms.sum() / trials.sum().clamp(min=1)
+        return per_bit
 
     def held_out_negative_log_likelihood(self, network: Network, threads: int | None) -> float:
         """Return the value for the held-out bits, with all other bits as the input.

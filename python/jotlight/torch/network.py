@@ -181,7 +181,8 @@ class NetworkModule(nn.Module):
         def interpolate(sets: Tensor, dimensions: int) -> Tensor:
             if sets.dim() == dimensions:
                 return sets
-            return torch.tensordot(weights_tensor, sets, 1)
+            weighted: Tensor = torch.tensordot(weights_tensor, sets, 1)
+            return weighted
 
         filters = [interpolate(sets, 4) for sets in filters]
         filters[0] = filters[0] / trials
