@@ -1,3 +1,5 @@
+"""Fixtures that several folders of tests use."""
+
 import os
 import sys
 from pathlib import Path
@@ -17,9 +19,9 @@ hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "quick"))
 
 @pytest.fixture(scope="session")
 def data() -> Path:
-    """The folder with the experiments' data: bsds300/, real/ and so on."""
-    told = os.environ.get("JOTLIGHT_DATA")
-    folder = Path(told) if told else Path(__file__).parents[2] / "shared" / "data"
+    """Return the folder with the experiments' data: bsds300/, real/, and others."""
+    chosen = os.environ.get("JOTLIGHT_DATA")
+    folder = Path(chosen) if chosen else Path(__file__).parents[2] / "shared" / "data"
     if not folder.is_dir():
         pytest.skip(f"no data in {folder}: set JOTLIGHT_DATA to the folder that holds bsds300/")
     return folder
@@ -27,7 +29,10 @@ def data() -> Path:
 
 @pytest.fixture
 def run(monkeypatch, tmp_path, capsys):
-    """Run a command in an empty folder; give its exit status and all that it printed."""
+    """Return a function that runs a command in an empty folder.
+
+    It returns the exit status, and everything that the command printed.
+    """
     monkeypatch.chdir(tmp_path)
     # Rich breaks lines at the terminal's width.
     monkeypatch.setattr(console.out, "width", 200)
@@ -45,7 +50,7 @@ def run(monkeypatch, tmp_path, capsys):
 
 @pytest.fixture
 def pictures(tmp_path):
-    """A folder with three small photographs."""
+    """Return a folder with three small photographs."""
     folder = tmp_path / "pictures"
     folder.mkdir()
     levels = (jl.datasets.photograph("camera") * 255).astype(np.uint8)

@@ -1,3 +1,5 @@
+"""Files and folders that appear whole or not at all."""
+
 import os
 import stat
 from pathlib import Path
@@ -34,7 +36,7 @@ def test_a_path_may_be_a_string_in_the_current_folder(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt, SystemExit])
 @pytest.mark.parametrize("before", [None, "old"])
-def test_an_interrupted_block_leaves_what_was_there(tmp_path, error, before):
+def test_an_interrupted_block_keeps_the_old_file(tmp_path, error, before):
     path = tmp_path / "note.txt"
     if before:
         path.write_text(before)
@@ -50,7 +52,7 @@ def test_an_interrupted_block_leaves_what_was_there(tmp_path, error, before):
     assert not before or path.read_text() == before
 
 
-def test_an_old_file_is_whole_until_the_block_ends(tmp_path):
+def test_an_old_file_stays_until_the_block_ends(tmp_path):
     path = tmp_path / "note.txt"
     path.write_text("old")
     with atomic_write(path) as temporary:
@@ -68,7 +70,7 @@ def test_a_temporary_file_that_was_removed_is_an_error_and_leaves_the_old_file(t
 
 
 @pytest.mark.parametrize("mask", [0o022, 0o077])
-def test_a_new_file_has_the_permissions_that_open_would_give(tmp_path, mask):
+def test_a_new_file_has_the_permissions_of_any_new_file(tmp_path, mask):
     before = os.umask(mask)
     try:
         with atomic_write(tmp_path / "ours") as temporary:
@@ -102,7 +104,7 @@ def enter(path):
         ("file/note.txt", OSError, "cannot write .*note.txt: there is no folder"),
     ],
 )
-def test_a_place_that_cannot_be_written_to_is_found_before_any_work(tmp_path, name, error, message):
+def test_a_path_that_cannot_be_written_to_is_found_before_any_work(tmp_path, name, error, message):
     (tmp_path / "folder").mkdir()
     (tmp_path / "file").write_text("x")
     with pytest.raises(error, match=message):
@@ -146,7 +148,7 @@ def test_a_folder_appears_when_the_block_ends_and_not_before(tmp_path):
         pass
 
 
-def test_a_folder_of_which_half_is_written_goes(tmp_path):
+def test_a_half_written_folder_is_removed(tmp_path):
     def interrupted():
         with atomic_folder(tmp_path / "set") as temporary:
             (temporary / "a").write_text("half")

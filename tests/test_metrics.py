@@ -1,3 +1,5 @@
+"""Measures of image quality."""
+
 import numpy as np
 import pytest
 import skimage.metrics
@@ -7,14 +9,14 @@ import jotlight as jl
 from jotlight import metrics
 
 
-@pytest.fixture(params=[(24, 31), (12, 15, 3)], ids=["grey", "colour"])
+@pytest.fixture(params=[(24, 31), (12, 15, 3)], ids=["gray", "color"])
 def pair(request):
     rng = np.random.default_rng(0)
     truth = rng.random(request.param)
     return np.clip(truth + rng.normal(0, 0.1, truth.shape), 0, 1), truth
 
 
-def ssim_of_plane(a, b, peak):
+def ssim_of_channel(a, b, peak):
     distance = np.arange(-5, 6)
     line = np.exp(-0.5 * (distance / 1.5) ** 2)
     window = np.outer(line, line) / line.sum() ** 2
@@ -30,31 +32,31 @@ def ssim_of_plane(a, b, peak):
 
 
 @pytest.mark.parametrize("peak", [1.0, 2.5])
-def test_psnr_is_that_of_scikit_image(pair, peak):
+def test_psnr_agrees_with_scikit_image(pair, peak):
     expected = skimage.metrics.peak_signal_noise_ratio(*pair[::-1], data_range=peak)
     assert metrics.psnr(*pair, peak=peak) == pytest.approx(expected, rel=1e-12)
 
 
-def test_snr_is_power_over_power(pair):
+def test_snr_is_the_ratio_of_the_powers(pair):
     estimate, truth = pair
     ratio = np.linalg.norm(truth) / np.linalg.norm(estimate - truth)
     assert metrics.snr(estimate, truth) == pytest.approx(20 * np.log10(ratio), rel=1e-12)
 
 
 @pytest.mark.parametrize("peak", [1.0, 2.5])
-def test_ssim_is_the_formula_of_wang_et_al(pair, peak):
+def test_ssim_agrees_with_the_formula_of_wang_et_al(pair, peak):
     planes = [np.atleast_3d(image).transpose(2, 0, 1) for image in pair]
-    expected = np.mean([ssim_of_plane(a, b, peak) for a, b in zip(*planes, strict=True)])
+    expected = np.mean([ssim_of_channel(a, b, peak) for a, b in zip(*planes, strict=True)])
     assert metrics.ssim(*pair, peak=peak) == pytest.approx(expected, rel=1e-9)
 
 
-def test_float32_is_measured_in_float64():
+def test_float32_images_are_compared_in_float64():
     estimate, truth = np.full((8, 8), 1e4, np.float32), np.full((8, 8), 1e4 + 2**-10, np.float32)
     assert metrics.psnr(estimate, truth) == pytest.approx(20 * np.log10(2**10), rel=1e-12)
 
 
 @pytest.mark.parametrize("function", [metrics.psnr, metrics.snr])
-def test_equal_images_are_infinitely_close(function, pair):
+def test_the_ratios_of_equal_images_are_infinite(function, pair):
     assert function(pair[1], pair[1]) == float("inf")
 
 
@@ -78,7 +80,7 @@ def test_black_truth_has_no_signal():
         (np.ones((0, 16)), np.ones((0, 16)), ValueError, "estimate: expected shape"),
     ],
 )
-def test_images_that_do_not_fit_are_refused(function, estimate, truth, error, message):
+def test_other_types_and_shapes_are_refused(function, estimate, truth, error, message):
     with pytest.raises(error, match=message):
         function(estimate, truth)
 
@@ -89,5 +91,5 @@ def test_ssim_refuses_images_smaller_than_its_window():
     assert metrics.ssim(np.ones((11, 11)), np.ones((11, 11))) == pytest.approx(1)
 
 
-def test_metrics_are_at_the_front_door():
+def test_the_metrics_are_public():
     assert jl.metrics is metrics

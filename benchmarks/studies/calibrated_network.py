@@ -1,13 +1,14 @@
-"""A network learned for a capture with a calibration, beside what else one could do.
+"""Compare a network trained for a capture with its calibration to other methods.
 
     python benchmarks/studies/calibrated_network.py
 
-A simulated camera of 512 x 512 jots with dark counts (gamma, 1.6 % of the jots hot) and a response
-that varies by 5 % takes a dark and a flat capture of 2000 frames, and 16 frames of a dim
-photograph. The networks are learned as `jotlight train --sensor` does, in 30 steps each, and the
-photograph is not among those that they learn from. All takes a minute or two on two cores.
+A simulated camera of 512 x 512 jots has dark counts (gamma, 1.6 % of the jots hot) and a response
+that varies by 5 %. It takes a dark and a flat capture of 2000 frames, and 16 frames of a dim
+photograph. The networks are trained as `jotlight train --sensor` does, in 30 steps each, on other
+photographs. The study takes one to two minutes on two cores.
 """
 
+import argparse
 import warnings
 
 import numpy as np
@@ -16,15 +17,16 @@ import jotlight as jl
 from jotlight.estimators.brightness import training_sensor
 from jotlight.evaluation.methods import METHODS
 
-LEVEL = 0.3
-"""Of the photograph's white, in photons per jot and frame."""
+WHITE_LEVEL = 0.3
+"""Photons per jot and frame where the photograph is white."""
 
 PHOTO = "camera"
 
 
 def main() -> None:
-    warnings.simplefilter("ignore")  # it says that masked pixels are filled
-    scene = np.float32(LEVEL) * jl.datasets.photograph(PHOTO)
+    argparse.ArgumentParser(description=__doc__.split("\n")[0]).parse_args()
+    warnings.simplefilter("ignore")  # A warning says that masked pixels are inpainted.
+    scene = np.float32(WHITE_LEVEL) * jl.datasets.photograph(PHOTO)
     rng = np.random.default_rng(0)
     dark = rng.gamma(2, 0.01, scene.shape)
     dark[rng.random(scene.shape) < 0.016] = 0.4
@@ -33,39 +35,44 @@ def main() -> None:
     calibration = jl.calibrate(
         camera.expose(np.zeros(scene.shape), rng=1), camera.expose(np.full(scene.shape, 0.7), rng=2)
     )
-    seen = camera.replace(frames=16).expose(scene, rng=3)
-    seen = jl.Bits(seen.packed, seen.width)
+    capture = camera.replace(frames=16).expose(scene, rng=3)
+    # Without its sensor, the capture does not know the camera's defects.
+    capture = jl.Bits(capture.packed, capture.width)
     known, unknown = calibration.sensor(16), jl.Sensor(frames=16)
-    with_it, without = learned(seen, known), learned(seen, unknown)
+    with_it, without = trained(capture, known), trained(capture, unknown)
     rows = {
-        "network for this capture, learned with the calibration": by(with_it, seen, known),
-        "network for this capture, learned without": by(without, seen, known),
-        "network that comes with jotlight": by(jl.pretrained(known, "two-layer"), seen, known),
+        "network for this capture, trained with the calibration": estimate(with_it, capture, known),
+        "network for this capture, trained without it": estimate(without, capture, known),
+        "jotlight's two-layer network": estimate(jl.pretrained(known, "two-layer"), capture, known),
         **{
-            METHODS[name].title: METHODS[name].run(seen, known)
+            METHODS[name].title: METHODS[name].run(capture, known)
             for name in ("noniterative-gaussian", "noniterative-tv", "admm-tv", "mle")
         },
-        "network for this capture, calibration never used": by(without, seen, unknown),
-        "network that comes with jotlight, likewise": by(
-            jl.pretrained(unknown, "two-layer"), seen, unknown
+        "network for this capture, calibration not used at all": estimate(
+            without, capture, unknown
+        ),
+        "jotlight's two-layer network, calibration not used at all": estimate(
+            jl.pretrained(unknown, "two-layer"), capture, unknown
         ),
     }
     print("| method | PSNR, dB |")
     print("| --- | ---: |")
-    for name, picture in rows.items():
-        print(f"| {name} | {jl.metrics.psnr(picture, scene, peak=LEVEL):.2f} |")
+    for name, image in rows.items():
+        print(f"| {name} | {jl.metrics.psnr(image, scene, peak=WHITE_LEVEL):.2f} |")
 
 
-def learned(seen: jl.Bits, sensor: jl.Sensor) -> jl.Network:
-    fitted, scale = training_sensor(seen, sensor)
+def trained(capture: jl.Bits, sensor: jl.Sensor) -> jl.Network:
+    """Return a network trained on photographs as bright as the capture."""
+    fitted, scale = training_sensor(capture, sensor)
     names = [name for name in jl.datasets.PHOTOGRAPHS if name != PHOTO]
     photographs = [np.float32(scale) * jl.datasets.photograph(name, gray=True) for name in names]
     return jl.train(jl.Network.initial(fitted), photographs, rng=0)[0]
 
 
-def by(network: jl.Network, seen: jl.Bits, sensor: jl.Sensor) -> np.ndarray:
+def estimate(network: jl.Network, capture: jl.Bits, sensor: jl.Sensor) -> np.ndarray:
+    """Return the network's estimate for a sensor with the network's intensity range."""
     own = sensor.replace(max_intensity=network.sensor.max_intensity)
-    return network.reconstruct(seen, own)
+    return network.reconstruct(capture, own)
 
 
 if __name__ == "__main__":

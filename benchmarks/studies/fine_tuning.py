@@ -1,10 +1,10 @@
-"""What a network gains by learning from the capture itself, without ground truth.
+"""Measure what a network gains by training on the capture itself, without ground truth.
 
     python benchmarks/studies/fine_tuning.py path/to/data network.safetensors
 
-The network is one that is told K. Captures of the photograph "camera", drawn, are held against the
-photograph; the real one of ``real/swissspad2_bird/counts.npz`` against 48 further frames, as
-``real_counts.py`` does. The truth is only measured with.
+The network is K-conditioned. Simulated captures of the photograph "camera" are compared with the
+photograph. The real capture of ``real/swissspad2_bird/counts.npz`` is compared with 48 further
+frames, as in ``real_counts.py``. The training never uses the truth.
 """
 
 import argparse
@@ -26,25 +26,25 @@ def main() -> None:
     parser.add_argument("network", type=Path)
     parser.add_argument("--steps", type=int, default=500)
     parser.add_argument("--threads", type=int)
-    given = parser.parse_args()
-    network = jl.Network.load(given.network)
+    options = parser.parse_args()
+    network = jl.Network.load(options.network)
     scene = jl.datasets.photograph("camera")[:384, :384]
 
     def tuned(data, sensor):
-        begun = time.perf_counter()
+        start = time.perf_counter()
         found, history = fine_tune(
-            network, data, sensor, steps=given.steps, rng=0, threads=given.threads
+            network, data, sensor, steps=options.steps, rng=0, threads=options.threads
         )
-        return found, history, time.perf_counter() - begun
+        return found, history, time.perf_counter() - start
 
-    print("| bits | photons per bit | before, dB | after, dB | held out, nats per bit | s |")
+    print("| bits | photons per bit | before, dB | after, dB | held-out loss, nats per bit | s |")
     print("| ---: | ---: | ---: | ---: | ---: | ---: |")
     for bits, light in CAPTURES:
         sensor = jl.Sensor(frames=bits, gain=bits * light)
-        seen = sensor.expose(scene, rng=5)
-        found, history, seconds = tuned(seen, sensor)
+        capture = sensor.expose(scene, rng=5)
+        found, history, seconds = tuned(capture, sensor)
         before, after = (
-            jl.metrics.psnr(each.reconstruct(seen), scene, peak=1.0) for each in (network, found)
+            jl.metrics.psnr(each.reconstruct(capture), scene, peak=1.0) for each in (network, found)
         )
         print(
             f"| {bits} | {light:g} | {before:.2f} | {after:.2f} | {change(history)} "
@@ -52,26 +52,30 @@ def main() -> None:
             flush=True,
         )
 
-    with np.load(given.data / "real/swissspad2_bird/counts.npz", allow_pickle=False) as counts:
+    with np.load(options.data / "real/swissspad2_bird/counts.npz", allow_pickle=False) as counts:
         captures = {frames: counts[f"k{frames}"].astype(np.int32) for frames in (16, 4, 1)}
         further = counts["k64"].astype(int) - counts["k16"]
     independent = further >= 0
     reference = further[independent] / 48
     noise = np.mean(reference * (1 - reference)) / 47
 
-    def figures(estimate):
+    def scores(estimate):
         error = np.mean((-np.expm1(-estimate[independent]) - reference) ** 2)
         return " | ".join(f"{-10 * np.log10(x):.2f}" for x in (error, max(error - noise, 1e-9)))
 
-    print("\n| frames | network | PSNR, dB | without the reference's noise, dB | held out | s |")
+    print(
+        "\n| frames | network | PSNR, dB | without the reference's noise, dB | held-out loss | s |"
+    )
     print("| ---: | --- | ---: | ---: | ---: | ---: |")
     for frames, image in captures.items():
         sensor = jl.Sensor(frames=frames, max_intensity=4.0)
-        print(f"| {frames} | as it is | {figures(network.reconstruct(image, sensor))} | | |")
+        print(
+            f"| {frames} | without fine-tuning | {scores(network.reconstruct(image, sensor))} | | |"
+        )
         if frames > 1:
             found, history, seconds = tuned(image, sensor)
             print(
-                f"| {frames} | fine-tuned | {figures(found.reconstruct(image, sensor))} "
+                f"| {frames} | fine-tuned | {scores(found.reconstruct(image, sensor))} "
                 f"| {change(history)} | {seconds:.0f} |",
                 flush=True,
             )

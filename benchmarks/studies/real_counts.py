@@ -1,11 +1,11 @@
-"""Accuracy on real counts: from 16, 4 and 1 frames, against 48 further frames of the same scene.
+"""Measure the accuracy on real counts of 16, 4, and 1 frames, against 48 further frames.
 
     python benchmarks/studies/real_counts.py path/to/data
 
-The folder holds ``real/swissspad2_bird/counts.npz``. The denoisers' strengths are chosen with the
-reference in hand, which nobody has in earnest: that is the best that they can do. The network is
-learned by ``jl.train`` from the photographs that come with scikit-image, as bright as the counts
-say that the scene is. All takes some five minutes on two cores.
+The folder holds ``real/swissspad2_bird/counts.npz``. The strengths of the denoisers are the best
+ones by the reference, which is an upper bound of what they can reach. ``jl.train`` trains the
+network on scikit-image's photographs, which are made as bright as the counts. The study takes
+about five minutes on two cores.
 """
 
 import argparse
@@ -23,7 +23,7 @@ from jotlight.evaluation.methods import METHODS
 
 
 def converged_tv(image: np.ndarray, weight: float) -> np.ndarray:
-    """What `jl.denoise.tv` would give if it did not stop at scikit-image's tolerance."""
+    """Return the result of `jl.denoise.tv` without scikit-image's early stop."""
     estimate = denoise_tv_chambolle(image, weight=weight, eps=1e-7, max_num_iter=1000)
     return np.asarray(estimate, np.float32)
 
@@ -41,7 +41,7 @@ def main() -> None:
     parser.add_argument("data", type=Path)
     path = parser.parse_args().data / "real/swissspad2_bird/counts.npz"
     with np.load(path, allow_pickle=False) as counts:
-        seen = {frames: counts[f"k{frames}"].astype(np.int32) for frames in (16, 4, 1)}
+        captures = {frames: counts[f"k{frames}"].astype(np.int32) for frames in (16, 4, 1)}
         further = counts["k64"].astype(int) - counts["k16"]
     independent = further >= 0
     reference = further[independent] / 48
@@ -50,7 +50,7 @@ def main() -> None:
     print(f"The reference's own noise: {-10 * np.log10(noise):.2f} dB\n")
     print("| frames | method | PSNR, dB | without the reference's noise, dB |")
     print("| ---: | --- | ---: | ---: |")
-    for frames, image in seen.items():
+    for frames, image in captures.items():
         for tries in estimates(image, frames):
             errors = {
                 name: np.mean((-np.expm1(-estimate[independent]) - reference) ** 2)
@@ -65,7 +65,7 @@ def main() -> None:
 
 
 def estimates(image, frames):
-    """Groups of estimates by name, of each of which the best counts."""
+    """Yield groups of estimates by name. The best of each group counts."""
     sensor = jl.Sensor(frames=frames, max_intensity=4.0)
     yield {"mle": jl.mle(image, sensor)}
     yield {"admm-tv": jl.admm_tv(image, sensor)}
@@ -79,14 +79,14 @@ def estimates(image, frames):
     if METHODS["noniterative-bm3d"].available:
         yield {"noniterative-bm3d": jl.noniterative(image, sensor, denoiser="bm3d")}
     yield {"network-medium": jl.pretrained(sensor, "medium").reconstruct(image, sensor)}
-    begun = time.perf_counter()
+    start = time.perf_counter()
     fitted, scale = training_sensor(image, sensor)
     photographs = [jl.datasets.photograph(name, gray=True) for name in jl.datasets.PHOTOGRAPHS]
     network, _ = jl.train(
         jl.Network.initial(fitted), [np.float32(scale) * photo for photo in photographs], rng=0
     )
-    seconds = time.perf_counter() - begun
-    yield {f"network for this capture, learned in {seconds:.0f} s": network.reconstruct(image)}
+    seconds = time.perf_counter() - start
+    yield {f"network for this capture, trained in {seconds:.0f} s": network.reconstruct(image)}
 
 
 if __name__ == "__main__":

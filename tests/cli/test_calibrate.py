@@ -68,7 +68,7 @@ def test_calibrate_returns_what_the_python_function_returns(run, captures):
     assert 1e-5 < found.hot_probability <= 1e-4
     assert "dead: 9 (" in said
     assert f"PRNU: {found.prnu:.2%} ± " in said
-    assert "dark: frames correlate: " in said
+    assert "dark: correlation of frames: " in said
     assert (captures / "page.png").read_bytes().startswith(b"\x89PNG")
     assert {name: provenance.name for name, provenance in found.provenance.items()} == {
         "dark": "dark.npy",

@@ -183,15 +183,15 @@ def test_folders_are_reconstructed_and_described(run, tmp_path):
     ("words", "expected"),
     [
         (["convert", "a.npy", "-o", "a.npy"], "another name"),
-        (["convert", "a.npy", "-o", "b.bin"], "give the one to write (--to): swissspad2"),
-        (["convert", "a.npy", "-o", "b"], "(--to): visionsim, zarr"),
+        (["convert", "a.npy", "-o", "b.bin"], "pass --to: swissspad2"),
+        (["convert", "a.npy", "-o", "b"], "pass --to: visionsim, zarr"),
         (["convert", "a.npy", "-o", "b.xyz"], "implies no single format"),
         (["convert", "a.npy", "-o", "b.npy", "--to", "png"], "ends in .png for png"),
         (
             ["convert", "a.npy", "-o", "b.bin", "--to", "matlab"],
             "expected a name without extension, of a new folder, for matlab",
         ),
-        (["convert", "a.npy", "-o", "b.bin", "--to", "mp4"], "to: expected one of npy"),
+        (["convert", "a.npy", "-o", "b.bin", "--to", "mp4"], "--to: expected one of npy"),
         (["convert", "a.npy", "-o", "b.bin", "--to", "swissspad2"], "256 x 512"),
         (["convert", "a.npy", "-o", "b.npy", "--frame-range", "5"], "frame-range: expected A:B"),
         (["convert", "a.npy", "-o", "b.npy", "--frame-range", "1:9:0"], "frame-range"),
@@ -199,7 +199,7 @@ def test_folders_are_reconstructed_and_described(run, tmp_path):
         (["convert", "a.npy", "-o", "b.npy", "--rotate", "45"], "multiple of 90"),
         (["convert", "a.npy", "-o", "c", "--to", "visionsim"], "is there already"),
         (["convert", "none.npy", "-o", "b.npy"], "there is no file"),
-        (["convert", "counts.tif", "-o", "b", "--to", "visionsim"], "cannot be had of counts"),
+        (["convert", "counts.tif", "-o", "b", "--to", "visionsim"], "which counts cannot become"),
         (["convert", "a.npy", "-o", "none/b.npy"], "there is no folder"),
         (["convert", "cut.npy.gz", "-o", "b.npy"], "damaged or truncated"),
         (["convert", "cut.npy.gz", "-o", "b", "--to", "matlab"], "damaged or truncated"),
@@ -282,7 +282,7 @@ def test_counts_tell_out_of_how_many_bits_they_are(run, tmp_path, name):
         np.testing.assert_array_equal(jl.open(path), array.sum(0))
         status, said = run("reconstruct", path, "-o", "b.npy", "-m", "mle")
         assert status == 0, said
-        assert "counts out of 40, as the file tells" in said
+        assert "counts out of 40, as the file states" in said
         assert "npy" in said
         np.testing.assert_array_equal(np.load(tmp_path / "b.npy"), expected)
     assert "npy, a.npy" in run("info", second, "--counts")[1]
@@ -300,7 +300,7 @@ def test_counts_tell_out_of_how_many_bits_they_are(run, tmp_path, name):
 def test_a_label_of_counts_is_checked(tmp_path):
     counts = np.full((3, 4), 7, np.int32)
     write_capture(counts, tmp_path / "a.tif", "tiff", trials=6)
-    with pytest.raises(ValueError, match="its label tells of counts out of 6, but one is 7"):
+    with pytest.raises(ValueError, match="its label states counts out of 6, but one is 7"):
         jl.open(tmp_path / "a.tif")
     for wrong in (0, -1, 2**31, "6", 1.5):
         write_capture(counts, tmp_path / "a.tif", "tiff", trials=wrong)
@@ -343,17 +343,17 @@ def test_counts_say_when_they_leave_out_more_of_a_sensor_than_its_frames(tmp_pat
 def test_bits_say_when_nothing_will_tell_how_they_were_turned(tmp_path, name):
     np.save(tmp_path / "cube.npy", twin.packed(random(3, 8, 16)))
     bits = jl.open(tmp_path / "cube.npy", rotate=90)
-    with pytest.warns(jl.JotlightWarning, match="no place to tell .* rotated by 90 degrees, so"):
+    with pytest.warns(jl.JotlightWarning, match="no place to record .* rotated by 90 degrees, so"):
         write_capture(bits, path_of(tmp_path, name), name)
     again = jl.open(tmp_path / "cube.npy", rotate=360)
     write_capture(again, path_of(tmp_path, name, "again"), name)
 
 
-@pytest.mark.filterwarnings("default:.*no place to tell")
+@pytest.mark.filterwarnings("default:.*no place to record")
 @pytest.mark.parametrize("name", COUNTS)
 def test_counts_say_when_nothing_will_tell_how_they_were_turned(run, tmp_path, name):
     pytest.importorskip(NEEDS.get(name, "numpy"))
     np.save(tmp_path / "counts.npy", np.arange(12).reshape(3, 4))
     status, said = run("convert", "counts.npy", "-o", path_of(tmp_path, name), "--rotate", 90)
     assert status == 0
-    assert (f"{name} has no place to tell" in said) == (name in ("npy", "npy.gz", "png"))
+    assert (f"{name} has no place to record" in said) == (name in ("npy", "npy.gz", "png"))

@@ -51,7 +51,7 @@ def test_what_we_wrote_is_told_as_counts(run, tmp_path, name):
     write_capture(COUNTS.astype(np.int32), tmp_path / path, name, trials=64, provenance=provenance)
     said = lines(run, path)
     assert f"format {name}" in said
-    assert "assumed counts out of 64, as the file tells" in said
+    assert "assumed counts out of 64, as the file states" in said
     assert "from npy, cube.npy" in said
     assert "values int32, 0 to 4" in said
 

@@ -24,7 +24,7 @@ def seen(tmp_path):
         (["seen.npy", "-t", 16], "take --frame-range 0:16, or --frames 64"),
         (["seen.npy", "-t", 80], "expected the sensor's 80 frames, got 64; take --frames 64"),
         (["counts.mat", "-m", "mle"], "got 7 to 7; --counts reads the numbers as counts"),
-        (["raw.bin"], "give the one it is of, --format: swissspad2"),
+        (["raw.bin"], "pass --format: swissspad2"),
         (["seen.npy", "--frame-range", "100:200"], "no frames in 100:200 of 64"),
         (["counts.npy", "-t", 9, "--frame-range", "5:"], "no frames in 5: of 3"),
     ],

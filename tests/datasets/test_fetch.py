@@ -1,4 +1,4 @@
-"""Fetching from a server of our own; nothing here needs a network."""
+"""Downloads from a local server. No test here needs a network."""
 
 import functools
 import hashlib
@@ -42,7 +42,7 @@ class Handler(http.server.SimpleHTTPRequestHandler):
 
 @pytest.fixture
 def site(tmp_path):
-    """A folder that a local server shows."""
+    """A folder that a local server serves."""
     folder = tmp_path / "site"
     folder.mkdir()
     return folder
@@ -72,8 +72,8 @@ def no_proxy(monkeypatch):
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path, monkeypatch):
-    """Where it is kept, instead of the user's own folder."""
-    monkeypatch.setattr(fetch, "kept_in", lambda: tmp_path / "cache")
+    """A cache that replaces the user's own folder."""
+    monkeypatch.setattr(fetch, "cache_folder", lambda: tmp_path / "cache")
     return tmp_path / "cache"
 
 
@@ -85,7 +85,7 @@ def source(site, url, *names, sha256=None):
     found = {
         name: sha256 or hashlib.sha256((site / name).read_bytes()).hexdigest() for name in names
     }
-    return fetch.Source(
+    return fetch.RemoteFiles(
         name="Some data",
         site=url,
         urls={name: f"{url}/{name}" for name in names},
@@ -96,13 +96,13 @@ def source(site, url, *names, sha256=None):
     )
 
 
-def test_what_is_fetched_is_told_and_then_kept(site, url, server, cache, caplog):
+def test_a_download_is_announced_and_stored(site, url, server, cache, caplog):
     (site / "some.bin").write_bytes(bytes(200_000))
     some, shares = source(site, url, "some.bin"), []
-    with pytest.warns(JotlightWarning) as told, caplog.at_level(logging.INFO):
-        assert fetch.fetched(some, ["some.bin"], shares.append) == cache
+    with pytest.warns(JotlightWarning) as caught, caplog.at_level(logging.INFO):
+        assert fetch.fetch(some, ["some.bin"], shares.append) == cache
     assert (cache / "some.bin").read_bytes() == bytes(200_000)
-    message = str(told.pop().message)
+    message = str(caught.pop().message)
     for part in (url, "1 file, about 2.5 MB", "SHA-256: here", "no license stated", "Somebody"):
         assert part in message
     assert str(cache) in message
@@ -110,17 +110,17 @@ def test_what_is_fetched_is_told_and_then_kept(site, url, server, cache, caplog)
     assert len(shares) > 3
     assert shares[-1] == 1
     assert not caplog.records
-    # A second time there is nothing to tell and nobody to ask.
-    fetch.fetched(some, ["some.bin"])
+    # The second call neither warns nor asks the server.
+    fetch.fetch(some, ["some.bin"])
     assert server.asked == ["/some.bin"]
 
 
-def test_a_kept_file_that_was_damaged_is_fetched_anew(site, url, cache):
+def test_a_damaged_file_is_fetched_again(site, url, cache):
     (site / "some.bin").write_bytes(b"right")
     cache.mkdir()
     (cache / "some.bin").write_bytes(b"wrong")
     with pytest.warns(JotlightWarning, match="fetching Some data"):
-        fetch.fetched(source(site, url, "some.bin"), ["some.bin"])
+        fetch.fetch(source(site, url, "some.bin"), ["some.bin"])
     assert (cache / "some.bin").read_bytes() == b"right"
 
 
@@ -129,21 +129,21 @@ class TestFailure:
     def test_another_file_than_expected_is_not_kept(self, site, url, cache):
         (site / "some.bin").write_bytes(b"another")
         some = source(site, url, "some.bin", sha256="0" * 64)
-        with pytest.raises(ValueError, match=r"some\.bin with the SHA-256 0{64}, but another") as e:
-            fetch.fetched(some, ["some.bin"])
+        with pytest.raises(ValueError, match=r"some\.bin with the SHA-256 0{64}, but got another") as e:
+            fetch.fetch(some, ["some.bin"])
         assert "--data DIR" in str(e.value)
         assert not files_in(cache)
 
     def test_a_file_that_is_not_there_is_named(self, site, url, cache):
         some = source(site, url, "none.bin", sha256="0" * 64)
         with pytest.raises(ConnectionError, match=rf"fetch {url}/none.bin \(.* 404 .*\); try"):
-            fetch.fetched(some, ["none.bin"])
+            fetch.fetch(some, ["none.bin"])
         assert not files_in(cache)
 
     def test_a_server_that_is_down_is_told_in_one_line(self, site, cache):
         some = source(site, "http://127.0.0.1:9", "some.bin", sha256="0" * 64)
         with pytest.raises(ConnectionError) as error:
-            fetch.fetched(some, ["some.bin"])
+            fetch.fetch(some, ["some.bin"])
         message = str(error.value)
         assert message.startswith("Some data: could not fetch http://127.0.0.1:9/some.bin (")
         assert "refused" in message
@@ -156,7 +156,7 @@ class TestFailure:
         with pytest.raises(
             ConnectionError, match=r"stops-halfway \(IncompleteRead\(500 bytes .*; try"
         ):
-            fetch.fetched(some, ["stops-halfway"])
+            fetch.fetch(some, ["stops-halfway"])
         assert not files_in(cache)
 
     def test_an_interruption_leaves_what_is_whole_and_goes_on_from_there(
@@ -172,17 +172,19 @@ class TestFailure:
                 raise KeyboardInterrupt
 
         with pytest.raises(KeyboardInterrupt):
-            fetch.fetched(some, names, interrupt)
+            fetch.fetch(some, names, interrupt)
         assert files_in(cache) == ["a.bin"]
-        fetch.fetched(some, names)
+        fetch.fetch(some, names)
         assert files_in(cache) == names
         assert server.asked == ["/a.bin", "/b.bin", "/b.bin"]
 
     def test_a_folder_that_cannot_be_made_is_named(self, site, url, cache):
         (site / "some.bin").write_bytes(b"right")
         cache.write_bytes(b"a file where the folder would be")
-        with pytest.raises(OSError, match=r"cannot keep .*some\.bin \(.*exists\); make room"):
-            fetch.fetched(source(site, url, "some.bin"), ["some.bin"])
+        with pytest.raises(
+            OSError, match=r"cannot store .*some\.bin \(.*exists\); free some space"
+        ):
+            fetch.fetch(source(site, url, "some.bin"), ["some.bin"])
 
 
 def test_bsds300_is_fetched_as_bsds500_has_it(site, url, server, tmp_path, monkeypatch):
@@ -235,4 +237,4 @@ def test_the_user_s_own_cache_is_the_default(monkeypatch):
     import pooch
 
     monkeypatch.undo()
-    assert fetch.kept_in() == pooch.os_cache("jotlight")
+    assert fetch.cache_folder() == pooch.os_cache("jotlight")

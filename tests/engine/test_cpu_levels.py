@@ -1,4 +1,4 @@
-"""One body for several instruction sets: each gives what the scalar one gives."""
+"""The code of every instruction set returns what the scalar code returns."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def level(request):
     engine.choose_cpu_level(None)
 
 
-def on(level, call):
+def run_at(level, call):
     engine.choose_cpu_level(level)
     assert engine.cpu_level() == level
     return call()
@@ -31,18 +31,18 @@ def untied(frames, side):
     network = jl.Network.initial(sensor)
     taps = np.random.default_rng(1).uniform(0.5, 1.5, (1, frames, side, side))
     first = network.layers[0]
-    weighed = first.filters[0, 0, 0, 0] * np.float32(taps)
-    layer = jl.Layer(weighed, first.coefficients, first.start, first.spacing)
+    weighted = first.filters[0, 0, 0, 0] * np.float32(taps)
+    layer = jl.Layer(weighted, first.coefficients, first.start, first.spacing)
     return jl.Network([layer, *network.layers[1:]], sensor)
 
 
-def same(level, call, tolerance):
-    expected = on("scalar", call)
+def assert_same_as_scalar(level, call, tolerance):
+    expected = run_at("scalar", call)
     for threads in (1, 2, 7):
-        given = on(level, lambda threads=threads: call(threads))
+        result = run_at(level, lambda threads=threads: call(threads))
         if threads == 1:
-            first = given
-        np.testing.assert_array_equal(given, first)
+            first = result
+        np.testing.assert_array_equal(result, first)
     if tolerance:
         scale = np.abs(expected).max()
         np.testing.assert_allclose(first, expected, rtol=0, atol=tolerance * scale)
@@ -50,63 +50,67 @@ def same(level, call, tolerance):
         np.testing.assert_array_equal(first, expected)
 
 
-def test_the_best_level_is_the_default(level):
+def test_the_best_instruction_set_is_the_default(level):
     engine.choose_cpu_level(None)
     assert engine.cpu_level() == engine.cpu_levels()[-1]
 
 
-def test_unknown_levels_are_refused():
+def test_unknown_instruction_sets_are_refused():
     with pytest.raises(ValueError, match=r"instruction set: expected .*scalar.*, got .*mmx"):
         engine.choose_cpu_level("mmx")
 
 
 @pytest.mark.parametrize("side", [1, 2, 3, 4, 8, 10])
-def test_bits_and_counts_are_the_same(level, side):
+def test_bits_and_counts_are_equal(level, side):
     frames = 40 if side == 1 else 3
     sensor = jl.Sensor(oversampling=side, frames=frames)
-    same(level, lambda threads=1: sensor.expose(IMAGE, 0, threads=threads).packed, 0)
+    assert_same_as_scalar(
+        level, lambda threads=1: sensor.expose(IMAGE, 0, threads=threads).packed, 0
+    )
     bits = sensor.expose(IMAGE, 0)
-    same(level, lambda threads=1: bits.counts(threads=threads), 0)
+    assert_same_as_scalar(level, lambda threads=1: bits.counts(threads=threads), 0)
 
 
 @pytest.mark.parametrize("width", [1, 15, 16, 17, 64, 65, 83])
-def test_pictures_of_the_tied_network(level, width):
+def test_estimates_of_tied_networks_are_equal(level, width):
     network = jl.Network.initial(SENSOR)
     bits = SENSOR.expose(IMAGE[:, :width], 0)
-    same(level, lambda threads=1: network.reconstruct(bits, threads=threads), 1e-6)
+    assert_same_as_scalar(level, lambda threads=1: network.reconstruct(bits, threads=threads), 1e-6)
 
 
 @pytest.mark.parametrize(("frames", "side"), [(1, 3), (1, 4), (16, 1), (4, 2), (1, 8), (1, 12)])
-def test_pictures_of_networks_that_weigh_jots_singly(level, frames, side):
+def test_estimates_of_untied_networks_are_equal(level, frames, side):
     network = untied(frames, side)
     bits = network.sensor.expose(IMAGE, 0)
-    same(level, lambda threads=1: network.reconstruct(bits, threads=threads), 1e-6)
+    assert_same_as_scalar(level, lambda threads=1: network.reconstruct(bits, threads=threads), 1e-6)
 
 
-@pytest.mark.parametrize("member", ["small", "medium"])
+@pytest.mark.parametrize("size", ["small", "medium"])
 @pytest.mark.parametrize("width", [1, 16, 83])
-def test_pictures_of_deep_networks(level, member, width):
+def test_estimates_of_deep_networks_are_equal(level, size, width):
     rng = np.random.default_rng(3)
     bits = SENSOR.expose(IMAGE[:, :width], 0)
     for network in (
-        jl.Network.residual(SENSOR, member, rng=0),
-        jl.Network.conditional(member, rng=0),
+        jl.Network.residual(SENSOR, size, rng=0),
+        jl.Network.conditional(size, rng=0),
     ):
         alive = deep.with_noise(network, rng)
-        same(
+        assert_same_as_scalar(
             level,
             lambda threads=1, alive=alive: alive.reconstruct(bits, SENSOR, threads=threads),
             1e-5,
         )
 
 
-def test_pictures_of_networks_of_any_wiring(level):
-    network = deep.random_graph(np.random.default_rng(0), jl.Sensor(oversampling=4, frames=2), tied=False)
+def test_estimates_of_networks_of_any_graph_are_equal(level):
+    network = deep.random_graph(
+        np.random.default_rng(0), jl.Sensor(oversampling=4, frames=2), tied=False
+    )
     bits = network.sensor.expose(IMAGE, 0)
-    same(level, lambda threads=1: network.reconstruct(bits, threads=threads), 1e-5)
+    assert_same_as_scalar(level, lambda threads=1: network.reconstruct(bits, threads=threads), 1e-5)
 
 
-def test_gradients(level):
+def test_gradients_of_the_training_cost_are_equal(level):
     network = jl.Network.initial(SENSOR)
     scenes = jl.datasets.uniform_scene((4, 33, 47), rng=1)
 
@@ -115,10 +119,10 @@ def test_gradients(level):
         cost = Cost(network, examples, 0, 1, jl.training.SafeSet(), threads)
         return cost.gradient(parameter_vector(network))[1]
 
-    same(level, gradient, 1e-4)
+    assert_same_as_scalar(level, gradient, 1e-4)
 
 
 @pytest.mark.parametrize("method", [jl.admm_tv, jl.mle_iterative, jl.mle])
-def test_likelihoods(level, method):
+def test_estimates_of_the_likelihood_methods_are_equal(level, method):
     bits = SENSOR.expose(IMAGE, 0)
-    same(level, lambda threads=1: method(bits, SENSOR, threads=threads), 1e-5)
+    assert_same_as_scalar(level, lambda threads=1: method(bits, SENSOR, threads=threads), 1e-5)

@@ -1,3 +1,5 @@
+"""The engine releases Python's global interpreter lock."""
+
 import sys
 import threading
 import time
@@ -21,7 +23,7 @@ CALLS = {
 
 @pytest.fixture
 def ticks():
-    """A number that another thread raises whenever it gets the GIL, which nobody must give it."""
+    """Count how often another thread gets the GIL, which nothing but the engine may release."""
     interval = sys.getswitchinterval()
     count, stop = [0], threading.Event()
 
@@ -42,8 +44,8 @@ def ticks():
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_other_threads_run_while_the_engine_works(name, ticks, monkeypatch):
-    """While the engine holds the GIL, only its look at the arguments may let a tick or two in."""
+def test_the_engine_releases_the_gil(name, ticks, monkeypatch):
+    """A tick or two may fall where the engine reads its arguments, before it releases the GIL."""
     engine, during = getattr(engine_module, name), []
 
     def watched(*arguments):

@@ -1,3 +1,5 @@
+"""Ctrl-C interrupts the engine's long calls."""
+
 import signal
 import subprocess
 import sys
@@ -5,9 +7,12 @@ import time
 
 import pytest
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="sends SIGINT")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform == "win32", reason="sends SIGINT"),
+]
 
-# Each takes from many seconds to minutes, and little memory until it is interrupted.
+# Each call takes from many seconds to minutes, and little memory until it is interrupted.
 PRELUDE = """
 import signal
 import numpy as np
@@ -36,7 +41,7 @@ CALLS = {
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_ctrl_c_ends_a_long_call(name):
+def test_ctrl_c_interrupts_a_long_call(name):
     with subprocess.Popen(
         [sys.executable, "-c", f"{PRELUDE}\n{CALLS[name]}\nprint('done')"],
         stdout=subprocess.PIPE,

@@ -1,12 +1,17 @@
+"""The memory that long calls need."""
+
 import subprocess
 import sys
 
 import pytest
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform != "linux", reason="reads /proc"),
+]
 
-# From /proc, since getrusage counts the peak of the process that started this one. The peak may
-# stand from before the call, but never below it: what is measured is too much at worst.
+# The numbers come from /proc, because getrusage includes the peak of the parent process. The peak
+# may be older than the call, so the measured growth is an upper bound.
 MEASURE = """
 from pathlib import Path
 
@@ -44,7 +49,7 @@ print((grown - counts.nbytes) * 8 / np.prod(bits.shape))
 """
 
 
-def bits_per_jot(code):
+def printed_number(code):
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", MEASURE + code],
         check=True,
@@ -65,17 +70,17 @@ def bits_per_jot(code):
         (1, 2048, "box", (4096, 8), "float32"),
     ],
 )
-def test_exposing_takes_less_than_two_bits_per_jot_besides_image_and_bits(
+def test_exposing_needs_less_than_two_bits_per_jot_besides_image_and_bits(
     oversampling, frames, kernel, shape, dtype
 ):
     code = EXPOSE.format(
         oversampling=oversampling, frames=frames, kernel=kernel, shape=shape, dtype=dtype
     )
-    assert bits_per_jot(code) < 2
+    assert printed_number(code) < 2
 
 
-def test_counting_takes_less_than_a_twentieth_of_a_bit_per_jot_besides_bits_and_counts():
-    assert bits_per_jot(COUNT) < 0.05
+def test_counting_needs_less_than_a_twentieth_of_a_bit_per_jot_besides_bits_and_counts():
+    assert printed_number(COUNT) < 0.05
 
 
 MILLION = """
@@ -114,20 +119,20 @@ print(max(written, grown) / (1 << 20))
 def test_a_million_frames_are_written_and_reconstructed_in_little_memory(
     tmp_path, monkeypatch, name, ending, turn
 ):
-    # 128 MB of packed bits, in four slabs of 32 MB.
+    # There are 128 MB of packed bits, in four chunks of 32 MB.
     monkeypatch.chdir(tmp_path)
-    assert bits_per_jot(MILLION.format(name=name, ending=ending, turn=turn)) < 64
+    assert printed_number(MILLION.format(name=name, ending=ending, turn=turn)) < 64
 
 
 WHOLE = """
 import numpy as np
 import jotlight as jl
 
-# 20,000 frames in 328 MB, of which the disk holds next to nothing.
+# 20,000 frames in 328 MB. The file is sparse, so it takes almost no space on the disk.
 shape = (20_000, 256, 64)
 with open("cube.npy", "wb") as file:
-    told = {"descr": "|u1", "fortran_order": False, "shape": shape}
-    np.lib.format.write_array_header_1_0(file, told)
+    header = {"descr": "|u1", "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(file, header)
     file.write(bytes([0b01010101]) * 64)
     file.truncate(file.tell() - 64 + np.prod(shape))
 assert jl.open("cube.npy").counts().sum() == 4 * 64
@@ -136,7 +141,7 @@ print(int(status.split("VmHWM:")[1].split()[0]) / 1024)
 """
 
 
-def test_a_process_that_counts_twenty_thousand_frames_takes_less_than_200_mib(
+def test_counting_twenty_thousand_frames_needs_a_process_of_less_than_200_mib(
     tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
@@ -145,18 +150,20 @@ def test_a_process_that_counts_twenty_thousand_frames_takes_less_than_200_mib(
     assert float(done.stdout) < 200
 
 
-PICTURE = """
+ESTIMATE = """
 sensor = jl.Sensor(frames=16)
 network = jl.pretrained(sensor, {quality!r})
 counts = np.full(({rows}, 1024), 8, np.int32)
 network.reconstruct(counts[:512], sensor, threads=1)
-grown, picture = growth(lambda: network.reconstruct(counts, sensor, threads=1))
-print((grown - picture.nbytes) / (1 << 20))
+grown, estimate = growth(lambda: network.reconstruct(counts, sensor, threads=1))
+print((grown - estimate.nbytes) / (1 << 20))
 """
 
 
 @pytest.mark.parametrize("quality", ["small", "medium"])
-def test_deep_networks_take_no_more_memory_for_larger_pictures(quality):
-    least, more = (bits_per_jot(PICTURE.format(quality=quality, rows=n)) for n in (8192, 16_384))
-    # A second picture would be 32 MiB more of them.
-    assert more - least < 16
+def test_deep_networks_need_no_more_memory_for_larger_images(quality):
+    small, large = (
+        printed_number(ESTIMATE.format(quality=quality, rows=n)) for n in (8192, 16_384)
+    )
+    # A second copy of the larger estimate would add 32 MiB.
+    assert large - small < 16

@@ -60,7 +60,7 @@ def test_a_description_of_another_cube_is_refused(tmp_path):
 
 @pytest.fixture
 def saved(tmp_path):
-    """Bits whose sensor has a map, in a folder beside a map that they must not reach."""
+    """Bits whose sensor has a map, in a folder next to a map that they must not reach."""
     np.save(tmp_path / "mask.npy", np.zeros((4, 4), bool))
     folder = tmp_path / "folder"
     folder.mkdir()
@@ -92,7 +92,7 @@ def test_a_description_cannot_point_out_of_its_folder(saved, name):
         ({"shape": [1, 4, 2]}, r"cube of shape \[1, 4, 2\]"),
         ({"shape": "1, 4, 1"}, "cube of shape 1, 4, 1"),
         ({"sensor": []}, "sensor: expected an object"),
-        ({"sensor": {"colour": 1}}, "unknown parameters colour"),
+        ({"sensor": {"color": 1}}, "unknown parameters color"),
         ({"sensor": {"frames": 2}}, "expected the sensor's 2 frames"),
         ({"sensor": {"gain": -1}}, "gain: expected"),
         ({"sensor": {"oversampling": 3}, "maps": {}}, "multiples of the oversampling"),
@@ -124,7 +124,7 @@ def test_a_map_of_objects_is_refused(saved):
 @pytest.mark.parametrize("maps", ['{"kernel": "x.npy"}', "[1]", '"mask"', "7"])
 def test_unknown_maps_are_refused(tmp_path, maps):
     jl.save(jl.Bits.from_array(np.ones((1, 2, 8), bool), jl.Sensor()), tmp_path / "cube.npy")
-    beside = tmp_path / "cube.json"
-    beside.write_text(beside.read_text().replace('"maps": {}', f'"maps": {maps}'))
+    description = tmp_path / "cube.json"
+    description.write_text(description.read_text().replace('"maps": {}', f'"maps": {maps}'))
     with pytest.raises(ValueError, match=r"cube\.json: maps: expected files for dark"):
         jl.open(tmp_path / "cube.npy")

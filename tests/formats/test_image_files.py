@@ -53,8 +53,8 @@ def test_a_png_of_every_depth_is_read(tmp_path, depth):
 def test_the_indices_into_a_palette_are_counts(tmp_path):
     levels = np.random.default_rng(0).integers(0, 16, (6, 11), np.uint8)
     with (tmp_path / "a.png").open("wb") as file:
-        colours = [(16 * level, 0, 255 - level) for level in range(16)]
-        png.Writer(11, 6, palette=colours, bitdepth=4).write(file, levels.tolist())
+        colors = [(16 * level, 0, 255 - level) for level in range(16)]
+        png.Writer(11, 6, palette=colors, bitdepth=4).write(file, levels.tolist())
     np.testing.assert_array_equal(jl.open(tmp_path / "a.png"), levels)
 
 

@@ -25,7 +25,7 @@ def test_every_format_that_content_can_identify_is_detected(name, tmp_path):
 
 def test_the_format_of_raw_frames_without_a_trailer_is_not_guessed(tmp_path):
     path, _, _ = READERS["swissspad2"].example(tmp_path)
-    with pytest.raises(ValueError, match=r"give the one it is of.*swissspad2"):
+    with pytest.raises(ValueError, match=r"pass format= \(--format\).*swissspad2"):
         detect_format(path)
 
 

@@ -42,7 +42,7 @@ def test_the_initial_network_equals_the_noniterative_method_with_a_gaussian(sens
     def curve(layer, z):
         return networks.spline(z, layer.coefficients[0], layer.start, layer.spacing)
 
-    # The only errors are those of the splines; h2 is an average and does not make them larger.
+    # Only the splines have errors. h2 is an average, which does not increase them.
     first, second = network.layers
     counts = np.arange(bits + 1)
     z = np.linspace(*methods.anscombe(np.array([0, bits]), bits), 20_001)
@@ -115,8 +115,6 @@ def test_the_initial_network_has_the_requested_size(taps, coefficients):
 
 
 SENSOR = jl.Sensor(oversampling=4)
-
-
 ARCHITECTURES = ("small", "medium")
 
 

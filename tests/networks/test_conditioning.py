@@ -12,8 +12,6 @@ from reference import deep
 from reference.deep import conditional_network, random_counts
 
 SENSOR = jl.Sensor(oversampling=4)
-
-
 TRIALS_RANGE = (1, 256)
 
 
@@ -23,7 +21,7 @@ def test_a_conditioned_network_equals_its_twin(bits, size):
     network, sensor = conditional_network(), jl.Sensor(frames=bits, max_intensity=5.0)
     counts = random_counts(sensor, *size)
     layers = deep.conditioned(network.layers, bits, TRIALS_RANGE, count_sets(network.layers))
-    # Trained filters are kept in float32.
+    # The network holds its filters in float32.
     sums = counts[None] * np.float64(layers[0].filters.reshape(()))
     expected = deep.output(layers, sums, size_divisor(layers))
     shares = network.conditioned_on(sensor).reconstruct(counts, sensor)

@@ -12,14 +12,8 @@ from reference.deep import random_counts, residual_network
 from reference.networks import random_bits
 
 SENSOR = jl.Sensor(oversampling=4)
-
-
 ARCHITECTURES = ("small", "medium")
-
-
 SIZES = [(1, 1), (2, 3), (5, 1), (30, 47), (33, 64)]
-
-
 ROUNDING = 1e-6
 
 
@@ -137,7 +131,7 @@ def test_layers_with_too_many_values_per_pixel_are_refused():
     ]
     with pytest.raises(ValueError, match="at most 2\\^20 numbers at a pixel"):
         jl.Network(layers, SENSOR).reconstruct(random_counts(SENSOR, 5, 5))
-    # As many planes as are allowed, in a tile of a few rows.
+    # The maximum number of channels fits into a tile of a few rows.
     layers[3], layers[4] = jl.Layer(one, None), jl.Layer(down, None, stride=16)
     assert jl.Network(layers, SENSOR).reconstruct(random_counts(SENSOR, 5, 5)).shape == (5, 5)
 
@@ -189,7 +183,7 @@ def test_input_rows_are_enough_and_not_many_more_than_the_halo(name, rows):
     top, bottom = engine.input_rows(layers, 403, rows)
     part = network.reconstruct(counts[top:bottom])[start - top : stop - top]
     np.testing.assert_array_equal(part, network.reconstruct(counts)[start:stop])
-    # Not many more of them than what one pixel depends on.
+    # Few more rows than one pixel depends on.
     assert bottom - top < 8 * network.halo + stop - start
 
 

@@ -9,8 +9,6 @@ from reference import deep
 from reference.deep import random_counts
 
 SENSOR = jl.Sensor(oversampling=4)
-
-
 ARCHITECTURES = ("small", "medium")
 
 
@@ -20,8 +18,6 @@ def layer(outputs, inputs, taps=3, *, splines=False, **options):
 
 
 FIRST = layer(2, 1, 1)
-
-
 LAST = layer(1, 2)
 
 
@@ -69,7 +65,7 @@ def test_strides_of_more_than_256_together_are_refused():
 
 
 def test_the_halo_is_as_narrow_as_possible():
-    """A pixel outside of the halo changes nothing, and one a step inside of it does."""
+    """Pixels outside the halo have no effect. A pixel just inside has one."""
     network = deep.random_graph(np.random.default_rng(3), SENSOR)
     halo, step = network.halo, size_divisor(network.layers)
     size = 4 * halo // step * step

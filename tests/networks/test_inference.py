@@ -176,7 +176,7 @@ def test_bands_of_an_untied_network_equal_the_whole(monkeypatch):
     rng = np.random.default_rng(9)
     sensor = jl.Sensor(oversampling=4)
     network = random_network(rng, sensor, [2, 1], [(3, 3)], tied=False)
-    # Enough pixels for one table of all blocks, which the parts are too small for.
+    # The engine tabulates all blocks for this many pixels, but not for the fewer of a band.
     bits = jl.Bits.from_array(random_bits(rng, sensor, 960, 140))
     whole = network.reconstruct(bits)
     monkeypatch.setattr("jotlight.networks.inference.FLOPS_PER_BAND", 1)

@@ -11,11 +11,7 @@ from reference.deep import conditional_network, residual_network
 from reference.networks import random_bits, random_network
 
 SPACE = jl.Sensor(oversampling=4)
-
-
 TIED, UNTIED = (jl.Network.initial(SPACE, tied=tied) for tied in (True, False))
-
-
 BITS = jl.Bits.from_array(np.zeros((1, 8, 8), bool))
 
 
@@ -143,8 +139,6 @@ def test_a_network_that_has_run_is_copied_and_pickled(again):
 
 
 SENSOR = jl.Sensor(oversampling=4)
-
-
 ARCHITECTURES = ("small", "medium")
 
 

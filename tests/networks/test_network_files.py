@@ -12,8 +12,6 @@ from reference.networks import random_network
 
 SPACE = jl.Sensor(oversampling=4)
 TIED = jl.Network.initial(SPACE)
-
-
 MAPPED = jl.Sensor(
     oversampling=2,
     frames=3,

@@ -115,7 +115,7 @@ def test_a_network_was_trained_for_its_sensor_as_its_card_states(bits):
 def test_the_parameters_are_admissible(bits):
     vector = parameter_vector(two_layer_network(bits))
     projected = SafeSet().project(two_layer_network(bits), vector)
-    # To the rounding of float32.
+    # Up to the rounding of float32.
     np.testing.assert_allclose(vector, projected, rtol=1e-6, atol=1e-6)
 
 

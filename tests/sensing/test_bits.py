@@ -1,7 +1,10 @@
+"""Packed bits: packing, counting, slicing, and checks."""
+
 import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.sensing.pixel_counts import carried_sensor
 from reference.sensing import block_counts
 
 RANDOM = np.random.default_rng(0)
@@ -12,21 +15,75 @@ def random_bits(*shape):
 
 
 @pytest.mark.parametrize("width", [1, 7, 8, 9, 64, 65, 123])
-@pytest.mark.parametrize("channels", [(), (1,), (3,)])
-@pytest.mark.parametrize("dtype", [bool, np.uint8, np.int64, np.uint16])
-def test_packing_is_that_of_numpy(width, channels, dtype):
+@pytest.mark.parametrize("channels", [(), (3,)])
+def test_the_first_jot_is_the_most_significant_bit_of_the_first_byte(width, channels):
     array = random_bits(3, 5, width, *channels)
-    bits = jl.Bits.from_array(array.astype(dtype))
-    np.testing.assert_array_equal(bits.packed, np.packbits(array, axis=2))
+    bits = jl.Bits.from_array(array)
+    assert bits.packed.shape == (3, 5, -(-width // 8), *channels)
+    for column in range(width):
+        byte = bits.packed[:, :, column // 8]
+        np.testing.assert_array_equal(byte >> (7 - column % 8) & 1, array[:, :, column])
+    padding = bits.packed[:, :, -1] & (0xFF >> (width - 1) % 8 + 1)
+    assert not padding.any()
     np.testing.assert_array_equal(bits.to_array(), array)
     assert bits.to_array().dtype == bool
     assert bits.shape == array.shape
     assert len(bits) == 3
 
 
-def test_one_frame_may_come_without_its_axis():
+@pytest.mark.parametrize("dtype", [np.uint8, np.int64, np.uint16])
+@pytest.mark.parametrize("channels", [(), (1,)])
+def test_zeros_and_ones_of_any_type_are_bits(dtype, channels):
+    array = random_bits(3, 5, 9, *channels)
+    np.testing.assert_array_equal(jl.Bits.from_array(array.astype(dtype)).to_array(), array)
+
+
+def test_a_single_frame_needs_no_axis_of_frames():
     array = random_bits(5, 9)
     np.testing.assert_array_equal(jl.Bits.from_array(array).to_array(), array[None])
+
+
+def test_the_channels_of_color_bits_are_bits_with_the_same_sensor():
+    sensor = jl.Sensor(frames=3)
+    array = random_bits(3, 5, 9, 2)
+    channels = jl.Bits.from_array(array, sensor).channels()
+    assert [channel.sensor for channel in channels] == [sensor, sensor]
+    for index, channel in enumerate(channels):
+        np.testing.assert_array_equal(channel.to_array(), array[..., index])
+
+
+def test_gray_bits_are_their_own_only_channel():
+    bits = jl.Bits.from_array(random_bits(3, 5, 9))
+    assert bits.channels() == [bits]
+
+
+class OtherSensor:
+    """An object with the interface that bits require of a sensor."""
+
+    oversampling, frames, bits_per_pixel, kernel = 3, 2, 18, "box"
+
+    def replace(self, **changes):
+        other = OtherSensor()
+        vars(other).update(changes)
+        return other
+
+    def check_map_shapes(self, height, width):
+        assert (height, width) == (6, 9)
+
+    def maps(self):
+        return {}
+
+    def scalars(self):
+        return {"frames": self.frames}
+
+
+def test_bits_take_any_object_with_the_interface_of_a_sensor():
+    array = random_bits(2, 6, 9)
+    bits = jl.Bits.from_array(array, OtherSensor())
+    np.testing.assert_array_equal(bits.counts(), block_counts(array, 3))
+    assert bits[:1].sensor.frames == 1
+    with pytest.raises(TypeError, match=r"expected jotlight\.Sensor, got OtherSensor"):
+        carried_sensor(bits)
 
 
 @pytest.mark.parametrize("side", [*range(1, 71), 113, 128])
@@ -59,7 +116,7 @@ def test_counts_are_the_same_for_any_number_of_threads(threads, side):
 
 @pytest.mark.parametrize("side", [1, 3, 7])
 @pytest.mark.parametrize("masked", [False, True])
-def test_garbage_in_the_padding_never_counts(side, masked):
+def test_ones_in_the_padding_are_never_counted(side, masked):
     array = random_bits(4, 21, 21)
     mask = random_bits(21, 21) if masked else None
     packed = np.packbits(array, axis=2)
@@ -70,7 +127,7 @@ def test_garbage_in_the_padding_never_counts(side, masked):
 
 
 @pytest.mark.parametrize("side", [1, 5])
-def test_colours_are_counted_apart(side):
+def test_color_channels_are_counted_separately(side):
     array = random_bits(3, 10, 35, 3)
     mask = random_bits(10, 35)
     counts = jl.Bits.from_array(array).counts(side, mask=mask)
@@ -96,7 +153,7 @@ def memory_map(packed, folder):
         lambda packed, folder: np.stack([packed, packed], axis=3)[..., 1],
         lambda packed, folder: np.frombuffer(packed.tobytes(), np.uint8).reshape(packed.shape),
     ],
-    ids=["memmap", "fortran", "reversed", "strided", "plane", "read-only"],
+    ids=["memmap", "fortran", "reversed", "strided", "channel", "read-only"],
 )
 def test_the_layout_of_the_bytes_does_not_matter(layout, side, tmp_path):
     array = random_bits(4, 6, 21)
@@ -109,7 +166,7 @@ def test_the_layout_of_the_bytes_does_not_matter(layout, side, tmp_path):
     np.testing.assert_array_equal(bits.to_array(), array)
 
 
-def test_counts_tell_their_progress_and_do_not_depend_on_the_slabs(monkeypatch):
+def test_counts_report_their_progress_and_do_not_depend_on_the_chunks(monkeypatch):
     array = random_bits(7, 20, 12, 2)
     bits = jl.Bits.from_array(array)
     whole = bits.counts(4)
@@ -134,7 +191,7 @@ def test_the_oversampling_of_counts_is_that_of_the_sensor_or_one():
 @pytest.mark.parametrize(
     "part", [slice(2), slice(1, 4), slice(None, None, 2), slice(None, None, -1), slice(-1, None)]
 )
-def test_a_slice_has_those_frames_and_a_sensor_with_as_many(part):
+def test_a_slice_has_its_frames_and_a_sensor_of_that_number_of_frames(part):
     array = random_bits(5, 4, 9)
     sensor = jl.Sensor(frames=5, gain=20)
     bits = jl.Bits.from_array(array, sensor)[part]
@@ -146,7 +203,7 @@ def test_a_slice_has_those_frames_and_a_sensor_with_as_many(part):
 
 
 @pytest.mark.parametrize("part", [0, (slice(1), slice(1)), [0, 1], None, ...])
-def test_what_is_no_slice_gives_no_frames(part):
+def test_anything_but_a_slice_of_frames_is_refused(part):
     with pytest.raises(TypeError, match=r"slice of frames such as bits\[:16\]"):
         jl.Bits.from_array(random_bits(5, 4, 9))[part]
 
@@ -172,7 +229,7 @@ def test_a_slice_without_frames_is_refused():
         (np.zeros((2, 2, 0), bool), ValueError, "none of it 0"),
     ],
 )
-def test_what_is_no_bits_is_not_packed(array, error, message):
+def test_arrays_that_are_not_bits_are_refused(array, error, message):
     with pytest.raises(error, match=message):
         jl.Bits.from_array(array)
 
@@ -211,7 +268,7 @@ def test_a_sensor_that_did_not_make_these_bits_is_refused(sensor, message):
 
 
 @pytest.mark.parametrize("side", [0, -1, 3, 4, 8])
-def test_blocks_that_do_not_fill_the_frame_are_refused(side):
+def test_pixels_that_do_not_fill_the_frame_are_refused(side):
     with pytest.raises(ValueError, match=f"multiples of the oversampling {side}, got 4 x 6"):
         jl.Bits.from_array(random_bits(3, 4, 6)).counts(side)
 
@@ -239,5 +296,5 @@ def test_a_mask_that_does_not_fit_is_refused(mask):
         ((2, 4, 9, 3), "<Bits: 2 frames of 4 x 9 jots x 3 channels>"),
     ],
 )
-def test_repr_tells_the_true_shape(shape, text):
+def test_repr_shows_the_true_shape(shape, text):
     assert repr(jl.Bits.from_array(random_bits(*shape))) == text

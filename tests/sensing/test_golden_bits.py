@@ -1,4 +1,4 @@
-"""A seed gives the same bits for ever: those who published a seed must get their data again."""
+"""The bits of a seed never change, so that published seeds reproduce their data."""
 
 import hashlib
 
@@ -23,18 +23,20 @@ def test_the_reference_generator_has_the_published_keystream():
 
 @pytest.mark.parametrize("threshold", [1, 3])
 @pytest.mark.parametrize("kernel", ["box", "cubic"])
-def test_a_bit_is_whether_the_draw_at_its_place_is_below_its_probability(threshold, kernel):
+def test_a_bit_is_1_if_the_random_number_of_its_position_is_below_its_probability(
+    threshold, kernel
+):
     sensor = jl.Sensor(oversampling=7, frames=2, gain=300, threshold=threshold, kernel=kernel)
     image = np.stack([IMAGE, IMAGE[::-1] / 50], axis=2)
     bits = sensor.expose(image, rng=5).to_array()
     for channel, frame, row in [(0, 0, 0), (0, 1, 48), (1, 0, 17), (1, 1, 30)]:
         draws = uniforms(seed_bytes(5), channel=channel, frame=frame, row=row, columns=77)
-        chance = sensing.probability(sensor, image[..., channel])[row] * 2**48
-        np.testing.assert_array_equal(bits[frame, row, :, channel], draws < np.rint(chance))
+        probability = sensing.probability(sensor, image[..., channel])[row] * 2**48
+        np.testing.assert_array_equal(bits[frame, row, :, channel], draws < np.rint(probability))
 
 
-def test_the_second_draw_decides_where_the_first_is_equal():
-    """Of 2¹⁶ draws about one is at the first 16 bits of a faint jot's probability."""
+def test_the_second_random_number_decides_where_the_first_is_equal():
+    """About one in 2¹⁶ random numbers equals the probability in its first 16 bits."""
     sensor = jl.Sensor()
     probability = 2.4 / 2**16
     image = np.full((1, 1 << 18), -np.log1p(-probability))
@@ -55,6 +57,6 @@ def test_the_second_draw_decides_where_the_first_is_equal():
         ),
     ],
 )
-def test_a_seed_gives_the_same_bits_for_ever(sensor, digest):
+def test_the_bits_of_a_seed_never_change(sensor, digest):
     bits = sensor.expose(IMAGE, rng=20160224)
     assert hashlib.sha256(bits.packed.tobytes()).hexdigest()[:16] == digest

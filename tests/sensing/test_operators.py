@@ -1,3 +1,5 @@
+"""Linear operators: the spread of light, differences, and scaling."""
+
 from functools import cache
 from types import SimpleNamespace
 
@@ -18,13 +20,13 @@ LARGE = [(331,), (37, 50)]
 
 @pytest.fixture(autouse=True, scope="module")
 def taps():
-    """The twin computes its taps anew for every line."""
+    """Cache the reference's taps, which it computes for every line."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sensing, "kernel_taps", cache(sensing.kernel_taps))
         yield
 
 
-def twin(image, kernel, oversampling):
+def reference_spread(image, kernel, oversampling):
     degree = sensing.DEGREES[kernel]
     for axis in range(image.ndim):
         image = np.apply_along_axis(sensing.spread, axis, image, degree, oversampling)
@@ -32,13 +34,13 @@ def twin(image, kernel, oversampling):
 
 
 def columns(operator):
-    """The matrix of an operator, column by column."""
+    """Return the matrix of an operator, column by column."""
     units = np.eye(int(np.prod(operator.input_shape)))
     return np.transpose([operator.forward(x.reshape(operator.input_shape)).ravel() for x in units])
 
 
 def rows(operator):
-    """The same matrix by its adjoint, row by row."""
+    """Return the same matrix from its adjoint, row by row."""
     units = np.eye(int(np.prod(operator.output_shape)))
     return np.array([operator.adjoint(y.reshape(operator.output_shape)).ravel() for y in units])
 
@@ -46,19 +48,19 @@ def rows(operator):
 @pytest.mark.parametrize("oversampling", range(1, 6))
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("shape", SMALL + LARGE)
-def test_light_is_that_of_the_definition(kernel, oversampling, shape):
+def test_the_light_agrees_with_the_definition(kernel, oversampling, shape):
     operator = spread(shape, oversampling, kernel, gain=2.5)
     assert operator.input_shape == shape
     assert operator.output_shape == tuple(oversampling * size for size in shape)
     image = RANDOM.standard_normal(shape)
-    expected = 2.5 * twin(image, kernel, oversampling)
+    expected = 2.5 * reference_spread(image, kernel, oversampling)
     np.testing.assert_allclose(operator.forward(image), expected, rtol=1e-13, atol=1e-14)
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
-def test_a_pixel_of_very_many_jots_is_spread_like_any_other(kernel):
+def test_the_light_of_a_pixel_of_many_jots_agrees_with_the_definition(kernel):
     operator = spread((2,), 500, kernel)
-    expected = twin(np.array([0.3, 0.9]), kernel, 500)
+    expected = reference_spread(np.array([0.3, 0.9]), kernel, 500)
     np.testing.assert_allclose(operator.forward([0.3, 0.9]), expected, rtol=1e-12, atol=1e-16)
     assert check_adjoint(spread((2,), 4096, kernel)) < 1e-14
 
@@ -73,11 +75,10 @@ def test_the_adjoint_is_the_transposed_matrix(kernel, oversampling, shape):
     assert matrix.min() >= 0
 
 
-@pytest.mark.parametrize("oversampling", range(1, 6))
 @pytest.mark.parametrize("kernel", KERNELS)
-@pytest.mark.parametrize("shape", SMALL + LARGE)
-def test_both_inner_products_are_equal(kernel, oversampling, shape):
-    assert check_adjoint(spread(shape, oversampling, kernel, gain=0.3)) < 1e-14
+def test_both_inner_products_are_equal_to_rounding(kernel):
+    for shape in SMALL + LARGE:
+        assert check_adjoint(spread(shape, 3, kernel, gain=0.3)) < 1e-14, shape
 
 
 @given(
@@ -87,16 +88,14 @@ def test_both_inner_products_are_equal(kernel, oversampling, shape):
     st.floats(1e-6, 1e6),
     st.integers(0, 1000),
 )
-def test_both_inner_products_are_equal_whatever_the_operator(
-    shape, oversampling, kernel, gain, rng
-):
+def test_both_inner_products_are_equal_for_any_operator(shape, oversampling, kernel, gain, rng):
     assert check_adjoint(spread(shape, oversampling, kernel, gain=gain), rng=rng) < 1e-13
     assert check_adjoint(differences(shape), rng=rng) < 1e-13
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("shape", SMALL + LARGE)
-def test_an_even_picture_gives_every_jot_its_share(kernel, shape):
+def test_a_constant_image_sheds_equal_light_on_all_jots(kernel, shape):
     light = spread(shape, 3, kernel).forward(np.ones(shape))
     np.testing.assert_allclose(light, 3.0 ** -len(shape), rtol=1e-14)
 
@@ -104,7 +103,7 @@ def test_an_even_picture_gives_every_jot_its_share(kernel, shape):
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("oversampling", [1, 2, 5])
 @pytest.mark.parametrize("shape", SMALL + LARGE)
-def test_the_normal_map_is_forward_then_weights_then_adjoint(kernel, oversampling, shape):
+def test_the_normal_operator_is_forward_then_weights_then_adjoint(kernel, oversampling, shape):
     operator = spread(shape, oversampling, kernel, gain=1.7)
     image = RANDOM.standard_normal(shape)
     weights = RANDOM.standard_normal(operator.output_shape)
@@ -124,7 +123,7 @@ def test_light_is_the_rate_of_a_sensor(kernel, shape):
 
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("shape", [(5,), (1000,), (1, 1), (83, 61)])
-def test_the_number_of_threads_changes_no_bit(kernel, shape):
+def test_the_result_does_not_depend_on_the_number_of_threads(kernel, shape):
     image = RANDOM.standard_normal(shape)
     light = RANDOM.standard_normal([3 * size for size in shape])
     planes = RANDOM.standard_normal((len(shape), *shape))
@@ -144,25 +143,25 @@ def test_the_number_of_threads_changes_no_bit(kernel, shape):
 
 @pytest.mark.parametrize("make", [spread, differences])
 @pytest.mark.parametrize("change", [np.asfortranarray, lambda x: x[::-1, ::-1], np.ndarray.tolist])
-def test_any_layout_of_numbers_is_taken_and_left_as_it_is(make, change):
+def test_arrays_of_any_layout_are_accepted_and_left_unchanged(make, change):
     operator = make((3, 4))
     image = RANDOM.integers(0, 9, (3, 4))
-    given_image = change(image)
-    before = np.array(given_image)
-    light = operator.forward(given_image)
+    argument = change(image)
+    before = np.array(argument)
+    light = operator.forward(argument)
     np.testing.assert_array_equal(light, operator.forward(before.astype(float)))
-    np.testing.assert_array_equal(given_image, before)
+    np.testing.assert_array_equal(argument, before)
 
 
 @pytest.mark.parametrize("shape", [(1,), (2,), (300,)])
-def test_differences_of_a_signal_are_those_of_numpy(shape):
+def test_differences_of_a_signal_agree_with_numpy(shape):
     signal = RANDOM.standard_normal(shape)
     expected = np.append(np.diff(signal), 0)[None]
     np.testing.assert_array_equal(differences(shape).forward(signal), expected)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 5), (6, 1), (40, 31)])
-def test_differences_of_an_image_are_those_of_numpy(shape):
+def test_differences_of_an_image_agree_with_numpy(shape):
     image = RANDOM.standard_normal(shape)
     down = np.diff(image, axis=0, append=image[-1:])
     right = np.diff(image, axis=1, append=image[:, -1:])
@@ -170,19 +169,19 @@ def test_differences_of_an_image_are_those_of_numpy(shape):
 
 
 @pytest.mark.parametrize("shape", [*SMALL, (3, 5)])
-def test_differences_and_their_adjoint_are_one_matrix(shape):
+def test_the_adjoint_of_differences_is_the_transposed_matrix(shape):
     np.testing.assert_array_equal(rows(differences(shape)), columns(differences(shape)))
     assert check_adjoint(differences(shape)) < 1e-14
 
 
-def test_what_stands_past_the_rim_gives_nothing_back():
+def test_the_adjoint_ignores_differences_past_the_border():
     planes = np.full((2, 3, 4), 7.0)
     planes[0, :-1] = planes[1, :, :-1] = 0
     np.testing.assert_array_equal(differences((3, 4)).adjoint(planes), 0)
 
 
 @pytest.mark.parametrize("shape", [(), (3,), (2, 3), (2, 3, 4)])
-def test_scaling_multiplies_there_and_back(shape):
+def test_scaling_multiplies_forward_and_back(shape):
     operator = scaling(shape, -1.5)
     image, weights = RANDOM.standard_normal((2, *shape))
     np.testing.assert_array_equal(operator.forward(image), -1.5 * image)
@@ -195,12 +194,12 @@ def test_scaling_multiplies_there_and_back(shape):
 MATRIX = RANDOM.standard_normal((6, 4))
 
 
-def own(back, forward=lambda x: MATRIX @ x):
+def matrix_operator(back, forward=lambda x: MATRIX @ x):
     return Operator(forward, back, (4,), (6,))
 
 
-def test_a_matrix_of_the_users_is_an_operator():
-    operator = own(lambda y: MATRIX.T @ y)
+def test_a_user_can_make_an_operator_of_a_matrix():
+    operator = matrix_operator(lambda y: MATRIX.T @ y)
     assert check_adjoint(operator) < 1e-14
     weights = RANDOM.random(6)
     expected = MATRIX.T @ np.diag(weights) @ MATRIX
@@ -222,10 +221,10 @@ def test_a_matrix_of_the_users_is_an_operator():
 )
 def test_a_wrong_adjoint_is_found(back):
     with pytest.raises(ValueError, match=r"adjoint: expected .* above tol = 1e-10"):
-        check_adjoint(own(back))
+        check_adjoint(matrix_operator(back))
 
 
-def test_a_wrong_pixel_at_the_rim_is_found():
+def test_a_wrong_pixel_at_the_border_is_found():
     right = spread((40, 40), 2, "cubic")
 
     def back(light):
@@ -239,37 +238,39 @@ def test_a_wrong_pixel_at_the_rim_is_found():
 
 
 def test_a_small_mistake_is_within_a_large_tolerance():
-    nearly = own(lambda y: (1 + 1e-6) * MATRIX.T @ y)
+    nearly = matrix_operator(lambda y: (1 + 1e-6) * MATRIX.T @ y)
     assert 0 < check_adjoint(nearly, tol=1e-5) < 1e-6
     with pytest.raises(ValueError, match="above tol"):
         check_adjoint(nearly)
 
 
-def test_one_seed_gives_one_answer_and_more_draws_find_no_less():
-    nearly = own(lambda y: (1 + 1e-6) * MATRIX.T @ y)
+def test_equal_seeds_find_equal_errors_and_more_draws_find_no_smaller_one():
+    nearly = matrix_operator(lambda y: (1 + 1e-6) * MATRIX.T @ y)
     once, again, more = (check_adjoint(nearly, rng=3, draws=draws, tol=1) for draws in (2, 2, 20))
     assert once == again <= more
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_what_is_not_finite_is_found(bad):
+def test_infinite_outputs_and_nan_are_found(bad):
     with pytest.raises(ValueError, match=r"adjoint: .* \(4,\) with NaN or infinity"):
-        check_adjoint(own(lambda y: np.where(np.arange(4) == 2, bad, MATRIX.T @ y)))
+        check_adjoint(matrix_operator(lambda y: np.where(np.arange(4) == 2, bad, MATRIX.T @ y)))
     with pytest.raises(ValueError, match=r"forward: .* \(6,\) with NaN or infinity"):
-        check_adjoint(own(lambda y: MATRIX.T @ y, lambda x: bad * (MATRIX @ x)))
+        check_adjoint(matrix_operator(lambda y: MATRIX.T @ y, lambda x: bad * (MATRIX @ x)))
 
 
-def test_an_operator_that_gives_another_shape_says_so():
-    with pytest.raises(ValueError, match=r"the output of forward: expected shape \(6,\), got \(5,\)"):
-        own(lambda y: MATRIX.T @ y, lambda x: (MATRIX @ x)[1:]).forward(np.ones(4))
+def test_an_output_of_another_shape_is_refused():
+    with pytest.raises(
+        ValueError, match=r"the output of forward: expected shape \(6,\), got \(5,\)"
+    ):
+        matrix_operator(lambda y: MATRIX.T @ y, lambda x: (MATRIX @ x)[1:]).forward(np.ones(4))
     with pytest.raises(ValueError, match=r"the output of adjoint: .* \(4,\), got \(4, 1\)"):
-        check_adjoint(own(lambda y: (MATRIX.T @ y)[:, None]))
+        check_adjoint(matrix_operator(lambda y: (MATRIX.T @ y)[:, None]))
 
 
-@pytest.mark.parametrize(("there", "back"), [((6, 1), (4,)), ((6,), (3,)), ((), (4,))])
-def test_the_shapes_of_any_object_are_checked(there, back):
+@pytest.mark.parametrize(("forward", "back"), [((6, 1), (4,)), ((6,), (3,)), ((), (4,))])
+def test_the_output_shapes_of_any_object_are_checked(forward, back):
     foreign = SimpleNamespace(
-        forward=lambda _: np.ones(there),
+        forward=lambda _: np.ones(forward),
         adjoint=lambda _: np.ones(back),
         input_shape=(4,),
         output_shape=(6,),
@@ -309,18 +310,18 @@ def test_a_check_without_draws_is_refused():
     ],
     ids=str,
 )
-def test_an_operator_that_cannot_be_is_refused(arguments, message):
+def test_parameters_out_of_range_are_refused(arguments, message):
     with pytest.raises(ValueError, match=message):
         spread(**{"shape": (3, 4)} | arguments)
 
 
 @pytest.mark.parametrize("shape", [(), (0,), (3, 0), (1, 2, 3)])
-def test_differences_of_what_is_no_image_are_refused(shape):
+def test_differences_of_other_shapes_are_refused(shape):
     with pytest.raises(ValueError, match=r"shape: expected \(H, W\) or \(N,\)"):
         differences(shape)
 
 
-def test_arrays_that_do_not_fit_are_refused():
+def test_arrays_of_other_shapes_are_refused():
     operator = spread((3, 4), 2)
     with pytest.raises(ValueError, match=r"image: expected shape \(3, 4\), got \(4, 3\)"):
         operator.forward(np.ones((4, 3)))

@@ -1,3 +1,5 @@
+"""Properties that hold for every sensor and all bits."""
+
 import tempfile
 from pathlib import Path
 
@@ -26,7 +28,7 @@ def sensors(draw, **fixed):
 
 @st.composite
 def sensors_and_bits(draw):
-    """A sensor with or without maps, and any bits at all that fit it."""
+    """A sensor with or without maps, and any bits that fit it."""
     side, frames = draw(st.integers(1, 4)), draw(st.integers(1, 5))
     height, width = (side * draw(st.integers(1, 5)) for _ in range(2))
     maps = {}
@@ -41,8 +43,8 @@ def sensors_and_bits(draw):
     return sensor, draw(hnp.arrays(bool, (frames, height, width)))
 
 
-def warned_or_not(function, *arguments, **options):
-    """Run; blind pixels are filled with a warning, which is not what is tested here."""
+def without_warnings(function, *arguments, **options):
+    """Return the result without the warnings about inpainted dead pixels."""
     import warnings
 
     with warnings.catch_warnings():
@@ -50,34 +52,34 @@ def warned_or_not(function, *arguments, **options):
         return function(*arguments, **options)
 
 
-def assert_in_range(picture, sensor):
-    assert np.isfinite(picture).all()
-    assert picture.min() >= 0
-    assert picture.max() <= np.float32(sensor.max_intensity)
+def assert_in_range(estimate, sensor):
+    assert np.isfinite(estimate).all()
+    assert estimate.min() >= 0
+    assert estimate.max() <= np.float32(sensor.max_intensity)
 
 
 @given(sensors_and_bits())
 def test_every_estimate_lies_between_0_and_the_largest_intensity(case):
     sensor, bits = case
     packed = jl.Bits.from_array(bits, sensor)
-    assert_in_range(warned_or_not(jl.mle, packed, sensor), sensor)
+    assert_in_range(without_warnings(jl.mle, packed, sensor), sensor)
     for inverse in jl.vst.INVERSES:
-        picture = warned_or_not(
+        estimate = without_warnings(
             jl.noniterative, packed, sensor, denoiser="gaussian", inverse=inverse
         )
-        assert_in_range(picture, sensor)
+        assert_in_range(estimate, sensor)
 
 
 @given(sensors_and_bits(), st.floats(0.05, 5), st.integers(5, 200))
 def test_the_initial_network_stays_between_0_and_the_largest_intensity(case, sigma, coefficients):
     sensor, bits = case
     network = jl.Network.initial(sensor, sigma=sigma, coefficients=coefficients)
-    picture = warned_or_not(network.reconstruct, jl.Bits.from_array(bits), sensor)
-    assert_in_range(picture, sensor)
+    estimate = without_warnings(network.reconstruct, jl.Bits.from_array(bits), sensor)
+    assert_in_range(estimate, sensor)
 
 
 @given(st.data())
-def test_maximum_likelihood_rises_with_the_counts(data):
+def test_the_maximum_likelihood_estimate_rises_with_the_counts(data):
     sensor = data.draw(sensors(frames=data.draw(st.integers(1, 5000))))
     counts = st.integers(0, sensor.frames)
     fewer = data.draw(hnp.arrays(np.int64, data.draw(IMAGE_SHAPES), elements=counts))
@@ -86,16 +88,16 @@ def test_maximum_likelihood_rises_with_the_counts(data):
 
 
 @given(sensors_and_bits(), st.data())
-def test_one_more_bit_never_makes_a_pixel_darker(case, data):
+def test_another_one_never_makes_a_pixel_darker(case, data):
     sensor, bits = case
     frame, row, column = (data.draw(st.integers(0, size - 1)) for size in bits.shape)
-    before = warned_or_not(jl.mle, jl.Bits.from_array(bits), sensor)
+    before = without_warnings(jl.mle, jl.Bits.from_array(bits), sensor)
     bits[frame, row, column] = True
-    assert (before <= warned_or_not(jl.mle, jl.Bits.from_array(bits), sensor)).all()
+    assert (before <= without_warnings(jl.mle, jl.Bits.from_array(bits), sensor)).all()
 
 
 @given(sensors_and_bits())
-def test_saved_bits_come_back_with_their_width_and_sensor(case):
+def test_saved_bits_are_opened_with_their_width_and_sensor(case):
     sensor, values = case
     bits = jl.Bits.from_array(values, sensor)
     with tempfile.TemporaryDirectory() as folder:
@@ -110,7 +112,7 @@ def test_saved_bits_come_back_with_their_width_and_sensor(case):
 @given(
     hnp.arrays(bool, hnp.array_shapes(min_dims=3, max_dims=4, max_side=20)),
 )
-def test_plain_bits_of_any_width_and_colour_come_back(values):
+def test_saved_bits_of_any_width_and_color_are_opened(values):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "cube.npy"
         jl.save(jl.Bits.from_array(values), path)
@@ -118,7 +120,7 @@ def test_plain_bits_of_any_width_and_colour_come_back(values):
 
 
 @given(sensors(frames=4), st.floats(0.1, 3), st.booleans())
-def test_saved_networks_come_back(sensor, sigma, tied):
+def test_saved_networks_are_loaded(sensor, sigma, tied):
     network = jl.Network.initial(sensor, sigma=sigma, tied=tied)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.safetensors"
@@ -130,7 +132,7 @@ def test_saved_networks_come_back(sensor, sigma, tied):
 
 
 @given(hnp.arrays(np.float64, 50, elements=st.floats(-1e6, 1e6)), st.integers(1, 3000))
-def test_inverses_lead_any_value_into_the_range_of_counts(z, bits):
+def test_inverse_transforms_map_any_value_to_the_range_of_counts(z, bits):
     for inverse in jl.vst.INVERSES:
         counts = jl.vst.inverse_anscombe(np.sort(z), bits, inverse=inverse)
         assert (np.diff(counts) >= 0).all()

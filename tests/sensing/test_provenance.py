@@ -1,4 +1,4 @@
-"""How a capture was turned, as its provenance keeps it."""
+"""The orientation of a capture in its provenance."""
 
 import itertools
 
@@ -13,7 +13,7 @@ TURNS = list(itertools.product(range(4), (None, *FLIPS)))
 
 @pytest.mark.parametrize("second", TURNS)
 @pytest.mark.parametrize("first", TURNS)
-def test_turns_one_after_the_other_are_the_one_that_is_kept(first, second):
+def test_successive_rotations_and_flips_are_combined(first, second):
     image = np.arange(6).reshape(2, 3)
     provenance = Provenance("npy", "a.npy").reoriented(*first).reoriented(*second)
     quarters, mirrored = provenance.orientation
@@ -23,15 +23,15 @@ def test_turns_one_after_the_other_are_the_one_that_is_kept(first, second):
     assert Provenance.from_json(provenance.to_json()) == provenance
 
 
-def test_a_turn_that_is_not_known_stays_so():
-    told = {"format": "npy", "name": "a.npy", "notes": []}
-    provenance = Provenance.from_json(told)
+def test_an_unknown_orientation_stays_unknown():
+    value = {"format": "npy", "name": "a.npy", "notes": []}
+    provenance = Provenance.from_json(value)
     assert provenance.orientation is provenance.reoriented(1, None).orientation is None
-    assert provenance.to_json() == told
+    assert provenance.to_json() == value
 
 
 @pytest.mark.parametrize("orientation", [3, [4, False], [0], [0, "no"], {"a": 1}])
-def test_a_turn_that_is_none_is_refused(orientation):
+def test_an_impossible_orientation_is_refused(orientation):
     with pytest.raises(ValueError, match="quarter turns and whether mirrored"):
         Provenance.from_json(
             {"format": "npy", "name": "a.npy", "notes": [], "orientation": orientation}

@@ -1,3 +1,5 @@
+"""The engine's P(q, s) and its inverse against exact arithmetic and SciPy."""
+
 import numpy as np
 import pytest
 from mpmath import mp
@@ -11,7 +13,7 @@ UNDERFLOW = 1e-300
 
 
 @pytest.mark.parametrize("threshold", THRESHOLDS)
-def test_probability_is_the_incomplete_gamma_function_to_eleven_digits(threshold):
+def test_the_probability_is_the_incomplete_gamma_function_to_eleven_digits(threshold):
     with mp.workdps(40):
         for rate in RATES:
             exact = mp.gammainc(threshold, 0, mp.mpf(float(rate)), regularized=True)
@@ -23,7 +25,7 @@ def test_probability_is_the_incomplete_gamma_function_to_eleven_digits(threshold
 
 
 @pytest.mark.parametrize("threshold", THRESHOLDS)
-def test_probability_rises_from_0_to_1(threshold):
+def test_the_probability_rises_from_0_to_1(threshold):
     assert detection_probability(threshold, 0.0) == 0
     assert detection_probability(threshold, np.inf) == 1
     probabilities = [detection_probability(threshold, rate) for rate in sorted(RATES)]
@@ -35,7 +37,7 @@ PROBABILITIES = [*np.geomspace(1e-290, 0.5, 59), *(1 - np.geomspace(1e-15, 0.5, 
 
 
 @pytest.mark.parametrize("threshold", [*THRESHOLDS, 1000])
-def test_rate_is_where_both_tails_are_right_to_eleven_digits(threshold):
+def test_both_tails_at_the_inverse_are_right_to_eleven_digits(threshold):
     with mp.workdps(40):
         for probability in PROBABILITIES:
             rate = mp.mpf(inverse_detection_probability(threshold, probability))
@@ -45,14 +47,14 @@ def test_rate_is_where_both_tails_are_right_to_eleven_digits(threshold):
 
 
 @pytest.mark.parametrize("threshold", THRESHOLDS)
-def test_rate_agrees_with_scipy(threshold):
+def test_the_inverse_agrees_with_scipy(threshold):
     probabilities = np.linspace(0.001, 0.999, 999)
     rates = [inverse_detection_probability(threshold, probability) for probability in probabilities]
     np.testing.assert_allclose(rates, gammaincinv(threshold, probabilities), rtol=1e-11)
 
 
 @pytest.mark.parametrize("threshold", THRESHOLDS)
-def test_rate_undoes_probability(threshold):
+def test_the_inverse_undoes_the_probability(threshold):
     for rate in RATES:
         probability = detection_probability(threshold, rate)
         if UNDERFLOW < probability < 0.999:
@@ -62,7 +64,7 @@ def test_rate_undoes_probability(threshold):
 
 
 @pytest.mark.parametrize("threshold", THRESHOLDS)
-def test_certainty_has_a_rate_too(threshold):
+def test_the_inverse_of_0_and_1_is_0_and_infinity(threshold):
     assert inverse_detection_probability(threshold, 0.0) == 0
     assert inverse_detection_probability(threshold, 1.0) == np.inf
     assert inverse_detection_probability(threshold, -1e-9) == 0
@@ -70,6 +72,6 @@ def test_certainty_has_a_rate_too(threshold):
 
 
 @pytest.mark.parametrize("function", [detection_probability, inverse_detection_probability])
-def test_a_jot_without_threshold_is_refused(function):
+def test_a_threshold_of_0_is_refused(function):
     with pytest.raises(ValueError, match="threshold: expected at least 1 photon, got 0"):
         function(0, 0.5)

@@ -1,3 +1,5 @@
+"""Sensors: their parameters, rates, and probabilities."""
+
 import json
 
 import numpy as np
@@ -11,8 +13,8 @@ from reference import sensing
 RANDOM = np.random.default_rng(0)
 
 
-def random_map(height, width, most=0.4):
-    return RANDOM.uniform(0, most, (height, width)).astype(np.float32)
+def random_map(height, width, maximum=0.4):
+    return RANDOM.uniform(0, maximum, (height, width)).astype(np.float32)
 
 
 @pytest.mark.parametrize("oversampling", [1, 2, 3, 4, 5, 10])
@@ -29,7 +31,7 @@ def test_taps_are_the_integrals_of_the_spline(degree, oversampling):
 @pytest.mark.parametrize("oversampling", range(1, 6))
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("shape", [(5, 7), (1, 1), (2, 1), (1, 9)])
-def test_rate_is_that_of_the_definition(kernel, oversampling, shape):
+def test_the_rate_agrees_with_the_definition(kernel, oversampling, shape):
     sensor = jl.Sensor(oversampling=oversampling, frames=3, gain=40, kernel=kernel)
     image = RANDOM.random(shape)
     rate = sensor.rate(image)
@@ -39,7 +41,7 @@ def test_rate_is_that_of_the_definition(kernel, oversampling, shape):
 
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("threshold", [1, 2, 7])
-def test_probability_is_that_of_the_definition(kernel, threshold):
+def test_the_probability_agrees_with_the_definition(kernel, threshold):
     height, width = 5, 7
     jots = (3 * height, 3 * width)
     sensor = jl.Sensor(
@@ -65,7 +67,7 @@ def test_probability_is_that_of_the_definition(kernel, threshold):
 
 @pytest.mark.parametrize("oversampling", [1, 2, 3, 4])
 @pytest.mark.parametrize("kernel", KERNELS)
-def test_the_light_of_a_pixel_stays_centred_and_whole(kernel, oversampling):
+def test_the_light_of_a_pixel_stays_centered_and_complete(kernel, oversampling):
     image = np.zeros((9, 11))
     image[4, 5] = 1
     sensor = jl.Sensor(oversampling=oversampling, kernel=kernel, gain=7)
@@ -78,7 +80,7 @@ def test_the_light_of_a_pixel_stays_centred_and_whole(kernel, oversampling):
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
-def test_a_constant_image_lights_every_jot_alike_up_to_the_rim(kernel):
+def test_a_constant_image_sheds_equal_light_on_all_jots(kernel):
     rate = jl.Sensor(oversampling=3, kernel=kernel, dark_counts=0.25).rate(np.full((4, 5), 0.5))
     np.testing.assert_allclose(rate, 0.75, rtol=1e-6)
 
@@ -97,7 +99,7 @@ def test_a_constant_image_lights_every_jot_alike_up_to_the_rim(kernel):
         lambda image: image.astype(np.longdouble),
         lambda image: image.tolist(),
     ],
-    ids=["float32", "fortran", "strided", "reversed", "plane", "swapped", "odd", "long", "list"],
+    ids=["float32", "fortran", "strided", "reversed", "channel", "swapped", "odd", "long", "list"],
 )
 def test_the_layout_of_an_image_does_not_matter(kernel, view):
     image = RANDOM.integers(0, 256, (6, 5)) / 256
@@ -108,7 +110,7 @@ def test_the_layout_of_an_image_does_not_matter(kernel, view):
     )
 
 
-def test_half_floats_are_taken():
+def test_half_floats_are_accepted():
     assert jl.Sensor().rate(np.full((2, 2), 0.5, np.float16)).tolist() == [[0.5, 0.5], [0.5, 0.5]]
 
 
@@ -154,7 +156,7 @@ BAD_PARAMETERS = [
 
 
 @pytest.mark.parametrize(("name", "value"), BAD_PARAMETERS)
-def test_a_bad_parameter_is_refused_by_its_name(name, value):
+def test_a_bad_parameter_is_refused_and_named(name, value):
     with pytest.raises(ValueError, match=f"^{name}: expected"):
         jl.Sensor(**{name: value})
 
@@ -168,7 +170,7 @@ def test_more_bits_per_pixel_than_a_count_can_hold_are_refused(parameters):
         jl.Sensor(**parameters)
 
 
-def test_numpy_numbers_become_plain_ones():
+def test_numpy_numbers_become_python_numbers():
     sensor = jl.Sensor(np.uint8(3), np.int64(2), np.float32(4), np.float64(2), "box", np.array(0.5))
     assert sensor == jl.Sensor(3, 2, 4.0, 2, "box", 0.5)
     assert [type(value) for value in sensor.scalars().values()] == [
@@ -227,14 +229,14 @@ BAD_IMAGES = [
 
 
 @pytest.mark.parametrize(("image", "error", "message"), BAD_IMAGES)
-def test_a_bad_image_is_refused_with_what_to_do(image, error, message):
+def test_a_bad_image_is_refused_with_advice(image, error, message):
     sensor = jl.Sensor(oversampling=2)
     for use in (sensor.rate, sensor.probability, sensor.expose):
         with pytest.raises(error, match=f"image: .*{message}"):
             use(image)
 
 
-def test_replace_keeps_the_light_on_each_jot_unless_told():
+def test_replace_keeps_the_light_on_each_jot_unless_gain_changes():
     sensor = jl.Sensor(oversampling=2, gain=2, threshold=3)
     more = sensor.replace(frames=5, oversampling=3)
     image = np.full((2, 2), 0.5)
@@ -242,8 +244,8 @@ def test_replace_keeps_the_light_on_each_jot_unless_told():
     assert more.threshold == 3
     assert sensor.replace(frames=5, gain=2).gain == 2
     assert sensor.replace(oversampling=3, gain=None).gain == 9
-    with pytest.raises(TypeError, match="expected a parameter of Sensor, got colour, q"):
-        sensor.replace(q=2, colour=1)
+    with pytest.raises(TypeError, match="expected a parameter of Sensor, got color, q"):
+        sensor.replace(q=2, color=1)
     with pytest.raises(ValueError, match="frames"):
         sensor.replace(frames=0)
 
@@ -262,7 +264,7 @@ SENSORS = [
 
 @pytest.mark.parametrize("one", range(len(SENSORS)))
 @pytest.mark.parametrize("other", range(len(SENSORS)))
-def test_sensors_are_equal_when_all_their_parts_are(one, other):
+def test_sensors_are_equal_if_all_their_parameters_are(one, other):
     assert (SENSORS[one] == SENSORS[other].replace()) is (one == other)
 
 
@@ -272,7 +274,7 @@ def test_a_sensor_equals_nothing_else():
 
 
 @pytest.mark.parametrize("sensor", SENSORS, ids=repr)
-def test_numbers_and_maps_make_the_sensor_again(sensor):
+def test_a_sensor_is_made_again_from_its_scalars_and_maps(sensor):
     scalars = json.loads(json.dumps(sensor.scalars()))
     assert jl.Sensor.from_parts(scalars, sensor.maps()) == sensor
 
@@ -281,12 +283,12 @@ def test_numbers_and_maps_make_the_sensor_again(sensor):
     ("scalars", "maps", "message"),
     [
         ([1], None, "got list"),
-        ({"oversampling": 2, "colour": 3}, None, "unknown parameters colour"),
+        ({"oversampling": 2, "color": 3}, None, "unknown parameters color"),
         ({"oversampling": 0}, None, "oversampling"),
         ({}, {"q": np.zeros((2, 2))}, "q"),
     ],
 )
-def test_parts_that_make_no_sensor_are_refused(scalars, maps, message):
+def test_parts_that_do_not_describe_a_sensor_are_refused(scalars, maps, message):
     with pytest.raises(ValueError, match=message):
         jl.Sensor.from_parts(scalars, maps)
 
@@ -301,11 +303,11 @@ def test_parts_that_make_no_sensor_are_refused(scalars, maps, message):
         (jl.Sensor(**MAPS), "Sensor(dark_counts=<4 x 6 map>, mask=<4 x 6 map>)"),
     ],
 )  # fmt: skip
-def test_repr_names_what_is_not_by_default(sensor, text):
+def test_repr_names_the_parameters_that_differ_from_their_defaults(sensor, text):
     assert repr(sensor) == text
 
 
-def test_numbers_that_leave_the_range_on_the_way_are_refused():
+def test_numbers_that_overflow_are_refused():
     with pytest.raises(ValueError, match="dark_counts"):
         jl.Sensor(dark_counts=np.full((2, 2), 1e39))
     with pytest.raises(ValueError, match="gain"):
@@ -313,12 +315,12 @@ def test_numbers_that_leave_the_range_on_the_way_are_refused():
 
 
 @pytest.mark.parametrize("threads", [0, -1, 1025, 10**6])
-def test_a_number_of_threads_that_no_machine_has_is_refused(threads):
+def test_impossible_numbers_of_threads_are_refused(threads):
     with pytest.raises(ValueError, match="threads: expected at least 1 and at most 1024"):
         jl.Sensor().rate(np.ones((2, 2)), threads=threads)
 
 
-def test_masked_arrays_are_refused_and_not_stripped():
+def test_masked_arrays_are_refused():
     masked = np.ma.masked_array(np.ones((2, 2)), [[True, False], [False, False]])
     with pytest.raises(TypeError, match="masked"):
         jl.Sensor().expose(masked, rng=0)

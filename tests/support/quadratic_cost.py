@@ -8,7 +8,7 @@ import jotlight as jl
 
 
 def fake_cost(curvature, slope, project, *, step=0, steps=30, size=5):
-    """½ vᵀ M v + g v: `size` coefficients after one tap."""
+    """The cost ½ vᵀ M v + g v of one tap and `size` coefficients."""
     network = jl.Network(
         [jl.Layer(np.ones((1, 1, 1, 1)), np.zeros((1, size)), 0.0, 9 / (size - 3))],
         jl.Sensor(oversampling=3),

@@ -168,7 +168,9 @@ def test_what_is_held_out_is_never_less_likely_than_at_the_start(network, rate):
     assert len(history) == 5
     assert history.held_out[-1] == history.held_out.min() <= history.held_out[0]
     # The figures are those of the networks as they run without PyTorch.
-    splits = BitSplitter(network, SENSOR, [count_pixels(BITS, SENSOR, None)], random_generator(3, 0))
+    splits = BitSplitter(
+        network, SENSOR, [count_pixels(BITS, SENSOR, None)], random_generator(3, 0)
+    )
     assert splits.held_out_negative_log_likelihood(network, 1) == history.held_out[0]
     assert splits.held_out_negative_log_likelihood(tuned, 1) == history.held_out[-1]
     if rate > 1:  # all that was tried was worse

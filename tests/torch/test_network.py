@@ -91,9 +91,7 @@ def test_a_module_that_is_told_k_gives_the_engines_shares(make, bits, size):
 def test_a_module_is_told_k_if_and_only_if_it_has_to_be():
     data = torch.zeros(1, 1, 4, 4)
     for network, bits in ((conditional("small"), None), (member("small"), 16)):
-        with pytest.raises(
-            ValueError, match="trials: expected K for a K-conditioned network"
-        ):
+        with pytest.raises(ValueError, match="trials: expected K for a K-conditioned network"):
             NetworkModule(network)(data, bits)
 
 

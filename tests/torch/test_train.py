@@ -124,7 +124,10 @@ def test_a_rate_that_leads_nowhere_is_an_error():
         ({"steps": 0}, "steps: expected at least 1, got 0"),
         ({"batch": 0}, "batch: expected at least 1, got 0"),
         ({"learning_rate": 0.0}, "learning_rate: expected a finite number above 0, got 0.0"),
-        ({"learning_rate": float("nan")}, "learning_rate: expected a finite number above 0, got nan"),
+        (
+            {"learning_rate": float("nan")},
+            "learning_rate: expected a finite number above 0, got nan",
+        ),
         ({"seconds": -1.0}, "seconds: expected a number above 0, got -1.0"),
         ({"rng": -1}, "rng: expected at least 0, got -1"),
         ({"threads": 0}, "threads: expected at least 1, got 0"),

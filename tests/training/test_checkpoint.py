@@ -41,7 +41,7 @@ def test_a_resumed_run_equals_an_uninterrupted_one(tmp_path, optimizer, step):
 def test_a_run_ends_before_the_step_that_would_exceed_the_time_limit(
     tmp_path, monkeypatch, optimizer
 ):
-    """By a clock that goes on by a second each time it is looked at."""
+    """Each call of the clock advances it by a second."""
     clock = iter(range(1000))
     runs = []
     with monkeypatch.context() as patched:
@@ -56,7 +56,7 @@ def test_a_run_ends_before_the_step_that_would_exceed_the_time_limit(
     assert stopped.records[-1].step == len(stopped) - 1
     assert stopped.records[:-1] == whole[1].records[: len(stopped) - 1]
     assert_same(train(**options, resume=True), whole)
-    # One step is taken in any case, and enough time changes nothing.
+    # The first step always runs, and a long limit changes nothing.
     assert len(train(optimizer=optimizer, seconds=1e-9)[1]) == 2
     assert_same(train(optimizer=optimizer, seconds=1e9), train(optimizer=optimizer))
 
@@ -102,13 +102,13 @@ def test_checkpoints_are_written_at_intervals(tmp_path, monkeypatch):
             found.append(load_file(path)["vector"])
 
     train(checkpoint=path, callback=look)
-    # After each step, seen from the next one on.
+    # One file after each step. The next step sees it.
     assert len(np.unique(found, axis=0)) == STEPS
     monkeypatch.setattr(CheckpointWriter, "INTERVAL", 1e9)
     found.clear()
     path.unlink()
     train(checkpoint=path, callback=look)
-    # After the first, and at the end.
+    # One file after the first step, and one at the end.
     assert len(np.unique(found, axis=0)) == 2
 
 
@@ -142,8 +142,6 @@ def test_a_missing_checkpoint_is_an_error(tmp_path):
 
 
 OTHER = jl.Network.initial(SENSOR, taps=3, coefficients=12, sigma=0.5)
-
-
 WIDER = jl.Network.initial(SENSOR, taps=5, coefficients=12)
 
 
@@ -172,7 +170,7 @@ def test_a_checkpoint_of_another_run_is_refused_and_kept(tmp_path, changes, name
 
 
 def rewritten(name, change):
-    """A damage that changes something of the metadata, or a tensor, of a checkpoint."""
+    """A function that changes one metadata entry or tensor of a checkpoint."""
 
     def damage(path):
         with safe_open(path, framework="numpy") as file:

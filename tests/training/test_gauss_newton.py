@@ -11,8 +11,6 @@ from quadratic_cost import fake_cost, quadratic
 from reference import training as twins
 
 SENSOR = jl.Sensor(oversampling=3)
-
-
 SMALL = jl.Network.initial(SENSOR, taps=3, coefficients=20)
 
 
@@ -21,10 +19,10 @@ def box(vector):
 
 
 def on_simplex(vector):
-    """The tap in [0, 1], and coefficients of 0 or more with sum 1.
+    """The projection on a tap in [0, 1] and on coefficients of 0 or more with sum 1.
 
-    Nothing ties parameters of two filter banks or splines to each other: `constrained_minimum`
-    pulls each bank and spline with a strength of its own, and so needs sets that are products.
+    No condition links two filter banks or splines. `constrained_minimum` needs that, since it has a
+    penalty for each of them.
     """
     falling = np.sort(vector[1:])[::-1]
     threshold = np.max((np.cumsum(falling) - 1) / np.arange(1, len(vector)))
@@ -68,7 +66,7 @@ def test_the_model_is_minimized_inside_the_set(project, seed):
     curvature, slope = quadratic(seed)
     start = project(np.random.default_rng(seed).normal(0, 1, 6))
     cost = fake_cost(curvature, slope, project)
-    # The model's gradient is that at the start.
+    # The gradient of the model at the start.
     found = constrained_minimum(curvature, curvature @ start + slope, start, cost)
     expected = best(curvature, slope, project)
     np.testing.assert_allclose(found, project(found), atol=1e-12)
@@ -103,7 +101,7 @@ def test_training_finds_the_posterior_mean_of_each_count():
         [twins.posterior(count, bits) for count in range(bits + 1)]
     )
     assert probability.sum() == pytest.approx(1)
-    # As if of one step alone, of the many that are averaged.
+    # The standard error of a single step; the average over steps has a smaller one.
     error = deviation / np.sqrt(64 * 32 * 32 * probability)
     assert np.all(np.abs(found - mean) < 2 * error)
     limit = 0.5 * 32**2 * np.sum(probability * deviation**2)

@@ -14,8 +14,6 @@ from jotlight.training.patches import PatchSampler
 from quadratic_cost import fake_cost, quadratic
 
 SENSOR = jl.Sensor(oversampling=3)
-
-
 SMALL = jl.Network.initial(SENSOR, taps=3, coefficients=20)
 
 
@@ -133,7 +131,7 @@ def test_a_diverging_run_is_stopped():
 
 @dataclass(frozen=True)
 class Wrong:
-    """An optimizer of a user's."""
+    """A user-defined optimizer."""
 
     loss: float = 1.0
     slope: float = 0.0

@@ -50,10 +50,10 @@ def test_a_history_has_one_record_more_than_steps():
 
 
 def test_a_trained_network_and_its_file_record_the_run(tmp_path):
-    before, told = parameter_vector(START), dict(START.history)
+    parameters, metadata = parameter_vector(START), dict(START.history)
     trained, history = train(test=IMAGES[:1])
-    np.testing.assert_array_equal(parameter_vector(START), before)
-    assert START.history == told
+    np.testing.assert_array_equal(parameter_vector(START), parameters)
+    assert START.history == metadata
     trained.save(tmp_path / "net")
     loaded = jl.Network.load(tmp_path / "net")
     assert loaded.history == trained.history
@@ -77,8 +77,6 @@ def test_maps_enter_by_the_median_of_valid_jots(tmp_path):
 
 
 COLOR, SMALL = np.full((16, 16, 3), 0.5), np.full((16, 6), 0.5)
-
-
 NO_NUMBER = np.full((99, 16, 16), np.nan)
 
 

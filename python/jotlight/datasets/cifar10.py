@@ -1,4 +1,4 @@
-"""The small pictures of CIFAR-10."""
+"""The small images of CIFAR-10."""
 
 import os
 from pathlib import Path
@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.datasets import cifar10_files
-from jotlight.datasets.fetch import Progress, Source, fetched, halves
+from jotlight.datasets.fetch import Progress, RemoteFiles, fetch, split_progress
 from jotlight.images.sets import check_first
 
 SITE = "https://www.cs.toronto.edu/~kriz"
@@ -26,54 +26,53 @@ def cifar10(
     first: int | None = None,
     progress: Progress | None = None,
 ) -> npt.NDArray[np.float32]:
-    """The pictures of CIFAR-10 in grey, in their official order.
+    """Return the images of CIFAR-10 in gray, in their official order.
 
     Parameters
     ----------
     split : {"train", "test"}
-        50,000 pictures, or 10,000.
+        50,000 images, or 10,000.
     folder : path, optional
-        A folder that holds the data in one of these forms, or the inner folder itself; the first
-        that is there is taken:
+        A folder with the data in one of these forms, or the inner folder itself. The first form
+        found is read:
 
         - the original binary version, ``cifar-10-batches-bin/{data_batch_1..5,test_batch}.bin``,
         - the original Python version, ``cifar-10-batches-py/{data_batch_1..5,test_batch}``, which
           are pickles; they are searched for the pixels and never unpickled,
-        - ``cifar-10-binary.tar.gz``, read as it is,
-        - ``cifar10_gray.npz``, a copy in grey in which most pictures had been through JPEG. Only
-          those without loss, marked by `train_lossless` and `test_lossless`, are given, so that
-          there are fewer.
+        - ``cifar-10-binary.tar.gz``, read without unpacking,
+        - ``cifar10_gray.npz``, a copy in gray. JPEG changed most of its images. Only the unchanged
+          ones are returned; `train_lossless` and `test_lossless` mark them.
 
-        Default: the archive of the binary version is fetched once, 170 MB, checked, and kept in
+        Default: the archive of the binary version is fetched once (170 MB), verified, and stored in
         the user's cache.
     first : int, optional
-        Only so many of them.
+        Read only the first `first` images. Default: all.
     progress : callable, optional
-        Called with the share that is done.
+        Called with the completed fraction, 0 to 1.
 
     Returns
     -------
     ndarray of float32, shape (N, 32, 32)
         Intensities in [0, 1]: the luma 0.299 R + 0.587 G + 0.114 B of ITU-R BT.601, rounded to
-        whole grey levels, over 255. They are display-encoded, and not linear in light.
+        integer gray levels and divided by 255. They are display-encoded, and not linear in light.
 
     Raises
     ------
     FileNotFoundError
-        When `folder` does not hold them, or a part is missing.
+        If `folder` does not contain them, or a part is missing.
     ConnectionError
-        When they cannot be fetched.
+        If the files cannot be fetched.
     OSError, ValueError
-        When a file cannot be kept or is damaged, or an argument is wrong; the message says which.
+        If a file cannot be stored or is damaged, or an argument is wrong.
 
     Warns
     -----
     JotlightWarning
-        Before anything is fetched: from where, how much, and on what terms.
+        Before a download: the site, the size, and the terms.
 
     Notes
     -----
-    No licence is stated; for research, cite [1]_.
+    No license is stated. For research, cite [1]_.
 
     References
     ----------
@@ -91,12 +90,12 @@ def cifar10(
     check_first(first)
     names, reading = _FILES[split], progress
     if folder is None:
-        source = _source()
-        fetching, reading = halves(progress)
-        folder = fetched(source, source.urls, fetching)
-        batches = cifar10_files.from_archive(folder / cifar10_files.ARCHIVE, names)
+        source = _remote_files()
+        fetching, reading = split_progress(progress)
+        folder = fetch(source, source.urls, fetching)
+        batches = cifar10_files.read_archive(folder / cifar10_files.ARCHIVE, names)
     else:
-        batches = cifar10_files.found(Path(folder), split, names)
+        batches = cifar10_files.read_folder(Path(folder), split, names)
     levels: list[npt.NDArray[np.uint8]] = []
     for batch in batches:
         levels.append(batch)
@@ -110,8 +109,8 @@ def cifar10(
     return stack.astype(np.float32) / np.float32(255)
 
 
-def _source() -> Source:
-    return Source(
+def _remote_files() -> RemoteFiles:
+    return RemoteFiles(
         name="CIFAR-10",
         site=f"{SITE}/{cifar10_files.ARCHIVE}",
         urls={cifar10_files.ARCHIVE: f"{SITE}/{cifar10_files.ARCHIVE}"},

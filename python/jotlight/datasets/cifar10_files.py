@@ -1,4 +1,4 @@
-"""The forms in which CIFAR-10 lies on disks, read without running anything that is in them."""
+"""Read the file formats of CIFAR-10 without running anything in them."""
 
 import itertools
 import zlib
@@ -12,26 +12,26 @@ from jotlight.formats.arrays import read_npz
 
 ARCHIVE = "cifar-10-binary.tar.gz"
 RECORDS = 10_000
-"""Pictures in each original file."""
+"""Number of images in each original file."""
 
 _BINARY, _PYTHON, _GRAY = "cifar-10-batches-bin", "cifar-10-batches-py", "cifar10_gray.npz"
 _PIXELS = 3 * 32 * 32
 _RECORD = 1 + _PIXELS
-"""Bytes of the binary version: a label, then red, green and blue, each row by row."""
+"""Bytes per image in the binary version: a label, then red, green, and blue, row by row."""
 
-_MOST_OPCODES = 1_000_000
-"""The pixels of an original pickle come within twenty thousand."""
+_MAX_OPCODES = 1_000_000
+"""Maximum number of opcodes to search. An original pickle has fewer than twenty thousand."""
 
 Levels = npt.NDArray[np.uint8]
 
 
-def found(folder: Path, split: str, names: Sequence[str]) -> Iterator[Levels]:
-    """Look which form a folder holds, and give the grey levels file by file.
+def read_folder(folder: Path, split: str, names: Sequence[str]) -> Iterator[Levels]:
+    """Return the gray levels of a folder file by file, in whichever form it has.
 
     Raises
     ------
     FileNotFoundError
-        When it holds none, or only a part of the files `names`.
+        If it has none of the forms, or only a part of the files `names`.
     """
     if not folder.is_dir():
         raise FileNotFoundError(f"there is no folder {folder}")
@@ -44,16 +44,16 @@ def found(folder: Path, split: str, names: Sequence[str]) -> Iterator[Levels]:
             if place.is_dir() and (len(missing) < len(paths) or place.name == form):
                 raise FileNotFoundError(
                     f"{place}: expected the files {', '.join(path.name for path in paths)} of "
-                    f"CIFAR-10, did not find {', '.join(missing)}; unpack the archive anew"
+                    f"CIFAR-10, did not find {', '.join(missing)}; unpack the archive again"
                 )
     if (folder / ARCHIVE).is_file():
-        return from_archive(folder / ARCHIVE, names)
+        return read_archive(folder / ARCHIVE, names)
     if (folder / _GRAY).is_file():
         return iter([_read_gray(folder / _GRAY, split)])
     raise FileNotFoundError(
         f"{folder}: expected CIFAR-10 as {_BINARY}/{names[0]}.bin, {_PYTHON}/{names[0]}, {ARCHIVE} "
-        f"or {_GRAY}, found none of these; give the folder that holds one, or leave it out and "
-        "the data are fetched"
+        f"or {_GRAY}, found none of these; pass the folder that contains one, or no folder to "
+        "fetch the data"
     )
 
 
@@ -67,7 +67,7 @@ def _check_binary(name: str, size: int) -> None:
     if size % _RECORD or not 0 < size <= RECORDS * _RECORD:
         raise ValueError(
             f"{name}: expected up to {RECORDS} records of {_RECORD} bytes, got {size} bytes; the "
-            "file is truncated or another; fetch it anew"
+            "file is truncated or a different one; fetch it again"
         )
 
 
@@ -76,30 +76,30 @@ def _records(content: bytes) -> Levels:
 
 
 def _gray(pixels: npt.NDArray[np.uint8]) -> Levels:
-    """Grey levels (N, 32, 32) of records (N, 3072)."""
+    """Return gray levels (N, 32, 32) from records (N, 3072)."""
     planes = pixels.reshape(-1, 3, 32, 32)
     levels = np.empty((len(planes), 32, 32), np.uint8)
-    for begin in range(0, len(planes), 1000):  # for the sake of memory
-        red, green, blue = np.moveaxis(planes[begin : begin + 1000].astype(np.int32), 1, 0)
-        # In thousandths the sum is exact, so that halves round alike on every machine.
-        levels[begin : begin + 1000] = np.rint((299 * red + 587 * green + 114 * blue) / 1000)
+    for start in range(0, len(planes), 1000):  # in parts, to save memory
+        red, green, blue = np.moveaxis(planes[start : start + 1000].astype(np.int32), 1, 0)
+        # Integer weights make the sum exact, so ties round alike on every machine.
+        levels[start : start + 1000] = np.rint((299 * red + 587 * green + 114 * blue) / 1000)
     return levels
 
 
 def _read_pickle(path: Path) -> Levels:
-    """The pixels of a pickle, which is taken apart and not run: unpickling can run any code."""
+    """Return the pixels of a pickle from its opcodes. Unpickling could run any code."""
     import pickletools
 
     size, expected = path.stat().st_size, RECORDS * _PIXELS
-    # The rest are a label and a file name for each picture, some 32 bytes.
+    # The rest is a label and a file name per image, about 32 bytes.
     if not expected < size <= RECORDS * 4096:
         raise ValueError(
-            f"{path}: expected some more than the {expected} bytes of {RECORDS} pictures, got "
-            f"{size}; the file is truncated or another; fetch it anew"
+            f"{path}: expected more than the {expected} bytes of {RECORDS} images, got "
+            f"{size}; the file is truncated or a different one; fetch it again"
         )
     try:
         with path.open("rb") as file:
-            for _, argument, _ in itertools.islice(pickletools.genops(file), _MOST_OPCODES):
+            for _, argument, _ in itertools.islice(pickletools.genops(file), _MAX_OPCODES):
                 # Python 2 wrote text where Python 3 writes bytes.
                 if isinstance(argument, str) and len(argument) == expected:
                     argument = argument.encode("latin-1")
@@ -107,44 +107,44 @@ def _read_pickle(path: Path) -> Levels:
                     return _gray(np.frombuffer(argument, np.uint8).reshape(-1, _PIXELS))
     except (ValueError, OverflowError) as error:
         raise ValueError(
-            f"{path}: expected a batch of CIFAR-10's Python version, but it is damaged or another "
-            f"file ({str(error)[:200]}); fetch it anew"
+            f"{path}: expected a batch of CIFAR-10's Python version, but it is damaged or a "
+            f"different file ({str(error)[:200]}); fetch it again"
         ) from error
     raise ValueError(
         f"{path}: expected a batch of CIFAR-10's Python version, with a string of {expected} bytes "
-        "in it, found none; fetch it anew"
+        "in it, found none; fetch it again"
     )
 
 
-def from_archive(path: Path, names: Sequence[str]) -> Iterator[Levels]:
-    """Give the files of the binary version in turn out of their archive; nothing is unpacked."""
+def read_archive(path: Path, names: Sequence[str]) -> Iterator[Levels]:
+    """Yield the gray levels of each file in the archive of the binary version."""
     import tarfile
 
-    wanted = [f"{_BINARY}/{name}.bin" for name in names]
-    waiting: dict[str, Levels] = {}
+    expected = [f"{_BINARY}/{name}.bin" for name in names]
+    pending: dict[str, Levels] = {}
     due = 0
     try:
         with tarfile.open(path, "r:gz") as archive:
-            # In the archive's own order, since going back would unpack it from the start.
+            # In the order of the archive, since seeking back would decompress it from the start.
             for member in archive:
-                if member.name not in wanted[due:] or not member.isreg():
+                if member.name not in expected[due:] or not member.isreg():
                     continue
                 _check_binary(f"{path}: {member.name}", member.size)
                 file = archive.extractfile(member)
-                assert file is not None  # it is a regular one
-                waiting[member.name] = _records(file.read())
-                while due < len(wanted) and wanted[due] in waiting:
-                    yield waiting.pop(wanted[due])
+                assert file is not None  # a regular file has content
+                pending[member.name] = _records(file.read())
+                while due < len(expected) and expected[due] in pending:
+                    yield pending.pop(expected[due])
                     due += 1
-                if due == len(wanted):
+                if due == len(expected):
                     return
     except (tarfile.TarError, zlib.error, EOFError, OSError) as error:
-        raise ValueError(f"{path}: the archive is damaged ({error}); fetch it anew") from error
-    raise FileNotFoundError(f"{path}: expected {wanted[due]} in the archive, which is not there")
+        raise ValueError(f"{path}: the archive is damaged ({error}); fetch it again") from error
+    raise FileNotFoundError(f"{path}: expected {expected[due]} in the archive, which is not there")
 
 
 def _read_gray(path: Path, split: str) -> Levels:
-    """Those pictures of the copy in grey that never were a JPEG."""
+    """Return the images of the gray copy that JPEG did not change."""
     images, lossless = read_npz(path, f"x_{split}"), read_npz(path, f"{split}_lossless")
     if images.dtype != np.uint8 or images.ndim != 3 or images.shape[1:] != (32, 32):
         raise ValueError(

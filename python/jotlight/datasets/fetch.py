@@ -1,4 +1,4 @@
-"""Files from the network: fetched once, checked by their SHA-256, and kept."""
+"""Download files once, verify their SHA-256, and store them in the user's cache."""
 
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping
@@ -10,131 +10,133 @@ from jotlight.errors import warn
 Progress = Callable[[float], object]
 
 _INSTEAD = (
-    "or, if you have the data, give their folder (folder= in Python, --data DIR on the command "
+    "or, if you have the data, pass their folder (folder= in Python, --data DIR on the command "
     "line)"
 )
 
 
 @dataclasses.dataclass(frozen=True)
-class Source:
-    """A data set on the network, as it is told to the user and checked."""
+class RemoteFiles:
+    """The files of a data set on the network."""
 
     name: str
     site: str
-    """Where it is, for people to read."""
+    """The site, for the message to the user."""
     urls: Mapping[str, str]
-    """Where each file comes from, by the name under which it is kept."""
+    """The URL of each file, by the name under which it is stored."""
     hashes: Mapping[str, str]
-    """The SHA-256 of each, by the same names."""
+    """The SHA-256 of each file, by the same names."""
     hashes_in: str
-    """Where these can be read."""
+    """Where the user finds the hashes."""
     size: int
-    """Bytes of all files."""
+    """Total size in bytes."""
     cite: str
+    """The publication to cite."""
 
 
-def kept_in() -> Path:
-    """The user's folder for what is fetched."""
+def cache_folder() -> Path:
+    """Return the user's folder for downloads."""
     import pooch
 
     return Path(pooch.os_cache("jotlight"))
 
 
-def fetched(source: Source, names: Iterable[str], progress: Progress | None = None) -> Path:
-    """Fetch what is not there yet, after a warning that says what, from where and on what terms.
+def fetch(source: RemoteFiles, names: Iterable[str], progress: Progress | None = None) -> Path:
+    """Return the folder of the files, after fetching those that are missing.
 
-    Each file appears whole and with the right SHA-256, or not at all.
+    A warning before the download states what is fetched, from where, and the terms. Each file
+    appears whole and with the correct SHA-256, or not at all.
 
     Parameters
     ----------
-    source : Source
+    source : RemoteFiles
         The data set.
     names : iterable of str
-        The files that are wanted.
+        The files to fetch.
     progress : callable, optional
-        Called with the share that is done.
+        Called with the completed fraction, 0 to 1.
 
     Returns
     -------
     Path
-        The folder under which `names` now are.
+        The folder that contains `names`.
 
     Raises
     ------
     ConnectionError
-        When a file cannot be fetched.
+        If a file cannot be fetched.
     OSError
-        When it cannot be kept.
+        If it cannot be stored.
     ValueError
-        When what came is not the file that was expected.
+        If its SHA-256 is wrong.
     """
     import pooch
 
-    folder = kept_in()
-    missing = [name for name in names if not _is_there(folder / name, source.hashes[name])]
+    folder = cache_folder()
+    missing = [name for name in names if not _is_stored(folder / name, source.hashes[name])]
     if missing:
-        _tell(source, missing, folder)
-        keeper = pooch.create(
+        _warn_about_download(source, missing, folder)
+        downloads = pooch.create(
             path=folder, base_url="", registry=dict(source.hashes), urls=dict(source.urls)
         )
-        # Its announcements of each file would come between ours and the bar.
+        # pooch's message for each file would interrupt the progress bar.
         logger = pooch.get_logger()
         level = logger.level
         logger.setLevel("WARNING")
         try:
             for number, name in enumerate(missing):
                 bar = _Bar(progress, number, len(missing))
-                # Its own chunks of 1 KiB are slow.
+                # The default chunks of 1 KiB are slow.
                 http = pooch.HTTPDownloader(progressbar=bar, chunk_size=1 << 16, timeout=30)
-                _fetch(keeper, source, name, http)
+                _fetch_file(downloads, source, name, http)
                 bar.update(bar.total)
         finally:
             logger.setLevel(level)
     return folder
 
 
-def _is_there(path: Path, sha256: str) -> bool:
+def _is_stored(path: Path, sha256: str) -> bool:
     import pooch
 
     return path.is_file() and pooch.file_hash(str(path)) == sha256
 
 
-def _tell(source: Source, missing: list[str], folder: Path) -> None:
+def _warn_about_download(source: RemoteFiles, missing: list[str], folder: Path) -> None:
     size = source.size * len(missing) / len(source.urls) / 1e6
     what = "1 file" if len(missing) == 1 else f"{len(missing)} files"
     warn(
         f"fetching {source.name}: {what}, about {size:.3g} MB, from {source.site}; SHA-256: "
-        f"{source.hashes_in}; terms: no licence stated, for research, cite {source.cite}; "
-        f"kept in {folder}"
+        f"{source.hashes_in}; terms: no license stated; for research, cite {source.cite}; "
+        f"stored in {folder}"
     )
 
 
-def _fetch(keeper: Any, source: Source, name: str, http: object) -> None:
-    # pooch brings requests.
+def _fetch_file(downloads: Any, source: RemoteFiles, name: str, http: object) -> None:
+    # pooch depends on requests.
     from requests import RequestException
 
-    url, path = source.urls[name], keeper.path / name
+    url, path = source.urls[name], downloads.path / name
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        keeper.fetch(name, downloader=http)
+        downloads.fetch(name, downloader=http)
     except RequestException as error:
         raise ConnectionError(
             f"{source.name}: could not fetch {url} ({_reason(error)}); try again later, {_INSTEAD}"
         ) from error
     except OSError as error:
         raise type(error)(
-            f"{source.name}: cannot keep {path} ({error.strerror or error}); make room or "
-            f"mend the folder, {_INSTEAD}"
+            f"{source.name}: cannot store {path} ({error.strerror or error}); free some space "
+            f"or repair the folder, {_INSTEAD}"
         ) from error
     except ValueError as error:
         raise ValueError(
-            f"{source.name}: expected {url} with the SHA-256 {source.hashes[name]}, but another "
-            f"file came, and was not kept; try again, {_INSTEAD}"
+            f"{source.name}: expected {url} with the SHA-256 {source.hashes[name]}, but got "
+            f"another file, which was not stored; try again, {_INSTEAD}"
         ) from error
 
 
 def _reason(error: Any) -> str:
-    """What went wrong, without the layers of objects that passed it on."""
+    """Return the innermost reason of an error."""
     if error.response is not None:
         return f"the server answered {error.response.status_code} {error.response.reason}"
     inner: object = error
@@ -145,7 +147,7 @@ def _reason(error: Any) -> str:
 
 
 class _Bar:
-    """What pooch takes for a bar of one file, turned into the share of all files."""
+    """A progress bar for pooch that reports the completed fraction of all files."""
 
     total = 0
 
@@ -155,20 +157,20 @@ class _Bar:
 
     def update(self, amount: int) -> None:
         self._so_far += amount
-        share = min(1.0, self._so_far / self.total) if self.total else 0.0
+        fraction = min(1.0, self._so_far / self.total) if self.total else 0.0
         if self._progress:
-            self._progress((self._number + share) / self._files)
+            self._progress((self._number + fraction) / self._files)
 
     def reset(self) -> None:
-        """Nothing: pooch calls it at the end, only to fill the bar."""
+        """Do nothing. pooch calls it at the end to fill the bar."""
 
     def close(self) -> None:
-        """Nothing."""
+        """Do nothing."""
 
 
-def halves(progress: Progress | None) -> tuple[Progress | None, Progress | None]:
-    """Progress of fetching and of reading, out of that of both."""
+def split_progress(progress: Progress | None) -> tuple[Progress | None, Progress | None]:
+    """Return callbacks for fetching and for reading, each half of the whole."""
     if progress is None:
         return None, None
-    told = progress
-    return lambda share: told(share / 2), lambda share: told((1 + share) / 2)
+    report = progress
+    return lambda done: report(done / 2), lambda done: report((1 + done) / 2)

@@ -1,4 +1,4 @@
-"""Scenes that need no files: photographs of scikit-image, and synthetic ones."""
+"""Scenes that need no download: photographs of scikit-image, and synthetic scenes."""
 
 import numpy as np
 import numpy.typing as npt
@@ -6,23 +6,23 @@ import numpy.typing as npt
 from jotlight.images.color import luma
 
 PHOTOGRAPHS = ("camera", "coins", "moon", "astronaut", "coffee", "chelsea", "rocket")
-"""Photographs that come with scikit-image: three in grey, four in colour."""
+"""Photographs of scikit-image: three in gray, four in color."""
 
 
 def photograph(name: str = "camera", *, gray: bool = False) -> npt.NDArray[np.float32]:
-    """A photograph that comes with scikit-image, intensities in [0, 1].
+    """Return a photograph of scikit-image with intensities in [0, 1].
 
     Parameters
     ----------
     name : str
         One of :data:`PHOTOGRAPHS`.
     gray : bool
-        Turn colour into grey, the luma of ITU-R BT.601.
+        Whether to convert color to gray, the luma of ITU-R BT.601.
 
     Returns
     -------
     ndarray of float32, shape (H, W) or (H, W, 3)
-        The grey levels over 255. They are display-encoded, as in any photograph, and not linear in
+        Gray levels divided by 255. They are display-encoded, as in any photograph, not linear in
         light.
 
     Examples
@@ -41,7 +41,7 @@ def photograph(name: str = "camera", *, gray: bool = False) -> npt.NDArray[np.fl
 def uniform_scene(
     shape: tuple[int, ...] = (32, 32), rng: int | np.random.Generator | None = None
 ) -> npt.NDArray[np.float32]:
-    """The paper's synthetic scene: intensities uniform in [0, 1], independent of each other.
+    """Return the paper's synthetic scene: independent intensities, uniform in [0, 1].
 
     Examples
     --------
@@ -52,7 +52,7 @@ def uniform_scene(
 
 
 def uniform_scenes(rng: np.random.Generator, number: int) -> npt.NDArray[np.float32]:
-    """So many synthetic scenes of 32 x 32, as :func:`jotlight.train` takes them.
+    """Return `number` synthetic scenes of 32 x 32 pixels for :func:`jotlight.train`.
 
     Examples
     --------

@@ -14,8 +14,8 @@ NORMS = ("isotropic", "anisotropic")
 """The norms of the two differences of a pixel that total variation can sum."""
 
 WEIGHT_STRENGTH, WEIGHT_POWER = 0.62, 0.4
-"""The constants of the automatic weight. ``benchmarks/studies/weights.py`` fitted them to BSDS
-training images at six exposures."""
+"""The constants of the automatic weight. ``benchmarks/studies/tv_weights.py`` fitted them to
+BSDS training images at six exposures."""
 
 _BLOCK = 4
 """The side in pixels of the blocks that the roughness is measured on."""

@@ -62,7 +62,7 @@ class CountStack:
                 )
             if self.trials is not None and high > self.trials:
                 raise ValueError(
-                    f"{name}: its label tells of counts out of {self.trials}, but one is {high}"
+                    f"{name}: its label states counts out of {self.trials}, but one is {high}"
                 )
             total += part.sum(axis=0, dtype=np.int64)
             if progress:
@@ -123,7 +123,7 @@ def as_count_stack(
     trials, origin = read_counts_label(label)
     provenance = provenance.converted_from(origin)
     if trials is not None:
-        provenance = provenance.with_notes(f"counts out of {trials}, as the file tells")
+        provenance = provenance.with_notes(f"counts out of {trials}, as the file states")
     if is_single_image(shape):
         images = np.asarray(images)[None]
     return CountStack(images, provenance, trials)

@@ -40,6 +40,6 @@ def detect_format(path: Path) -> str:
     raw = ", ".join(name for name, format_ in FORMATS.items() if format_.is_raw)
     others = ", ".join(name for name, format_ in FORMATS.items() if not format_.is_raw)
     raise ValueError(
-        f"{path}: its content does not tell its format; give the one it is of, format= "
-        f"(--format): {raw} for raw frames, or else one of {others}"
+        f"{path}: its content does not identify its format; pass format= (--format): "
+        f"{raw} for raw frames, or else one of {others}"
     )

@@ -17,7 +17,6 @@ from jotlight.formats.selection import select
 from jotlight.sensing.bits import Bits
 
 
-# Ten parameters: each is one independent fact about the file, which only the caller may know.
 def open(
     path: str | os.PathLike[str],
     *,
@@ -105,7 +104,6 @@ def open(
     return capture.sum()
 
 
-# Ten parameters, those of `open`.
 def open_capture(
     path: str | os.PathLike[str],
     *,
@@ -137,7 +135,9 @@ def open_capture(
             raise
         raise ValueError(f"{path}: {error}") from error
     if not unpacked and counts is not None and counts == isinstance(capture, Bits):
-        content = "bits" if counts else "counts; --unpacked takes each number for a bit"
+        content = (
+            "bits" if counts else "counts; unpacked=True (--unpacked) reads each number as a bit"
+        )
         raise ValueError(f"counts: {path} ({entry.name}) holds {content}")
     if width is not None:
         actual = capture.images.shape[2] if isinstance(capture, CountStack) else capture.width

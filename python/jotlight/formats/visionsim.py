@@ -146,7 +146,7 @@ def _read_size(shape: tuple[int, ...], axis: Any, content: dict[str, Any]) -> tu
         stored[axis - 1] = (stored[axis - 1] + 7) // 8
     if list(shape[1:3]) != stored or content.get("c", 1) not in (1, *shape[3:]):
         raise ValueError(
-            f"h, w, c: tell of frames stored as {stored[0]} x {stored[1]} with "
+            f"h, w, c: describe frames stored as {stored[0]} x {stored[1]} with "
             f"{content.get('c', 1)} channels, and the file has {shape[1:]}"
         )
     return sizes[0], sizes[1]

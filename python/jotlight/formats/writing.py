@@ -31,7 +31,7 @@ def choose_output_format(path: Path, name: str | None = None) -> str:
     ('npy.gz', 'swissspad2')
     """
     if name is not None and name not in WRITERS:
-        raise ValueError(f"to: expected one of {', '.join(WRITERS)}, got {name!r}")
+        raise ValueError(f"format= (--to): expected one of {', '.join(WRITERS)}, got {name!r}")
     extension = ".npy.gz" if path.name.lower().endswith(".npy.gz") else path.suffix.lower()
     candidates = [
         each
@@ -42,7 +42,7 @@ def choose_output_format(path: Path, name: str | None = None) -> str:
         return candidates[0]
     if name is None:
         raise ValueError(
-            f"{path}: this name implies no single format; give the one to write (--to): "
+            f"{path}: this name implies no single format; pass format= (--to): "
             f"{', '.join(candidates or WRITERS)}"
         )
     if name not in candidates:
@@ -177,7 +177,7 @@ def _write_counts(
     if writer.counts is None:
         names = ", ".join(each for each in WRITERS if WRITERS[each].counts)
         raise ValueError(
-            f"{name}: holds single bits, and they cannot be had of counts; write to one of {names}"
+            f"{name}: holds single bits, which counts cannot become; write to one of {names}"
         )
     if not writer.keeps_label:
         _warn_about_orientation(provenance, path, name)
@@ -188,7 +188,7 @@ def _warn_about_orientation(provenance: Provenance | None, path: Path, name: str
     """Warn that the file will not record how the capture was rotated and mirrored."""
     if provenance is not None and provenance.orientation != (0, False):
         warn(
-            f"{path}: {name} has no place to tell that the capture is "
+            f"{path}: {name} has no place to record that the capture is "
             f"{provenance.describe_orientation()}, so a calibration is applied to it unchecked"
         )
 

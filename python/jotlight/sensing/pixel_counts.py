@@ -101,8 +101,8 @@ def count_pixels(data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None
         sensor.check_map_shapes(height, width)
         if sensor.oversampling > 1 and sensor.mask is not None:
             raise ValueError(
-                "counts: with a mask of single jots the bits are needed, since a count does not "
-                "tell which jots fired; give the bits, or a sensor without mask"
+                "counts: with a mask of single jots the bits are needed, because a count does not "
+                "say which jots reported 1; pass the bits, or a sensor without mask"
             )
     trials: int | npt.NDArray[np.int32] = sensor.bits_per_pixel
     if sensor.mask is not None:

@@ -21,6 +21,7 @@ from jotlight.training.patches import PatchSampler
 from jotlight.training.run import Run
 
 
+# Keyword-only options with numpydoc documentation, so more than nine parameters are fine.
 def train(
     network: Network,
     images: TrainingImages,

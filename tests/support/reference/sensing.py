@@ -1,4 +1,4 @@
-"""Sensing as the definitions have it: paper, section 2.1."""
+"""Reference implementation of sensing, written like the definitions: paper, section 2.1."""
 
 from itertools import pairwise
 
@@ -11,7 +11,7 @@ DEGREES = {"box": 0, "linear": 1, "quadratic": 2, "cubic": 3}
 
 
 def kernel_taps(degree, oversampling):
-    """g: the integral of the B-spline over each jot."""
+    """Return g, the integrals of the B-spline over the jots."""
     spline = BSpline.basis_element(np.arange(degree + 2))
     edges = np.arange((degree + 1) * oversampling + 1) / oversampling
     return np.array([fixed_quad(spline, *jot, n=6)[0] for jot in pairwise(edges)])
@@ -24,7 +24,7 @@ def mirrored(index, size):
 
 
 def spread(line, degree, oversampling):
-    """G c in one dimension: zeros between the pixels, then g, centred on each pixel."""
+    """Return G c in one dimension: g centered on each pixel, times the pixel's intensity."""
     taps = kernel_taps(degree, oversampling)
     light = np.zeros(len(line) * oversampling)
     for pixel in range(-degree - 1, len(line) + degree + 1):
@@ -36,7 +36,7 @@ def spread(line, degree, oversampling):
 
 
 def rate(sensor, image):
-    """η s + d with s = (α/T)·(G c), of one channel."""
+    """Return η s + d with s = (α/T)·(G c) of one channel."""
     light = np.asarray(image, np.float64)
     for axis in (0, 1):
         light = np.apply_along_axis(
@@ -46,13 +46,13 @@ def rate(sensor, image):
 
 
 def probability(sensor, image):
-    """P(b = 1), of one channel."""
-    fires = gammainc(sensor.threshold, rate(sensor, image))
-    return fires if sensor.mask is None else np.where(sensor.mask, 0, fires)
+    """Return P(b = 1) of one channel."""
+    p = gammainc(sensor.threshold, rate(sensor, image))
+    return p if sensor.mask is None else np.where(sensor.mask, 0, p)
 
 
 def block_counts(bits, side, mask=None):
-    """L of bits (T, H, W), without the jots of a mask (H, W)."""
+    """Return L of bits (T, H, W), without the jots of a mask (H, W)."""
     _, height, width = bits.shape
     counts = np.zeros((height // side, width // side), int)
     for row in range(height):

@@ -1,11 +1,11 @@
-"""The optimizers beside each other; the paper's own descent is in ``jotlight reproduce fig5``.
+"""Compare the optimizers. The paper's own descent is in ``jotlight reproduce fig5``.
 
     python benchmarks/studies/optimizers.py path/to/data [curves] [recipe] [sets] [limits]
 
-``curves``: photographs, K = 16, PSNR of 20 test images against time, some ten minutes on two cores.
-``recipe``: how far the default recipe is from a run of five times as many steps.
-``limits``: how near the two fast ones come to the posterior mean on synthetic scenes.
-``sets``: what it costs that splines may not fall, and how negative learned filters are.
+``curves``: PSNR of 20 test images against time, K = 16, about ten minutes on two cores.
+``recipe``: how far the default training is from a run of five times as many steps.
+``limits``: how close the two fast optimizers come to the posterior mean on synthetic scenes.
+``sets``: what monotone splines cost, and how negative trained filters are.
 """
 
 import argparse
@@ -19,8 +19,8 @@ import jotlight as jl
 from jotlight.images.sets import read_image_set
 from jotlight.training import Adam, GaussNewton, ProjectedGradient, Record, SafeSet
 
-# The paper's 5e-8 for 481 x 321 pixels is this for the 50 x 50 that count in a patch of 64 x 64.
-PAPERS_STEP = 3e-6
+PAPER_LEARNING_RATE = 3e-6
+"""The paper's 5e-8 for 481 x 321 pixels, scaled to the 50 x 50 central pixels of a patch."""
 
 
 def main() -> None:
@@ -35,21 +35,21 @@ def main() -> None:
 
 
 class Clock:
-    """Seconds and test PSNR of a run; the tests take a few of these seconds."""
+    """Seconds and test PSNR of a run. The tests take a few of these seconds."""
 
     def __init__(self) -> None:
-        self.begun = time.perf_counter()
+        self.start_time = time.perf_counter()
         self.seconds: list[float] = []
         self.psnr: list[float] = []
 
     def __call__(self, record: Record) -> None:
         if record.test_psnr is not None:
-            self.seconds.append(time.perf_counter() - self.begun)
+            self.seconds.append(time.perf_counter() - self.start_time)
             self.psnr.append(record.test_psnr)
 
 
 def curves(data: Path, figures: Path) -> None:
-    """Every optimizer with its own number of steps."""
+    """Run every optimizer with its own number of steps."""
     _, scenes = read_image_set(data / "bsds300/train")
     _, tests = read_image_set(data / "bsds300/test", first=20)
     start = jl.Network.initial(jl.Sensor(oversampling=4))
@@ -60,12 +60,12 @@ def curves(data: Path, figures: Path) -> None:
     for name, optimizer in {
         "Gauss-Newton": GaussNewton(),
         "projected Adam": Adam(),
-        "projected gradient, the paper's step": ProjectedGradient(PAPERS_STEP),
+        "projected gradient, the paper's step": ProjectedGradient(PAPER_LEARNING_RATE),
     }.items():
         clock = Clock()
         jl.train(start, scenes, optimizer=optimizer, rng=0, test=tests, callback=clock)
-        there = [s for s, psnr in zip(clock.seconds, clock.psnr, strict=True) if psnr >= 24.25]
-        first = f"{there[0]:.1f}" if there else "not reached"
+        reached = [s for s, psnr in zip(clock.seconds, clock.psnr, strict=True) if psnr >= 24.25]
+        first = f"{reached[0]:.1f}" if reached else "not reached"
         print(
             f"| {name} | {optimizer.steps} | {clock.seconds[-1]:.0f} | {clock.psnr[0]:.2f} "
             f"| {clock.psnr[-1]:.2f} | {first} |",
@@ -81,26 +81,26 @@ def curves(data: Path, figures: Path) -> None:
 
 
 def recipe(data: Path, _: Path) -> None:
-    """The default number of steps and five times as many."""
+    """Train with the default number of steps and with five times as many."""
     _, scenes = read_image_set(data / "bsds300/train")
     _, tests = read_image_set(data / "bsds300/test", first=20)
     sensor = jl.Sensor(oversampling=4)
     print("\n| steps | seconds | first 20 test images, dB |\n| ---: | ---: | ---: |")
     for steps in (GaussNewton.steps, 5 * GaussNewton.steps):
-        begun = time.perf_counter()
+        start_time = time.perf_counter()
         learned, _ = jl.train(jl.Network.initial(sensor), scenes, steps=steps, rng=0)
-        seconds = time.perf_counter() - begun
+        seconds = time.perf_counter() - start_time
         psnr = np.mean(jl.evaluate(learned, tests, sensor).values("psnr"))
         print(f"| {steps} | {seconds:.0f} | {psnr:.3f} |", flush=True)
 
 
 def sets(data: Path, _: Path) -> None:
-    """The default set with and without its last condition."""
+    """Train with and without the condition that splines are monotone."""
     _, scenes = read_image_set(data / "bsds300/train")
     _, tests = read_image_set(data / "bsds300/test", first=20)
     sensor = jl.Sensor(oversampling=4)
     print(
-        "\n| splines may not fall | first 20 test images, dB | largest fall of a spline "
+        "\n| monotone splines | first 20 test images, dB | largest fall of a spline "
         "| sum of negative taps |"
     )
     print("| --- | ---: | ---: | ---: |")
@@ -116,15 +116,15 @@ def sets(data: Path, _: Path) -> None:
 
 
 def limits(_: Path, __: Path) -> None:
-    """Synthetic scenes: PSNR of the mean square error below that of the posterior mean."""
+    """Measure how far below the posterior mean the PSNR on synthetic scenes is."""
     scenes = jl.datasets.uniform_scenes(np.random.default_rng(99), 2048)
     print("\n| K | optimizer | seconds | from the limit, dB |\n| ---: | --- | ---: | ---: |")
     for side, limit in ((3, 14.816), (10, 22.636)):
         start = jl.Network.initial(jl.Sensor(oversampling=side))
         for name in ("adam", "gauss-newton"):
-            begun = time.perf_counter()
+            start_time = time.perf_counter()
             learned, _ = jl.train(start, jl.datasets.uniform_scenes, optimizer=name, rng=0)
-            seconds = time.perf_counter() - begun
+            seconds = time.perf_counter() - start_time
             errors = [
                 np.mean((learned.reconstruct(start.sensor.expose(scene, rng=index)) - scene) ** 2)
                 for index, scene in enumerate(scenes)
@@ -134,7 +134,7 @@ def limits(_: Path, __: Path) -> None:
 
 
 def fall_of(coefficients: np.ndarray) -> float:
-    """How far a spline's coefficients fall below one that came before, at most."""
+    """Return how far a spline's coefficients fall below an earlier one, at most."""
     return float(np.max(np.maximum.accumulate(coefficients) - coefficients))
 
 

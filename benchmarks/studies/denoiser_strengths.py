@@ -1,6 +1,6 @@
-"""Choose the strengths of the denoisers: mean PSNR on training images, K = 16.
+"""Measure the PSNR of the denoisers by their strength on training images, K = 16.
 
-python benchmarks/studies/denoisers.py path/to/bsds300/train [--images 20]
+python benchmarks/studies/denoiser_strengths.py path/to/bsds300/train [--images 20]
 """
 
 import argparse
@@ -20,7 +20,7 @@ SETTINGS = {
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--images", type=int, default=20)
     options = parser.parse_args()

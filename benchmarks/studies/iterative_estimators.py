@@ -1,8 +1,8 @@
-"""The iterative estimators: how good, how near to the optimum, and how fast.
+"""Measure quality, distance from the optimum, and speed of the iterative estimators.
 
-    python benchmarks/studies/iterative.py path/to/data [cubic] [lbfgs] [small] [speed]
+    python benchmarks/studies/iterative_estimators.py path/to/data [cubic] [lbfgs] [small] [speed]
 
-The folder holds ``bsds300/test/*.jpg``. Without names all parts run.
+The folder holds ``bsds300/test/*.jpg``. Without names, all parts run.
 """
 
 import argparse
@@ -34,7 +34,7 @@ def main() -> None:
 
 
 def cubic(images: list[np.ndarray]) -> None:
-    """A cubic kernel, K̂ = 4: in the intensities c, and in the light that they cast on the jots."""
+    """Measure intensities and light on the jots for a cubic kernel, K̂ = 4."""
     print("\n| frames | box MLE, dB | MLE, dB | ADMM, dB | light: box MLE | MLE | ADMM |")
     print("| ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
     for frames in (4, 64, 1024):
@@ -44,22 +44,22 @@ def cubic(images: list[np.ndarray]) -> None:
         for seed, image in enumerate(images[:5]):
             image = image[96:224, 96:224]
             bits = sensor.expose(image, rng=seed)
-            apart = jl.mle(bits, box)
+            box_estimate = jl.mle(bits, box)
             estimates = [jl.mle_iterative(bits, sensor), jl.admm_tv(bits, sensor)]
-            # In units of intensity: an even picture of intensity 1 casts 1.
+            # In units of intensity: a uniform image of intensity 1 puts 1 on each jot.
             scale = sensor.bits_per_pixel / sensor.gain
             light = [scale * sensor.rate(estimate) for estimate in estimates]
-            light.insert(0, np.kron(apart, np.ones((4, 4), np.float32)))
+            light.insert(0, np.kron(box_estimate, np.ones((4, 4), np.float32)))
             truth = scale * sensor.rate(image)
             rows.append(
-                [jl.metrics.psnr(estimate, image) for estimate in (apart, *estimates)]
+                [jl.metrics.psnr(estimate, image) for estimate in (box_estimate, *estimates)]
                 + [jl.metrics.psnr(one, truth) for one in light]
             )
         print(f"| {frames} | " + " | ".join(f"{x:.2f}" for x in np.mean(rows, axis=0)) + " |")
 
 
 def lbfgs(images: list[np.ndarray]) -> None:
-    """The same objective by SciPy's L-BFGS-B with our own slopes, 64 x 64 pixels, cubic, K̂ = 4."""
+    """Compare with SciPy's L-BFGS-B, which gets the same gradient: 64 x 64 pixels, cubic, K̂ = 4."""
     print("\n| frames | Newton, s | L-BFGS-B, s | ratio | relative difference of the objective |")
     print("| ---: | ---: | ---: | ---: | ---: |")
     for frames in (1, 4, 16):
@@ -69,23 +69,26 @@ def lbfgs(images: list[np.ndarray]) -> None:
             bits = sensor.expose(image[100:164, 100:164], rng=seed)
             start = time.perf_counter()
             _, history = jl.mle_iterative(bits, sensor, return_history=True)
-            ours = time.perf_counter() - start
+            newton = time.perf_counter() - start
             start = time.perf_counter()
-            theirs_objective = by_lbfgs(bits, sensor)
-            theirs = time.perf_counter() - start
-            difference = (history.objective - theirs_objective) / abs(theirs_objective)
-            rows.append((ours, theirs, theirs / ours, abs(difference)))
-        ours, theirs, ratio, _ = np.median(rows, axis=0)
+            lbfgs_objective = minimize_by_lbfgs(bits, sensor)
+            lbfgs_seconds = time.perf_counter() - start
+            difference = (history.objective - lbfgs_objective) / abs(lbfgs_objective)
+            rows.append((newton, lbfgs_seconds, lbfgs_seconds / newton, abs(difference)))
+        newton, lbfgs_seconds, ratio, _ = np.median(rows, axis=0)
         worst = max(row[3] for row in rows)
-        print(f"| {frames} | {ours:.2f} | {theirs:.2f} | {ratio:.1f} | {worst:.1e} |", flush=True)
+        print(
+            f"| {frames} | {newton:.2f} | {lbfgs_seconds:.2f} | {ratio:.1f} | {worst:.1e} |",
+            flush=True,
+        )
 
 
-def by_lbfgs(bits: jl.Bits, sensor: jl.Sensor) -> float:
+def minimize_by_lbfgs(bits: jl.Bits, sensor: jl.Sensor) -> float:
     problem = build_problem(bits, sensor, None)
     shape = problem.operator.input_shape
 
     def cost(flat: np.ndarray) -> tuple[float, np.ndarray]:
-        # Without the bound below a trial step to no light at all would cost infinity.
+        # Without this lower bound a trial step to no light would have infinite cost.
         light = np.maximum(problem.operator.forward(flat.reshape(shape)), 1e-12)
         gradient, _ = problem.likelihood.gradient_and_curvature(light)
         return -problem.likelihood.value(light), -problem.operator.adjoint(gradient).ravel()
@@ -102,7 +105,7 @@ def by_lbfgs(bits: jl.Bits, sensor: jl.Sensor) -> float:
 
 
 def small(images: list[np.ndarray]) -> None:
-    """How far above the least objective `admm_tv` ends on 16 x 16 pixels."""
+    """Measure how far above the minimum `admm_tv` ends on 16 x 16 pixels."""
     sensors = (
         jl.Sensor(oversampling=4),
         jl.Sensor(oversampling=2),
@@ -136,7 +139,7 @@ def small(images: list[np.ndarray]) -> None:
 
 
 def speed(images: list[np.ndarray]) -> None:
-    """481 x 321 pixels, K = 16, two threads."""
+    """Measure the time for 481 x 321 pixels, K = 16, two threads."""
     sensor = jl.Sensor(oversampling=4)
     bits = [sensor.expose(image, rng=seed) for seed, image in enumerate(images)]
     jl.admm_tv(bits[0], sensor, threads=2)

@@ -1,10 +1,10 @@
-"""What splines gain: the small network with them, and with ReLU at no less cost, three seeds each.
+"""Compare splines with ReLU in the small network at the same cost, with several seeds.
 
-    python benchmarks/studies/splines_or_relu.py path/to/data [--steps 10000] [--seeds 3] [--output DIR]
+    python benchmarks/studies/splines_and_relu.py path/to/data [--steps 10000] [--seeds 3]
 
-The folder holds ``bsds300/train/*.jpg`` to learn from and ``bsds300/test/*.jpg``, of which the
-first 20 are measured, K = 16. It needs the extra `torch`. ReLU has 13 channels in place of 12,
-since a spline costs as much as ten operations, and learns from the same patches and bits.
+The folder holds ``bsds300/train/*.jpg`` for training and ``bsds300/test/*.jpg``, of which the first
+20 are measured, K = 16. The study needs the extra `torch`. ReLU has 13 channels instead of 12,
+because a spline costs as much as ten operations. It trains on the same patches and bits.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from torch import Tensor
 import jotlight as jl
 from jotlight.files import atomic_write
 from jotlight.images.sets import read_image_set
-from jotlight.networks import architectures as deep
+from jotlight.networks.architectures import ARCHITECTURES, Architecture
 from jotlight.torch import NetworkModule, training
 from jotlight.torch.distributed import ProcessGroup
 from jotlight.torch.patches import PatchLoader
@@ -30,7 +30,7 @@ COLUMNS = "nonlinearity", "channels", "steps", "seed", "psnr_db"
 
 
 class Rectified(NetworkModule):
-    """The same with max(z, 0) for every spline that is learned."""
+    """The same network with max(z, 0) for every trainable spline."""
 
     def activate(self, index: int, sums: Tensor, coefficients: Tensor | None) -> Tensor:
         if coefficients is not None and coefficients.requires_grad:
@@ -53,8 +53,8 @@ def main() -> None:
         torch.set_num_threads(options.threads)
     for name, kind, channels in (("spline", NetworkModule, 12), ("ReLU", Rectified, 13)):
         for seed in range(options.seeds):
-            found = learned(kind, channels, seed, scenes, tests, options)
-            rows.append((name, channels, options.steps, seed, f"{found:.3f}"))
+            psnr = train_and_measure(kind, channels, seed, scenes, tests, options)
+            rows.append((name, channels, options.steps, seed, f"{psnr:.3f}"))
             print(", ".join(map(str, rows[-1])), flush=True)
         values = [float(row[-1]) for row in rows if row[0] == name]
         print(f"{name}: {statistics.mean(values):.3f} dB, {min(values)} to {max(values)}")
@@ -66,7 +66,7 @@ def main() -> None:
             csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
 
 
-def learned(
+def train_and_measure(
     kind: type[NetworkModule],
     channels: int,
     seed: int,
@@ -74,7 +74,8 @@ def learned(
     tests: list[np.ndarray],
     options: argparse.Namespace,
 ) -> float:
-    with patch.dict(deep.ARCHITECTURES, small=deep.Architecture((channels,), (3,))):
+    """Return the mean PSNR of a network after training."""
+    with patch.dict(ARCHITECTURES, small=Architecture((channels,), (3,))):
         network = jl.Network.residual(SENSOR, "small", rng=seed)
     module = kind(network)
     loader = PatchLoader(scenes, network, SENSOR, seed, training.BATCH, training.PATCH)
@@ -83,13 +84,13 @@ def learned(
     )
     for step in range(options.steps):
         trainer.step(step, options.steps)
-    found = []
+    values = []
     with torch.inference_mode():
         for number, image in enumerate(tests):
             counts = SENSOR.expose(image, rng=number).counts(1).astype(np.float32)
-            picture = module(torch.from_numpy(counts)[None, None])[0, 0].numpy()
-            found.append(jl.metrics.psnr(picture, image))
-    return float(np.mean(found))
+            estimate = module(torch.from_numpy(counts)[None, None])[0, 0].numpy()
+            values.append(jl.metrics.psnr(estimate, image))
+    return float(np.mean(values))
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
-"""How good the deep networks are: PSNR on the Berkeley test images, for every K and exposure.
+"""Measure the PSNR of the deep networks on Berkeley test images, for every K and exposure.
 
-    python benchmarks/studies/deep.py path/to/data [--images 100] [--model FILE ...] [--output docs/results]
+    python benchmarks/studies/network_quality.py path/to/data [--output docs/results]
 
 The folder holds ``bsds300/test/*.jpg``. The bits of image i have the seed i. Every K is measured on
-all of them and on the first 20, other exposures on the first 20 alone. Besides the networks in the
-package it tries those of `--model`, where they are for the sensor.
+all images and on the first 20, other exposures on the first 20 only. `--model` adds networks to
+those of the package, where they serve the sensor.
 """
 
 import argparse
@@ -20,10 +20,13 @@ from jotlight.images.sets import read_image_set
 from jotlight.networks.architectures import SIZES
 from jotlight.networks.pretrained import BITS_PER_PIXEL, unsupported_reason
 
-BITS = 1, 4, *BITS_PER_PIXEL, 256
-FLUX = 0.05, 0.2, 1.0, 4.0
-"""Photons per jot and frame at intensity 1; photographs have 0.44 of that in the mean."""
-EXPOSED = 4, 16, 64
+BITS_PER_PIXELS = 1, 4, *BITS_PER_PIXEL, 256
+FLUXES = 0.05, 0.2, 1.0, 4.0
+"""Photons per jot and frame at intensity 1. The mean of photographs is 0.44 of that."""
+
+EXPOSURE_BITS = 4, 16, 64
+"""Bits per pixel at which all fluxes are measured."""
+
 FIRST = 20
 COLUMNS = "bits", "flux", "method", "images", "psnr_db"
 
@@ -39,13 +42,13 @@ def main() -> None:
     options = parser.parse_args()
     _, images = read_image_set(options.data / "bsds300/test", first=options.images)
     rows = []
-    for bits, flux in [*((bits, 1.0) for bits in BITS), *exposures()]:
+    for bits, flux in [*((bits, 1.0) for bits in BITS_PER_PIXELS), *exposures()]:
         sensor = jl.Sensor(frames=bits, gain=flux * bits)
-        shown = images if flux == 1 else images[:FIRST]
+        tested = images if flux == 1 else images[:FIRST]
         for name, run in methods(sensor, options.model):
-            found = psnr(run, sensor, shown)
-            for number in sorted({min(FIRST, len(shown)), len(shown)}):
-                rows.append((bits, flux, name, number, f"{np.mean(found[:number]):.3f}"))
+            values = psnr(run, sensor, tested)
+            for number in sorted({min(FIRST, len(tested)), len(tested)}):
+                rows.append((bits, flux, name, number, f"{np.mean(values[:number]):.3f}"))
                 print(*rows[-1], flush=True)
     if options.output is not None:
         with (
@@ -57,11 +60,11 @@ def main() -> None:
 
 
 def exposures() -> list[tuple[int, float]]:
-    return [(bits, flux) for bits in EXPOSED for flux in FLUX if flux != 1]
+    return [(bits, flux) for bits in EXPOSURE_BITS for flux in FLUXES if flux != 1]
 
 
 def methods(sensor: jl.Sensor, models: list[Path]) -> list[tuple[str, Reconstruct]]:
-    """The networks that serve a sensor, and the best of the quick classical methods."""
+    """Return the networks that serve a sensor, and the fast classical methods."""
     found: list[tuple[str, Reconstruct]] = [
         ("maximum likelihood", jl.mle),
         ("total variation", lambda bits, sensor: jl.noniterative(bits, sensor, denoiser="tv")),

@@ -1,10 +1,10 @@
-"""Choose the numbers in the automatic weight of total variation, on training images.
+"""Fit the constants of the automatic weight of total variation to training images.
 
-    python benchmarks/studies/weights.py path/to/bsds300/train [--images 12]
+    python benchmarks/studies/tv_weights.py path/to/bsds300/train [--images 12]
 
-The rule is λ = strength · √I · (√Ī γ)^-power (``jotlight.estimators.tv.automatic_weight``). For each image and
-exposure the pictures of a range of weights are made once; what each strength and power loses
-against the best weight for that very picture is read off between them.
+The rule is λ = strength · √I · (√Ī γ)^-power (``jotlight.estimators.tv.automatic_weight``). For
+each image and exposure, the study makes the estimates of a range of weights once. Interpolation
+between them shows what each strength and power loses against the best weight for that image.
 """
 
 import argparse
@@ -21,7 +21,7 @@ EXPOSURES = ((2, 1.0), (4, 0.1), (4, 0.3), (4, 1.0), (4, 3.0), (8, 1.0))
 """K̂, and photons per jot at intensity 1."""
 
 FACTORS = np.array([0.35, 0.45, 0.55, 0.65, 0.75, 0.85, 1.0, 1.2, 1.5])
-"""Weights, in units of the √I of each pixel."""
+"""Weights in units of the √I of each pixel."""
 
 
 def main() -> None:
@@ -36,21 +36,21 @@ def main() -> None:
     roughness, curves = [], []
     for side, photons in EXPOSURES:
         sensor = jl.Sensor(oversampling=side, gain=photons * side**2)
-        rows = [measured(sensor, path, seed) for seed, path in enumerate(paths)]
+        rows = [measure(sensor, path, seed) for seed, path in enumerate(paths)]
         roughness.append([row[0] for row in rows])
         curves.append([row[1] for row in rows])
         best = np.mean([row[1].max() for row in rows])
         print(f"K = {side**2}, {photons} photons: best {best:.2f} dB", flush=True)
-    shown(np.array(roughness), np.array(curves))
+    print_losses(np.array(roughness), np.array(curves))
 
 
-def measured(sensor: jl.Sensor, path: Path, seed: int) -> tuple[float, np.ndarray]:
-    """The scene's roughness in units of the noise, and the PSNR for each factor."""
+def measure(sensor: jl.Sensor, path: Path, seed: int) -> tuple[float, np.ndarray]:
+    """Return the scene's roughness in units of the noise, and the PSNR for each factor."""
     image = read_image(path, gray=True)[40:280, 40:280]
     counts = sensor.expose(image, rng=seed).counts()
     problem = build_problem(counts, sensor, None)
     automatic = tv.automatic_weight(problem)
-    # √I of each pixel, and from what the rule makes of it how rough it takes the scene to be.
+    # The automatic weight in units of each pixel's √I reveals the roughness that the rule found.
     light = problem.operator.forward(np.ones(image.shape))
     noise_scale = np.sqrt(tv.local_information(problem, light))
     factor = float((automatic / noise_scale).mean())
@@ -61,12 +61,12 @@ def measured(sensor: jl.Sensor, path: Path, seed: int) -> tuple[float, np.ndarra
     return rough, np.array(psnr)
 
 
-def shown(roughness: np.ndarray, curves: np.ndarray) -> None:
+def print_losses(roughness: np.ndarray, curves: np.ndarray) -> None:
     best = curves.max(axis=-1)
     print("\n| power | strength | loss in each exposure, dB | in the mean, dB |")
     print("| ---: | ---: | --- | ---: |")
     for power in (0, 0.25, 0.3, 1 / 3, 0.4, 0.5):
-        tried = []
+        losses = []
         for strength in np.arange(0.4, 0.9, 0.02):
             factor = strength * roughness**-power
             reached = np.array(
@@ -76,8 +76,8 @@ def shown(roughness: np.ndarray, curves: np.ndarray) -> None:
                 ]
             )
             loss = (best - reached).mean(axis=1)
-            tried.append((loss.mean(), strength, loss))
-        mean, strength, loss = min(tried, key=lambda row: row[0])
+            losses.append((loss.mean(), strength, loss))
+        mean, strength, loss = min(losses, key=lambda row: row[0])
         each = " / ".join(f"{value:.2f}" for value in loss)
         print(f"| {power:.2f} | {strength:.2f} | {each} | {mean:.3f} |")
 

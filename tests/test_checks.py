@@ -1,0 +1,77 @@
+"""The checks of arguments that several modules share."""
+
+import numpy as np
+import pytest
+
+from jotlight.checks import (
+    positive_number,
+    real_number,
+    whole_number,
+    whole_number_in_range,
+    whole_numbers,
+)
+
+
+@pytest.mark.parametrize("value", [1, np.int64(1), np.uint8(1)])
+def test_a_whole_number_becomes_a_plain_int(value):
+    assert type(whole_number("steps", value, 1)) is int
+
+
+@pytest.mark.parametrize("value", [1.0, "1", None, [1]])
+def test_other_types_are_not_whole_numbers(value):
+    with pytest.raises(TypeError, match="steps: expected a whole number, got"):
+        whole_number("steps", value, 1)
+
+
+def test_a_whole_number_below_the_minimum_is_refused():
+    with pytest.raises(ValueError, match="steps: expected at least 1, got 0"):
+        whole_number("steps", 0, 1)
+
+
+@pytest.mark.parametrize("value", [4, 4.0, np.float32(4), np.array(4)])
+def test_whole_floats_are_whole_numbers_in_range(value):
+    number = whole_number_in_range("threshold", value, 1, 10)
+    assert (number, type(number)) == (4, int)
+
+
+@pytest.mark.parametrize("value", [0, 11, 1.5, np.nan, np.inf, True, "4", None, [4], 4j])
+def test_anything_else_is_not_a_whole_number_in_range(value):
+    with pytest.raises(ValueError, match="threshold: expected a whole number from 1 to 10, got"):
+        whole_number_in_range("threshold", value, 1, 10)
+
+
+@pytest.mark.parametrize("value", [2, 2.0, np.float32(2), np.array(2)])
+def test_a_positive_number_becomes_a_plain_float(value):
+    number = positive_number("gain", value)
+    assert (number, type(number)) == (2.0, float)
+
+
+@pytest.mark.parametrize("value", [0, -1.0, np.nan, np.inf, True, "2", None, [2.0], 2j])
+def test_anything_else_is_not_a_positive_number(value):
+    with pytest.raises(ValueError, match="gain: expected a finite number above 0, got"):
+        positive_number("gain", value)
+
+
+@pytest.mark.parametrize("value", [True, "1", None, [1.0], 1j])
+def test_anything_but_a_single_real_number_is_nan(value):
+    assert np.isnan(real_number(value))
+
+
+@pytest.mark.parametrize("values", [[0, 1], np.array([0, 1], np.uint64), [False, True]])
+def test_whole_numbers_become_int32(values):
+    array = whole_numbers("ones", values)
+    assert (array.dtype, array.tolist()) == (np.int32, [0, 1])
+
+
+@pytest.mark.parametrize(
+    ("values", "error", "message"),
+    [
+        ([0.0], TypeError, "ones: expected whole numbers, got float64"),
+        (np.ma.array([1]), TypeError, "ones: expected a plain array"),
+        ([-1], ValueError, r"ones: expected 0 to 2\*\*31 - 1, got -1 to -1"),
+        ([2**31], ValueError, r"ones: expected 0 to 2\*\*31 - 1"),
+    ],
+)
+def test_other_arrays_are_not_whole_numbers(values, error, message):
+    with pytest.raises(error, match=message):
+        whole_numbers("ones", values)
