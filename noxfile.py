@@ -116,7 +116,9 @@ def browser(session: nox.Session) -> None:
     if not any(map(shutil.which, BROWSERS)):
         session.error(f"none of {', '.join(BROWSERS)} is installed: the page was NOT tested")
     install_wheel(session, extra="test,browser")
-    session.run("pytest", "tests/experiments/test_page_in_a_browser.py", *session.posargs)
+    session.run(
+        *("pytest", "-m", "slow", "tests/experiments/test_page_in_a_browser.py"), *session.posargs
+    )
 
 
 @nox.session(tags=["release"])

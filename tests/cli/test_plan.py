@@ -43,8 +43,8 @@ def test_a_calibration_is_replaced_by_its_median_jot(run):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["2:1"], "LEAST:MOST"),
-        (["dim"], "LEAST:MOST"),
+        (["2:1"], "MIN:MAX"),
+        (["dim"], "MIN:MAX"),
         (["1:2", "--frame-rate", 0], "frame-rate"),
         (["1:2", "--plot", "a.txt"], "ends in .png"),
         (["1:2", "--frames", 0], "frames: expected"),

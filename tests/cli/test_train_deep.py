@@ -87,7 +87,7 @@ def test_a_network_for_any_bits_is_learned_and_improved(run, pictures, tmp_path)
     words = ["--start", NETWORK, *SMALL[2:], "--frames", 4]
     assert run("train", pictures, "-o", "more.safetensors", *words)[0] == 0
     more = jl.Network.load("more.safetensors")
-    assert more.bits == (2, 64)
+    assert more.trials_range == (2, 64)
     assert (parameter_vector(more) != parameter_vector(network)).any()
 
 
@@ -138,8 +138,8 @@ def test_a_run_without_time_for_all_its_steps_says_so(run, pictures):
         (["--device", "tpu"], "device: expected one of cpu, cuda, got 'tpu'"),
         (["--steps", 0], "steps: expected at least 1"),
         (["--patch", 25], "25; image number 0 is 24 x 24"),
-        (["--trials-range", "1-256"], "trials-range: expected LEAST:MOST"),
-        (["--trials-range", "9:4"], "trials-range: expected LEAST:MOST"),
+        (["--trials-range", "1-256"], "trials-range: expected MIN:MAX"),
+        (["--trials-range", "9:4"], "trials-range: expected MIN:MAX"),
         (["--trials-range", "1:8"], "the network is for 1 to 8 bits per pixel, got 16"),
     ],
 )
@@ -154,7 +154,8 @@ def test_a_run_that_diverges_says_what_to_lower(run, pictures, tmp_path, monkeyp
     monkeypatch.setattr(Batch, "errors", lambda _, module: module.filters[2].sum() / 0)
     status, said = run("train", pictures, "-o", NETWORK, *SMALL)
     assert status == 1
-    assert "lower the rate, now 0.003. Begin anew with --restart and --learning-rate" in said
+    assert "now 0.003" in said
+    assert "Start again with --restart and --learning-rate" in said
     assert files(tmp_path) == ["pictures"]
 
 

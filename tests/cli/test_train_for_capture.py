@@ -29,7 +29,7 @@ def test_a_network_trained_for_a_capture_reconstructs_it(run, tmp_path, capture,
     assert status == 0, said
     own = Network.load(tmp_path / "own.safetensors")
     _, scale = training_sensor(capture, capture.sensor)
-    assert f"brightest parts have intensity {scale:.3g}" in said
+    assert f"the brightness of the scene is {scale:.3g}" in said
     assert own.sensor.max_intensity == pytest.approx(HEADROOM * scale)
     assert own.sensor.frames == 16
     assert own.history["trained on"] == "photographs of scikit-image"
@@ -84,14 +84,14 @@ def test_a_network_can_be_trained_for_fewer_frames_and_for_counts(run, tmp_path,
         ("", "expected a folder of photographs"),
         ("--sensor none.npy", "none.npy"),
         ("--sensor alone.json", "expected the bits beside it, alone.npy"),
-        ("--sensor counts.npy", "out of how many bits"),
+        ("--sensor counts.npy", "counts of an unknown number of trials"),
         ("--sensor counts.npy --start x.safetensors", "leave out --sensor"),
-        ("--sensor counts.npy --frames 16 --key a", "--sensor-key names one of the capture"),
-        ("synthetic --sensor-key a", "sensor-key: is for a capture, and there is none"),
-        ("synthetic --rotate 90", "rotate: is for a capture, and there is none"),
+        ("--sensor counts.npy --frames 16 --key a", "--sensor-key names an array of the capture"),
+        ("synthetic --sensor-key a", "sensor-key: is for a capture; name one with --sensor"),
+        ("synthetic --rotate 90", "rotate: is for a capture; name one with --sensor"),
         (
             "synthetic --calibration x.safetensors",
-            "calibration: is for a capture, and there is none",
+            "calibration: is for a capture; name one with --sensor",
         ),
         ("--sensor counts.npy --frames 16 --seconds 0", "seconds: expected a number above 0"),
         ("--sensor counts.npy --frames 16 --calibration x.safetensors", "got jotlight network"),

@@ -11,11 +11,11 @@ SENSOR = jl.Sensor(oversampling=2, frames=2)
 IMAGES = [np.random.default_rng(i).random((12 + i, 14), np.float32) for i in range(4)]
 
 
-def scored(*values):
+def evaluation_of(*values):
     return Evaluation([Score(str(i), value, value / 2, value / 100) for i, value in values])
 
 
-def test_each_score_is_that_of_the_image_by_hand_with_the_next_seed():
+def test_each_score_is_that_of_one_image_with_the_next_seed():
     result = jl.evaluate(jl.mle, IMAGES, SENSOR, rng=5)
     for number, (score, image) in enumerate(zip(result.scores, IMAGES, strict=True)):
         estimate = jl.mle(SENSOR.expose(image, rng=5 + number), SENSOR)
@@ -27,7 +27,7 @@ def test_each_score_is_that_of_the_image_by_hand_with_the_next_seed():
         )
 
 
-def test_the_default_seed_is_0_and_another_gives_other_scores():
+def test_the_default_seed_is_0_and_another_seed_changes_the_scores():
     one, other = (jl.evaluate(jl.mle, IMAGES, SENSOR, rng=seed) for seed in (0, 1))
     assert jl.evaluate(jl.mle, IMAGES, SENSOR) == one
     assert (one.values("psnr") != other.values("psnr")).all()
@@ -43,7 +43,7 @@ def test_a_network_is_scored_like_its_reconstruction():
     assert jl.evaluate(network, IMAGES, SENSOR) == jl.evaluate(network.reconstruct, IMAGES, SENSOR)
 
 
-def test_the_sensor_that_is_given_sees_the_images_and_not_the_network_s_own():
+def test_the_argument_sensor_exposes_the_images_and_not_the_network_s_own():
     network = jl.Network.initial(SENSOR)
     noisy = SENSOR.replace(dark_counts=0.5)
     result = jl.evaluate(network, IMAGES[:1], noisy)
@@ -51,7 +51,7 @@ def test_the_sensor_that_is_given_sees_the_images_and_not_the_network_s_own():
     assert result.scores[0].psnr == jl.metrics.psnr(estimate, IMAGES[0])
 
 
-def test_colour_images_are_scored():
+def test_color_images_are_scored():
     image = np.random.default_rng(9).random((12, 13, 3), np.float32)
     [score] = jl.evaluate(jl.mle, [image], SENSOR).scores
     estimate = jl.mle(SENSOR.expose(image, rng=0), SENSOR)
@@ -61,15 +61,15 @@ def test_colour_images_are_scored():
     )
 
 
-def test_method_gets_sensor_and_threads():
-    seen = []
+def test_the_method_receives_sensor_and_threads():
+    calls = []
 
     def method(bits, sensor, *, threads):
-        seen.append((bits.shape, sensor, threads))
+        calls.append((bits.shape, sensor, threads))
         return np.zeros(IMAGES[0].shape, np.float32)
 
     jl.evaluate(method, IMAGES[:1], SENSOR, threads=1)
-    assert seen == [((2, 24, 28), SENSOR, 1)]
+    assert calls == [((2, 24, 28), SENSOR, 1)]
 
 
 def test_threads_do_not_change_the_scores():
@@ -77,57 +77,57 @@ def test_threads_do_not_change_the_scores():
     assert results[0] == results[1] == results[2]
 
 
-def test_progress_is_told_after_each_image():
-    shares = []
-    jl.evaluate(jl.mle, IMAGES, SENSOR, progress=shares.append)
-    assert shares == [0.25, 0.5, 0.75, 1.0]
+def test_progress_is_called_after_each_image():
+    fractions = []
+    jl.evaluate(jl.mle, IMAGES, SENSOR, progress=fractions.append)
+    assert fractions == [0.25, 0.5, 0.75, 1.0]
 
 
 def test_mean_is_over_the_images():
     result = jl.evaluate(jl.mle, IMAGES, SENSOR)
-    for measure in METRICS:
-        by_hand = [getattr(score, measure) for score in result.scores]
-        assert result.values(measure).tolist() == by_hand
-        assert result.mean(measure) == pytest.approx(sum(by_hand) / 4)
+    for metric in METRICS:
+        values = [getattr(score, metric) for score in result.scores]
+        assert result.values(metric).tolist() == values
+        assert result.mean(metric) == pytest.approx(sum(values) / 4)
 
 
 @pytest.mark.parametrize(
-    ("number", "share", "worst"),
+    ("number", "fraction", "worst"),
     [
         (1, 0.01, 1), (20, 0.05, 1), (21, 0.05, 2), (100, 0.05, 5), (100, 0.01, 1),
         (101, 0.01, 2), (100, 0.051, 6), (7, 0.5, 4), (7, 1, 7),
     ],
 )  # fmt: skip
-def test_worst_is_the_mean_over_the_share_rounded_up(number, share, worst):
+def test_the_number_of_worst_images_is_rounded_up(number, fraction, worst):
     order = np.random.default_rng(number).permutation(number)
-    result = scored(*((i, float(20 + i)) for i in order))
+    result = evaluation_of(*((i, float(20 + i)) for i in order))
     expected = np.mean(20 + np.arange(worst))
-    assert result.mean_of_worst("psnr", share) == pytest.approx(expected, rel=1e-12)
-    assert result.mean_of_worst("snr", share) == pytest.approx(expected / 2, rel=1e-12)
-    assert result.mean_of_worst("ssim", share) == pytest.approx(expected / 100, rel=1e-12)
+    assert result.mean_of_worst("psnr", fraction) == pytest.approx(expected, rel=1e-12)
+    assert result.mean_of_worst("snr", fraction) == pytest.approx(expected / 2, rel=1e-12)
+    assert result.mean_of_worst("ssim", fraction) == pytest.approx(expected / 100, rel=1e-12)
 
 
-def test_a_share_that_binary_fractions_miss_takes_no_image_more():
+def test_the_rounding_error_of_a_fraction_adds_no_image():
     # 0.07 x 100 is 7.000000000000001 in binary.
-    result = scored(*((i, float(i)) for i in range(100)))
+    result = evaluation_of(*((i, float(i)) for i in range(100)))
     assert result.mean_of_worst("psnr", 0.07) == np.mean(range(7))
 
 
-def test_each_measure_has_its_own_worst_images():
+def test_each_metric_has_its_own_worst_images():
     result = Evaluation([Score("a", 10.0, 30.0, 0.9), Score("b", 20.0, 5.0, 0.2)])
-    worst = [result.mean_of_worst(measure, 0.5) for measure in METRICS]
+    worst = [result.mean_of_worst(metric, 0.5) for metric in METRICS]
     assert worst == [10.0, 5.0, 0.2]
 
 
-@pytest.mark.parametrize("share", [0, -0.1, 1.01, math.nan])
-def test_a_share_outside_of_its_range_is_refused(share):
+@pytest.mark.parametrize("fraction", [0, -0.1, 1.01, math.nan])
+def test_a_fraction_outside_its_range_is_refused(fraction):
     with pytest.raises(ValueError, match=r"fraction: expected a number in \(0, 1\]"):
-        scored((0, 1.0)).mean_of_worst("psnr", share)
+        evaluation_of((0, 1.0)).mean_of_worst("psnr", fraction)
 
 
-def test_an_unknown_measure_is_refused():
+def test_an_unknown_metric_is_refused():
     with pytest.raises(ValueError, match="metric: expected one of psnr, snr, ssim, got 'mse'"):
-        scored((0, 1.0)).mean("mse")
+        evaluation_of((0, 1.0)).mean("mse")
 
 
 def read(path):
@@ -135,7 +135,7 @@ def read(path):
         return list(csv.DictReader(file))
 
 
-def test_the_csv_has_a_row_for_each_image_in_their_order(tmp_path):
+def test_the_csv_has_a_row_for_each_image_in_order(tmp_path):
     names = ["b.png", "a.png", 'with, comma and "quotes".png', "σ.png"]
     result = jl.evaluate(jl.mle, IMAGES, SENSOR, names=names)
     path = tmp_path / "scores.csv"
@@ -148,7 +148,7 @@ def test_the_csv_has_a_row_for_each_image_in_their_order(tmp_path):
         assert back == pytest.approx([score.psnr, score.snr, score.ssim], abs=5.1e-7)
 
 
-def test_images_too_small_for_ssim_have_none_and_a_blank_in_the_csv(tmp_path):
+def test_images_too_small_for_ssim_have_no_value_and_a_blank_in_the_csv(tmp_path):
     result = jl.evaluate(jl.mle, [np.full((10, 30), 0.5), np.full((11, 11), 0.5)], SENSOR)
     assert result.scores[0].ssim is None
     assert result.scores[1].ssim is not None
@@ -161,7 +161,7 @@ def test_images_too_small_for_ssim_have_none_and_a_blank_in_the_csv(tmp_path):
     assert float(full["ssim"]) == pytest.approx(result.scores[1].ssim, abs=1e-6)
 
 
-def test_a_perfect_estimate_is_infinitely_good_and_comes_back_so(tmp_path):
+def test_a_perfect_estimate_has_an_infinite_psnr_also_in_the_csv(tmp_path):
     result = jl.evaluate(lambda bits, sensor, threads: IMAGES[0], IMAGES[:1], SENSOR)
     assert result.mean("psnr") == math.inf
     result.write_csv(tmp_path / "scores.csv")
@@ -181,7 +181,7 @@ def test_a_perfect_estimate_is_infinitely_good_and_comes_back_so(tmp_path):
         (IMAGES, {"rng": -1}, ValueError, "rng"),
     ],
 )
-def test_what_cannot_be_scored_is_refused(images, options, error, message):
+def test_invalid_input_is_refused(images, options, error, message):
     with pytest.raises(error, match=message):
         jl.evaluate(jl.mle, images, SENSOR, **options)
 

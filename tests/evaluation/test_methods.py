@@ -1,4 +1,4 @@
-"""What every method promises, new ones too: they are taken from `METHODS`."""
+"""The contract that every method in `METHODS` must keep, including new ones."""
 
 import functools
 
@@ -27,69 +27,73 @@ def run(name):
     return METHODS[name].run
 
 
-def skip_unless_served(name, sensor):
+def skip_unless_supported(name, sensor):
     if (reason := METHODS[name].unsupported_reason(sensor)) is not None:
         pytest.skip(f"{name} does not serve this sensor: {reason}")
 
 
-def first_served(name, *sensors):
+def first_supported(name, *sensors):
     return next(sensor for sensor in sensors if METHODS[name].unsupported_reason(sensor) is None)
 
 
-def test_the_sensor_of_these_tests_is_served_by_every_method(name):
+def test_every_method_serves_the_sensor_of_these_tests(name):
     assert METHODS[name].unsupported_reason(SENSOR) is None
 
 
 @functools.cache
-def picture_of_bits(name):
+def estimate_of_bits(name):
     return METHODS[name].run(BITS, SENSOR)
 
 
 def assert_same(name, first, second):
-    """To the bit; BM3D's own threads add up in any order, so that it never repeats itself quite."""
+    """Assert equality of all bits, except for BM3D, whose threads add in a random order."""
     np.testing.assert_allclose(first, second, rtol=0, atol=1e-3 if "bm3d" in name else 0)
 
 
-def test_a_picture_of_float32_comes_out_and_the_bits_stay(name):
+def test_the_estimate_is_a_finite_float32_image_and_the_bits_stay_unchanged(name):
     before = BITS.packed.copy()
-    picture = picture_of_bits(name)
-    assert (type(picture), picture.dtype, picture.shape) == (np.ndarray, np.float32, (SIZE, SIZE))
-    assert np.isfinite(picture).all()
-    assert picture.std() > 0.1
+    estimate = estimate_of_bits(name)
+    assert (type(estimate), estimate.dtype, estimate.shape) == (
+        np.ndarray,
+        np.float32,
+        (SIZE, SIZE),
+    )
+    assert np.isfinite(estimate).all()
+    assert estimate.std() > 0.1
     np.testing.assert_array_equal(BITS.packed, before)
 
 
 @pytest.mark.parametrize("pattern", ["none", "all", "checkerboard", "halves", "noise"])
-def test_no_bits_lead_out_of_the_range(name, run, pattern):
-    sensor = first_served(name, jl.Sensor(frames=6, max_intensity=0.7), jl.Sensor(frames=16))
-    bits, most = sensor.bits_per_pixel, sensor.max_intensity
+def test_the_estimate_stays_in_its_range_for_any_bits(name, run, pattern):
+    sensor = first_supported(name, jl.Sensor(frames=6, max_intensity=0.7), jl.Sensor(frames=16))
+    trials, max_intensity = sensor.bits_per_pixel, sensor.max_intensity
     rows, columns = np.mgrid[:SIZE, :SIZE]
-    share = {
+    fraction = {
         "none": 0,
         "all": 1,
         "checkerboard": (rows + columns) % 2,
         "halves": columns < SIZE // 2,
         "noise": np.random.default_rng(1).random((SIZE, SIZE)),
     }[pattern]
-    counts = np.rint(bits * share * np.ones((SIZE, SIZE))).astype(int)
-    picture = run(counts, sensor)
-    assert np.isfinite(picture).all()
-    assert picture.min() >= 0
-    assert picture.max() <= np.float32(most)
+    counts = np.rint(trials * fraction * np.ones((SIZE, SIZE))).astype(int)
+    estimate = run(counts, sensor)
+    assert np.isfinite(estimate).all()
+    assert estimate.min() >= 0
+    assert estimate.max() <= np.float32(max_intensity)
     if pattern == "none":
-        # What is learned knows that photographs are seldom quite black.
-        assert picture.max() < (0.03 if name == "network-two-layer" else 0.01)
+        # A trained network knows that photographs are rarely fully black.
+        assert estimate.max() < (0.03 if name == "network-two-layer" else 0.01)
     if pattern == "all":
-        assert picture.min() > most - 0.01
+        assert estimate.min() > max_intensity - 0.01
 
 
 def fisher_deviation(sensor, intensity):
-    """The least standard deviation of an unbiased estimate from K bits: 1/√(K I(c))."""
+    """Return the Cramér-Rao bound of an unbiased estimate from K bits: 1/√(K I(c))."""
     sensitivity = sensor.efficiency * sensor.gain / sensor.bits_per_pixel
     rate = sensitivity * intensity + sensor.dark_counts
-    chance = gammainc(sensor.threshold, rate)
+    probability = gammainc(sensor.threshold, rate)
     slope = sensitivity * poisson.pmf(sensor.threshold - 1, rate)
-    return np.sqrt(chance * (1 - chance) / sensor.bits_per_pixel) / slope
+    return np.sqrt(probability * (1 - probability) / sensor.bits_per_pixel) / slope
 
 
 @pytest.mark.parametrize(
@@ -100,30 +104,30 @@ def fisher_deviation(sensor, intensity):
     ],
     ids=repr,
 )
-def test_many_bits_lead_to_the_truth(name, run, sensor):
-    skip_unless_served(name, sensor)
-    chance = gammainc(sensor.threshold, sensor.efficiency * 0.5 + sensor.dark_counts)
-    counts = np.random.default_rng(2).binomial(sensor.frames, chance, (20, 20))
+def test_the_error_from_many_bits_reaches_the_cramer_rao_bound(name, run, sensor):
+    skip_unless_supported(name, sensor)
+    probability = gammainc(sensor.threshold, sensor.efficiency * 0.5 + sensor.dark_counts)
+    counts = np.random.default_rng(2).binomial(sensor.frames, probability, (20, 20))
     error = run(counts, sensor) - 0.5
     deviation = fisher_deviation(sensor, 0.5)
-    # The mean square of 400 errors strays by √(2/400) of itself: five times that.
+    # The mean square of 400 errors has a relative deviation of √(2/400). The limit is five of them.
     assert np.sqrt(np.mean(error**2)) < deviation * np.sqrt(1 + 5 * np.sqrt(2 / 400))
     assert deviation < 0.02
 
 
-def test_more_light_gives_a_brighter_picture(run):
+def test_more_light_makes_a_brighter_estimate(run):
     scenes = [np.full((SIZE, SIZE), light) for light in (0.1, 0.4, 0.8)]
     means = [run(SENSOR.expose(scene, rng=3), SENSOR).mean() for scene in scenes]
-    # A mean over 144 pixels of 16 bits is known to 0.03; clipping to [0, 1] moves the brightest.
+    # The mean over 144 pixels of 16 bits has an error of 0.03, and clipping to [0, 1] adds a bias.
     np.testing.assert_allclose(means, [0.1, 0.4, 0.8], atol=0.08)
 
 
-def test_bits_and_their_counts_give_one_picture(name, run):
-    assert_same(name, run(BITS.counts(SENSOR.oversampling), SENSOR), picture_of_bits(name))
+def test_bits_and_their_counts_have_the_same_estimate(name, run):
+    assert_same(name, run(BITS.counts(SENSOR.oversampling), SENSOR), estimate_of_bits(name))
 
 
-def test_one_thread_gives_the_picture_of_all(name, run):
-    assert_same(name, run(BITS, SENSOR, threads=1), picture_of_bits(name))
+def test_one_thread_and_all_threads_have_the_same_estimate(name, run):
+    assert_same(name, run(BITS, SENSOR, threads=1), estimate_of_bits(name))
 
 
 def test_channels_do_not_mix(name, run):
@@ -131,32 +135,32 @@ def test_channels_do_not_mix(name, run):
     scene[..., 0] = np.linspace(0, 1, SIZE)
     bits = SENSOR.expose(scene, rng=5)
     bits.packed[..., 0] = BITS.packed
-    picture = run(bits, SENSOR)
-    assert picture.shape == (SIZE, SIZE, 2)
-    assert_same(name, picture[..., 0], picture_of_bits(name))
-    assert (np.abs(picture[..., 1] - picture[..., 0]) > 0.1).any()
+    estimate = run(bits, SENSOR)
+    assert estimate.shape == (SIZE, SIZE, 2)
+    assert_same(name, estimate[..., 0], estimate_of_bits(name))
+    assert (np.abs(estimate[..., 1] - estimate[..., 0]) > 0.1).any()
 
 
-def test_dead_jots_do_not_show(name, run):
-    sensor = first_served(name, jl.Sensor(oversampling=4, frames=16), jl.Sensor(oversampling=4))
+def test_dead_jots_change_the_estimate_by_no_more_than_their_missing_bits(name, run):
+    sensor = first_supported(name, jl.Sensor(oversampling=4, frames=16), jl.Sensor(oversampling=4))
     mask = np.tile(np.eye(4, dtype=bool), (SIZE, SIZE))
     mask[:, : 2 * SIZE] = False
     scene = np.full((SIZE, SIZE), 0.5)
-    whole = run(sensor.expose(scene, rng=6), sensor)
-    partly = sensor.replace(mask=mask)
-    masked = run(partly.expose(scene, rng=6), partly)
-    # 12 of 16 jots say what 16 would, with an error of √(16/12 - 1) = 0.58 deviations.
+    unmasked = run(sensor.expose(scene, rng=6), sensor)
+    masked_sensor = sensor.replace(mask=mask)
+    masked = run(masked_sensor.expose(scene, rng=6), masked_sensor)
+    # The estimates from 12 and from 16 jots differ by √(16/12 - 1) = 0.58 standard deviations.
     deviation = fisher_deviation(sensor, 0.5)
-    difference = masked[:, SIZE // 2 :] - whole[:, SIZE // 2 :]
+    difference = masked[:, SIZE // 2 :] - unmasked[:, SIZE // 2 :]
     assert np.sqrt(np.mean(difference**2)) < 0.58 * deviation * (1 + 5 / np.sqrt(2 * 72))
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (8, 8)])
-def test_the_smallest_pictures_work(run, shape):
+def test_the_smallest_images_work(run, shape):
     counts = np.random.default_rng(7).integers(0, SENSOR.bits_per_pixel + 1, shape)
-    picture = run(counts, SENSOR)
-    assert picture.shape == shape
-    assert np.isfinite(picture).all()
+    estimate = run(counts, SENSOR)
+    assert estimate.shape == shape
+    assert np.isfinite(estimate).all()
 
 
 @pytest.mark.parametrize(
@@ -179,12 +183,12 @@ def test_the_smallest_pictures_work(run, shape):
         (np.ones((0, SIZE), int), SENSOR, ValueError, r"expected shape \(H, W\)"),
     ],
 )
-def test_data_that_do_not_fit_are_refused(name, run, data, sensor, error, message):
-    skip_unless_served(name, sensor)
+def test_data_that_do_not_fit_the_sensor_are_refused(name, run, data, sensor, error, message):
+    skip_unless_supported(name, sensor)
     with pytest.raises(error, match=message):
         run(data, sensor)
 
 
-def test_a_picture_without_a_live_jot_is_refused(run):
+def test_a_sensor_without_a_live_jot_is_refused(run):
     with pytest.raises(ValueError, match="at least one jot that is alive"):
         run(BITS, SENSOR.replace(mask=np.ones((24, 24), bool)))

@@ -1,3 +1,5 @@
+"""The HTML page of a report, read by a parser."""
+
 import html
 import re
 from html.parser import HTMLParser
@@ -23,13 +25,13 @@ VOID = {"meta", "link", "img", "input", "br"}
 
 
 class Reader(HTMLParser):
-    """Elements, words and whether every element that opens is closed."""
+    """The elements and the text of a document, in which every open element must be closed."""
 
     def __init__(self, document: str) -> None:
         super().__init__()
         self.open: list[str] = []
         self.elements: list[tuple[str, dict[str, str]]] = []
-        self.words: list[str] = []
+        self.text: list[str] = []
         self.feed(document)
         self.close()
         assert not self.open
@@ -48,14 +50,14 @@ class Reader(HTMLParser):
         assert self.open.pop() == tag
 
     def handle_data(self, data):
-        self.words.append(data)
+        self.text.append(data)
 
     def values(self, attribute: str) -> list[str]:
         return [attrs[attribute] for _, attrs in self.elements if attribute in attrs]
 
 
-def scene(*pictures: bytes, title: str = "scene") -> Scene:
-    made = [SceneImage(f"picture {index}", "21.3 dB", file) for index, file in enumerate(pictures)]
+def scene(*files: bytes, title: str = "scene") -> Scene:
+    made = [SceneImage(f"image {index}", "21.3 dB", file) for index, file in enumerate(files)]
     return Scene(title, (8, 8), (1, 2, 4, 4), made)
 
 
@@ -65,7 +67,7 @@ def file(seed: int, kind: str = "PNG", size: int = 8) -> bytes:
 
 
 def report(*sections: Section) -> Report:
-    return Report("A report", "Words.", [("name", "value")], sections)
+    return Report("A report", "Text.", [("name", "value")], sections)
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +78,7 @@ def full() -> str:
             Section(
                 "one",
                 "One",
-                "Words.",
+                "Text.",
                 "jotlight experiments one",
                 claims=[Claim("10 dB", "11 dB", "better", "why"), Claim("a", "b", "not tested")],
                 tables=[hundred_images(np.random.default_rng(0))],
@@ -88,7 +90,7 @@ def full() -> str:
     )
 
 
-def test_every_element_is_closed_and_every_id_is_there_once(full):
+def test_every_element_is_closed_and_every_id_is_unique(full):
     reader = Reader(full)
     ids = reader.values("id")
     assert len(ids) == len(set(ids))
@@ -99,7 +101,7 @@ def test_every_element_is_closed_and_every_id_is_there_once(full):
     assert referred <= set(ids)
 
 
-def test_nothing_is_fetched(full):
+def test_the_page_fetches_nothing(full):
     assert not re.findall(r"(?:https?:)?//\w+\.\w+", re.sub(r"base64,[^\"]+", "", full))
     sources = Reader(full).values("src")
     assert sources
@@ -108,7 +110,7 @@ def test_nothing_is_fetched(full):
     assert "default-src 'none'" in full
 
 
-def test_words_and_names_are_escaped():
+def test_all_text_is_escaped():
     hostile = Section(
         HOSTILE,
         HOSTILE,
@@ -129,27 +131,27 @@ def test_words_and_names_are_escaped():
     assert not any(name.startswith("on") for _, attrs in reader.elements for name in attrs)
 
 
-def test_each_picture_is_embedded_once(full):
+def test_each_image_is_embedded_once(full):
     assert full.count("base64,") == 3
     for kind in ("png", "jpeg", "webp"):
         assert full.count(f"data:image/{kind};base64,") == 1
 
 
 @pytest.mark.parametrize("wrong", [b"", b"GIF89a\x01\x00\x01\x00", b"<svg/>", file(1)[:20]])
-def test_bytes_that_are_no_picture_are_refused(wrong):
-    with pytest.raises(ValueError, match=r"street, picture 1: expected the bytes of a PNG"):
+def test_bytes_that_are_no_image_are_rejected(wrong):
+    with pytest.raises(ValueError, match=r"street, image 1: expected the bytes of a PNG"):
         render_page(
             report(Section("a", "A", "", "", scenes=[scene(file(1), wrong, title="street")]))
         )
 
 
 @pytest.mark.parametrize("wrong", ["", "<svg", "<p/>"])
-def test_a_drawing_that_is_no_svg_is_refused(wrong):
+def test_a_drawing_that_is_no_svg_is_rejected(wrong):
     with pytest.raises(ValueError, match="PSNR: expected an SVG"):
         render_page(report(Section("a", "A", "", "", curves=[Curves("psnr", "PSNR", wrong)])))
 
 
-def test_drawings_take_the_pages_colours_and_leave_their_styles(full):
+def test_drawings_use_the_pages_colors_and_lose_their_style_sheets(full):
     drawings = re.findall(r"<svg role|<svg [^>]*role=\"img\".*?</svg>", full, re.S)
     assert len(drawings) == 3
     for each in drawings:
@@ -163,9 +165,9 @@ def test_drawings_take_the_pages_colours_and_leave_their_styles(full):
         assert "bits per pixel, K" in each
 
 
-def test_tables_hold_every_cell_and_long_ones_are_folded(full):
+def test_tables_contain_every_cell_and_long_tables_are_collapsed(full):
     table = hundred_images(np.random.default_rng(0))
-    words = {word.strip() for word in Reader(full).words}
+    words = {word.strip() for word in Reader(full).text}
     for row in range(len(table.rows)):
         for column in range(len(table.columns)):
             assert table.cell(row, column) in words
@@ -174,7 +176,7 @@ def test_tables_hold_every_cell_and_long_ones_are_folded(full):
     assert "<details open" not in full
 
 
-def test_numbers_are_sorted_as_numbers_and_what_is_missing_is_marked():
+def test_numbers_sort_as_numbers_and_missing_values_are_marked():
     rows = [["b", 2.0, None], ["a", float("inf"), "word"], [None, float("nan"), 10]]
     table = Table("t", [Column("x"), Column("y", ".1f", "lowest"), Column("z")], rows)
     cells = [
@@ -189,12 +191,12 @@ def test_numbers_are_sorted_as_numbers_and_what_is_missing_is_marked():
     assert ["number" in name for name, _, _ in cells] == [False, True, False] * 3
 
 
-def test_the_verdicts_are_said_in_words_and_counted(full):
+def test_verdicts_appear_as_text_and_are_counted(full):
     assert full.count('class="badge better">better<') == 2
     assert full.count('class="badge not-tested">not tested<') == 2
 
 
-def test_small_pictures_show_their_pixels_and_fine_ones_do_not():
+def test_small_images_show_their_pixels_and_large_ones_are_smoothed():
     made = render_page(
         report(Section("a", "A", "", "", scenes=[scene(file(1), file(2, size=800))]))
     )
@@ -204,12 +206,12 @@ def test_small_pictures_show_their_pixels_and_fine_ones_do_not():
     assert all("left: -50.0%; top: -25.0%" in image["style"] for image in images)
 
 
-def test_an_empty_report_is_a_page():
+def test_an_empty_report_makes_a_page():
     reader = Reader(render_page(Report("Nothing", "", [], [Section("a", "A", "", "")])))
-    assert "Nothing" in reader.words
+    assert "Nothing" in reader.text
 
 
-def test_a_scene_without_pictures_has_its_title_only():
+def test_a_scene_without_images_shows_its_title_only():
     made = render_page(
         report(Section("a", "A", "", "", scenes=[Scene("bare", (8, 8), (0, 0, 4, 4), [])]))
     )

@@ -7,18 +7,20 @@ import shutil
 import pytest
 
 from jotlight.experiments.report.page import render_page
-from reference.reports import realistic
+from reference.reports import realistic_report
 
 playwright = pytest.importorskip(
     "playwright.sync_api", reason="no Playwright: pip install 'jotlight[browser]'"
 )
+pytestmark = pytest.mark.slow
+
 DESKTOP = {"width": 1280, "height": 900}
 
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
     path = tmp_path_factory.mktemp("report") / "report.html"
-    path.write_text(render_page(realistic()), "utf-8")
+    path.write_text(render_page(realistic_report()), "utf-8")
     return path.as_uri()
 
 
@@ -38,13 +40,13 @@ def browser():
 
 @pytest.fixture
 def opened(browser, address):
-    """Opens the page; afterwards nothing may have gone wrong or been fetched."""
-    pages, complaints, requests = [], [], []
+    """Open the page. At the end, no error was logged and nothing was fetched."""
+    pages, errors, requests = [], [], []
 
     def opened(**options):
         tab = browser.new_page(**({"viewport": DESKTOP} | options))
-        tab.on("console", lambda message: complaints.append(message.text))
-        tab.on("pageerror", lambda error: complaints.append(str(error)))
+        tab.on("console", lambda message: errors.append(message.text))
+        tab.on("pageerror", lambda error: errors.append(str(error)))
         tab.on("request", lambda request: requests.append(request.url))
         tab.goto(address)
         pages.append(tab)
@@ -53,7 +55,7 @@ def opened(browser, address):
     yield opened
     for tab in pages:
         tab.close()
-    assert complaints == []
+    assert errors == []
     assert all(url.startswith(("file:", "data:")) for url in requests)
 
 
@@ -65,7 +67,7 @@ def direction(table, number):
     return table.locator("thead th").nth(number - 1).get_attribute("aria-sort")
 
 
-def test_tables_are_sorted_by_a_click_and_by_the_keyboard(opened):
+def test_a_click_and_the_keyboard_sort_tables(opened):
     tab = opened()
     table = tab.locator("table.sortable").first
     heading = table.get_by_role("button", name="Time, ms")
@@ -82,7 +84,7 @@ def test_tables_are_sorted_by_a_click_and_by_the_keyboard(opened):
     assert direction(table, 4) is None
 
 
-def test_missing_cells_stay_last_equal_ones_in_order_and_words_are_sorted_as_words(opened):
+def test_missing_cells_stay_last_equal_cells_keep_their_order_and_text_sorts_as_text(opened):
     tab = opened()
     table = tab.locator("table.sortable").first
     table.get_by_role("button", name="Steps").click()
@@ -97,7 +99,7 @@ def test_missing_cells_stay_last_equal_ones_in_order_and_words_are_sorted_as_wor
     assert column(table, 6) == ["Chan 2014", "paper, (7)", "paper, (12)", "paper, (21)", "–"]
 
 
-def test_a_long_table_opens(opened):
+def test_a_long_table_opens_and_sorts(opened):
     tab = opened()
     details = tab.locator("details.table")
     table = details.locator("table")
@@ -148,7 +150,7 @@ def test_the_slider_follows_the_keyboard_and_the_mouse(opened):
     assert len(set(clips)) == 3
 
 
-def test_the_slider_follows_a_finger(opened):
+def test_the_slider_follows_a_touch(opened):
     tab = opened(viewport={"width": 375, "height": 700}, has_touch=True)
     scene = tab.locator(".scene").first
     stage = scene.locator(".stage")
@@ -161,7 +163,7 @@ def source(scene, side):
     return scene.locator(f".stage img.{side}").get_attribute("src")
 
 
-def test_the_choices_change_the_pictures_and_their_scores(opened):
+def test_the_menus_change_the_images_and_their_scores(opened):
     tab = opened()
     scene = tab.locator(".scene").first
     crops = [image.get_attribute("src") for image in scene.locator(".crop img").all()]
@@ -176,7 +178,7 @@ def test_the_choices_change_the_pictures_and_their_scores(opened):
     assert boxes[0] == boxes[1]
 
 
-def test_a_click_on_an_enlarged_part_shows_its_picture_on_the_right(opened):
+def test_a_click_on_an_enlarged_area_shows_its_image_on_the_right(opened):
     tab = opened()
     scene = tab.locator(".scene").nth(1)
     crop = scene.locator(".crop").nth(1)
@@ -187,7 +189,7 @@ def test_a_click_on_an_enlarged_part_shows_its_picture_on_the_right(opened):
     assert pressed == ["false", "true", "false", "false"]
 
 
-def test_enlarged_parts_show_what_the_frame_shows(opened):
+def test_enlarged_areas_show_what_the_frame_shows(opened):
     tab = opened()
     scene = tab.locator(".scene").nth(2)
     frame, stage = (scene.locator(name).bounding_box() for name in (".frame", ".stage"))
@@ -200,7 +202,7 @@ def test_enlarged_parts_show_what_the_frame_shows(opened):
             assert shown == pytest.approx(framed, abs=0.01)
 
 
-def test_pictures_fit_on_the_screen(opened):
+def test_images_fit_on_the_screen(opened):
     tab = opened(viewport={"width": 1280, "height": 700})
     for compare in tab.locator(".compare").all():
         assert compare.bounding_box()["height"] <= 700
@@ -209,22 +211,22 @@ def test_pictures_fit_on_the_screen(opened):
 
 CONTRASTS = """
 () => {
-  // A canvas turns whatever way of writing a colour into numbers.
+  // A canvas converts any notation of a color to numbers.
   const context = document.createElement("canvas").getContext("2d", {willReadFrequently: true});
-  const numbers = (colour) => {
+  const numbers = (color) => {
     context.clearRect(0, 0, 1, 1);
-    context.fillStyle = colour;
+    context.fillStyle = color;
     context.fillRect(0, 0, 1, 1);
     return [...context.getImageData(0, 0, 1, 1).data];
   };
-  const luminance = (colour) => numbers(colour).slice(0, 3)
+  const luminance = (color) => numbers(color).slice(0, 3)
     .map((value) => value / 255)
     .map((value) => value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4)
     .reduce((sum, value, index) => sum + value * [0.2126, 0.7152, 0.0722][index], 0);
   const ground = (element) => {
     for (let each = element; each; each = each.parentElement) {
-      const colour = getComputedStyle(each).backgroundColor;
-      if (numbers(colour)[3] === 255) return colour;
+      const color = getComputedStyle(each).backgroundColor;
+      if (numbers(color)[3] === 255) return color;
     }
     return "white";
   };
@@ -232,8 +234,8 @@ CONTRASTS = """
     .some((node) => node.nodeType === 3 && node.textContent.trim());
   return [...document.querySelectorAll("body *:not(script)")].filter(own).map((element) => {
     const style = getComputedStyle(element);
-    const colour = element.closest("svg") ? style.fill : style.color;
-    const [one, other] = [luminance(colour), luminance(ground(element))];
+    const color = element.closest("svg") ? style.fill : style.color;
+    const [one, other] = [luminance(color), luminance(ground(element))];
     const contrast = (Math.max(one, other) + 0.05) / (Math.min(one, other) + 0.05);
     return [contrast, element.outerHTML.slice(0, 80)];
   });
@@ -242,37 +244,37 @@ CONTRASTS = """
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_all_words_stand_out_from_their_ground(opened, scheme):
+def test_all_text_contrasts_with_its_background(opened, scheme):
     tab = opened(color_scheme=scheme)
     contrasts = tab.evaluate(CONTRASTS)
     assert len(contrasts) > 300
     assert [each for each in contrasts if each[0] < 4.5] == []
 
 
-def colours(tab):
+def colors(tab):
     return tab.evaluate(
         "() => ['color', 'backgroundColor'].map(it => getComputedStyle(document.body)[it])"
     )
 
 
-def test_the_page_follows_the_system_and_the_button(opened):
+def test_the_theme_follows_the_system_and_the_button(opened):
     tab = opened(color_scheme="dark")
-    dark = colours(tab)
+    dark = colors(tab)
     tab.emulate_media(color_scheme="light")
-    light = colours(tab)
+    light = colors(tab)
     assert not set(light) & set(dark)
     tab.emulate_media(color_scheme="dark")
     button = tab.locator("#theme")
-    seen = []
+    themes = []
     for _ in range(3):
         button.click()
-        seen.append((button.inner_text(), colours(tab)))
-    assert seen == [("Theme: light", light), ("Theme: dark", dark), ("Theme: auto", dark)]
+        themes.append((button.inner_text(), colors(tab)))
+    assert themes == [("Theme: light", light), ("Theme: dark", dark), ("Theme: auto", dark)]
 
 
-def test_curves_are_written_in_the_pages_ink(opened):
+def test_text_in_curves_has_the_pages_color(opened):
     tab = opened(color_scheme="dark")
-    ink = colours(tab)[0]
+    ink = colors(tab)[0]
     fills = tab.locator(".drawing svg text").evaluate_all(
         "all => all.map(it => getComputedStyle(it).fill)"
     )
@@ -281,22 +283,22 @@ def test_curves_are_written_in_the_pages_ink(opened):
 
 
 @pytest.mark.parametrize("script", [True, False])
-def test_nothing_makes_a_phones_page_wider(opened, script):
+def test_the_page_is_as_wide_as_a_phones_screen(opened, script):
     tab = opened(viewport={"width": 375, "height": 700}, java_script_enabled=script)
     if script:
         tab.locator("details.table summary").click()
-    # Scripts that a test runs work in a page whose own are switched off.
+    # A test can run scripts in a page that does not run its own.
     assert tab.evaluate("() => document.documentElement.scrollWidth") == 375
 
 
-def test_without_scripts_the_enlarged_parts_are_there_and_no_dead_slider(opened):
+def test_without_scripts_enlarged_areas_show_and_sliders_do_not(opened):
     tab = opened(java_script_enabled=False)
     assert tab.locator(".crop img").first.is_visible()
     assert not tab.locator(".compare").first.is_visible()
     assert not tab.locator("#theme").is_visible()
 
 
-def test_the_headings_go_down_one_level_at_a_time(opened):
+def test_no_heading_skips_a_level(opened):
     levels = opened().evaluate(
         "() => [...document.querySelectorAll('h1, h2, h3, h4')].map(it => Number(it.tagName[1]))"
     )

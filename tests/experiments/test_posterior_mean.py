@@ -1,3 +1,5 @@
+"""The PSNR that no estimator exceeds on synthetic scenes."""
+
 import mpmath
 import pytest
 
@@ -5,8 +7,8 @@ from jotlight.experiments.posterior_mean import posterior_mean_psnr
 
 
 @pytest.mark.parametrize("bits", [1, 2, 9])
-def test_the_limit_is_that_of_its_definition(bits):
-    """E[c²] - Σ P(L) E[c | L]², by mpmath's own quadrature."""
+def test_the_limit_agrees_with_its_definition(bits):
+    """The definition is E[c²] - Σ P(L) E[c | L]², here by mpmath's quadrature."""
     with mpmath.workdps(30):
         kept = mpmath.mpf(0)
         for ones in range(bits + 1):
@@ -33,17 +35,17 @@ def test_the_limit_is_that_of_its_definition(bits):
         )
     ),
 )
-def test_the_limit_for_the_papers_numbers_of_bits(bits, expected):
+def test_the_limit_has_the_known_value_for_each_k_of_the_paper(bits, expected):
     assert posterior_mean_psnr(bits) == pytest.approx(expected, abs=6e-4)
 
 
-def test_the_quadrature_has_converged():
+def test_twice_the_nodes_change_nothing():
     for bits in (1, 100, 1000):
         twice = posterior_mean_psnr(bits, nodes=800)
         assert posterior_mean_psnr(bits) == pytest.approx(twice, abs=1e-9)
 
 
 @pytest.mark.parametrize("bits", [0, 1001])
-def test_numbers_of_bits_out_of_range(bits):
+def test_a_number_of_bits_out_of_range_is_rejected(bits):
     with pytest.raises(ValueError, match="expected 1 to 1000"):
         posterior_mean_psnr(bits)

@@ -1,3 +1,5 @@
+"""Running experiments in parts, and the tables that keep their rows."""
+
 import json
 
 import pytest
@@ -20,7 +22,7 @@ class Counting:
         )
 
     def parts(self, lab):
-        def one(number):
+        def make(number):
             def run(update):
                 update(0.5)
                 if number == self.fails_at:
@@ -31,10 +33,10 @@ class Counting:
 
             return run
 
-        return [Part(f"part{number}", 1.0, one(number)) for number in range(lab.settings["size"])]
+        return [Part(f"part{number}", 1.0, make(number)) for number in range(lab.settings["size"])]
 
     def run(self, folder, *, quick=False, restart=False):
-        """What the command does, without what it shows."""
+        """Do what the command does, without its messages."""
         options = {"quick": quick, "restart": restart, "data": Data(), "threads": None}
         lab = runner.prepare(self.experiment, folder, **options)
         for part in self.experiment.parts(lab):
@@ -50,7 +52,7 @@ def folder(tmp_path):
     return made
 
 
-def test_a_part_that_is_done_is_not_done_again(folder):
+def test_a_finished_part_does_not_run_again(folder):
     counting = Counting()
     first = counting.run(folder)
     assert counting.run(folder) == first
@@ -59,25 +61,25 @@ def test_a_part_that_is_done_is_not_done_again(folder):
     assert (folder.parts("counting") / "2.png").read_bytes() == b"\2"
 
 
-def test_a_run_that_was_stopped_goes_on_where_it_was(folder):
+def test_an_interrupted_run_continues_where_it_stopped(folder):
     stopped = Counting(fails_at=1)
     with pytest.raises(KeyboardInterrupt):
         stopped.run(folder)
-    going_on = Counting()
-    rows, _ = going_on.run(folder)
-    assert (stopped.runs, going_on.runs) == ([0], [1, 2])
+    continued = Counting()
+    rows, _ = continued.run(folder)
+    assert (stopped.runs, continued.runs) == ([0], [1, 2])
     whole = Counting()
     assert rows == whole.run(runner.Folder(folder.path / "another"))[0]
 
 
-def test_restart_forgets(folder):
+def test_restart_runs_every_part_again(folder):
     counting = Counting()
     counting.run(folder)
     counting.run(folder, restart=True)
     assert counting.runs == [0, 1, 2, 0, 1, 2]
 
 
-def test_other_settings_are_refused_and_nothing_is_lost(folder):
+def test_other_settings_are_rejected_and_the_results_stay(folder):
     counting = Counting()
     before = counting.run(folder)
     with pytest.raises(ValueError, match=r"other settings \(quick, size\).*--output.*--restart"):
@@ -87,7 +89,7 @@ def test_other_settings_are_refused_and_nothing_is_lost(folder):
     assert len(rows) == 2
 
 
-def test_a_damaged_part_is_named(folder):
+def test_the_error_names_a_damaged_part(folder):
     counting = Counting()
     counting.run(folder)
     path = folder.parts("counting") / "part1.json"
@@ -96,7 +98,7 @@ def test_a_damaged_part_is_named(folder):
         counting.run(folder)
 
 
-def test_the_facts_say_what_was_run(folder):
+def test_the_facts_describe_the_run(folder):
     _, facts = Counting().run(folder)
     settings = json.loads(facts["settings"])
     assert settings["size"] == 3
@@ -106,7 +108,7 @@ def test_the_facts_say_what_was_run(folder):
     assert float(facts["seconds"]) >= 0
 
 
-def test_the_table_comes_back_from_its_file(folder):
+def test_a_table_survives_writing_and_reading(folder):
     rows, facts = Counting().run(folder)
     tables.write_table(folder.results / "counting.csv", rows)
     tables.write_facts(folder.results / "run.csv", {"counting": facts})
@@ -116,7 +118,7 @@ def test_the_table_comes_back_from_its_file(folder):
     assert results.column("third", number=1) == pytest.approx([1 / 3], rel=1e-5)
 
 
-def test_facts_of_other_experiments_stay(tmp_path):
+def test_writing_facts_keeps_those_of_other_experiments(tmp_path):
     path = tmp_path / "run.csv"
     tables.write_facts(path, {"a": {"seconds": "1"}, "b": {"seconds": "2"}})
     tables.write_facts(path, {"b": {"seconds": "3", "date": "today"}})
@@ -135,13 +137,13 @@ values = st.one_of(
 
 
 @given(st.lists(st.fixed_dictionaries({"a": values, "b, ü": values}), min_size=1, max_size=5))
-def test_any_table_comes_back(tmp_path_factory, rows):
+def test_any_table_survives_writing_and_reading(tmp_path_factory, rows):
     path = tmp_path_factory.mktemp("tables") / "table.csv"
     tables.write_table(path, rows)
     assert tables.read_table(path) == rows
 
 
-def test_results_by_their_values():
+def test_rows_are_selected_by_their_values():
     rows = [{"k": k, "name": name, "psnr": k + 0.5} for k in (4, 9) for name in "ab"]
     results = Results({}, rows)
     assert results.unique("k") == [4, 9]

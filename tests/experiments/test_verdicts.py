@@ -1,15 +1,10 @@
-"""Verdicts follow from the numbers, on both sides of every threshold."""
+"""The verdicts on the paper's claims follow from the numbers, on both sides of each threshold."""
 
-import os
-
-import numpy as np
 import pytest
 
-import jotlight as jl
-from jotlight.experiments import fig5, fig6a, fig6b, fig7, gain, psnr_by_bits, timing, training_runs
-from jotlight.experiments.experiment import Data, Results, RunContext
+from jotlight.experiments import fig5, fig6a, fig6b, fig7, gain, psnr_by_bits, timing
+from jotlight.experiments.experiment import Results
 from jotlight.experiments.method_titles import ALGEBRAIC, UNTIED
-from jotlight.training import ProjectedGradient
 
 SIGMAS = [0.25, 0.7]
 
@@ -20,7 +15,7 @@ def claims_of(section, words):
 
 
 def by_bits_results(gains_at_9, gains_at_100, learned=(15.0, 20.0), data=None):
-    """Results with these gains over each σ."""
+    """Return results with these gains over each σ."""
     rows = []
     for bits, end, gains in ((9, learned[0], gains_at_9), (100, learned[1], gains_at_100)):
         rows.append({"bits": bits, "estimator": "mle", "sigma": None, "psnr": 10.0})
@@ -54,7 +49,7 @@ def by_bits_results(gains_at_9, gains_at_100, learned=(15.0, 20.0), data=None):
         ((1.7, 1.7), (1.8, 1.8), "not reproduced"),
     ],
 )
-def test_the_largest_gain(at_9, at_100, verdict):
+def test_the_largest_gain_has_to_be_the_papers_and_at_its_k(at_9, at_100, verdict):
     section = fig6a.section(by_bits_results(at_9, at_100))
     claim = claims_of(section, "largest gain is 1.7 dB")
     assert claim.verdict == verdict
@@ -71,7 +66,7 @@ def test_the_largest_gain(at_9, at_100, verdict):
         ((-1.0, 0.1), (0.5, -0.1), "not reproduced"),
     ],
 )
-def test_gains_for_all_bits(at_9, at_100, verdict):
+def test_learning_has_to_gain_for_every_k(at_9, at_100, verdict):
     results = by_bits_results(at_9, at_100)
     for section in (fig6a.section(results), fig6b.section(results)):
         assert claims_of(section, "increases by learning for all K").verdict == verdict
@@ -80,7 +75,7 @@ def test_gains_for_all_bits(at_9, at_100, verdict):
 @pytest.mark.parametrize(
     ("learned", "verdict"), [((15.0, 15.1), "reproduced"), ((15.0, 14.9), "not reproduced")]
 )
-def test_more_bits_are_better(learned, verdict):
+def test_the_psnr_has_to_rise_with_k(learned, verdict):
     section = fig6a.section(by_bits_results((1, 1), (1, 1), learned))
     assert claims_of(section, "improves naturally").verdict == verdict
 
@@ -93,7 +88,7 @@ def test_more_bits_are_better(learned, verdict):
         ((1, 1), (2, 2), "not reproduced"),
     ],
 )
-def test_more_prominent_than_on_synthetic_scenes(photographs, synthetic, verdict):
+def test_the_gain_has_to_exceed_that_on_synthetic_scenes(photographs, synthetic, verdict):
     others = {"fig6a": by_bits_results(synthetic, (0, 0))}
     section = fig6b.section(by_bits_results(photographs, (0, 0), data=others))
     assert claims_of(section, "more prominent").verdict == verdict
@@ -113,7 +108,7 @@ def test_the_page_states_the_distance_from_the_limit():
         ({0.25: [9, 10, 1], 0.7: [90, 50, 53]}, "not reproduced"),
     ],
 )
-def test_the_descent_falls(norms, verdict):
+def test_cost_and_gradient_have_to_fall_with_minor_rises_only(norms, verdict):
     rows = [
         {"sigma": sigma, "iteration": 4 * w + i, "cost": 9.0 - w, "gradient_norm": float(value)}
         for sigma, values in norms.items()
@@ -151,7 +146,7 @@ def fig7_results(**psnr):
         (25.6, "better", "reproduced"),
     ],
 )
-def test_comparable_with_bm3d(network, verdict, structure):
+def test_the_network_has_to_be_close_to_bm3d(network, verdict, structure):
     measured = {
         "mle": 15.0,
         "noniterative-bm3d": 25.2,
@@ -163,7 +158,7 @@ def test_comparable_with_bm3d(network, verdict, structure):
     assert all(bool(claim.reason) == (claim.verdict == "not reproduced") for claim in claims)
 
 
-def test_without_bm3d_nothing_is_said_of_it():
+def test_claims_about_bm3d_are_not_tested_without_it():
     claims = fig7.section(fig7_results(**{"mle": 15.0, "network-two-layer": 24.0})).claims
     assert {claim.verdict for claim in claims} == {"not tested"}
 
@@ -194,7 +189,7 @@ def timing_results(**milliseconds):
         (900.0, 120.0, "better", "not reproduced"),
     ],
 )
-def test_ratios_of_times(bm3d, untied, beside_bm3d, beside_mle):
+def test_the_ratios_of_times_have_to_be_the_papers(bm3d, untied, beside_bm3d, beside_mle):
     measured = {"mle": 10.0, "noniterative-bm3d": bm3d, "network-two-layer": 50.0, UNTIED: untied}
     section = timing.section(timing_results(**measured))
     assert claims_of(section, "5.25 times").verdict == beside_bm3d
@@ -204,14 +199,14 @@ def test_ratios_of_times(bm3d, untied, beside_bm3d, beside_mle):
     assert row[1:] == pytest.approx([10.0, 0.2, 5.0, 0.2])
 
 
-def test_times_without_bm3d():
+def test_the_ratio_to_bm3d_is_not_tested_without_it():
     section = timing.section(
         timing_results(**{"mle": 1.0, "network-two-layer": 5.0}, **{UNTIED: 9.0})
     )
     assert claims_of(section, "5.25 times").verdict == "not tested"
 
 
-def test_the_winners_are_those_of_the_numbers():
+def test_the_best_methods_follow_from_the_numbers():
     psnr = {"mle": 20.0, "noniterative-bm3d": 30.0, "admm-tv": 29.0, "network-two-layer": 28.0}
     rows = [
         {"axis": axis, "bits": 16, "gain": 16, "image": "a", "method": name, "psnr": value}
@@ -227,39 +222,7 @@ def test_the_winners_are_those_of_the_numbers():
     assert list(winners[2::2]) == [30.0, 29.0, 28.0]
 
 
-@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="cores cannot be told apart here")
-def test_a_worker_on_one_core_has_one_core():
-    before = os.sched_getaffinity(0)
-    for cores, number in (("one core", 1), ("all cores", len(before))):
-        with timing.worker(cores) as pool:
-            assert len(pool.submit(os.sched_getaffinity, 0).result()) == number
-    assert os.sched_getaffinity(0) == before
-
-
-def test_the_papers_descent_is_the_papers(tmp_path, monkeypatch):
-    seen = {}
-
-    def train(start, scenes, **options):
-        seen.update(options, start=start)
-        options["checkpoint"].touch()
-        return start, None
-
-    monkeypatch.setattr(training_runs, "train", train)
-    lab = RunContext({"steps": 7, "batch": 128, "learning_rate": 5e-6, "seed": 0}, tmp_path, Data())
-    training_runs.train_as_paper(
-        lab, "name", jl.datasets.uniform_scenes, lambda share: None, 16, 0.5
-    )
-    assert not seen["start"].tied
-    assert seen["start"].sensor.bits_per_pixel == 16
-    assert seen["start"].layers[1].filters.shape == (1, 1, 15, 15)
-    assert all(layer.coefficients.shape == (1, 150) for layer in seen["start"].layers)
-    expected = jl.Network.initial(jl.Sensor(oversampling=4), sigma=0.5, tied=False)
-    np.testing.assert_array_equal(seen["start"].layers[1].filters, expected.layers[1].filters)
-    assert seen["optimizer"] == ProjectedGradient(5e-6)
-    assert (seen["steps"], seen["batch"]) == (7, 128)
-
-
-def test_verdicts_of_starts():
+def test_a_claim_holds_in_part_if_it_holds_for_some_starts():
     assert psnr_by_bits.verdict_of([1.0], [1.0]) == ("reproduced", "")
     assert psnr_by_bits.verdict_of([], [1.0, 2.0])[0] == "not reproduced"
     verdict, why = psnr_by_bits.verdict_of([2.0], [1.0, 2.0])

@@ -81,7 +81,8 @@ def run(argv: Sequence[str]) -> int:
         error("stopped")
         return STOPPED
     except CycloptsError as reason:
-        error(f"{reason} Try 'jotlight --help'.")
+        name = " ".join(("jotlight", *(reason.command_chain or ())))
+        error(f"{reason} Try '{name} --help'.")
         return USAGE
     except (
         ValueError,

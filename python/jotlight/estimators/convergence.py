@@ -101,6 +101,16 @@ class ConvergenceMonitor:
     ------
     TypeError, ValueError
         As :func:`check_stopping_rule`.
+
+    Examples
+    --------
+    >>> monitor = ConvergenceMonitor("halving", 10, 0.3, None)
+    >>> estimate = np.ones(1)
+    >>> while monitor.update(estimate, {"size": float(estimate[0])}):
+    ...     estimate = estimate / 2
+    >>> history = monitor.finish(objective=0.0)
+    >>> history.converged, history.residuals["size"].tolist()
+    (True, [1.0, 0.5, 0.25])
     """
 
     def __init__(self, name: str, max_iter: int, tol: float, callback: Callback | None) -> None:

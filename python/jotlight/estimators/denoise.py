@@ -58,7 +58,20 @@ def _interruptible(denoise: Callable[P, Image]) -> Callable[P, Image]:
 
 @_interruptible
 def gaussian(image: Image, sigma: float = 1.5) -> Image:
-    """Return the image smoothed by a Gaussian of standard deviation `sigma` in pixels (SciPy)."""
+    """Return the image smoothed by a Gaussian (SciPy).
+
+    Parameters
+    ----------
+    image : ndarray of float32, shape (H, W)
+        Stabilized counts.
+    sigma : float
+        The standard deviation in pixels, at least 0.
+
+    Examples
+    --------
+    >>> gaussian(np.eye(3, dtype=np.float32), sigma=5.0).round(2)[0].tolist()
+    [0.33000001311302185, 0.33000001311302185, 0.33000001311302185]
+    """
     from scipy.ndimage import gaussian_filter
 
     return np.asarray(gaussian_filter(image, sigma, mode="reflect"), np.float32)
@@ -67,7 +80,18 @@ def gaussian(image: Image, sigma: float = 1.5) -> Image:
 def tv(image: Image, weight: float = 0.5) -> Image:
     """Return the image denoised by total variation, with Chambolle's method (scikit-image).
 
-    A larger `weight` smooths more.
+    Parameters
+    ----------
+    image : ndarray of float32, shape (H, W)
+        Stabilized counts.
+    weight : float
+        A larger weight smooths more. Above 0.
+
+    Examples
+    --------
+    >>> noisy = np.random.default_rng(0).normal(3, NOISE, (32, 32)).astype(np.float32)
+    >>> bool(tv(noisy).std() < 0.2 * noisy.std())
+    True
     """
     from skimage.restoration import denoise_tv_chambolle
 
@@ -78,7 +102,18 @@ def tv(image: Image, weight: float = 0.5) -> Image:
 def nlm(image: Image, strength: float = 0.7) -> Image:
     """Return the image denoised by non-local means, an average over similar patches (scikit-image).
 
-    `strength` is the cut-off h in units of the standard deviation of the noise.
+    Parameters
+    ----------
+    image : ndarray of float32, shape (H, W)
+        Stabilized counts.
+    strength : float
+        The cut-off h in units of the standard deviation of the noise. Above 0.
+
+    Examples
+    --------
+    >>> noisy = np.random.default_rng(0).normal(3, NOISE, (32, 32)).astype(np.float32)
+    >>> bool(nlm(noisy).std() < 0.5 * noisy.std())
+    True
     """
     from skimage.restoration import denoise_nl_means
 
@@ -97,6 +132,11 @@ def nlm(image: Image, strength: float = 0.7) -> Image:
 @_interruptible
 def bm3d(image: Image) -> Image:
     """Return the image denoised by block matching and 3D filtering, with its authors' package.
+
+    Parameters
+    ----------
+    image : ndarray of float32, shape (H, W)
+        Stabilized counts.
 
     Raises
     ------

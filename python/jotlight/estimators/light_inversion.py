@@ -23,7 +23,15 @@ _CHUNK = 1 << 14
 
 
 class UniqueCounts:
-    """The distinct pairs of ones and valid bits among the pixels. There are few of them."""
+    """The distinct pairs of ones and valid bits among the pixels. There are few of them.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.pixel_counts import count_pixels
+    >>> unique = UniqueCounts(count_pixels(np.array([[2, 0, 2]]), Sensor(frames=2), None))
+    >>> unique.ones.tolist(), unique.bits.tolist(), unique.expand(10 * unique.ones).tolist()
+    ([0, 1, 2], [2, 2, 2], [[20, 0, 20]])
+    """
 
     def __init__(self, pixels: PixelCounts) -> None:
         counts = pixels.counts
@@ -52,6 +60,15 @@ def build_light_inverse(pixels: PixelCounts, unique: UniqueCounts) -> LightInver
 
     Where the jots of a pixel differ, p is their mean, and the light is limited to that of
     intensities in [0, S].
+
+    Examples
+    --------
+    >>> from jotlight.sensing.pixel_counts import count_pixels
+    >>> pixels = count_pixels(np.array([[1, 0]]), Sensor(frames=2), None)
+    >>> unique = UniqueCounts(pixels)
+    >>> invert = build_light_inverse(pixels, unique)
+    >>> invert(unique.ones / 2, 1 - unique.ones / 2).round(4).tolist()  # log 2 and 0
+    [[0.6931, 0.0]]
     """
     if pixels.varies_within_pixels:
         return _build_unequal_inverse(pixels, unique)

@@ -27,7 +27,15 @@ class NormalEquations:
         The norm of the residual, as a share of ‖r‖, at which conjugate gradients stop. They run
         only where the cosine transform does not diagonalize AᵀA.
     threads : int, optional
-        Threads to use. Default: all.
+        The number of threads. Default: all cores.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.operators import scaling
+    >>> equations = NormalEquations(scaling((4, 4), 2.0), 1e-6, None)
+    >>> image = equations.solve(np.ones((4, 4)), [1.0, 1.0], np.zeros((4, 4)))
+    >>> bool(np.allclose(image, 0.25))  # 1/2², since the image is constant
+    True
     """
 
     def __init__(self, operator: Operator, tol: float, threads: int | None) -> None:

@@ -1,0 +1,82 @@
+"""The command line as a whole: exit codes, usage errors, help, and shell completion."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.cli.app import COMMANDS, app
+
+
+@pytest.mark.parametrize(
+    ("words", "message", "help_command"),
+    [
+        (["recontruct"], 'Unknown command "recontruct"', "jotlight --help"),
+        (["info"], "parameter FILE requires an argument", "jotlight info --help"),
+        (["info", "a.npy", "b.npy"], "Unused Tokens: ['b.npy']", "jotlight info --help"),
+        (["info", "a.npy", "--nope"], "Unknown option: --nope", "jotlight info --help"),
+        (["train", "photos"], "parameter --output requires an argument", "jotlight train --help"),
+        (["plan", "1", "--frames", "x"], 'unable to convert "x" into int', "jotlight plan --help"),
+        (["info", "a.npy", "--width"], "--width requires an argument", "jotlight info --help"),
+    ],
+)
+def test_a_wrong_command_line_gets_one_line_and_exit_code_2(run, words, message, help_command):
+    status, said = run(*words)
+    assert status == 2
+    [line] = said.splitlines()
+    assert line.startswith("error: ")
+    assert message in line
+    assert line.endswith(f"Try '{help_command}'.")
+
+
+def test_without_a_command_the_help_is_shown(run):
+    status, said = run()
+    assert status == 0
+    assert said == run("--help")[1] == run("-h")[1]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.__name__)
+def test_every_command_has_a_help_page_with_a_text_for_each_option(run, command):
+    name = command.__name__.replace("_", "-")
+    status, said = run(name, "--help")
+    assert status == 0
+    assert said == run(name, "-h")[1]
+    assert f"Usage: jotlight {name}" in said
+    arguments = app[name].assemble_argument_collection()
+    assert len(arguments)
+    for argument in arguments:
+        if argument.show:
+            assert argument.parameter.help, argument.name
+
+
+def test_an_option_that_occurs_twice_takes_its_last_value(run, tmp_path):
+    np.save("scene.npy", np.full((6, 8), 0.5, np.float32))
+    words = ["simulate", "scene.npy", "-o", "a.npy", "-k", 2, "-t", 3]
+    assert run(*words, "--oversampling", 5, "-t", 1, "-o", "b.npy")[0] == 0
+    assert jl.open("b.npy").sensor == jl.Sensor(oversampling=5)
+    assert not (tmp_path / "a.npy").exists()
+
+
+def test_a_name_that_begins_with_a_hyphen_follows_two_hyphens(run):
+    np.save("-scene.npy", np.full((6, 8), 0.5, np.float32))
+    assert run("simulate", "-o", "a.npy", "--", "-scene.npy")[0] == 0
+    assert jl.open("a.npy").shape == (1, 24, 32)
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_a_shell_gets_its_completion(shell):
+    script = app.generate_completion(shell=shell)
+    for word in ("reconstruct", "fine-tune", "frame-range"):
+        assert word in script
+
+
+def test_help_loads_no_heavy_package():
+    heavy = {"scipy", "skimage", "matplotlib", "torch", "tifffile", "PIL", "safetensors", "jinja2"}
+    code = "import sys; from jotlight.cli.app import run; run(['--help']);"
+    code += "print('loaded:', *sorted({name.split('.')[0] for name in sys.modules}))"
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    loaded = done.stdout.split("loaded: ")[1].split()
+    assert "cyclopts" in loaded
+    assert not heavy & set(loaded)
