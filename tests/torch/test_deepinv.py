@@ -155,7 +155,7 @@ def test_a_denoiser_takes_noise_away():
     torch.testing.assert_close(both[:1], found)
     assert not torch.equal(both[1:], found)
     assert quality(barely) > 20
-    with pytest.raises(ValueError, match="network: expected one that is told K"):
+    with pytest.raises(ValueError, match="network: expected a K-conditioned network"):
         NetworkDenoiser(jl.Network.initial(SENSOR))
 
 

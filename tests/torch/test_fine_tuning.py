@@ -13,9 +13,9 @@ torch = pytest.importorskip("torch")
 
 from jotlight.sensing.pixel_counts import count_pixels  # noqa: E402
 from jotlight.torch import fine_tune, fine_tuning  # noqa: E402
-from jotlight.torch.bit_splitting import Splits, subsample_counts  # noqa: E402
-from jotlight.torch.distributed import Processes  # noqa: E402
-from jotlight.torch.fine_tuning import _generator  # noqa: E402
+from jotlight.torch.bit_splitting import BitSplitter, subsample_counts  # noqa: E402
+from jotlight.torch.distributed import ProcessGroup  # noqa: E402
+from jotlight.torch.fine_tuning import random_generator  # noqa: E402
 from jotlight.training import History  # noqa: E402
 
 SCENE = np.kron([[0.1, 0.7, 0.3], [0.9, 0.2, 0.5], [0.4, 0.8, 0.1]], np.ones((16, 16)))
@@ -40,7 +40,7 @@ def parameters(network):
 
 def splits_of(network, sensor, data, seed=0):
     seen = [count_pixels(data, sensor, None)]
-    return Splits(network, sensor, seen, np.random.default_rng(seed))
+    return BitSplitter(network, sensor, seen, np.random.default_rng(seed))
 
 
 def test_what_is_drawn_is_hypergeometric():
@@ -73,7 +73,7 @@ def test_every_bit_is_in_one_part(frames):
     sensor = SENSOR.replace(frames=frames)
     bits = sensor.expose(SCENE, rng=frames)
     splits = splits_of(TOLD, sensor, bits)
-    (rest,), (held,) = splits.rest, splits.held_out
+    (rest,), (held,) = splits.training_bits, splits.held_out
     kept, taken = held.planes[0, 1].numpy(), held.planes[0, 2].numpy()
     np.testing.assert_array_equal(rest[0] + kept, bits.counts())
     np.testing.assert_array_equal(rest[1] + taken, frames)
@@ -89,9 +89,9 @@ def test_every_bit_is_in_one_part(frames):
         split = splits.draw(rng, 3, 20)
         shown, ones, trials = split.planes[:, :3].unbind(1)
         assert split.planes.shape == (3, 5, 20, 20)
-        assert split.bits == split.told < frames
+        assert split.input_trials == split.network_trials < frames
         assert ((ones >= 0) & (ones <= trials)).all()
-        assert ((shown >= 0) & (shown <= split.bits)).all()
+        assert ((shown >= 0) & (shown <= split.input_trials)).all()
         assert trials.max() <= frames - 1
         assert trials.sum() > 0
 
@@ -103,7 +103,7 @@ def test_dead_jots_tell_nothing():
     with pytest.warns(jl.JotlightWarning, match="13 of 2304 pixels have no valid jot"):
         splits = splits_of(TOLD, sensor, sensor.expose(SCENE, rng=0))
     assert splits.held_out[0].planes[0, 2].numpy()[mask].max() == 0
-    assert splits.rest[0][1][mask].max() == 0
+    assert splits.training_bits[0][1][mask].max() == 0
 
 
 @pytest.mark.parametrize("network", [TOLD, ONE], ids=["told", "one"])
@@ -127,8 +127,8 @@ def test_the_truth_is_the_most_likely(network, threshold):
 
     def negative_log_likelihood(scene):
         picture = torch.from_numpy(scene)[None, None]
-        if splits.told:
-            plain = splits.sensor_at(200)
+        if splits.conditional:
+            plain = splits.sensor_with_trials(200)
             picture = torch.from_numpy(plain.probability(scene))[None, None].double()
         return float(splits.negative_log_likelihood(picture, held))
 
@@ -164,11 +164,13 @@ def test_the_slope_is_that_of_differences(threshold):
 @pytest.mark.parametrize("network", [TOLD, ONE, SHIPPED], ids=["told", "one", "two-layer"])
 @pytest.mark.parametrize("rate", [1e-3, 30.0])
 def test_what_is_held_out_is_never_less_likely_than_at_the_start(network, rate):
-    tuned, history = tune(network, rate=rate)
+    tuned, history = tune(network, learning_rate=rate)
     assert len(history) == 5
     assert history.held_out[-1] == history.held_out.min() <= history.held_out[0]
     # The figures are those of the networks as they run without PyTorch.
-    splits = Splits(network, SENSOR, [count_pixels(BITS, SENSOR, None)], _generator(3, 0))
+    splits = BitSplitter(
+        network, SENSOR, [count_pixels(BITS, SENSOR, None)], random_generator(3, 0)
+    )
     assert splits.held_out_negative_log_likelihood(network, 1) == history.held_out[0]
     assert splits.held_out_negative_log_likelihood(tuned, 1) == history.held_out[-1]
     if rate > 1:  # all that was tried was worse
@@ -182,7 +184,7 @@ def test_what_is_held_out_is_never_less_likely_than_at_the_start(network, rate):
     ids=["told", "one", "two-layer"],
 )
 def test_the_picture_comes_closer_to_the_truth(network, gain):
-    tuned, history = tune(network, steps=100, batch=8, patch=32, rate=3e-3)
+    tuned, history = tune(network, steps=100, batch=8, patch=32, learning_rate=3e-3)
     before, after = (jl.metrics.psnr(x.reconstruct(BITS), SCENE) for x in (network, tuned))
     assert after > before + gain
     assert history.held_out[-1] < history.held_out[0]
@@ -230,7 +232,7 @@ def stopped(path, step, **options):
 @pytest.mark.parametrize("rate", [1e-3, 30.0])
 def test_a_run_that_was_stopped_goes_on_as_if_it_had_not(tmp_path, step, rate):
     """Also where the best parameters lie before the stop."""
-    options = {"steps": 6, "rate": rate}
+    options = {"steps": 6, "learning_rate": rate}
     whole, history = tune(**options)
     assert rate < 1 or history.held_out[:-1].argmin() == 0
     path = tmp_path / "run"
@@ -253,7 +255,7 @@ def test_a_checkpoint_of_another_run_is_refused(tmp_path):
         ({"sensor": mapped}, "different capture"),
         ({"network": jl.Network.conditional("small", rng=1)}, "different network"),
         ({"rng": 4}, "seed is 3 there and 4 here"),
-        ({"rate": 1e-4}, "Adam"),
+        ({"learning_rate": 1e-4}, "Adam"),
     ):
         with pytest.raises(ValueError, match=words):
             tune(**change, checkpoint=path, resume=True)
@@ -282,16 +284,16 @@ def test_processes_share_the_patches_of_a_step(monkeypatch):
     """What the gradients of two processes, one after the other, add up to."""
     losses, gradients = [], []
 
-    class Part(Processes):
-        def sum(self, tensor):
+    class Part(ProcessGroup):
+        def all_reduce_sum(self, tensor):
             losses.append(float(tensor[0]))
             gradients.append(tensor[1:].clone())
 
     for part in (Part(0, 1), Part(0, 2), Part(1, 2)):
         monkeypatch.setattr(
-            fine_tuning, "together", lambda _, part=part: contextlib.nullcontext(part)
+            fine_tuning, "process_group", lambda _, part=part: contextlib.nullcontext(part)
         )
-        monkeypatch.setattr(Processes, "spread", lambda *_: None)
+        monkeypatch.setattr(ProcessGroup, "broadcast", lambda *_: None)
         tune(steps=1, batch=5)
     whole, one, other = range(0, 6, 2)
     assert losses[one] + losses[other] == pytest.approx(losses[whole], rel=1e-5)
@@ -334,15 +336,15 @@ UNLIKE = jl.Sensor(oversampling=2, frames=2, efficiency=np.linspace(0.5, 1, 9216
             {"network": jl.Network.initial(CUBIC), "data": CUBIC.expose(SCENE, rng=0)},
             "box kernel, got cubic",
         ),
-        ({"data": UNLIKE.expose(SCENE, rng=0)}, "inside of each pixel"),
+        ({"data": UNLIKE.expose(SCENE, rng=0)}, "inside each pixel"),
         ({"network": ONE, "data": BITS[:4]}, "own bits per pixel"),
         ({"data": BITS.counts() + 9, "sensor": SENSOR}, "0 to K = 8"),
         ({"steps": 0}, "steps"),
         ({"batch": 0}, "batch"),
         ({"patch": 0}, "1 to the 48 pixels"),
         ({"patch": 49}, "1 to the 48 pixels"),
-        ({"rate": 0}, "rate"),
-        ({"rate": float("nan")}, "rate"),
+        ({"learning_rate": 0}, "learning_rate"),
+        ({"learning_rate": float("nan")}, "learning_rate"),
         ({"rng": -1}, "rng"),
         ({"threads": 0}, "threads"),
     ],

@@ -11,7 +11,7 @@ from reference import deep
 from reference.networks import random_bits, random_network
 
 torch = pytest.importorskip("torch")
-from jotlight.torch import Network  # noqa: E402
+from jotlight.torch import NetworkModule  # noqa: E402
 
 SENSOR = jl.Sensor(oversampling=4)
 SIZES = [(1, 1), (2, 5), (33, 47), (64, 40)]
@@ -69,7 +69,7 @@ def picture(module, data):
 def test_the_module_gives_the_engines_picture(make, size):
     network = make()
     data, tensor = seen(network, size)
-    given = picture(Network(network), tensor)
+    given = picture(NetworkModule(network), tensor)
     assert given.shape == (1, 1, *size)
     np.testing.assert_allclose(given[0, 0], network.reconstruct(data), atol=1e-5)
 
@@ -81,7 +81,7 @@ def test_a_module_that_is_told_k_gives_the_engines_shares(make, bits, size):
     network, sensor = make(), jl.Sensor(frames=bits)
     counts = np.random.default_rng(5).integers(0, bits + 1, (2, *size))
     with torch.no_grad():
-        given = Network(network)(torch.from_numpy(counts).float()[:, None], bits)
+        given = NetworkModule(network)(torch.from_numpy(counts).float()[:, None], bits)
     for one, shares in zip(counts, given[:, 0], strict=True):
         np.testing.assert_allclose(
             shares, network.conditioned_on(sensor).reconstruct(one), atol=1e-5
@@ -91,32 +91,30 @@ def test_a_module_that_is_told_k_gives_the_engines_shares(make, bits, size):
 def test_a_module_is_told_k_if_and_only_if_it_has_to_be():
     data = torch.zeros(1, 1, 4, 4)
     for network, bits in ((conditional("small"), None), (member("small"), 16)):
-        with pytest.raises(
-            ValueError, match="bits: expected K for a network that is conditional it"
-        ):
-            Network(network)(data, bits)
+        with pytest.raises(ValueError, match="trials: expected K for a K-conditioned network"):
+            NetworkModule(network)(data, bits)
 
 
 @every_network
 def test_a_network_comes_back_as_it_was(tmp_path, make):
     start = make()
-    network = Network(start).network()
+    network = NetworkModule(start).to_network()
     paths = tmp_path / "start.safetensors", tmp_path / "back.safetensors"
     start.save(paths[0])
     network.save(paths[1])
     assert paths[0].read_bytes() == paths[1].read_bytes()
-    again = Network(jl.Network.load(paths[1]))
-    for one, other in zip(Network(start).parameters(), again.parameters(), strict=True):
+    again = NetworkModule(jl.Network.load(paths[1]))
+    for one, other in zip(NetworkModule(start).parameters(), again.parameters(), strict=True):
         assert torch.equal(one, other)
         assert one.requires_grad == other.requires_grad
 
 
 @every_network
 def test_state_copies_and_pickles_are_the_same_module(make):
-    module = Network(make())
+    module = NetworkModule(make())
     _, tensor = seen(module.origin, (9, 14))
     expected = picture(module, tensor)
-    other = Network(make())
+    other = NetworkModule(make())
     with torch.no_grad():
         for parameter in other.parameters():
             parameter.zero_()
@@ -132,7 +130,7 @@ def test_state_copies_and_pickles_are_the_same_module(make):
 
 @pytest.mark.parametrize("name", ["initial", "two layers, jots", "small", "wired"])
 def test_gradients_are_those_of_differences(name):
-    module = Network(NETWORKS[name]()).double()
+    module = NetworkModule(NETWORKS[name]()).double()
     _, tensor = seen(module.origin, (5, 6))
     wanted = [parameter for parameter in module.parameters() if parameter.requires_grad]
 
@@ -147,7 +145,7 @@ def test_gradients_are_those_of_differences(name):
 
 @pytest.mark.parametrize("name", ["initial", "small"])
 def test_half_the_digits_give_nearly_the_same(name):
-    module = Network(NETWORKS[name]())
+    module = NetworkModule(NETWORKS[name]())
     _, tensor = seen(module.origin, (20, 24))
     expected = picture(module, tensor)
     with torch.autocast("cpu", torch.bfloat16):
@@ -163,7 +161,7 @@ def test_half_the_digits_give_nearly_the_same(name):
 
 def test_compiling_changes_nothing():
     """Traced as one graph, and run as it was traced: without a compiler of C++."""
-    module = Network(conditional("small"))
+    module = NetworkModule(conditional("small"))
     torch._dynamo.reset()
     compiled = torch.compile(module, fullgraph=True, backend="aot_eager")
     _, tensor = seen(module.origin, (11, 20))
@@ -178,7 +176,7 @@ def test_compiling_changes_nothing():
 
 
 def test_what_is_known_exactly_does_not_learn():
-    module = Network(jl.Network.residual(SENSOR, "small", rng=0))
+    module = NetworkModule(jl.Network.residual(SENSOR, "small", rng=0))
     for layer, filters in zip(module.origin.layers, module.filters, strict=True):
         assert filters.requires_grad == (layer.trainable != "nothing")
     for index, coefficients in module.coefficients.items():
@@ -187,8 +185,8 @@ def test_what_is_known_exactly_does_not_learn():
 
 
 def test_what_is_learned_further_does_not_change_a_network_that_was_given():
-    module = Network(jl.Network.residual(jl.Sensor(frames=4), "small", rng=0))
-    given = module.network()
+    module = NetworkModule(jl.Network.residual(jl.Sensor(frames=4), "small", rng=0))
+    given = module.to_network()
     before = given.layers[2].filters.copy()
     with torch.no_grad():
         module.filters[2].add_(1)

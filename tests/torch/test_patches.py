@@ -7,7 +7,7 @@ from scipy.stats import binom
 import jotlight as jl
 
 pytest.importorskip("torch")
-from jotlight.torch.patches import Patches
+from jotlight.torch.patches import PatchLoader
 
 NUMBER = 400
 SENSOR = jl.Sensor(oversampling=4, max_intensity=0.8)
@@ -15,8 +15,8 @@ LEVEL = np.float32(0.3)
 
 
 def patches(network, batch=NUMBER):
-    views = Patches([np.full((9, 9), LEVEL)], network, SENSOR, 0, batch, 8)
-    return views.views(0, slice(0, batch), 1)
+    loader = PatchLoader([np.full((9, 9), LEVEL)], network, SENSOR, 0, batch, 8)
+    return loader.batch(0, slice(0, batch), 1)
 
 
 @pytest.mark.parametrize("tied", [True, False])
@@ -44,8 +44,8 @@ def test_some_patches_are_far_too_bright_or_too_dark(tied):
 def test_a_process_sees_its_part_of_the_patches_of_all():
     images = [np.random.default_rng(0).random((20, 24), np.float32)]
     network = jl.Network.residual(SENSOR, "small", rng=0)
-    batch = Patches(images, network, SENSOR, 1, 64, 8)
-    whole, part = batch.views(5, slice(0, 64), 1), batch.views(5, slice(16, 32), 1)
+    batch = PatchLoader(images, network, SENSOR, 1, 64, 8)
+    whole, part = batch.batch(5, slice(0, 64), 1), batch.batch(5, slice(16, 32), 1)
     np.testing.assert_array_equal(whole.data[16:32], part.data)
     np.testing.assert_array_equal(whole.truth[16:32], part.truth)
 
@@ -56,8 +56,8 @@ def test_a_process_sees_its_part_of_the_patches_of_all():
 )
 def test_half_of_the_steps_have_a_usual_k(between, share):
     network = jl.Network.conditional("small", trials_range=between, rng=0)
-    batch = Patches([np.full((9, 9), LEVEL)], network, SENSOR, 0, 1, 8)
-    found = np.array([batch.views(step, slice(0, 1), 1).bits for step in range(NUMBER)])
+    batch = PatchLoader([np.full((9, 9), LEVEL)], network, SENSOR, 0, 1, 8)
+    found = np.array([batch.batch(step, slice(0, 1), 1).trials for step in range(NUMBER)])
     assert between[0] <= found.min() < np.sqrt(between[0] * between[1]) < found.max() <= between[1]
     low, high = (
         binom.ppf([1e-6, 1 - 1e-6], NUMBER, share) if 0 < share < 1 else [share * NUMBER] * 2
@@ -69,7 +69,7 @@ def test_half_of_the_steps_have_a_usual_k(between, share):
 def test_networks_that_are_told_k_see_the_light_of_photographs_most_often():
     network = jl.Network.conditional("small", rng=0)
     seen = patches(network)
-    flux = seen.light.numpy() * LEVEL
+    flux = seen.rate_per_intensity.numpy() * LEVEL
     often = ((flux >= 0.08) & (flux <= 1)).mean()
     # Three quarters, and what the others have there by chance.
     share = 3 / 4 + 1 / 4 * np.log(1 / 0.08) / np.log(3 / 0.02)
@@ -77,4 +77,4 @@ def test_networks_that_are_told_k_see_the_light_of_photographs_most_often():
     assert low <= often <= high
     assert flux.min() < 0.05
     assert flux.max() > 2
-    assert (seen.dark.numpy() == 0).mean() == pytest.approx(0.5, abs=0.15)
+    assert (seen.dark_counts.numpy() == 0).mean() == pytest.approx(0.5, abs=0.15)

@@ -13,7 +13,7 @@ from reference import sensing as twin
 
 torch = pytest.importorskip("torch")
 from jotlight.torch import Sensing  # noqa: E402
-from jotlight.torch.response import detection_probability, logarithms  # noqa: E402
+from jotlight.torch.response import detection_probability, log_probabilities  # noqa: E402
 
 RNG = np.random.default_rng(0)
 HEIGHT, WIDTH, SIDE = 4, 5, 3
@@ -152,16 +152,16 @@ def test_chances_have_their_slope_at_no_light_and_at_much(threshold):
 def test_logarithms_keep_their_digits(threshold):
     s = np.concatenate([np.geomspace(1e-3, 30, 40), [0.999999, 1.0, 1.000001]])
     rate = torch.from_numpy(s).requires_grad_()
-    fired, rested = logarithms(threshold, rate)
+    fired, rested = log_probabilities(threshold, rate)
     np.testing.assert_allclose(fired.detach(), np.log(gammainc(threshold, s)), rtol=1e-8)
     np.testing.assert_allclose(
         rested.detach(), np.log(gammaincc(threshold, s)), rtol=1e-8, atol=1e-15
     )
     assert torch.autograd.gradcheck(
-        lambda x: logarithms(threshold, x)[0], rate[5:].detach().requires_grad_()
+        lambda x: log_probabilities(threshold, x)[0], rate[5:].detach().requires_grad_()
     )
     dim = torch.tensor([1e-12], dtype=torch.float32, requires_grad=True)
-    logarithms(threshold, dim)[0].sum().backward()
+    log_probabilities(threshold, dim)[0].sum().backward()
     np.testing.assert_allclose(dim.grad, threshold / 1e-12, rtol=1e-5)  # P is near s^q / q!
 
 

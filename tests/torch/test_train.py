@@ -98,7 +98,7 @@ def test_a_run_stops_when_its_time_is_up():
 
 def test_a_checkpoint_of_another_run_is_refused(tmp_path):
     learn(checkpoint=tmp_path / "run")
-    for change in ({"rng": 4}, {"rate": 1e-4}, {"network": STARTS["told"]}):
+    for change in ({"rng": 4}, {"learning_rate": 1e-4}, {"network": STARTS["told"]}):
         with pytest.raises(ValueError, match="checkpoint"):
             learn(**change, checkpoint=tmp_path / "run", resume=True)
     with pytest.raises(ValueError, match="resume: expected a checkpoint"):
@@ -113,8 +113,9 @@ def test_dark_images_with_a_bright_spot_have_a_finite_cost():
 
 
 def test_a_rate_that_leads_nowhere_is_an_error():
-    with pytest.raises(FloatingPointError, match=r"step \d+: not a number .* lower the rate"):
-        learn(STARTS["told"], rate=1e30, steps=30)
+    message = r"step \d+: the run reached infinity or NaN .* lower the learning rate"
+    with pytest.raises(FloatingPointError, match=message):
+        learn(STARTS["told"], learning_rate=1e30, steps=30)
 
 
 @pytest.mark.parametrize(
@@ -122,8 +123,11 @@ def test_a_rate_that_leads_nowhere_is_an_error():
     [
         ({"steps": 0}, "steps: expected at least 1, got 0"),
         ({"batch": 0}, "batch: expected at least 1, got 0"),
-        ({"rate": 0.0}, "rate: expected a finite number above 0, got 0.0"),
-        ({"rate": float("nan")}, "rate: expected a finite number above 0, got nan"),
+        ({"learning_rate": 0.0}, "learning_rate: expected a finite number above 0, got 0.0"),
+        (
+            {"learning_rate": float("nan")},
+            "learning_rate: expected a finite number above 0, got nan",
+        ),
         ({"seconds": -1.0}, "seconds: expected a number above 0, got -1.0"),
         ({"rng": -1}, "rng: expected at least 0, got -1"),
         ({"threads": 0}, "threads: expected at least 1, got 0"),
