@@ -74,9 +74,7 @@ class PatchSampler:
         batch = None if batch is None else whole_number("batch", batch, 1)
         if callable(images):
             if patch is not None:
-                raise ValueError(
-                    "patch: is for images; those of a callable are used whole"
-                )
+                raise ValueError("patch: is for images; those of a callable are used whole")
             if batch is None:
                 one = generate_images(images, np.random.default_rng(0), 1)[0]
                 batch = max(1, pixels // one.size)
