@@ -134,4 +134,5 @@ def test_every_equation_of_the_paper_map_has_code_and_tests():
     equations = page.split("## Experiments")[0].split("| --- |\n")[1]
     for row in equations.strip().splitlines():
         _, equation, _, where, tests, *_ = row.split("|")
-        assert "`" in where and "`tests/" in tests, equation
+        assert "`" in where, equation
+        assert "`tests/" in tests, equation
