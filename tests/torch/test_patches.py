@@ -68,15 +68,15 @@ def test_half_of_the_steps_use_a_usual_number_of_trials(trials_range, fraction):
     assert low - 6 <= ((trials >= 9) & (trials <= 100)).sum() <= high + 6
 
 
-def test_most_patches_for_conditional_networks_have_a_usual_flux():
+def test_most_patches_for_conditional_networks_have_a_usual_light():
     network = jl.Network.conditional("small", rng=0)
     batch = first_batch(network)
-    flux = batch.rate_per_intensity.numpy() * LEVEL
-    usual = ((flux >= 0.08) & (flux <= 1)).mean()
+    light = batch.light_per_intensity.numpy() * LEVEL
+    usual = ((light >= 0.08) & (light <= 1)).mean()
     # Three quarters, and the others that lie there by chance.
     fraction = 3 / 4 + 1 / 4 * np.log(1 / 0.08) / np.log(3 / 0.02)
     low, high = binom.ppf([1e-6, 1 - 1e-6], NUMBER, fraction) / NUMBER
     assert low <= usual <= high
-    assert flux.min() < 0.05
-    assert flux.max() > 2
+    assert light.min() < 0.05
+    assert light.max() > 2
     assert (batch.dark_counts.numpy() == 0).mean() == pytest.approx(0.5, abs=0.15)

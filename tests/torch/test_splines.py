@@ -147,6 +147,15 @@ def test_a_new_spline_is_nearly_relu_and_keeps_its_values_in_a_copy():
         assert abs(module(z) - expected).max() < 0.03
 
 
+def test_splines_refuse_fewer_than_four_coefficients_and_other_channels():
+    with pytest.raises(ValueError, match="coefficients: expected at least 4, got 3"):
+        Spline(2, coefficients=3)
+    with pytest.raises(ValueError, match="coefficients: expected at least 4, got 3"):
+        spline(torch.zeros(2, 3, 4), torch.zeros(3, 3), 0.0, 1.0)
+    with pytest.raises(ValueError, match="channels: expected 2, got 3"):
+        spline(torch.zeros(2, 3, 4), torch.zeros(2, 5), 0.0, 1.0)
+
+
 @pytest.mark.slow
 def test_a_spline_compiles_into_one_graph():
     module = Spline(3)
