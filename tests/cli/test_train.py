@@ -243,7 +243,7 @@ def test_on_a_terminal_a_live_line_shows_the_run(pictures, tmp_path):
         (["pictures", "-o", NETWORK, "--resume", "--restart"], "expected one of them"),
         (["pictures", "-o", NETWORK, "-k", 0], "oversampling: expected"),
         (["bad", "-o", NETWORK], "bad/b.png"),
-        (["synthetic", "-o", NETWORK], "patch: is for images"),
+        (["synthetic", "-o", NETWORK], "patch: expected none for a callable"),
     ],
 )
 def test_bad_input_gets_one_line_before_any_work_and_leaves_nothing(

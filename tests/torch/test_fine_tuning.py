@@ -252,7 +252,7 @@ def test_a_checkpoint_of_another_run_is_refused(tmp_path):
         ({"data": other}, "different capture"),
         ({"sensor": mapped}, "different capture"),
         ({"network": jl.Network.conditional("small", rng=1)}, "different network"),
-        ({"rng": 4}, "seed is 3 there and 4 here"),
+        ({"rng": 4}, "seed is 3 in the file and 4 in this run"),
         ({"rate": 1e-4}, "Adam"),
     ):
         with pytest.raises(ValueError, match=words):
