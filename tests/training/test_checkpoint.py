@@ -129,7 +129,9 @@ def test_a_checkpoint_with_inadmissible_parameters_is_refused(tmp_path):
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     tensors["vector"] += 100
     save_file(tensors, path, metadata)
-    with pytest.raises(ValueError, match="damaged checkpoint: its parameters are not in the admissible set"):
+    with pytest.raises(
+        ValueError, match="damaged checkpoint: its parameters are not in the admissible set"
+    ):
         train(checkpoint=path, resume=True)
 
 
@@ -154,7 +156,10 @@ WIDER = jl.Network.initial(SENSOR, taps=5, coefficients=12)
         ({"images": IMAGES[::-1]}, "different images"),
         ({"test": IMAGES[:1]}, "different test"),
         ({"optimizer": "adam"}, r"optimizer is 'GaussNewton\(.*' in the file and 'Adam\("),
-        ({"admissible": SafeSet(0.1)}, r"admissible is 'SafeSet\(nu=0.5, monotone=True\)' there"),
+        (
+            {"admissible": SafeSet(0.1)},
+            r"admissible is 'SafeSet\(nu=0.5, monotone=True\)' in the file",
+        ),
         ({"sensor": SENSOR.replace(dark_counts=0.1)}, "sensor is"),
         ({"network": OTHER}, "different network"),
         ({"network": WIDER}, "different network"),

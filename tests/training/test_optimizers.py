@@ -149,6 +149,8 @@ class Wrong:
 @pytest.mark.parametrize("part", ["loss", "slope", "place"])
 def test_an_optimizer_that_returns_infinity_or_nan_is_stopped(tmp_path, part, bad):
     path = tmp_path / "run"
-    with pytest.raises(FloatingPointError, match=r"step 0: .*; optimizer Wrong.*: lower its expectations"):
+    with pytest.raises(
+        FloatingPointError, match=r"step 0: .*; optimizer Wrong.*: lower its expectations"
+    ):
         jl.train(SMALL, scenes, batch=3, optimizer=Wrong(**{part: bad}), checkpoint=path)
     assert not path.exists()

@@ -28,8 +28,8 @@ class SafeSet:
     The sums p and r stay in the domains of their splines, and each output lies in [0, S]. The set
     is closed, convex, and not empty. Its conditions are:
 
-    - The taps of each filter of the first layer are at least 0. Their sum over the K bits of a pixel
-      is the end of the domain of φ1, which is K for the paper's network.
+    - The taps of each filter of the first layer are at least 0. Over the K bits of a pixel, they
+      sum to the end of the domain of φ1, which is K for the paper's network.
     - The taps of each other filter sum to 1, and their absolute values sum to at most 1 + 2ν. So
       the negative taps sum to -ν or more.
     - The coefficients of each spline but the last lie in the interval [l, m] for which
