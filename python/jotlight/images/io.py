@@ -253,7 +253,6 @@ def _write_png16(file: Path, values: npt.NDArray[np.uint16]) -> None:
     # Pillow has no 16-bit color.
     import png
 
-    height, width = values.shape[:2]
-    writer = png.Writer(width, height, greyscale=values.ndim == 2, bitdepth=16)
+    rows = values.reshape(len(values), -1)
     with file.open("wb") as handle:
-        writer.write(handle, values.reshape(height, -1))
+        png.from_array(rows, "L;16" if values.ndim == 2 else "RGB;16").write(handle)
