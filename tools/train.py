@@ -148,7 +148,7 @@ def train_deep(
             network,
             images,
             steps=steps,
-            rate=learning_rate,
+            learning_rate=learning_rate,
             rng=seed,
             checkpoint=checkpoint,
             resume=checkpoint.exists(),

@@ -66,7 +66,7 @@ def test_it_is_the_network_that_python_gives(learn):
     assert learn("--seed", 7, "--learning-rate", 0.002)[0] == 0
     own, history = jl.torch.fine_tune(
         jl.Network.load("start.safetensors"), jl.open("seen.npy"), steps=3, batch=2, patch=24,
-        rate=0.002, rng=7, device="cpu", threads=1,
+        learning_rate=0.002, rng=7, device="cpu", threads=1,
     )  # fmt: skip
     np.testing.assert_array_equal(parameter_vector(jl.Network.load(OWN)), parameter_vector(own))
     np.testing.assert_array_equal(held_out(), history.held_out)
@@ -218,11 +218,11 @@ def test_options_of_train_are_unknown(learn, tmp_path, words):
 @pytest.mark.parametrize(
     ("sensor", "words", "expected"),
     [
-        ({"frames": 1}, [], "data: expected pixels of two bits or more"),
+        ({"frames": 1}, [], "data: expected pixels with two bits or more"),
         ({"frames": 300}, [], "or select some of the frames with --frame-range"),
         ({"frames": 4, "kernel": "cubic"}, [], "expected the box kernel, got cubic"),
         ({"frames": 4}, ["--steps", 0], "steps: expected at least 1, got 0"),
-        ({"frames": 4}, ["--learning-rate", 0], "rate: expected a finite number above 0"),
+        ({"frames": 4}, ["--learning-rate", 0], "learning_rate: expected a finite number above 0"),
         ({"frames": 4}, ["--patch", 65], "patch: expected 1 to the 64 pixels"),
     ],
 )

@@ -63,8 +63,8 @@ def test_a_folder_of_pictures_gives_the_network_that_python_gives(run, pictures,
     sensor = jl.Sensor(oversampling=4, frames=2)
     images = read_image_set(pictures)[1]
     learned, history = jl.torch.train(
-        jl.Network.residual(sensor, "small", rng=7), images, sensor, steps=3, batch=2, rate=0.002,
-        rng=7, test=images, device="cpu", threads=1,
+        jl.Network.residual(sensor, "small", rng=7), images, sensor, steps=3, batch=2,
+        learning_rate=0.002, rng=7, test=images, device="cpu", threads=1,
     )  # fmt: skip
     network = jl.Network.load(NETWORK)
     assert network.sensor == sensor
@@ -134,7 +134,7 @@ def test_a_run_without_time_for_all_its_steps_says_so(run, pictures):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["--learning-rate", 0], "rate: expected a finite number above 0"),
+        (["--learning-rate", 0], "learning_rate: expected a finite number above 0"),
         (["--device", "tpu"], "device: expected one of cpu, cuda, got 'tpu'"),
         (["--steps", 0], "steps: expected at least 1"),
         (["--patch", 25], "25; image number 0 is 24 x 24"),
@@ -151,11 +151,11 @@ def test_bad_input_gets_one_line(run, pictures, words, expected):
 
 
 def test_a_run_that_diverges_says_what_to_lower(run, pictures, tmp_path, monkeypatch):
-    monkeypatch.setattr(Batch, "errors", lambda _, module: module.filters[2].sum() / 0)
+    monkeypatch.setattr(Batch, "squared_errors", lambda _, module: module.filters[2].sum() / 0)
     status, said = run("train", pictures, "-o", NETWORK, *SMALL)
     assert status == 1
-    assert "now 0.003" in said
-    assert "Start again with --restart and --learning-rate" in said
+    advice = "lower the learning rate, now 0.003. Start again with --restart and --learning-rate"
+    assert advice in said
     assert files(tmp_path) == ["pictures"]
 
 
@@ -185,7 +185,7 @@ def test_another_process_of_several_tells_and_writes_nothing(run, pictures, tmp_
     assert files(tmp_path) == [CHECKPOINT, "pictures"]
     status, said = run("train", pictures, "-o", NETWORK, *SMALL, "--learning-rate", -1)
     assert status == 1
-    assert said.startswith("error: rate: expected a finite number above 0")
+    assert said.startswith("error: learning_rate: expected a finite number above 0")
 
 
 def test_files_keep_some_of_the_records():

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import metrics
+import jotlight.metrics as metrics
 from jotlight.errors import JotlightWarning
 from jotlight.evaluation.methods import METHODS, Method
 from jotlight.sensing.bits import Bits

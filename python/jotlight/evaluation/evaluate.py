@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import metrics
+import jotlight.metrics as metrics
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
 

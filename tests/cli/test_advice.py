@@ -1,4 +1,4 @@
-"""What `reconstruct` does and says where the network that comes with jotlight does not fit."""
+"""The advice of `reconstruct` where no shipped network fits the capture."""
 
 import gzip
 import shlex
