@@ -111,7 +111,7 @@ def test_white_scales_the_test_images_too(run, pictures):
     words = ["train", "deep.npy", "-o", NETWORK, *SMALL, "--test", "deep.npy"]
     status, said = run(*words)
     assert status == 1
-    assert "state it with --white" in said
+    assert "state the level of intensity 1 with --white" in said
     assert run(*words, "--white", 4095)[0] == 0
     assert jl.Network.load(NETWORK).history["records"]["test_psnr"][0] > 15
 
