@@ -222,7 +222,7 @@ def test_what_is_not_known_of_turns_is_said(run, captures, calibrated):
     np.savez("counts.npz", np.load("counts.npy"))
     status, said = run(*given, "--calibration", "c.safetensors")
     assert status == 0
-    assert "the calibration is from npy and the capture is npz; the jots are assumed" in said
+    assert "the calibration is from npy and the capture is from npz; the jots are assumed" in said
 
 
 def test_two_arrays_of_one_file_are_told_apart(run, captures):

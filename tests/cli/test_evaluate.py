@@ -174,7 +174,7 @@ def test_a_sensor_without_a_trained_network_says_why_and_how_to_train_one(run, p
         (["pictures", "-m", "mle", "-o", "scores.txt"], "ends in .csv"),
         (["pictures", "-m", "mle", "-o", "nowhere/scores.csv"], "there is no folder nowhere"),
         (["pictures", "-m", "mle", "-k", 0], "oversampling: expected"),
-        (["cube.npy", "-m", "mle"], "expected an array of images (N, H, W)"),
+        (["cube.npy", "-m", "mle"], "expected a numeric array of images (N, H, W)"),
         (["nan.npy", "-m", "mle"], "finite"),
     ],
 )

@@ -159,7 +159,7 @@ def test_a_stopped_run_goes_on_as_if_it_had_not_been(learn, tmp_path, monkeypatc
     assert "add --resume" in said
     status, said = learn("--resume", "--seed", 1)
     assert status == 1
-    assert "seed is 0 there and 1 here" in said
+    assert "seed is 0 in the file and 1 in this run" in said
     assert learn("--resume")[0] == 0
     resumed = jl.Network.load(OWN)
     assert learn()[0] == 0

@@ -111,7 +111,7 @@ def test_white_scales_the_test_images_too(run, pictures):
     words = ["train", "deep.npy", "-o", NETWORK, *SMALL, "--test", "deep.npy"]
     status, said = run(*words)
     assert status == 1
-    assert "state it with --white" in said
+    assert "state the level of intensity 1 with --white" in said
     assert run(*words, "--white", 4095)[0] == 0
     assert jl.Network.load(NETWORK).history["records"]["test_psnr"][0] > 15
 
@@ -243,7 +243,7 @@ def test_on_a_terminal_a_live_line_shows_the_run(pictures, tmp_path):
         (["pictures", "-o", NETWORK, "--resume", "--restart"], "expected one of them"),
         (["pictures", "-o", NETWORK, "-k", 0], "oversampling: expected"),
         (["bad", "-o", NETWORK], "bad/b.png"),
-        (["synthetic", "-o", NETWORK], "patch: is for images"),
+        (["synthetic", "-o", NETWORK], "patch: expected none for a callable"),
     ],
 )
 def test_bad_input_gets_one_line_before_any_work_and_leaves_nothing(
