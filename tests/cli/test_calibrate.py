@@ -224,7 +224,7 @@ def test_an_unknown_orientation_is_reported(run, captures, calibrated):
     np.savez("counts.npz", np.load("counts.npy"))
     status, output = run(*command, "--calibration", "c.safetensors")
     assert status == 0
-    assert "the calibration is from npy and the capture is npz; the jots are assumed" in output
+    assert "the calibration is from npy and the capture is from npz; the jots are assumed" in output
 
 
 def test_two_arrays_of_one_file_are_distinguished(run, captures):

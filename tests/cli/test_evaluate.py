@@ -180,7 +180,7 @@ def test_an_unsupported_sensor_gets_the_reason_and_the_training_command(run, pho
         (["photos", "-m", "mle", "-o", "scores.txt"], "ends in .csv"),
         (["photos", "-m", "mle", "-o", "nowhere/scores.csv"], "there is no folder nowhere"),
         (["photos", "-m", "mle", "-k", 0], "oversampling: expected"),
-        (["cube.npy", "-m", "mle"], "expected an array of images (N, H, W)"),
+        (["cube.npy", "-m", "mle"], "expected a numeric array of images (N, H, W)"),
         (["nan.npy", "-m", "mle"], "finite"),
     ],
 )

@@ -161,7 +161,7 @@ def test_a_resumed_run_equals_an_uninterrupted_one(learn, tmp_path, monkeypatch,
     assert "add --resume" in output
     status, output = learn("--resume", "--seed", 1)
     assert status == 1
-    assert "seed is 0 there and 1 here" in output
+    assert "seed is 0 in the file and 1 in this run" in output
     assert learn("--resume")[0] == 0
     resumed = jl.Network.load(OWN)
     assert learn()[0] == 0

@@ -40,7 +40,9 @@ def large_capture(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
-@pytest.mark.parametrize(X)
+@pytest.mark.parametrize(
+    "target", ["out.npy.gz", pytest.param("out.h5", marks=pytest.mark.slow), "out.zarr", "out"]
+)
 def test_a_signal_ends_a_command_silently_and_leaves_no_files(large_capture, name, target):
     pytest.importorskip(NEEDS.get(target, "numpy"))
     before = "import signal; signal.signal(signal.SIGHUP, signal.SIG_DFL)"

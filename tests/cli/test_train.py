@@ -115,7 +115,7 @@ def test_white_scales_the_test_images_too(run, photo_folder):
     arguments = ["train", "deep.npy", "-o", NETWORK, *SMALL, "--test", "deep.npy"]
     status, output = run(*arguments)
     assert status == 1
-    assert "state it with --white" in output
+    assert "state the level of intensity 1 with --white" in output
     assert run(*arguments, "--white", 4095)[0] == 0
     assert jl.Network.load(NETWORK).history["records"]["test_psnr"][0] > 15
 
@@ -247,7 +247,7 @@ def test_on_a_terminal_a_live_line_shows_the_run(photo_folder, tmp_path):
         (["photos", "-o", NETWORK, "--resume", "--restart"], "expected one of them"),
         (["photos", "-o", NETWORK, "-k", 0], "oversampling: expected"),
         (["bad", "-o", NETWORK], "bad/b.png"),
-        (["synthetic", "-o", NETWORK], "patch: is for images"),
+        (["synthetic", "-o", NETWORK], "patch: expected none for a callable"),
     ],
 )
 def test_bad_input_gets_one_line_before_any_work_and_leaves_no_files(

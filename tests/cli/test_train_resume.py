@@ -181,9 +181,9 @@ def test_restart_with_a_mistake_keeps_the_stopped_run(
 @pytest.mark.parametrize(
     ("arguments", "difference"),
     [
-        (["--batch", 5], "batch is 4 there and 5 here"),
-        (["--seed", 5], "seed is 0 there and 5 here"),
-        (["--steps", 5], "steps is 3 there and 5 here"),
+        (["--batch", 5], "batch is 4 in the file and 5 in this run"),
+        (["--seed", 5], "seed is 0 in the file and 5 in this run"),
+        (["--steps", 5], "steps is 3 in the file and 5 in this run"),
         (["--learning-rate", 0.5], "learning_rate=0.01"),
         (["--optimizer", "gauss-newton"], "optimizer is 'Adam("),
         (["--sigma", 0.5], "different network"),
@@ -199,7 +199,7 @@ def test_resuming_with_other_options_names_them_and_keeps_the_run(
     before = (tmp_path / CHECKPOINT).read_bytes()
     status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, "--resume", *arguments)
     assert status == 1
-    assert output.startswith(f"error: {CHECKPOINT}: this checkpoint is of another run: ")
+    assert output.startswith(f"error: {CHECKPOINT}: this checkpoint belongs to another run: ")
     assert difference in output
     assert (tmp_path / CHECKPOINT).read_bytes() == before
     assert files(tmp_path) == [CHECKPOINT, "photos"]

@@ -6,7 +6,7 @@ import shlex
 from pathlib import Path
 from typing import Any
 
-from jotlight import plots
+import jotlight.plots as plots
 from jotlight.calibration import Calibration
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import Captured, add_sensor, refuse_capture_overwrite

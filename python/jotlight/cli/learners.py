@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from jotlight import training
+import jotlight.training as training
 from jotlight.networks.architectures import ARCHITECTURES, SIZES, TWO_LAYER
 from jotlight.networks.graph import is_sequential
 from jotlight.networks.network import Network

@@ -146,6 +146,16 @@ class BitSplitter:
         L and n of the bits that steps may use, per channel.
     held_out : list of Split
         The held-out bits as the target and all others as the input, per channel.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.pixel_counts import count_pixels
+    >>> sensor = Sensor(frames=8)
+    >>> channels = [count_pixels(np.full((32, 32), 4), sensor, None)]
+    >>> rng = np.random.default_rng(0)
+    >>> splitter = BitSplitter(Network.conditional("small", rng=0), sensor, channels, rng)
+    >>> splitter.draw(rng, number=3, side=16).counts.shape
+    torch.Size([3, 1, 16, 16])
     """
 
     def __init__(
@@ -204,13 +214,13 @@ class BitSplitter:
             The target.
         """
         _, ones, trials, efficiency, dark = split.planes.to(estimates).split(1, dim=1)
-        threshold, rate_per_intensity, _ = self._sensor.pixel_response()
+        threshold = self._sensor.threshold
         if self.conditional:
             reference_efficiency, reference_dark = self.reference
             rate = _rate_from_probability(threshold, estimates)
             light = (rate - reference_dark) / reference_efficiency
         else:
-            light = rate_per_intensity * estimates
+            light = self._sensor.light_per_intensity * estimates
         p = detection_probability(threshold, (efficiency * light + dark).clamp(min=0))
         floor = _FLOOR / self.trials
         p = floor + (1 - 2 * floor) * p

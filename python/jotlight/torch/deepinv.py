@@ -129,14 +129,28 @@ class BitLikelihood(DataFidelity):  # type: ignore[misc, unused-ignore]
         gamma: float | Tensor = 1.0,
         **options: Any,
     ) -> Tensor:
-        """Return the c in [0, S] that minimizes -γ ℓ(c) + ½ ‖c - x‖², (N, 1, H, W)."""
+        """Return the c in [0, S] that minimizes -γ ℓ(c) + ½ ‖c - x‖², (N, 1, H, W).
+
+        Parameters
+        ----------
+        x : Tensor, shape (N, 1, H, W)
+            The point.
+        y : Tensor
+            Counts or bits, as the physics returns them.
+        physics : SensorPhysics
+            The sensor.
+        gamma : float or Tensor
+            γ, above 0: one number.
+        *args, **options
+            Options of deepinv's gradient descent, for bits.
+        """
         sensor = physics.sensing.sensor
         if physics.sensing.output == "bits":
             found: Tensor = super().prox(x, y, physics, *args, gamma=gamma, **options)
             return found.clamp(0, sensor.max_intensity)
-        _, rate_per_intensity, max_intensity = sensor.pixel_response()
-        # The engine's variable is the light s = α c / K.
-        penalty = 1 / (torch.as_tensor(gamma).detach().item() * rate_per_intensity**2)
+        # The variable of the engine is the light s = α c / K.
+        scale = sensor.light_per_intensity
+        penalty = 1 / (torch.as_tensor(gamma).detach().item() * scale**2)
         likelihood = Likelihood(
             y.detach().cpu().numpy().astype(np.int64),
             sensor.bits_per_pixel,
@@ -144,10 +158,10 @@ class BitLikelihood(DataFidelity):  # type: ignore[misc, unused-ignore]
             efficiency=sensor.efficiency,
             dark_counts=sensor.dark_counts,
         )
-        point = rate_per_intensity * x.detach().double().cpu().numpy()
-        max_light = rate_per_intensity * max_intensity
+        point = scale * x.detach().double().cpu().numpy()
+        max_light = scale * sensor.max_intensity
         light = likelihood.proximal(point, penalty, max_light=max_light)
-        c = torch.from_numpy(light / rate_per_intensity).to(x)
+        c = torch.from_numpy(light / scale).to(x)
         if not (x.requires_grad or (isinstance(gamma, Tensor) and gamma.requires_grad)):
             return c
         # A Newton step at the solution does not change it, but carries its derivatives.
@@ -155,8 +169,8 @@ class BitLikelihood(DataFidelity):  # type: ignore[misc, unused-ignore]
             torch.from_numpy(a).to(x) for a in likelihood.gradient_and_curvature(light)
         )
         is_inside = torch.from_numpy((light > 0) & (light < max_light)).to(x.device)
-        residual = c - x - gamma * rate_per_intensity * slope
-        step = residual / (1 + gamma * rate_per_intensity**2 * curvature)
+        residual = c - x - gamma * scale * slope
+        step = residual / (1 + gamma * scale**2 * curvature)
         return torch.where(is_inside, c - (step - step.detach()), c)
 
 

@@ -19,7 +19,13 @@ _SHUTDOWN_SECONDS = 0.2
 
 @dataclasses.dataclass(frozen=True)
 class ProcessGroup:
-    """The processes of a run, as one of them sees the group. The default is a single process."""
+    """The processes of a run, as one of them sees the group. The default is a single process.
+
+    Examples
+    --------
+    >>> list(range(8))[ProcessGroup(rank=1, world_size=3).shard]
+    [1, 4, 7]
+    """
 
     rank: int = 0
     """Number of this process, from 0."""

@@ -38,7 +38,15 @@ class LayerSpec(NamedTuple):
 
 
 def layer_specs(layers: Sequence[Layer]) -> list[LayerSpec]:
-    """Return the specification of each layer."""
+    """Return the specification of each layer.
+
+    Examples
+    --------
+    >>> tap = np.ones((1, 1, 1, 1), np.float32)
+    >>> specs = layer_specs([Layer(tap, None), Layer(np.ones((1, 1, 3, 5), np.float32), None)])
+    >>> specs[1].input, specs[1].row_padding, specs[1].column_padding
+    (0, (1, 1), (2, 2))
+    """
     specs = []
     for layer, source in zip(layers, sources(layers), strict=True):
         rows, columns = (

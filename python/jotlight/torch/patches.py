@@ -14,14 +14,14 @@ from jotlight.sensing.sensor import Sensor
 from jotlight.torch.network import NetworkModule
 from jotlight.training.images import ImageGenerator, Images, generate_images
 
-_FLUX_RANGE = 0.02, 3.0
-"""Mean photons per jot and frame of an image, for K-conditioned networks."""
+_LIGHT_RANGE = 0.02, 3.0
+"""Mean light of an image in photons per jot and frame, for K-conditioned networks."""
 
-_USUAL_FLUX_RANGE = 0.08, 1.0
-"""Flux of most patches: photographs with α = K, and dim captures."""
+_USUAL_LIGHT_RANGE = 0.08, 1.0
+"""Mean light of most patches: photographs with α = K, and dim captures."""
 
-_USUAL_FLUX_FRACTION = 3 / 4
-"""Fraction of patches with a usual flux."""
+_USUAL_LIGHT_FRACTION = 3 / 4
+"""Fraction of patches with usual light."""
 
 _USUAL_TRIALS_RANGE = 9, 100
 """K of half of the steps, as in the paper, if the network's range contains it."""
@@ -66,8 +66,8 @@ class Batch:
     """Intensities (N, 1, H, W)."""
     trials: int | None = None
     """K, for K-conditioned networks."""
-    rate_per_intensity: Tensor | None = None
-    """Photons per jot and frame at intensity 1, (N,), for K-conditioned networks."""
+    light_per_intensity: Tensor | None = None
+    """Light (photons per jot and frame) at intensity 1, (N,), for K-conditioned networks."""
     dark_counts: Tensor | None = None
     """Dark counts per jot and frame, (N,), for K-conditioned networks."""
 
@@ -90,10 +90,10 @@ class Batch:
         if self.trials is None:
             squares: Tensor = (module(self.data) - self.truth) ** 2
             return squares.mean((1, 2, 3))
-        assert self.rate_per_intensity is not None
+        assert self.light_per_intensity is not None
         assert self.dark_counts is not None
         slope, dark = (
-            values.view(-1, 1, 1, 1) for values in (self.rate_per_intensity, self.dark_counts)
+            values.view(-1, 1, 1, 1) for values in (self.light_per_intensity, self.dark_counts)
         )
         rates = (self.truth * slope + dark).clamp(max=_MAX_RATE)
         target = torch.asin(torch.sqrt(-torch.expm1(-rates)))
@@ -131,18 +131,31 @@ class _Exposures(NamedTuple):
     """Exposures of the patches of a step, for a K-conditioned network."""
 
     trials: int
-    flux: _Array
-    """Mean photons per jot and frame of each patch's image."""
+    light: _Array
+    """Mean light of each patch's image."""
     dark_counts: _Array
 
 
 @dataclasses.dataclass(frozen=True)
 class PatchLoader:
-    """A source of batches. A batch depends only on the seed and on the number of its step."""
+    """A source of batches. A batch depends only on the seed and on the number of its step.
+
+    Examples
+    --------
+    >>> sensor = Sensor(oversampling=4)
+    >>> network = Network.residual(sensor, "small", rng=0)
+    >>> images = np.full((2, 64, 64), 0.5, np.float32)
+    >>> loader = PatchLoader(images, network, sensor, seed=0, batch_size=16, side=48)
+    >>> loader.batch(step=0, shard=slice(None), threads=1).data.shape
+    torch.Size([16, 1, 48, 48])
+    """
 
     images: Images | ImageGenerator
+    """Checked gray images of intensities, or a function that makes them."""
     network: Network
+    """Network that the batches are for, which decides what the data are."""
     sensor: Sensor
+    """Sensor without maps. Batches for a K-conditioned network do not depend on it."""
     seed: int
     batch_size: int
     """Number of patches per step, over all processes."""
@@ -198,13 +211,13 @@ class PatchLoader:
         if usual_low < usual_high and rng.random() < 1 / 2:
             low, high = usual_low, usual_high
         trials = round(math.exp(rng.uniform(math.log(low), math.log(high))))
-        flux, usual_flux, dark_counts = (
+        light, usual_light, dark_counts = (
             self._log_uniform(rng, bounds)
-            for bounds in (_FLUX_RANGE, _USUAL_FLUX_RANGE, _DARK_COUNTS_RANGE)
+            for bounds in (_LIGHT_RANGE, _USUAL_LIGHT_RANGE, _DARK_COUNTS_RANGE)
         )
-        flux = np.where(rng.random(self.batch_size) < _USUAL_FLUX_FRACTION, usual_flux, flux)
+        light = np.where(rng.random(self.batch_size) < _USUAL_LIGHT_FRACTION, usual_light, light)
         dark_counts = np.where(rng.random(self.batch_size) < 1 / 2, 0, dark_counts)
-        return _Exposures(trials, flux, dark_counts)
+        return _Exposures(trials, light, dark_counts)
 
     def _draw_factors(self, rng: np.random.Generator) -> npt.NDArray[np.float32]:
         """Return the brightness of each patch, relative to its image."""
@@ -245,7 +258,7 @@ def _exposed_batch(
     """Return a batch for a K-conditioned network: one image, patch, and seed per cutout."""
     dark_counts = exposures.dark_counts[shard]
     means = np.array([image.mean() for image in images])
-    slopes = (exposures.flux[shard] / np.maximum(means, 1e-6)).astype(np.float32)
+    slopes = (exposures.light[shard] / np.maximum(means, 1e-6)).astype(np.float32)
     rates = truth * slopes[:, None, None] + dark_counts[:, None, None]
     counts = np.stack(
         [

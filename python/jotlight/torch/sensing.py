@@ -163,8 +163,7 @@ class Sensing(nn.Module):
                 side = self.sensor.oversampling
                 self.sensor.check_map_shapes(*(size * side for size in light.shape[2:]))
                 light = self._light_field(light)
-            _, rate_per_intensity, _ = self.sensor.pixel_response()
-            light = rate_per_intensity * light
+            light = self.sensor.light_per_intensity * light
             efficiency = self._jot_parameter("efficiency", dtype)
             return efficiency * light + self._jot_parameter("dark_counts", dtype)
 

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor, nn
 
 import jotlight._engine as engine
+from jotlight.checks import whole_number
 from jotlight.networks.splines import CUBIC_BASIS
 
 
@@ -30,6 +31,11 @@ def spline(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Ten
     -------
     Tensor, shape (N, C, ...)
         φ(z), of the type of z.
+
+    Raises
+    ------
+    ValueError
+        When there are fewer than 4 coefficients, or other channels than those of z.
 
     Examples
     --------
@@ -140,6 +146,11 @@ class Spline(nn.Module):
     low, high : float
         First and last knot. The spline is constant outside.
 
+    Raises
+    ------
+    ValueError
+        For fewer than 4 coefficients.
+
     Examples
     --------
     >>> relu = Spline(8)
@@ -151,6 +162,7 @@ class Spline(nn.Module):
         self, channels: int, coefficients: int = 13, low: float = -3.0, high: float = 3.0
     ) -> None:
         super().__init__()
+        whole_number("coefficients", coefficients, 4)
         self.start, self.spacing = float(low), (high - low) / (coefficients - 3)
         centers = low + self.spacing * (torch.arange(coefficients) - 1)
         # A cubic B-spline whose coefficients lie on a line is that line.
