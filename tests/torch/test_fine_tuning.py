@@ -129,7 +129,7 @@ def test_a_checkpoint_of_another_run_and_a_file_that_is_none_are_refused(tmp_pat
         ({"data": other}, "different capture"),
         ({"sensor": mapped}, "different capture"),
         ({"network": jl.Network.conditional("small", rng=1)}, "different network"),
-        ({"rng": 4}, "seed is 3 there and 4 here"),
+        ({"rng": 4}, "seed is 3 in the file and 4 in this run"),
         ({"learning_rate": 1e-4}, "Adam"),
     ):
         with pytest.raises(ValueError, match=message):
