@@ -19,7 +19,7 @@ TITLES = {name: METHODS[name].title for name in FUNCTIONS}
 @pytest.fixture(autouse=True)
 def forget_warnings(monkeypatch):
     """Forget the warnings of other tests: a process prints each warning once."""
-    monkeypatch.setattr(console, "_shown_warnings", set())
+    monkeypatch.setattr(console, "shown_warnings", set())
 
 
 def files(folder):

@@ -19,7 +19,7 @@ CUBIC = jl.Sensor(oversampling=3, frames=2, kernel="cubic")
 @pytest.fixture(autouse=True)
 def forget_warnings(monkeypatch):
     """Forget the warnings of other tests: a process prints each warning once."""
-    monkeypatch.setattr(console, "_shown_warnings", set())
+    monkeypatch.setattr(console, "shown_warnings", set())
 
 
 @pytest.fixture

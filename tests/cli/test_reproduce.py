@@ -47,6 +47,6 @@ def test_bad_input_gets_an_error_message(run, tmp_path, arguments, message):
 
 
 def test_the_names_in_the_help_are_those_of_the_experiments(run):
-    from jotlight.cli.reproduce import _NAMES
+    from jotlight.cli.reproduce import EXPERIMENT_NAMES
 
-    assert list(EXPERIMENTS) == list(_NAMES)
+    assert list(EXPERIMENTS) == list(EXPERIMENT_NAMES)

@@ -124,7 +124,7 @@ def test_halves_round_to_even_on_every_machine():
     assert len(halves) == 100
     pixels = np.repeat(halves.astype(np.uint8), 1024, axis=1)
     even = [round(Fraction(int(value), 1000)) for value in halves @ [299, 587, 114]]
-    assert cifar10_files._gray(pixels)[:, 0, 0].tolist() == even
+    assert cifar10_files.gray_levels(pixels)[:, 0, 0].tolist() == even
 
 
 @pytest.mark.parametrize("ending", [".bin", ""])

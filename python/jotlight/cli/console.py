@@ -27,7 +27,7 @@ from jotlight.training import Record
 out = Console(highlight=False, emoji=False)
 err = Console(stderr=True, highlight=False, emoji=False)
 
-_shown_warnings: set[str] = set()
+shown_warnings: set[str] = set()
 
 _PYTHON_ADVICE = re.compile(r"[\w.]+[=\[(]\S* \((--[^()]+)\)")
 """Advice of the library, such as ``counts=True (--counts)``."""
@@ -70,8 +70,8 @@ def show_warning(
     if not issubclass(category, JotlightWarning):
         text = warnings.formatwarning(message, category, filename, lineno, line)
         err.print(escape(text), end="")
-    elif str(message) not in _shown_warnings:
-        _shown_warnings.add(str(message))
+    elif str(message) not in shown_warnings:
+        shown_warnings.add(str(message))
         caution("warning", str(message))
 
 

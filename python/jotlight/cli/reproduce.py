@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from jotlight.experiments.experiment import Experiment, Part, RunContext
     from jotlight.experiments.report.content import Section
 
-_NAMES = ("fig5", "fig6a", "fig6b", "fig7", "timing", "gain")
+EXPERIMENT_NAMES = ("fig5", "fig6a", "fig6b", "fig7", "timing", "gain")
 _ALL = "all"
 _STYLES = {
     "reproduced": "green",
@@ -27,7 +27,7 @@ _STYLES = {
 
 
 def reproduce(
-    name: Annotated[str, Parameter(help=f"{', '.join(_NAMES)}, or {_ALL}.")],
+    name: Annotated[str, Parameter(help=f"{', '.join(EXPERIMENT_NAMES)}, or {_ALL}.")],
     /,
     *,
     quick: Annotated[

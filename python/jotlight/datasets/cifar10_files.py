@@ -72,10 +72,10 @@ def _check_binary(name: str, size: int) -> None:
 
 
 def _decode_binary(content: bytes) -> Levels:
-    return _gray(np.frombuffer(content, np.uint8).reshape(-1, _RECORD)[:, 1:])
+    return gray_levels(np.frombuffer(content, np.uint8).reshape(-1, _RECORD)[:, 1:])
 
 
-def _gray(pixels: npt.NDArray[np.uint8]) -> Levels:
+def gray_levels(pixels: npt.NDArray[np.uint8]) -> Levels:
     """Return gray levels (N, 32, 32) from red, green, and blue values (N, 3072)."""
     planes = pixels.reshape(-1, 3, 32, 32)
     levels = np.empty((len(planes), 32, 32), np.uint8)
@@ -104,7 +104,7 @@ def _read_pickle(path: Path) -> Levels:
                 if isinstance(argument, str) and len(argument) == expected:
                     argument = argument.encode("latin-1")
                 if isinstance(argument, bytes | bytearray) and len(argument) == expected:
-                    return _gray(np.frombuffer(argument, np.uint8).reshape(-1, _PIXELS))
+                    return gray_levels(np.frombuffer(argument, np.uint8).reshape(-1, _PIXELS))
     except (ValueError, OverflowError) as error:
         raise ValueError(
             f"{path}: expected a batch of CIFAR-10's Python version, but it is damaged or a "
