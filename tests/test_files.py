@@ -100,7 +100,7 @@ def enter(path):
     ("name", "error", "message"),
     [
         ("folder", IsADirectoryError, "folder: it is a folder; give the name of a file"),
-        ("missing/note.txt", FileNotFoundError, "there is no folder .*missing; make it first"),
+        ("missing/note.txt", FileNotFoundError, "there is no folder .*missing; create it first"),
         ("file/note.txt", OSError, "cannot write .*note.txt: there is no folder"),
     ],
 )
