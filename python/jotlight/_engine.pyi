@@ -68,8 +68,8 @@ _Span: TypeAlias = tuple[int, int]
 _ValueOrArray: TypeAlias = float | npt.NDArray[np.float64]
 # Efficiency and dark counts.
 _JotResponses: TypeAlias = tuple[_ValueOrArray, _ValueOrArray]
-# Threshold, ones, trials, efficiency, and dark counts. Functions of readings measure light in expected
-# photons per jot and frame.
+# Threshold, ones, trials, efficiency, and dark counts. Functions of readings measure light in
+# expected photons per jot and frame.
 _Readings: TypeAlias = tuple[
     int, npt.NDArray[np.int32], int | npt.NDArray[np.int32], _ValueOrArray, _ValueOrArray
 ]

@@ -65,7 +65,7 @@ def test_the_channels_of_a_color_image_are_estimated_independently(method, kerne
             SMOOTH,
             {},
             ValueError,
-            "kernel: expected 'box', with which the bits were made, got 'cubic'",
+            "kernel: expected 'box', the kernel of the bits' own sensor, got 'cubic'",
         ),
         (
             BITS,
