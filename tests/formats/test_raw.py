@@ -39,7 +39,7 @@ def test_an_incomplete_last_frame_is_left_out_with_a_warning(name, tmp_path):
     size, encode = RAW[name]
     array = random_frames((2, *size))
     (tmp_path / "a.bin").write_bytes(encode(array)[:-6])
-    with pytest.warns(jl.JotlightWarning, match=r"1 whole frame.* left over"):
+    with pytest.warns(jl.JotlightWarning, match=r"1 complete frame.* left over"):
         bits = jl.open(tmp_path / "a.bin", format=name)
     np.testing.assert_array_equal(bits.to_array(), array[:1])
 
