@@ -94,7 +94,8 @@ def torch(session: nox.Session) -> None:
     """
     install_wheel(session, extra="test,deepinv")
     session.run("pytest", "-m", "slow or not slow", *NEEDS_TORCH, *session.posargs)
-    session.run("pytest", "tests/docs/test_documents.py", "-k", "torch", *session.posargs)
+    pages = ("-k", "torch or fine_tuning or tutorial")
+    session.run("pytest", "-m", "slow or not slow", "tests/docs/test_documents.py", *pages)
 
 
 @nox.session(tags=["gate"])

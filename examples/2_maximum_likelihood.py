@@ -25,7 +25,7 @@ bits = camera.expose(image, rng=1)
 panels = [Panel("photograph", "the true intensities", image)]
 for name, sensor in {"ideal sensor assumed": jl.Sensor(frames=32), "calibrated": camera}.items():
     with warnings.catch_warnings():
-        # jotlight warns that it fills the dead pixels from their neighbors.
+        # jotlight warns that it inpaints the dead pixels from their neighbors.
         warnings.simplefilter("ignore", jl.JotlightWarning)
         estimate = jl.mle(bits, sensor)
     psnr = jl.metrics.psnr(estimate, image)

@@ -15,7 +15,7 @@ if "--quick" in sys.argv:
 sensor = jl.Sensor(oversampling=4, frames=4, kernel="cubic")
 bits = sensor.expose(image, rng=0)
 
-# Bits without the sensor's kernel: each pixel is estimated as if its jots saw no other pixel.
+# With the box kernel, mle assumes that each jot receives light from its own pixel only.
 box = jl.Sensor(oversampling=4, frames=4)
 sharp, history = jl.admm_tv(bits, sensor, return_history=True)
 estimates = {

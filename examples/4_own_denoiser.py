@@ -19,7 +19,7 @@ bits = sensor.expose(image, rng=0)
 
 
 def my_denoiser(z):
-    """Denoise an image with white noise of standard deviation 1/2 (`jl.vst.NOISE`)."""
+    """Return an image without its white noise of standard deviation 1/2 (`jl.vst.NOISE`)."""
     return median_filter(z, 5)
 
 

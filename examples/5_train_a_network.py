@@ -12,7 +12,8 @@ quick = "--quick" in sys.argv
 photograph = jl.datasets.photograph("camera")[:384, :384]
 patches = photograph.reshape(6, 64, 6, 64).swapaxes(1, 2).reshape(36, 64, 64)
 
-# A quarter of a photon per jot and frame at intensity 1: no pretrained network is for that.
+# Intensity 1 sends a quarter of a photon to each jot in each frame. No pretrained two-layer network
+# serves this sensor.
 sensor = jl.Sensor(frames=20, gain=5.0)
 network, history = jl.train(
     jl.Network.initial(sensor),

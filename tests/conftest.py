@@ -38,8 +38,8 @@ def run(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(console.out, "width", 200)
     monkeypatch.setattr(console.err, "width", 200)
 
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["jotlight", *map(str, words)])
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["jotlight", *map(str, arguments)])
         with pytest.raises(SystemExit) as ended:
             app.main()
         printed = capsys.readouterr()
@@ -49,9 +49,9 @@ def run(monkeypatch, tmp_path, capsys):
 
 
 @pytest.fixture
-def pictures(tmp_path):
+def photo_folder(tmp_path):
     """Return a folder with three small photographs."""
-    folder = tmp_path / "pictures"
+    folder = tmp_path / "photos"
     folder.mkdir()
     levels = (jl.datasets.photograph("camera") * 255).astype(np.uint8)
     for number in range(3):

@@ -58,6 +58,10 @@ def test_modules_of_the_sensor_import_only_what_lies_below_it(imports, module, a
     assert own == {f"jotlight.sensing.{name}" for name in allowed}
 
 
+def test_no_module_imports_the_package_itself(imports):
+    assert [str(each) for each in imports.of_package] == []
+
+
 def make_package(folder, **modules):
     for name, text in modules.items():
         path = folder.joinpath("jotlight", *name.split("__"))

@@ -3,8 +3,6 @@ import pytest
 
 import jotlight as jl
 from jotlight import plots
-from jotlight.evaluation.compare import compare_methods, select_methods
-from jotlight.evaluation.methods import METHODS
 
 
 def test_the_crop_lies_on_the_edges_and_inside_the_image():
@@ -51,18 +49,3 @@ def test_the_bits_panel_shows_single_jots():
     assert (panel.detail == jots).all()
     assert (panel.image == jots[::3, ::3]).all()
     assert f"{jots.mean():.0%}" in panel.subtitle
-
-
-def test_comparing_measures_each_method_against_the_image():
-    image = jl.datasets.photograph("camera")[100:140, 180:220]
-    sensor = jl.Sensor(oversampling=4)
-    bits = sensor.expose(image, rng=0)
-    names = [name for name in select_methods(sensor) if METHODS[name].required_package is None]
-    begun = []
-    results = compare_methods(image, bits, sensor, names, begin=begun.append)
-    assert begun == [METHODS[name].title for name in names]
-    for name, result in zip(names, results, strict=True):
-        estimate = METHODS[name].run(bits, sensor)
-        assert (result.estimate == estimate).all()
-        assert result.psnr == jl.metrics.psnr(estimate, image)
-        assert result.seconds > 0

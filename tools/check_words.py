@@ -59,7 +59,7 @@ REPLACED = {
     r"(?i)\blicences?\b": "license",
     r"(?i)\b(labelled|labelling|modelled|modelling|cancelled|levelled)\b": "one l",
     r"(?i)\b(analyse[sd]?|catalogue|metres?|artefacts?)\b": "American spelling",
-    # Sentences that had to be read twice.
+    # Parts of unclear sentences.
     r"what rows and columns of a picture have to be": "'the divisor of height and width'",
     r"with more certainty than so many ones": "'Probabilities are clamped to …'",
     r"likely and without needless change": "'Minimize −ℓ(c) + λ TV(c) over [0, S].'",
@@ -72,7 +72,7 @@ PATTERNS = [(re.compile(pattern), instead) for pattern, instead in REPLACED.item
 
 
 def text_files() -> Iterator[Path]:
-    """Yield the tracked text files, this one left out."""
+    """Yield the tracked text files, except this one."""
     names = subprocess.run(
         ["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True, text=True
     ).stdout.split("\0")
@@ -82,7 +82,7 @@ def text_files() -> Iterator[Path]:
 
 
 def uses(path: Path) -> Iterator[str]:
-    """Yield a line of report for each use in a file."""
+    """Yield a line of the report for each use in a file."""
     for number, line in enumerate(path.read_text("utf-8").splitlines(), 1):
         for pattern, instead in PATTERNS:
             if found := pattern.search(line):

@@ -1,8 +1,8 @@
-"""The imports of python/jotlight: their layers, cycles, and imports against the order of packages.
+"""The imports of python/jotlight: layers of packages, cycles, and imports of higher packages.
 
 Run as a script, it prints a table. A *unit* is a folder or a top-level module of the package. All
 imports count, also those in functions and under `if TYPE_CHECKING`. The compiled engine does not
-count. Imports of the package itself are listed apart, because `import jotlight` imports everything.
+count. Imports of the package itself are listed separately: `import jotlight` imports everything.
 
     python tools/import_layers.py [FOLDER] [--order "low units < higher units < highest units"]
 """
@@ -55,14 +55,14 @@ class Imports:
         return sorted({unit(module) for module in self.modules})
 
     def module_graph(self) -> Graph:
-        """Return the modules that each module imports."""
+        """Return the modules that each module imports, by name."""
         graph: Graph = {module: set() for module in self.modules}
         for each in self.imports:
             graph[each.module].add(each.target)
         return graph
 
     def unit_graph(self) -> Graph:
-        """Return the units that each unit imports, without itself."""
+        """Return the other units that each unit imports, by name."""
         graph: Graph = {name: set() for name in self.units}
         for each in self.imports:
             if unit(each.module) != unit(each.target):
@@ -70,7 +70,7 @@ class Imports:
         return graph
 
     def upward(self, order: str = ORDER) -> list[Import]:
-        """Return the imports of units of a higher rank."""
+        """Return the imports of units that have a higher rank than the importing unit."""
         rank = ranks(order)
         return [
             each
@@ -136,6 +136,7 @@ def longest_chain(graph: Graph) -> list[str]:
 
 
 def _module_name(path: Path, folder: Path) -> str:
+    """Return the dotted name of a module's file."""
     parts = path.relative_to(folder.parent).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
@@ -176,7 +177,7 @@ def _reachable(graph: Graph, start: str) -> set[str]:
 
 
 def table(imports: Imports, order: str = ORDER) -> str:
-    """Return the units by rank, and the findings, as text."""
+    """Return a text with the units by rank, and all cycles and upward imports."""
     rank = ranks(order)
     chain = longest_chain(imports.unit_graph())
     upward = imports.upward(order)

@@ -11,22 +11,22 @@ from jotlight.networks.graph import flops_per_pixel
 
 TEMPLATE = Path(__file__).with_name("model_card.md")
 WIDTH = 112
-"""Maximum number of characters in a line of a card."""
+"""Maximum number of characters per line of a card."""
 
 ONE_K = (
-    "K = {bits} binary readings of each pixel, in space, in time, or both, or their counts; "
-    "threshold q = 1, gain α = K (on average one photon per jot and frame at intensity 1), box "
-    "kernel, intensities in [0, 1]."
+    "K = {bits} bits per pixel, from any number of jots and frames, or their counts; threshold "
+    "q = 1; gain α = K, which is one photon per jot and frame on average at intensity 1; box "
+    "kernel; intensities in [0, 1]."
 )
 ANY_K = (
-    "every K from {low} to {high}, since it is K-conditioned; every exposure with on average 0.02 "
-    "to 3 detections per jot and frame, including dark counts; every threshold, through P; box "
-    "kernel."
+    "every K from {low} to {high}, because the network is K-conditioned; every exposure with 0.02 "
+    "to 3 detections per jot and frame on average, including dark counts; every threshold q, "
+    "because the network estimates the detection probability P(b = 1); box kernel."
 )
 TWO_LAYER_LIMITS = (
-    "other exposures (`jotlight train` makes a network for them), smooth kernels, strong dark "
-    "counts. On scenes with much finer or coarser detail than photographs it smooths too much or "
-    "too little."
+    "other exposures (`jotlight train` makes a network for them), smooth kernels, and dark counts "
+    "above 0.05 per jot and frame. On scenes with much finer detail than photographs, the network "
+    "smooths too much; on scenes with much coarser detail, too little."
 )
 DEEP_LIMITS = (
     "smooth kernels, color filters, and scenes unlike photographs. Where the bits hold little "
@@ -63,7 +63,7 @@ def _wrap(line: str) -> str:
 
 
 def score(network: jl.Network, tests: list[np.ndarray]) -> str:
-    """Return the sentence about a network's scores on the test images."""
+    """Return the text about a network's scores on the test images."""
     if network.trials_range is not None:
         mean = {bits: np.mean(_psnr(network, bits, tests[:20])) for bits in (1, 4, 16, 64, 256)}
         return conditional_scores(mean)
@@ -94,16 +94,16 @@ def _psnr(network: jl.Network, bits: int, tests: list[np.ndarray]) -> list[float
 
 def two_layer_scores(**values: float) -> str:
     return (
-        "PSNR {psnr:.2f} dB (first 20: {first:.2f} dB, worst 5 %: {worst:.2f} dB), SNR {snr:.2f} "
-        "dB, SSIM {ssim:.3f}. Maximum likelihood on the same bits: PSNR {mle_psnr:.2f} dB, SSIM "
-        "{mle_ssim:.3f}."
+        "mean PSNR {psnr:.2f} dB (first 20 images: {first:.2f} dB, worst 5 %: {worst:.2f} dB), SNR "
+        "{snr:.2f} dB, SSIM {ssim:.3f}. Maximum likelihood on the same bits: PSNR {mle_psnr:.2f} "
+        "dB, SSIM {mle_ssim:.3f}."
     ).format(**values)
 
 
 def residual_scores(psnr: float, first: float) -> str:
-    return f"PSNR {psnr:.2f} dB (first 20: {first:.2f} dB)."
+    return f"mean PSNR {psnr:.2f} dB (first 20 images: {first:.2f} dB)."
 
 
 def conditional_scores(psnr: dict[int, float]) -> str:
     by_bits = ", ".join(f"{value:.2f} dB for K = {bits}" for bits, value in psnr.items())
-    return f"α = K, first 20 images: PSNR {by_bits}."
+    return f"mean PSNR of the first 20 images, for α = K: {by_bits}."

@@ -7,8 +7,8 @@ Networks and cards go to ``python/jotlight/networks/weights``.
 
 The eight two-layer networks take about ten minutes on two cores. The deep networks take days and
 need the extra `torch`; an interrupted run resumes. The other small networks start from the first
-stage of `small-k16`, so train it before them. `medium-k16`, for K = 16 alone, serves as a
-comparison and goes to `--scratch`.
+stage of `small-k16`, so train `small-k16` first. `medium-k16`, for K = 16 only, is a comparison
+and goes to `--scratch`.
 """
 
 import argparse
@@ -25,8 +25,8 @@ from jotlight.networks.pretrained import BITS_PER_PIXEL, FOLDER
 from jotlight.training.parameters import fingerprint_network
 
 Stages = tuple[tuple[int, float], ...]
-"""Steps and learning rate of each stage. A stage starts where the previous one ended. Its seed is
-its number, from 1."""
+"""Number of steps and learning rate of each stage. A stage starts where the previous one ended. The
+seed of a stage is its number, from 1."""
 
 STAGES: dict[str, Stages] = {
     "small-k16": ((40_000, 3e-3), (20_000, 1.5e-3)),
@@ -41,15 +41,15 @@ OTHER_SMALL_STAGES: Stages = ((8_000, 1.5e-3),)
 """Stages of the other small networks, after the first stage of `small-k16`."""
 
 NOTES = {
-    "small": "No step used patches that are far too bright or too dark; for these, medium is "
+    "small": "No training patch was strongly over- or underexposed; for such captures, medium is "
     "better.",
-    "medium": "The first stage ran before the coarse filters had parameter sets for K, and before "
-    "exposures around those of photographs were drawn more often. The last four stages drew K "
-    "from 9 to 100 in half of the steps. The last two drew most exposures from 0.08 to 1 photon "
-    "per jot and frame instead of 0.15 to 1.",
-    "large": "Only the last stage used patches that are far too bright or too dark.",
+    "medium": "In the first stage, the coarse filters had no parameter sets for K, and typical "
+    "exposures of photographs were not drawn more often than others. The last four stages drew K "
+    "from 9 to 100 in half of the steps. The last two stages drew most exposures from 0.08 to 1 "
+    "photon per jot and frame, the previous ones from 0.15 to 1.",
+    "large": "Only the last stage used patches that are strongly over- or underexposed.",
 }
-"""What the stages do not say about the shipped networks of a size."""
+"""Notes on the training of the shipped networks that the stages do not show, by size."""
 
 TWO_LAYER = [f"two-layer-k{bits}" for bits in BITS_PER_PIXEL]
 TWO_LAYER_STEPS, TWO_LAYER_BATCH, TWO_LAYER_PATCH, TWO_LAYER_SEED = 60, 512, 64, 0
@@ -82,15 +82,16 @@ def main() -> None:
         print(card, flush=True)
 
 
-def bits_of(name: str) -> int:
+def bits_per_pixel(name: str) -> int:
+    """Return K of a network: 16 for `small-k16`."""
     return int(name.split("-k")[1])
 
 
 def train_two_layer(
     name: str, images: list[np.ndarray], threads: int | None
 ) -> tuple[jl.Network, str]:
-    """Return a two-layer network and the sentence about its training."""
-    sensor = jl.Sensor(oversampling=round(bits_of(name) ** 0.5))
+    """Return a two-layer network and the text about its training."""
+    sensor = jl.Sensor(oversampling=round(bits_per_pixel(name) ** 0.5))
     begun = time.perf_counter()
     network, _ = jl.train(
         jl.Network.initial(sensor),
@@ -106,10 +107,10 @@ def train_two_layer(
 
 def two_layer_recipe(seconds: float) -> str:
     return (
-        "`jl.train` with Gauss-Newton from the initial parameters with σ = 0.7; "
+        "`jl.train` with Gauss-Newton from the initial parameters with σ = 0.7. It took "
         f"{TWO_LAYER_STEPS} steps of {TWO_LAYER_BATCH} patches of {TWO_LAYER_PATCH} × "
-        f"{TWO_LAYER_PATCH} with new bits in each, seed {TWO_LAYER_SEED}; {seconds:.0f} s on two "
-        "cores."
+        f"{TWO_LAYER_PATCH} pixels with new bits in each step, seed {TWO_LAYER_SEED}; "
+        f"{seconds:.0f} s on two cores."
     )
 
 
@@ -117,11 +118,11 @@ def deep_start(name: str, scratch: Path) -> jl.Network:
     """Return the network before its first stage."""
     if name == "medium":
         return jl.Network.conditional("medium", rng=0)
-    sensor = jl.Sensor(frames=bits_of(name))
+    sensor = jl.Sensor(frames=bits_per_pixel(name))
     start = jl.Network.residual(sensor, name.split("-")[0], rng=0)
     if name in STAGES:
         return start
-    # The first two layers depend on K. The others come from the network for 16.
+    # The first two layers depend on K. The others come from the network for K = 16.
     trained = jl.Network.load(scratch / "small-k16.1.safetensors")
     return jl.Network([*start.layers[:2], *trained.layers[2:]], sensor)
 
@@ -129,7 +130,7 @@ def deep_start(name: str, scratch: Path) -> jl.Network:
 def train_deep(
     name: str, images: list[np.ndarray], scratch: Path, threads: int | None
 ) -> jl.Network:
-    """Return a deep network after all its stages. Finished stages are read from `scratch`."""
+    """Return a deep network after all its stages. Finished stages come from `scratch`."""
     from jotlight.torch import train
 
     network = deep_start(name, scratch)
@@ -138,7 +139,7 @@ def train_deep(
         if path.exists():
             finished = jl.Network.load(path)
             run = finished.history["run"]
-            # A stage with other steps or another start is repeated.
+            # Repeat a stage whose number of steps or start has changed.
             if (run["steps"], run["network"]) == (steps, fingerprint_network(network)):
                 network = finished
                 continue
@@ -147,7 +148,7 @@ def train_deep(
             network,
             images,
             steps=steps,
-            rate=learning_rate,
+            learning_rate=learning_rate,
             rng=seed,
             checkpoint=checkpoint,
             resume=checkpoint.exists(),
@@ -170,9 +171,9 @@ def deep_recipe(name: str) -> str:
         for steps, learning_rate in STAGES.get(name, OTHER_SMALL_STAGES)
     )
     if name in SMALL[1:]:
-        stages += ", from the first stage of small-k16"
+        stages += ", starting from the first stage of small-k16"
     note = NOTES[name.split("-")[0]] if name in SHIPPED else ""
-    return f"`jotlight.torch.train`, {stages}. {note}".strip()
+    return f"`jotlight.torch.train` for {stages}. {note}".strip()
 
 
 if __name__ == "__main__":

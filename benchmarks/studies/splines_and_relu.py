@@ -21,21 +21,21 @@ import jotlight as jl
 from jotlight.files import atomic_write
 from jotlight.images.sets import read_image_set
 from jotlight.networks.architectures import ARCHITECTURES, Architecture
-from jotlight.torch import Network, training
-from jotlight.torch.distributed import Processes
-from jotlight.torch.patches import Patches
+from jotlight.torch import NetworkModule, training
+from jotlight.torch.distributed import ProcessGroup
+from jotlight.torch.patches import PatchLoader
 
 SENSOR = jl.Sensor(frames=16)
 COLUMNS = "nonlinearity", "channels", "steps", "seed", "psnr_db"
 
 
-class Rectified(Network):
+class Rectified(NetworkModule):
     """The same network with max(z, 0) for every trainable spline."""
 
-    def bent(self, index: int, sums: Tensor, coefficients: Tensor | None) -> Tensor:
+    def activate(self, index: int, sums: Tensor, coefficients: Tensor | None) -> Tensor:
         if coefficients is not None and coefficients.requires_grad:
             return sums.relu()
-        return super().bent(index, sums, coefficients)
+        return super().activate(index, sums, coefficients)
 
 
 def main() -> None:
@@ -51,7 +51,7 @@ def main() -> None:
     rows = []
     if options.threads is not None:
         torch.set_num_threads(options.threads)
-    for name, kind, channels in (("spline", Network, 12), ("ReLU", Rectified, 13)):
+    for name, kind, channels in (("spline", NetworkModule, 12), ("ReLU", Rectified, 13)):
         for seed in range(options.seeds):
             psnr = train_and_measure(kind, channels, seed, scenes, tests, options)
             rows.append((name, channels, options.steps, seed, f"{psnr:.3f}"))
@@ -67,7 +67,7 @@ def main() -> None:
 
 
 def train_and_measure(
-    kind: type[Network],
+    kind: type[NetworkModule],
     channels: int,
     seed: int,
     scenes: list[np.ndarray],
@@ -78,8 +78,10 @@ def train_and_measure(
     with patch.dict(ARCHITECTURES, small=Architecture((channels,), (3,))):
         network = jl.Network.residual(SENSOR, "small", rng=seed)
     module = kind(network)
-    patches = Patches(scenes, network, SENSOR, seed, training.BATCH, training.PATCH)
-    trainer = training.Learning(module, patches, {}, training.RATE, None, Processes())
+    loader = PatchLoader(scenes, network, SENSOR, seed, training.BATCH, training.PATCH)
+    trainer = training.ImageTrainer(
+        module, loader, {}, training.LEARNING_RATE, None, ProcessGroup()
+    )
     for step in range(options.steps):
         trainer.step(step, options.steps)
     values = []

@@ -16,18 +16,18 @@ from jotlight.torch import distributed, fine_tuning  # noqa: E402
 SENSOR = jl.Sensor(frames=8)
 SCENE = jl.datasets.photograph("camera")[100:164, 180:244]
 OWN, CHECKPOINT = "own.safetensors", "own.checkpoint.safetensors"
-FEW = ["--steps", 3, "--batch", 2, "--patch", 24, "--device", "cpu", "--threads", 1]
+SHORT_RUN = ["--steps", 3, "--batch", 2, "--patch", 24, "--device", "cpu", "--threads", 1]
 
 
 @pytest.fixture
 def learn(run, tmp_path):
-    """Learn from a capture of a photograph, from a network that is told K."""
-    jl.save(SENSOR.expose(SCENE, rng=0), tmp_path / "seen.npy")
+    """Return a function that fine-tunes a K-conditioned network on a capture of a photograph."""
+    jl.save(SENSOR.expose(SCENE, rng=0), tmp_path / "capture.npy")
     jl.Network.conditional("small", rng=0).save(tmp_path / "start.safetensors")
 
-    def learn(*words, capture="seen.npy", start="start.safetensors"):
+    def learn(*arguments, capture="capture.npy", start="start.safetensors"):
         starts = [] if start is None else ["--start", start]
-        return run("fine-tune", capture, "-o", OWN, *starts, *FEW, *words)
+        return run("fine-tune", capture, "-o", OWN, *starts, *SHORT_RUN, *arguments)
 
     return learn
 
@@ -41,32 +41,34 @@ def held_out(name=OWN):
 
 
 def test_the_held_out_bits_of_a_capture_become_more_likely(learn, run, tmp_path):
-    status, said = learn("--steps", 60, "--batch", 8, "--learning-rate", 3e-3, "--plot", "run.png")
+    status, output = learn(
+        "--steps", 60, "--batch", 8, "--learning-rate", 3e-3, "--plot", "run.png"
+    )
     assert status == 0
     before, after = held_out()[0], held_out()[-1]
     assert after < before - 1e-4
-    assert "starts from start.safetensors" in said
-    assert "step 60/60  cost 0." in said
-    assert f"held out {after:.5f} nats per bit" in said
-    assert f"{OWN}: trained in 60 steps" in said
-    assert f"{before:.5f} to {after:.5f} nats per held-out bit" in said
+    assert "starts from start.safetensors" in output
+    assert "step 60/60  cost 0." in output
+    assert f"held out {after:.5f} nats per bit" in output
+    assert f"{OWN}: trained in 60 steps" in output
+    assert f"{before:.5f} to {after:.5f} nats per held-out bit" in output
     assert (tmp_path / "run.png").stat().st_size > 10_000
     assert CHECKPOINT not in files(tmp_path)
     # The printed command writes an image.
-    command = shlex.split(said.split("Reconstruct with it: jotlight ")[1].splitlines()[0])
+    command = shlex.split(output.split("Reconstruct with it: jotlight ")[1].splitlines()[0])
     assert run(*command)[0] == 0
     assert (tmp_path / "image.png").is_file()
-    told = run("info", OWN, "--plot", "later.png")[1] + run("info", OWN)[1]
-    assert "60 steps of Adam(learning_rate=0.003), seed 0" in told
-    assert "fine-tuned on seen.npy" in " ".join(told.split())
-    assert f"held out {before:.5f} to {after:.5f} nats per bit" in " ".join(told.split())
+    info = run("info", OWN, "--plot", "later.png")[1] + run("info", OWN)[1]
+    assert "60 steps of Adam(learning_rate=0.003), seed 0" in info
+    assert "fine-tuned on capture.npy" in " ".join(info.split())
+    assert f"held out {before:.5f} to {after:.5f} nats per bit" in " ".join(info.split())
 
 
-def test_it_is_the_network_that_python_gives(learn):
+def test_the_network_equals_that_of_python(learn):
     assert learn("--seed", 7, "--learning-rate", 0.002)[0] == 0
     own, history = jl.torch.fine_tune(
-        jl.Network.load("start.safetensors"), jl.open("seen.npy"), steps=3, batch=2, patch=24,
-        rate=0.002, rng=7, device="cpu", threads=1,
+        jl.Network.load("start.safetensors"), jl.open("capture.npy"), steps=3, batch=2, patch=24,
+        learning_rate=0.002, rng=7, device="cpu", threads=1,
     )  # fmt: skip
     np.testing.assert_array_equal(parameter_vector(jl.Network.load(OWN)), parameter_vector(own))
     np.testing.assert_array_equal(held_out(), history.held_out)
@@ -74,47 +76,47 @@ def test_it_is_the_network_that_python_gives(learn):
 
 def test_the_defaults_are_those_of_python(learn, run):
     start = ["--start", "start.safetensors"]
-    words = ["fine-tune", "seen.npy", "-o", OWN, *start, "--steps", 1]
-    assert run(*words)[0] == 0
+    arguments = ["fine-tune", "capture.npy", "-o", OWN, *start, "--steps", 1]
+    assert run(*arguments)[0] == 0
     own, _ = jl.torch.fine_tune(
-        jl.Network.load("start.safetensors"), jl.open("seen.npy"), steps=1, rng=0
+        jl.Network.load("start.safetensors"), jl.open("capture.npy"), steps=1, rng=0
     )
-    told = jl.Network.load(OWN).history["fine tuning"]["run"]
-    assert told == own.history["fine tuning"]["run"]
-    assert (told["batch"], told["patch"]) == (16, 48)
+    settings = jl.Network.load(OWN).history["fine tuning"]["run"]
+    assert settings == own.history["fine tuning"]["run"]
+    assert (settings["batch"], settings["patch"]) == (16, 48)
 
 
-def test_without_a_start_it_says_which_network_it_takes(learn, monkeypatch):
+def test_without_a_start_the_chosen_network_is_printed(learn, monkeypatch):
     small = jl.Network.conditional("small", rng=0)
     asked = []
 
-    def pretrained(*arguments):
-        asked.append(arguments)
+    def pretrained(*positional):
+        asked.append(positional)
         return small
 
     monkeypatch.setattr(fine_tune, "pretrained", pretrained)
-    status, said = learn(start=None)
+    status, output = learn(start=None)
     assert status == 0
     assert asked == [(SENSOR, "medium")]
-    assert "starts from the medium network that ships with jotlight" in said
+    assert "starts from the medium network that ships with jotlight" in output
 
 
-def test_captures_open_as_for_reconstruct(learn, run, tmp_path):
-    """Counts in an archive, a part of a film turned, a sensor that options tell."""
+def test_capture_options_are_those_of_reconstruct(learn, run, tmp_path):
+    """Counts in an archive, selected and flipped frames, and the options of the sensor."""
     counts = SENSOR.expose(SCENE, rng=0).counts()
     np.savez(tmp_path / "sets.npz", a=counts, b=counts[:40])
     capture = {"capture": "sets.npz"}
-    words = ["--key", "b", "--frames", 8, "--rotate", 90, "--dark-counts", 0.01]
-    status, said = learn(*words, **capture)
+    arguments = ["--key", "b", "--frames", 8, "--rotate", 90, "--dark-counts", 0.01]
+    status, output = learn(*arguments, **capture)
     assert status == 0
-    assert "Sensor(frames=8, dark_counts=0.01)" in said
+    assert "Sensor(frames=8, dark_counts=0.01)" in output
     again = "reconstruct sets.npz --rotate 90 --key b --frames 8 --dark-counts 0.01"
-    assert f"jotlight {again} --model {OWN} -o image.png" in said
+    assert f"jotlight {again} --model {OWN} -o image.png" in output
     assert run(*again.split(), "--model", OWN, "-o", "out.npy")[0] == 0
     assert np.load("out.npy").shape == (64, 40)
-    status, said = learn("--frame-range", "2:6", "--flip", "horizontal", "--restart")
+    status, output = learn("--frame-range", "2:6", "--flip", "horizontal", "--restart")
     assert status == 0
-    assert "frames 2:6 of 8" in said
+    assert "frames 2:6 of 8" in output
     assert jl.Network.load(OWN).history["fine tuning"]["run"]["sensor"]["frames"] == 4
 
 
@@ -124,42 +126,42 @@ def test_a_network_for_one_sensor_keeps_its_range(learn, tmp_path):
     assert jl.Network.load(OWN).sensor.max_intensity == 2
 
 
-def test_a_calibration_is_of_the_likelihood(learn, run, tmp_path):
+def test_a_calibration_changes_the_likelihood(learn, run, tmp_path):
     dark = jl.Sensor(frames=200, dark_counts=0.05).expose(np.zeros((64, 64)), rng=1)
     jl.save(dark, tmp_path / "dark.npy")
     assert run("calibrate", "dark.npy", "-o", "c.safetensors")[0] == 0
-    status, said = learn("--calibration", "c.safetensors")
+    status, output = learn("--calibration", "c.safetensors")
     assert status == 0
-    assert "--calibration c.safetensors" in said.split("Reconstruct with it")[1]
+    assert "--calibration c.safetensors" in output.split("Reconstruct with it")[1]
     other = jl.Network.load(OWN).history["fine tuning"]["run"]["capture"]
     assert learn()[0] == 0
     assert jl.Network.load(OWN).history["fine tuning"]["run"]["capture"] != other
 
 
 @pytest.mark.parametrize("step", [0, 2])
-def test_a_stopped_run_goes_on_as_if_it_had_not_been(learn, tmp_path, monkeypatch, step):
+def test_a_resumed_run_equals_an_uninterrupted_one(learn, tmp_path, monkeypatch, step):
     tune = fine_tuning.fine_tune
 
-    def stopped(*arguments, callback, **options):
+    def stopped(*positional, callback, **options):
         def interrupt(record):
             callback(record)
             if record.step == step:
                 raise KeyboardInterrupt
 
-        return tune(*arguments, callback=interrupt, **options)
+        return tune(*positional, callback=interrupt, **options)
 
     with monkeypatch.context() as patched:
         patched.setattr(fine_tuning, "fine_tune", stopped)
-        status, said = learn()
+        status, output = learn()
     assert status == 130
-    assert f"The run so far is kept in {CHECKPOINT}" in said
+    assert f"The run so far is kept in {CHECKPOINT}" in output
     assert OWN not in files(tmp_path)
-    status, said = learn()
+    status, output = learn()
     assert status == 1
-    assert "add --resume" in said
-    status, said = learn("--resume", "--seed", 1)
+    assert "add --resume" in output
+    status, output = learn("--resume", "--seed", 1)
     assert status == 1
-    assert "seed is 0 there and 1 here" in said
+    assert "seed is 0 in the file and 1 in this run" in output
     assert learn("--resume")[0] == 0
     resumed = jl.Network.load(OWN)
     assert learn()[0] == 0
@@ -169,16 +171,16 @@ def test_a_stopped_run_goes_on_as_if_it_had_not_been(learn, tmp_path, monkeypatc
     assert CHECKPOINT not in files(tmp_path)
 
 
-def test_what_learned_nothing_says_so(learn):
-    status, said = learn("--learning-rate", 30)
+def test_a_run_without_improvement_is_reported_and_keeps_the_start(learn):
+    status, output = learn("--learning-rate", 30)
     assert status == 0
-    assert "no improvement" in said
+    assert "no improvement" in output
     start, own = (parameter_vector(jl.Network.load(name)) for name in ("start.safetensors", OWN))
     np.testing.assert_array_equal(start, own)
 
 
 @pytest.mark.parametrize(
-    ("words", "expected"),
+    ("arguments", "expected"),
     [
         (["--device", "tpu"], "device: expected one of cpu, cuda, got 'tpu'"),
         (["--resume"], "there is no stopped run to resume"),
@@ -187,70 +189,72 @@ def test_what_learned_nothing_says_so(learn):
         (["-o", "start.safetensors"], "start.safetensors: this file is read"),
     ],
 )
-def test_bad_input_gets_one_line(learn, tmp_path, words, expected):
-    status, said = learn(*words)
+def test_bad_input_gets_one_line(learn, tmp_path, arguments, expected):
+    status, output = learn(*arguments)
     assert status == 1
-    assert expected in said
-    assert len(said.splitlines()) == 1
+    assert expected in output
+    assert len(output.splitlines()) == 1
     assert OWN not in files(tmp_path)
 
 
 @pytest.mark.parametrize(
-    "words",
+    "arguments",
     [
-        ["pictures"],
-        ["--sensor", "seen.npy"],
+        ["photos"],
+        ["--sensor", "capture.npy"],
         ["--network", "small"],
         ["--trials-range", "1:8"],
-        ["--test", "pictures"],
+        ["--test", "photos"],
         ["--seconds", 9],
         ["--optimizer", "adam"],
         ["--white", 9],
     ],
 )
-def test_options_of_train_are_unknown(learn, tmp_path, words):
-    status, said = learn(*words)
+def test_options_of_train_are_unknown(learn, tmp_path, arguments):
+    status, output = learn(*arguments)
     assert status == 2
-    assert said.startswith("error: Un")
+    assert output.startswith("error: Un")
     assert OWN not in files(tmp_path)
 
 
 @pytest.mark.parametrize(
-    ("sensor", "words", "expected"),
+    ("sensor", "arguments", "expected"),
     [
-        ({"frames": 1}, [], "data: expected pixels of two bits or more"),
+        ({"frames": 1}, [], "data: expected pixels with two bits or more"),
         ({"frames": 300}, [], "or select some of the frames with --frame-range"),
         ({"frames": 4, "kernel": "cubic"}, [], "expected the box kernel, got cubic"),
         ({"frames": 4}, ["--steps", 0], "steps: expected at least 1, got 0"),
-        ({"frames": 4}, ["--learning-rate", 0], "rate: expected a finite number above 0"),
+        ({"frames": 4}, ["--learning-rate", 0], "learning_rate: expected a finite number above 0"),
         ({"frames": 4}, ["--patch", 65], "patch: expected 1 to the 64 pixels"),
     ],
 )
-def test_a_capture_that_cannot_be_learned_from_says_why(learn, tmp_path, sensor, words, expected):
+def test_an_unsuitable_capture_is_refused_with_the_reason(
+    learn, tmp_path, sensor, arguments, expected
+):
     jl.save(jl.Sensor(**sensor).expose(SCENE, rng=0), tmp_path / "other.npy")
-    status, said = learn(*words, capture="other.npy", start=None)
+    status, output = learn(*arguments, capture="other.npy", start=None)
     assert status == 1
-    assert expected in said
-    assert said.splitlines()[-1].startswith("error: ")
+    assert expected in output
+    assert output.splitlines()[-1].startswith("error: ")
     assert OWN not in files(tmp_path)
 
 
-def test_options_of_a_capture_need_one(run, pictures):
-    status, said = run("train", pictures, "-o", OWN, "--rotate", 90)
+def test_capture_options_need_a_capture(run, photo_folder):
+    status, output = run("train", photo_folder, "-o", OWN, "--rotate", 90)
     assert status == 1
-    assert "rotate: is for a capture; name one with --sensor" in said
+    assert "rotate: is for a capture; name one with --sensor" in output
 
 
-def test_another_process_of_several_tells_and_writes_nothing(learn, tmp_path, monkeypatch):
-    tune, seen = fine_tuning.fine_tune, {}
+def test_only_the_first_of_several_processes_prints_and_writes(learn, tmp_path, monkeypatch):
+    tune, received = fine_tuning.fine_tune, {}
 
-    def tuned(*arguments, **options):
-        seen.update(options)
-        return tune(*arguments, **{**options, "checkpoint": None})
+    def tuned(*positional, **options):
+        received.update(options)
+        return tune(*positional, **{**options, "checkpoint": None})
 
-    (tmp_path / CHECKPOINT).write_bytes(b"of the first")
+    (tmp_path / CHECKPOINT).write_bytes(b"of the first process")
     monkeypatch.setattr(fine_tuning, "fine_tune", tuned)
     monkeypatch.setattr(distributed, "rank", lambda: 1)
     assert learn() == (0, "")
-    assert "callback" not in seen
+    assert "callback" not in received
     assert OWN not in files(tmp_path)

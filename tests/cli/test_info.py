@@ -1,4 +1,4 @@
-"""What `jotlight info` tells of files that may be pictures or counts."""
+"""`jotlight info`: files of bits, counts, images, networks, and archives."""
 
 import numpy as np
 import png
@@ -6,66 +6,94 @@ import pytest
 import tifffile
 from PIL import Image
 
+import jotlight as jl
 from jotlight.formats.writing import write_capture
 from jotlight.sensing.provenance import Provenance
 
 COUNTS = np.random.default_rng(0).integers(0, 5, (6, 9), np.uint8)
+
+
 COUNTS[0, :2] = 0, 4
 
 
-def lines(run, *words):
-    status, said = run("info", *words)
+def lines_of(run, *arguments):
+    status, output = run("info", *arguments)
     assert status == 0
-    return [" ".join(line.split()) for line in said.splitlines()]
+    return [" ".join(line.split()) for line in output.splitlines()]
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.tif"])
-def test_levels_may_be_counts_or_a_picture(run, tmp_path, name):
+def test_gray_levels_may_be_counts_or_an_image(run, tmp_path, name):
     if name == "a.png":
         Image.fromarray(COUNTS).save(tmp_path / name)
     else:
         tifffile.imwrite(tmp_path / name, COUNTS)
-    said = lines(run, name)
-    assert "kind counts, or an image" in said
-    assert "counts 0 to 4" in said
-    assert "image float32, 0 to 0.01569" in said
-    assert "values int32, 0 to 4" in lines(run, name, "--counts")
+    lines = lines_of(run, name)
+    assert "kind counts, or an image" in lines
+    assert "counts 0 to 4" in lines
+    assert "image float32, 0 to 0.01569" in lines
+    assert "values int32, 0 to 4" in lines_of(run, name, "--counts")
 
 
-def test_a_stack_of_levels_is_counts(run, tmp_path):
+def test_a_stack_of_gray_levels_is_counts(run, tmp_path):
     tifffile.imwrite(tmp_path / "a.tif", np.stack([COUNTS] * 7), photometric="minisblack")
-    said = lines(run, "a.tif")
-    assert "images 7" in said
-    assert "values int32, 0 to 28" in said
+    lines = lines_of(run, "a.tif")
+    assert "images 7" in lines
+    assert "values int32, 0 to 28" in lines
 
 
-def test_colour_is_a_picture(run, tmp_path):
+def test_a_color_file_is_an_image(run, tmp_path):
     Image.fromarray(np.stack([COUNTS] * 3, axis=2)).save(tmp_path / "a.png")
-    assert "kind image" in lines(run, "a.png")
+    assert "kind image" in lines_of(run, "a.png")
 
 
 @pytest.mark.parametrize("name", ["tiff", "npz"])
-def test_what_we_wrote_is_told_as_counts(run, tmp_path, name):
+def test_counts_written_by_jotlight_are_shown_as_counts(run, tmp_path, name):
     path = "a.tif" if name == "tiff" else "a.npz"
     provenance = Provenance("npy", "cube.npy")
     write_capture(COUNTS.astype(np.int32), tmp_path / path, name, trials=64, provenance=provenance)
-    said = lines(run, path)
-    assert f"format {name}" in said
-    assert "assumed counts out of 64, as the file states" in said
-    assert "from npy, cube.npy" in said
-    assert "values int32, 0 to 4" in said
+    lines = lines_of(run, path)
+    assert f"format {name}" in lines
+    assert "assumed counts out of 64, as the file states" in lines
+    assert "from npy, cube.npy" in lines
+    assert "values int32, 0 to 4" in lines
 
 
 @pytest.mark.parametrize(("depth", "palette"), [(1, False), (2, False), (4, False), (2, True)])
-def test_the_levels_of_a_shallow_png_are_told_as_they_are_read(run, tmp_path, depth, palette):
+def test_the_levels_of_a_png_of_few_bits_are_shown_without_scaling(run, tmp_path, depth, palette):
     levels = np.arange(24).reshape(4, 6) % 2**depth
-    colours = [(80 * level, 0, 255) for level in range(4)] if palette else None
-    with (tmp_path / "a.png").open("wb") as file:
-        kind = {"palette": colours} if palette else {"greyscale": True}
-        png.Writer(6, 4, bitdepth=depth, **kind).write(file, levels.tolist())
-    said = lines(run, "a.png")
+    if palette:
+        colors = [(80 * level, 0, 255) for level in range(4)]
+        with (tmp_path / "a.png").open("wb") as file:
+            png.Writer(6, 4, bitdepth=depth, palette=colors).write(file, levels.tolist())
+    else:
+        png.from_array(levels.tolist(), f"L;{depth}").save(tmp_path / "a.png")
+    lines = lines_of(run, "a.png")
     kind = "bits" if depth == 1 else "counts"
-    assert f"kind {kind}, or an image" in said
-    assert f"{kind} 0 to {2**depth - 1}" in said
-    assert f"--{kind} shows it as a capture" in said
-    assert f"kind {kind}" in lines(run, "a.png", f"--{kind}")
+    assert f"kind {kind}, or an image" in lines
+    assert f"{kind} 0 to {2**depth - 1}" in lines
+    assert f"--{kind} shows it as a capture" in lines
+    assert f"kind {kind}" in lines_of(run, "a.png", f"--{kind}")
+
+
+def test_info_describes_every_kind_of_file(run, photo, tmp_path):
+    assert run("simulate", photo, "-o", "bits.npy")[0] == 0
+    np.save(tmp_path / "counts.npy", np.arange(6).reshape(2, 3))
+    jl.Network.initial(jl.Sensor()).save(tmp_path / "model.safetensors")
+    for name, expected in {
+        "bits.npy": ["160 x 196", "oversampling=4", "ones", "40 x 49"],
+        "counts.npy": ["counts", "2 x 3", "0 to 5"],
+        "model.safetensors": ["kFLOP per pixel", "15 x 15", "150"],
+        "photo.png": ["image", "40 x 49"],
+    }.items():
+        status, output = run("info", name)
+        assert status == 0
+        for text in expected:
+            assert text in output, (name, text)
+
+
+def test_info_lists_the_arrays_of_an_archive(run):
+    np.savez("counts.npz", k1=np.zeros((3, 4), np.uint16), k4=np.zeros((5, 6), np.uint8))
+    output = run("info", "counts.npz")[1]
+    assert "uint16, 3 x 4" in output
+    assert "uint8, 5 x 6" in output

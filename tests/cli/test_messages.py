@@ -1,4 +1,4 @@
-"""On the command line advice speaks of options, and in Python of parameters."""
+"""Messages name options on the command line and parameters in Python."""
 
 import numpy as np
 import pytest
@@ -8,9 +8,9 @@ import jotlight as jl
 
 
 @pytest.fixture
-def seen(tmp_path):
+def capture(tmp_path):
     bits = jl.Sensor(frames=64).expose(np.full((8, 16), 0.5), rng=0)
-    np.save(tmp_path / "seen.npy", bits.packed)
+    np.save(tmp_path / "capture.npy", bits.packed)
     np.save(tmp_path / "counts.npy", np.ones((3, 8, 8), int))
     (tmp_path / "raw.bin").write_bytes(bytes(100))
     scipy.io.savemat(tmp_path / "counts.mat", {"OUTPUT": np.full((8, 16, 4), 7, np.uint8)})
@@ -19,48 +19,48 @@ def seen(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "expected"),
+    ("arguments", "expected"),
     [
-        (["seen.npy", "-t", 16], "take --frame-range 0:16, or --frames 64"),
-        (["seen.npy", "-t", 80], "expected the sensor's 80 frames, got 64; take --frames 64"),
+        (["capture.npy", "-t", 16], "take --frame-range 0:16, or --frames 64"),
+        (["capture.npy", "-t", 80], "expected the sensor's 80 frames, got 64; take --frames 64"),
         (["counts.mat", "-m", "mle"], "got 7 to 7; --counts reads the numbers as counts"),
         (["raw.bin"], "pass --format: swissspad2"),
-        (["seen.npy", "--frame-range", "100:200"], "no frames in 100:200 of 64"),
+        (["capture.npy", "--frame-range", "100:200"], "no frames in 100:200 of 64"),
         (["counts.npy", "-t", 9, "--frame-range", "5:"], "no frames in 5: of 3"),
     ],
 )
-def test_advice_names_options(run, seen, words, expected):
-    status, said = run("reconstruct", *words, "-o", "out.npy")
+def test_advice_names_options(run, capture, arguments, expected):
+    status, output = run("reconstruct", *arguments, "-o", "out.npy")
     assert status == 1
-    [line] = said.splitlines()
+    [line] = output.splitlines()
     assert expected in line
 
 
-def test_advice_on_images_names_options(run, seen):
-    status, said = run("simulate", "deep.npy", "-o", "bits.npy")
+def test_advice_on_images_names_options(run, capture):
+    status, output = run("simulate", "deep.npy", "-o", "bits.npy")
     assert status == 1
-    assert "state the level of intensity 1 with --white, such as" in said
+    assert "state the level of intensity 1 with --white, such as" in output
 
 
-def test_advice_in_python_names_parameters_with_their_options(seen, tmp_path):
+def test_advice_in_python_names_parameters_with_their_options(capture, tmp_path):
     with pytest.raises(ValueError, match=r"bits\[:16\] \(--frame-range 0:16\), or sensor.replace"):
-        jl.mle(seen, jl.Sensor(frames=16))
+        jl.mle(capture, jl.Sensor(frames=16))
     with pytest.raises(ValueError, match=r"format= \(--format\)"):
         jl.open(tmp_path / "raw.bin")
 
 
-def test_a_range_of_frames_is_told_as_it_is_given(run, seen):
-    words = ["reconstruct", "seen.npy", "-m", "mle", "-o", "out.npy"]
-    status, said = run(*words, "--frame-range", "0:64:2")
+def test_a_range_of_frames_is_printed_as_an_option(run, capture):
+    arguments = ["reconstruct", "capture.npy", "-m", "mle", "-o", "out.npy"]
+    status, output = run(*arguments, "--frame-range", "0:64:2")
     assert status == 0
-    assert "npy: frames 0:64:2 of 64\n" in said
-    status, said = run(*words, "--frame-range", "60:")
-    assert "npy: frames 60:64 of 64\n" in said
+    assert "npy: frames 0:64:2 of 64\n" in output
+    status, output = run(*arguments, "--frame-range", "60:")
+    assert "npy: frames 60:64 of 64\n" in output
 
 
-def test_the_sum_of_one_image_is_not_told_of(run, tmp_path):
-    for number, told in ((1, False), (2, True)):
+def test_only_the_sum_of_several_images_is_reported(run, tmp_path):
+    for number, warned in ((1, False), (2, True)):
         np.save("counts.npy", np.ones((number, 8, 8), int))
-        status, said = run("reconstruct", "counts.npy", "-t", 16, "-m", "mle", "-o", "out.npy")
+        status, output = run("reconstruct", "counts.npy", "-t", 16, "-m", "mle", "-o", "out.npy")
         assert status == 0
-        assert ("the sum of a stack of" in said) == told
+        assert ("the sum of a stack of" in output) == warned

@@ -1,4 +1,4 @@
-"""What `reconstruct` writes: units, previews, uncertainty, films."""
+"""The outputs of `reconstruct`: units, previews, uncertainty, and videos."""
 
 import json
 
@@ -27,13 +27,13 @@ def files(folder):
 
 
 @pytest.mark.parametrize("ending", ["npy", "tif", "exr"])
-def test_floats_come_in_photons_and_say_so(run, capture, tmp_path, ending):
+def test_floats_in_photons_record_their_units(run, capture, tmp_path, ending):
     exr = pytest.importorskip("OpenEXR") if ending == "exr" else None
-    status, said = run(
+    status, output = run(
         "reconstruct", "known.npy", "-o", f"a.{ending}", "-m", "mle", "--units", "photons"
     )
     assert status == 0
-    assert "photons per pixel and frame" in said
+    assert "photons per pixel and frame" in output
     expected = jl.mle(capture, SENSOR) * np.float32(0.25)
     path = tmp_path / f"a.{ending}"
     note = None
@@ -47,40 +47,40 @@ def test_floats_come_in_photons_and_say_so(run, capture, tmp_path, ending):
                 note = file.pages[0].description
     assert (found == expected).all()
     if note is not None:
-        about = json.loads(note)
-        assert about["units"] == "detected photons per pixel and frame"
-        assert about["sensor"]["gain"] == 10
-        assert about["provenance"]["name"] == "known.npy"
+        metadata = json.loads(note)
+        assert metadata["units"] == "detected photons per pixel and frame"
+        assert metadata["sensor"]["gain"] == 10
+        assert metadata["provenance"]["name"] == "known.npy"
 
 
 def test_a_capture_of_an_unknown_sensor_is_not_clipped(run, capture, tmp_path):
-    status, said = run("reconstruct", "cube.npy", "--width", 30, "-o", "a.tif", "-m", "mle")
+    status, output = run("reconstruct", "cube.npy", "--width", 30, "-o", "a.tif", "-m", "mle")
     assert status == 0
-    assert "half a count from saturation" in said
-    picture = read_image(tmp_path / "a.tif")
+    assert "half a count from saturation" in output
+    estimate = read_image(tmp_path / "a.tif")
     bits = jl.open(tmp_path / "cube.npy", width=30)
-    assert ((picture == picture.max()) == (bits.counts() == 40)).all()
-    assert picture.max() == np.float32(np.log(80))
+    assert ((estimate == estimate.max()) == (bits.counts() == 40)).all()
+    assert estimate.max() == np.float32(np.log(80))
 
 
-def test_a_preview_stands_beside_the_floats(run, capture, tmp_path):
-    words = ["reconstruct", "known.npy", "-o", "a.npy", "-m", "mle", "--preview", "a.png"]
-    status, said = run(*words, "--curve", "log")
+def test_a_preview_is_written_beside_the_floats(run, capture, tmp_path):
+    arguments = ["reconstruct", "known.npy", "-o", "a.npy", "-m", "mle", "--preview", "a.png"]
+    status, output = run(*arguments, "--curve", "log")
     assert status == 0
-    assert "a.png: image for display" in said
-    shown = read_image(tmp_path / "a.png")
-    assert shown.shape == (24, 30)
-    assert shown.max() > 0.99
-    assert np.median(shown) > 0.8
+    assert "a.png: image for display" in output
+    preview = read_image(tmp_path / "a.png")
+    assert preview.shape == (24, 30)
+    assert preview.max() > 0.99
+    assert np.median(preview) > 0.8
 
 
 @pytest.mark.parametrize("ending", ["npz", "npy", "tif"])
-def test_uncertainty_is_written_in_the_pictures_units(run, capture, tmp_path, ending):
-    words = ["reconstruct", "known.npy", "-o", "a.npy", "--units", "photons"]
-    status, said = run(*words, "--uncertainty", f"u.{ending}", "--level", 0.9)
+def test_uncertainty_is_written_in_the_units_of_the_estimate(run, capture, tmp_path, ending):
+    arguments = ["reconstruct", "known.npy", "-o", "a.npy", "--units", "photons"]
+    status, output = run(*arguments, "--uncertainty", f"u.{ending}", "--level", 0.9)
     assert status == 0
-    assert "by maximum likelihood" in said
-    known = jl.uncertainty(capture, SENSOR, confidence_level=0.9)
+    assert "by maximum likelihood" in output
+    expected = jl.uncertainty(capture, SENSOR, confidence_level=0.9)
     path = tmp_path / f"u.{ending}"
     if ending == "npz":
         with np.load(path) as found:
@@ -88,31 +88,31 @@ def test_uncertainty_is_written_in_the_pictures_units(run, capture, tmp_path, en
             planes = [found[name] for name in ("standard_error", "low", "high", "flags")]
     else:
         planes = list(np.load(path) if ending == "npy" else tifffile.imread(path))
-    np.testing.assert_allclose(planes[0], known.standard_error * 0.25, rtol=1e-6)
-    np.testing.assert_allclose(planes[2], known.high * 0.25, rtol=1e-6)
-    assert (planes[3] == known.flags()).all()
+    np.testing.assert_allclose(planes[0], expected.standard_error * 0.25, rtol=1e-6)
+    np.testing.assert_allclose(planes[2], expected.high * 0.25, rtol=1e-6)
+    assert (planes[3] == expected.flags()).all()
 
 
 @pytest.mark.parametrize("method", ["mle", "noniterative-gaussian"])
-def test_a_film_has_the_pictures_of_its_windows(run, capture, tmp_path, method):
-    words = ["reconstruct", "known.npy", "-m", method, "--window", 16, "--step", 10]
-    status, said = run(*words, "-o", "film.npy", "--units", "photons")
+def test_a_video_has_the_estimate_of_each_window(run, capture, tmp_path, method):
+    arguments = ["reconstruct", "known.npy", "-m", method, "--window", 16, "--step", 10]
+    status, output = run(*arguments, "-o", "video.npy", "--units", "photons")
     assert status == 0
-    assert "3 images of 24 x 30 from 16 frames each" in said
-    assert "4 frames at the end lie in no window" in said
-    found = np.load(tmp_path / "film.npy")
+    assert "3 images of 24 x 30 from 16 frames each" in output
+    assert "4 frames at the end lie in no window" in output
+    found = np.load(tmp_path / "video.npy")
     function = METHODS[method].run
     for number in range(3):
         part = capture[10 * number : 10 * number + 16]
         expected = function(part, part.sensor) * np.float32(0.25)
         np.testing.assert_array_equal(found[number], expected)
-    status, said = run(*words, "-o", "film")
+    status, output = run(*arguments, "-o", "video")
     assert status == 0
-    assert files(tmp_path / "film") == ["00000.png", "00001.png", "00002.png"]
+    assert files(tmp_path / "video") == ["00000.png", "00001.png", "00002.png"]
 
 
 @pytest.mark.parametrize(
-    ("words", "expected"),
+    ("arguments", "expected"),
     [
         (["-o", "a.png", "--units", "photons"], "are for floats"),
         (["-o", "a.npy", "--units", "lux"], "expected one of intensity, photons"),
@@ -140,11 +140,13 @@ def test_a_film_has_the_pictures_of_its_windows(run, capture, tmp_path, method):
         (["-o", "a", "--window", 4, "--depth", 12], "expected 8"),
     ],
 )
-def test_bad_input_gets_one_clear_line_and_leaves_nothing(run, capture, tmp_path, words, expected):
+def test_bad_input_gets_one_clear_line_and_leaves_no_files(
+    run, capture, tmp_path, arguments, expected
+):
     before = files(tmp_path)
-    status, said = run("reconstruct", "known.npy", *words)
+    status, output = run("reconstruct", "known.npy", *arguments)
     assert status == 1
-    [line] = said.splitlines()
+    [line] = output.splitlines()
     assert line.startswith("error: ")
     assert expected in line
     assert files(tmp_path) == before

@@ -1,3 +1,5 @@
+"""`jotlight plan`."""
+
 import numpy as np
 import pytest
 
@@ -6,18 +8,29 @@ import jotlight as jl
 
 def test_the_command_prints_the_required_frames_and_draws_the_figure(run, tmp_path):
     expected = jl.plan(jl.Sensor(threshold=2), (0.1, 2.0), target_psnr=20.0)
-    words = ["plan", "100:2000", "--frame-rate", 1000, "-q", 2, "--target", 20, "--plot", "a.png"]
-    status, said = run(*words)
+    arguments = [
+        "plan",
+        "100:2000",
+        "--frame-rate",
+        1000,
+        "-q",
+        2,
+        "--target",
+        20,
+        "--plot",
+        "a.png",
+    ]
+    status, output = run(*arguments)
     assert status == 0
     assert (
         f"{expected.required_frames} frames ({expected.required_frames / 1000:.3g} s) are enough"
-        in said
+        in output
     )
-    assert f"{expected.psnr[-1]:.1f}" in said
+    assert f"{expected.psnr[-1]:.1f}" in output
     assert (tmp_path / "a.png").stat().st_size > 10_000
-    status, said = run("plan", "0.5", "--frames", 100)
+    status, output = run("plan", "0.5", "--frames", 100)
     assert status == 0
-    assert [line.split()[0] for line in said.splitlines()[1:9]] == [
+    assert [line.split()[0] for line in output.splitlines()[1:9]] == [
         "1", "2", "4", "8", "16", "32", "64", "100",
     ]  # fmt: skip
 
@@ -33,15 +46,15 @@ def test_a_calibration_is_replaced_by_its_median_jot(run):
     calibration.save("c.safetensors")
     median = float(np.median(calibration.dark_counts[~calibration.mask]))
     for more in ([], ["--efficiency", 0.5]):
-        status, said = run("plan", "0.1:2", "--calibration", "c.safetensors", *more)
+        status, output = run("plan", "0.1:2", "--calibration", "c.safetensors", *more)
         assert status == 0
-        assert run("plan", "0.1:2", "-q", 2, "--dark-counts", repr(median), *more) == (0, said)
-    words = ["plan", "0.1:2", "--calibration", "c.safetensors", "--dark-counts", 0.5]
-    assert run(*words)[1] == run("plan", "0.1:2", "-q", 2, "--dark-counts", 0.5)[1]
+        assert run("plan", "0.1:2", "-q", 2, "--dark-counts", repr(median), *more) == (0, output)
+    arguments = ["plan", "0.1:2", "--calibration", "c.safetensors", "--dark-counts", 0.5]
+    assert run(*arguments)[1] == run("plan", "0.1:2", "-q", 2, "--dark-counts", 0.5)[1]
 
 
 @pytest.mark.parametrize(
-    ("words", "expected"),
+    ("arguments", "expected"),
     [
         (["2:1"], "MIN:MAX"),
         (["dim"], "MIN:MAX"),
@@ -50,8 +63,8 @@ def test_a_calibration_is_replaced_by_its_median_jot(run):
         (["1:2", "--frames", 0], "frames: expected"),
     ],
 )
-def test_invalid_arguments_give_one_line_that_names_the_cause(run, words, expected):
-    status, said = run("plan", *words)
+def test_invalid_arguments_get_one_line_that_names_the_cause(run, arguments, expected):
+    status, output = run("plan", *arguments)
     assert status == 1
-    [line] = said.splitlines()
+    [line] = output.splitlines()
     assert expected in line

@@ -1,4 +1,4 @@
-"""What the commands do where there is a trained network for the sensor, and where there is none."""
+"""The choice of the method with and without a trained network for the sensor."""
 
 import shlex
 
@@ -10,143 +10,143 @@ from jotlight.evaluation.methods import METHODS
 from jotlight.images.io import read_image
 from jotlight.networks.pretrained import pretrained, unsupported_message, unsupported_reason
 
-SERVED = jl.Sensor(oversampling=4)
+SUPPORTED = jl.Sensor(oversampling=4)
 OTHER = jl.Sensor(oversampling=2, frames=100)
 DEFAULT_ELSEWHERE = "non-iterative, total variation"
 
 
-def expose(pictures, sensor):
-    bits = sensor.expose(read_image(pictures / "0.png"), rng=0)
+def expose(photo_folder, sensor):
+    bits = sensor.expose(read_image(photo_folder / "0.png"), rng=0)
     jl.save(bits, "bits.npy")
     return bits
 
 
-def test_reconstruct_takes_the_learned_network_where_there_is_one_and_says_so(run, pictures):
-    bits = expose(pictures, SERVED)
-    status, said = run("reconstruct", "bits.npy", "-o", "out.npy")
+def test_reconstruct_uses_the_trained_network_and_prints_its_name(run, photo_folder):
+    bits = expose(photo_folder, SUPPORTED)
+    status, output = run("reconstruct", "bits.npy", "-o", "out.npy")
     assert status == 0
-    assert "by network, medium in" in said
-    assert "trained network" not in said
-    np.testing.assert_array_equal(np.load("out.npy"), pretrained(SERVED).reconstruct(bits))
+    assert "by network, medium in" in output
+    assert "trained network" not in output
+    np.testing.assert_array_equal(np.load("out.npy"), pretrained(SUPPORTED).reconstruct(bits))
     names = {"network-two-layer": "two-layer"} | {
         f"network-{name}": name for name in ("small", "medium", "large")
     }
     for method, quality in names.items():
         assert run("reconstruct", "bits.npy", "-o", "same.npy", "-m", method)[0] == 0
-        expected = pretrained(SERVED, quality).reconstruct(bits)
+        expected = pretrained(SUPPORTED, quality).reconstruct(bits)
         np.testing.assert_array_equal(np.load("same.npy"), expected)
 
 
-def test_reconstruct_says_what_it_takes_instead_and_why_and_how_to_train(run, pictures):
-    bits = expose(pictures, OTHER)
-    status, said = run("reconstruct", "bits.npy", "-o", "out.npy")
+def test_without_a_network_the_chosen_method_and_a_training_command_are_printed(run, photo_folder):
+    bits = expose(photo_folder, OTHER)
+    status, output = run("reconstruct", "bits.npy", "-o", "out.npy")
     assert status == 0
-    assert "noniterative-tv" in said
-    assert "there is no trained network for 400 bits per pixel" in said
-    assert said.endswith(": jotlight train --sensor bits.npy -o model.safetensors\n")
-    assert f"by {DEFAULT_ELSEWHERE} in" in said
+    assert "noniterative-tv" in output
+    assert "there is no trained network for 400 bits per pixel" in output
+    assert output.endswith(": jotlight train --sensor bits.npy -o model.safetensors\n")
+    assert f"by {DEFAULT_ELSEWHERE} in" in output
     expected = METHODS["noniterative-tv"].run(bits, OTHER)
     np.testing.assert_array_equal(np.load("out.npy"), expected)
 
 
-def test_reconstruct_by_the_network_fails_where_there_is_none(run, pictures, tmp_path):
-    expose(pictures, OTHER)
-    status, said = run("reconstruct", "bits.npy", "-o", "out.npy", "-m", "network-two-layer")
+def test_reconstruct_by_a_missing_network_fails(run, photo_folder, tmp_path):
+    expose(photo_folder, OTHER)
+    status, output = run("reconstruct", "bits.npy", "-o", "out.npy", "-m", "network-two-layer")
     assert status == 1
-    assert said.startswith(
+    assert output.startswith(
         f"error: {unsupported_reason(OTHER, 'two-layer')}; train one for this capture"
     )
-    assert said.endswith(": jotlight train --sensor bits.npy -o model.safetensors\n")
+    assert output.endswith(": jotlight train --sensor bits.npy -o model.safetensors\n")
     assert not (tmp_path / "out.npy").exists()
 
 
-def test_a_model_of_ones_own_comes_first_and_nothing_is_said_of_others(run, pictures):
-    for sensor in (SERVED, OTHER):
-        bits = expose(pictures, sensor)
+def test_a_model_file_takes_precedence_without_advice(run, photo_folder):
+    for sensor in (SUPPORTED, OTHER):
+        bits = expose(photo_folder, sensor)
         network = jl.Network.initial(sensor, sigma=1.0)
         network.save("own.safetensors")
-        words = ["reconstruct", "bits.npy", "-o", "out.npy", "--model", "own.safetensors"]
-        status, said = run(*words)
+        arguments = ["reconstruct", "bits.npy", "-o", "out.npy", "--model", "own.safetensors"]
+        status, output = run(*arguments)
         assert status == 0
-        assert "trained network" not in said
+        assert "trained network" not in output
         np.testing.assert_array_equal(np.load("out.npy"), network.reconstruct(bits))
 
 
-def test_an_inverse_asks_for_the_non_iterative_method(run, pictures):
-    bits = expose(pictures, SERVED)
-    words = ["reconstruct", "bits.npy", "-o", "out.npy", "--inverse", "algebraic"]
-    status, said = run(*words)
+def test_the_option_inverse_selects_the_noniterative_method(run, photo_folder):
+    bits = expose(photo_folder, SUPPORTED)
+    arguments = ["reconstruct", "bits.npy", "-o", "out.npy", "--inverse", "algebraic"]
+    status, output = run(*arguments)
     assert status == 0
-    assert f"by {DEFAULT_ELSEWHERE} in" in said
-    expected = METHODS["noniterative-tv"].run(bits, SERVED, inverse="algebraic")
+    assert f"by {DEFAULT_ELSEWHERE} in" in output
+    expected = METHODS["noniterative-tv"].run(bits, SUPPORTED, inverse="algebraic")
     np.testing.assert_array_equal(np.load("out.npy"), expected)
 
 
-def test_options_that_change_the_sensor_decide_whether_there_is_a_network(run, pictures):
-    expose(pictures, SERVED)
-    words = ["reconstruct", "bits.npy", "-o", "out.npy", "--gain", 8]
-    status, said = run(*words)
+def test_options_that_change_the_sensor_decide_whether_there_is_a_network(run, photo_folder):
+    expose(photo_folder, SUPPORTED)
+    arguments = ["reconstruct", "bits.npy", "-o", "out.npy", "--gain", 8]
+    status, output = run(*arguments)
     assert status == 0
-    assert "by network, medium in" in said
-    status, said = run(*words, "-m", "network-two-layer")
+    assert "by network, medium in" in output
+    status, output = run(*arguments, "-m", "network-two-layer")
     assert status == 1
-    assert "0.5 detections per jot" in said
+    assert "0.5 detections per jot" in output
 
 
-def test_counts_are_reconstructed_by_the_network_too(run, pictures):
-    counts = expose(pictures, SERVED).counts(4)
+def test_counts_are_reconstructed_by_the_network(run, photo_folder):
+    counts = expose(photo_folder, SUPPORTED).counts(4)
     np.save("counts.npy", counts)
-    for words in (["-t", 16], ["-k", 4]):
-        status, said = run("reconstruct", "counts.npy", "-o", "out.npy", *words)
+    for arguments in (["-t", 16], ["-k", 4]):
+        status, output = run("reconstruct", "counts.npy", "-o", "out.npy", *arguments)
         assert status == 0
-        assert "by network, medium in" in said
-        expected = pretrained(SERVED).reconstruct(counts, SERVED)
+        assert "by network, medium in" in output
+        expected = pretrained(SUPPORTED).reconstruct(counts, SUPPORTED)
         np.testing.assert_array_equal(np.load("out.npy"), expected)
 
 
-def test_compare_has_the_learned_network_where_there_is_one(run, pictures):
-    status, said = run("compare", pictures / "0.png", "-k", 2, "-t", 4)
+def test_compare_shows_the_trained_network_where_there_is_one(run, photo_folder):
+    status, output = run("compare", photo_folder / "0.png", "-k", 2, "-t", 4)
     assert status == 0
-    assert "network, learned" in said
-    assert "network, initial" in said
-    assert "Without the trained network" not in said
+    assert "network, learned" in output
+    assert "network, initial" in output
+    assert "Without the trained network" not in output
 
 
-def test_compare_leaves_the_learned_network_out_where_there_is_none_and_says_so(run, pictures):
-    status, said = run("compare", pictures / "0.png", "-k", 2, "-t", 3)
+def test_compare_omits_a_missing_network_and_prints_the_reason(run, photo_folder):
+    status, output = run("compare", photo_folder / "0.png", "-k", 2, "-t", 3)
     assert status == 0
-    assert "network, learned" not in said
-    assert "network, medium" in said
-    status, said = run("compare", pictures / "0.png", "-k", 2, "-t", 100)
+    assert "network, learned" not in output
+    assert "network, medium" in output
+    status, output = run("compare", photo_folder / "0.png", "-k", 2, "-t", 100)
     assert status == 0
-    assert "network, medium" not in said
-    assert "network, initial" in said
-    assert "Without the trained network: there is no trained network for 400 bits" in said
-    status, said = run("compare", pictures / "0.png", "-k", 2, "-t", 3, "-m", "mle")
+    assert "network, medium" not in output
+    assert "network, initial" in output
+    assert "Without the trained network: there is no trained network for 400 bits" in output
+    status, output = run("compare", photo_folder / "0.png", "-k", 2, "-t", 3, "-m", "mle")
     assert status == 0
-    assert "trained network" not in said
+    assert "trained network" not in output
 
 
-def test_compare_by_the_network_alone_fails_where_there_is_none(run, pictures, tmp_path):
-    words = ["compare", pictures / "0.png", "-k", 2, "-t", 3, "-m", "mle,network-two-layer"]
-    status, said = run(*words)
+def test_compare_by_a_missing_network_fails(run, photo_folder, tmp_path):
+    arguments = ["compare", photo_folder / "0.png", "-k", 2, "-t", 3, "-m", "mle,network-two-layer"]
+    status, output = run(*arguments)
     assert status == 1
-    assert said.startswith("error: network-two-layer: there is no trained network for 12 bits")
+    assert output.startswith("error: network-two-layer: there is no trained network for 12 bits")
     assert not (tmp_path / "0-compare.png").exists()
 
 
-def test_demo_shows_the_learned_network(run):
-    status, said = run("demo", "--photo", "coins")
+def test_demo_shows_the_trained_network(run):
+    status, output = run("demo", "--photo", "coins")
     assert status == 0
-    assert "network, learned" in said
+    assert "network, learned" in output
 
 
 DARK = np.full((96, 96), 0.3, np.float32)
 DARK[::5] = 2.0
 DARK[::5, ::2] = np.float32(0.05)
 
-# The sensors that have none, and the reason.
-WITHOUT = {
+# Unsupported sensors, by the reason.
+UNSUPPORTED = {
     "30 bits per pixel, only for 9, 16": jl.Sensor(frames=30),
     "the threshold 2, only for 1": jl.Sensor(oversampling=4, threshold=2),
     "0.5 detections per jot": jl.Sensor(oversampling=4, gain=8.0),
@@ -163,23 +163,23 @@ WITHOUT = {
 }
 
 
-@pytest.mark.parametrize(("reason", "sensor"), WITHOUT.items(), ids=WITHOUT)
-def test_a_sensor_without_a_network_gets_the_reason_and_a_command_that_makes_one(
-    run, pictures, reason, sensor
+@pytest.mark.parametrize(("reason", "sensor"), UNSUPPORTED.items(), ids=UNSUPPORTED)
+def test_an_unsupported_sensor_gets_the_reason_and_a_working_training_command(
+    run, photo_folder, reason, sensor
 ):
     with pytest.raises(ValueError, match="there is no trained network for") as caught:
         pretrained(sensor, "two-layer")
     message = str(caught.value)
     assert unsupported_message(sensor, "two-layer") == message
     assert reason in message
-    words = shlex.split(message[message.index("jotlight train ") :])[1:]
-    words[words.index("FOLDER_OF_PHOTOGRAPHS")] = str(pictures)
+    arguments = shlex.split(message[message.index("jotlight train ") :])[1:]
+    arguments[arguments.index("FOLDER_OF_PHOTOGRAPHS")] = str(photo_folder)
     small = ["--steps", 1, "--patch", 24, "--batch", 2, "--optimizer", "adam"]
-    status, said = run(*words, *small)
-    assert status == 0, said
+    status, output = run(*arguments, *small)
+    assert status == 0, output
     side = 96 if sensor.oversampling == 4 else 24
-    jl.save(sensor.expose(read_image(pictures / "0.png"), rng=0), "bits.npy")
+    jl.save(sensor.expose(read_image(photo_folder / "0.png"), rng=0), "bits.npy")
     assert jl.open("bits.npy").shape[1] == side
-    status, said = run("reconstruct", "bits.npy", "-o", "out.npy", "--model", "model.safetensors")
-    assert status == 0, said
+    status, output = run("reconstruct", "bits.npy", "-o", "out.npy", "--model", "model.safetensors")
+    assert status == 0, output
     assert np.isfinite(np.load("out.npy")).all()

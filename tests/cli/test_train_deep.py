@@ -20,31 +20,31 @@ def files(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-def assert_same(one, other):
+def assert_same(first, second):
     np.testing.assert_array_equal(
-        *(parameter_vector(jl.Network.load(name)) for name in (one, other))
+        *(parameter_vector(jl.Network.load(name)) for name in (first, second))
     )
 
 
-def stop(monkeypatch, run, *words, step):
-    """Press Ctrl-C at the end of a step, after the next has begun."""
+def stop(monkeypatch, run, *arguments, step):
+    """Run the command and press Ctrl-C at the end of a step, after the next has begun."""
     learn = training.train
 
-    def stopped(*arguments, callback, **options):
+    def stopped(*positional, callback, **options):
         def interrupt(record):
             callback(record)
             if record.step == step:
                 raise KeyboardInterrupt
 
-        return learn(*arguments, callback=interrupt, **options)
+        return learn(*positional, callback=interrupt, **options)
 
     with monkeypatch.context() as patched:
         patched.setattr(training, "train", stopped)
-        return run("train", "pictures", "-o", NETWORK, *SMALL, *words)
+        return run("train", "photos", "-o", NETWORK, *SMALL, *arguments)
 
 
-def test_a_folder_of_pictures_gives_the_network_that_python_gives(run, pictures, tmp_path):
-    words = [
+def test_a_folder_of_images_trains_the_same_network_as_python(run, photo_folder, tmp_path):
+    arguments = [
         "--learning-rate",
         0.002,
         "--seed",
@@ -52,19 +52,19 @@ def test_a_folder_of_pictures_gives_the_network_that_python_gives(run, pictures,
         "-t",
         2,
         "--test",
-        pictures,
+        photo_folder,
         "--plot",
         "run.png",
     ]
-    status, said = run("train", pictures, "-o", NETWORK, *SMALL, *words)
+    status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, *arguments)
     assert status == 0
-    assert f"{NETWORK}: trained in 3 steps" in said
-    assert "test PSNR" in said
+    assert f"{NETWORK}: trained in 3 steps" in output
+    assert "test PSNR" in output
     sensor = jl.Sensor(oversampling=4, frames=2)
-    images = read_image_set(pictures)[1]
+    images = read_image_set(photo_folder)[1]
     learned, history = jl.torch.train(
-        jl.Network.residual(sensor, "small", rng=7), images, sensor, steps=3, batch=2, rate=0.002,
-        rng=7, test=images, device="cpu", threads=1,
+        jl.Network.residual(sensor, "small", rng=7), images, sensor, steps=3, batch=2,
+        learning_rate=0.002, rng=7, test=images, device="cpu", threads=1,
     )  # fmt: skip
     network = jl.Network.load(NETWORK)
     assert network.sensor == sensor
@@ -72,69 +72,71 @@ def test_a_folder_of_pictures_gives_the_network_that_python_gives(run, pictures,
     assert network.history["records"] == learned.history["records"]
     assert history.steps.tolist() == [0, 1, 2, 3]
     assert np.isfinite(history.test_psnr[-1])
-    assert files(tmp_path) == [NETWORK, "pictures", "run.png"]
+    assert files(tmp_path) == [NETWORK, "photos", "run.png"]
     assert (tmp_path / "run.png").stat().st_size > 10_000
     assert run("info", NETWORK, "--plot", "later.png")[0] == 0
     assert "3 steps of Adam(learning_rate=0.002)" in run("info", NETWORK)[1]
 
 
-def test_a_network_for_any_bits_is_learned_and_improved(run, pictures, tmp_path):
-    words = [*SMALL, "--trials-range", "2:64", "--test", pictures, "--plot", "run.png"]
-    assert run("train", pictures, "-o", NETWORK, *words)[0] == 0
+def test_a_conditional_network_is_trained_and_improved(run, photo_folder, tmp_path):
+    arguments = [*SMALL, "--trials-range", "2:64", "--test", photo_folder, "--plot", "run.png"]
+    assert run("train", photo_folder, "-o", NETWORK, *arguments)[0] == 0
     network = jl.Network.load(NETWORK)
     assert network.trials_range == (2, 64)
     assert (tmp_path / "run.png").stat().st_size > 10_000
-    words = ["--start", NETWORK, *SMALL[2:], "--frames", 4]
-    assert run("train", pictures, "-o", "more.safetensors", *words)[0] == 0
+    arguments = ["--start", NETWORK, *SMALL[2:], "--frames", 4]
+    assert run("train", photo_folder, "-o", "more.safetensors", *arguments)[0] == 0
     more = jl.Network.load("more.safetensors")
     assert more.trials_range == (2, 64)
     assert (parameter_vector(more) != parameter_vector(network)).any()
 
 
-def test_a_network_for_a_capture_is_as_bright_as_it(run):
+def test_a_network_for_a_capture_has_its_brightness(run):
     sensor = jl.Sensor(frames=16)
-    jl.save(sensor.expose(0.3 * jl.datasets.photograph("camera")[:64, :64], rng=0), "seen.npy")
-    status, said = run("train", "--sensor", "seen.npy", "-o", NETWORK, *SMALL)
+    jl.save(sensor.expose(0.3 * jl.datasets.photograph("camera")[:64, :64], rng=0), "capture.npy")
+    status, output = run("train", "--sensor", "capture.npy", "-o", NETWORK, *SMALL)
     assert status == 0
-    assert "trained in 3 steps" in said
+    assert "trained in 3 steps" in output
     assert 0.3 < jl.Network.load(NETWORK).sensor.max_intensity < 0.9
 
 
-def test_synthetic_scenes_are_smaller_than_the_usual_patch(run):
+def test_synthetic_scenes_reduce_the_patch_to_their_size(run):
     assert run("train", "synthetic", "-o", NETWORK, *SMALL, "--steps", 1)[0] == 0
     assert jl.Network.load(NETWORK).history["run"]["patch"] == 32
 
 
 @pytest.mark.parametrize("step", [1, 2])
-def test_a_stopped_run_is_kept_and_resumed_as_if_it_had_not_been(
-    run, pictures, tmp_path, monkeypatch, step
+def test_a_stopped_run_is_kept_and_resumed_to_the_same_network(
+    run, photo_folder, tmp_path, monkeypatch, step
 ):
-    status, said = stop(monkeypatch, run, "--test", "pictures", step=step)
+    status, output = stop(monkeypatch, run, "--test", "photos", step=step)
     assert status == 130
-    assert f"The run so far is kept in {CHECKPOINT}" in said
-    assert files(tmp_path) == [CHECKPOINT, "pictures"]
-    status, said = run("train", "pictures", "-o", NETWORK, *SMALL)
+    assert f"The run so far is kept in {CHECKPOINT}" in output
+    assert files(tmp_path) == [CHECKPOINT, "photos"]
+    status, output = run("train", "photos", "-o", NETWORK, *SMALL)
     assert status == 1
-    assert "add --resume" in said
-    words = [*SMALL, "--test", "pictures"]
-    assert run("train", "pictures", "-o", NETWORK, *words, "--resume")[0] == 0
-    assert run("train", "pictures", "-o", "whole.safetensors", *words)[0] == 0
-    assert_same(NETWORK, "whole.safetensors")
-    one, other = (jl.Network.load(name).history for name in (NETWORK, "whole.safetensors"))
-    assert one == other
+    assert "add --resume" in output
+    arguments = [*SMALL, "--test", "photos"]
+    assert run("train", "photos", "-o", NETWORK, *arguments, "--resume")[0] == 0
+    assert run("train", "photos", "-o", "uninterrupted.safetensors", *arguments)[0] == 0
+    assert_same(NETWORK, "uninterrupted.safetensors")
+    first, second = (
+        jl.Network.load(name).history for name in (NETWORK, "uninterrupted.safetensors")
+    )
+    assert first == second
     assert CHECKPOINT not in files(tmp_path)
 
 
-def test_a_run_without_time_for_all_its_steps_says_so(run, pictures):
-    status, said = run("train", pictures, "-o", NETWORK, *SMALL, "--seconds", 1e-9)
+def test_a_run_out_of_time_reports_its_steps(run, photo_folder):
+    status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, "--seconds", 1e-9)
     assert status == 0
-    assert "trained in 0 of 3 steps" in said or "trained in 1 of 3 steps" in said
+    assert "trained in 0 of 3 steps" in output or "trained in 1 of 3 steps" in output
 
 
 @pytest.mark.parametrize(
-    ("words", "expected"),
+    ("arguments", "expected"),
     [
-        (["--learning-rate", 0], "rate: expected a finite number above 0"),
+        (["--learning-rate", 0], "learning_rate: expected a finite number above 0"),
         (["--device", "tpu"], "device: expected one of cpu, cuda, got 'tpu'"),
         (["--steps", 0], "steps: expected at least 1"),
         (["--patch", 25], "25; image number 0 is 24 x 24"),
@@ -143,52 +145,54 @@ def test_a_run_without_time_for_all_its_steps_says_so(run, pictures):
         (["--trials-range", "1:8"], "the network is for 1 to 8 bits per pixel, got 16"),
     ],
 )
-def test_bad_input_gets_one_line(run, pictures, words, expected):
-    status, said = run("train", pictures, "-o", NETWORK, *SMALL, *words)
+def test_bad_input_gets_one_line(run, photo_folder, arguments, expected):
+    status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, *arguments)
     assert status == 1
-    assert expected in said
-    assert len(said.splitlines()) == 1
+    assert expected in output
+    assert len(output.splitlines()) == 1
 
 
-def test_a_run_that_diverges_says_what_to_lower(run, pictures, tmp_path, monkeypatch):
-    monkeypatch.setattr(Batch, "errors", lambda _, module: module.filters[2].sum() / 0)
-    status, said = run("train", pictures, "-o", NETWORK, *SMALL)
+def test_a_diverging_run_names_the_option_to_lower(run, photo_folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(Batch, "squared_errors", lambda _, module: module.filters[2].sum() / 0)
+    status, output = run("train", photo_folder, "-o", NETWORK, *SMALL)
     assert status == 1
-    assert "now 0.003" in said
-    assert "Start again with --restart and --learning-rate" in said
-    assert files(tmp_path) == ["pictures"]
+    advice = "lower the learning rate, now 0.003. Start again with --restart and --learning-rate"
+    assert advice in output
+    assert files(tmp_path) == ["photos"]
 
 
-def test_a_gpu_that_is_not_there_is_not_taken(run, pictures):
+def test_a_missing_gpu_is_an_error(run, photo_folder):
     if torch.cuda.is_available():
         pytest.skip("there is one")
-    status, said = run("train", pictures, "-o", NETWORK, *SMALL, "--device", "cuda")
+    status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, "--device", "cuda")
     assert status == 1
-    assert "PyTorch finds no GPU" in said
+    assert "PyTorch finds no GPU" in output
 
 
-def test_another_process_of_several_tells_and_writes_nothing(run, pictures, tmp_path, monkeypatch):
-    learn, seen = training.train, {}
+def test_only_the_first_of_several_processes_prints_and_writes(
+    run, photo_folder, tmp_path, monkeypatch
+):
+    learn, received = training.train, {}
 
-    def learned(*arguments, checkpoint, **options):
-        # The first process alone writes it, which this one does not know here.
-        seen.update(options, checkpoint=checkpoint)
-        return learn(*arguments, **options)
+    def learned(*positional, checkpoint, **options):
+        # Only the first process writes it, and this test runs in one process.
+        received.update(options, checkpoint=checkpoint)
+        return learn(*positional, **options)
 
-    (tmp_path / CHECKPOINT).write_bytes(b"of the first")
+    (tmp_path / CHECKPOINT).write_bytes(b"of the first process")
     monkeypatch.setattr(training, "train", learned)
     monkeypatch.setattr(distributed, "rank", lambda: 1)
-    status, said = run("train", pictures, "-o", NETWORK, *SMALL, "--plot", "run.png")
-    assert (status, said) == (0, "")
-    assert seen["checkpoint"].name == CHECKPOINT
-    assert "callback" not in seen
-    assert files(tmp_path) == [CHECKPOINT, "pictures"]
-    status, said = run("train", pictures, "-o", NETWORK, *SMALL, "--learning-rate", -1)
+    status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, "--plot", "run.png")
+    assert (status, output) == (0, "")
+    assert received["checkpoint"].name == CHECKPOINT
+    assert "callback" not in received
+    assert files(tmp_path) == [CHECKPOINT, "photos"]
+    status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, "--learning-rate", -1)
     assert status == 1
-    assert said.startswith("error: rate: expected a finite number above 0")
+    assert output.startswith("error: learning_rate: expected a finite number above 0")
 
 
-def test_files_keep_some_of_the_records():
+def test_long_histories_are_subsampled():
     history = History.from_json(
         {
             "step": list(range(20_001)),

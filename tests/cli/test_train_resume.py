@@ -1,3 +1,5 @@
+"""`jotlight train`: stopped, resumed, and failed runs."""
+
 import contextlib
 import errno
 import signal
@@ -20,36 +22,36 @@ def files(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-def assert_same(one, other):
+def assert_same(first, second):
     np.testing.assert_array_equal(
-        *(parameter_vector(jl.Network.load(name)) for name in (one, other))
+        *(parameter_vector(jl.Network.load(name)) for name in (first, second))
     )
 
 
-def stop(monkeypatch, run, pictures, *words, step=1):
-    """Press Ctrl-C at the end of a step."""
+def stop(monkeypatch, run, photo_folder, *arguments, step=1):
+    """Run the command and press Ctrl-C at the end of a step."""
     learn = jl.training.train
 
-    def stopped(*arguments, callback, **options):
+    def stopped(*positional, callback, **options):
         def interrupt(record):
             callback(record)
             if record.step == step:
                 raise KeyboardInterrupt
 
-        return learn(*arguments, callback=interrupt, **options)
+        return learn(*positional, callback=interrupt, **options)
 
     with monkeypatch.context() as patched:
         patched.setattr(jl.training, "train", stopped)
-        return run("train", pictures, "-o", NETWORK, *SMALL, *words)
+        return run("train", photo_folder, "-o", NETWORK, *SMALL, *arguments)
 
 
 @contextlib.contextmanager
 def long_run(folder):
-    """Start a run in a program of its own and wait until it has taken some steps."""
-    words = ["train", "pictures", "-o", NETWORK, *map(str, LONG)]
+    """Start a run in another process and wait until it has taken some steps."""
+    arguments = ["train", "photos", "-o", NETWORK, *map(str, LONG)]
     # A shell lets its background jobs ignore SIGINT, and these tests may be one.
     code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
-    code += f"import sys; sys.argv = ['jotlight', *{words!r}];"
+    code += f"import sys; sys.argv = ['jotlight', *{arguments!r}];"
     code += "from jotlight.cli.app import main; main()"
     with subprocess.Popen(
         [sys.executable, "-c", code], cwd=folder, stderr=subprocess.PIPE, text=True
@@ -62,33 +64,32 @@ def long_run(folder):
             child.kill()
 
 
-def test_ctrl_c_keeps_the_run_and_resuming_it_gives_the_network_of_one_that_was_not_stopped(
-    run, pictures, tmp_path
-):
+@pytest.mark.slow
+def test_a_run_stopped_by_ctrl_c_resumes_to_the_same_network(run, photo_folder, tmp_path):
     with long_run(tmp_path) as child:
         child.send_signal(signal.SIGINT)
-        _, said = child.communicate(timeout=20)
+        _, output = child.communicate(timeout=20)
     assert child.returncode == 130
-    assert f"The run so far is kept in {CHECKPOINT}" in said
-    assert "--resume" in said
-    assert "error: stopped" in said
-    assert "Traceback" not in said
-    assert files(tmp_path) == [CHECKPOINT, "pictures"]
+    assert f"The run so far is kept in {CHECKPOINT}" in output
+    assert "--resume" in output
+    assert "error: stopped" in output
+    assert "Traceback" not in output
+    assert files(tmp_path) == [CHECKPOINT, "photos"]
     assert np.isfinite(load_file(CHECKPOINT)["vector"]).all()
-    status, said = run("train", "pictures", "-o", NETWORK, *LONG, "--resume")
+    status, output = run("train", "photos", "-o", NETWORK, *LONG, "--resume")
     assert status == 0
-    assert "step 0/600" not in said
-    assert "step 600/600" in said
-    assert files(tmp_path) == [NETWORK, "pictures"]
-    assert run("train", "pictures", "-o", "whole.safetensors", *LONG)[0] == 0
-    assert_same(NETWORK, "whole.safetensors")
+    assert "step 0/600" not in output
+    assert "step 600/600" in output
+    assert files(tmp_path) == [NETWORK, "photos"]
+    assert run("train", "photos", "-o", "uninterrupted.safetensors", *LONG)[0] == 0
+    assert_same(NETWORK, "uninterrupted.safetensors")
 
 
-def test_terminating_keeps_the_run_and_leaves_nothing_else(pictures, tmp_path):
+def test_a_terminated_run_leaves_only_its_checkpoint(photo_folder, tmp_path):
     with long_run(tmp_path) as child:
         child.terminate()
         assert child.wait(timeout=20) == 143
-    assert files(tmp_path) == [CHECKPOINT, "pictures"]
+    assert files(tmp_path) == [CHECKPOINT, "photos"]
     assert np.isfinite(load_file(tmp_path / CHECKPOINT)["vector"]).all()
 
 
@@ -96,201 +97,205 @@ def test_terminating_keeps_the_run_and_leaves_nothing_else(pictures, tmp_path):
     ("optimizer", "step"),
     [("adam", 0), ("adam", 3), ("projected-gradient", 2), ("gauss-newton", 0)],
 )
-def test_a_run_stopped_at_any_step_is_resumed(
-    run, pictures, tmp_path, monkeypatch, step, optimizer
+def test_a_run_stopped_at_any_step_resumes_to_the_same_network(
+    run, photo_folder, tmp_path, monkeypatch, step, optimizer
 ):
-    words = [
+    arguments = [
         "--optimizer",
         optimizer,
         "--steps",
         3 if step else 1,
         "--test",
-        "pictures",
+        "photos",
         "--threads",
         1,
     ]
-    status, said = stop(monkeypatch, run, "pictures", *words, step=step)
+    status, output = stop(monkeypatch, run, "photos", *arguments, step=step)
     assert status == 130
-    assert "--resume" in said
-    assert files(tmp_path) == [CHECKPOINT, "pictures"]
-    assert run("train", "pictures", "-o", NETWORK, *SMALL, *words, "--resume")[0] == 0
-    assert run("train", "pictures", "-o", "whole.safetensors", *SMALL, *words)[0] == 0
-    assert_same(NETWORK, "whole.safetensors")
-    one, other = (jl.Network.load(name).history for name in (NETWORK, "whole.safetensors"))
-    assert one == other
+    assert "--resume" in output
+    assert files(tmp_path) == [CHECKPOINT, "photos"]
+    assert run("train", "photos", "-o", NETWORK, *SMALL, *arguments, "--resume")[0] == 0
+    assert run("train", "photos", "-o", "uninterrupted.safetensors", *SMALL, *arguments)[0] == 0
+    assert_same(NETWORK, "uninterrupted.safetensors")
+    first, second = (
+        jl.Network.load(name).history for name in (NETWORK, "uninterrupted.safetensors")
+    )
+    assert first == second
     assert CHECKPOINT not in files(tmp_path)
 
 
-def test_ctrl_c_before_there_is_a_checkpoint_promises_none(run, pictures, tmp_path, monkeypatch):
-    """As while the images are looked through."""
+def test_ctrl_c_before_the_first_checkpoint_mentions_none(run, photo_folder, tmp_path, monkeypatch):
+    """The images are still being read at that time."""
 
     def stopped(*_, **__):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(jl.training, "train", stopped)
-    status, said = run("train", pictures, "-o", NETWORK, *SMALL)
+    status, output = run("train", photo_folder, "-o", NETWORK, *SMALL)
     assert status == 130
-    assert files(tmp_path) == ["pictures"]
-    assert "is kept in" not in said
+    assert files(tmp_path) == ["photos"]
+    assert "is kept in" not in output
 
 
-def test_a_stopped_run_is_not_overwritten_unasked(run, pictures, tmp_path, monkeypatch):
-    stop(monkeypatch, run, pictures)
+def test_a_stopped_run_is_not_overwritten_without_restart(run, photo_folder, tmp_path, monkeypatch):
+    stop(monkeypatch, run, photo_folder)
     before = (tmp_path / CHECKPOINT).read_bytes()
-    status, said = run("train", pictures, "-o", NETWORK, *SMALL)
+    status, output = run("train", photo_folder, "-o", NETWORK, *SMALL)
     assert status == 1
-    assert said.startswith(f"error: {CHECKPOINT}: a run to this output was stopped")
-    assert "--resume" in said
-    assert "--restart" in said
+    assert output.startswith(f"error: {CHECKPOINT}: a run to this output was stopped")
+    assert "--resume" in output
+    assert "--restart" in output
     assert (tmp_path / CHECKPOINT).read_bytes() == before
-    assert files(tmp_path) == [CHECKPOINT, "pictures"]
+    assert files(tmp_path) == [CHECKPOINT, "photos"]
 
 
-def test_restart_begins_anew(run, pictures, tmp_path, monkeypatch):
-    stop(monkeypatch, run, pictures)
-    status, said = run("train", pictures, "-o", NETWORK, *SMALL, "--seed", 4, "--restart")
+def test_restart_starts_a_new_run(run, photo_folder, tmp_path, monkeypatch):
+    stop(monkeypatch, run, photo_folder)
+    status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, "--seed", 4, "--restart")
     assert status == 0
-    assert "step 0/3" in said
-    assert files(tmp_path) == [NETWORK, "pictures"]
-    assert run("train", pictures, "-o", "whole.safetensors", *SMALL, "--seed", 4)[0] == 0
-    assert_same(NETWORK, "whole.safetensors")
+    assert "step 0/3" in output
+    assert files(tmp_path) == [NETWORK, "photos"]
+    assert (
+        run("train", photo_folder, "-o", "uninterrupted.safetensors", *SMALL, "--seed", 4)[0] == 0
+    )
+    assert_same(NETWORK, "uninterrupted.safetensors")
 
 
-def test_restart_without_a_stopped_run_just_begins(run, pictures):
-    assert run("train", pictures, "-o", NETWORK, *SMALL, "--restart")[0] == 0
+def test_restart_without_a_stopped_run_starts_a_run(run, photo_folder):
+    assert run("train", photo_folder, "-o", NETWORK, *SMALL, "--restart")[0] == 0
 
 
 @pytest.mark.parametrize(
     "mistake", [["--optimizer", "sgd"], ["--start", "none.safetensors"], ["--patch", 99]], ids=str
 )
 def test_restart_with_a_mistake_keeps_the_stopped_run(
-    run, pictures, tmp_path, monkeypatch, mistake
+    run, photo_folder, tmp_path, monkeypatch, mistake
 ):
-    stop(monkeypatch, run, pictures)
+    stop(monkeypatch, run, photo_folder)
     before = (tmp_path / CHECKPOINT).read_bytes()
-    assert run("train", pictures, "-o", NETWORK, *SMALL, "--restart", *mistake)[0] == 1
+    assert run("train", photo_folder, "-o", NETWORK, *SMALL, "--restart", *mistake)[0] == 1
     assert (tmp_path / CHECKPOINT).exists()
     assert (tmp_path / CHECKPOINT).read_bytes() == before
 
 
 @pytest.mark.parametrize(
-    ("words", "difference"),
+    ("arguments", "difference"),
     [
-        (["--batch", 5], "batch is 4 there and 5 here"),
-        (["--seed", 5], "seed is 0 there and 5 here"),
-        (["--steps", 5], "steps is 3 there and 5 here"),
+        (["--batch", 5], "batch is 4 in the file and 5 in this run"),
+        (["--seed", 5], "seed is 0 in the file and 5 in this run"),
+        (["--steps", 5], "steps is 3 in the file and 5 in this run"),
         (["--learning-rate", 0.5], "learning_rate=0.01"),
         (["--optimizer", "gauss-newton"], "optimizer is 'Adam("),
         (["--sigma", 0.5], "different network"),
         (["-k", 3], "sensor is"),
-        (["--test", "pictures"], "different test"),
+        (["--test", "photos"], "different test"),
     ],
     ids=str,
 )
 def test_resuming_with_other_options_names_them_and_keeps_the_run(
-    run, pictures, tmp_path, monkeypatch, words, difference
+    run, photo_folder, tmp_path, monkeypatch, arguments, difference
 ):
-    stop(monkeypatch, run, pictures)
+    stop(monkeypatch, run, photo_folder)
     before = (tmp_path / CHECKPOINT).read_bytes()
-    status, said = run("train", pictures, "-o", NETWORK, *SMALL, "--resume", *words)
+    status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, "--resume", *arguments)
     assert status == 1
-    assert said.startswith(f"error: {CHECKPOINT}: this checkpoint is of another run: ")
-    assert difference in said
+    assert output.startswith(f"error: {CHECKPOINT}: this checkpoint belongs to another run: ")
+    assert difference in output
     assert (tmp_path / CHECKPOINT).read_bytes() == before
-    assert files(tmp_path) == [CHECKPOINT, "pictures"]
+    assert files(tmp_path) == [CHECKPOINT, "photos"]
 
 
-def test_resuming_with_other_pictures_says_so(run, pictures, monkeypatch):
-    stop(monkeypatch, run, pictures)
-    (pictures / "1.png").unlink()
-    status, said = run("train", pictures, "-o", NETWORK, *SMALL, "--resume")
+def test_resuming_with_other_images_is_refused(run, photo_folder, monkeypatch):
+    stop(monkeypatch, run, photo_folder)
+    (photo_folder / "1.png").unlink()
+    status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, "--resume")
     assert status == 1
-    assert "different images" in said
+    assert "different images" in output
 
 
-@pytest.mark.parametrize("share", [0, 0.5, 0.99])
-def test_a_damaged_checkpoint_is_named_and_kept(run, pictures, tmp_path, monkeypatch, share):
-    stop(monkeypatch, run, pictures)
+@pytest.mark.parametrize("fraction", [0, 0.5, 0.99])
+def test_a_damaged_checkpoint_is_named_and_kept(run, photo_folder, tmp_path, monkeypatch, fraction):
+    stop(monkeypatch, run, photo_folder)
     whole = (tmp_path / CHECKPOINT).read_bytes()
-    (tmp_path / CHECKPOINT).write_bytes(whole[: int(share * len(whole))])
-    status, said = run("train", pictures, "-o", NETWORK, *SMALL, "--resume")
+    (tmp_path / CHECKPOINT).write_bytes(whole[: int(fraction * len(whole))])
+    status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, "--resume")
     assert status == 1
-    assert said.startswith(f"error: {CHECKPOINT}: ")
-    assert len(said.splitlines()) == 1
-    assert files(tmp_path) == [CHECKPOINT, "pictures"]
+    assert output.startswith(f"error: {CHECKPOINT}: ")
+    assert len(output.splitlines()) == 1
+    assert files(tmp_path) == [CHECKPOINT, "photos"]
 
 
-def test_a_run_that_diverges_says_what_to_lower_and_keeps_its_last_checkpoint(
-    run, pictures, tmp_path
+def test_a_diverging_run_names_the_option_to_lower_and_keeps_its_checkpoint(
+    run, photo_folder, tmp_path
 ):
-    words = [*SMALL, "--steps", 300, "--optimizer", "projected-gradient"]
-    status, said = run("train", pictures, "-o", NETWORK, *words, "--learning-rate", 1000)
+    arguments = [*SMALL, "--steps", 300, "--optimizer", "projected-gradient"]
+    status, output = run("train", photo_folder, "-o", NETWORK, *arguments, "--learning-rate", 1000)
     assert status == 1
-    *steps, line = said.splitlines()
+    *steps, line = output.splitlines()
     assert all(step.startswith("step ") for step in steps)
     assert line.startswith("error: step ")
     assert "diverges" in line
     assert "lower its learning_rate" in line
-    assert files(tmp_path) == [CHECKPOINT, "pictures"]
+    assert files(tmp_path) == [CHECKPOINT, "photos"]
     assert np.isfinite(load_file(tmp_path / CHECKPOINT)["vector"]).all()
-    again = [*words, "--learning-rate", 1e-6, "--steps", 3, "--restart"]
-    assert run("train", pictures, "-o", NETWORK, *again)[0] == 0
-    assert files(tmp_path) == [NETWORK, "pictures"]
+    again = [*arguments, "--learning-rate", 1e-6, "--steps", 3, "--restart"]
+    assert run("train", photo_folder, "-o", NETWORK, *again)[0] == 0
+    assert files(tmp_path) == [NETWORK, "photos"]
 
 
-def test_a_full_disk_at_the_end_keeps_the_run(run, pictures, tmp_path, monkeypatch):
+def test_a_full_disk_at_the_end_keeps_the_run(run, photo_folder, tmp_path, monkeypatch):
     def full(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patched:
         patched.setattr(jl.Network, "save", full)
-        status, said = run("train", pictures, "-o", NETWORK, *SMALL)
+        status, output = run("train", photo_folder, "-o", NETWORK, *SMALL)
     assert status == 1
-    assert f"error: cannot write {NETWORK}: No space left on device" in said
-    assert files(tmp_path) == ["net.checkpoint.safetensors", "pictures"]
-    assert run("train", pictures, "-o", NETWORK, *SMALL, "--resume")[0] == 0
-    assert run("train", pictures, "-o", "whole.safetensors", *SMALL)[0] == 0
-    assert_same(NETWORK, "whole.safetensors")
+    assert f"error: cannot write {NETWORK}: No space left on device" in output
+    assert files(tmp_path) == ["net.checkpoint.safetensors", "photos"]
+    assert run("train", photo_folder, "-o", NETWORK, *SMALL, "--resume")[0] == 0
+    assert run("train", photo_folder, "-o", "uninterrupted.safetensors", *SMALL)[0] == 0
+    assert_same(NETWORK, "uninterrupted.safetensors")
 
 
-def test_a_run_that_has_no_time_for_all_its_steps_says_so(run, pictures, tmp_path):
-    status, said = run("train", pictures, "-o", NETWORK, *SMALL, "--seconds", 1e-9)
+def test_a_run_out_of_time_reports_its_steps_and_the_option(run, photo_folder, tmp_path):
+    status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, "--seconds", 1e-9)
     assert status == 0
-    assert f"{NETWORK}: trained in 1 of 3 steps and " in said
-    assert "; a larger --seconds allows more" in said
-    assert files(tmp_path) == [NETWORK, "pictures"]
+    assert f"{NETWORK}: trained in 1 of 3 steps and " in output
+    assert "; a larger --seconds allows more" in output
+    assert files(tmp_path) == [NETWORK, "photos"]
     assert len(jl.Network.load(NETWORK).history["records"]["loss"]) == 2
 
 
 @pytest.mark.parametrize(
-    ("words", "seconds"),
+    ("arguments", "seconds"),
     [
         ([], None),
-        (["--sensor", "seen.npy"], 45.0),
-        (["--sensor", "seen.npy", "--steps", 3], None),
-        (["--sensor", "seen.npy", "--steps", 3, "--seconds", 9], 9.0),
+        (["--sensor", "capture.npy"], 45.0),
+        (["--sensor", "capture.npy", "--steps", 3], None),
+        (["--sensor", "capture.npy", "--steps", 3, "--seconds", 9], 9.0),
         (["--seconds", 9], 9.0),
     ],
 )
-def test_learning_for_a_capture_has_a_time_unless_it_is_told_its_steps(
-    run, pictures, monkeypatch, words, seconds
+def test_training_for_a_capture_has_a_time_limit_unless_steps_are_set(
+    run, photo_folder, monkeypatch, arguments, seconds
 ):
-    jl.save(jl.Sensor(frames=4).expose(np.full((16, 16), 0.5), rng=0), "seen.npy")
+    jl.save(jl.Sensor(frames=4).expose(np.full((16, 16), 0.5), rng=0), "capture.npy")
     found = []
 
     def learn(*_, **options):
         found.append(options["seconds"])
-        raise ValueError("seen enough")
+        raise ValueError("stop here")
 
     monkeypatch.setattr(jl.training, "train", learn)
-    assert "seen enough" in run("train", pictures, "-o", NETWORK, *words)[1]
+    assert "stop here" in run("train", photo_folder, "-o", NETWORK, *arguments)[1]
     assert found == [seconds]
 
 
-def test_a_disk_that_is_full_from_the_start_is_named(pictures, tmp_path):
+def test_a_disk_that_is_full_from_the_start_is_reported(photo_folder, tmp_path):
     pytest.importorskip("resource")
     code = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000));"
-    code += f"sys.argv = ['jotlight', 'train', 'pictures', '-o', {NETWORK!r}, "
+    code += f"sys.argv = ['jotlight', 'train', 'photos', '-o', {NETWORK!r}, "
     code += f"*{list(map(str, SMALL))!r}]; from jotlight.cli.app import main; main()"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True
@@ -299,4 +304,4 @@ def test_a_disk_that_is_full_from_the_start_is_named(pictures, tmp_path):
     assert "error: cannot write net." in done.stderr
     assert "too large" in done.stderr
     assert "Traceback" not in done.stderr
-    assert files(tmp_path) == ["pictures"]
+    assert files(tmp_path) == ["photos"]

@@ -129,7 +129,9 @@ class TestFailure:
     def test_another_file_than_expected_is_not_kept(self, site, url, cache):
         (site / "some.bin").write_bytes(b"another")
         some = source(site, url, "some.bin", sha256="0" * 64)
-        with pytest.raises(ValueError, match=r"some\.bin with the SHA-256 0{64}, but got another") as e:
+        with pytest.raises(
+            ValueError, match=r"some\.bin with the SHA-256 0{64}, but got another"
+        ) as e:
             fetch.fetch(some, ["some.bin"])
         assert "--data DIR" in str(e.value)
         assert not files_in(cache)

@@ -8,10 +8,11 @@ import runpy
 import shlex
 import subprocess
 import sys
-from importlib.util import find_spec
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 import jotlight
 
@@ -47,18 +48,24 @@ def test_every_public_name_is_documented(name):
     assert name == "__version__" or (documented and len(documented) > 20)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def page_cases() -> Iterator[object]:
+    """Yield a test case per page. The pages that run commands are slow."""
+    for page in PAGES:
+        is_slow = blocks(page, "sh") and page.name != "README.md"
+        name = str(page.relative_to(ROOT))
+        yield pytest.param(page, id=name, marks=[pytest.mark.slow] if is_slow else [])
+
+
+@pytest.mark.parametrize("page", list(page_cases()))
 def test_the_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     code = page.read_text("utf-8")
-    if "jotlight.torch" in code:
+    if "jotlight.torch" in code or "--network" in "".join(blocks(page, "sh")):
         pytest.importorskip("torch")
     names: dict[str, object] = {}
     for language, block in re.findall(r"^```(python|sh)\n(.*?)^```", code, re.S | re.M):
         if language == "python":
             exec(compile(block, page.name, "exec"), names)
-        elif "--network" in block and find_spec("torch") is None:
-            continue
         elif page.name != "README.md":  # its sh blocks install the package itself
             for line in block.splitlines():
                 run_command(line)
@@ -93,11 +100,22 @@ def test_the_example_runs(path, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", [str(path), "--quick"])
     runpy.run_path(str(path), run_name="__main__")
+    with Image.open(tmp_path / f"{path.stem}.png") as figure:
+        assert min(figure.size) > 100
 
 
-def test_there_are_examples_and_pages():
-    assert EXAMPLES
-    assert len(PAGES) > 5
+def test_there_are_six_examples_of_less_than_60_lines():
+    assert len(EXAMPLES) == 6
+    for path in EXAMPLES:
+        assert len(path.read_text("utf-8").splitlines()) < 60
+
+
+@pytest.mark.parametrize("page", [*PAGES, *ROOT.glob("*.md")], ids=lambda page: page.name)
+def test_scripts_named_in_a_page_exist(page):
+    for name in re.findall(
+        r"python ((?:benchmarks|tools|examples|fuzz)/[\w/.]+\.py)", page.read_text()
+    ):
+        assert (ROOT / name).is_file(), name
 
 
 def test_import_loads_nothing_heavy():
@@ -114,9 +132,25 @@ def test_import_loads_nothing_heavy():
 
 def test_the_paper_map_names_functions_and_tests_that_exist():
     rows = (ROOT / "docs/theory/paper_map.md").read_text("utf-8")
-    for module, name in re.findall(r"`jotlight\.(\w+)\.(\w+)`", rows):
-        assert hasattr(importlib.import_module(f"jotlight.{module}"), name), (module, name)
-    tests = re.findall(r"`(tests/[\w/]+\.py)`", rows)
-    assert tests
-    for path in tests:
-        assert (ROOT / path).is_file(), path
+    names = set(re.findall(r"`([^`]+)`", rows))
+    dotted = {name for name in names if re.fullmatch(r"jotlight(\.\w+)+", name)}
+    rust = {name for name in names if name.endswith(".rs")}
+    python = {name for name in names if name.endswith(".py")}
+    assert names - dotted - rust - python == {"crates/jotlight/src", "start"}
+    for name in dotted:
+        pkgutil.resolve_name(name)
+    assert rust
+    for name in rust:
+        assert (ROOT / "crates/jotlight/src" / name).is_file(), name
+    assert any(name.startswith("tests/") for name in python)
+    for name in python:
+        assert (ROOT / name).is_file(), name
+
+
+def test_every_equation_of_the_paper_map_has_code_and_tests():
+    page = (ROOT / "docs/theory/paper_map.md").read_text("utf-8")
+    equations = page.split("## Experiments")[0].split("| --- |\n")[1]
+    for row in equations.strip().splitlines():
+        _, equation, _, where, tests, *_ = row.split("|")
+        assert "`" in where, equation
+        assert "`tests/" in tests, equation

@@ -229,7 +229,8 @@ def test_python_objects_are_refused(tmp_path, ending):
 @pytest.mark.parametrize("ending", [".npy", ".npz"])
 def test_an_array_of_another_shape_or_type_is_refused(tmp_path, stack, ending):
     path = save_as(tmp_path / f"a{ending}", stack)
-    with pytest.raises(ValueError, match=rf"a\{ending}: expected an array of images \(N, H, W\)"):
+    message = rf"a\{ending}: expected a numeric array of images \(N, H, W\)"
+    with pytest.raises(ValueError, match=message):
         read_image_set(path)
 
 

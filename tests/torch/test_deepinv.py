@@ -1,4 +1,4 @@
-"""The solvers of deepinv on our sensor."""
+"""The adapters for deepinv, and its solvers on our sensor."""
 
 import numpy as np
 import pytest
@@ -24,19 +24,20 @@ SENSORS = {
 }
 
 
-def seen(sensor, **options):
+def physics_and_data(sensor, **options):
+    """Return the physics of a sensor, and random data of IMAGE."""
     physics = SensorPhysics(sensor, generator=torch.Generator().manual_seed(0), **options)
     return physics, physics(torch.from_numpy(IMAGE)[None, None])
 
 
-def quality(estimate):
+def psnr(estimate):
     return jl.metrics.psnr(np.asarray(estimate).squeeze(), IMAGE, peak=1.0)
 
 
 @pytest.mark.parametrize("output", ["counts", "bits"])
 @pytest.mark.parametrize("sensor", SENSORS.values(), ids=SENSORS)
-def test_the_forward_model_draws_about_what_it_expects(sensor, output):
-    physics, y = seen(sensor, output=output)
+def test_random_data_have_the_mean_of_the_forward_model(sensor, output):
+    physics, y = physics_and_data(sensor, output=output)
     expected = physics.A(torch.from_numpy(IMAGE)[None, None])
     assert y.shape == expected.shape
     assert abs(y.mean() / expected.mean() - 1) < 0.05
@@ -47,18 +48,18 @@ def test_the_forward_model_draws_about_what_it_expects(sensor, output):
     assert torch.equal(physics.A_adjoint(y), physics.A_dagger(y))
 
 
-def test_the_derivative_of_the_forward_model_is_that_of_differences():
-    physics, _ = seen(jl.Sensor(oversampling=3, kernel="cubic", threshold=2, gain=30.0))
+def test_the_vector_jacobian_product_agrees_with_finite_differences():
+    physics, _ = physics_and_data(jl.Sensor(oversampling=3, kernel="cubic", threshold=2, gain=30.0))
     rng = torch.Generator().manual_seed(1)
-    x, way = (torch.rand(1, 1, 6, 7, generator=rng, dtype=torch.float64) for _ in range(2))
+    x, direction = (torch.rand(1, 1, 6, 7, generator=rng, dtype=torch.float64) for _ in range(2))
     v = torch.randn(1, 1, 6, 7, generator=rng, dtype=torch.float64)
-    change = (physics.A(x + 1e-6 * way) - physics.A(x - 1e-6 * way)) / 2e-6
-    pushed = physics.A_vjp(x, v)
-    np.testing.assert_allclose((pushed * way).sum(), (v * change).sum(), rtol=1e-7)
+    change = (physics.A(x + 1e-6 * direction) - physics.A(x - 1e-6 * direction)) / 2e-6
+    product = physics.A_vjp(x, v)
+    np.testing.assert_allclose((product * direction).sum(), (v * change).sum(), rtol=1e-7)
 
 
 @pytest.mark.parametrize("sensor", SENSORS.values(), ids=SENSORS)
-def test_the_proximal_map_is_what_looking_everywhere_finds(sensor):
+def test_the_proximal_map_minimizes_its_objective(sensor):
     physics = SensorPhysics(sensor)
     bits, light = sensor.bits_per_pixel, sensor.gain / sensor.bits_per_pixel
     counts = torch.tensor([[[[0.0, 1.0, 4.0, bits - 1.0, bits]]]]).double()
@@ -86,8 +87,8 @@ def test_the_proximal_map_is_what_looking_everywhere_finds(sensor):
             assert cost(max(c, 1e-9)) <= best.fun + 1e-9
 
 
-def test_the_proximal_map_can_be_differentiated():
-    physics, y = seen(SENSOR)
+def test_the_proximal_map_has_the_derivatives_of_finite_differences():
+    physics, y = physics_and_data(SENSOR)
     y = y[..., :5, :6].double()
     point = physics.A_dagger(y).clamp(0.05, 0.9).requires_grad_()
     gamma = torch.tensor(0.02, dtype=torch.float64, requires_grad=True)
@@ -99,21 +100,24 @@ def test_the_proximal_map_can_be_differentiated():
 
 
 @pytest.mark.parametrize("output", ["counts", "bits"])
-def test_the_gradient_of_the_likelihood_is_that_of_differences(output):
-    physics, _ = seen(SENSORS["threshold"], output=output)
+def test_the_gradient_of_the_likelihood_agrees_with_finite_differences(output):
+    physics, _ = physics_and_data(SENSORS["threshold"], output=output)
     x = torch.rand(2, 1, 4, 5, dtype=torch.float64) + 0.1
     y = physics(x)
     fidelity = BitLikelihood()
-    slope = fidelity.grad(x, y, physics)
+    gradient = fidelity.grad(x, y, physics)
     assert fidelity(x, y, physics).shape == (2,)
-    way = torch.randn_like(x)
-    values = [fidelity(x + step * way, y, physics).sum() for step in (1e-6, -1e-6)]
-    np.testing.assert_allclose((slope * way).sum(), (values[0] - values[1]) / 2e-6, rtol=1e-6)
+    direction = torch.randn_like(x)
+    values = [fidelity(x + step * direction, y, physics).sum() for step in (1e-6, -1e-6)]
+    np.testing.assert_allclose(
+        (gradient * direction).sum(), (values[0] - values[1]) / 2e-6, rtol=1e-6
+    )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weight", [3.0, 8.0])
-def test_total_variation_by_deepinvs_admm_is_ours(weight):
-    physics, y = seen(SENSOR)
+def test_the_admm_of_deepinv_with_total_variation_returns_our_estimate(weight):
+    physics, y = physics_and_data(SENSOR)
     with torch.no_grad():
         solver = deepinv.optim.ADMM(
             data_fidelity=BitLikelihood(),
@@ -123,14 +127,14 @@ def test_total_variation_by_deepinvs_admm_is_ours(weight):
             max_iter=30,
         )
         estimate = solver(y, physics)
-    ours = jl.admm_tv(y[0, 0].numpy().astype(int), SENSOR, weight=weight)
-    assert np.sqrt(np.mean((np.asarray(estimate).squeeze() - ours) ** 2)) < 0.01
-    assert abs(quality(estimate) - quality(ours)) < 0.1
-    assert quality(estimate) > quality(physics.A_dagger(y)) + 3
+    expected = jl.admm_tv(y[0, 0].numpy().astype(int), SENSOR, weight=weight)
+    assert np.sqrt(np.mean((np.asarray(estimate).squeeze() - expected) ** 2)) < 0.01
+    assert abs(psnr(estimate) - psnr(expected)) < 0.1
+    assert psnr(estimate) > psnr(physics.A_dagger(y)) + 3
 
 
-def test_a_network_that_is_told_k_serves_as_a_plug_and_play_prior():
-    physics, y = seen(SENSOR)
+def test_a_conditional_network_is_a_good_plug_and_play_prior():
+    physics, y = physics_and_data(SENSOR)
     denoiser = NetworkDenoiser(jl.Network.conditional("small", rng=0))
     with torch.no_grad():
         solver = deepinv.optim.HQS(
@@ -140,39 +144,39 @@ def test_a_network_that_is_told_k_serves_as_a_plug_and_play_prior():
             sigma_denoiser=0.15,
             max_iter=6,
         )
-        assert quality(solver(y, physics)) > quality(physics.A_dagger(y)) + 3
+        assert psnr(solver(y, physics)) > psnr(physics.A_dagger(y)) + 3
 
 
-def test_a_denoiser_takes_noise_away():
+def test_the_denoiser_removes_noise_for_one_sigma_or_one_per_image():
     denoiser = NetworkDenoiser(jl.Network.conditional("small", rng=0))
     image = torch.from_numpy(IMAGE)[None, None]
     noisy = image + 0.2 * torch.randn(image.shape, generator=torch.Generator().manual_seed(0))
     with torch.no_grad():
-        found = denoiser(noisy, 0.2)
+        denoised = denoiser(noisy, 0.2)
         both = denoiser(torch.cat([noisy, noisy]), torch.tensor([0.2, 0.05]))
-        barely = denoiser(image, 0.0)
-    assert quality(found) > quality(noisy) + 3
-    torch.testing.assert_close(both[:1], found)
-    assert not torch.equal(both[1:], found)
-    assert quality(barely) > 20
-    with pytest.raises(ValueError, match="network: expected one that is told K"):
+        unchanged = denoiser(image, 0.0)
+    assert psnr(denoised) > psnr(noisy) + 3
+    torch.testing.assert_close(both[:1], denoised)
+    assert not torch.equal(both[1:], denoised)
+    assert psnr(unchanged) > 20
+    with pytest.raises(ValueError, match="network: expected a K-conditioned network"):
         NetworkDenoiser(jl.Network.initial(SENSOR))
 
 
-def test_a_network_is_a_model():
-    physics, y = seen(SENSOR)
+def test_the_reconstructor_returns_the_output_of_the_engine():
+    physics, y = physics_and_data(SENSOR)
     for network in (jl.Network.initial(SENSOR, sigma=1.0), jl.Network.conditional("small", rng=0)):
         with torch.no_grad():
-            picture = NetworkReconstructor(network)(y, physics)
+            estimate = NetworkReconstructor(network)(y, physics)
         if network.trials_range is None:
             expected = network.reconstruct(y[0, 0].numpy().astype(int))
         else:
             expected = network.conditioned_on(SENSOR).reconstruct(y[0, 0].numpy().astype(int))
-        np.testing.assert_allclose(picture[0, 0], expected, atol=1e-5)
+        np.testing.assert_allclose(estimate[0, 0], expected, atol=1e-5)
 
 
-def test_an_unfolded_solver_learns_its_step():
-    physics, y = seen(SENSOR)
+def test_an_unfolded_solver_has_gradients_of_its_step_size():
+    physics, y = physics_and_data(SENSOR)
     solver = deepinv.optim.PGD(
         data_fidelity=BitLikelihood(),
         prior=deepinv.optim.PnP(NetworkDenoiser(jl.Network.conditional("small", rng=0))),
@@ -184,6 +188,6 @@ def test_an_unfolded_solver_learns_its_step():
     )
     estimate = solver(y, physics)
     ((estimate - torch.from_numpy(IMAGE)) ** 2).mean().backward()
-    slopes = [p.grad for name, p in solver.named_parameters() if "stepsize" in name]
-    assert slopes
-    assert all(torch.isfinite(slope).all() for slope in slopes)
+    gradients = [p.grad for name, p in solver.named_parameters() if "stepsize" in name]
+    assert gradients
+    assert all(torch.isfinite(gradient).all() for gradient in gradients)

@@ -1,4 +1,4 @@
-"""What deep networks learn from."""
+"""Batches of training patches."""
 
 import numpy as np
 import pytest
@@ -7,74 +7,76 @@ from scipy.stats import binom
 import jotlight as jl
 
 pytest.importorskip("torch")
-from jotlight.torch.patches import Patches
+from jotlight.torch.patches import PatchLoader
 
 NUMBER = 400
 SENSOR = jl.Sensor(oversampling=4, max_intensity=0.8)
 LEVEL = np.float32(0.3)
 
 
-def patches(network, batch=NUMBER):
-    views = Patches([np.full((9, 9), LEVEL)], network, SENSOR, 0, batch, 8)
-    return views.views(0, slice(0, batch), 1)
+def first_batch(network, batch=NUMBER):
+    """Return the first batch of patches of a uniform image."""
+    loader = PatchLoader([np.full((9, 9), LEVEL)], network, SENSOR, 0, batch, 8)
+    return loader.batch(0, slice(0, batch), 1)
 
 
 @pytest.mark.parametrize("tied", [True, False])
-def test_some_patches_are_far_too_bright_or_too_dark(tied):
-    seen = patches(jl.Network.initial(SENSOR, tied=tied, taps=3))
-    truth, shares = seen.truth.numpy()[:, 0], seen.data.numpy().mean((1, 2, 3))
-    shares /= SENSOR.bits_per_pixel if tied else 1
+def test_one_patch_in_16_is_far_too_bright_or_too_dark(tied):
+    batch = first_batch(jl.Network.initial(SENSOR, tied=tied, taps=3))
+    truth, fractions = batch.truth.numpy()[:, 0], batch.data.numpy().mean((1, 2, 3))
+    fractions /= SENSOR.bits_per_pixel if tied else 1
     levels = truth[:, 0, 0]
     assert (truth == levels[:, None, None]).all()
-    far = levels != LEVEL
+    is_extreme = levels != LEVEL
     low, high = binom.ppf([1e-6, 1 - 1e-6], NUMBER, 1 / 16)
-    assert low <= far.sum() <= high
+    assert low <= is_extreme.sum() <= high
     assert levels.max() == np.float32(SENSOR.max_intensity)
     assert levels.min() < LEVEL / 10
-    # What is past the range is known by its bits alone.
-    assert shares.max() > 0.99 > SENSOR.probability(np.full((1, 1), 0.8)).max()
+    # Only the bits of a patch beyond the range tell how bright it is.
+    assert fractions.max() > 0.99 > SENSOR.probability(np.full((1, 1), 0.8)).max()
     within = levels < SENSOR.max_intensity
     rates = levels[within].astype(float) * SENSOR.gain / SENSOR.bits_per_pixel
     expected = -np.expm1(-rates)
     trials = SENSOR.bits_per_pixel * 64
     deviations = np.sqrt(expected * (1 - expected) / trials)
-    assert (abs(shares[within] - expected) < 6 * deviations + 1 / trials).all()
+    assert (abs(fractions[within] - expected) < 6 * deviations + 1 / trials).all()
 
 
-def test_a_process_sees_its_part_of_the_patches_of_all():
+def test_a_process_gets_its_part_of_the_patches_of_all():
     images = [np.random.default_rng(0).random((20, 24), np.float32)]
     network = jl.Network.residual(SENSOR, "small", rng=0)
-    batch = Patches(images, network, SENSOR, 1, 64, 8)
-    whole, part = batch.views(5, slice(0, 64), 1), batch.views(5, slice(16, 32), 1)
+    loader = PatchLoader(images, network, SENSOR, 1, 64, 8)
+    whole, part = loader.batch(5, slice(0, 64), 1), loader.batch(5, slice(16, 32), 1)
     np.testing.assert_array_equal(whole.data[16:32], part.data)
     np.testing.assert_array_equal(whole.truth[16:32], part.truth)
 
 
 @pytest.mark.parametrize(
-    ("between", "share"),
+    ("trials_range", "fraction"),
     [((1, 256), 1 / 2 + np.log(100 / 9) / np.log(256) / 2), ((1, 8), 0), ((20, 50), 1)],
 )
-def test_half_of_the_steps_have_a_usual_k(between, share):
-    network = jl.Network.conditional("small", trials_range=between, rng=0)
-    batch = Patches([np.full((9, 9), LEVEL)], network, SENSOR, 0, 1, 8)
-    found = np.array([batch.views(step, slice(0, 1), 1).bits for step in range(NUMBER)])
-    assert between[0] <= found.min() < np.sqrt(between[0] * between[1]) < found.max() <= between[1]
-    low, high = (
-        binom.ppf([1e-6, 1 - 1e-6], NUMBER, share) if 0 < share < 1 else [share * NUMBER] * 2
-    )
-    # Whole numbers are found from up to half below and above.
-    assert low - 6 <= ((found >= 9) & (found <= 100)).sum() <= high + 6
+def test_half_of_the_steps_use_a_usual_number_of_trials(trials_range, fraction):
+    network = jl.Network.conditional("small", trials_range=trials_range, rng=0)
+    loader = PatchLoader([np.full((9, 9), LEVEL)], network, SENSOR, 0, 1, 8)
+    trials = np.array([loader.batch(step, slice(0, 1), 1).trials for step in range(NUMBER)])
+    low, high = trials_range
+    assert low <= trials.min() < np.sqrt(low * high) < trials.max() <= high
+    low, high = [fraction * NUMBER] * 2
+    if 0 < fraction < 1:
+        low, high = binom.ppf([1e-6, 1 - 1e-6], NUMBER, fraction)
+    # Rounding moves numbers across the bounds of the usual range.
+    assert low - 6 <= ((trials >= 9) & (trials <= 100)).sum() <= high + 6
 
 
-def test_networks_that_are_told_k_see_the_light_of_photographs_most_often():
+def test_most_patches_for_conditional_networks_have_a_usual_light():
     network = jl.Network.conditional("small", rng=0)
-    seen = patches(network)
-    flux = seen.light.numpy() * LEVEL
-    often = ((flux >= 0.08) & (flux <= 1)).mean()
-    # Three quarters, and what the others have there by chance.
-    share = 3 / 4 + 1 / 4 * np.log(1 / 0.08) / np.log(3 / 0.02)
-    low, high = binom.ppf([1e-6, 1 - 1e-6], NUMBER, share) / NUMBER
-    assert low <= often <= high
-    assert flux.min() < 0.05
-    assert flux.max() > 2
-    assert (seen.dark.numpy() == 0).mean() == pytest.approx(0.5, abs=0.15)
+    batch = first_batch(network)
+    light = batch.light_per_intensity.numpy() * LEVEL
+    usual = ((light >= 0.08) & (light <= 1)).mean()
+    # Three quarters, and the others that lie there by chance.
+    fraction = 3 / 4 + 1 / 4 * np.log(1 / 0.08) / np.log(3 / 0.02)
+    low, high = binom.ppf([1e-6, 1 - 1e-6], NUMBER, fraction) / NUMBER
+    assert low <= usual <= high
+    assert light.min() < 0.05
+    assert light.max() > 2
+    assert (batch.dark_counts.numpy() == 0).mean() == pytest.approx(0.5, abs=0.15)

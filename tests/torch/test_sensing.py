@@ -1,10 +1,9 @@
-"""The sensor as a layer of PyTorch."""
+"""The sensor as a PyTorch layer."""
 
 import copy
 
 import numpy as np
 import pytest
-from scipy.special import gammainc, gammaincc
 from scipy.stats import binom, norm
 
 import jotlight as jl
@@ -13,7 +12,6 @@ from reference import sensing as twin
 
 torch = pytest.importorskip("torch")
 from jotlight.torch import Sensing  # noqa: E402
-from jotlight.torch.response import detection_probability, logarithms  # noqa: E402
 
 RNG = np.random.default_rng(0)
 HEIGHT, WIDTH, SIDE = 4, 5, 3
@@ -40,14 +38,14 @@ def image(dtype=torch.float64, number=1):
 
 @every_sensor
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-def test_chances_are_the_twins(sensor, dtype):
+def test_probabilities_agree_with_the_twin(sensor, dtype):
     light = image(dtype)
     expected = twin.probability(sensor, light[0, 0].numpy())
-    given = Sensing(sensor).probability(light)
-    assert given.dtype == dtype
-    assert given.shape == (1, 1, *expected.shape)
-    tolerance = 1e-5 if dtype == torch.float32 else 2e-7  # maps are kept in float32
-    np.testing.assert_allclose(given[0, 0], expected, rtol=tolerance, atol=1e-9)
+    actual = Sensing(sensor).probability(light)
+    assert actual.dtype == dtype
+    assert actual.shape == (1, 1, *expected.shape)
+    tolerance = 1e-5 if dtype == torch.float32 else 2e-7  # maps are float32
+    np.testing.assert_allclose(actual[0, 0], expected, rtol=tolerance, atol=1e-9)
     bits = Sensing(sensor, output="bits", gradient="expectation")(light)
     assert bits.shape == (1, sensor.frames, *expected.shape)
     np.testing.assert_allclose(bits[0], [expected] * sensor.frames, rtol=tolerance, atol=1e-9)
@@ -59,63 +57,65 @@ def test_chances_are_the_twins(sensor, dtype):
 @pytest.mark.parametrize("kernel", ["box", "linear", "quadratic", "cubic"])
 @pytest.mark.parametrize("side", [1, 2, 5])
 @pytest.mark.parametrize("size", [(1, 1), (2, 7), (9, 3)])
-def test_kernels_spread_light_as_the_engine_does(kernel, side, size):
+def test_rates_agree_with_the_engine_for_every_kernel(kernel, side, size):
     sensor = jl.Sensor(oversampling=side, kernel=kernel, dark_counts=0.1, efficiency=0.5)
     light = np.random.default_rng(2).random((2, 1, *size))
     rates = Sensing(sensor).rate(torch.from_numpy(light))
-    for one, given in zip(light[:, 0], rates[:, 0], strict=True):
-        np.testing.assert_allclose(given, sensor.rate(one), rtol=1e-6)
+    for image, actual in zip(light[:, 0], rates[:, 0], strict=True):
+        np.testing.assert_allclose(actual, sensor.rate(image), rtol=1e-6)
 
 
 @pytest.mark.parametrize("output", ["counts", "bits"])
 @pytest.mark.parametrize("name", ["plain", "threshold", "cubic", "maps"])
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
-def test_draws_fire_as_often_as_they_should(output, name, dtype):
-    """A right layer fails once in 10^9 times, all pixels and cases taken together."""
+def test_random_data_have_the_distribution_of_the_twin(output, name, dtype):
+    """A correct layer fails once in 10^9 times, over all pixels and cases together."""
     sensor, number = SENSORS[name], 4000
     light = image()[:1].to(dtype)
-    drawn = Sensing(sensor, output=output)(
+    samples = Sensing(sensor, output=output)(
         light.expand(number, -1, -1, -1), torch.Generator().manual_seed(5)
     )
-    assert drawn.dtype == torch.float32
-    ones = drawn.double().sum(0).numpy()
-    chances = twin.probability(sensor, light[0, 0].double().numpy())
-    assert np.isin(drawn[:10].numpy(), np.arange(1 + sensor.bits_per_pixel)).all()
+    assert samples.dtype == torch.float32
+    ones = samples.double().sum(0).numpy()
+    probability = twin.probability(sensor, light[0, 0].double().numpy())
+    assert np.isin(samples[:10].numpy(), np.arange(1 + sensor.bits_per_pixel)).all()
     false_alarm = 1e-9 / (16 * ones.size)
     if output == "bits":
-        assert drawn.max() == 1
-        low, high = binom.ppf([[[[false_alarm / 2]]], [[[1 - false_alarm / 2]]]], number, chances)
+        assert samples.max() == 1
+        low, high = binom.ppf(
+            [[[[false_alarm / 2]]], [[[1 - false_alarm / 2]]]], number, probability
+        )
         assert ((low <= ones) & (ones <= high)).all()
         return
-    blocks = (chances.reshape(HEIGHT, SIDE, WIDTH, SIDE), sensor.frames * number)
-    trials = blocks[1] * SIDE**2
+    blocks, trials_per_jot = probability.reshape(HEIGHT, SIDE, WIDTH, SIDE), sensor.frames * number
+    trials = trials_per_jot * SIDE**2
     if name in ("plain", "threshold"):
-        chance = blocks[0].mean((1, 3))
-        low, high = binom.ppf([[[false_alarm / 2]], [[1 - false_alarm / 2]]], trials, chance)
+        p = blocks.mean((1, 3))
+        low, high = binom.ppf([[[false_alarm / 2]], [[1 - false_alarm / 2]]], trials, p)
         assert ((low <= ones[0]) & (ones[0] <= high)).all()
-        # A binomial variable's spread, too: within 20 % of 4000 draws is beyond nine deviations.
-        spread = drawn.double().var(0)[0].numpy()
-        expected = sensor.bits_per_pixel * chance * (1 - chance)
-        assert abs(spread / expected - 1).max() < 0.2
+        # The variance is binomial, too; the last test of this file justifies the bound.
+        variance = samples.double().var(0)[0].numpy()
+        expected = sensor.bits_per_pixel * p * (1 - p)
+        assert abs(variance / expected - 1).max() < 0.2
         return
-    # Of jots that differ, by Hoeffding's inequality.
-    mean = blocks[0].sum((1, 3)) * blocks[1]
-    most = np.sqrt(0.5 * trials * np.log(2 / false_alarm))
-    assert abs(ones[0] - mean).max() < most
+    # Hoeffding's inequality bounds the sum over jots that differ.
+    mean = blocks.sum((1, 3)) * trials_per_jot
+    bound = np.sqrt(0.5 * trials * np.log(2 / false_alarm))
+    assert abs(ones[0] - mean).max() < bound
 
 
-def test_a_generator_gives_the_same_draw_again():
+def test_the_same_generator_state_returns_the_same_data():
     sensing = Sensing(SENSORS["plain"])
-    one, again, other = (
+    first, again, other = (
         sensing(image(), torch.Generator().manual_seed(seed)) for seed in (3, 3, 4)
     )
-    assert torch.equal(one, again)
-    assert not torch.equal(one, other)
+    assert torch.equal(first, again)
+    assert not torch.equal(first, other)
 
 
 @every_sensor
 @pytest.mark.parametrize("output", ["counts", "bits"])
-def test_gradients_of_the_expectation_are_those_of_differences(sensor, output):
+def test_gradients_of_the_expectation_agree_with_finite_differences(sensor, output):
     sensing = Sensing(sensor, output=output, gradient="expectation")
     light = image(number=2).requires_grad_()
     assert torch.autograd.gradcheck(sensing, light, fast_mode=True)
@@ -124,53 +124,25 @@ def test_gradients_of_the_expectation_are_those_of_differences(sensor, output):
 
 @every_sensor
 @pytest.mark.parametrize("output", ["counts", "bits"])
-def test_gradients_of_draws_are_those_of_their_expectation(sensor, output):
+def test_straight_through_gradients_are_those_of_the_expectation(sensor, output):
     weights = None
-    slopes = []
+    gradients = []
     for gradient in ("straight-through", "expectation"):
         light = image(number=2).requires_grad_()
-        seen = Sensing(sensor, output=output, gradient=gradient)(light)
+        data = Sensing(sensor, output=output, gradient=gradient)(light)
         if weights is None:
-            weights = torch.randn(seen.shape, dtype=seen.dtype)
-        (weights * seen).sum().backward()
-        slopes.append(light.grad)
-    torch.testing.assert_close(*slopes, rtol=1e-12, atol=0)
-
-
-@pytest.mark.parametrize("threshold", [1, 2, 3, 8])
-def test_chances_have_their_slope_at_no_light_and_at_much(threshold):
-    rate = torch.tensor([0.0, 1e-8, 1.0, 500.0], dtype=torch.float64, requires_grad=True)
-    chances = detection_probability(threshold, rate)
-    chances.sum().backward()
-    s = rate.detach().numpy()
-    np.testing.assert_allclose(chances.detach(), gammainc(threshold, s), rtol=1e-12)
-    slope = np.exp(-s) * s ** (threshold - 1) / np.prod(np.arange(1, threshold))
-    np.testing.assert_allclose(rate.grad, slope, rtol=1e-12, atol=1e-16)
-
-
-@pytest.mark.parametrize("threshold", [1, 2, 3, 8, 40])
-def test_logarithms_keep_their_digits(threshold):
-    s = np.concatenate([np.geomspace(1e-3, 30, 40), [0.999999, 1.0, 1.000001]])
-    rate = torch.from_numpy(s).requires_grad_()
-    fired, rested = logarithms(threshold, rate)
-    np.testing.assert_allclose(fired.detach(), np.log(gammainc(threshold, s)), rtol=1e-8)
-    np.testing.assert_allclose(
-        rested.detach(), np.log(gammaincc(threshold, s)), rtol=1e-8, atol=1e-15
-    )
-    assert torch.autograd.gradcheck(
-        lambda x: logarithms(threshold, x)[0], rate[5:].detach().requires_grad_()
-    )
-    dim = torch.tensor([1e-12], dtype=torch.float32, requires_grad=True)
-    logarithms(threshold, dim)[0].sum().backward()
-    np.testing.assert_allclose(dim.grad, threshold / 1e-12, rtol=1e-5)  # P is near s^q / q!
+            weights = torch.randn(data.shape, dtype=data.dtype)
+        (weights * data).sum().backward()
+        gradients.append(light.grad)
+    torch.testing.assert_close(*gradients, rtol=1e-12, atol=0)
 
 
 @every_sensor
-def test_the_likelihood_of_bits_is_the_engines(sensor):
+def test_the_likelihood_of_bits_agrees_with_the_engine(sensor):
     sensing = Sensing(sensor, output="bits")
     light = image()
     bits = sensing(light, torch.Generator().manual_seed(1))
-    of_jots = Likelihood(
+    expected = Likelihood(
         bits.sum(1)[0].numpy().astype(int),
         sensor.frames if sensor.mask is None else np.where(sensor.mask, 0, sensor.frames),
         threshold=sensor.threshold,
@@ -178,7 +150,7 @@ def test_the_likelihood_of_bits_is_the_engines(sensor):
         dark_counts=sensor.dark_counts,
     )
     s = sensor.replace(efficiency=1.0, dark_counts=0.0).rate(light[0, 0].numpy())
-    np.testing.assert_allclose(sensing.log_likelihood(bits, light), of_jots.value(s), rtol=1e-6)
+    np.testing.assert_allclose(sensing.log_likelihood(bits, light), expected.value(s), rtol=1e-6)
     light.requires_grad_()
     assert torch.autograd.gradcheck(
         lambda c: sensing.log_likelihood(bits, c), light, fast_mode=True
@@ -186,7 +158,7 @@ def test_the_likelihood_of_bits_is_the_engines(sensor):
 
 
 @pytest.mark.parametrize("name", ["plain", "threshold"])
-def test_the_likelihood_of_counts_is_highest_at_the_closed_form(name):
+def test_the_closed_form_maximizes_the_likelihood_of_counts(name):
     sensor = SENSORS[name].replace(max_intensity=50.0)
     sensing = Sensing(sensor)
     counts = torch.arange(1, sensor.bits_per_pixel).double()[None, None, None]
@@ -199,7 +171,7 @@ def test_the_likelihood_of_counts_is_highest_at_the_closed_form(name):
         assert sensing.log_likelihood(counts, factor * best) < value
 
 
-def test_the_likelihood_and_its_slope_are_finite_without_light():
+def test_the_likelihood_and_its_gradient_are_finite_without_light():
     for threshold in (1, 3):
         sensing = Sensing(jl.Sensor(threshold=threshold))
         light = torch.zeros(1, 1, 1, 2, requires_grad=True)
@@ -209,7 +181,7 @@ def test_the_likelihood_and_its_slope_are_finite_without_light():
         assert light.grad[..., 0] <= 0 < light.grad[..., 1] < np.inf
 
 
-def test_no_light_and_less_than_none_make_no_counts():
+def test_intensities_of_0_and_less_produce_no_counts():
     light = torch.tensor([[[[0.0, -1.0]]]], requires_grad=True)
     for sensor in (jl.Sensor(oversampling=2), jl.Sensor(oversampling=2, threshold=2)):
         counts = Sensing(sensor)(light)
@@ -219,7 +191,7 @@ def test_no_light_and_less_than_none_make_no_counts():
 
 
 @every_sensor
-def test_autocast_and_copies_change_nothing(sensor):
+def test_autocast_and_copies_do_not_change_the_output(sensor):
     sensing = Sensing(sensor, gradient="expectation")
     expected = sensing(image(torch.float32))
     with torch.autocast("cpu", torch.bfloat16):
@@ -228,7 +200,7 @@ def test_autocast_and_copies_change_nothing(sensor):
     assert sensing.state_dict() == {}
 
 
-def test_what_does_not_fit_is_refused():
+def test_invalid_arguments_are_refused():
     with pytest.raises(ValueError, match="output: expected one of counts, bits, got 'sums'"):
         Sensing(jl.Sensor(), output="sums")
     with pytest.raises(ValueError, match="gradient: expected one of straight-through, expec"):
@@ -241,7 +213,7 @@ def test_what_does_not_fit_is_refused():
         Sensing(SENSORS["cubic"]).log_likelihood(image(), image())
 
 
-def test_the_bound_of_the_spread_is_what_it_says():
-    """The variance of 4000 draws lies within 20 % of its mean but for once in 10^9 times."""
-    kurtosis = 3.5  # more than that of any of the binomial variables above
+def test_the_bound_on_the_variance_fails_less_than_once_in_10_to_the_9():
+    """The variance of 4000 samples is within 20 % of its mean, except once in 10^9 times."""
+    kurtosis = 3.5  # above that of every binomial variable in this file
     assert norm.sf(0.2 / np.sqrt((kurtosis - 1) / 4000)) < 1e-9

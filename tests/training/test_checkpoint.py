@@ -129,7 +129,9 @@ def test_a_checkpoint_with_inadmissible_parameters_is_refused(tmp_path):
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     tensors["vector"] += 100
     save_file(tensors, path, metadata)
-    with pytest.raises(ValueError, match="damaged checkpoint: its parameters are not in the set"):
+    with pytest.raises(
+        ValueError, match="damaged checkpoint: its parameters are not in the admissible set"
+    ):
         train(checkpoint=path, resume=True)
 
 
@@ -148,13 +150,16 @@ WIDER = jl.Network.initial(SENSOR, taps=5, coefficients=12)
 @pytest.mark.parametrize(
     ("changes", "name"),
     [
-        ({"rng": 4}, "seed is 3 there and 4 here"),
-        ({"patch": 13}, "patch is 12 there and 13 here"),
-        ({"batch": 8}, "batch is 7 there and 8 here"),
+        ({"rng": 4}, "seed is 3 in the file and 4 in this run"),
+        ({"patch": 13}, "patch is 12 in the file and 13 in this run"),
+        ({"batch": 8}, "batch is 7 in the file and 8 in this run"),
         ({"images": IMAGES[::-1]}, "different images"),
         ({"test": IMAGES[:1]}, "different test"),
-        ({"optimizer": "adam"}, r"optimizer is 'GaussNewton\(.*' there and 'Adam\("),
-        ({"admissible": SafeSet(0.1)}, r"admissible is 'SafeSet\(nu=0.5, monotone=True\)' there"),
+        ({"optimizer": "adam"}, r"optimizer is 'GaussNewton\(.*' in the file and 'Adam\("),
+        (
+            {"admissible": SafeSet(0.1)},
+            r"admissible is 'SafeSet\(nu=0.5, monotone=True\)' in the file",
+        ),
         ({"sensor": SENSOR.replace(dark_counts=0.1)}, "sensor is"),
         ({"network": OTHER}, "different network"),
         ({"network": WIDER}, "different network"),
@@ -164,7 +169,7 @@ def test_a_checkpoint_of_another_run_is_refused_and_kept(tmp_path, changes, name
     path = tmp_path / "run"
     train(checkpoint=path)
     before = path.read_bytes()
-    with pytest.raises(ValueError, match=f"this checkpoint is of another run: .*{name}"):
+    with pytest.raises(ValueError, match=f"this checkpoint belongs to another run: .*{name}"):
         train(**changes, checkpoint=path, resume=True)
     assert path.read_bytes() == before
 

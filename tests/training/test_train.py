@@ -88,7 +88,7 @@ NO_NUMBER = np.full((99, 16, 16), np.nan)
         ({"images": [IMAGES[0], SMALL]}, ValueError, "got 12; image number 1 is 16 x 6"),
         ({"images": (255 * IMAGES).astype(int)}, TypeError, "image: expected floats"),
         ({"images": [IMAGES[0], COLOR]}, ValueError, "gray images .* for number 1"),
-        ({"images": scenes, "patch": 8}, ValueError, "patch: is for images"),
+        ({"images": scenes, "patch": 8}, ValueError, "patch: expected none for a callable"),
         ({"images": lambda rng, n: None}, ValueError, "got NoneType"),
         ({"images": lambda rng, n: rng.random((n, 16))}, ValueError, "an array"),
         ({"images": lambda rng, n: rng.random((n + 1, 8, 8))}, ValueError, "an array"),

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 import jotlight as jl
-from jotlight.torch import Network
+from jotlight.torch import NetworkModule
 from suite.tasks.scene import unpacked
 
 Spline = Callable[[torch.Tensor, torch.Tensor, float, float], torch.Tensor]
@@ -53,16 +53,16 @@ class TorchNetwork:
             return self.estimate(self.sums(bits))[0, 0].numpy()
 
 
-class DeepNetwork(Network):
+class DeepNetwork(NetworkModule):
     """The module, with splines by PyTorch's fastest operations for a forward pass."""
 
-    def bent(
+    def activate(
         self, index: int, sums: torch.Tensor, coefficients: torch.Tensor | None
     ) -> torch.Tensor:
         if coefficients is None:
             return sums
-        place, intervals = self.places[index], coefficients.shape[1] - 3
-        first, f = interval_of(sums, intervals, place.start, place.spacing)
+        spec, intervals = self.layer_specs[index], coefficients.shape[1] - 3
+        first, f = interval_of(sums, intervals, spec.start, spec.spacing)
         cubics = coefficients.unfold(1, 4, 1) @ BASIS
         channel = torch.arange(len(cubics), dtype=torch.int32).view(1, -1, 1, 1) * cubics.shape[1]
         first = (first.view(sums.shape) + channel).view(-1)

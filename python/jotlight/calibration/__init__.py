@@ -1,9 +1,9 @@
 """Calibration: what a dark and a flat capture reveal about the jots of a sensor.
 
 - `estimate`: `calibrate`, from captures to a `Calibration`.
-- `bulk`: the distribution of the dark counts of ordinary jots, and from it the hot ones.
+- `bulk`: the distribution of the dark counts of ordinary jots, which identifies the hot ones.
 - `flat`: the response of each jot, and the dead ones.
-- `steadiness`: tests of the assumption that frames are independent and alike.
+- `steadiness`: tests of the assumption that frames are independent and identically distributed.
 - `rates`: from counts to detections per frame.
 - `result`: the `Calibration` and its file.
 - `figure`: a page of plots.

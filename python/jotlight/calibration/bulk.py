@@ -1,4 +1,4 @@
-"""The dark counts of ordinary jots: a distribution whose fit ignores hot jots."""
+"""The distribution of the dark counts of ordinary jots, with a fit that ignores hot jots."""
 
 import dataclasses
 
@@ -8,26 +8,29 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 _MAX_QUANTILE = 0.7
-"""The fit ignores counts above this quantile. Hot jots can be nearly all of them."""
+"""The fit ignores counts above this quantile. Nearly all of them may belong to hot jots."""
 
 _MIN_QUANTILE = 0.02
-"""The fit ignores counts below this quantile. They include dead jots."""
+"""The fit ignores counts below this quantile. They may belong to dead jots."""
 
 _MIN_CUT = 2
-"""The fit always uses counts 0, 1, and 2. Fewer than three values determine no spread."""
+"""Minimum range of the counts in the fit. Fewer than three values do not determine a spread."""
 
 _MAX_MEAN = 3
-"""Maximum mean, in multiples of the cut. Counts that increase up to the cut have no finite fit."""
+"""Maximum mean of the distribution, in multiples of the largest count in the fit.
+
+If the histogram increases up to this count, the likelihood has no maximum at a finite mean.
+"""
 
 _MAX_TERMS = 1 << 16
-"""Maximum number of terms in a sum of probabilities. Longer sums use every n-th term."""
+"""Maximum number of terms in a sum of probabilities. Longer sums use every n-th term, times n."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Bulk:
     """The beta-binomial distribution of the counts of ordinary jots.
 
-    Each count is binomial, and its probability follows a beta distribution over the jots.
+    The count of a jot is binomial. Its probability varies over the jots by a beta distribution.
 
     Parameters
     ----------
@@ -87,9 +90,9 @@ class Bulk:
 def fit_bulk(counts: npt.NDArray[np.integer], frames: int) -> Bulk:
     """Return the distribution of ordinary jots, fitted by maximum likelihood.
 
-    The fit uses the counts from the 2nd to the 70th percentile (at least 2), with probabilities
-    conditional on this range. So neither the counts nor the number of hot jots affect it, while few
-    of them lie below the 70th percentile.
+    The fit uses the counts from the 2nd to the 70th percentile, with probabilities conditional on
+    this range. So hot jots do not affect it, whatever their number and counts, as long as few of
+    them lie below the 70th percentile.
 
     Parameters
     ----------
@@ -113,7 +116,7 @@ def fit_bulk(counts: npt.NDArray[np.integer], frames: int) -> Bulk:
     cut = max(int(np.quantile(counts, _MAX_QUANTILE, method="higher")), _MIN_CUT)
     cut = min(cut, frames)
     low = min(int(np.quantile(counts, _MIN_QUANTILE, method="lower")), max(cut - _MIN_CUT, 0))
-    values, number = np.unique(counts[(counts >= low) & (counts <= cut)], return_counts=True)
+    values, occurrences = np.unique(counts[(counts >= low) & (counts <= cut)], return_counts=True)
     grid, step = _grid(low, cut)
     min_spread, max_mean = 1e-3 / frames, min(_MAX_MEAN * (cut + 1) / frames, 1 - 1e-9)
 
@@ -128,13 +131,13 @@ def fit_bulk(counts: npt.NDArray[np.integer], frames: int) -> Bulk:
     def cost(point: Array) -> float:
         bulk = bulk_at(point)
         log_range = logsumexp(bulk.log_probability(grid)) + np.log(step)
-        return -float(number @ bulk.log_probability(values) - number.sum() * log_range)
+        return -float(occurrences @ bulk.log_probability(values) - occurrences.sum() * log_range)
 
-    mean = (float(np.average(values, weights=number)) + 0.1) / (frames + 0.2)
-    variance = float(np.average((values - mean * frames) ** 2, weights=number))
+    mean = (float(np.average(values, weights=occurrences)) + 0.1) / (frames + 0.2)
+    variance = float(np.average((values - mean * frames) ** 2, weights=occurrences))
     excess = max(variance / max(mean * frames, 1e-9) - 1, 0.05) / frames
     starts = [excess, 30 * excess]
-    ends = [
+    fits = [
         minimize(
             cost,
             [np.log(mean / (1 - mean)), np.log(start)],
@@ -143,7 +146,7 @@ def fit_bulk(counts: npt.NDArray[np.integer], frames: int) -> Bulk:
         )
         for start in starts
     ]
-    return bulk_at(min(ends, key=lambda end: end.fun).x)
+    return bulk_at(min(fits, key=lambda fit: fit.fun).x)
 
 
 def _grid(low: int, top: int) -> tuple[npt.NDArray[np.int64], int]:

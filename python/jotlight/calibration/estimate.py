@@ -1,4 +1,4 @@
-"""Calibrate a sensor: dark counts, hot and dead jots, and response, from two captures."""
+"""Calibration of a sensor: dark counts, hot and dead jots, and response, from two captures."""
 
 import dataclasses
 from collections.abc import Callable
@@ -8,23 +8,25 @@ import numpy.typing as npt
 
 from jotlight.calibration.bulk import fit_bulk
 from jotlight.calibration.flat import measure_response
-from jotlight.calibration.rates import Counts, detections, variance
+from jotlight.calibration.rates import detections, variance
 from jotlight.calibration.result import Calibration, check_same_orientation
 from jotlight.calibration.steadiness import Steadiness, steadiness
-from jotlight.checks import as_counts
+from jotlight.checks import Counts, as_counts
 from jotlight.errors import warn
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.provenance import Provenance
 
 MAX_DARK = 0.1
-"""Default limit of dark counts per frame above which a hot jot is masked.
+"""Default dark counts per frame above which a hot jot is masked.
 
 `docs/results/calibration.md` has the measurement behind this number.
 """
 
 _MIN_JOTS = 64
+"""Minimum number of jots in which the ordinary ones can be found."""
 
 
+# All but the two captures are keyword-only and documented, so ten parameters read well.
 def calibrate(
     dark: Bits | npt.ArrayLike,
     flat: Bits | npt.ArrayLike | None = None,
@@ -48,15 +50,16 @@ def calibrate(
         The same for an evenly lit surface, out of focus, with the exposure time of the dark
         capture. About half of the bits should be ones.
     frames, flat_frames : int, optional
-        N: the number of frames of counts. Bits know it. Default of `flat_frames`: `frames`.
+        N: the number of frames of counts. Bits do not need it. Default of `flat_frames`: `frames`.
     threshold : int
         q: the number of photons that make a jot report 1.
     false_positive_rate : float
         Maximum fraction of ordinary jots that are called hot, and maximum fraction that are called
-        dead. Counts are integers, so the actual rate is lower: ``hot_probability``.
+        dead. Counts are integers, so the actual rate of hot jots is lower:
+        `Calibration.hot_probability`.
     max_dark : float
-        Dark counts per frame above which a hot jot is masked. Reconstruction uses the bits of the
-        other hot jots with their dark counts.
+        Dark counts per frame above which a hot jot is masked. Reconstruction uses the other hot
+        jots, with their dark counts.
     provenance : dict, optional
         Where the captures come from, with the keys ``"dark"`` and ``"flat"``. The calibration keeps
         it. Default: the provenance of the bits.
@@ -77,8 +80,8 @@ def calibrate(
     Warns
     -----
     JotlightWarning
-        If frames are correlated or change over time, and if there are too few frames to distinguish
-        hot jots from ordinary ones at this rate.
+        If frames are correlated, if the rates change over time, and if there are too few frames to
+        distinguish hot jots from ordinary ones at the false-positive rate.
 
     Notes
     -----
@@ -160,6 +163,7 @@ def _with_flat(
     threads: int | None,
     progress: Callable[[float], object] | None,
 ) -> Calibration:
+    """Return the calibration with the results of the flat capture."""
     ones, number, steady = _count_jots("flat", flat, frames, threads, progress)
     if ones.shape != found.shape:
         raise ValueError(
@@ -184,7 +188,7 @@ def _with_flat(
         mask=mask,
         dead=measured.dead,
         efficiency=efficiency,
-        # Networks use the median jot, so it gets one detection at intensity 1.
+        # Networks assume the median jot, so this jot gets one detection at intensity 1.
         scale=1 / float(np.median(efficiency[~mask])),
         flat_ones=ones,
         flat_frames=number,
@@ -202,7 +206,7 @@ def _count_jots(
     threads: int | None,
     progress: Callable[[float], object] | None,
 ) -> tuple[Counts, int, Steadiness | None]:
-    """Return the ones of each jot, the number of frames, and the tests of single frames."""
+    """Return the ones of each jot, the number of frames, and the results of the frame tests."""
     if isinstance(data, Bits):
         if len(data.shape) != 3:
             raise ValueError(
@@ -238,7 +242,7 @@ def _provenance(**data: object) -> dict[str, Provenance]:
 
 
 def _warn_about_frames(name: str, steady: Steadiness | None, rate: float) -> None:
-    """Warn about statistics that occur by chance at no more than this rate."""
+    """Warn about correlation, and change over time, with a p-value below the rate."""
     from scipy.stats import norm
 
     if steady is None:
@@ -252,5 +256,5 @@ def _warn_about_frames(name: str, steady: Steadiness | None, rate: float) -> Non
     if steady.homogeneity_z > norm.isf(rate):
         warn(
             f"{name}: counts change over time (z = {steady.homogeneity_z:.1f}), for example by "
-            "motion, flicker, or temperature; one map describes all frames"
+            "motion, flicker, or temperature; the calibration assumes constant rates"
         )

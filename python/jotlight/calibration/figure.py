@@ -17,7 +17,7 @@ _HOT, _MASKED, _DEAD = "#f2a541", "#c1292e", "#2f6fdb"
 
 
 def page(calibration: Calibration) -> "Figure":
-    """Return a figure of the maps, the distributions with their limits, and the numbers."""
+    """Return a figure with the maps, the distributions and their limits, and the numbers."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(17, 9), facecolor="white", layout="constrained")
@@ -57,7 +57,7 @@ def _image(axes: "Axes", image: npt.NDArray[np.floating], title: str, **options:
 
 
 def _dark_map(axes: "Axes", calibration: Calibration) -> None:
-    # A logarithm cannot show 0, so one count in all frames replaces it.
+    # The logarithm of 0 is infinite, so one count in all frames replaces 0.
     smallest = 1 / calibration.dark_frames
     image = np.log10(np.maximum(calibration.dark_counts, smallest))
     _image(axes, image, "dark counts per frame, log₁₀", cmap="inferno")
@@ -72,7 +72,7 @@ def _dark_histogram(axes: "Axes", calibration: Calibration) -> None:
     axes.bar(edges[:-1], number, width=step, align="edge", color=_BAR, label="jots")
     middle = np.rint((edges[:-1] + edges[1:]) / 2)
     middle = middle[middle <= calibration.dark_frames]
-    # Scaled to the lower half of the jots, since not all jots are ordinary.
+    # Not all jots are ordinary, so the curve is scaled to the lower half of the jots.
     half = np.arange(np.median(ones) + 1)
     ordinary = (ones < len(half)).sum() / np.exp(bulk.log_probability(half)).sum()
     expected = ordinary * step * np.exp(bulk.log_probability(middle))
@@ -144,7 +144,7 @@ def _response(
 
 def _steadiness(axes: "Axes", name: str, found: Steadiness | None) -> None:
     if found is None:
-        _absent(axes, f"{name}: no single frames,\nso no test of change over time")
+        _absent(axes, f"{name}: only counts,\nso no test of change over time")
         return
     _image(axes, found.map, f"{name}: change over time, in σ", vmin=-4, vmax=4, cmap="RdBu_r")
     axes.set_xlabel(

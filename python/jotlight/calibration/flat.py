@@ -1,27 +1,28 @@
-"""The response of each jot, and dead jots, from a capture of even light."""
+"""The response of each jot, and the dead jots, from a capture of even light."""
 
 import dataclasses
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.calibration.rates import Counts, Rates, detections, variance
+from jotlight.calibration.rates import Rates, detections, variance
+from jotlight.checks import Counts
 from jotlight.sensing.response import detection_probability
 
 WINDOW = 15
-"""Side of the window, in jots, whose median estimates the light on its center."""
+"""Side of a window, in jots. Its median estimates the light on the jot at its center."""
 
 MIN_RESPONSE = 0.2
-"""A jot is dead below this multiple of the response of its neighborhood, or above its inverse."""
+"""Minimum response of a working jot relative to its neighborhood. The maximum is its inverse."""
 
 OUTLIER = 4.0
-"""A response this many standard deviations from 1 is an outlier and keeps its measured value.
+"""A response at least this many standard deviations from 1 is an outlier: it is not shrunk.
 
 `docs/results/calibration.md` has the measurement behind this number.
 """
 
 _MIN_LIGHT = 0.1
-"""Minimum light of a flat capture, in standard deviations of one jot."""
+"""Minimum light of a flat capture, in standard deviations of the measurement of one jot."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,13 +32,13 @@ class Response:
     Parameters
     ----------
     relative : ndarray of float64, shape (H, W)
-        Around 1, within [1/5, 5]; 1 where it is unknown. Shrunk toward 1 according to the counting
-        noise, except for outliers.
+        Around 1, within [1/5, 5]; 1 where it is unknown. Except for outliers, values are shrunk
+        toward 1 according to their counting noise.
     dead : ndarray of bool, shape (H, W)
         Jots that respond too weakly or too strongly.
     prnu, prnu_error : float
-        Standard deviation of the response over good jots without outliers and without the counting
-        noise, and its standard error.
+        Standard deviation of the true response over the good jots except outliers, and its standard
+        error. The variance of the counting noise is subtracted.
     noise : float
         Standard deviation of the counting noise in the response of one jot.
     """
@@ -61,10 +62,10 @@ def measure_response(
 ) -> Response:
     """Return the response of each jot from a capture of even light.
 
-    Light is assumed to vary slowly over the sensor. So the median over 15 x 15 jots is divided out,
-    together with any equally slow variation of the response. The rest is r. Its counting noise has
-    the variance v. The best linear estimate of a response that varies by PRNU is
-    1 + (r - 1) PRNU²/(PRNU² + v). An outlier keeps its r.
+    Light is assumed to vary slowly over the sensor. So the light on each jot is divided by the
+    median over 15 x 15 jots, which also removes slow variations of the response. The quotient is r.
+    Its counting noise has the variance v. If the response varies with the standard deviation PRNU,
+    its best linear estimate is 1 + (r - 1) PRNU²/(PRNU² + v). For an outlier, the estimate is r.
 
     Parameters
     ----------
@@ -77,8 +78,8 @@ def measure_response(
     threshold : int
         q.
     false_positive_rate : float
-        Maximum fraction of the jots with 1/5 to 5 times the response of their neighborhood that
-        are called dead, by the exact binomial tail.
+        Maximum probability that a jot with 1/5 to 5 times the response of its neighborhood is
+        called dead, from the exact binomial tail.
     """
     from scipy.stats import binom
 
@@ -115,14 +116,14 @@ def measure_response(
 def shrink_response(
     relative: Rates, noise: Rates, outlier: float = OUTLIER
 ) -> tuple[Rates, float, float]:
-    """Return responses shrunk toward 1, their standard deviation without noise, and its error.
+    """Return responses shrunk toward 1, their noise-free standard deviation, and its error.
 
     Parameters
     ----------
     relative, noise : ndarray of float64
         The measured response of each jot, and the variance of its counting noise.
     outlier : float
-        A response this many standard deviations from 1, including noise, is not shrunk.
+        A response more than this many standard deviations, including noise, from 1 is not shrunk.
     """
     squares = (relative - np.median(relative)) ** 2
     # The median ignores outliers. For a normal distribution it is 0.6745 σ.
@@ -130,7 +131,7 @@ def shrink_response(
     ordinary = squares <= outlier**2 * (between + noise)
     between = max(float((squares - noise)[ordinary].mean()), 0.0)
     error = float(squares[ordinary].std()) / np.sqrt(ordinary.sum())
-    # If no variance exceeds the noise, the error is that of the variance itself.
+    # The error of a variance becomes that of its square root, which is not linear at 0.
     error = min(error / (2 * np.sqrt(between)), np.sqrt(error)) if between else np.sqrt(error)
     weight = between / (between + noise)
     weight[(relative - 1) ** 2 > outlier**2 * (between + noise)] = 1.0
@@ -138,7 +139,7 @@ def shrink_response(
 
 
 def _local_median(light: Rates, bad: npt.NDArray[np.bool_]) -> Rates:
-    """Return the median around each jot. Bad jots take the median of a first pass."""
+    """Return the median around each jot. The median of a first pass replaces bad jots."""
     from scipy.ndimage import median_filter
 
     side = tuple(min(WINDOW, size - 1 + size % 2) for size in light.shape)

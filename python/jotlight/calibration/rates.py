@@ -4,16 +4,16 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.checks import Counts
 from jotlight.sensing.response import detection_density, detection_probability
 
-Counts = npt.NDArray[np.int32]
 Rates = npt.NDArray[np.float64]
 
 
 def detections(ones: Counts, frames: int, threshold: int) -> Rates:
     """Return the most likely detections per frame of each jot: P⁻¹(q, L/N).
 
-    L = N would make them infinite, so N - 1/2 replaces it.
+    For L = N, they would be infinite, so N - 1/2 replaces L.
 
     Examples
     --------
@@ -31,8 +31,8 @@ def detections(ones: Counts, frames: int, threshold: int) -> Rates:
 def variance(rates: Rates, frames: int, threshold: int) -> Rates:
     """Return the variance of :func:`detections` at these rates, to first order.
 
-    It is p(1 - p)/N divided by the square of ∂P/∂s. Rates below half a count, and above N - 1/2
-    counts, have the variance at these limits.
+    It is p(1 - p)/N divided by the square of ∂P/∂s. Rates are clipped to those of 1/2 and N - 1/2
+    counts.
     """
     low = engine.inverse_detection_probability(threshold, 0.5 / frames)
     high = engine.inverse_detection_probability(threshold, 1 - 0.5 / frames)

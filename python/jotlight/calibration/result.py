@@ -41,7 +41,7 @@ _REQUIRED = {"dark_counts", "mask", "hot", "dead", "dark_ones"}
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Calibration:
-    """What is known about the jots of a sensor; :func:`jotlight.calibrate` returns it.
+    """The properties of the jots of a sensor, as :func:`jotlight.calibrate` finds them.
 
     Parameters
     ----------
@@ -51,8 +51,8 @@ class Calibration:
         Jots that reconstruction ignores: dead ones, and hot ones with more dark counts than
         `max_dark`.
     hot, dead : ndarray of bool, shape (H, W)
-        Jots whose dark counts the distribution of ordinary jots does not explain, and jots that do
-        not respond.
+        Jots whose dark counts the distribution of ordinary jots does not explain, and jots that
+        respond too weakly or too strongly.
     efficiency : ndarray of float32, shape (H, W), optional
         η, the response relative to the strongest jot. None without a flat capture.
     scale : float
@@ -64,9 +64,9 @@ class Calibration:
     bulk : Bulk
         The distribution of the dark counts of ordinary jots.
     hot_threshold : int
-        Smallest count of a hot jot in the dark capture; N + 1 if even N ones may occur by chance.
+        Smallest count of a hot jot in the dark capture; N + 1 if an ordinary jot may have even N.
     hot_probability : float
-        Probability that an ordinary jot reaches this count, by the fitted distribution.
+        Probability that an ordinary jot reaches this count, from the fitted distribution.
     dark_ones, dark_frames : ndarray of int32, int
         The dark capture.
     flat_ones, flat_frames : ndarray of int32, int, optional
@@ -77,8 +77,8 @@ class Calibration:
     dark_steadiness, flat_steadiness : Steadiness, optional
         The tests of the frames of the captures, if they contain single frames.
     provenance : dict
-        Where the captures come from and their orientation, with the keys ``"dark"`` and
-        ``"flat"``, as far as it is known.
+        Where the captures come from, and their orientation, if known, with the keys ``"dark"`` and
+        ``"flat"``.
     """
 
     dark_counts: Map
@@ -129,12 +129,12 @@ class Calibration:
         frames : int
             T of the capture to reconstruct.
         **changes
-            Parameters of :class:`jotlight.Sensor`. They are used unchanged.
+            Parameters of :class:`jotlight.Sensor`, which replace those of the calibration.
         """
         return self.applied_to(Sensor(frames=frames, threshold=self.threshold), **changes)
 
     def applied_to(self, sensor: Sensor, **changes: Any) -> Sensor:
-        """Return the sensor with these maps. Its gain counts the detections of the median jot.
+        """Return the sensor with these maps, and with a gain that refers to the median jot.
 
         Raises
         ------
@@ -166,20 +166,20 @@ class Calibration:
                 check_same_orientation("this", provenance, f"the calibration's {name}", own)
 
     def unconfirmed_reason(self, provenance: Provenance | None) -> str | None:
-        """Return why it is uncertain that a capture has its jots in the same places, or None."""
+        """Return why a capture may have its jots in other places than the calibration, or None."""
         if provenance is None or provenance.orientation is None:
             return "the orientation of the capture is unknown"
         known = self.provenance.get("dark")
         if known is None or known.orientation is None:
             return "the orientation of the calibration is unknown"
-        # A converted file has the orientation of its origin.
-        own, its = [*known.lineage()][-1].format, [*provenance.lineage()][-1].format
-        if own != its:
-            return f"the calibration is from {own} and the capture is {its}"
+        # A converted file has the orientation of its original.
+        own, other = [*known.lineage()][-1].format, [*provenance.lineage()][-1].format
+        if own != other:
+            return f"the calibration is from {own} and the capture is from {other}"
         return None
 
     def metadata(self) -> dict[str, Any]:
-        """Return everything that is not a map, by name, as values that JSON can hold."""
+        """Return all fields except the maps, by name, as values that JSON can hold."""
         values = {}
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
@@ -224,7 +224,7 @@ class Calibration:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Return the calibration from a file that :meth:`save` wrote.
+        """Return the calibration in a file that :meth:`save` wrote.
 
         Raises
         ------
@@ -271,7 +271,7 @@ def _checked(tensors: Tensors, numbers: Any) -> dict[str, Any]:
     for name, limits in _SCALARS.items():
         values[name] = _number(numbers.get(name), name, *limits)
     if any((name in numbers) != ("efficiency" in tensors) for name in _FLAT_SCALARS):
-        raise ValueError(f"expected efficiency, {', '.join(_FLAT_SCALARS)}, or none of them")
+        raise ValueError(f"expected all of efficiency, {', '.join(_FLAT_SCALARS)}, or none")
     for name, limits in (_FLAT_SCALARS | {"flat_frames": (1, 2**31, int)}).items():
         if name in numbers:
             values[name] = _number(numbers[name], name, *limits)
@@ -283,7 +283,7 @@ def _checked(tensors: Tensors, numbers: Any) -> dict[str, Any]:
     )
     for name in _STEADINESS:
         if (name in numbers) != (name in tensors):
-            raise ValueError(f"{name}: expected a map and numbers")
+            raise ValueError(f"{name}: expected both a map and numbers")
         if name in numbers:
             values[name] = _steadiness(name, numbers[name], tensors[name])
     provenance = values.get("provenance", {})
@@ -302,7 +302,7 @@ def _checked(tensors: Tensors, numbers: Any) -> dict[str, Any]:
 
 
 def _check_tensors(tensors: Tensors) -> None:
-    """Raise ValueError unless the tensors have the names, types, and one shape of the maps."""
+    """Raise ValueError unless the tensors are maps of one shape, with known names and types."""
     if not _REQUIRED <= tensors.keys() <= _MAPS.keys():
         raise ValueError(f"expected tensors {', '.join(_REQUIRED)}, got {', '.join(tensors)}")
     shape = tensors["mask"].shape

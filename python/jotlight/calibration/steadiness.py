@@ -1,4 +1,4 @@
-"""Tests whether the frames of a capture are independent and alike, as the likelihood assumes."""
+"""Tests of the likelihood's assumption that frames are independent and identically distributed."""
 
 import dataclasses
 import math
@@ -15,12 +15,10 @@ BLOCKS = 16
 
 _MIN_FRAMES = 8
 
-Counts = npt.NDArray[np.int64]
-
 
 @dataclasses.dataclass(frozen=True)
 class Steadiness:
-    """The results of the tests of single frames.
+    """The results of the tests of the frames of a capture.
 
     Parameters
     ----------
@@ -28,7 +26,7 @@ class Steadiness:
         Correlation of the bits of a jot in successive frames, pooled over all jots; its standard
         error; and their ratio. Afterpulsing and memory of the electronics raise it.
     homogeneity_z : float
-        Excess of the differences between blocks of frames over those of frames in random order, in
+        Excess of the differences between blocks of frames over those expected in random order, in
         standard errors. Changing light, motion, and temperature raise it.
     map : ndarray of float32, shape (H, W)
         The same excess for each jot, in standard deviations.
@@ -48,17 +46,18 @@ def steadiness(
     threads: int | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Steadiness | None:
-    """Return tests for correlated frames and for change over time, in constant memory.
+    """Return the results of tests for correlated frames and for change over time.
 
-    Both statistics are compared with frames in random order. Their mean and variance, conditional
-    on the count of the jot, are known exactly, so neither the scene nor the dark counts need to be
-    known. Jots are assumed to be independent. Common flicker is detected too, with a z that is too
-    large.
+    Both tests compare a statistic with its distribution for frames in random order. Its mean and
+    variance, conditional on the count of the jot, are known exactly, so neither the scene nor the
+    dark counts need to be known. Jots are assumed to be independent. So flicker that all jots share
+    is detected, too, but with too large a z. The memory is constant.
 
     Parameters
     ----------
     bits : Bits, shape (T, H, W)
-        At least 8 frames. Frames that do not fill the last of 16 blocks are ignored.
+        At least 8 frames. They are divided into up to 16 blocks of equal length; the remaining
+        frames are ignored.
     mask : ndarray of bool, shape (H, W), optional
         True marks jots to ignore.
     threads : int, optional
@@ -69,7 +68,7 @@ def steadiness(
     Returns
     -------
     Steadiness or None
-        None for fewer than 8 frames, or if no jot ever changes.
+        None for fewer than 8 frames, or if the bits of no jot change.
 
     Notes
     -----
@@ -140,7 +139,7 @@ def _successive_ones(bits: Bits) -> Bits:
 def _correlation(
     ones: npt.NDArray[np.int32], pairs: npt.NDArray[np.int32], frames: int
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Return the excess of pairs over random order, its variance, and m p (1 - p)."""
+    """Return the excess of pairs over their mean in random order, its variance, and m p (1 - p)."""
     n, L = float(frames), ones.astype(np.float64)  # noqa: N806
     zeros = n - L
     excess = pairs - L * (L - 1) / n
@@ -149,9 +148,9 @@ def _correlation(
 
 
 def _homogeneity(
-    ones: Counts, squares: npt.NDArray[np.float64], blocks: int, size: int
+    ones: npt.NDArray[np.int64], squares: npt.NDArray[np.float64], blocks: int, size: int
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Return χ² of each jot minus its mean in random order, and its standard deviation there."""
+    """Return χ² of each jot minus its mean in random order, and its standard deviation."""
     n, L = float(blocks * size), ones.astype(np.float64)  # noqa: N806
     zeros = n - L
     both = L * zeros

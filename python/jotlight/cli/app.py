@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from cyclopts import App, CycloptsError, Group, Parameter
 
-from jotlight import __version__
+from jotlight._engine import __version__
 from jotlight.cli.calibrate import calibrate
 from jotlight.cli.compare import compare
 from jotlight.cli.console import err, error, out, show_warning

@@ -122,7 +122,7 @@ def _check_outputs(captures: list[Path], output: Path, plot: Path | None) -> Non
             if file is not None:
                 refuse_capture_overwrite(file, path)
     if plot is not None:
-        from jotlight import plots
+        import jotlight.plots as plots
 
         plots.check_figure(plot)
         refuse_overwrite(plot, [output])

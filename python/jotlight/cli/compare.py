@@ -76,7 +76,7 @@ def run_comparison(
     methods: Mapping[str, Method] = METHODS,
 ) -> None:
     """Expose an image, reconstruct it by each method, and write the figure and the table."""
-    from jotlight import plots
+    import jotlight.plots as plots
 
     plots.check_figure(output)
     if image.ndim == 3 and image.shape[2] not in (1, 3):
@@ -109,7 +109,7 @@ def _draw(
     results: list[MethodResult],
     methods: Mapping[str, Method],
 ) -> None:
-    from jotlight import plots
+    import jotlight.plots as plots
 
     height, width = image.shape[:2]
     panels = [

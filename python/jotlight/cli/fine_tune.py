@@ -6,7 +6,7 @@ import shlex
 from pathlib import Path
 from typing import Any
 
-from jotlight import plots
+import jotlight.plots as plots
 from jotlight.calibration import Calibration
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import Captured, add_sensor, refuse_capture_overwrite
@@ -52,7 +52,7 @@ def fine_tune(
     if is_first:
         check_checkpoint(training)
     steps = fine_tuning.STEPS if training.steps is None else training.steps
-    rate = fine_tuning.RATE if training.learning_rate is None else training.learning_rate
+    rate = fine_tuning.LEARNING_RATE if training.learning_rate is None else training.learning_rate
     with silenced(not is_first):
         captured, network = _capture_and_network(data, training, capture, sensor)
         run = functools.partial(
@@ -61,7 +61,7 @@ def fine_tune(
             captured.data,
             captured.sensor,
             steps=steps,
-            rate=rate,
+            learning_rate=rate,
             batch=training.batch,
             patch=training.patch,
             rng=training.seed,

@@ -58,7 +58,7 @@ def info(
 
 
 def _draw(file: Path, plot: Path) -> None:
-    from jotlight import plots
+    import jotlight.plots as plots
 
     plots.check_figure(plot)
     if stored_format(file) == CALIBRATION:

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from jotlight import training
+import jotlight.training as training
 from jotlight.networks.architectures import ARCHITECTURES, SIZES, TWO_LAYER
 from jotlight.networks.graph import is_sequential
 from jotlight.networks.network import Network
@@ -85,11 +85,11 @@ def deep_learner(learning_rate: float | None, device: str | None) -> Learner:
     from jotlight.torch import training as deep_training
 
     check_device(device)
-    rate = deep_training.RATE if learning_rate is None else learning_rate
+    rate = deep_training.LEARNING_RATE if learning_rate is None else learning_rate
     return Learner(
         deep_training.train,
         deep_training.STEPS,
-        {"device": device, "rate": rate},
+        {"device": device, "learning_rate": rate},
         "--learning-rate",
         distributed.rank() == 0,
     )

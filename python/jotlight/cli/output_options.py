@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from cyclopts import Parameter
 
-from jotlight import __version__
+from jotlight._engine import __version__
 from jotlight.cli.captured import Captured
 from jotlight.cli.common_options import OUTPUT_PANEL
 from jotlight.estimators.brightness import detected_photons

@@ -54,8 +54,8 @@ def reproduce(
 
     After Ctrl-C the same command resumes the run.
 
-    The folder receives report.html for display, reproduction.md, and results/ with a .csv of all
-    numbers and the figures.
+    The folder receives report.html for display, and results/ with reproduction.md, a .csv of all
+    numbers, and the figures.
     """
     # Other commands start faster without these modules.
     from jotlight.experiments import EXPERIMENTS, runner, tables

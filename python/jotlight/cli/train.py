@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from jotlight import plots
+import jotlight.plots as plots
 from jotlight.cli.capture_options import TargetCaptureOptions
 from jotlight.cli.captured import refuse_capture_overwrite
 from jotlight.cli.common_options import CAPTURE_PANEL, TRAINING_PANEL

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from jotlight import plots
+import jotlight.plots as plots
 from jotlight.cli.console import err, live_training, report
 from jotlight.cli.training_options import TrainingOptions
 from jotlight.files import atomic_write

@@ -16,11 +16,11 @@ SITE = (
 """A mirror of the BSDS500 release of January 2013, which contains BSDS300."""
 
 REGISTRY = Path(__file__).with_name("bsds300.txt")
-"""One line per file: name and SHA-256."""
+"""File with one line per photograph: its name and SHA-256."""
 
 _BSDS300 = {"train": "train", "test": "test"}
 _BSDS500 = {"train": "train", "test": "val"}
-"""The `test` split of BSDS500 has 200 other photographs."""
+"""Folder of each split of BSDS300 in BSDS500, whose `test` has 200 other photographs."""
 
 _LAYOUTS = (
     (("bsds300",), _BSDS300),
@@ -28,7 +28,7 @@ _LAYOUTS = (
     (("BSR", "BSDS500", "data", "images"), _BSDS500),
     (("BSDS500", "data", "images"), _BSDS500),
 )
-"""Nested folders, and the name of each split in the innermost one."""
+"""Layouts of the data: nested folders, and the folder of each split in the innermost one."""
 
 
 def bsds300(
@@ -43,13 +43,17 @@ def bsds300(
     Parameters
     ----------
     split : {"train", "test"}
-        200 photographs, or 100.
+        ``train`` has 200 photographs, ``test`` has 100.
     folder : path, optional
-        A folder with the data as ``bsds300/{train,test}``, as the original BSDS300
-        (``BSDS300/images/{train,test}``), or as the original BSDS500
-        (``BSR/BSDS500/data/images/{train,val}``, where `val` is the test split of BSDS300); or one
-        of the inner folders. All images in the folder of the split are read. Default: the files
-        are fetched once (22 MB), verified, and stored in the user's cache.
+        A folder that contains one of the following, or one of its inner folders:
+
+        - ``bsds300/{train,test}``,
+        - ``BSDS300/images/{train,test}``, the original BSDS300,
+        - ``BSR/BSDS500/data/images/{train,val}``, the original BSDS500, whose `val` is the test
+          split of BSDS300.
+
+        All images in the folder of the split are read. Default: the files are fetched once (22 MB),
+        verified, and stored in the user's cache.
     first : int, optional
         Read only the first `first` images. Default: all.
     progress : callable, optional
@@ -66,7 +70,7 @@ def bsds300(
     Raises
     ------
     FileNotFoundError
-        If `folder` does not contain them.
+        If `folder` does not contain the photographs.
     ConnectionError
         If the files cannot be fetched.
     OSError, ValueError
@@ -79,7 +83,7 @@ def bsds300(
 
     Notes
     -----
-    No license is stated. For research, cite [1]_ and [2]_.
+    The data set states no license. For research, cite [1]_ and [2]_.
 
     References
     ----------
@@ -111,13 +115,13 @@ def _split_folder(folder: Path, split: str) -> Path:
     """Return the folder of a split. `folder` may be any of the nested folders of a layout."""
     if not folder.is_dir():
         raise FileNotFoundError(f"there is no folder {folder}")
-    inside = folder.resolve().parts
+    path = folder.resolve().parts
     for parts, splits in _LAYOUTS:
-        for known in range(len(parts) + 1):
-            # Require the name of the data set above: any folder may be called images/train.
-            if known and inside[-known:] != parts[:known]:
+        for depth in range(len(parts) + 1):
+            # Compare the names of the outer folders: any folder may contain images/train.
+            if depth and path[-depth:] != parts[:depth]:
                 continue
-            candidate = folder.joinpath(*parts[known:], splits[split])
+            candidate = folder.joinpath(*parts[depth:], splits[split])
             if candidate.is_dir():
                 return candidate
     layouts = ", ".join("/".join((*parts, splits[split])) for parts, splits in _LAYOUTS)
@@ -128,7 +132,7 @@ def _split_folder(folder: Path, split: str) -> Path:
 
 
 def _remote_files() -> RemoteFiles:
-    """Return the files with the names under which they are stored."""
+    """Return the URLs and hashes of the files, by the names under which they are stored."""
     hashes, urls = {}, {}
     for line in REGISTRY.read_text(encoding="utf-8").splitlines():
         name, sha256 = line.split()

@@ -12,6 +12,7 @@ from jotlight.images.sets import check_first
 
 SITE = "https://www.cs.toronto.edu/~kriz"
 SHA256 = "c4a38c50a1bc5f3a1c5537f2155ab9d68f9f25eb1ed8d9ddda3db29a59bca1dd"
+"""SHA-256 of the archive of the binary version."""
 
 _FILES = {
     "train": tuple(f"data_batch_{number}" for number in range(1, 6)),
@@ -31,17 +32,17 @@ def cifar10(
     Parameters
     ----------
     split : {"train", "test"}
-        50,000 images, or 10,000.
+        ``train`` has 50,000 images, ``test`` has 10,000.
     folder : path, optional
         A folder with the data in one of these forms, or the inner folder itself. The first form
         found is read:
 
         - the original binary version, ``cifar-10-batches-bin/{data_batch_1..5,test_batch}.bin``,
-        - the original Python version, ``cifar-10-batches-py/{data_batch_1..5,test_batch}``, which
-          are pickles; they are searched for the pixels and never unpickled,
+        - the original Python version, ``cifar-10-batches-py/{data_batch_1..5,test_batch}``. These
+          files are pickles; they are searched for the pixels and never unpickled,
         - ``cifar-10-binary.tar.gz``, read without unpacking,
-        - ``cifar10_gray.npz``, a copy in gray. JPEG changed most of its images. Only the unchanged
-          ones are returned; `train_lossless` and `test_lossless` mark them.
+        - ``cifar10_gray.npz``, a gray copy. JPEG compression changed most of its images. Only the
+          unchanged ones, which `train_lossless` and `test_lossless` mark, are returned.
 
         Default: the archive of the binary version is fetched once (170 MB), verified, and stored in
         the user's cache.
@@ -54,12 +55,12 @@ def cifar10(
     -------
     ndarray of float32, shape (N, 32, 32)
         Intensities in [0, 1]: the luma 0.299 R + 0.587 G + 0.114 B of ITU-R BT.601, rounded to
-        integer gray levels and divided by 255. They are display-encoded, and not linear in light.
+        integer gray levels and divided by 255. They are display-encoded, not linear in light.
 
     Raises
     ------
     FileNotFoundError
-        If `folder` does not contain them, or a part is missing.
+        If `folder` does not contain the images, or a file is missing.
     ConnectionError
         If the files cannot be fetched.
     OSError, ValueError
@@ -72,7 +73,7 @@ def cifar10(
 
     Notes
     -----
-    No license is stated. For research, cite [1]_.
+    The data set states no license. For research, cite [1]_.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Read the file formats of CIFAR-10 without running anything in them."""
+"""Readers of the file formats of CIFAR-10, which never run code from a file."""
 
 import itertools
 import zlib
@@ -26,12 +26,12 @@ Levels = npt.NDArray[np.uint8]
 
 
 def read_folder(folder: Path, split: str, names: Sequence[str]) -> Iterator[Levels]:
-    """Return the gray levels of a folder file by file, in whichever form it has.
+    """Return an iterator over the gray levels of each file in a folder.
 
     Raises
     ------
     FileNotFoundError
-        If it has none of the forms, or only a part of the files `names`.
+        If the folder has no known form, or lacks some of the files `names`.
     """
     if not folder.is_dir():
         raise FileNotFoundError(f"there is no folder {folder}")
@@ -60,7 +60,7 @@ def read_folder(folder: Path, split: str, names: Sequence[str]) -> Iterator[Leve
 def _read_binary(path: Path) -> Levels:
     size = path.stat().st_size
     _check_binary(str(path), size)
-    return _records(path.read_bytes())
+    return _decode_binary(path.read_bytes())
 
 
 def _check_binary(name: str, size: int) -> None:
@@ -71,12 +71,12 @@ def _check_binary(name: str, size: int) -> None:
         )
 
 
-def _records(content: bytes) -> Levels:
+def _decode_binary(content: bytes) -> Levels:
     return _gray(np.frombuffer(content, np.uint8).reshape(-1, _RECORD)[:, 1:])
 
 
 def _gray(pixels: npt.NDArray[np.uint8]) -> Levels:
-    """Return gray levels (N, 32, 32) from records (N, 3072)."""
+    """Return gray levels (N, 32, 32) from red, green, and blue values (N, 3072)."""
     planes = pixels.reshape(-1, 3, 32, 32)
     levels = np.empty((len(planes), 32, 32), np.uint8)
     for start in range(0, len(planes), 1000):  # in parts, to save memory
@@ -91,7 +91,7 @@ def _read_pickle(path: Path) -> Levels:
     import pickletools
 
     size, expected = path.stat().st_size, RECORDS * _PIXELS
-    # The rest is a label and a file name per image, about 32 bytes.
+    # Besides the pixels, a file has a label and a file name per image, about 32 bytes.
     if not expected < size <= RECORDS * 4096:
         raise ValueError(
             f"{path}: expected more than the {expected} bytes of {RECORDS} images, got "
@@ -117,30 +117,30 @@ def _read_pickle(path: Path) -> Levels:
 
 
 def read_archive(path: Path, names: Sequence[str]) -> Iterator[Levels]:
-    """Yield the gray levels of each file in the archive of the binary version."""
+    """Yield the gray levels of each file in the archive, in the order of `names`."""
     import tarfile
 
     expected = [f"{_BINARY}/{name}.bin" for name in names]
     pending: dict[str, Levels] = {}
-    due = 0
+    yielded = 0
     try:
         with tarfile.open(path, "r:gz") as archive:
-            # In the order of the archive, since seeking back would decompress it from the start.
+            # Read in the order of the archive: seeking back would decompress it from the start.
             for member in archive:
-                if member.name not in expected[due:] or not member.isreg():
+                if member.name not in expected[yielded:] or not member.isreg():
                     continue
                 _check_binary(f"{path}: {member.name}", member.size)
                 file = archive.extractfile(member)
                 assert file is not None  # a regular file has content
-                pending[member.name] = _records(file.read())
-                while due < len(expected) and expected[due] in pending:
-                    yield pending.pop(expected[due])
-                    due += 1
-                if due == len(expected):
+                pending[member.name] = _decode_binary(file.read())
+                while yielded < len(expected) and expected[yielded] in pending:
+                    yield pending.pop(expected[yielded])
+                    yielded += 1
+                if yielded == len(expected):
                     return
     except (tarfile.TarError, zlib.error, EOFError, OSError) as error:
         raise ValueError(f"{path}: the archive is damaged ({error}); fetch it again") from error
-    raise FileNotFoundError(f"{path}: expected {expected[due]} in the archive, which is not there")
+    raise FileNotFoundError(f"{path}: expected {expected[yielded]} in the archive, found none")
 
 
 def _read_gray(path: Path, split: str) -> Levels:

@@ -17,7 +17,7 @@ _INSTEAD = (
 
 @dataclasses.dataclass(frozen=True)
 class RemoteFiles:
-    """The files of a data set on the network."""
+    """The files of a data set on the Internet."""
 
     name: str
     site: str
@@ -44,8 +44,8 @@ def cache_folder() -> Path:
 def fetch(source: RemoteFiles, names: Iterable[str], progress: Progress | None = None) -> Path:
     """Return the folder of the files, after fetching those that are missing.
 
-    A warning before the download states what is fetched, from where, and the terms. Each file
-    appears whole and with the correct SHA-256, or not at all.
+    A warning before the download states what is fetched, from where, and the terms. A file is
+    stored only if it is complete and has the correct SHA-256.
 
     Parameters
     ----------
@@ -162,14 +162,14 @@ class _Bar:
             self._progress((self._number + fraction) / self._files)
 
     def reset(self) -> None:
-        """Do nothing. pooch calls it at the end to fill the bar."""
+        """Do nothing. pooch calls this method at the end."""
 
     def close(self) -> None:
-        """Do nothing."""
+        """Do nothing. pooch calls this method at the end."""
 
 
 def split_progress(progress: Progress | None) -> tuple[Progress | None, Progress | None]:
-    """Return callbacks for fetching and for reading, each half of the whole."""
+    """Return callbacks for fetching and for reading. Each covers half of the progress."""
     if progress is None:
         return None, None
     report = progress

@@ -6,7 +6,7 @@ import numpy.typing as npt
 from jotlight.images.color import luma
 
 PHOTOGRAPHS = ("camera", "coins", "moon", "astronaut", "coffee", "chelsea", "rocket")
-"""Photographs of scikit-image: three in gray, four in color."""
+"""Names of photographs of scikit-image: three in gray, then four in color."""
 
 
 def photograph(name: str = "camera", *, gray: bool = False) -> npt.NDArray[np.float32]:
@@ -17,13 +17,12 @@ def photograph(name: str = "camera", *, gray: bool = False) -> npt.NDArray[np.fl
     name : str
         One of :data:`PHOTOGRAPHS`.
     gray : bool
-        Whether to convert color to gray, the luma of ITU-R BT.601.
+        Whether to convert color to gray (:func:`jotlight.images.color.luma`).
 
     Returns
     -------
     ndarray of float32, shape (H, W) or (H, W, 3)
-        Gray levels divided by 255. They are display-encoded, as in any photograph, not linear in
-        light.
+        Levels divided by 255. They are display-encoded, not linear in light.
 
     Examples
     --------

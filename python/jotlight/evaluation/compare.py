@@ -1,4 +1,4 @@
-"""Many methods on one image."""
+"""Comparison of many methods on one image."""
 
 import dataclasses
 import time
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import metrics
+import jotlight.metrics as metrics
 from jotlight.errors import JotlightWarning
 from jotlight.evaluation.methods import METHODS, Method
 from jotlight.sensing.bits import Bits
@@ -18,27 +18,27 @@ from jotlight.sensing.sensor import Sensor
 
 @dataclasses.dataclass(frozen=True)
 class MethodResult:
-    """Estimate of one method, with its quality and time."""
+    """The estimate of one method, its quality, and its computing time."""
 
     method: str
     estimate: npt.NDArray[np.float32]
     psnr: float
-    """In dB, for a peak of 1."""
+    """PSNR in dB, for a peak of 1."""
     ssim: float | None
-    """None for images smaller than the window of SSIM."""
+    """SSIM, or None for images smaller than its window."""
     seconds: float
 
 
 def select_methods(sensor: Sensor, names: Sequence[str] | None = None) -> list[str]:
-    """Return the names of methods that serve a sensor.
+    """Return the names of the methods to compare, all of which serve the sensor.
 
     Parameters
     ----------
     sensor : Sensor
         Sensor of the data.
     names : sequence of str, optional
-        Names to check. Default: all methods that are installed, serve the sensor, and differ from
-        a faster method.
+        Names to check and return. Default: all methods that are installed, serve the sensor, and
+        differ from every faster method.
 
     Raises
     ------
@@ -71,9 +71,9 @@ def compare_methods(
     begin: Callable[[str], object] = lambda title: None,
     methods: Mapping[str, Method] = METHODS,
 ) -> list[MethodResult]:
-    """Return the estimate, quality and time of each method on the same bits.
+    """Return the estimate, quality, and computing time of each method on the same bits.
 
-    Each method first runs on a small corner, so that its time excludes the loading of libraries.
+    Each method first runs on a small corner, so that its time does not include loading libraries.
 
     Parameters
     ----------
@@ -88,8 +88,8 @@ def compare_methods(
     threads : int, optional
         Threads to use. Default: all.
     begin : callable, optional
-        Called with the title of each method before it runs. If it returns a callable, an iterative
-        method calls that with its progress in [0, 1].
+        Called with the title of each method before it runs. If `begin` returns a function, an
+        iterative method calls this function with its progress in [0, 1].
     methods : mapping of str to Method, optional
         Methods by name.
     """
@@ -112,7 +112,7 @@ def compare_methods(
 def _warm_up(
     method: Method, bits: Bits, sensor: Sensor, shape: tuple[int, ...], threads: int | None
 ) -> None:
-    """Run a method on the bits of 16 x 16 pixels, where the image has that many."""
+    """Run a method on the bits of 16 x 16 pixels, if the image is that large."""
     if min(shape[:2]) < 16:
         return
     side = sensor.oversampling

@@ -1,4 +1,4 @@
-"""One method on many images: its mean quality, and its quality on the worst images."""
+"""Evaluation of one method on many images: mean quality, and quality on the worst images."""
 
 import csv
 import dataclasses
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from jotlight import metrics
+import jotlight.metrics as metrics
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
 
@@ -22,21 +22,21 @@ class Score:
 
     image: str
     psnr: float
-    """In dB, for a peak of 1."""
+    """PSNR in dB, for a peak of 1."""
     snr: float
-    """In dB."""
+    """SNR in dB."""
     ssim: float | None
-    """None for images smaller than the window of SSIM."""
+    """SSIM, or None for images smaller than its window."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Evaluation:
-    """Scores of all images."""
+    """The scores of one method on all images."""
 
     scores: list[Score]
 
     def values(self, metric: str) -> npt.NDArray[np.float64]:
-        """Return one metric ("psnr", "snr" or "ssim") of each image, NaN where it is None."""
+        """Return "psnr", "snr", or "ssim" of each image, NaN where it is None."""
         if metric not in METRICS:
             raise ValueError(f"metric: expected one of {', '.join(METRICS)}, got {metric!r}")
         return np.array([getattr(score, metric) for score in self.scores], np.float64)
@@ -46,7 +46,7 @@ class Evaluation:
         return float(np.mean(self.values(metric)))
 
     def mean_of_worst(self, metric: str, fraction: float) -> float:
-        """Return the mean of a metric over the worst fraction of the images, at least one image.
+        """Return the mean of a metric over the worst fraction of the images, rounded up.
 
         Examples
         --------
@@ -61,7 +61,7 @@ class Evaluation:
         return float(np.mean(np.sort(self.values(metric))[:number]))
 
     def write_csv(self, path: Path) -> None:
-        """Write one row for each image."""
+        """Write a CSV file with one row for each image."""
         with path.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             writer.writerow(["image", "psnr_db", "snr_db", "ssim"])
@@ -91,13 +91,13 @@ def evaluate(
     sensor : Sensor
         Sensor that exposes the images.
     names : sequence of str, optional
-        Names of the images. Default: their numbers.
+        Names of the images. Default: their indices.
     rng : int
         Seed of the bits of the first image. Each further image uses the next integer.
     threads : int, optional
         Threads to use. Default: all.
     progress : callable, optional
-        Called after each image with the fraction that is done.
+        Called after each image with the completed fraction, 0 to 1.
 
     Returns
     -------

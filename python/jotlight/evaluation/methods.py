@@ -1,4 +1,4 @@
-"""Every reconstruction method by name, and the choice of one for a sensor.
+"""All reconstruction methods by name, and the choice of a method for a sensor.
 
 The command line, the experiments, and the contract tests take the methods from :data:`METHODS`.
 """
@@ -59,15 +59,15 @@ class Method:
     run: Run
     """``run(data, sensor, *, threads)`` returns the estimate."""
     options: frozenset[str] = frozenset()
-    """Optional arguments that set this method apart: see :data:`OPTION_DEFAULTS`."""
+    """Names in :data:`OPTION_DEFAULTS` that this method accepts."""
     quality: str | None = None
     """Size of the shipped network, or None for other methods."""
     required_package: str | None = None
     """Package that must be installed in addition to jotlight's own dependencies."""
     unsupported_reason: Callable[[Sensor], str | None] = lambda _: None
-    """Return why the method cannot serve a sensor, or None if it can."""
+    """Function that returns why the method cannot serve a sensor, or None if it can."""
     is_distinct: Callable[[Sensor], bool] = lambda _: True
-    """Return whether the estimate for a sensor differs from that of a faster method."""
+    """Function that returns whether the estimate for a sensor differs from a faster method's."""
     iterative: bool = False
     """Whether `run` takes `tol`, `max_iter`, `callback` and `return_history`."""
 
@@ -124,7 +124,7 @@ METHODS: dict[str, Method] = {
 """All methods, in the order in which tables list them."""
 
 DEEP_NETWORKS = "network-small", "network-medium", "network-large"
-"""Methods that go beyond the paper."""
+"""Networks that go beyond the paper."""
 
 DEFAULT_METHOD = "network-medium"
 """Method for every sensor that it serves, unless another one is requested."""
@@ -136,7 +136,7 @@ SMOOTH_KERNEL_METHOD = "admm-tv"
 """Fallback for the bits of a sensor with a smooth kernel, because it models the kernel."""
 
 OWN_NETWORK = "network"
-"""Name of the method that runs a network of the caller."""
+"""Name of the method that runs a network from the caller."""
 
 OPTION_DEFAULTS = {
     "uncertainty": "mle",
@@ -146,28 +146,31 @@ OPTION_DEFAULTS = {
     "tol": SMOOTH_KERNEL_METHOD,
     "max_iter": SMOOTH_KERNEL_METHOD,
 }
-"""Options of some methods only, and the method that each one selects. The first match decides."""
+"""Options that not all methods accept, each with the method that it selects.
+
+If several are set, the first one in this order selects.
+"""
 
 
 def requested_method(method: str | None, options: Collection[str] = ()) -> str | None:
-    """Return the method that a name or an option of one method requests.
+    """Return the requested method: the named one, or the one that an option selects.
 
     Parameters
     ----------
     method : str or None
         Name of a method.
     options : collection of str
-        Names in :data:`OPTION_DEFAULTS` that are set.
+        Names in :data:`OPTION_DEFAULTS` that the user set.
 
     Returns
     -------
     str or None
-        A key of :data:`METHODS`, or None without a request.
+        A key of :data:`METHODS`, or None if neither a name nor an option is set.
 
     Raises
     ------
     ValueError
-        For an unknown name, or an option of another method.
+        For an unknown name, or an option that the method does not accept.
 
     Examples
     --------
@@ -193,7 +196,7 @@ def requested_method(method: str | None, options: Collection[str] = ()) -> str |
 
 @dataclasses.dataclass(frozen=True)
 class Choice:
-    """A method for some data, with the range of its estimate."""
+    """The method for some data, and the range of its estimate."""
 
     method: str
     """Key of :data:`METHODS`, or :data:`OWN_NETWORK`."""
@@ -204,13 +207,13 @@ class Choice:
     max_intensity: float
     """Largest intensity S of the estimate."""
     has_fixed_range: bool
-    """Whether a network was trained for this one S."""
+    """Whether the method is a network that was trained for one S."""
     saturation: float | None
-    """Intensity at which the bits saturate, if the network's S lies below it; otherwise None."""
+    """Intensity at which the bits saturate, if a network's fixed S is below it; otherwise None."""
     notes: tuple[str, ...]
     """Assumptions to report."""
     warnings: tuple[str, ...]
-    """Reasons why this is not the default method."""
+    """Reasons why the default method was not chosen."""
 
     @property
     def title(self) -> str:
@@ -245,8 +248,8 @@ def choose_method(
         Whether the data or the user state the largest intensity S. Otherwise, with a box kernel, S
         rises to the saturation of the bits, if the method allows it.
     remedy : str, optional
-        Advice after the reason why no network serves the sensor. Default: the command that trains
-        one.
+        Advice that follows the reason why no network serves the sensor. Default: the command that
+        trains a network.
 
     Returns
     -------
@@ -288,8 +291,8 @@ def choose_method(
         else:
             max_intensity = saturation
             notes.append(
-                "the largest intensity is half a count from saturation, so that nothing else is "
-                "clipped; max_intensity=S (--max-intensity) sets another"
+                "the largest intensity is half a count from saturation, so that only saturated "
+                "pixels are clipped; max_intensity=S (--max-intensity) sets another one"
             )
     return Choice(
         method,

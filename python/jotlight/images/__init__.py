@@ -1,4 +1,4 @@
-"""Images in and out of files, and what a display shows of them.
+"""Images: reading, writing, and tone curves for a display.
 
 - `io`: read photographs, write estimates.
 - `sets`: read many images from a folder or an array.

@@ -1,4 +1,4 @@
-"""Write several images of one scene to one file, each with its name."""
+"""Files that hold several named images of one scene."""
 
 import json
 import os

@@ -32,7 +32,7 @@ _ORIENTATION = 0x0112
 def read_image(
     path: str | os.PathLike[str], *, white: float | None = None, gray: bool = False
 ) -> Image:
-    """Read a photograph as intensities.
+    """Return the intensities of a photograph in a file.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def read_image(
         PNG, JPEG, any other format that Pillow reads, TIFF, or `.npy`.
     white : float, optional
         The level that becomes intensity 1. Default: the full scale of 8-bit photographs and of
-        16-bit PNG, and 1 for floats. Other integers require it, since their scale is unknown.
+        16-bit PNG, and 1 for floats. Other integers require `white`: their scale is unknown.
     gray : bool
         Whether to convert color to gray (:func:`jotlight.images.color.luma`).
 
@@ -97,14 +97,15 @@ def read_image(
 
 
 def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
+    """Return the values of an image, and the level of intensity 1."""
     from PIL import Image, ImageOps, UnidentifiedImageError
 
     try:
         with Image.open(path) as file:
             size = file.width * file.height * len(file.getbands())
             check_claimed_size("the header", size, path.stat().st_size)
-            if (deep := _read_png16(path)) is not None:
-                return _upright(deep, file.getexif().get(_ORIENTATION, 1)), 65535.0
+            if (levels := _read_png16(path)) is not None:
+                return _upright(levels, file.getexif().get(_ORIENTATION, 1)), 65535.0
             image = ImageOps.exif_transpose(file)
             if image.mode in ("I;16", "I;16B", "I"):
                 return np.asarray(image).astype(np.int32), 65535.0
@@ -124,7 +125,7 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
 
 
 def _read_png16(path: Path) -> npt.NDArray[np.uint16] | None:
-    """Return a 16-bit PNG with transparency or color, which Pillow cuts to 8 bits; else None."""
+    """Return a 16-bit PNG with transparency or color, which Pillow reduces to 8 bits, or None."""
     import png
 
     with path.open("rb") as file:
@@ -134,16 +135,16 @@ def _read_png16(path: Path) -> npt.NDArray[np.uint16] | None:
     if start[:4] != b"\x89PNG" or depth != b"\x10" or color_type not in (b"\2", b"\4", b"\6"):
         return None
     try:
-        width, height, rows, facts = png.Reader(bytes=path.read_bytes()).read()
+        width, height, rows, info = png.Reader(bytes=path.read_bytes()).read()
         values = np.array([np.asarray(row, np.uint16) for row in rows])
     except (png.Error, zlib.error, EOFError) as error:
         raise ValueError(f"{path}: the image is damaged or truncated ({error})") from error
-    values = values.reshape(height, width, facts["planes"])
+    values = values.reshape(height, width, info["planes"])
     return values[..., 0] if color_type == b"\4" else values[..., :3]
 
 
 def _upright(array: npt.NDArray[Any], orientation: int) -> npt.NDArray[Any]:
-    """Return an image upright, from one of the eight orientations of EXIF."""
+    """Return an image with one of the eight EXIF orientations upright."""
     if orientation in (5, 6, 7, 8):
         array = array.swapaxes(0, 1)
     if orientation in (3, 4, 7, 8):
@@ -154,6 +155,7 @@ def _upright(array: npt.NDArray[Any], orientation: int) -> npt.NDArray[Any]:
 
 
 def _read_tiff(path: Path) -> tuple[npt.NDArray[Any], float | None]:
+    """Return the values of an image, and the level of intensity 1 if it is known."""
     try:
         with open_checked_tiff(path) as file:
             series = file.series[0]
@@ -176,7 +178,7 @@ def image_writer(
 ) -> Callable[[Path, Image], None]:
     """Return a function ``write(file, image)`` for the format of `path`.
 
-    Everything about the format is checked here, before any image is computed.
+    This function checks everything about the format, before any image is computed.
 
     Parameters
     ----------
@@ -184,12 +186,11 @@ def image_writer(
         The ending chooses the format: `.png` and `.jpg` for display; `.tif` and `.exr` (float32)
         and `.npy` for floats, which are never clipped.
     depth : {8, 16}
-        Bits of a PNG.
+        Bits per value of a PNG.
     white : float
-        The intensity that becomes white in PNG and JPEG. Brighter pixels are white too.
+        The intensity that becomes white in PNG and JPEG. Brighter pixels are white, too.
     note : mapping, optional
-        Values that JSON can hold. They go into the ImageDescription of a TIFF and the `comments` of
-        an EXR.
+        Values that JSON can hold, for the ImageDescription of a TIFF and the `comments` of an EXR.
 
     Returns
     -------
@@ -252,7 +253,6 @@ def _write_png16(file: Path, values: npt.NDArray[np.uint16]) -> None:
     # Pillow has no 16-bit color.
     import png
 
-    height, width = values.shape[:2]
-    writer = png.Writer(width, height, greyscale=values.ndim == 2, bitdepth=16)
+    rows = values.reshape(len(values), -1)
     with file.open("wb") as handle:
-        writer.write(handle, values.reshape(height, -1))
+        png.from_array(rows, "L;16" if values.ndim == 2 else "RGB;16").write(handle)

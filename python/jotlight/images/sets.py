@@ -1,4 +1,4 @@
-"""Read many images at once: from a folder, or from an array."""
+"""Sets of images, read from a folder or from an array in a file."""
 
 import os
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from jotlight.formats.arrays import read_npy, read_npz
 from jotlight.images.io import read_image
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".npy")
-"""Endings of the files in a folder that count as images."""
+"""Endings of the file names in a folder that are read as images."""
 
 
 def read_image_set(
@@ -28,8 +28,8 @@ def read_image_set(
     Parameters
     ----------
     source : path
-        A folder of images, where color is converted to gray; or a `.npy`, or a `.npz` with `key`,
-        with an array (N, H, W).
+        A folder of images, whose colors are converted to gray. Or a `.npy` or `.npz` file with an
+        array (N, H, W).
     key : str, optional
         The name of the array in a `.npz`.
     white : float, optional
@@ -52,7 +52,7 @@ def read_image_set(
     if not source.is_dir():
         return _read_stack(source, key, white, first)
     if key is not None:
-        raise ValueError(f"key: names an array in a .npz, and {source} is a folder")
+        raise ValueError(f"key: names an array in a .npz, but {source} is a folder")
     paths = sorted(path for path in source.iterdir() if path.suffix.lower() in ENDINGS)
     paths = [path for path in paths if not path.name.startswith(".")][:first]
     if not paths:
@@ -90,18 +90,19 @@ def _read_stack(
     if suffix not in (".npy", ".npz"):
         raise ValueError(f"{source}: expected a folder of images, a .npy, or a .npz")
     if suffix == ".npy" and key is not None:
-        raise ValueError(f"key: names an array in a .npz, and {source} is none")
+        raise ValueError(f"key: names an array in a .npz, but {source} is a .npy")
     array = read_npz(source, key) if suffix == ".npz" else read_npy(source)
     if array.ndim != 3 or array.size == 0 or array.dtype.kind not in "uif":
         raise ValueError(
-            f"{source}: expected an array of images (N, H, W) in numbers, got {array.dtype} of "
+            f"{source}: expected a numeric array of images (N, H, W), got {array.dtype} of "
             f"shape {array.shape}"
         )
     array = array[:first]
     if white is None:
         if array.dtype.kind != "f" and array.dtype != np.uint8:
             raise ValueError(
-                f"{source}: the scale of {array.dtype} is unknown; state it with white= (--white)"
+                f"{source}: the scale of {array.dtype} is unknown; state the level of "
+                "intensity 1 with white= (--white)"
             )
         white = 255.0 if array.dtype == np.uint8 else 1.0
     elif not (np.isfinite(white) and white > 0):

@@ -13,10 +13,10 @@ PERCENTILE = 99.5
 """Default percentile of the pixels that becomes white."""
 
 _SHADES = 1000.0
-"""Ratio of white to the level below which the logarithmic curve is nearly linear."""
+"""Ratio of white to the level below which the curve ``log`` is nearly linear."""
 
 _KEY = 0.18
-"""Displayed value of the middle brightness in the curve of Reinhard et al."""
+"""Linear displayed value of the geometric mean in the curve of Reinhard et al."""
 
 
 def _linear(x: Image, middle: float) -> Image:
@@ -43,7 +43,7 @@ CURVES: dict[str, Callable[[Image, float], Image]] = {
     "log": _log,
     "reinhard": _reinhard,
 }
-"""Functions of x = c / white in [0, 1] and of the middle brightness."""
+"""Curves by name: functions of x = c / white in [0, 1], and of the geometric mean of x."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,8 +62,8 @@ class Tone:
 
     Notes
     -----
-    ``reinhard`` is the global curve of Reinhard et al. (2002), their equations (2) and (4). The
-    gamma of the display follows.
+    ``reinhard`` is the global curve of Reinhard et al. (2002), their equations (2) and (4). A
+    gamma curve for the display follows it.
 
     Examples
     --------
@@ -75,7 +75,7 @@ class Tone:
     white: float = 1.0
     """The intensity that becomes white."""
     middle: float = _KEY
-    """The geometric mean m. Only ``reinhard`` uses it."""
+    """The geometric mean m of x. Only ``reinhard`` uses it."""
 
     def __post_init__(self) -> None:
         check_curve(self.curve)
@@ -87,7 +87,7 @@ class Tone:
 
     @classmethod
     def fit(cls, image: Image, curve: str = "gamma", *, percentile: float = PERCENTILE) -> Self:
-        """Return a tone whose white is a percentile of the image, and whose middle is its mean.
+        """Return a tone for an image: white is a percentile of it, and middle its geometric mean.
 
         Examples
         --------
@@ -102,7 +102,7 @@ class Tone:
         return cls(curve, white, float(np.exp(np.log(x).mean())))
 
     def __call__(self, image: Image) -> npt.NDArray[np.float32]:
-        """Return the image on the curve: values in [0, 1], in the same shape."""
+        """Return the displayed image: values in [0, 1], in the same shape."""
         x = np.clip(np.asarray(image, np.float64) / self.white, 0, 1)
         return np.clip(CURVES[self.curve](x, self.middle), 0, 1).astype(np.float32)
 

@@ -19,14 +19,14 @@ AddImage = Callable[[npt.NDArray[np.float32]], None]
 
 
 def windows(bits: Bits, window: int, step: int | None = None) -> list[slice]:
-    """Return the frames of each whole window: `window` frames, starting every `step`.
+    """Return the frames of each window as a slice: `window` frames, from every `step`-th frame on.
 
-    ``bits[w]`` for each of them selects its bits without reading their files.
+    ``bits[w]`` selects the bits of a window w without reading the file.
 
     Raises
     ------
     ValueError
-        If there is no whole window, or a number is below 1.
+        If the window is longer than the capture, or a number is below 1.
 
     Examples
     --------
@@ -39,11 +39,11 @@ def windows(bits: Bits, window: int, step: int | None = None) -> list[slice]:
         raise ValueError(f"step: expected 1 frame or more, got {step}")
     if not 1 <= window <= len(bits):
         raise ValueError(f"window: expected 1 to the capture's {len(bits)} frames, got {window}")
-    return [slice(a, a + window) for a in range(0, len(bits) - window + 1, step)]
+    return [slice(start, start + window) for start in range(0, len(bits) - window + 1, step)]
 
 
 def is_floats(path: Path) -> bool:
-    """Return whether a video of this name is a stack of floats.
+    """Return whether a video with this name holds floats.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def is_floats(path: Path) -> bool:
 def video_writer(
     path: Path, number: int, *, tone: Tone | None = None, fps: float = 25.0, depth: int = 8
 ) -> Iterator[AddImage]:
-    """Yield a function that adds the next image to a video. The video appears whole or not at all.
+    """Yield a function that adds the next image to a video, which is written atomically.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def video_writer(
     number : int
         N, the number of images.
     tone : Tone, optional
-        The curve from floats to the display, the same for all. Default: intensity 1 is white.
+        The curve from intensities to the display, for all images. Default: linear, 1 is white.
     fps : float
         Images per second of a `.mp4`.
     depth : {8, 16}
@@ -112,7 +112,7 @@ def video_writer(
 
 
 def _append(file: Any, image: Image, number: int) -> None:
-    # Not through a memory map, whose pages would stay in memory.
+    # The pages of a memory map would stay in memory.
     if file.tell() == 0:
         header = {"descr": "<f4", "fortran_order": False, "shape": (number, *image.shape)}
         np.lib.format.write_array_header_1_0(file, header)

@@ -22,8 +22,8 @@ class Architecture:
     channels: tuple[int, ...]
     """Channels at 1/2, 1/4, ... of the resolution."""
     layers: tuple[int, ...]
-    """3 × 3 layers at each resolution: on the way down and again on the way up. At the lowest
-    resolution, their total."""
+    """Layers with splines at each resolution: this number on the way down, and again on the way up.
+    The lowest resolution has them once."""
 
 
 ARCHITECTURES = {
@@ -40,22 +40,25 @@ SIZES = TWO_LAYER, *ARCHITECTURES
 """All sizes of networks, from the fastest to the most accurate."""
 
 _START_SIGMA, _START_TAPS = 1.2, 7
-"""Gaussian that smooths the counts for the starting estimate of a residual network."""
+"""Gaussian that smooths the counts of a residual network: standard deviation, taps per side."""
 
 _RELU = -3.0, 3.0, 13
-"""Domain and number of coefficients of the splines in a U-Net."""
+"""Domain (two numbers) and number of coefficients of the splines in a U-Net."""
 
 _FIT_COEFFICIENTS = 150
 """Number of coefficients of the splines that represent a known function."""
 
 _REMOVED_MEAN = 0.8
-"""Fraction of its mean that each filter of a U-Net's first layer loses."""
+"""Fraction of its mean that is subtracted from each filter of a U-Net's first layer."""
 
 _SETS = 6
 """M, the number of parameter sets of a K-conditioned network."""
 
 _WIDEST_SIGMA, _NARROWEST_SIGMA, _CONDITIONAL_TAPS = 3.0, 0.8, 11
-"""Gaussians that smooth the counts of a K-conditioned network, for the smallest and largest K."""
+"""Gaussians that smooth the counts of a K-conditioned network.
+
+Standard deviations for the smallest and the largest K, and taps per side.
+"""
 
 
 def find_architecture(name: str) -> Architecture:
@@ -96,7 +99,7 @@ def build_two_layer(
         return intensity_from_probability(probability, sensor, None).astype(np.float64)
 
     first = fit_spline(stabilized, 0.0, trials, coefficients)
-    # A spline stays between its extreme coefficients. So does u, and r exceeds it by `margin`.
+    # A spline, and so u, stays between its extreme coefficients; r exceeds them by up to `margin`.
     smallest, largest = float(first[0].min()), float(first[0].max())
     margin = nu * (largest - smallest)
     second = fit_spline(intensity, smallest - margin, largest + margin, coefficients)
@@ -108,9 +111,9 @@ def build_two_layer(
 
 
 def _monotone(coefficients: npt.NDArray[np.float32], sensor: Sensor) -> npt.NDArray[np.float32]:
-    """Return the nearest coefficients that do not fall, clipped to [0, S].
+    """Return the nearest coefficients that never decrease, clipped to [0, S].
 
-    A fit oscillates at the ends of [0, S], but a brighter pixel must not have a lower estimate.
+    The fit oscillates near 0 and S, but a brighter pixel must not have a lower estimate.
     """
     from scipy.optimize import isotonic_regression
 
@@ -121,14 +124,16 @@ def _monotone(coefficients: npt.NDArray[np.float32], sensor: Sensor) -> npt.NDAr
 def build_residual(
     architecture: Architecture, sensor: Sensor, rng: np.random.Generator
 ) -> list[Layer]:
-    """Return the layers of a residual network at its start, x0 = P⁻¹(G * L/K) in [0, S].
+    """Return the layers of an untrained residual network.
+
+    Its output is x0 = P⁻¹ of the smoothed L/K, in [0, S].
 
     Parameters
     ----------
     architecture : Architecture
-        Channels and layers of the U-Net whose output is added to x0. At the start it is 0.
+        Channels and layers of the U-Net whose output is added to x0. Before training it is 0.
     sensor : Sensor
-        Maps enter by their medians.
+        The median replaces each map.
     rng : numpy.random.Generator
         Draws the filters.
     """
@@ -150,7 +155,7 @@ def build_residual(
 
 
 def build_conditional(architecture: Architecture, rng: np.random.Generator) -> list[Layer]:
-    """Return the layers of a K-conditioned network at its start.
+    """Return the layers of an untrained K-conditioned network.
 
     The network maps detected fractions L/K to detection probabilities. It works on z = arcsin
     √(L/K), whose noise has the standard deviation 1/(2 √K) at every exposure.
@@ -158,7 +163,7 @@ def build_conditional(architecture: Architecture, rng: np.random.Generator) -> l
     Parameters
     ----------
     architecture : Architecture
-        Channels and layers of the U-Net whose output is added to the smoothed z. At the start it
+        Channels and layers of the U-Net whose output is added to the smoothed z. Before training it
         is 0.
     rng : numpy.random.Generator
         Draws the filters.
@@ -202,14 +207,15 @@ class Builder:
     ) -> None:
         """Append a layer of `outputs` channels with `taps` × `taps` filters.
 
+        `gain` scales the random taps. Each filter loses the fraction `removed_mean` of its mean.
         `options` go to :class:`Layer`.
         """
         source = options.get("input", len(self.layers) - 1)
         inputs = self.layers[source].channels
         shape = (outputs * upsampling**2, inputs, taps, taps)
-        size = gain * math.sqrt((2 if splines else 1) / (inputs * taps**2))
-        filters = self.rng.normal(0, size, shape).astype(np.float32)
-        # Flat regions would drive the splines out of their domain.
+        deviation = gain * math.sqrt((2 if splines else 1) / (inputs * taps**2))
+        filters = self.rng.normal(0, deviation, shape).astype(np.float32)
+        # Otherwise, flat regions would drive the splines out of their domain.
         filters -= removed_mean * filters.mean((2, 3), keepdims=True)
         coefficients, start, spacing = None, 0.0, 1.0
         if splines:
@@ -221,7 +227,7 @@ class Builder:
 
 
 def add_unet(builder: Builder, architecture: Architecture, source: int) -> None:
-    """Append a U-Net that reads layer `source`, without its last layer."""
+    """Append a U-Net that reads layer `source`, except its last layer (:func:`add_head`)."""
     builder.add(
         architecture.channels[0], 6, stride=2, input=source, gain=3.0, removed_mean=_REMOVED_MEAN
     )
@@ -241,14 +247,17 @@ def add_unet(builder: Builder, architecture: Architecture, source: int) -> None:
 
 
 def add_head(builder: Builder, spline: Spline, skip: int) -> list[Layer]:
-    """Append the last layer and return all. Its filters are 0: its output is φ of layer `skip`."""
+    """Return all layers after appending the last one.
+
+    Its filters are 0, so before training its output is φ of layer `skip`.
+    """
     zeros = np.zeros((4, builder.layers[-1].channels, 3, 3), np.float32)
     builder.layers.append(Layer(zeros, *spline, upsampling=2, skip=skip, trainable="filters"))
     return builder.layers
 
 
 def _with_sets(layer: Layer) -> Layer:
-    """Return the layer with equal sets of its trainable parameters."""
+    """Return the layer with M equal sets of its trainable parameters."""
     if layer.trainable == "nothing":
         return layer
     filters, coefficients = layer.filters, layer.coefficients
@@ -268,6 +277,6 @@ def gaussian_filter(sigma: float, taps: int) -> npt.NDArray[np.float32]:
     """
     profile = np.exp(-0.5 * (np.arange(taps) - taps // 2) ** 2 / sigma**2)
     gaussian = np.outer(profile, profile) / profile.sum() ** 2
-    # Far below the rounding of the sum. Subnormal taps would be slow.
+    # Such taps are far below the rounding error of the sum, and subnormal ones would be slow.
     gaussian[gaussian < 1e-12] = 0
     return np.asarray(gaussian[None, None].astype(np.float32))

@@ -10,7 +10,7 @@ from jotlight.networks.layer import Layer
 from jotlight.networks.splines import CUBIC_BASIS
 
 MIN_SETS = 4
-"""Smallest number M of parameter sets: the four cubic B-splines between two knots."""
+"""Smallest number M of parameter sets, because four cubic B-splines overlap between two knots."""
 
 
 def conditioning_weights(
@@ -18,7 +18,7 @@ def conditioning_weights(
 ) -> npt.NDArray[np.float64]:
     """Return the weight of each parameter set for K = `trials` bits per pixel.
 
-    The weights are the values at log2 K of `number` cubic B-splines whose knots cover the range.
+    The weights are the values of `number` cubic B-splines at log2 K. Their knots cover the range.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def conditioning_weights(
 
 
 def count_sets(layers: Sequence[Layer]) -> int:
-    """Return the number M of parameter sets of the layers, or the minimum if they have none.
+    """Return the number M of parameter sets of the layers, or 4 if no layer has sets.
 
     Raises
     ------

@@ -91,7 +91,7 @@ def _check_outputs(layers: Sequence[Layer], last_scale: Fraction) -> None:
 
 
 def size_divisor(layers: Sequence[Layer]) -> int:
-    """Return the divisor that height and width must share; estimates are padded to it.
+    """Return the number that must divide height and width; the engine pads other sizes.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def size_divisor(layers: Sequence[Layer]) -> int:
         estimate.
     """
     all_scales = scales(layers)
-    # Strided filters have whole rows as output before depth becomes space.
+    # Before its depth-to-space step, each layer has a whole number of rows.
     divisor = math.lcm(
         *(
             (scale * layer.upsampling).numerator
@@ -140,7 +140,7 @@ def flops_per_pixel(layers: Sequence[Layer]) -> float:
     """
     flops = Fraction(0)
     for layer, scale in zip(layers, scales(layers), strict=True):
-        # The filters run before depth becomes space, on fewer pixels.
+        # The filters run before the depth-to-space step, on fewer pixels.
         flops += 2 * math.prod(layer.shape) / (scale * layer.upsampling) ** 2
         if layer.coefficients is not None:
             flops += 10 * layer.channels / scale**2
@@ -157,7 +157,7 @@ def halo_radius(layers: Sequence[Layer]) -> int:
     2
     """
     step = size_divisor(layers)
-    # What one block of step × step pixels of the estimate depends on in each layer's output.
+    # Rows of each layer's output on which `step` rows of the estimate depend; same for columns.
     intervals: list[_Interval | None] = [None] * len(layers)
     intervals[-1] = Fraction(0), Fraction(step)
     for index, source in reversed(list(enumerate(sources(layers)))):
@@ -180,6 +180,6 @@ def halo_radius(layers: Sequence[Layer]) -> int:
 
 
 def _hull(*intervals: _Interval | None) -> _Interval:
-    """Return the smallest interval that contains all that are known."""
+    """Return the smallest interval that contains all intervals that are not None."""
     known = [interval for interval in intervals if interval is not None]
     return min(first for first, _ in known), max(last for _, last in known)

@@ -1,4 +1,4 @@
-"""From bits or counts to the output of a network, in bands of rows that bound time and memory."""
+"""The output of a network for bits or counts, in bands of rows that bound time and memory."""
 
 import dataclasses
 import math
@@ -19,10 +19,10 @@ from jotlight.sensing.reference import Jot, reference_jot
 from jotlight.sensing.sensor import Sensor
 
 FLOPS_PER_BAND = 1 << 35
-"""Operations of one call of the engine, after which Ctrl-C has an effect."""
+"""Number of operations in one call of the engine. Ctrl-C takes effect between calls."""
 
 _MIN_BAND = 8
-"""Minimum height of a band, in receptive fields. It bounds the rows computed twice."""
+"""Minimum height of a band, in receptive fields. It bounds the fraction of rows computed twice."""
 
 Data = Bits | npt.NDArray[np.int32]
 """Bits (T, H·K̂, W·K̂), or counts (H, W)."""
@@ -36,7 +36,7 @@ class Inference:
     sensor: Sensor
     """Sensor of the data."""
     reference: Jot
-    """Efficiency and dark counts of the jots that the layers are for."""
+    """Efficiency and dark counts of the jots for which the layers were made."""
     threads: int | None
 
     def run(self, data: Data) -> npt.NDArray[np.float32]:
@@ -63,7 +63,7 @@ class Inference:
         return self._run_sums(self._tied_weights[:, None] * counts)
 
     def _run_by_table(self, data: Data) -> npt.NDArray[np.float32]:
-        """Run a tied network on pixels that are alike: a table maps each count L to p."""
+        """Return the output of a tied network for pixels alike. A table maps each count L to p."""
         sensor, side = self.sensor, self.sensor.oversampling
         all_counts = PixelCounts(
             sensor,
@@ -91,10 +91,10 @@ class Inference:
         return self._run_bands(shape, run_rows)
 
     def _run_untied(self, data: Data) -> npt.NDArray[np.float32]:
-        """Run a network whose first layer has one weight per jot and frame."""
+        """Return the output of a network whose first layer has one weight per jot and frame."""
         if not isinstance(data, Bits):
             raise TypeError(
-                "data: expected Bits, since this network weighs each jot of a pixel; "
+                "data: expected Bits, because this network weighs each jot of a pixel; "
                 "a tied network takes counts"
             )
         sensor, side = self.sensor, self.sensor.oversampling
@@ -102,8 +102,8 @@ class Inference:
         jots = sensor.efficiency, sensor.dark_counts
         if any(np.any(a != b) for a, b in zip(jots, self.reference, strict=True)):
             raise ValueError(
-                "sensor: expected the dark counts that the network is for, and one efficiency and "
-                "dark count for all jots; a tied network takes others"
+                "sensor: expected the network's efficiency and dark counts, the same for all jots; "
+                "a tied network takes others"
             )
         if sensor.mask is not None and sensor.mask.any():
             return self._run_sums(self._masked_sums(data, sensor.mask))
@@ -119,7 +119,7 @@ class Inference:
         )
 
     def _masked_sums(self, data: Bits, mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.float32]:
-        """Return p, shape (C, H, W), from valid jots alone; dead pixels are inpainted."""
+        """Return p, shape (C, H, W), from the valid jots only. Dead pixels are inpainted."""
         first, side = self.layers[0], self.sensor.oversampling
         height, width = (size // side for size in data.shape[1:3])
         valid = np.packbits(~mask, axis=1)
@@ -136,7 +136,7 @@ class Inference:
         return sums
 
     def _run_sums(self, sums: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        """Run the network from p, shape (C, H, W): the first layer before its splines."""
+        """Return the output for p, shape (C, H, W): the first layer's values before its splines."""
         return self._run_bands(
             sums.shape[1:],
             lambda rows: engine.forward(self._engine_layers, sums[:, rows], self.threads),
@@ -145,11 +145,11 @@ class Inference:
     def _run_bands(
         self, shape: tuple[int, ...], run_rows: Callable[[slice], npt.NDArray[np.float32]]
     ) -> npt.NDArray[np.float32]:
-        """Return the output from bands of rows, each computed with the rows around it."""
+        """Return the output, computed in bands of rows. Each band reads the rows around it, too."""
         height, width = shape
         top, bottom = engine.input_rows(self._engine_layers, height, (height // 2, height // 2 + 1))
-        affordable = int(FLOPS_PER_BAND / (flops_per_pixel(self.layers) * width))
-        band = max(_MIN_BAND * (bottom - top), affordable)
+        rows_per_call = int(FLOPS_PER_BAND / (flops_per_pixel(self.layers) * width))
+        band = max(_MIN_BAND * (bottom - top), rows_per_call)
         if band >= height:
             return run_rows(slice(0, height))
         output = np.empty((height, width), np.float32)

@@ -11,10 +11,10 @@ import numpy.typing as npt
 import jotlight._engine as engine
 
 TRAINABLE = "all", "filters", "nothing"
-"""What training with PyTorch may change in a layer."""
+"""Values of `Layer.trainable`: the parameters that training with PyTorch changes."""
 
 _MAX_STRIDE = 16
-"""Largest stride, and largest upsampling, of one layer."""
+"""Largest stride and largest upsampling factor of a layer."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -39,21 +39,22 @@ class Layer:
         First knot, and distance between knots. The spline φ(z) = Σ_k w_k β3((z - start)/spacing -
         (k - 1)) covers [start, start + (N_w - 3) spacing] and is constant outside.
     stride : int
-        Rows and columns from one output to the next, 1 to 16. Filters are at least this large.
+        Distance of neighboring outputs in rows and columns, 1 to 16. Filters have at least as many
+        rows and columns.
     upsampling : int
-        Factor r of the depth-to-space step, 1 to 16: r² channels become one with r times the rows
-        and columns.
+        Factor r of the depth-to-space step, 1 to 16: r² channels become one channel with r times
+        the rows and columns.
     input : int, optional
-        Index of the layer that this one filters. Default: the previous layer.
+        Index of the layer whose output this layer filters. Default: the previous layer.
     skip : int, optional
-        Index of the layer that is added before the spline. Default: no skip connection.
+        Index of the layer whose output is added before the splines. Default: no skip connection.
     trainable : {"all", "filters", "nothing"}
-        What training with PyTorch changes.
+        Parameters that training with PyTorch changes.
 
     Raises
     ------
     ValueError
-        When shapes or numbers do not fit.
+        When a shape or a number is invalid.
 
     Examples
     --------
@@ -133,7 +134,7 @@ class Layer:
 
     @property
     def set_counts(self) -> set[int]:
-        """Numbers M of parameter sets in the filters and in the coefficients, where they have M."""
+        """Numbers M of sets, without duplicates, of the arrays with a leading axis of M sets."""
         found = {len(self.filters)} if self.filters.ndim == 5 else set()
         if self.coefficients is not None and self.coefficients.ndim == 3:
             found.add(len(self.coefficients))
@@ -146,7 +147,7 @@ class Layer:
 
     @property
     def padding(self) -> tuple[int, int]:
-        """Rows above and columns left of its stride × stride block that a filter reads."""
+        """Rows above, and columns left of, its stride × stride block that a filter reads."""
         _, _, height, width = self.shape
         return (height - self.stride) // 2, (width - self.stride) // 2
 
@@ -156,7 +157,7 @@ class Layer:
         Parameters
         ----------
         weights : ndarray, shape (M,)
-            See :func:`jotlight.networks.conditioning.conditioning_weights`.
+            Weights of the sets (:func:`jotlight.networks.conditioning.conditioning_weights`).
         """
         filters, coefficients = self.filters, self.coefficients
         if filters.ndim == 5:
@@ -166,7 +167,7 @@ class Layer:
         return dataclasses.replace(self, filters=filters, coefficients=coefficients)
 
     def metadata(self) -> dict[str, Any]:
-        """Return all fields but the arrays, for JSON."""
+        """Return all fields except the arrays, as values that JSON can hold."""
         left_out = {"filters", "coefficients"}
         if self.coefficients is None:
             left_out |= {"start", "spacing"}
@@ -176,7 +177,7 @@ class Layer:
     def to_engine(
         self, filters: npt.NDArray[np.floating], coefficients: npt.NDArray[np.floating] | None
     ) -> Any:
-        """Return the engine's description of this layer with other taps and coefficients."""
+        """Return the engine's description of this layer with the given taps and coefficients."""
         wiring = self.stride, self.upsampling, self.input, self.skip
         return filters, coefficients, self.start, self.spacing, wiring
 
@@ -186,13 +187,13 @@ class Layer:
         return engine.Layer(self.to_engine(self.filters, self.coefficients))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Leave out the engine's part, which `pickle` and `copy` cannot handle."""
+        """Return the layer for `pickle` and `copy`, without the engine's part that they reject."""
         fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         return functools.partial(type(self), **fields), ()
 
 
 def _read_only_float32(name: str, value: Any, dimensions: int) -> npt.NDArray[np.float32]:
-    """Return a read-only copy, after checks of dtype, dimensions, and range."""
+    """Return a read-only float32 copy, after checks of dtype, dimensions, and range."""
     array = np.asarray(value)
     if array.dtype.kind != "f" or array.ndim - dimensions not in (0, 1) or array.size == 0:
         raise ValueError(

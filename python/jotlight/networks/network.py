@@ -40,17 +40,17 @@ class Network:
         Each layer filters the output of the previous one, or of its `input`. The last layer has one
         channel.
     sensor : Sensor
-        Sensor that the network is for. A K-conditioned network serves others, too.
+        Sensor that the network is for. A K-conditioned network serves other sensors, too.
     history : mapping, optional
-        How the network was made, as JSON can hold it.
+        How the network was made, in values that JSON can hold.
     trials_range : (int, int), optional
         Smallest and largest K of a K-conditioned network. Its layers have sets of parameters, and
-        the first one is tied. Default: the network is for the K of its sensor.
+        the first one is tied. Default: the network is for one K, that of its sensor.
 
     Raises
     ------
     ValueError
-        When the layers do not fit each other, the sensor, or the range.
+        When the layers do not fit each other, the sensor, or `trials_range`.
 
     Examples
     --------
@@ -72,7 +72,7 @@ class Network:
         self.sensor = sensor
         self.trials_range = trials_range
         self.history = dict(history or {})
-        # K, layers, and conditioned layers of the last call. All windows of a video share them.
+        # Cache for the windows of a video: K, layers, and conditioned layers of the last call.
         self._conditioned: tuple[int, tuple[Layer, ...], tuple[Layer, ...]] | None = None
         self._check_layers()
 
@@ -120,19 +120,19 @@ class Network:
         Parameters
         ----------
         sensor : Sensor
-            Maps of dark counts and efficiency enter by their medians.
+            Medians replace its maps of dark counts and efficiency.
         sigma : float
             Standard deviation of h2 in pixels; the paper uses 0.25 to 1.
         tied : bool
             Whether h1 has one weight for all bits of a pixel. With the box kernel these bits are
-            exchangeable, so a tied network loses nothing, and it accepts counts.
+            exchangeable, so a tied network loses no accuracy, and it accepts counts.
         taps : int
             Height and width of h2, odd.
         coefficients : int
             N_w, the number of coefficients of each spline, at least 5.
         nu : float
-            ν, the margin for learned filters: the domain of φ2 holds every r for filters whose
-            negative taps sum to -ν or more. Outside the range of T, φ2 starts constant.
+            ν, the margin for learned filters. If their negative taps sum to -ν or more, every r
+            lies in the domain of φ2. Outside the range of T, the initial φ2 is constant.
 
         Notes
         -----
@@ -146,15 +146,15 @@ class Network:
     def residual(
         cls, sensor: Sensor, architecture: str = "small", *, rng: int | None = None
     ) -> Self:
-        """Return a deep network at its start, the classical estimate x0 = P⁻¹(G * L/K).
+        """Return an untrained deep network, whose output is x0 = P⁻¹ of the smoothed L/K.
 
-        A U-Net computes a correction of x0. Its last filters are 0 and the others random; train it
-        with :mod:`jotlight.torch`.
+        Training with :mod:`jotlight.torch` teaches its U-Net to correct x0. The last filters of the
+        U-Net start at 0, the others at random.
 
         Parameters
         ----------
         sensor : Sensor
-            Maps of dark counts and efficiency enter by their medians.
+            Medians replace its maps of dark counts and efficiency.
         architecture : {"small", "medium", "large"}
             Layers and channels: :data:`jotlight.networks.architectures.ARCHITECTURES`.
         rng : int, optional
@@ -177,7 +177,7 @@ class Network:
         trials_range: tuple[int, int] = (1, 256),
         rng: int | None = None,
     ) -> Self:
-        """Return a K-conditioned deep network at its start, a smoothed estimate.
+        """Return an untrained K-conditioned deep network, whose output is a smoothed estimate.
 
         It serves every K of a range at any exposure. Train it with :mod:`jotlight.torch`.
 
@@ -204,14 +204,15 @@ class Network:
 
     @property
     def tied(self) -> bool:
-        """Whether the first layer has one weight for all bits of a pixel, so that counts do."""
+        """Whether the first layer has one weight for all bits of a pixel and so accepts counts."""
         return self.layers[0].shape[1:] == (1, 1, 1)
 
     @property
     def halo(self) -> int:
         """Radius of the receptive field in pixels.
 
-        Inside a border of this width, a tile has the pixels of the whole estimate, up to rounding.
+        Except in a border of this width, a tile's estimate equals that of the whole image, up to
+        rounding.
         """
         return halo_radius(self.layers)
 
@@ -229,8 +230,8 @@ class Network:
         data : Bits or array_like of int
             Bits; for a tied network also counts L of shape (H, W) or (H, W, C).
         sensor : Sensor, optional
-            Sensor of the data, which may have its own dead jots and dark counts. Default: the one
-            that the bits carry, or else the network's.
+            Sensor of the data, which may have its own dead jots and dark counts. Default: the
+            sensor that the bits carry, otherwise the network's.
         threads : int, optional
             Number of threads. Default: all.
 
@@ -242,7 +243,7 @@ class Network:
         Raises
         ------
         TypeError, ValueError
-            When the data, their sensor, and the network do not fit.
+            When the data, their sensor, and the network do not fit together.
 
         Warns
         -----
@@ -259,13 +260,13 @@ class Network:
             for rows in pixel_chunks(len(estimate), rows_at_once):
                 estimate[rows] = intensity_from_probability(estimate[rows], sensor, threads)
             return estimate
-        # The check has established that both efficiencies are equal.
+        # The check has established that both sensors detect equal light at intensity 1.
         reference = reference_jot(sensor)[0], reference_jot(self.sensor)[1]
         inference = Inference(self.layers, sensor, reference, threads)
         return map_channels(inference.run, data)
 
     def conditioned_on(self, sensor: Sensor) -> "Network":
-        """Return a K-conditioned network's layers for the K of a sensor.
+        """Return the network with the parameters for the K of a sensor.
 
         The output of the returned network is the detection probability P(b = 1).
         """
@@ -281,7 +282,7 @@ class Network:
     def check_sensor(self, sensor: Sensor) -> None:
         """Check that the network serves the data of a sensor.
 
-        A tied network does not distinguish jots of one pixel from frames.
+        A tied network serves every combination of jots and frames with the same K.
 
         Raises
         ------
@@ -322,7 +323,7 @@ class Network:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Return the network of a file that :meth:`save` wrote. No code in the file is executed.
+        """Return the network in a file that :meth:`save` wrote. No code in the file is executed.
 
         Raises
         ------

@@ -27,7 +27,7 @@ def write_network(
     history: Mapping[str, Any],
     trials_range: tuple[int, int] | None,
 ) -> None:
-    """Write the parts of a network to a file, whole or not at all.
+    """Write the parts of a network to a file atomically.
 
     Raises
     ------
@@ -53,14 +53,14 @@ def write_network(
 
 
 def read_network(path: str | os.PathLike[str], make: Callable[..., _Network]) -> _Network:
-    """Return what `make(layers, sensor, history, trials_range=...)` makes of a file.
+    """Return `make(layers, sensor, history, trials_range=...)` for the parts in a file.
 
     Raises
     ------
     OSError
         When the file does not exist.
     ValueError
-        When it is not a network file, or `make` refuses its parts.
+        When it is not a network file, or `make` rejects its parts.
     """
     path = Path(path)
     if not path.is_file():

@@ -8,36 +8,39 @@ from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
 BITS_PER_PIXEL = tuple(side**2 for side in range(3, 11))
-"""Values of K of the sizes "two-layer" and "small", with α = K, q = 1, S = 1, and box kernel."""
+"""Values of K of the "two-layer" and "small" networks, for α = K, q = 1, S = 1, and box kernel."""
 
 LARGE_BITS_PER_PIXEL = (16,)
-"""Values of K of the size "large", with the same α, q, S, and kernel."""
+"""Values of K of the "large" networks, for the same α, q, S, and kernel."""
 
 MAX_BITS_PER_PIXEL = 256
-"""Largest K of the size "medium", which is K-conditioned."""
+"""Largest K of the "medium" network, which is K-conditioned."""
 
 FOLDER = Path(__file__).parent / "weights"
 """Folder of the files: `small-k16.safetensors`, for example, with its card `small-k16.md`."""
 
 _MAX_DARK_COUNTS = 0.05
-"""Largest dark counts per jot and frame whose noise is small compared with that of the light."""
+"""Largest dark counts per jot and frame that networks for one K serve.
+
+The noise of such dark counts is small compared with that of the light.
+"""
 
 
 def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     """Return the trained network for a sensor.
 
-    The networks are tied: each serves K jots per pixel in one frame, K frames of one jot per pixel,
-    everything in between, and counts.
+    The networks are tied. So each serves every combination of jots and frames with K bits per
+    pixel, and counts.
 
     Parameters
     ----------
     sensor : Sensor
         Sensor with the box kernel. Dead jots are allowed. "medium" serves 1 to 256 bits per pixel
         at any exposure. The other sizes serve K = 9, 16, 25, 36, 49, 64, 81, or 100 bits per pixel
-        ("large" only 16), ηα = K, threshold 1, S = 1, and at most weak dark counts.
+        ("large" only 16), ηα = K, threshold 1, S = 1, and dark counts of at most 0.05.
     quality : {"two-layer", "small", "medium", "large"}
-        Size of the network: the paper's two layers, six layers of up to 12 channels, thirteen
-        K-conditioned layers of up to 52, or fourteen layers of up to 80.
+        Size of the network. In this order: the paper's two layers; six layers of up to 12 channels;
+        thirteen K-conditioned layers of up to 52 channels; fourteen layers of up to 80 channels.
 
     Returns
     -------
@@ -50,8 +53,8 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
 
     Notes
     -----
-    Data with dark counts or dead jots need ``reconstruct(data, sensor)``, unless they carry their
-    sensor.
+    If the data have dark counts or dead jots and do not carry their sensor, pass it:
+    ``reconstruct(data, sensor)``.
 
     Examples
     --------
@@ -105,7 +108,7 @@ def unsupported_reason(sensor: Sensor, quality: str = "medium") -> str | None:
 
 
 def _unsupported_by_conditional(sensor: Sensor) -> str | None:
-    """Return what keeps a K-conditioned network from serving a sensor."""
+    """Return the property of a sensor that the K-conditioned network does not serve, or None."""
     if not 1 <= sensor.bits_per_pixel <= MAX_BITS_PER_PIXEL:
         return f"{sensor.bits_per_pixel} bits per pixel, only for 1 to {MAX_BITS_PER_PIXEL}"
     if sensor.kernel != "box":
@@ -114,7 +117,7 @@ def _unsupported_by_conditional(sensor: Sensor) -> str | None:
 
 
 def _unsupported_by_one_exposure(sensor: Sensor, trained: tuple[int, ...]) -> str | None:
-    """Return what keeps networks for one K and exposure each from serving a sensor."""
+    """Return the property of a sensor that networks for a single exposure do not serve, or None."""
     efficiency, dark_counts = reference_jot(sensor)
     detections = efficiency * sensor.gain / sensor.bits_per_pixel
     if sensor.bits_per_pixel not in trained:

@@ -19,7 +19,7 @@ lower knot in units of the spacing.
 
 
 def relu_spline(low: float, high: float, number: int) -> Spline:
-    """Return a spline that is nearly max(z, 0) on [low, high].
+    """Return a spline with `number` coefficients that is nearly max(z, 0) on [low, high].
 
     Examples
     --------
@@ -56,7 +56,7 @@ def fit_spline(function: Function, low: float, high: float, number: int) -> Spli
 
     spacing = (high - low) / (number - 3)
     knots = low + spacing * (np.arange(number + 4) - 3)
-    # Eight samples per interval; the clipping undoes rounding past the outer knots.
+    # Eight samples per interval. Rounding may move the ends past the outer knots; clip undoes it.
     samples = np.linspace(low, high, 8 * (number - 3) + 1).clip(knots[3], knots[-4])
     spline = make_lsq_spline(samples, function(samples), knots, k=3)
     return spline.c[None].astype(np.float32), float(low), float(spacing)

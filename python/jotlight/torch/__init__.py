@@ -1,14 +1,18 @@
-"""The networks of jotlight, their parts, and the sensor, for PyTorch (extra `torch`).
+"""PyTorch versions of the networks and of the sensor, and their training (extra `torch`).
 
-What deepinv needs of them is in :mod:`jotlight.torch.deepinv` (extra `deepinv`).
+In reading order: `network` (a network as a module), `splines` and `padding` (its parts), `sensing`
+and `response` (the sensor as a differentiable layer), `training` and `patches` (training on
+images), `fine_tuning` and `bit_splitting` (training on a capture), `trainer` and `distributed` (the
+loop of both), and `deepinv` (adapters for that library, extra `deepinv`).
 
 Examples
 --------
->>> import jotlight, torch
->>> sensor = jotlight.Sensor(oversampling=4)
->>> network = Network(jotlight.Network.residual(sensor, "small", rng=0))
+>>> import torch
+>>> from jotlight import Network, Sensor
+>>> sensor = Sensor(oversampling=4)
+>>> module = NetworkModule(Network.residual(sensor, "small", rng=0))
 >>> image = torch.full((1, 1, 24, 32), 0.5)
->>> network(Sensing(sensor)(image)).shape
+>>> module(Sensing(sensor)(image)).shape
 torch.Size([1, 1, 24, 32])
 """
 
@@ -18,13 +22,13 @@ except ImportError as error:
     from jotlight.errors import MissingExtraError
 
     raise MissingExtraError(
-        "deep networks are learned with PyTorch: pip install 'jotlight[torch]'"
+        "PyTorch trains deep networks: pip install 'jotlight[torch]'"
     ) from error
 
 from jotlight.torch.fine_tuning import fine_tune
-from jotlight.torch.network import Network
+from jotlight.torch.network import NetworkModule
 from jotlight.torch.sensing import Sensing
-from jotlight.torch.spline import Spline, spline
+from jotlight.torch.splines import Spline, spline
 from jotlight.torch.training import train
 
-__all__ = ["Network", "Sensing", "Spline", "fine_tune", "spline", "train"]
+__all__ = ["NetworkModule", "Sensing", "Spline", "fine_tune", "spline", "train"]

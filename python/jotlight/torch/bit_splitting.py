@@ -1,4 +1,8 @@
-"""The bits of a capture in parts: some that a network sees, others that it has to tell."""
+"""Random partitions of a capture's bits into an input and a target, and the target's likelihood.
+
+The bits of a pixel are independent given the light, so the noise of one part does not predict the
+noise of the other. `docs/guide/fine_tuning.md` describes the method.
+"""
 
 import dataclasses
 import warnings
@@ -9,54 +13,74 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-import jotlight
+from jotlight.errors import JotlightWarning
 from jotlight.estimators.inverse_response import equivalent_counts
 from jotlight.networks.inference import Inference
+from jotlight.networks.network import Network
 from jotlight.sensing import response
 from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.response import detection_probability
 
-Whole = npt.NDArray[np.int64]
+LongCounts = npt.NDArray[np.int64]
 
-HELD_OUT = 0.1
-"""The share of all bits that no step learns from."""
-SEEN = 0.6, 0.9
-"""The least and the largest share of the other bits that a step gives to the network."""
+HELD_OUT_FRACTION = 0.1
+"""Fraction of all bits that no step trains on."""
+
+INPUT_RANGE = 0.6, 0.9
+"""Smallest and largest fraction of the other bits that are the input of a step."""
+
 _FLOOR = 0.01
-"""No bit is told to be 0 or 1 with more certainty than so many ones or zeros among K say."""
+"""Probabilities are clamped to [floor/K, 1 - floor/K], so that no bit is impossible."""
+
+_MAX_PROBABILITY = 1 - 1e-6
+"""Largest estimated P(b = 1) whose rate is computed; the rate of 1 is infinite."""
+
+_MIN_SLOPE = 1e-6
+"""Smallest ∂P/∂s by which a derivative is divided."""
 
 
 def subsample_counts(
-    ones: npt.ArrayLike, trials: npt.ArrayLike, taken: npt.ArrayLike, rng: int | np.random.Generator
-) -> Whole:
-    """Draw so many of each pixel's bits, without putting any back; gives the ones among them.
+    ones: npt.ArrayLike,
+    trials: npt.ArrayLike,
+    subset: npt.ArrayLike,
+    rng: int | np.random.Generator,
+) -> LongCounts:
+    """Return the number of ones in a random subset of each pixel's bits.
 
-    The bits of a pixel are exchangeable, so this is as good as having drawn the bits themselves.
+    The bits of a pixel are exchangeable, so the number has the hypergeometric distribution.
 
     Parameters
     ----------
-    ones, trials, taken : array_like of int, shape (H, W)
-        L of the n bits of each pixel, and how many of them to draw.
+    ones, trials : array_like of int, shape (H, W)
+        L, the ones among the n bits of each pixel, and n.
+    subset : array_like of int, shape (H, W)
+        Number of bits to draw from each pixel without replacement, at most n.
     rng : int or numpy.random.Generator
+        Seed, or source of randomness.
 
     Returns
     -------
     ndarray of int64, shape (H, W)
 
+    Raises
+    ------
+    ValueError
+        When a subset is larger than its n, or L is above n.
+
     Examples
     --------
-    >>> drawn([[0, 3, 8]], [[8, 8, 8]], [[5, 8, 5]], rng=0).tolist()
+    >>> subsample_counts([[0, 3, 8]], [[8, 8, 8]], [[5, 8, 5]], rng=0).tolist()
     [[0, 3, 5]]
     """
     ones = np.asarray(ones, np.int64)
     zeros = np.asarray(trials, np.int64) - ones
-    return np.random.default_rng(rng).hypergeometric(ones, zeros, np.asarray(taken, np.int64))
+    return np.random.default_rng(rng).hypergeometric(ones, zeros, np.asarray(subset, np.int64))
 
 
 def check_kernel(sensor: Sensor) -> None:
-    """Raise ValueError where the jots of a pixel see different light.
+    """Raise ValueError when the jots of a pixel receive different light.
 
     Examples
     --------
@@ -64,198 +88,242 @@ def check_kernel(sensor: Sensor) -> None:
     """
     if sensor.kernel != "box":
         raise ValueError(
-            f"sensor: expected the box kernel, got {sensor.kernel}: the jots of a pixel see "
-            "different light, so that its bits cannot be split at random"
+            f"sensor: expected the box kernel, got {sensor.kernel}: the jots of a pixel receive "
+            "different light, so its bits cannot be split at random"
         )
 
 
 @dataclasses.dataclass(frozen=True)
 class Split:
-    """What a network sees of some pixels, and what it has to tell."""
+    """The bits of N patches, split into the network's input and the target."""
 
-    bits: int
-    """The bits per pixel that what it sees is scaled to: as many as it sees, or its own K."""
-    told: int | None
-    """The same where it is told."""
+    input_trials: int
+    """K' to which the input counts are scaled: their own number of bits, or the network's K."""
+    conditional: bool
+    """Whether the network is K-conditioned."""
     planes: Tensor
-    """(N, 5, H, W): the counts that it sees, ones and trials that it has to tell, and η and d."""
+    """(N, 5, H, W): input counts, ones and number of target bits, and η and d of the jots."""
+
+    @property
+    def network_trials(self) -> int | None:
+        """K' as an argument of the network; None for a network that is not conditioned."""
+        return self.input_trials if self.conditional else None
 
     @property
     def counts(self) -> Tensor:
-        """What the network sees, (N, 1, H, W)."""
+        """Input of the network, (N, 1, H, W)."""
         return self.planes[:, :1]
 
     @property
-    def number(self) -> float:
-        """How many bits it has to tell."""
+    def target_bits(self) -> float:
+        """Number of target bits in all patches."""
         return float(self.planes[:, 2].double().sum())
 
-    def of(self, some: slice) -> "Split":
-        """Give some of the patches."""
-        return dataclasses.replace(self, planes=self.planes[some])
+    def select(self, patches: slice) -> "Split":
+        """Return some of the patches."""
+        return dataclasses.replace(self, planes=self.planes[patches])
 
 
-class Splits:
-    """The bits of each pixel of a capture: some held out for good, the others split anew.
+class BitSplitter:
+    """The bits of a capture: some are held out from the start, each step splits the others anew.
 
     Parameters
     ----------
-    network : jotlight.Network
-        Which is to see some of them.
+    network : Network
+        Tied network whose input the bits are.
     sensor : Sensor
-        What made the capture.
-    seen : sequence of PixelCounts
-        The capture, its channels one by one; the jots of a pixel are alike.
+        Sensor of the capture.
+    channels : sequence of PixelCounts
+        The channels of the capture. The jots inside each pixel are alike.
     rng : numpy.random.Generator
-        Draws what is held out.
+        Source of randomness for the held-out bits.
+
+    Attributes
+    ----------
+    channel_trials : list of ndarray, shape (H, W)
+        Number n of all bits of each pixel, per channel.
+    training_bits : list of (ndarray, ndarray)
+        L and n of the bits that steps may use, per channel.
+    held_out : list of Split
+        The held-out bits as the target and all others as the input, per channel.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.pixel_counts import count_pixels
+    >>> sensor = Sensor(frames=8)
+    >>> channels = [count_pixels(np.full((32, 32), 4), sensor, None)]
+    >>> rng = np.random.default_rng(0)
+    >>> splitter = BitSplitter(Network.conditional("small", rng=0), sensor, channels, rng)
+    >>> splitter.draw(rng, number=3, side=16).counts.shape
+    torch.Size([3, 1, 16, 16])
     """
 
     def __init__(
         self,
-        network: jotlight.Network,
+        network: Network,
         sensor: Sensor,
-        seen: Sequence[PixelCounts],
+        channels: Sequence[PixelCounts],
         rng: np.random.Generator,
     ) -> None:
         self.network = network
-        self.whole = sensor.bits_per_pixel
-        self.told = network.trials_range is not None
-        # As `reconstruct` takes them.
+        self.trials = sensor.bits_per_pixel
+        self.conditional = network.trials_range is not None
+        # The same reference jot as in `Network.reconstruct`.
         efficiency, dark = reference_jot(sensor)
-        self.reference = efficiency, dark if self.told else reference_jot(network.sensor)[1]
+        self.reference = efficiency, dark if self.conditional else reference_jot(network.sensor)[1]
         self._sensor = sensor.replace(
-            oversampling=1, frames=self.whole, mask=None, efficiency=efficiency, dark_counts=dark
+            oversampling=1, frames=self.trials, mask=None, efficiency=efficiency, dark_counts=dark
         )
-        self.seen = seen
-        self.trials: list[Whole] = []
-        """n of all bits."""
-        self.rest: list[tuple[Whole, Whole]] = []
-        """L and n of the bits that may be learned from."""
+        self.channels = channels
+        self.channel_trials: list[LongCounts] = []
+        self.training_bits: list[tuple[LongCounts, LongCounts]] = []
         self.held_out: list[Split] = []
-        for plane in seen:
-            ones = plane.counts.astype(np.int64)
-            trials = np.full(ones.shape, plane.trials, np.int64)
-            # Few bits are held out in some of the pixels only.
-            taken = np.floor(HELD_OUT * trials + rng.random(trials.shape)).astype(np.int64)
-            kept = subsample_counts(ones, trials, taken, rng)
-            rest = ones - kept, trials - taken
-            self.trials.append(trials)
-            every = slice(None), slice(None)
-            bits = max(1, round((1 - HELD_OUT) * self.whole))
-            self.rest.append(rest)
-            self.held_out.append(self._split(plane, every, bits, rest, (kept, taken)))
+        for channel in channels:
+            self._hold_out(channel, rng)
 
-    def sensor_at(self, bits: int) -> Sensor:
-        """Give a sensor without maps of so many bits per pixel, each as bright as the capture's."""
-        return self._sensor.replace(frames=bits)
+    def sensor_with_trials(self, trials: int) -> Sensor:
+        """Return a sensor without maps, with this many bits per pixel and the same rate per bit."""
+        return self._sensor.replace(frames=trials)
 
     def draw(self, rng: np.random.Generator, number: int, side: int) -> Split:
-        """Draw patches, turned and mirrored at random, all with as many bits seen."""
-        rest = (1 - HELD_OUT) * self.whole
-        least = max(1, round(SEEN[0] * rest))
-        bits = int(rng.integers(least, max(least, int(SEEN[1] * rest)) + 1))
-        parts = [self._patch(rng, bits, side) for _ in range(number)]
-        return dataclasses.replace(parts[0], planes=torch.cat([part.planes for part in parts]))
-
-    def _patch(self, rng: np.random.Generator, bits: int, side: int) -> Split:
-        while True:
-            index = int(rng.integers(len(self.seen)))
-            ones, trials = self.rest[index]
-            top, left = rng.integers(np.array(trials.shape) - side + 1)
-            where = slice(top, top + side), slice(left, left + side)
-            if trials[where].any():
-                break
-        ones, trials = ones[where], trials[where]
-        # Of a pixel with dead jots as large a share as of others.
-        taken = np.rint(bits / self.whole * self.trials[index][where])
-        taken = np.clip(taken, np.minimum(trials, 1), trials).astype(np.int64)
-        shown = subsample_counts(ones, trials, taken, rng)
-        left_over = ones - shown, trials - taken
-        with warnings.catch_warnings():
-            # It was said of the whole capture that blind pixels are filled.
-            warnings.simplefilter("ignore", jotlight.JotlightWarning)
-            split = self._split(self.seen[index], where, bits, (shown, taken), left_over)
-        turn = int(rng.integers(8))
-        planes = torch.rot90(split.planes, turn % 4, (2, 3))
-        return dataclasses.replace(split, planes=planes.mT if turn >= 4 else planes)
-
-    def _split(
-        self,
-        plane: PixelCounts,
-        where: tuple[slice, slice],
-        bits: int,
-        shown: tuple[Whole, Whole],
-        target: tuple[Whole, Whole],
-    ) -> Split:
-        """Bring what is shown to `bits` valid bits of the reference jot, or to the network's K."""
-        if self.network.trials_range is not None:
-            bits = max(bits, self.network.trials_range[0])
-        else:
-            bits = self.whole
-        efficiency, dark = _part(plane.efficiency, where), _part(plane.dark_counts, where)
-        ones, trials = (x.astype(np.int32) for x in shown)
-        counts = equivalent_counts(
-            PixelCounts(
-                self.sensor_at(bits), ones, trials, efficiency, dark, varies_within_pixels=False
-            ),
-            self.reference,
-            None,
-        )
-        planes = np.broadcast_arrays(counts, *target, efficiency, dark)
-        return Split(
-            bits,
-            bits if self.told else None,
-            torch.from_numpy(np.stack(planes).astype(np.float32)[None]),
-        )
-
-    def negative_log_likelihood(self, pictures: Tensor, split: Split) -> Tensor:
-        """Give the negative log likelihood of what was to be told, in nats per bit.
+        """Return the split of random patches, rotated and mirrored, all with the same K'.
 
         Parameters
         ----------
-        pictures : Tensor
-            The network's, (N, 1, H, W): intensities, or chances to fire of one that is told K.
-        split : Split
+        rng : numpy.random.Generator
+            Source of randomness.
+        number : int
+            Number of patches.
+        side : int
+            Height and width of a patch, in pixels.
         """
-        _, ones, trials, efficiency, dark = split.planes.to(pictures).split(1, dim=1)
-        threshold, light, _ = self._sensor.pixel_response()
-        if self.told:
-            own_efficiency, own_dark = self.reference
-            detected = (_rates(threshold, pictures) - own_dark) / own_efficiency
+        available = (1 - HELD_OUT_FRACTION) * self.trials
+        low = max(1, round(INPUT_RANGE[0] * available))
+        input_trials = int(rng.integers(low, max(low, int(INPUT_RANGE[1] * available)) + 1))
+        parts = [self._draw_patch(rng, input_trials, side) for _ in range(number)]
+        return dataclasses.replace(parts[0], planes=torch.cat([part.planes for part in parts]))
+
+    def negative_log_likelihood(self, estimates: Tensor, split: Split) -> Tensor:
+        """Return the negative log-likelihood of the target bits, in nats per bit.
+
+        Parameters
+        ----------
+        estimates : Tensor, shape (N, 1, H, W)
+            Output of the network: intensities, or P(b = 1) for a K-conditioned network.
+        split : Split
+            The target.
+        """
+        _, ones, trials, efficiency, dark = split.planes.to(estimates).split(1, dim=1)
+        threshold = self._sensor.threshold
+        if self.conditional:
+            reference_efficiency, reference_dark = self.reference
+            rate = _rate_from_probability(threshold, estimates)
+            light = (rate - reference_dark) / reference_efficiency
         else:
-            detected = light * pictures
-        chances = detection_probability(threshold, (efficiency * detected + dark).clamp(min=0))
-        floor = _FLOOR / self.whole
-        chances = floor + (1 - 2 * floor) * chances
-        told = ones * chances.log() + (trials - ones) * torch.log1p(-chances)
-        return -told.sum() / trials.sum().clamp(min=1)
+            light = self._sensor.light_per_intensity * estimates
+        p = detection_probability(threshold, (efficiency * light + dark).clamp(min=0))
+        floor = _FLOOR / self.trials
+        p = floor + (1 - 2 * floor) * p
+        terms = ones * p.log() + (trials - ones) * torch.log1p(-p)
+        per_bit: Tensor = -terms.sum() / trials.sum().clamp(min=1)
+        return per_bit
 
-    def held_out_negative_log_likelihood(
-        self, network: jotlight.Network, threads: int | None
-    ) -> float:
-        """Give that of the bits held out, where the network sees all others."""
-        total = number = 0.0
+    def held_out_negative_log_likelihood(self, network: Network, threads: int | None) -> float:
+        """Return the value for the held-out bits, with all other bits as the input.
+
+        The network runs in the engine, as it does without PyTorch.
+        """
+        total = bits = 0.0
         for split in self.held_out:
-            ready = network.conditioned_on(self.sensor_at(split.bits)) if self.told else network
-            inference = Inference(ready.layers, ready.sensor, self.reference, threads)
+            bound = network
+            if self.conditional:
+                bound = network.conditioned_on(self.sensor_with_trials(split.input_trials))
+            inference = Inference(bound.layers, bound.sensor, self.reference, threads)
             output = inference.run_counts(split.counts[0].numpy())
-            picture = torch.from_numpy(output).double()[None, None]
-            total += split.number * float(self.negative_log_likelihood(picture, split))
-            number += split.number
-        return total / max(number, 1)
+            estimate = torch.from_numpy(output).double()[None, None]
+            total += split.target_bits * float(self.negative_log_likelihood(estimate, split))
+            bits += split.target_bits
+        return total / max(bits, 1)
+
+    def _hold_out(self, channel: PixelCounts, rng: np.random.Generator) -> None:
+        """Separate the held-out bits of a channel from its training bits."""
+        ones = channel.counts.astype(np.int64)
+        trials = np.full(ones.shape, channel.trials, np.int64)
+        # The fractional part of a tenth of the bits becomes one more bit in some of the pixels.
+        subset = np.floor(HELD_OUT_FRACTION * trials + rng.random(trials.shape)).astype(np.int64)
+        held_out = subsample_counts(ones, trials, subset, rng)
+        training = ones - held_out, trials - subset
+        self.channel_trials.append(trials)
+        self.training_bits.append(training)
+        whole = slice(None), slice(None)
+        input_trials = max(1, round((1 - HELD_OUT_FRACTION) * self.trials))
+        self.held_out.append(
+            self._split(channel, whole, input_trials, training, (held_out, subset))
+        )
+
+    def _draw_patch(self, rng: np.random.Generator, input_trials: int, side: int) -> Split:
+        """Return the split of one random patch that has training bits."""
+        while True:
+            index = int(rng.integers(len(self.channels)))
+            ones, trials = self.training_bits[index]
+            top, left = rng.integers(np.array(trials.shape) - side + 1)
+            window = slice(top, top + side), slice(left, left + side)
+            if trials[window].any():
+                break
+        ones, trials = ones[window], trials[window]
+        # A pixel with dead jots contributes the same fraction of its bits as others.
+        subset = np.rint(input_trials / self.trials * self.channel_trials[index][window])
+        subset = np.clip(subset, np.minimum(trials, 1), trials).astype(np.int64)
+        input_ones = subsample_counts(ones, trials, subset, rng)
+        target = ones - input_ones, trials - subset
+        with warnings.catch_warnings():
+            # The split of the held-out bits already warned that dead pixels are inpainted.
+            warnings.simplefilter("ignore", JotlightWarning)
+            split = self._split(
+                self.channels[index], window, input_trials, (input_ones, subset), target
+            )
+        symmetry = int(rng.integers(8))
+        planes = torch.rot90(split.planes, symmetry % 4, (2, 3))
+        return dataclasses.replace(split, planes=planes.mT if symmetry >= 4 else planes)
+
+    def _split(
+        self,
+        channel: PixelCounts,
+        window: tuple[slice, slice],
+        input_trials: int,
+        input_bits: tuple[LongCounts, LongCounts],
+        target: tuple[LongCounts, LongCounts],
+    ) -> Split:
+        """Return a split whose input counts are scaled to `input_trials` bits or the network's K.
+
+        The counts are those that the reference jot would report. `input_bits` and `target` are
+        pairs of L and n.
+        """
+        if self.network.trials_range is not None:
+            input_trials = max(input_trials, self.network.trials_range[0])
+        else:
+            input_trials = self.trials
+        efficiency, dark = _crop(channel.efficiency, window), _crop(channel.dark_counts, window)
+        ones, trials = (array.astype(np.int32) for array in input_bits)
+        sensor = self.sensor_with_trials(input_trials)
+        pixels = PixelCounts(sensor, ones, trials, efficiency, dark, varies_within_pixels=False)
+        counts = equivalent_counts(pixels, self.reference, None)
+        planes = np.broadcast_arrays(counts, *target, efficiency, dark)
+        tensor = torch.from_numpy(np.stack(planes).astype(np.float32)[None])
+        return Split(input_trials, self.conditional, tensor)
 
 
-def _rates(threshold: int, chances: Tensor) -> Tensor:
-    """P⁻¹(q, p), with its slope."""
+def _rate_from_probability(threshold: int, probability: Tensor) -> Tensor:
+    """Return P⁻¹(q, p), with its derivative."""
     with torch.no_grad():
-        p = chances.clamp(0, 1 - 1e-6).double().cpu().numpy()
-        found = response.inverse_detection_probability(threshold, p, 1 - p)
-        slopes = 1 / np.maximum(response.detection_density(threshold, found), 1e-6)
-        rates, slope = (torch.from_numpy(x).to(chances) for x in (found, slopes))
-    return rates + slope * (chances - chances.detach())
+        p = probability.clamp(0, _MAX_PROBABILITY).double().cpu().numpy()
+        rate = response.inverse_detection_probability(threshold, p, 1 - p)
+        slope = 1 / np.maximum(response.detection_density(threshold, rate), _MIN_SLOPE)
+        rates, slopes = (torch.from_numpy(x).to(probability) for x in (rate, slope))
+    return rates + slopes * (probability - probability.detach())
 
 
-def _part(
-    value: float | npt.NDArray[np.float64], where: tuple[slice, slice]
+def _crop(
+    value: float | npt.NDArray[np.float64], window: tuple[slice, slice]
 ) -> float | npt.NDArray[np.float64]:
-    return np.ascontiguousarray(value[where]) if isinstance(value, np.ndarray) else value
+    return np.ascontiguousarray(value[window]) if isinstance(value, np.ndarray) else value

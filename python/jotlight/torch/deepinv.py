@@ -1,4 +1,7 @@
-"""The sensor and the networks for the solvers of deepinv (extra `deepinv`)."""
+"""Adapters for deepinv: the sensor as physics and likelihood, networks as models (extra `deepinv`).
+
+The library is https://deepinv.github.io.
+"""
 
 import math
 from typing import Any
@@ -10,30 +13,32 @@ from deepinv.optim import DataFidelity
 from deepinv.physics import Physics
 from torch import Tensor
 
-import jotlight
 from jotlight.estimators.mle import mle
+from jotlight.networks.network import Network
+from jotlight.sensing.bits import Bits
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.sensor import Sensor
-from jotlight.torch.network import Network
+from jotlight.torch.network import NetworkModule
 from jotlight.torch.sensing import Sensing
 
 
 class SensorPhysics(Physics):  # type: ignore[misc, unused-ignore]
-    """A sensor as a forward model y ~ N(A(c)): what it expects of intensities, and what it draws.
+    """A sensor as a forward model: data y with the expectation A(c).
 
     Parameters
     ----------
-    sensor : jotlight.Sensor
-        Of any kernel, with or without maps of its jots.
+    sensor : Sensor
+        A sensor of any kernel, with or without maps of its jots.
     output : {"counts", "bits"}
-        What y is, and A(c) the expectation of: counts (N, 1, H, W), or bits (N, T, H·K̂, W·K̂).
+        Kind of data y: counts (N, 1, H, W), or bits (N, T, H·K̂, W·K̂).
     generator : torch.Generator, optional
-        Of the draws. Default: PyTorch's own.
+        Source of randomness. Default: PyTorch's own.
 
     Notes
     -----
-    A is not linear, A(c) = Σ P(q, s) over the bits; ``A_vjp`` is its exact derivative. What deepinv
-    begins with, ``A_adjoint(y)``, is the estimate of :meth:`A_dagger`.
+    A(c) = Σ P(q, s), equation (3), over the bits of a pixel is not linear. ``A_vjp`` is its exact
+    vector-Jacobian product. Solvers start at ``A_adjoint(y)``, so it is the estimate of
+    :meth:`A_dagger`.
 
     Examples
     --------
@@ -52,43 +57,46 @@ class SensorPhysics(Physics):  # type: ignore[misc, unused-ignore]
     ) -> None:
         super().__init__()
         self.sensing = Sensing(sensor, output=output)
-        self.expecting = Sensing(sensor, output=output, gradient="expectation")
+        self.expectation = Sensing(sensor, output=output, gradient="expectation")
         self.generator = generator
 
     def A(self, x: Tensor, **_: Any) -> Tensor:  # noqa: N802
-        """Give the expected counts or bits."""
-        expected: Tensor = self.expecting(x)
+        """Return the expected counts or bits for intensities x, (N, 1, H, W)."""
+        expected: Tensor = self.expectation(x)
         return expected
 
     def forward(self, x: Tensor, **_: Any) -> Tensor:
-        """Draw counts or bits; they pass gradients on straight through."""
-        drawn: Tensor = self.sensing(x, self.generator)
-        return drawn
+        """Return random counts or bits, with straight-through gradients."""
+        sample: Tensor = self.sensing(x, self.generator)
+        return sample
 
     def A_dagger(self, y: Tensor, x_init: Tensor | None = None) -> Tensor:  # noqa: N802
-        """Give the maximum-likelihood estimate of each pixel, in [0, S]; not differentiable."""
+        """Return the maximum-likelihood estimate of each pixel for the box kernel, in [0, S].
+
+        It is not differentiable.
+        """
         data = y.detach().cpu().numpy().astype(np.int32)
         if self.sensing.output == "bits":
-            estimates = [mle(jotlight.Bits.from_array(one), self._box) for one in data]
+            estimates = [mle(Bits.from_array(bits), self._box_sensor) for bits in data]
         else:
-            estimates = [mle(one[0], self._box) for one in data]
+            estimates = [mle(counts[0], self._box_sensor) for counts in data]
         return torch.from_numpy(np.stack(estimates)[:, None]).to(y)
 
     def A_adjoint(self, y: Tensor, **_: Any) -> Tensor:  # noqa: N802
-        """Give what solvers begin with: the estimate of :meth:`A_dagger`."""
+        """Return the starting point of solvers, the estimate of :meth:`A_dagger`."""
         return self.A_dagger(y)
 
     @property
-    def _box(self) -> Sensor:
-        """The sensor with the kernel that has an estimate in closed form."""
+    def _box_sensor(self) -> Sensor:
+        """The sensor with the box kernel, for which the estimate has a closed form."""
         return self.sensing.sensor.replace(kernel="box")
 
 
 class BitLikelihood(DataFidelity):  # type: ignore[misc, unused-ignore]
-    """-ℓ(c), the data fidelity of bits and of their counts: equation (4).
+    """The data fidelity -ℓ(c) of bits or counts: equation (4).
 
-    Its proximal map is solved to rounding by the engine where the data are counts, and by deepinv's
-    descent where they are bits. It can be differentiated in the point and in the step.
+    For counts, the engine computes the proximal map to rounding error, and the map is
+    differentiable in the point and in γ. For bits, deepinv computes it by gradient descent.
 
     Examples
     --------
@@ -101,16 +109,16 @@ class BitLikelihood(DataFidelity):  # type: ignore[misc, unused-ignore]
     """
 
     def fn(self, x: Tensor, y: Tensor, physics: SensorPhysics, *_: Any, **__: Any) -> Tensor:
-        """Give -ℓ of each picture, (N,), in nats."""
+        """Return -ℓ of each image, (N,), in nats."""
         return -physics.sensing.log_likelihood(y, x)
 
     def grad(self, x: Tensor, y: Tensor, physics: SensorPhysics, *_: Any, **__: Any) -> Tensor:
-        """Give -∇ℓ."""
+        """Return -∇ℓ(c), (N, 1, H, W)."""
         with torch.enable_grad():
             point = x if x.requires_grad else x.detach().requires_grad_()
             value = self.fn(point, y, physics).sum()
-            (slope,) = torch.autograd.grad(value, point, create_graph=x.requires_grad)
-        return slope
+            (gradient,) = torch.autograd.grad(value, point, create_graph=x.requires_grad)
+        return gradient
 
     def prox(
         self,
@@ -121,14 +129,28 @@ class BitLikelihood(DataFidelity):  # type: ignore[misc, unused-ignore]
         gamma: float | Tensor = 1.0,
         **options: Any,
     ) -> Tensor:
-        """Give the c in [0, S] with the least -γ ℓ(c) + ½ ‖c - x‖²."""
+        """Return the c in [0, S] that minimizes -γ ℓ(c) + ½ ‖c - x‖², (N, 1, H, W).
+
+        Parameters
+        ----------
+        x : Tensor, shape (N, 1, H, W)
+            The point.
+        y : Tensor
+            Counts or bits, as the physics returns them.
+        physics : SensorPhysics
+            The sensor.
+        gamma : float or Tensor
+            γ, above 0: one number.
+        *args, **options
+            Options of deepinv's gradient descent, for bits.
+        """
+        sensor = physics.sensing.sensor
         if physics.sensing.output == "bits":
             found: Tensor = super().prox(x, y, physics, *args, gamma=gamma, **options)
-            return found.clamp(0, physics.sensing.sensor.max_intensity)
-        sensor = physics.sensing.sensor
-        _, light, most = sensor.pixel_response()
-        # The engine's variable is the light s = α c / K.
-        penalty = 1 / (torch.as_tensor(gamma).detach().item() * light**2)
+            return found.clamp(0, sensor.max_intensity)
+        # The variable of the engine is the light s = α c / K.
+        scale = sensor.light_per_intensity
+        penalty = 1 / (torch.as_tensor(gamma).detach().item() * scale**2)
         likelihood = Likelihood(
             y.detach().cpu().numpy().astype(np.int64),
             sensor.bits_per_pixel,
@@ -136,86 +158,97 @@ class BitLikelihood(DataFidelity):  # type: ignore[misc, unused-ignore]
             efficiency=sensor.efficiency,
             dark_counts=sensor.dark_counts,
         )
-        point = light * x.detach().double().cpu().numpy()
-        best = likelihood.proximal(point, penalty, max_light=light * most)
+        point = scale * x.detach().double().cpu().numpy()
+        max_light = scale * sensor.max_intensity
+        light = likelihood.proximal(point, penalty, max_light=max_light)
+        c = torch.from_numpy(light / scale).to(x)
         if not (x.requires_grad or (isinstance(gamma, Tensor) and gamma.requires_grad)):
-            return torch.from_numpy(best / light).to(x)
-        # A step of Newton's method from the solution does not move, and has its derivatives.
+            return c
+        # A Newton step at the solution does not change it, but carries its derivatives.
         slope, curvature = (
-            torch.from_numpy(a).to(x) for a in likelihood.gradient_and_curvature(best)
+            torch.from_numpy(a).to(x) for a in likelihood.gradient_and_curvature(light)
         )
-        inside = torch.from_numpy((best > 0) & (best < light * most)).to(x.device)
-        c = torch.from_numpy(best / light).to(x)
-        step = (c - x - gamma * light * slope) / (1 + gamma * light**2 * curvature)
-        return torch.where(inside, c - (step - step.detach()), c)
+        is_inside = torch.from_numpy((light > 0) & (light < max_light)).to(x.device)
+        residual = c - x - gamma * scale * slope
+        step = residual / (1 + gamma * scale**2 * curvature)
+        return torch.where(is_inside, c - (step - step.detach()), c)
 
 
 class NetworkReconstructor(Reconstructor):  # type: ignore[misc, unused-ignore]
-    """A network as a model of deepinv: from counts or bits to pictures.
+    """A network as a model of deepinv, from counts or bits to estimates.
 
     Parameters
     ----------
-    network : jotlight.Network
+    network : Network
+        A network for the sensor of the physics, or a K-conditioned network.
 
     Examples
     --------
     >>> sensor = Sensor(oversampling=4)
-    >>> model = NetworkReconstructor(jotlight.Network.initial(sensor))
+    >>> model = NetworkReconstructor(Network.initial(sensor))
     >>> physics = SensorPhysics(sensor)
     >>> model(physics(torch.full((1, 1, 20, 30), 0.5)), physics).shape
     torch.Size([1, 1, 20, 30])
     """
 
-    def __init__(self, network: jotlight.Network) -> None:
+    def __init__(self, network: Network) -> None:
         super().__init__()
-        self.module = Network(network)
+        self.module = NetworkModule(network)
 
     def forward(self, y: Tensor, physics: SensorPhysics, **_: Any) -> Tensor:
-        """Give pictures (N, 1, H, W); of a network that is told K, P(b = 1)."""
-        bits = physics.sensing.sensor.bits_per_pixel
-        picture: Tensor = self.module(y, bits if self.module.origin.trials_range else None)
-        return picture
+        """Return intensities (N, 1, H, W), or P(b = 1) for a K-conditioned network."""
+        trials = physics.sensing.sensor.bits_per_pixel
+        estimates: Tensor = self.module(y, trials if self.module.origin.trials_range else None)
+        return estimates
 
 
 class NetworkDenoiser(Denoiser):  # type: ignore[misc, unused-ignore]
-    """A network that is told K, as a denoiser of white Gaussian noise, for plug-and-play priors.
+    """A K-conditioned network as a denoiser of white Gaussian noise, for plug-and-play priors.
 
-    Such a network works on z = arcsin √(L/K), whose noise is nearly normal with standard deviation
-    1/(2 √K), whatever the light. A picture x in [0, 1] with noise of σ is taken for 2 z/π, seen
-    with K = 1/(π σ)².
+    Such a network works on z = arcsin √(L/K). The noise of z is nearly normal with standard
+    deviation 1/(2 √K), whatever the light. The denoiser takes an image x in [0, 1] with noise of
+    standard deviation σ for 2 z/π, with K = 1/(π σ)².
 
     Parameters
     ----------
-    network : jotlight.Network
-        One that is told K. Of the σ that its range of K stands for, the nearest is taken.
+    network : Network
+        A K-conditioned network. A σ outside of its range of K becomes the nearest one inside.
 
     Raises
     ------
     ValueError
-        For a network that is not told K.
+        For a network that is not K-conditioned.
 
     Examples
     --------
-    >>> denoiser = NetworkDenoiser(jotlight.Network.conditional("small", rng=0))
+    >>> denoiser = NetworkDenoiser(Network.conditional("small", rng=0))
     >>> denoiser(torch.rand(2, 1, 20, 30), 0.1).shape
     torch.Size([2, 1, 20, 30])
     """
 
-    def __init__(self, network: jotlight.Network) -> None:
+    def __init__(self, network: Network) -> None:
         if network.trials_range is None:
-            raise ValueError(f"network: expected one that is told K, got {network!r}")
+            raise ValueError(f"network: expected a K-conditioned network, got {network!r}")
         super().__init__()
-        self.module = Network(network)
-        self.between = network.trials_range
+        self.module = NetworkModule(network)
+        self.trials_range = network.trials_range
 
     def forward(self, x: Tensor, sigma: float | Tensor, **_: Any) -> Tensor:
-        """Give pictures (N, 1, H, W); of σ one for all, or one for each (N,)."""
-        sigmas = torch.as_tensor(sigma, dtype=torch.float64).flatten().expand(len(x)).tolist()
-        found = [self._one(picture[None], sigma) for picture, sigma in zip(x, sigmas, strict=True)]
-        return torch.cat(found)
+        """Return denoised images.
 
-    def _one(self, x: Tensor, sigma: float) -> Tensor:
-        low, high = self.between
-        bits = round(min(max(1 / max(math.pi * sigma, 1e-9) ** 2, low), high))
-        shares = torch.sin(0.5 * math.pi * x.clamp(0, 1)) ** 2
-        return self.module.sums(bits * shares, bits) * (2 / math.pi)
+        Parameters
+        ----------
+        x : Tensor, shape (N, 1, H, W)
+            Noisy images of intensities in [0, 1].
+        sigma : float or Tensor, shape (N,)
+            Standard deviation of the noise: one for all images, or one for each.
+        """
+        sigmas = torch.as_tensor(sigma, dtype=torch.float64).flatten().expand(len(x)).tolist()
+        images = zip(x, sigmas, strict=True)
+        return torch.cat([self._denoise(image[None], sigma) for image, sigma in images])
+
+    def _denoise(self, x: Tensor, sigma: float) -> Tensor:
+        low, high = self.trials_range
+        trials = round(min(max(1 / max(math.pi * sigma, 1e-9) ** 2, low), high))
+        fractions = torch.sin(0.5 * math.pi * x.clamp(0, 1)) ** 2
+        return self.module.last_sums(trials * fractions, trials) * (2 / math.pi)

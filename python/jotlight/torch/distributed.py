@@ -1,95 +1,147 @@
-"""Several processes that learn together, as PyTorch's launcher `torchrun` starts them."""
+"""Training in several processes, as PyTorch's launcher `torchrun` starts them, and its devices."""
 
 import contextlib
 import dataclasses
 import os
+import secrets
 import time
 from collections.abc import Iterator
 
 import torch
-import torch.distributed as group
+import torch.distributed
 from torch import Tensor
 
 from jotlight.checks import whole_number
 
-_LETTING_GO = 0.2
-"""Seconds."""
+_SHUTDOWN_SECONDS = 0.2
+"""Pause after the group is destroyed, for its threads to release their tensors."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Processes:
-    """One process among those that learn together."""
+class ProcessGroup:
+    """The processes of a run, as one of them sees the group. The default is a single process.
+
+    Examples
+    --------
+    >>> list(range(8))[ProcessGroup(rank=1, world_size=3).shard]
+    [1, 4, 7]
+    """
 
     rank: int = 0
-    number: int = 1
+    """Number of this process, from 0."""
+    world_size: int = 1
+    """Number of processes."""
 
     @property
-    def first(self) -> bool:
-        """Whether this is the one that tells and writes."""
+    def is_main(self) -> bool:
+        """Whether this process reports progress and writes files."""
         return self.rank == 0
 
     @property
-    def share(self) -> slice:
-        """Which patches of a step are its own."""
-        return slice(self.rank, None, self.number)
+    def shard(self) -> slice:
+        """Which patches of a batch belong to this process."""
+        return slice(self.rank, None, self.world_size)
 
-    def sum(self, tensor: Tensor) -> None:
-        """Add the tensors of all processes, in place."""
-        if self.number > 1:
-            group.all_reduce(tensor)
+    def all_reduce_sum(self, tensor: Tensor) -> None:
+        """Replace the tensor by the sum of the tensors of all processes, in place."""
+        if self.world_size > 1:
+            torch.distributed.all_reduce(tensor)
 
-    def spread(self, tensor: Tensor) -> None:
-        """Give all processes the tensor of the first, in place."""
-        if self.number > 1:
-            group.broadcast(tensor, 0)
+    def broadcast(self, tensor: Tensor) -> None:
+        """Replace the tensor by that of the main process, in place."""
+        if self.world_size > 1:
+            torch.distributed.broadcast(tensor, 0)
+
+    def shared_seed(self, rng: int | None) -> int:
+        """Return the main process's seed: `rng`, or a fresh one if it is None.
+
+        Raises
+        ------
+        TypeError, ValueError
+            When `rng` is not a whole number of 0 or more.
+        """
+        seed = torch.tensor(secrets.randbits(32) if rng is None else whole_number("rng", rng, 0))
+        self.broadcast(seed)
+        return int(seed)
 
 
 def rank() -> int:
-    """Give the number of this process among those that the launcher started; 0 without one."""
+    """Return the number of this process in its group; 0 without a launcher.
+
+    It is known before the group exists.
+    """
     return int(os.environ.get("RANK", "0"))
 
 
-def place(device: str | torch.device | None) -> torch.device:
-    """Give the device of this process: of several GPUs each process has its own.
+def choose_device(device: str | torch.device | None) -> torch.device:
+    """Return the device of this process; with several GPUs, each process has its own.
+
+    Parameters
+    ----------
+    device : str, torch.device, or None
+        None: a GPU if there is one, and the CPU otherwise.
 
     Raises
     ------
     ValueError
-        When it is a GPU, and there is none.
+        When it is a GPU and PyTorch finds none.
+
+    Examples
+    --------
+    >>> choose_device("cpu")
+    device(type='cpu')
     """
-    found = torch.device(device or ("cuda" if torch.cuda.is_available() else "cpu"))
-    if found.type != "cuda":
-        return found
+    chosen = torch.device(device or ("cuda" if torch.cuda.is_available() else "cpu"))
+    if chosen.type != "cuda":
+        return chosen
     if not torch.cuda.is_available():
         raise ValueError("device: expected cpu, since PyTorch finds no GPU, got cuda")
-    own = int(os.environ.get("LOCAL_RANK", "0")) if found.index is None else found.index
-    return torch.device("cuda", own)
+    index = int(os.environ.get("LOCAL_RANK", "0")) if chosen.index is None else chosen.index
+    return torch.device("cuda", index)
 
 
 @contextlib.contextmanager
-def together(device: torch.device) -> Iterator[Processes]:
-    """Join the processes that the launcher started, if it did."""
+def process_group(device: torch.device) -> Iterator[ProcessGroup]:
+    """Return a context in which this process belongs to the launcher's group, if there is one.
+
+    Parameters
+    ----------
+    device : torch.device
+        Device of this process's network, which decides how gradients travel.
+    """
     if int(os.environ.get("WORLD_SIZE", "1")) == 1:
-        yield Processes()
+        yield ProcessGroup()
         return
-    # Numbers about the run are on the CPU, gradients where the network is.
-    group.init_process_group("cpu:gloo,cuda:nccl" if device.type == "cuda" else "gloo")
+    # Gradients are on the network's device, but seeds and flags are on the CPU.
+    torch.distributed.init_process_group("cpu:gloo,cuda:nccl" if device.type == "cuda" else "gloo")
     try:
-        yield Processes(group.get_rank(), group.get_world_size())
+        yield ProcessGroup(torch.distributed.get_rank(), torch.distributed.get_world_size())
     finally:
-        group.destroy_process_group()
-        # Its threads still let go of the last tensors, for which they need the interpreter: were it
-        # on its way out by then, the process would be aborted.
-        time.sleep(_LETTING_GO)
+        torch.distributed.destroy_process_group()
+        # Threads of the group still release their last tensors, which takes the interpreter. The
+        # process would abort if the interpreter were already shutting down.
+        time.sleep(_SHUTDOWN_SECONDS)
 
 
 @contextlib.contextmanager
-def with_threads(number: int | None) -> Iterator[None]:
-    """Let PyTorch use so many threads of the CPU, or as many as it does, while the block runs."""
+def thread_limit(threads: int | None) -> Iterator[None]:
+    """Return a context in which PyTorch uses at most `threads` CPU threads; None: its default.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When `threads` is not a whole number of 1 or more.
+
+    Examples
+    --------
+    >>> with thread_limit(1):
+    ...     torch.get_num_threads()
+    1
+    """
     before = torch.get_num_threads()
     try:
-        if number is not None:
-            torch.set_num_threads(whole_number("threads", number, 1))
+        if threads is not None:
+            torch.set_num_threads(whole_number("threads", threads, 1))
         yield
     finally:
         torch.set_num_threads(before)

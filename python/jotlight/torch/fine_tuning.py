@@ -1,10 +1,9 @@
-"""Learning from a capture itself, without ground truth: some of its bits tell of the others."""
+"""Fine-tuning of a network on the bits of one capture, without ground truth."""
 
 import dataclasses
 import math
 import operator
 import os
-import secrets
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -12,99 +11,114 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-import jotlight
 from jotlight.checks import positive_number, whole_number
+from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.pixel_counts import PixelCounts, carried_sensor, count_pixels, split_channels
 from jotlight.sensing.sensor import Sensor
-from jotlight.torch.bit_splitting import Splits, check_kernel
-from jotlight.torch.distributed import Processes, place, together, with_threads
-from jotlight.torch.network import Network
+from jotlight.torch.bit_splitting import BitSplitter, check_kernel
+from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, thread_limit
+from jotlight.torch.network import NetworkModule
 from jotlight.torch.trainer import Trainer
 from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.history import History, Record
 from jotlight.training.images import fingerprint_images
 from jotlight.training.optimizer import State
-from jotlight.training.parameters import fingerprint_network
+from jotlight.training.parameters import Vector, fingerprint_network
 
 STEPS = 500
-BATCH, PATCH = 16, 48
-RATE = 5e-4
+"""Default number of steps."""
+
+BATCH = 16
+"""Default number of patches per step."""
+
+PATCH = 48
+"""Default height and width of a patch, in pixels, unless the image is smaller."""
+
+LEARNING_RATE = 5e-4
+"""Default learning rate."""
 
 
+# A run has many settings, each of them documented; all but the first three are keyword-only.
 def fine_tune(
-    network: jotlight.Network,
+    network: Network,
     data: Bits | npt.ArrayLike,
     sensor: Sensor | None = None,
     *,
     steps: int = STEPS,
     batch: int | None = None,
     patch: int | None = None,
-    rate: float = RATE,
+    learning_rate: float = LEARNING_RATE,
     rng: int | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
     resume: bool = False,
     callback: Callable[[Record], object] | None = None,
     device: str | torch.device | None = None,
     threads: int | None = None,
-) -> tuple[jotlight.Network, History]:
-    """Make a network better for a capture by learning from that capture alone.
+) -> tuple[Network, History]:
+    """Return a network that is better for a capture, trained on the bits of that capture alone.
 
-    The bits of a pixel are independent of each other, given the light. So each step splits them at
-    random: the network sees six to nine tenths of them, and learns to make the others likely.
-    A tenth of all bits is held out from every step, and tells which parameters are the best.
+    The bits of a pixel are independent given the light. Each step splits them at random: 60 to 90 %
+    are the input of the network, and the cost is the negative log-likelihood of the others. One
+    tenth of all bits is held out from every step, and selects the best parameters.
 
     Parameters
     ----------
-    network : jotlight.Network
-        Where to start: a tied one, best one that is told K (``jotlight.Network.conditional``), learned
-        from photographs. One for a single K sees the counts of fewer bits, scaled to its K.
+    network : Network
+        Starting point: a tied network, preferably a K-conditioned one
+        (``Network.conditional``) that was trained on photographs. A network for one K gets the
+        counts of fewer bits, scaled to its K.
     data : Bits or array_like of int
-        The capture: bits, or an image of counts L of shape (H, W) or (H, W, C); colours are learned
-        from together.
+        The capture: bits, or an image of counts L of shape (H, W) or (H, W, C). The channels of a
+        color capture train together.
     sensor : Sensor, optional
-        What made it, with the box kernel and two bits per pixel at least; its dead jots, dark
-        counts and efficiency are used as :meth:`jotlight.Network.reconstruct` does. Default: the
-        one that the bits carry, or else the network's.
+        Sensor of the capture, with the box kernel and at least two bits per pixel. Its dead jots,
+        dark counts, and efficiency enter as in :meth:`jotlight.Network.reconstruct`. Default: the
+        sensor that the bits carry, or else the network's.
     steps : int
-        Of Adam; the rate rises at first, and falls to 0.
-    batch, patch : int, optional
-        Patches of a step, turned and mirrored at random, and their side in pixels. Default: 16 of
-        48 x 48, or as large as the image.
-    rate : float
-        The largest step of a parameter, about.
+        Number of steps of Adam. The learning rate rises over the first tenth of them and then falls
+        to 0.
+    batch : int, optional
+        Number of patches per step, randomly rotated and mirrored. Default: 16.
+    patch : int, optional
+        Height and width of a patch. Default: 48, or the smaller side of the image.
+    learning_rate : float
+        Largest learning rate: about the largest change of a parameter per step.
     rng : int, optional
-        The seed: the same one gives the same network for the same number of threads. Default: a new
-        one.
-    checkpoint, resume, callback :
-        As in :func:`jotlight.train`.
+        Seed. The same seed and number of threads give the same network. Default: a fresh one.
+    checkpoint : path, optional
+        File for the state of the run, as in :func:`jotlight.train`.
+    resume : bool
+        Whether to continue from the checkpoint.
+    callback : callable, optional
+        Function that gets the :class:`Record` of each step.
     device : str or torch.device, optional
-        Default: a GPU, if there is one, and else the CPU.
+        Device of the training. Default: a GPU if there is one, and the CPU otherwise.
     threads : int, optional
-        Threads of the CPU. Default: as many as PyTorch uses.
+        Number of CPU threads. Default: PyTorch's.
 
     Returns
     -------
-    network : jotlight.Network
-        Of the parameters that were looked at those that make the bits held out most likely: at
-        least as likely as at the start, which are among them.
+    network : Network
+        The network with the highest likelihood of the held-out bits, among about 20 sets of
+        parameters from the run. The start is one of them.
     history : History
-        Of each step the negative log likelihood of the bits that were to be told, in nats per bit,
-        as its `loss`; some 20 times that of the bits held out, `held_out`. The last record belongs
-        to the result.
+        `loss` is the negative log-likelihood of the target bits of each step, and `held_out` that
+        of the held-out bits, measured about 20 times, in nats per bit. The last record belongs to
+        the result.
 
     Raises
     ------
     TypeError, ValueError
-        When network, data, sensor and settings do not fit, no pixel has two bits, or the checkpoint
-        is of another run.
+        When network, data, sensor, and settings do not fit, when no pixel has two bits, or when the
+        checkpoint belongs to another run.
     FloatingPointError
-        When the likelihood is not a number.
+        When the likelihood is not finite; the message says what to change.
 
     Warns
     -----
     JotlightWarning
-        When pixels without a valid jot were filled from their neighbours.
+        When pixels without a valid jot were inpainted from their neighbors.
 
     Notes
     -----
@@ -113,166 +127,192 @@ def fine_tune(
 
     Examples
     --------
-    >>> sensor = jotlight.Sensor(frames=8)
+    >>> sensor = Sensor(frames=8)
     >>> bits = sensor.expose(np.full((24, 24), 0.4), rng=0)
-    >>> start = jotlight.Network.conditional("small", rng=0)
-    >>> own, history = fine_tune(start, bits, steps=10, batch=4, rng=0)
+    >>> start = Network.conditional("small", rng=0)
+    >>> tuned, history = fine_tune(start, bits, steps=10, batch=4, rng=0)
     >>> bool(history.held_out[-1] < history.held_out[0])
     True
     """
     if sensor is None:
         sensor = carried_sensor(data) or network.sensor
-    seen = _seen(network, data, sensor, threads)
-    here = place(device)
+    channels = _count_channels(network, data, sensor, threads)
+    chosen_device = choose_device(device)
     steps = whole_number("steps", steps, 1)
     batch = whole_number("batch", BATCH if batch is None else batch, 1)
-    positive_number("rate", rate)
-    most = min(seen[0].counts.shape)
-    side = min(PATCH, most) if patch is None else operator.index(patch)
-    if not 1 <= side <= most:
-        raise ValueError(f"patch: expected 1 to the {most} pixels of the image, got {side}")
-    with together(here) as processes, with_threads(threads):
-        drawn = torch.tensor(secrets.randbits(32) if rng is None else whole_number("rng", rng, 0))
-        processes.spread(drawn)
-        seed = int(drawn)
-        run: dict[str, object] = {
+    positive_number("learning_rate", learning_rate)
+    side = _patch_side(channels, patch)
+    with process_group(chosen_device) as group, thread_limit(threads):
+        seed = group.shared_seed(rng)
+        settings: dict[str, object] = {
             "network": fingerprint_network(network),
             "sensor": sensor.scalars(),
-            "capture": _fingerprint(seen),
-            "optimizer": f"Adam(learning_rate={rate})",
+            "capture": _fingerprint(channels),
+            "optimizer": f"Adam(learning_rate={learning_rate})",
             "steps": steps,
             "batch": batch,
             "patch": side,
             "seed": seed,
         }
-        splits = Splits(network, sensor, seen, _generator(seed, 0))
-        module = Network(network).to(here)
-        trainer = _Tuning(module, splits, run, rate, seed, batch, side, processes)
-        trainer.begin(checkpoint, resume)
-        trainer.run(steps, checkpoint, callback)
-        last = trainer.restore_best()
-        if processes.first and callback is not None:
+        splitter = BitSplitter(network, sensor, channels, random_generator(seed, 0))
+        module = NetworkModule(network).to(chosen_device)
+        tuner = FineTuner(module, splitter, settings, learning_rate, seed, batch, side, group)
+        tuner.begin(checkpoint, resume)
+        tuner.run(steps, checkpoint, callback)
+        last = tuner.restore_best()
+        if group.is_main and callback is not None:
             callback(last)
-    history = History([*trainer.history.records, last])
-    own = module.network()
-    told = {"run": run, "records": history.subsample().to_json()}
-    own.history = {**network.history, "fine tuning": told}
-    return own, history
+    history = History([*tuner.history.records, last])
+    tuned = module.to_network()
+    metadata = {"run": settings, "records": history.subsample().to_json()}
+    tuned.history = {**network.history, "fine tuning": metadata}
+    return tuned, history
 
 
-def _seen(
-    network: jotlight.Network, data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None
-) -> list[PixelCounts]:
-    """The channels of a capture, whose bits can be split."""
-    network.check_sensor(sensor)
-    if not network.tied:
-        raise ValueError(
-            "network: expected a tied one, which takes counts: only where all jots of a pixel "
-            "count the same can its bits be split at random"
-        )
-    check_kernel(sensor)
-    seen = [count_pixels(channel, sensor, threads) for channel in split_channels(data)]
-    if any(plane.varies_within_pixels for plane in seen):
-        raise ValueError(
-            "sensor: expected jots of the same efficiency and dark counts inside of each pixel, "
-            "since its bits are split at random; give their means over the pixels"
-        )
-    most = max(int(np.max(plane.trials)) for plane in seen)
-    if most < 2:
-        raise ValueError(
-            f"data: expected pixels of two bits or more, some to see and some to tell, got {most}; "
-            "take more frames, or the network as it is"
-        )
-    return seen
+class FineTuner(Trainer):
+    """A run on the bits of a capture, with the best parameters so far.
 
+    Parameters
+    ----------
+    module, settings, learning_rate, group
+        See :class:`Trainer`.
+    splitter : BitSplitter
+        Source of inputs and targets.
+    seed : int
+        Seed of the splits.
+    batch : int
+        Number of patches per step, over all processes.
+    side : int
+        Height and width of a patch, in pixels.
+    """
 
-def _fingerprint(seen: Sequence[PixelCounts]) -> str:
-    """A word that tells what was seen, and by which jots, from others."""
-    told = [(x.counts, x.trials, x.efficiency, x.dark_counts) for x in seen]
-    return fingerprint_images([np.asarray(array) for arrays in told for array in arrays])
-
-
-class _Tuning(Trainer):
-    """A run on the bits of a capture, and the best parameters so far."""
-
-    remembers = (*Trainer.remembers, "best")
+    state_names = (*Trainer.state_names, "best")
 
     def __init__(
         self,
-        module: Network,
-        splits: Splits,
-        run: dict[str, object],
-        rate: float,
+        module: NetworkModule,
+        splitter: BitSplitter,
+        settings: dict[str, object],
+        learning_rate: float,
         seed: int,
         batch: int,
         side: int,
-        processes: Processes,
+        group: ProcessGroup,
     ) -> None:
-        super().__init__(module, run, rate, processes)
-        self.splits, self.seed, self.batch, self.side = splits, seed, batch, side
-        self.best, self.least = self.vector(), math.inf
+        super().__init__(module, settings, learning_rate, group)
+        self.splitter, self.seed, self.batch, self.side = splitter, seed, batch, side
+        self.best: Vector = self.parameter_vector()
+        """Parameters with the lowest held-out value."""
+        self.best_held_out = math.inf
+        """Their negative log-likelihood of the held-out bits, in nats per bit."""
 
     def loss(self, step: int) -> Tensor:
-        """Give the negative log likelihood of the bits to be told, in nats per bit."""
-        split = self.splits.draw(_generator(self.seed, 1, step), self.batch, self.side)
-        own = split.of(self.processes.share)
-        device = self.parameters[0].device
-        surprise = self.splits.negative_log_likelihood(
-            self.module(own.counts.to(device), own.told), own
-        )
-        return surprise * (own.number / max(split.number, 1))
+        """Return this process's part of the negative log-likelihood of the target bits."""
+        split = self.splitter.draw(random_generator(self.seed, 1, step), self.batch, self.side)
+        own = split.select(self.group.shard)
+        counts = own.counts.to(self.parameters[0].device)
+        estimates = self.module(counts, own.network_trials)
+        loss = self.splitter.negative_log_likelihood(estimates, own)
+        return loss * (own.target_bits / max(split.target_bits, 1))
 
-    def record(self, step: int, cost: float, norm: float, *, tested: bool) -> Record:
-        """Give the record of a step."""
-        return Record(step, cost, norm, None, self._look() if tested else None)
+    def record(self, step: int, loss: float, gradient_norm: float, *, is_test: bool) -> Record:
+        """Return the record of a step, in nats per bit."""
+        return Record(step, loss, gradient_norm, None, self._test() if is_test else None)
 
     def update(self) -> None:
-        """Change the parameters, and stay in range."""
+        """Change the parameters, and keep the outputs in the sensor's range."""
         super().update()
-        self._keep_in_range()
+        self._clamp_outputs()
 
     def restore_best(self) -> Record:
-        """Go back to the best parameters; gives what a step would find there."""
-        self._look()
+        """Return to the best parameters, and return the record of a step from there."""
+        self._test()
         self.set_parameters(self.best)
-        last = self.measure(len(self.history), tested=False)
-        return dataclasses.replace(last, held_out=self.least)
+        last = self.measure(len(self.history), is_test=False)
+        return dataclasses.replace(last, held_out=self.best_held_out)
 
     def state(self) -> State:
-        """Give what is remembered between two steps, the best parameters among it."""
+        """Return what the next step needs besides parameters and records."""
         return {**super().state(), "best": self.best}
 
-    def restore(self, kept: Checkpoint, path: str | os.PathLike[str]) -> None:
-        """Go on from what a checkpoint keeps."""
-        super().restore(kept, path)
-        self.best = kept.state["best"]
-        self.least = float(np.nanmin(self.history.held_out, initial=math.inf))
+    def restore(self, checkpoint: Checkpoint, path: str | os.PathLike[str]) -> None:
+        """Continue from a checkpoint; see :meth:`Trainer.restore`."""
+        super().restore(checkpoint, path)
+        self.best = checkpoint.state["best"]
+        self.best_held_out = float(np.nanmin(self.history.held_out, initial=math.inf))
 
-    def _look(self) -> float:
-        """Find how likely the bits held out are, and remember the best."""
-        found = self.splits.held_out_negative_log_likelihood(
-            self.module.network(), torch.get_num_threads()
-        )
-        # Processes on unlike machines could come to other last digits, and to another best.
-        shared = torch.tensor(found, dtype=torch.float64)
-        self.processes.spread(shared)
-        found = float(shared)
-        if found < self.least:
-            self.best, self.least = self.vector(), found
-        return found
+    def _test(self) -> float:
+        """Return the value for the held-out bits, and remember the best parameters."""
+        network = self.module.to_network()
+        value = self.splitter.held_out_negative_log_likelihood(network, torch.get_num_threads())
+        # On different machines the last digits may differ, and so would the best parameters.
+        shared = torch.tensor(value, dtype=torch.float64)
+        self.group.broadcast(shared)
+        value = float(shared)
+        if value < self.best_held_out:
+            self.best, self.best_held_out = self.parameter_vector(), value
+        return value
 
-    def _keep_in_range(self) -> None:
-        """Keep the outputs of a last spline that learns where those of the sensor lie."""
+    def _clamp_outputs(self) -> None:
+        """Clamp the coefficients of a trainable last spline to the sensor's range."""
         origin = self.module.origin
         last = len(origin.layers) - 1
         start = origin.layers[last].coefficients
         if start is None or origin.layers[last].trainable != "all":
             return
-        # A spline stays in the hull of its coefficients.
+        # The values of a spline lie between its smallest and its largest coefficient.
         low, high = min(0.0, float(start.min())), origin.sensor.max_intensity
         with torch.no_grad():
             self.module.coefficients[str(last)].clamp_(low, max(high, float(start.max())))
 
 
-def _generator(seed: int, *place: int) -> np.random.Generator:
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=place))
+def random_generator(seed: int, *key: int) -> np.random.Generator:
+    """Return the generator of one purpose of a run; the key (0,) stands for the held-out bits.
+
+    Examples
+    --------
+    >>> int(random_generator(3, 1, 7).integers(10) - random_generator(3, 1, 7).integers(10))
+    0
+    """
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
+
+
+def _count_channels(
+    network: Network, data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None
+) -> list[PixelCounts]:
+    """Return the channels of a capture, after checks that their bits can be split."""
+    network.check_sensor(sensor)
+    if not network.tied:
+        raise ValueError(
+            "network: expected a tied network, which takes counts: the bits of a pixel can only be "
+            "split at random if all its jots have the same weight"
+        )
+    check_kernel(sensor)
+    channels = [count_pixels(channel, sensor, threads) for channel in split_channels(data)]
+    if any(channel.varies_within_pixels for channel in channels):
+        raise ValueError(
+            "sensor: expected jots with the same efficiency and dark counts inside each pixel, "
+            "since its bits are split at random; use the means over the pixels"
+        )
+    max_trials = max(int(np.max(channel.trials)) for channel in channels)
+    if max_trials < 2:
+        raise ValueError(
+            "data: expected pixels with two bits or more, some for the input and some for the "
+            f"target, got {max_trials}; take more frames, or use the network without fine-tuning"
+        )
+    return channels
+
+
+def _patch_side(channels: Sequence[PixelCounts], patch: int | None) -> int:
+    """Return the height and width of patches, after a check against the image."""
+    max_side = min(channels[0].counts.shape)
+    side = min(PATCH, max_side) if patch is None else operator.index(patch)
+    if not 1 <= side <= max_side:
+        raise ValueError(f"patch: expected 1 to the {max_side} pixels of the image, got {side}")
+    return side
+
+
+def _fingerprint(channels: Sequence[PixelCounts]) -> str:
+    """Return a digest that identifies the counts of a capture and the parameters of its jots."""
+    fields = [(x.counts, x.trials, x.efficiency, x.dark_counts) for x in channels]
+    return fingerprint_images([np.asarray(array) for arrays in fields for array in arrays])

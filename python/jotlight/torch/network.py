@@ -1,4 +1,4 @@
-"""The network as a module of PyTorch, built from and written back to the same file."""
+"""A network as a PyTorch module, which starts from a `Network` and returns one."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -10,77 +10,81 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-import jotlight
 from jotlight.networks.conditioning import conditioning_weights, count_sets
 from jotlight.networks.graph import size_divisor, sources
 from jotlight.networks.layer import Layer
-from jotlight.torch.spline import spline
+from jotlight.networks.network import Network
+from jotlight.torch.padding import mirror_pad
+from jotlight.torch.splines import spline
 
 
-class Place(NamedTuple):
-    """Where a layer stands in a network, and how it filters: all but what it learns."""
+class LayerSpec(NamedTuple):
+    """A layer without its parameters: its connections, filter geometry, and knots."""
 
     input: int
+    """Index of the layer that this one filters; -1: the data."""
     skip: int | None
+    """Index of the layer that is added before the spline."""
     stride: int
     upsampling: int
-    rows: tuple[int, int]
-    """By how many the planes that it reads are continued, above and below."""
-    columns: tuple[int, int]
+    row_padding: tuple[int, int]
+    """Rows of mirrored padding above and below."""
+    column_padding: tuple[int, int]
+    """Columns of mirrored padding left and right."""
     start: float
+    """First knot of the splines."""
     spacing: float
+    """Distance between knots."""
 
 
-def places_of(layers: Sequence[Layer]) -> list[Place]:
-    """Give the place of each layer."""
-    found = []
+def layer_specs(layers: Sequence[Layer]) -> list[LayerSpec]:
+    """Return the specification of each layer.
+
+    Examples
+    --------
+    >>> tap = np.ones((1, 1, 1, 1), np.float32)
+    >>> specs = layer_specs([Layer(tap, None), Layer(np.ones((1, 1, 3, 5), np.float32), None)])
+    >>> specs[1].input, specs[1].row_padding, specs[1].column_padding
+    (0, (1, 1), (2, 2))
+    """
+    specs = []
     for layer, source in zip(layers, sources(layers), strict=True):
         rows, columns = (
             (before, size - layer.stride - before)
             for before, size in zip(layer.padding, layer.shape[2:], strict=True)
         )
-        found.append(
-            Place(
-                source,
-                layer.skip,
-                layer.stride,
-                layer.upsampling,
-                rows,
-                columns,
-                layer.start,
-                layer.spacing,
-            )
-        )
-    return found
+        connections = source, layer.skip, layer.stride, layer.upsampling
+        specs.append(LayerSpec(*connections, rows, columns, layer.start, layer.spacing))
+    return specs
 
 
-class Network(nn.Module):
-    """A jotlight network whose parameters PyTorch can learn.
+class NetworkModule(nn.Module):
+    """A network whose parameters PyTorch can train.
 
     Parameters
     ----------
-    network : jotlight.Network
-        Where it starts.
+    network : Network
+        The network to start from. :meth:`to_network` returns it unchanged before any training.
 
     Examples
     --------
-    >>> sensor = jotlight.Sensor(oversampling=4)
-    >>> module = Network(jotlight.Network.initial(sensor))
+    >>> from jotlight import Sensor
+    >>> sensor = Sensor(oversampling=4)
+    >>> module = NetworkModule(Network.initial(sensor))
     >>> module(torch.full((1, 1, 20, 30), 8.0)).shape
     torch.Size([1, 1, 20, 30])
     """
 
-    def __init__(self, network: jotlight.Network) -> None:
+    def __init__(self, network: Network) -> None:
         super().__init__()
         self.origin = network
         layers = network.layers
-        # Arrays of NumPy would be tensors to torch.compile, which fails in its inference mode.
-        self.places = places_of(layers)
-        self._step, self._sets = size_divisor(layers), count_sets(layers)
-        self._between, self._side = (
-            network.trials_range,
-            1 if network.tied else network.sensor.oversampling,
-        )
+        # The forward pass must not read NumPy arrays: torch.compile takes them for tensors, which
+        # fails in its inference mode.
+        self.layer_specs = layer_specs(layers)
+        self._size_divisor, self._sets = size_divisor(layers), count_sets(layers)
+        self._trials_range = network.trials_range
+        self._pixel_side = 1 if network.tied else network.sensor.oversampling
         self.filters = nn.ParameterList(
             _parameter(layer.filters, layer.trainable != "nothing") for layer in layers
         )
@@ -92,64 +96,52 @@ class Network(nn.Module):
             }
         )
 
-    def forward(self, data: Tensor, bits: int | None = None) -> Tensor:
-        """Give pictures (N, 1, H, W).
+    def forward(self, data: Tensor, trials: int | None = None) -> Tensor:
+        """Return estimates, shape (N, 1, H, W).
 
         Parameters
         ----------
         data : Tensor
-            Counts L (N, 1, H, W) of a tied network, or bits (N, T, H·K̂, W·K̂) of one that weighs
-            jots singly.
-        bits : int, optional
-            K, which a network for many K has to be told; it gives shares of ones then, P(b = 1).
+            Counts L (N, 1, H, W) for a tied network, or bits (N, T, H·K̂, W·K̂) for a network with
+            one weight per jot.
+        trials : int, optional
+            K, for K-conditioned networks alone. Their estimate is the probability P(b = 1).
+
+        Raises
+        ------
+        ValueError
+            When K is missing for a K-conditioned network, or present for another one.
         """
-        return self.bent(-1, self.sums(data, bits), self._parameters_at(bits)[1][-1])
+        filters, coefficients = self._interpolate(trials)
+        sums = self._filter_all(data, filters, coefficients)
+        return self.activate(-1, sums, coefficients[-1])
 
-    def sums(self, data: Tensor, bits: int | None = None) -> Tensor:
-        """Give what the last spline makes the pictures of, (N, 1, H, W)."""
-        filters, coefficients = self._parameters_at(bits)
-        sums = functional.conv2d(data.to(filters[0].dtype), filters[0], stride=self._side)
-        height, width = sums.shape[-2:]
-        sums = continued(sums, (0, -height % self._step), (0, -width % self._step))
-        planes: list[Tensor] = []
-        for index, place in enumerate(self.places):
-            if index:
-                planes.append(self.bent(index - 1, sums, coefficients[index - 1]))
-                sums = _filtered(planes[place.input], filters[index], place)
-            if place.skip is not None:
-                sums = sums + planes[place.skip]
-        return sums[..., :height, :width]
+    def last_sums(self, data: Tensor, trials: int | None = None) -> Tensor:
+        """Return the input of the last spline, shape (N, 1, H, W).
 
-    def bent(self, index: int, sums: Tensor, coefficients: Tensor | None) -> Tensor:
-        """Give φ of the sums of a layer: what a network with other nonlinearities replaces."""
+        The parameters and errors are those of :meth:`forward`.
+        """
+        return self._filter_all(data, *self._interpolate(trials))
+
+    def activate(self, index: int, sums: Tensor, coefficients: Tensor | None) -> Tensor:
+        """Return φ(sums) for a layer; a subclass can override it with another nonlinearity.
+
+        Parameters
+        ----------
+        index : int
+            Index of the layer.
+        sums : Tensor, shape (N, C, H, W)
+            Filtered channels, with those of the skip connection.
+        coefficients : Tensor, shape (C, N_w), or None
+            None: the layer has no splines.
+        """
         if coefficients is None:
             return sums
-        return spline(sums, coefficients, self.places[index].start, self.places[index].spacing)
+        spec = self.layer_specs[index]
+        return spline(sums, coefficients, spec.start, spec.spacing)
 
-    def _parameters_at(self, bits: int | None) -> tuple[list[Tensor], list[Tensor | None]]:
-        """Filters and coefficients of the layers, where the network is told K."""
-        if (self._between is None) != (bits is None):
-            raise ValueError(
-                "bits: expected K for a network that is told it, and only for such a network, got "
-                f"{bits}"
-            )
-        filters: list[Tensor] = list(self.filters)
-        coefficients = [self.coefficients.get(str(index), None) for index in range(len(filters))]
-        if self._between is None or bits is None:
-            return filters, coefficients
-        shares = torch.as_tensor(conditioning_weights(bits, self._between, self._sets)).to(
-            filters[0]
-        )
-
-        def at(sets: Tensor, dimensions: int) -> Tensor:
-            return sets if sets.dim() == dimensions else torch.tensordot(shares, sets, 1)
-
-        filters = [at(sets, 4) for sets in filters]
-        filters[0] = filters[0] / bits
-        return filters, [None if sets is None else at(sets, 2) for sets in coefficients]
-
-    def network(self) -> jotlight.Network:
-        """Give a jotlight network with these parameters."""
+    def to_network(self) -> Network:
+        """Return a network with a copy of the module's parameters."""
         layers = [
             dataclasses.replace(
                 layer,
@@ -161,37 +153,62 @@ class Network(nn.Module):
             for index, layer in enumerate(self.origin.layers)
         ]
         origin = self.origin
-        return jotlight.Network(
-            layers, origin.sensor, origin.history, trials_range=origin.trials_range
-        )
+        return Network(layers, origin.sensor, origin.history, trials_range=origin.trials_range)
+
+    def _filter_all(
+        self, data: Tensor, filters: list[Tensor], coefficients: list[Tensor | None]
+    ) -> Tensor:
+        """Return the input of the last spline."""
+        sums = functional.conv2d(data.to(filters[0].dtype), filters[0], stride=self._pixel_side)
+        height, width = sums.shape[-2:]
+        divisor = self._size_divisor
+        sums = mirror_pad(sums, (0, -height % divisor), (0, -width % divisor))
+        outputs: list[Tensor] = []
+        for index, spec in enumerate(self.layer_specs):
+            if index:
+                outputs.append(self.activate(index - 1, sums, coefficients[index - 1]))
+                sums = _convolve(outputs[spec.input], filters[index], spec)
+            if spec.skip is not None:
+                sums = sums + outputs[spec.skip]
+        return sums[..., :height, :width]
+
+    def _interpolate(self, trials: int | None) -> tuple[list[Tensor], list[Tensor | None]]:
+        """Return the filters and coefficients of all layers, for K = `trials` if conditioned."""
+        if (self._trials_range is None) != (trials is None):
+            raise ValueError(
+                "trials: expected K for a K-conditioned network, and None for any other network, "
+                f"got {trials}"
+            )
+        filters: list[Tensor] = list(self.filters)
+        coefficients = [self.coefficients.get(str(index), None) for index in range(len(filters))]
+        if self._trials_range is None or trials is None:
+            return filters, coefficients
+        weights = conditioning_weights(trials, self._trials_range, self._sets)
+        weights_tensor = torch.as_tensor(weights).to(filters[0])
+
+        def interpolate(sets: Tensor, dimensions: int) -> Tensor:
+            if sets.dim() == dimensions:
+                return sets
+            weighted: Tensor = torch.tensordot(weights_tensor, sets, 1)
+            return weighted
+
+        filters = [interpolate(sets, 4) for sets in filters]
+        filters[0] = filters[0] / trials
+        return filters, [None if sets is None else interpolate(sets, 2) for sets in coefficients]
 
 
-def _filtered(planes: Tensor, filters: Tensor, place: Place) -> Tensor:
-    """D(h * u): equation (9), with a stride, and from depth to space."""
-    # PyTorch's filters are turned around.
-    sums = functional.conv2d(
-        continued(planes, place.rows, place.columns), filters.flip(2, 3), stride=place.stride
-    )
-    return functional.pixel_shuffle(sums, place.upsampling) if place.upsampling > 1 else sums
+def _convolve(planes: Tensor, filters: Tensor, spec: LayerSpec) -> Tensor:
+    """Return D(h * u), equation (9) with a stride and the depth-to-space step."""
+    padded = mirror_pad(planes, spec.row_padding, spec.column_padding)
+    # PyTorch correlates, so the filters are flipped.
+    sums = functional.conv2d(padded, filters.flip(2, 3), stride=spec.stride)
+    return functional.pixel_shuffle(sums, spec.upsampling) if spec.upsampling > 1 else sums
 
 
-def continued(planes: Tensor, rows: tuple[int, int], columns: tuple[int, int]) -> Tensor:
-    """Continue planes past the rim by mirroring."""
-    if not any((*rows, *columns)):
-        return planes
-    if max(*rows, *columns) == 1:
-        return functional.pad(planes, (*columns, *rows), mode="replicate")
-    for dimension, (before, after) in ((2, rows), (3, columns)):
-        size = planes.shape[dimension]
-        places = torch.arange(-before, size + after, device=planes.device) % (2 * size)
-        planes = planes.index_select(dimension, places.minimum(2 * size - 1 - places))
-    return planes
-
-
-def _parameter(array: npt.NDArray[np.float32], learns: bool) -> nn.Parameter:
-    return nn.Parameter(torch.from_numpy(array.copy()), requires_grad=learns)
+def _parameter(array: npt.NDArray[np.float32], is_trainable: bool) -> nn.Parameter:
+    return nn.Parameter(torch.from_numpy(array.copy()), requires_grad=is_trainable)
 
 
 def _array(parameter: Tensor) -> npt.NDArray[np.float32]:
-    # A copy: what is learned further does not change it.
+    # A copy, so that further training does not change the network.
     return np.array(parameter.detach().cpu().numpy(), np.float32)

@@ -1,8 +1,8 @@
-"""What a deep network learns from: patches of images, seen anew in every step."""
+"""Batches of training patches: random cutouts of images, with new bits in every step."""
 
 import dataclasses
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -11,50 +11,68 @@ from torch import Tensor
 
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
-from jotlight.torch.network import Network as Module
+from jotlight.torch.network import NetworkModule
 from jotlight.training.images import ImageGenerator, Images, generate_images
 
-FLUX = 0.02, 3.0
-"""Photons per jot and frame, in the mean of an image, that a network for many K is for."""
-_USUAL = 0.08, 1.0
-"""What most patches have: photographs where α = K, and dim captures."""
-_OFTEN = 3 / 4
-"""The share of patches that have it."""
-_USUAL_BITS = 9, 100
-"""K of half of the steps, where the network is for so many: the paper's."""
-_DARK = 1e-3, 0.3
-"""Dark counts per jot and frame, in half of the patches of such a network."""
-_MIDDLE, _BRIGHT = 0.44, 4.0
-"""The mean intensity of photographs; pixels whose noise has so many times its variance, as those of
-intensity 1 have where an image is seen well, count no more than that."""
-_MOST = 20.0
-"""Photons per bit from which on none tells anything."""
-_SELDOM = 1 / 16
-"""The share of patches of a network for one K that are far too bright or too dark, so that it knows
-black and what is past its range, which photographs seldom have."""
-_FAR = 1 / 50, 50.0
-"""How many times as bright they are."""
-_EASE = 0.6
-"""How the error of a good estimate grows with that of the counts, as a power."""
+_LIGHT_RANGE = 0.02, 3.0
+"""Mean light of an image in photons per jot and frame, for K-conditioned networks."""
+
+_USUAL_LIGHT_RANGE = 0.08, 1.0
+"""Mean light of most patches: photographs with α = K, and dim captures."""
+
+_USUAL_LIGHT_FRACTION = 3 / 4
+"""Fraction of patches with usual light."""
+
+_USUAL_TRIALS_RANGE = 9, 100
+"""K of half of the steps, as in the paper, if the network's range contains it."""
+
+_DARK_COUNTS_RANGE = 1e-3, 0.3
+"""Dark counts per jot and frame, in half of the patches for K-conditioned networks."""
+
+_MEAN_INTENSITY = 0.44
+"""Mean intensity of photographs."""
+
+_MAX_RELATIVE_VARIANCE = 4.0
+"""Largest weight of a pixel, as noise variance relative to a pixel of mean intensity.
+
+Pixels of intensity 1 in a well-exposed image reach it.
+"""
+
+_MAX_RATE = 20.0
+"""Largest rate s in the error: a bit carries no information beyond."""
+
+_EXTREME_FRACTION = 1 / 16
+"""Fraction of patches that are far too bright or too dark, for networks for one K.
+
+They teach the network black and intensities beyond its range, which photographs seldom have.
+"""
+
+_EXTREME_FACTORS = 1 / 50, 50.0
+"""Range of the brightness factor of such patches."""
+
+_ERROR_EXPONENT = 0.6
+"""Exponent with which the error of a good estimate grows with the error of the counts."""
+
+_Array = npt.NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)
 class Batch:
-    """Patches as the sensor sees them."""
+    """N patches and their simulated data."""
 
     data: Tensor
-    """Counts (N, 1, H, W), or bits (N, T, H·K̂, W·K̂) where the network weighs jots singly."""
+    """Counts (N, 1, H, W), or bits (N, T, H·K̂, W·K̂) for networks with one weight per jot."""
     truth: Tensor
     """Intensities (N, 1, H, W)."""
-    bits: int | None = None
-    """K, where the network is told it."""
-    light: Tensor | None = None
-    """Of each patch the photons per jot and frame at intensity 1."""
-    dark: Tensor | None = None
-    """Of each patch the dark counts per jot and frame."""
+    trials: int | None = None
+    """K, for K-conditioned networks."""
+    light_per_intensity: Tensor | None = None
+    """Light (photons per jot and frame) at intensity 1, (N,), for K-conditioned networks."""
+    dark_counts: Tensor | None = None
+    """Dark counts per jot and frame, (N,), for K-conditioned networks."""
 
     def to(self, device: torch.device) -> "Batch":
-        """Give them on another device."""
+        """Return the batch on another device."""
         moved: dict[str, Any] = {
             field.name: value.to(device)
             for field in dataclasses.fields(self)
@@ -62,132 +80,202 @@ class Batch:
         }
         return dataclasses.replace(self, **moved)
 
-    def errors(self, module: Module) -> Tensor:
-        """Give the square error of each patch in the mean of its pixels.
+    def squared_errors(self, module: NetworkModule) -> Tensor:
+        """Return the mean square error of each patch over its pixels, (N,).
 
-        Of a network for many K they are to first order in z = arcsin √p, which its last spline
-        takes; of the brightest pixels they are kept in bounds, and all are in parts of what is easy
-        to reach with as many bits and as much light.
+        For K-conditioned networks, the error of the intensity is linearized in z = arcsin √p, the
+        input of the last spline. The weight of bright pixels is bounded. The result is relative to
+        an error that is easy to reach with the same number of bits and the same light.
         """
-        if self.bits is None:
+        if self.trials is None:
             squares: Tensor = (module(self.data) - self.truth) ** 2
             return squares.mean((1, 2, 3))
-        assert self.light is not None
-        assert self.dark is not None
-        light, dark = self.light.view(-1, 1, 1, 1), self.dark.view(-1, 1, 1, 1)
-        rates = (self.truth * light + dark).clamp(max=_MOST)
-        wanted = torch.asin(torch.sqrt(-torch.expm1(-rates)))
-        # dc/dz = 2 √(exp(s) - 1) / light
-        middle = torch.expm1((_MIDDLE * light + dark).clamp(max=_MOST))
-        weights = torch.expm1(rates).minimum(_BRIGHT * middle)
-        errors = weights * (module.sums(self.data, self.bits) - wanted) ** 2
-        reached = light**2 * (middle / (self.bits * light**2)) ** _EASE
-        relative: Tensor = 4 * errors / reached
+        assert self.light_per_intensity is not None
+        assert self.dark_counts is not None
+        slope, dark = (
+            values.view(-1, 1, 1, 1) for values in (self.light_per_intensity, self.dark_counts)
+        )
+        rates = (self.truth * slope + dark).clamp(max=_MAX_RATE)
+        target = torch.asin(torch.sqrt(-torch.expm1(-rates)))
+        # dc/dz = 2 √(exp(s) - 1) / slope
+        mean_weight = torch.expm1((_MEAN_INTENSITY * slope + dark).clamp(max=_MAX_RATE))
+        weights = torch.expm1(rates).minimum(_MAX_RELATIVE_VARIANCE * mean_weight)
+        errors = weights * (module.last_sums(self.data, self.trials) - target) ** 2
+        scale = slope**2 * (mean_weight / (self.trials * slope**2)) ** _ERROR_EXPONENT
+        relative: Tensor = 4 * errors / scale
         return relative.mean((1, 2, 3))
 
 
+class _Cutouts(NamedTuple):
+    """Random cutouts of a step: image, position, and symmetry of each."""
+
+    images: Images
+    chosen: npt.NDArray[np.int64]
+    """Index of the image of each patch."""
+    corners: npt.NDArray[np.int64]
+    """First row and column of each patch."""
+    symmetries: npt.NDArray[np.int64]
+
+    def patches(self, side: int, shard: slice) -> npt.NDArray[np.float32]:
+        """Return some of the patches, (N, H, W)."""
+        selected = (indices[shard] for indices in (self.chosen, self.corners, self.symmetries))
+        return np.stack(
+            [
+                _apply_symmetry(self.images[index][y : y + side, x : x + side], symmetry)
+                for index, (y, x), symmetry in zip(*selected, strict=True)
+            ]
+        )
+
+
+class _Exposures(NamedTuple):
+    """Exposures of the patches of a step, for a K-conditioned network."""
+
+    trials: int
+    light: _Array
+    """Mean light of each patch's image."""
+    dark_counts: _Array
+
+
 @dataclasses.dataclass(frozen=True)
-class Patches:
-    """Patches of images; those of a step depend on the seed and the number of the step alone."""
+class PatchLoader:
+    """A source of batches. A batch depends only on the seed and on the number of its step.
+
+    Examples
+    --------
+    >>> sensor = Sensor(oversampling=4)
+    >>> network = Network.residual(sensor, "small", rng=0)
+    >>> images = np.full((2, 64, 64), 0.5, np.float32)
+    >>> loader = PatchLoader(images, network, sensor, seed=0, batch_size=16, side=48)
+    >>> loader.batch(step=0, shard=slice(None), threads=1).data.shape
+    torch.Size([16, 1, 48, 48])
+    """
 
     images: Images | ImageGenerator
+    """Checked gray images of intensities, or a function that makes them."""
     network: Network
+    """Network that the batches are for, which decides what the data are."""
     sensor: Sensor
+    """Sensor without maps. Batches for a K-conditioned network do not depend on it."""
     seed: int
-    batch: int
-    """How many to a step."""
+    batch_size: int
+    """Number of patches per step, over all processes."""
     side: int
+    """Height and width of a patch, in pixels."""
 
-    def views(self, step: int, mine: slice, threads: int) -> Batch:
-        """Give those of a step, or some of them."""
-        choice = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(step, 0)))
+    def batch(self, step: int, shard: slice, threads: int) -> Batch:
+        """Return the batch of a step, or the patches of one process.
+
+        Parameters
+        ----------
+        step : int
+            Number of the step, from 0.
+        shard : slice
+            Which of the patches to return.
+        threads : int
+            Number of threads of the simulation.
+        """
+        rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(step, 0)))
+        # The draws of all patches come first, so that each process continues with the same numbers.
+        cutouts = self._draw_cutouts(rng)
+        exposures, factors = self._draw_exposures(rng), self._draw_factors(rng)
+        seeds = [
+            np.random.SeedSequence(self.seed, spawn_key=(step, 1, number))
+            for number in range(len(cutouts.chosen))
+        ][shard]
+        truth = cutouts.patches(self.side, shard)
+        if exposures is not None:
+            images = [cutouts.images[index] for index in cutouts.chosen[shard]]
+            return _exposed_batch(images, truth, exposures, seeds, shard)
+        data = self._expose(truth, factors[shard], seeds, threads)
+        max_intensity = np.float32(self.sensor.max_intensity)
+        truth = np.minimum(truth * factors[shard, None, None], max_intensity)
+        return Batch(data, torch.from_numpy(truth)[:, None])
+
+    def _draw_cutouts(self, rng: np.random.Generator) -> _Cutouts:
         if callable(self.images):
-            images: Images = generate_images(self.images, choice, self.batch)
+            images: Images = generate_images(self.images, rng, self.batch_size)
             chosen = np.arange(len(images))
         else:
             images = self.images
-            chosen = choice.integers(len(images), size=self.batch)
+            chosen = rng.integers(len(images), size=self.batch_size)
         sizes = np.array([images[index].shape for index in chosen])
-        first = choice.integers(sizes - self.side + 1)
-        turns = choice.integers(8, size=self.batch)
-        exposures, factors = self._exposures(choice), self._factors(choice)
-        seeds = [
-            np.random.SeedSequence(self.seed, spawn_key=(step, 1, n)) for n in range(len(chosen))
-        ]
-        truth = np.stack(
-            [
-                _turned(images[index][y : y + self.side, x : x + self.side], turn)
-                for index, (y, x), turn in zip(chosen[mine], first[mine], turns[mine], strict=True)
-            ]
-        )
-        if exposures is None:
-            seen = self._seen(truth, factors[mine], seeds[mine], threads)
-            most = np.float32(self.sensor.max_intensity)
-            truth = np.minimum(truth * factors[mine, None, None], most)
-            return Batch(seen, torch.from_numpy(truth)[:, None])
-        whole = torch.from_numpy(truth)[:, None]
-        bits, flux, dark = exposures
-        means = np.array([images[index].mean() for index in chosen[mine]])
-        light = (flux[mine] / np.maximum(means, 1e-6)).astype(np.float32)
-        rates = truth * light[:, None, None] + dark[mine, None, None]
-        counts = np.stack(
-            [
-                np.random.default_rng(seed).binomial(bits, -np.expm1(-rate))
-                for rate, seed in zip(rates.astype(np.float64), seeds[mine], strict=True)
-            ]
-        ).astype(np.float32)
-        return Batch(
-            torch.from_numpy(counts)[:, None],
-            whole,
-            bits,
-            torch.from_numpy(light),
-            torch.from_numpy(dark[mine].astype(np.float32)),
-        )
+        corners = rng.integers(sizes - self.side + 1)
+        return _Cutouts(images, chosen, corners, rng.integers(8, size=self.batch_size))
 
-    def _exposures(
-        self, choice: np.random.Generator
-    ) -> tuple[int, npt.NDArray[np.float64], npt.NDArray[np.float64]] | None:
-        """K of a step, and of each patch the flux and the dark counts, for a network told K."""
+    def _draw_exposures(self, rng: np.random.Generator) -> _Exposures | None:
+        """Return random exposures for a K-conditioned network, and None for another one."""
         if self.network.trials_range is None:
             return None
         low, high = self.network.trials_range
-        least, most = max(low, _USUAL_BITS[0]), min(high, _USUAL_BITS[1])
-        if least < most and choice.random() < 1 / 2:
-            low, high = least, most
-        bits = round(math.exp(choice.uniform(math.log(low), math.log(high))))
-        flux, usual, dark = (
-            np.exp(choice.uniform(math.log(low), math.log(high), self.batch))
-            for low, high in (FLUX, _USUAL, _DARK)
+        usual_low, usual_high = max(low, _USUAL_TRIALS_RANGE[0]), min(high, _USUAL_TRIALS_RANGE[1])
+        if usual_low < usual_high and rng.random() < 1 / 2:
+            low, high = usual_low, usual_high
+        trials = round(math.exp(rng.uniform(math.log(low), math.log(high))))
+        light, usual_light, dark_counts = (
+            self._log_uniform(rng, bounds)
+            for bounds in (_LIGHT_RANGE, _USUAL_LIGHT_RANGE, _DARK_COUNTS_RANGE)
         )
-        flux = np.where(choice.random(self.batch) < _OFTEN, usual, flux)
-        dark = np.where(choice.random(self.batch) < 1 / 2, 0, dark)
-        return bits, flux, dark
+        light = np.where(rng.random(self.batch_size) < _USUAL_LIGHT_FRACTION, usual_light, light)
+        dark_counts = np.where(rng.random(self.batch_size) < 1 / 2, 0, dark_counts)
+        return _Exposures(trials, light, dark_counts)
 
-    def _factors(self, choice: np.random.Generator) -> npt.NDArray[np.float32]:
-        """How many times as bright as its image each patch of a step is."""
-        low, high = _FAR
-        factors = np.exp(choice.uniform(math.log(low), math.log(high), self.batch))
-        seldom = choice.random(self.batch) < _SELDOM
-        return np.where(seldom, factors, 1).astype(np.float32)
+    def _draw_factors(self, rng: np.random.Generator) -> npt.NDArray[np.float32]:
+        """Return the brightness of each patch, relative to its image."""
+        factors = self._log_uniform(rng, _EXTREME_FACTORS)
+        is_extreme = rng.random(self.batch_size) < _EXTREME_FRACTION
+        return np.where(is_extreme, factors, 1).astype(np.float32)
 
-    def _seen(
+    def _log_uniform(self, rng: np.random.Generator, bounds: tuple[float, float]) -> _Array:
+        """Return a number per patch, uniform on a logarithmic scale."""
+        low, high = bounds
+        return np.exp(rng.uniform(math.log(low), math.log(high), self.batch_size))
+
+    def _expose(
         self,
         truth: npt.NDArray[np.float32],
         factors: npt.NDArray[np.float32],
         seeds: list[np.random.SeedSequence],
         threads: int,
     ) -> Tensor:
+        """Return the counts or bits of patches whose brightness is multiplied by factors."""
         side, tied = self.sensor.oversampling, self.network.tied
-        seen = []
+        data = []
         for patch, factor, seed in zip(truth, factors, seeds, strict=True):
             sensor = dataclasses.replace(self.sensor, gain=self.sensor.gain * float(factor))
             bits = sensor.expose(patch, seed, threads=threads)
             counts = bits.counts(side, threads=threads)[None] if tied else bits.to_array()
-            seen.append(counts.astype(np.float32))
-        return torch.from_numpy(np.stack(seen))
+            data.append(counts.astype(np.float32))
+        return torch.from_numpy(np.stack(data))
 
 
-def _turned(patch: npt.NDArray[np.float32], turn: int) -> npt.NDArray[np.float32]:
-    """One of the eight symmetries of a square."""
-    patch = np.rot90(patch, turn % 4)
-    return patch.T if turn >= 4 else patch
+def _exposed_batch(
+    images: list[npt.NDArray[np.float32]],
+    truth: npt.NDArray[np.float32],
+    exposures: _Exposures,
+    seeds: list[np.random.SeedSequence],
+    shard: slice,
+) -> Batch:
+    """Return a batch for a K-conditioned network: one image, patch, and seed per cutout."""
+    dark_counts = exposures.dark_counts[shard]
+    means = np.array([image.mean() for image in images])
+    slopes = (exposures.light[shard] / np.maximum(means, 1e-6)).astype(np.float32)
+    rates = truth * slopes[:, None, None] + dark_counts[:, None, None]
+    counts = np.stack(
+        [
+            np.random.default_rng(seed).binomial(exposures.trials, -np.expm1(-rate))
+            for rate, seed in zip(rates.astype(np.float64), seeds, strict=True)
+        ]
+    ).astype(np.float32)
+    return Batch(
+        torch.from_numpy(counts)[:, None],
+        torch.from_numpy(truth)[:, None],
+        exposures.trials,
+        torch.from_numpy(slopes),
+        torch.from_numpy(dark_counts.astype(np.float32)),
+    )
+
+
+def _apply_symmetry(patch: npt.NDArray[np.float32], symmetry: int) -> npt.NDArray[np.float32]:
+    """Return the patch under one of the eight symmetries of a square, 0 to 7."""
+    patch = np.rot90(patch, symmetry % 4)
+    return patch.T if symmetry >= 4 else patch

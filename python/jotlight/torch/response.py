@@ -1,4 +1,4 @@
-"""P(q, s) and its logarithms, differentiable in s, in operations of PyTorch alone."""
+"""P(q, s) and its logarithms in PyTorch, differentiable in s."""
 
 import math
 
@@ -7,14 +7,21 @@ from torch import Tensor
 
 from jotlight.sensing.response import probability_formula
 
-_TERMS = 18
-"""Of the series of P below s = 1, where the rest is less than the rounding."""
+_SERIES_TERMS = 18
+"""Number of series terms of P for s < 1; the remainder is below the rounding error."""
 
 
 def detection_probability(threshold: int, rate: Tensor) -> Tensor:
-    """P(q, s) of jots that detect s photons per frame in the mean, s of 0 or more.
+    """Return P(q, s), the probability that a jot at rate s reports 1: equation (3).
 
     Its derivative is ∂P/∂s = s^(q - 1) exp(-s) / (q - 1)!.
+
+    Parameters
+    ----------
+    threshold : int
+        q: the number of photons from which on the jot reports 1.
+    rate : Tensor
+        s: expected detections per frame, 0 or more, of any shape.
 
     Examples
     --------
@@ -24,29 +31,40 @@ def detection_probability(threshold: int, rate: Tensor) -> Tensor:
     return probability_formula(threshold, rate, torch.expm1, _gammainc)
 
 
-def logarithms(threshold: int, rate: Tensor) -> tuple[Tensor, Tensor]:
-    """The logarithms of P(q, s) and 1 - P(q, s), s above 0; beyond q = 1 in double precision.
+def log_probabilities(threshold: int, rate: Tensor) -> tuple[Tensor, Tensor]:
+    """Return log P(q, s) and log(1 - P(q, s)), in double precision for q > 1.
+
+    Double precision is necessary, because P(q, s) of small s underflows in single precision.
+
+    Parameters
+    ----------
+    threshold : int
+        q.
+    rate : Tensor
+        s: expected detections per frame, above 0, of any shape.
 
     Examples
     --------
     >>> rate = torch.tensor([1e-30, 1.0])
-    >>> [x.numpy().round(4).tolist() for x in logarithms(2, rate)]
+    >>> [x.numpy().round(4).tolist() for x in log_probabilities(2, rate)]
     [[-138.8483, -1.3309], [0.0, -0.3069]]
     """
     if threshold == 1:
         return torch.log(detection_probability(1, rate)), -rate
     rate = rate.double()
     order = torch.full_like(rate, threshold)
-    below = rate < 1
-    small, large = torch.where(below, rate, 1), torch.where(below, 1, rate)
+    is_small = rate < 1
+    # Each branch gets harmless values where the other one is used, so that no gradient is NaN.
+    small, large = torch.where(is_small, rate, 1), torch.where(is_small, 1, rate)
     # P = s^q exp(-s) / q! · (1 + s/(q + 1) + s²/((q + 1)(q + 2)) + ...)
     series = torch.ones_like(small)
-    for term in range(_TERMS, 0, -1):
+    for term in range(_SERIES_TERMS, 0, -1):
         series = 1 + series * small / (threshold + term)
-    near = threshold * torch.log(small) - small - math.lgamma(threshold + 1) + torch.log(series)
-    far = torch.log(detection_probability(threshold, large))
-    rests = torch.log(torch.special.gammaincc(order, rate))
-    return torch.where(below, near, far), rests
+    log_small = threshold * torch.log(small) - small - math.lgamma(threshold + 1)
+    log_small = log_small + torch.log(series)
+    log_large = torch.log(detection_probability(threshold, large))
+    log_complement = torch.log(torch.special.gammaincc(order, rate))
+    return torch.where(is_small, log_small, log_large), log_complement
 
 
 def _gammainc(order: int, x: Tensor) -> Tensor:

@@ -1,4 +1,4 @@
-"""The trainer of a run: steps of Adam, what is remembered between them, and where it is kept."""
+"""The training loop: steps of Adam, their records, and checkpoints."""
 
 import math
 import os
@@ -9,68 +9,77 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from jotlight.torch.distributed import Processes
-from jotlight.torch.network import Network
-from jotlight.training.checkpoint import Checkpoint
+from jotlight.torch.distributed import ProcessGroup
+from jotlight.torch.network import NetworkModule
+from jotlight.training.checkpoint import Checkpoint, CheckpointWriter
 from jotlight.training.history import History, Record
 from jotlight.training.optimizer import State
 from jotlight.training.parameters import Vector
 
-_CLIP = 0.1
-"""The largest norm of a gradient that is followed as it is."""
-_WARM = 0.1
-"""The share of the steps over which the rate rises."""
-_LOOKS = 20
-"""How often a run is tested, about."""
-_SAVE_EVERY = 20.0
-"""Seconds between two checkpoints."""
+_MAX_GRADIENT_NORM = 0.1
+"""Norm to which larger gradients are clipped."""
+
+_WARMUP = 0.1
+"""Fraction of the steps over which the learning rate rises."""
+
+_INITIAL_RATE = 0.04
+"""First learning rate, as a fraction of the largest."""
+
+_TESTS = 20
+"""Approximate number of tests per run."""
 
 
 class Trainer:
-    """A run of Adam: the parameters, what the optimizer remembers, and the records so far.
+    """A run of Adam: the parameters, the state of the optimizer, and the records so far.
 
-    What is learned from is said by `loss`, what it is tested on by `test`.
+    A subclass defines the cost, :meth:`loss`, and what each step records, :meth:`record`.
 
     Parameters
     ----------
-    module : Network
-        Whose parameters learn, where they begin.
-    run : dict
-        What the run is, its `steps` among it; JSON can hold it.
-    rate : float
-        The largest step of a parameter, about.
-    processes : Processes
-        Those that learn together.
+    module : NetworkModule
+        Module to train, in place.
+    settings : dict
+        Settings that identify the run in a checkpoint. JSON can hold them.
+    learning_rate : float
+        Largest learning rate: about the largest change of a parameter per step.
+    group : ProcessGroup
+        Processes that train together.
     """
 
-    remembers: tuple[str, ...] = ("exp_avg", "exp_avg_sq")
-    """The vectors of :meth:`state`, each as long as that of the parameters."""
+    state_names: tuple[str, ...] = ("exp_avg", "exp_avg_sq")
+    """Names of the vectors in :meth:`state`, each as long as the vector of parameters."""
 
     def __init__(
-        self, module: Network, run: dict[str, object], rate: float, processes: Processes
+        self,
+        module: NetworkModule,
+        settings: dict[str, object],
+        learning_rate: float,
+        group: ProcessGroup,
     ) -> None:
-        self.module, self.settings, self.rate, self.processes = module, run, rate, processes
+        self.module, self.settings = module, settings
+        self.learning_rate, self.group = learning_rate, group
         self.parameters = [p for p in module.parameters() if p.requires_grad]
-        self.optimizer = torch.optim.Adam(self.parameters, lr=rate, betas=(0.9, 0.99))
+        self.optimizer = torch.optim.Adam(self.parameters, lr=learning_rate, betas=(0.9, 0.99))
         self.history = History()
-        self.walking = False
-        """Whether parameters and records do not belong together just now."""
+        # True while parameters and records do not match; an interrupt may come in between.
+        self._is_updating = False
 
     def loss(self, step: int) -> Tensor:
-        """Give this process's part of the cost on what a step draws; those of all add up."""
+        """Return this process's part of the cost; the cost is the sum over the processes."""
         raise NotImplementedError
 
-    def record(self, step: int, cost: float, norm: float, *, tested: bool) -> Record:
-        """Give the record of what a step found, and of a test where it is due."""
+    def record(self, step: int, loss: float, gradient_norm: float, *, is_test: bool) -> Record:
+        """Return the record of a step, with a test of the parameters if `is_test`."""
         raise NotImplementedError
 
     def begin(self, checkpoint: str | os.PathLike[str] | None, resume: bool) -> None:
-        """Go on from the checkpoint, or see that nothing else stands where it is to be.
+        """Continue from the checkpoint, or check that the run may write it.
 
         Raises
         ------
         OSError, ValueError
-            When there is no checkpoint, or one of another run, or a file that is none.
+            When there is no checkpoint to resume from, when it is damaged or belongs to another
+            run, or when another file would be overwritten.
         """
         if resume:
             if checkpoint is None:
@@ -86,113 +95,96 @@ class Trainer:
         callback: Callable[[Record], object] | None,
         seconds: float | None = None,
     ) -> None:
-        """Take the steps that are left."""
+        """Take the remaining steps, until the time is up.
+
+        Parameters
+        ----------
+        steps : int
+            Number of steps of the whole run.
+        checkpoint : path, optional
+            File that the main process writes every 20 seconds, and when the run ends or stops.
+        callback : callable, optional
+            Function that gets the :class:`Record` of each step, in the main process.
+        seconds : float, optional
+            Time limit. Default: none.
+        """
         begun = saved = time.monotonic()
-        place = checkpoint if self.processes.first else None
+        path = checkpoint if self.group.is_main else None
         try:
             while len(self.history) < steps:
                 now = time.monotonic()
-                if self._late(seconds is not None and now - begun > seconds):
+                if self._is_late(seconds is not None and now - begun > seconds):
                     break
                 record = self.step(len(self.history), steps)
-                if place is not None and now - saved > _SAVE_EVERY:
-                    self._save(place)
+                if path is not None and now - saved > CheckpointWriter.INTERVAL:
+                    self._save(path)
                     saved = now
-                if self.processes.first and callback is not None:
+                if self.group.is_main and callback is not None:
                     callback(record)
         finally:
-            # Also when Ctrl-C or an error ended the loop.
-            if place is not None:
-                self._save(place)
-
-    def _save(self, checkpoint: str | os.PathLike[str]) -> None:
-        """Write what there is between two steps; amid one, what was written last stays."""
-        if not self.walking and len(self.history):
-            self.checkpoint().save(checkpoint)
-
-    def _late(self, late: bool) -> bool:
-        """Whether the first process is out of time."""
-        flag = torch.tensor(float(late))
-        self.processes.spread(flag)
-        return bool(flag)
+            # Also after Ctrl-C or an error.
+            if path is not None:
+                self._save(path)
 
     def step(self, step: int, steps: int) -> Record:
-        """Take one step; gives what it found before it walked on."""
-        record = self.measure(step, tested=step % max(1, steps // _LOOKS) == 0)
+        """Take one step of a run of `steps` steps, and return what it measured at its start."""
+        record = self.measure(step, is_test=step % max(1, steps // _TESTS) == 0)
         for group in self.optimizer.param_groups:
-            group["lr"] = self.rate * _share_of_rate(step / steps)
-        self.walking = True
+            group["lr"] = self.learning_rate * _schedule(step / steps)
+        self._is_updating = True
         self.update()
         self.history.records.append(record)
-        self.walking = False
+        self._is_updating = False
         return record
 
     def update(self) -> None:
-        """Change the parameters."""
+        """Change the parameters by one step of the optimizer."""
         self.optimizer.step()
 
-    def measure(self, step: int, *, tested: bool) -> Record:
-        """Find cost and gradient on what a step draws.
+    def measure(self, step: int, *, is_test: bool) -> Record:
+        """Compute the cost and its gradient, and return their record.
 
         Raises
         ------
         FloatingPointError
-            When they are not numbers.
+            When they are not finite.
         """
         self.optimizer.zero_grad()
         loss = self.loss(step)
         loss.backward()
-        cost = self._gathered(loss.detach())
-        norm = float(nn.utils.clip_grad_norm_(self.parameters, _CLIP))
-        if not (math.isfinite(cost) and math.isfinite(norm)):
+        total = self._reduce(loss.detach())
+        norm = float(nn.utils.clip_grad_norm_(self.parameters, _MAX_GRADIENT_NORM))
+        if not (math.isfinite(total) and math.isfinite(norm)):
             raise FloatingPointError(
-                f"step {step}: not a number any more (cost {cost:.4g}, gradient norm "
-                f"{norm:.4g}); lower the rate, now {self.rate:g}"
+                f"step {step}: the run reached infinity or NaN (cost {total:.4g}, gradient norm "
+                f"{norm:.4g}); lower the learning rate, now {self.learning_rate:g}"
             )
-        return self.record(step, cost, norm, tested=tested)
+        return self.record(step, total, norm, is_test=is_test)
 
-    def _gathered(self, loss: Tensor) -> float:
-        """Add the gradients and costs of all processes; gives the cost."""
-        gradients = [p.grad if p.grad is not None else torch.zeros_like(p) for p in self.parameters]
-        flat = torch.cat([loss.view(1), *(gradient.flatten() for gradient in gradients)])
-        self.processes.sum(flat)
-        start = 1
-        for parameter in self.parameters:
-            part = flat[start : start + parameter.numel()]
-            parameter.grad = part.view_as(parameter).clone()
-            start += parameter.numel()
-        return float(flat[0])
-
-    def vector(self) -> Vector:
-        """Give all parameters that learn, one after the other."""
-        return _flat(self.parameters)
+    def parameter_vector(self) -> Vector:
+        """Return all trainable parameters as one vector."""
+        return _flatten(self.parameters)
 
     def set_parameters(self, vector: Vector) -> None:
-        """Set the parameters that learn."""
+        """Set all trainable parameters."""
         with torch.no_grad():
-            for parameter, values in zip(self.parameters, self._parts(vector), strict=True):
+            for parameter, values in zip(self.parameters, self._split(vector), strict=True):
                 parameter.copy_(values)
 
-    def _parts(self, vector: Vector) -> list[Tensor]:
-        """The part of each parameter in a vector of all."""
-        sizes = [p.numel() for p in self.parameters]
-        parts = torch.from_numpy(vector).split(sizes)
-        return [part.to(p).view_as(p) for part, p in zip(parts, self.parameters, strict=True)]
-
     def state(self) -> State:
-        """Give what is remembered between two steps, beside parameters and records."""
+        """Return what the next step needs besides parameters and records."""
         return {
-            name: _flat([self.optimizer.state[p][name] for p in self.parameters])
-            for name in Trainer.remembers
+            name: _flatten([self.optimizer.state[p][name] for p in self.parameters])
+            for name in Trainer.state_names
         }
 
     def checkpoint(self) -> Checkpoint:
-        """Give all that there is between two steps."""
+        """Return the state of the run between two steps."""
         history = History(list(self.history.records))
-        return Checkpoint(self.settings, self.vector(), self.state(), history)
+        return Checkpoint(self.settings, self.parameter_vector(), self.state(), history)
 
-    def restore(self, kept: Checkpoint, path: str | os.PathLike[str]) -> None:
-        """Go on from what a checkpoint keeps.
+    def restore(self, checkpoint: Checkpoint, path: str | os.PathLike[str]) -> None:
+        """Continue from a checkpoint; `path` is for the error message.
 
         Raises
         ------
@@ -200,24 +192,54 @@ class Trainer:
             When it does not fit the network.
         """
         shape = (sum(p.numel() for p in self.parameters),)
-        vectors = [kept.vector, *kept.state.values()]
-        if sorted(kept.state) != sorted(self.remembers) or any(v.shape != shape for v in vectors):
+        vectors = [checkpoint.vector, *checkpoint.state.values()]
+        is_complete = sorted(checkpoint.state) == sorted(self.state_names)
+        if not is_complete or any(vector.shape != shape for vector in vectors):
             raise ValueError(f"{path}: damaged checkpoint: it does not fit the network")
-        self.set_parameters(kept.vector)
-        moments = {name: self._parts(kept.state[name]) for name in Trainer.remembers}
+        self.set_parameters(checkpoint.vector)
+        moments = {name: self._split(checkpoint.state[name]) for name in Trainer.state_names}
         for number, parameter in enumerate(self.parameters):
-            step = torch.tensor(float(len(kept.history)))
+            step = torch.tensor(float(len(checkpoint.history)))
             own = {name: parts[number] for name, parts in moments.items()}
             self.optimizer.state[parameter] = {"step": step, **own}
-        self.history = History(list(kept.history.records))
+        self.history = History(list(checkpoint.history.records))
+
+    def _save(self, path: str | os.PathLike[str]) -> None:
+        """Write a checkpoint between two steps; within a step, the last one stays."""
+        if not self._is_updating and len(self.history):
+            self.checkpoint().save(path)
+
+    def _is_late(self, is_late: bool) -> bool:
+        """Return whether the main process is out of time."""
+        flag = torch.tensor(float(is_late))
+        self.group.broadcast(flag)
+        return bool(flag)
+
+    def _reduce(self, loss: Tensor) -> float:
+        """Add the gradients and losses of all processes, and return the cost."""
+        gradients = [p.grad if p.grad is not None else torch.zeros_like(p) for p in self.parameters]
+        flat = torch.cat([loss.view(1), *(gradient.flatten() for gradient in gradients)])
+        self.group.all_reduce_sum(flat)
+        start = 1
+        for parameter in self.parameters:
+            part = flat[start : start + parameter.numel()]
+            parameter.grad = part.view_as(parameter).clone()
+            start += parameter.numel()
+        return float(flat[0])
+
+    def _split(self, vector: Vector) -> list[Tensor]:
+        """Return each parameter's part of a vector."""
+        sizes = [p.numel() for p in self.parameters]
+        parts = torch.from_numpy(vector).split(sizes)
+        return [part.to(p).view_as(p) for part, p in zip(parts, self.parameters, strict=True)]
 
 
-def _share_of_rate(share: float) -> float:
-    """The rate over a run, as a share of its largest: a rise, and half a cosine down to 0."""
-    if share < _WARM:
-        return 0.04 + 0.96 * share / _WARM
-    return 0.5 * (1 + math.cos(math.pi * (share - _WARM) / (1 - _WARM)))
+def _schedule(progress: float) -> float:
+    """Return the learning rate as a fraction of the largest: a rise, then half a cosine to 0."""
+    if progress < _WARMUP:
+        return _INITIAL_RATE + (1 - _INITIAL_RATE) * progress / _WARMUP
+    return 0.5 * (1 + math.cos(math.pi * (progress - _WARMUP) / (1 - _WARMUP)))
 
 
-def _flat(tensors: Sequence[Tensor]) -> Vector:
+def _flatten(tensors: Sequence[Tensor]) -> Vector:
     return np.asarray(torch.cat([x.detach().flatten() for x in tensors]).cpu(), np.float64)

@@ -1,7 +1,6 @@
-"""Learning the parameters of deep members with PyTorch."""
+"""Training of deep networks on images: `jotlight.torch.train`."""
 
 import os
-import secrets
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -9,13 +8,13 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-import jotlight
-from jotlight import metrics
 from jotlight.checks import positive_number, whole_number
+from jotlight.metrics import psnr
+from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
-from jotlight.torch.distributed import Processes, place, together, with_threads
-from jotlight.torch.network import Network
-from jotlight.torch.patches import Patches
+from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, thread_limit
+from jotlight.torch.network import NetworkModule
+from jotlight.torch.patches import PatchLoader
 from jotlight.torch.trainer import Trainer
 from jotlight.training.history import History, Record
 from jotlight.training.images import (
@@ -30,12 +29,24 @@ from jotlight.training.parameters import fingerprint_network
 from jotlight.training.patches import patch_sensor, patch_size
 
 STEPS = 20_000
-BATCH, PATCH = 16, 48
-RATE = 3e-3
+"""Default number of steps."""
+
+BATCH = 16
+"""Default number of patches per step."""
+
+PATCH = 48
+"""Default height and width of a patch, in pixels, unless the smallest image is smaller."""
+
+LEARNING_RATE = 3e-3
+"""Default learning rate."""
+
+_TEST_STEP = 2**32 - 1
+"""Step number whose random bits belong to the test images."""
 
 
+# A run has many settings, each of them documented; all but the first three are keyword-only.
 def train(
-    network: jotlight.Network,
+    network: Network,
     images: TrainingImages,
     sensor: Sensor | None = None,
     *,
@@ -43,7 +54,7 @@ def train(
     seconds: float | None = None,
     batch: int | None = None,
     patch: int | None = None,
-    rate: float = RATE,
+    learning_rate: float = LEARNING_RATE,
     rng: int | None = None,
     test: npt.NDArray[np.floating] | Sequence[npt.ArrayLike] | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
@@ -51,152 +62,185 @@ def train(
     callback: Callable[[Record], object] | None = None,
     device: str | torch.device | None = None,
     threads: int | None = None,
-) -> tuple[jotlight.Network, History]:
-    """Learn the parameters with the least mean square error, by Adam.
+) -> tuple[Network, History]:
+    """Return a network with the smallest mean square error for a sensor and images, by Adam.
 
-    Each step draws new patches, turned and mirrored at random, and new bits. The rate rises at
-    first, and falls to 0.
+    Each step draws new patches, randomly rotated and mirrored, and new bits. The learning rate
+    rises over the first tenth of the steps and then falls to 0.
 
     Parameters
     ----------
-    network : jotlight.Network
-        Where to start, such as ``jotlight.Network.residual(sensor, "small")``, or
-        ``jotlight.Network.conditional("medium")`` for a network that serves many K and any exposure.
+    network : Network
+        Starting point, such as ``Network.residual(sensor, "small")``, or
+        ``Network.conditional("medium")`` for a network that serves a range of K at any exposure.
     images : array (N, H, W), sequence of arrays (H, W), or callable
-        As in :func:`jotlight.train`.
+        Gray images of intensities, as in :func:`jotlight.train`.
     sensor : Sensor, optional
-        Default: the network's. Of a network for many K it is the one of the tests.
+        Sensor that the trained network is for. A K-conditioned network is only tested with it.
+        Default: the network's.
     steps : int, optional
-        Default: 20,000.
+        Number of steps. Default: 20,000.
     seconds : float, optional
-        Stop after so many seconds, before the rate has fallen to 0.
-    batch, patch : int, optional
-        Patches of a step, and their side in pixels. Default: 16 of 48 x 48, or of the smallest
-        image.
-    rate : float
-        The largest step of a parameter, about.
+        Time limit, after which the run stops even if the learning rate has not fallen to 0.
+        Default: no limit.
+    batch : int, optional
+        Number of patches per step. Default: 16.
+    patch : int, optional
+        Height and width of a patch. Default: 48, or the side of the smallest image.
+    learning_rate : float
+        Largest learning rate: about the largest change of a parameter per step.
     rng : int, optional
-        The seed of patches and bits. Default: a new one.
+        Seed of patches and bits. Default: a fresh one.
     test : array or sequence of arrays, optional
-        Images, whole, on which the PSNR is measured now and then.
-    checkpoint, resume, callback :
-        As in :func:`jotlight.train`.
+        Images, whole, whose PSNR is measured about 20 times, always with the same bits.
+    checkpoint : path, optional
+        File for the state of the run, as in :func:`jotlight.train`.
+    resume : bool
+        Whether to continue from the checkpoint.
+    callback : callable, optional
+        Function that gets the :class:`Record` of each step.
     device : str or torch.device, optional
-        Default: a GPU, if there is one, and else the CPU.
+        Device of the training. Default: a GPU if there is one, and the CPU otherwise.
     threads : int, optional
-        Threads of the CPU. Default: as many as PyTorch uses.
+        Number of CPU threads. Default: PyTorch's.
 
     Returns
     -------
-    network : jotlight.Network
+    network : Network
+        The trained network. Its `history` holds the settings and about 500 of the records.
     history : History
-        As of :func:`jotlight.train`: the last record belongs to the result. The network's own
-        `history` has about 500 of the records.
+        Cost ε, gradient norm, and test PSNR of each step. The last record belongs to the result,
+        so there is one more record than steps.
 
     Raises
     ------
     TypeError, ValueError
-        When network, sensor, images and settings do not fit, or the checkpoint is of another run.
+        When network, sensor, images, and settings do not fit, or the checkpoint belongs to another
+        run.
     FloatingPointError
-        When the cost is not a number.
+        When the cost is not finite; the message says what to change.
 
     Notes
     -----
     Under PyTorch's launcher, ``torchrun --nproc-per-node 2 script.py``, the processes share the
-    patches of each step and add their gradients; all return the same network, and the first alone
-    writes and calls back.
+    patches of each step and add their gradients. All return the same network, and only the main
+    process writes files and calls `callback`.
 
     Examples
     --------
-    >>> start = jotlight.Network.residual(jotlight.Sensor(oversampling=4), "small", rng=0)
-    >>> learned, history = train(start, jotlight.datasets.uniform_scenes, steps=3, patch=32, rng=0)
+    >>> from jotlight import datasets
+    >>> start = Network.residual(Sensor(oversampling=4), "small", rng=0)
+    >>> trained, history = train(start, datasets.uniform_scenes, steps=3, patch=32, rng=0)
     >>> len(history)
     4
     """
     sensor = network.sensor if sensor is None else sensor
     network.check_sensor(sensor)
-    here = place(device)
+    chosen_device = choose_device(device)
     steps = whole_number("steps", STEPS if steps is None else steps, 1)
     batch = whole_number("batch", BATCH if batch is None else batch, 1)
-    positive_number("rate", rate)
+    positive_number("learning_rate", learning_rate)
     if seconds is not None and not seconds > 0:
         raise ValueError(f"seconds: expected a number above 0, got {seconds}")
     scenes: Images | ImageGenerator = images if callable(images) else check_images(images)
-    seen = generate_images(scenes, np.random.default_rng(0), 1) if callable(scenes) else scenes
-    side = patch_size(seen, patch)
-    if patch is None:
-        side = min(PATCH, side)
+    side = _patch_side(scenes, patch)
     tests = None if test is None else check_images(test)
-    with together(here) as processes:
-        if batch < processes.number:
+    with process_group(chosen_device) as group:
+        if batch < group.world_size:
             raise ValueError(
-                f"batch: expected at least a patch for each of the {processes.number} processes, "
-                f"got {batch}"
+                f"batch: expected at least one patch for each of the {group.world_size} "
+                f"processes, got {batch}"
             )
-        seed = torch.tensor(secrets.randbits(32) if rng is None else whole_number("rng", rng, 0))
-        processes.spread(seed)
-        patches = Patches(scenes, network, patch_sensor(sensor), int(seed), batch, side)
-        run: dict[str, object] = {
-            "network": fingerprint_network(network),
-            "sensor": patches.sensor.scalars(),
-            "images": fingerprint_images(scenes),
-            "test": None if tests is None else fingerprint_images(tests),
-            "optimizer": f"Adam(learning_rate={rate})",
-            "steps": steps,
-            "batch": batch,
-            "patch": patches.side,
-            "seed": int(seed),
-        }
-        with with_threads(threads):
-            module = Network(network).to(here)
-            trainer = Learning(module, patches, run, rate, tests, processes)
+        seed = group.shared_seed(rng)
+        loader = PatchLoader(scenes, network, patch_sensor(sensor), seed, batch, side)
+        settings = _settings(loader, tests, learning_rate, steps)
+        with thread_limit(threads):
+            module = NetworkModule(network).to(chosen_device)
+            trainer = ImageTrainer(module, loader, settings, learning_rate, tests, group)
             trainer.begin(checkpoint, resume)
             trainer.run(steps, checkpoint, callback, seconds)
-            last = trainer.measure(len(trainer.history), tested=True)
-            if processes.first and callback is not None:
+            last = trainer.measure(len(trainer.history), is_test=True)
+            if group.is_main and callback is not None:
                 callback(last)
     history = History([*trainer.history.records, last])
-    told = {**network.history, "run": run, "records": history.subsample().to_json()}
-    learned = trainer.module.network()
+    trained = module.to_network()
     if network.trials_range is None:
-        learned = jotlight.Network(learned.layers, sensor)
-    learned.history = told
-    return learned, history
+        trained = Network(trained.layers, sensor)
+    trained.history = {
+        **network.history,
+        "run": settings,
+        "records": history.subsample().to_json(),
+    }
+    return trained, history
 
 
-class Learning(Trainer):
-    """A run on patches of images."""
+class ImageTrainer(Trainer):
+    """A run on patches of images.
+
+    Parameters
+    ----------
+    module, settings, learning_rate, group
+        See :class:`Trainer`.
+    loader : PatchLoader
+        Source of the patches.
+    tests : Images, optional
+        Images whose PSNR is measured.
+    """
 
     def __init__(
         self,
-        module: Network,
-        patches: Patches,
-        run: dict[str, object],
-        rate: float,
+        module: NetworkModule,
+        loader: PatchLoader,
+        settings: dict[str, object],
+        learning_rate: float,
         tests: Images | None,
-        processes: Processes,
+        group: ProcessGroup,
     ) -> None:
-        super().__init__(module, run, rate, processes)
-        self.patches, self.tests = patches, tests
+        super().__init__(module, settings, learning_rate, group)
+        self.loader, self.tests = loader, tests
 
     def loss(self, step: int) -> Tensor:
-        """Give the mean square error of a patch, of this process's patches."""
-        views = self.patches.views(step, self.processes.share, torch.get_num_threads())
-        views = views.to(self.parameters[0].device)
-        return views.errors(self.module).sum() / self.patches.batch
+        """Return this process's part of the mean square error over the patches of a step."""
+        batch = self.loader.batch(step, self.group.shard, torch.get_num_threads())
+        batch = batch.to(self.parameters[0].device)
+        return batch.squared_errors(self.module).sum() / self.loader.batch_size
 
-    def record(self, step: int, cost: float, norm: float, *, tested: bool) -> Record:
-        """Give the record of a step: ε of a whole patch."""
-        psnr = self._test() if tested and self.tests is not None else None
-        return Record(step, 0.5 * self.patches.side**2 * cost, norm, psnr)
+    def record(self, step: int, loss: float, gradient_norm: float, *, is_test: bool) -> Record:
+        """Return the record of a step, with the cost ε of a whole patch."""
+        test_psnr = self._test_psnr() if is_test and self.tests is not None else None
+        return Record(step, 0.5 * self.loader.side**2 * loss, gradient_norm, test_psnr)
 
-    def _test(self) -> float:
-        """Mean PSNR of the test images in dB, for a peak of 1, always with the same bits."""
+    def _test_psnr(self) -> float:
+        """Return the mean PSNR of the test images in dB, for a peak of 1."""
         assert self.tests is not None
-        network, sensor = self.module.network(), self.patches.sensor
-        found = []
+        network, sensor = self.module.to_network(), self.loader.sensor
+        values = []
         for number, image in enumerate(self.tests):
-            seed = np.random.SeedSequence(self.patches.seed, spawn_key=(2**32 - 1, number))
+            seed = np.random.SeedSequence(self.loader.seed, spawn_key=(_TEST_STEP, number))
             estimate = network.reconstruct(sensor.expose(image, seed), sensor)
-            found.append(metrics.psnr(estimate, image, peak=1.0))
-        return float(np.mean(found))
+            values.append(psnr(estimate, image, peak=1.0))
+        return float(np.mean(values))
+
+
+def _patch_side(scenes: Images | ImageGenerator, patch: int | None) -> int:
+    """Return the height and width of patches, after a check against the images."""
+    examples = generate_images(scenes, np.random.default_rng(0), 1) if callable(scenes) else scenes
+    side = patch_size(examples, patch)
+    return min(PATCH, side) if patch is None else side
+
+
+def _settings(
+    loader: PatchLoader, tests: Images | None, learning_rate: float, steps: int
+) -> dict[str, object]:
+    """Return what identifies a run in a checkpoint and in the network's history."""
+    return {
+        "network": fingerprint_network(loader.network),
+        "sensor": loader.sensor.scalars(),
+        "images": fingerprint_images(loader.images),
+        "test": None if tests is None else fingerprint_images(tests),
+        "optimizer": f"Adam(learning_rate={learning_rate})",
+        "steps": steps,
+        "batch": loader.batch_size,
+        "patch": loader.side,
+        "seed": loader.seed,
+    }

@@ -1,4 +1,4 @@
-"""The admissible set 𝒜 of parameters, and the projection on it: equations (12) and (13)."""
+"""The admissible set 𝒜 of parameters, and the projection onto it: equations (12) and (13)."""
 
 import dataclasses
 import math
@@ -13,48 +13,48 @@ from jotlight.training.parameters import Vector, split_vector
 class AdmissibleSet(Protocol):
     """A closed and convex set of parameters for :func:`jotlight.train`.
 
-    Gauss-Newton needs a set that bounds each filter bank and each spline separately; for others use
-    Adam. The `repr` of a set identifies it in a checkpoint.
+    Gauss-Newton needs a set that bounds each filter bank and each spline separately; for other
+    sets, use Adam. The `repr` of a set identifies it in a checkpoint.
     """
 
     def project(self, network: Network, vector: Vector) -> Vector:
-        """Return the point of the set that is nearest to the parameters of the network."""
+        """Return the point of the set that is nearest to `vector`, parameters of the network."""
 
 
 @dataclasses.dataclass(frozen=True)
 class SafeSet:
-    """The parameters for which every value in the network stays in its range, for every input.
+    """The set of parameters that keep every value in the network in its range, for every input.
 
     The sums p and r stay in the domains of their splines, and each output lies in [0, S]. The set
     is closed, convex, and not empty. Its conditions are:
 
-    - The taps of each filter of the first layer are at least 0. Over the K bits of a pixel they sum
-      to the end of the domain of φ1, which is K for the paper's network.
+    - The taps of each filter of the first layer are at least 0. Over the K bits of a pixel, they
+      sum to the end of the domain of φ1, which is K for the paper's network.
     - The taps of each other filter sum to 1, and their absolute values sum to at most 1 + 2ν. So
       the negative taps sum to -ν or more.
     - The coefficients of each spline but the last lie in the interval [l, m] for which
       [l - ν(m - l), m + ν(m - l)] is the domain of the next splines.
     - The coefficients of the last spline lie in [0, S].
-    - If every layer has one channel, the coefficients of each spline do not fall, so the splines
-      are monotone.
+    - If every layer has one channel, the coefficients of each spline never decrease, so each
+      spline is monotone.
 
     Parameters
     ----------
     nu : float
         ν, at least 0; 0 allows no negative taps.
     monotone : bool
-        Whether the last condition holds.
+        Whether the set has the last condition.
 
     Raises
     ------
     ValueError
-        For ν below 0.
+        When ν is negative or not finite.
 
     Notes
     -----
-    Differs from the paper, which does not define its 𝒜: `docs/theory/learning.md` has the proof.
-    Fixed sums of taps exclude no filter with a positive sum, since the following spline can be
-    stretched instead.
+    Differs from the paper: the paper does not define its 𝒜. `docs/theory/learning.md` proves that
+    this set has the stated properties. A fixed sum of taps excludes no filter with a positive sum,
+    because stretching the following spline has the effect of scaling the filter.
 
     Examples
     --------
@@ -115,8 +115,8 @@ class SafeSet:
 def nearest_filter(taps: Vector, nu: float) -> Vector:
     """Return the nearest taps with sum 1 whose absolute values sum to at most 1 + 2ν.
 
-    On the second bound, the positive taps sum to 1 + ν and the negative ones to -ν, and either part
-    is the nearest one on its own.
+    If the absolute values reach their bound, the positive taps sum to 1 + ν and the negative taps
+    to -ν. Then each part is projected separately.
 
     Examples
     --------
@@ -137,18 +137,19 @@ def nearest_weights(taps: Vector, total: float) -> Vector:
     >>> nearest_weights(np.array([3.0, 1.0, -1.0]), total=2.0)
     array([2., 0., 0.])
     """
-    # Relative to the largest tap: otherwise rounding of large taps would swallow the total.
+    # Subtract the largest tap. Otherwise, the total could vanish in the rounding of large taps.
     below = taps - taps.max()
     descending = np.sort(below)[::-1]
     thresholds = (np.cumsum(descending) - total) / np.arange(1, taps.size + 1)
-    # One t solves Σ max(x - t, 0) = total. Among the thresholds of all supports it is the largest.
+    # The result is max(x - t, 0) with the sum `total`. Each possible number of positive taps has a
+    # candidate for t; the largest candidate is t.
     return np.asarray(np.maximum(below - thresholds.max(), 0))
 
 
 def nearest_monotone(coefficients: Vector) -> Vector:
-    """Return the nearest coefficients that do not fall.
+    """Return the nearest coefficients that never decrease.
 
-    Clipped to two bounds, they are also the nearest within these bounds.
+    After clipping to two bounds, they are also the nearest ones within these bounds.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The state of a run between two steps, and its file, which is always whole."""
+"""The state of a run between two steps, and its file, which is written atomically."""
 
 import dataclasses
 import json
@@ -19,7 +19,7 @@ _FORMAT = "jotlight checkpoint"
 _VERSION = "1"
 
 _OPAQUE = "images", "test", "network", "capture"
-"""Settings that are digests, which mean nothing to a reader."""
+"""Settings whose values are digests. Messages omit these values."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Checkpoint:
     """The state of a run, from which it continues as if it had not stopped."""
 
     run: dict[str, Any]
-    """Settings that identify the run, such as digests of the images, optimizer, and seed."""
+    """Settings that identify the run, such as optimizer, seed, and a digest of the images."""
     vector: Vector
     """Parameters before the next step."""
     state: State
@@ -81,13 +81,13 @@ class Checkpoint:
             history = History.from_json(json.loads(metadata["history"]))
             vector = tensors["vector"]
             if not all(x.dtype == np.float64 and np.isfinite(x).all() for x in tensors.values()):
-                raise ValueError("expected finite numbers of 64 bits")
+                raise ValueError("expected finite float64 numbers")
         except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
             raise ValueError(f"{path}: damaged checkpoint: {error}") from error
         if differences:
             raise ValueError(
-                f"{path}: this checkpoint is of another run: {'; '.join(differences)}. Start anew "
-                "without resuming (--restart), or use the settings of the run"
+                f"{path}: this checkpoint belongs to another run: {'; '.join(differences)}. Start "
+                "again without resuming (--restart), or use the settings of the checkpoint"
             )
         state = {
             name.removeprefix("state."): tensor
@@ -102,25 +102,25 @@ def _differences(saved: dict[str, Any], run: dict[str, Any]) -> list[str]:
     return [
         f"different {name}"
         if name in _OPAQUE
-        else f"{name} is {saved.get(name)!r} there and {run.get(name)!r} here"
+        else f"{name} is {saved.get(name)!r} in the file and {run.get(name)!r} in this run"
         for name in {**run, **saved}
         if saved.get(name) != run.get(name)
     ]
 
 
 class CheckpointWriter:
-    """A writer of the state of a run: after its first step, at intervals, and when it ends.
+    """A writer of checkpoints: after the first step of a run, at intervals, and at its end.
 
     Parameters
     ----------
     path : path or None
         File to write. None: nothing is written.
     steps : int
-        Number of steps in the file already.
+        Number of finished steps that the file already contains.
     """
 
     INTERVAL = 20.0
-    """Seconds between two files."""
+    """Minimum number of seconds between two writes."""
 
     def __init__(self, path: str | os.PathLike[str] | None, steps: int) -> None:
         self._path = path
@@ -128,12 +128,12 @@ class CheckpointWriter:
         self._saved_at = -math.inf
 
     def update(self, state: Checkpoint) -> None:
-        """Write the state if the last file is old."""
+        """Write the state if the last write is longer ago than the interval."""
         if self._path is not None and time.monotonic() - self._saved_at > self.INTERVAL:
             state.save(self._path)
             self._saved_steps, self._saved_at = len(state.history), time.monotonic()
 
     def close(self, state: Checkpoint) -> None:
-        """Write the state if it is newer than the file."""
+        """Write the state if it has more steps than the file."""
         if self._path is not None and len(state.history) > self._saved_steps:
             state.save(self._path)

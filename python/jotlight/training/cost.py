@@ -1,4 +1,4 @@
-"""The training cost of one step's examples, with its gradient and normal equations."""
+"""The training cost of one step, with its gradient and normal equations."""
 
 from typing import Any
 
@@ -30,7 +30,7 @@ class Cost:
     sampler : PatchSampler
         Source of the patches.
     step, steps : int
-        Number of the step, from 0, and of all steps of the run.
+        Number of the step, from 0, and number of all steps of the run.
     admissible : AdmissibleSet
         𝒜.
     threads : int or None
@@ -66,9 +66,9 @@ class Cost:
     def normal_equations(self, vector: Vector) -> tuple[float, Vector, npt.NDArray[np.float64]]:
         """Return ε, ∇ε, and the mean of JᵀJ over patches, with the Jacobian J of equation (15).
 
-        The matrix takes about a hundred times as long as the gradient, and may be less exact. It
-        comes from an eighth of the patches, but at least 32, and from at most 96 × 96 pixels of
-        each, and is scaled to all pixels.
+        The matrix would take about a hundred times as long as the gradient, but may be less exact.
+        So it uses only an eighth of the patches, but at least 32, and at most 96 × 96 pixels of
+        each. It is scaled to the number of all pixels.
         """
         layers = self._layers(vector)
         (errors, pixels), gradient = engine.gradient(layers, self._batch, self._threads)
@@ -99,6 +99,6 @@ class Cost:
 def mean_psnr(
     network: Network, vector: Vector, images: dict[str, Any], threads: int | None
 ) -> float:
-    """Return the mean PSNR in dB, for a peak of 1, of :meth:`PatchSampler.whole_images`."""
+    """Return the mean PSNR in dB, for a peak of 1; `PatchSampler.whole_images` makes `images`."""
     errors, pixels = engine.squared_errors(engine_layers(network, vector), images, threads)
     return float(np.mean(10 * np.log10(pixels / np.maximum(errors, 1e-300))))

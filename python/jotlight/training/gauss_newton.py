@@ -14,17 +14,17 @@ from jotlight.training.parameters import Vector
 
 Matrix = npt.NDArray[np.float64]
 
-_TRIALS = 7
+_LINE_SEARCH_SIZES = 7
 """Number of step sizes in the line search: 1, 1/2, 1/4, and so on."""
 
 _MIN_DAMPING = 1e-2
-"""Smallest damping. Below it, splines fit the noise where examples are rare."""
+"""Smallest damping. With less, splines fit the noise where examples are rare."""
 
 _MAX_PARAMETERS = 4096
-"""Largest number of parameters. The matrix has its square of entries, and the engine sums 16."""
+"""Largest number N of parameters. The engine holds 16 matrices of N² entries at once."""
 
 _MATRIX_DECAY = 0.7
-"""Decay rate of the mean matrix."""
+"""Weight of the previous steps in the running mean of the matrix."""
 
 _PENALTY = 0.03
 """Penalty ρ of the inner ADMM, as a fraction of the mean curvature of a filter bank or spline."""
@@ -33,7 +33,7 @@ _MAX_ROUNDS = 1000
 """Maximum number of iterations of the inner ADMM."""
 
 _TOLERANCE = 1e-4
-"""Residual of the inner ADMM, as a fraction of the step."""
+"""Residual that ends the inner ADMM, as a fraction of the step."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,23 +41,23 @@ class GaussNewton:
     """A projected Levenberg-Marquardt method: each step minimizes a quadratic model inside 𝒜.
 
     The model consists of the cost's gradient, of the matrix JᵀJ of the normal equations averaged
-    over steps, and of a damping term. The damping falls while full steps lower the cost on the
-    step's own examples; otherwise a line search halves the step until it does. In the last two
-    thirds of a run the steps shrink as 1/n, which averages the noise of all batches.
+    over steps, and of a damping term. If a full step lowers the cost on its own examples, the
+    damping falls. Otherwise, a line search halves the step until the cost falls. In the last two
+    thirds of a run, the steps shrink as 1/n, which averages the noise of all batches.
 
-    The matrix has a row per parameter: some hundreds for two layers. Networks with thousands of
+    The matrix has one row per parameter: some hundreds for two layers. Networks with thousands of
     parameters need :class:`Adam`.
 
     Parameters
     ----------
     damping : float
-        First weight of the damping term, as a fraction of the mean curvature.
+        Initial weight of the damping term, as a fraction of the mean curvature.
 
     Notes
     -----
-    J. Nocedal and S. Wright, "Numerical Optimization", 2nd edition, 2006, chapter 10. For spline
-    coefficients the damping acts on their second differences: a coefficient that no example
-    touches, as between two counts, follows its neighbors.
+    J. Nocedal and S. Wright, "Numerical Optimization", 2nd edition, 2006, chapter 10. The
+    damping of spline coefficients acts on their second differences. So a coefficient that no
+    example determines, such as one between two counts, follows its neighbors.
     """
 
     damping: float = 0.1
@@ -69,7 +69,7 @@ class GaussNewton:
         positive_number("damping", self.damping)
 
     def take_step(self, cost: Cost, vector: Vector, state: State) -> Step:
-        """Return the model's minimum, or the same vector where no trial lowers the cost."""
+        """Return a step toward the model's minimum, of length 0 if no length lowers the cost."""
         if vector.size > _MAX_PARAMETERS:
             raise ValueError(
                 f"optimizer: expected at most {_MAX_PARAMETERS} parameters for Gauss-Newton, and "
@@ -85,8 +85,8 @@ class GaussNewton:
         damping = float(state["damping"]) if state else self.damping
         model = matrix / weight + damping * _damping_matrix(cost.network, matrix)
         direction = constrained_minimum(model, gradient, vector, cost) - vector
-        # 𝒜 is convex: it contains the points between two of its points.
-        sizes = 0.5 ** np.arange(_TRIALS)
+        # 𝒜 is convex, so it contains the results of all shorter steps.
+        sizes = 0.5 ** np.arange(_LINE_SEARCH_SIZES)
         size = next((x for x in sizes if cost.value(vector + x * direction) < loss), 0.0)
         if size == 1:
             damping = max(damping / 3, _MIN_DAMPING)
@@ -97,10 +97,10 @@ class GaussNewton:
 
 
 def constrained_minimum(matrix: Matrix, gradient: Vector, start: Vector, cost: Cost) -> Vector:
-    """Return nearly the point a of 𝒜 that minimizes g·(a - a0) + ½ (a - a0)ᵀ M (a - a0).
+    """Return approximately the point a of 𝒜 that minimizes g·(a - a0) + ½ (a - a0)ᵀ M (a - a0).
 
-    The method is ADMM with a penalty for each filter bank and spline, which is exact for sets 𝒜
-    that bound each of them separately.
+    The method is ADMM with one penalty per filter bank and per spline. It converges to this point
+    if 𝒜 bounds each filter bank and each spline separately.
     """
     from scipy.linalg import cho_factor, cho_solve
 
@@ -122,7 +122,7 @@ def constrained_minimum(matrix: Matrix, gradient: Vector, start: Vector, cost: C
 
 
 def _parameter_groups(network: Network) -> list[tuple[slice, bool]]:
-    """Return the slice of the vector of each filter bank and each spline, and if it is a spline."""
+    """Return the slice of each filter bank and spline in the vector, and whether it is a spline."""
     groups = []
     start = 0
     for layer in network.layers:

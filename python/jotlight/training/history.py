@@ -10,12 +10,12 @@ import numpy.typing as npt
 
 @dataclasses.dataclass(frozen=True)
 class Record:
-    """What one step measured at its start."""
+    """The measurements at the start of one step."""
 
     step: int
     """Number of the step, from 0."""
     loss: float
-    """Cost ε: ½‖ĉ - c‖², averaged over patches. For fine-tuning on bits, their negative
+    """Cost ε: ½‖ĉ - c‖², averaged over patches. In fine-tuning on bits: their negative
     log-likelihood in nats per bit."""
     gradient_norm: float
     """‖∇ε‖."""
@@ -92,9 +92,9 @@ class History:
                         operator.index(step),
                         float(loss),
                         float(norm),
-                        *(None if found is None else float(found) for found in tests),
+                        *(None if value is None else float(value) for value in optional),
                     )
-                    for step, loss, norm, *tests in rows
+                    for step, loss, norm, *optional in rows
                 ]
             )
         except (KeyError, TypeError, ValueError) as error:
@@ -103,7 +103,7 @@ class History:
     def subsample(self, max_records: int = 500) -> Self:
         """Return a history of about `max_records` records at equal distances.
 
-        Records with a test and the last record stay.
+        Records with measurements on tests or held-out bits, and the last record, always stay.
 
         Examples
         --------

@@ -1,4 +1,4 @@
-"""Training images: arrays or a function that makes them, with their checks."""
+"""Training images: checks of arrays, and of functions that generate images."""
 
 import hashlib
 from collections.abc import Callable, Sequence
@@ -24,8 +24,8 @@ def check_images(images: npt.ArrayLike | Sequence[npt.ArrayLike]) -> Images:
     Raises
     ------
     TypeError, ValueError
-        For no images, for images that are not two-dimensional, and for integers and for negative
-        or not finite intensities.
+        When there are no images, when an image is not two-dimensional, and when intensities are
+        integers, negative, or not finite.
 
     Examples
     --------
@@ -40,7 +40,7 @@ def check_images(images: npt.ArrayLike | Sequence[npt.ArrayLike]) -> Images:
     if len(images) == 0:  # type: ignore[arg-type]
         raise ValueError("images: expected at least one, got none")
     if isinstance(images, np.ndarray):
-        # Checked as one tall image.
+        # One tall image takes one check.
         tall = as_image(images.reshape(-1, images.shape[2])) if images.size else as_image(images)
         return np.require(tall, np.float32, ["C"]).reshape(images.shape)
     checked = []
@@ -56,7 +56,7 @@ def check_images(images: npt.ArrayLike | Sequence[npt.ArrayLike]) -> Images:
 
 
 def generate_images(make: ImageGenerator, rng: np.random.Generator, number: int) -> Images:
-    """Return `number` new images of a function, after checks.
+    """Return `number` new images from a function, after checks.
 
     Raises
     ------

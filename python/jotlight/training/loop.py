@@ -40,10 +40,10 @@ def train(
     callback: Callable[[Record], object] | None = None,
     threads: int | None = None,
 ) -> tuple[Network, History]:
-    """Return a network with the smallest mean square error for a sensor and images.
+    """Return a network trained for the smallest mean square error, and the history of the run.
 
-    Each step draws new patches and new bits, computes cost and gradient by error backpropagation,
-    and moves the parameters inside the set 𝒜.
+    Each step draws new patches and new bits, computes the cost and its gradient by error
+    backpropagation, and moves the parameters within the set 𝒜.
 
     Parameters
     ----------
@@ -51,11 +51,11 @@ def train(
         Starting point, such as ``Network.initial(sensor)``.
     images : array (N, H, W), sequence of arrays (H, W), or callable
         Gray images of intensities. A callable gets a `numpy.random.Generator` and a number N, and
-        returns N new images, shape (N, H, W); each step then uses new images, whole. A checkpoint
+        returns N new images, shape (N, H, W); then each step uses N new, whole images. A checkpoint
         identifies a callable by its name only.
     sensor : Sensor, optional
-        Sensor that the trained network is for. Maps of its dark counts and efficiency enter by
-        their medians, and patches have no dead jots. Default: the network's.
+        Sensor that the trained network is for. For the patches, medians replace its maps of dark
+        counts and efficiency, and no jot is dead. Default: the network's.
     optimizer : {"gauss-newton", "adam", "projected-gradient"} or Optimizer
         An optimizer of `jotlight.training`, by name or with settings.
     steps : int, optional
@@ -65,24 +65,25 @@ def train(
         The number of steps then depends on the machine; the same number of steps gives the same
         network. Default: no limit.
     batch : int, optional
-        Number of patches per step. Default: as many as have 2^20 pixels for Gauss-Newton, and 2^17
-        pixels otherwise, like the paper's 128 images of 32 × 32.
+        Number of patches per step. Default: the number that fills 2^20 pixels for Gauss-Newton, and
+        2^17 pixels for other optimizers, like the paper's 128 images of 32 × 32.
     patch : int, optional
         Height and width of a patch. Default: 64, or the side of the smallest image.
     rng : int, optional
         Seed of patches and bits. The same seed gives the same network on one machine, bit for bit,
         for any number of threads. Default: a fresh one.
     test : array or sequence of arrays, optional
-        Images, whole, whose PSNR is measured at most 100 times, always with the same bits.
+        Test images. Their mean PSNR is measured 100 to 200 times in a run, or in each of fewer
+        than 100 steps, on whole images and always with the same bits.
     admissible : AdmissibleSet, optional
         𝒜. Default: `jotlight.training.SafeSet()`.
     checkpoint : path, optional
-        File for the state of the run: after the first step, every 20 seconds, at the end, and when
-        Ctrl-C or an error stops the run. An older checkpoint is overwritten.
+        File to which the state of the run is written: after the first step, every 20 seconds, at
+        the end, and when Ctrl-C or an error stops the run. An older checkpoint is overwritten.
     resume : bool
-        Whether to continue from the checkpoint. The result is that of an uninterrupted run.
+        Whether to continue from the checkpoint. The result equals that of an uninterrupted run.
     callback : callable, optional
-        Function that gets the :class:`Record` of each step.
+        Called with the :class:`Record` of each step, and of the result.
     threads : int, optional
         Number of threads. Default: all.
 
@@ -97,15 +98,15 @@ def train(
     Raises
     ------
     TypeError, ValueError
-        When network, sensor, images, and settings do not fit, or the checkpoint belongs to another
-        run.
+        When network, sensor, images, and settings do not fit together, or the checkpoint belongs to
+        another run.
     FloatingPointError
         When the cost is not finite or has grown over many steps; the message says what to change.
 
     Notes
     -----
-    Pixels whose estimate depends on pixels outside their patch do not count, unless the image ends
-    there, too.
+    The cost leaves out pixels whose estimate depends on pixels outside the patch. At the border of
+    the image it includes them.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What a training run expects of an optimizer."""
+"""The interface between a training run and its optimizer."""
 
 import dataclasses
 from typing import Any, Protocol
@@ -9,7 +9,7 @@ from jotlight.training.cost import Cost
 from jotlight.training.parameters import Vector
 
 State = dict[str, npt.NDArray[Any]]
-"""What an optimizer keeps from step to step, as arrays that a checkpoint can hold."""
+"""Arrays that an optimizer keeps from step to step. Checkpoints store them."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -19,6 +19,7 @@ class Step:
     vector: Vector
     """Parameters after the step."""
     state: State
+    """State of the optimizer after the step."""
     loss: float
     """Cost ε at the start of the step."""
     gradient: Vector
@@ -38,7 +39,7 @@ class Optimizer(Protocol):
 
     @property
     def advice(self) -> str:
-        """Advice for a run that diverges."""
+        """Advice in the message about a run that diverges."""
 
     def take_step(self, cost: Cost, vector: Vector, state: State) -> Step:
-        """Return the next parameters. The state is empty in the first step."""
+        """Return the result of the next step. The state is empty in the first step."""

@@ -24,8 +24,8 @@ class ProjectedGradient:
     Parameters
     ----------
     learning_rate : float
-        μ. The paper uses 5e-6 for 32 × 32 images and 5e-8 for 481 × 321, since ε is a sum over
-        pixels.
+        μ. The paper uses 5e-6 for images of 32 × 32 pixels. It uses 5e-8 for 481 × 321, because ε
+        is a sum over pixels.
     """
 
     learning_rate: float = 5e-6
@@ -37,7 +37,7 @@ class ProjectedGradient:
         positive_number("learning_rate", self.learning_rate)
 
     def take_step(self, cost: Cost, vector: Vector, state: State) -> Step:
-        """Return the projected step against the gradient."""
+        """Return a step against the gradient, projected onto 𝒜."""
         loss, gradient = cost.gradient(vector)
         return Step(cost.project(vector - self.learning_rate * gradient), {}, loss, gradient)
 
@@ -57,8 +57,8 @@ class Adam:
     -----
     D. P. Kingma and J. Ba, "Adam: a method for stochastic optimization", ICLR 2015.
 
-    Differs from that paper: the learning rate falls as half a cosine, it is scaled by the range of
-    each parameter, and each step ends with the projection on 𝒜.
+    Differs from that paper: the learning rate falls along half a cosine, it is scaled by the range
+    of each parameter, and each step ends with the projection onto 𝒜.
     """
 
     learning_rate: float = 0.01
@@ -73,24 +73,24 @@ class Adam:
             raise ValueError(f"betas: expected two numbers in [0, 1), got {self.betas}")
 
     def take_step(self, cost: Cost, vector: Vector, state: State) -> Step:
-        """Return the step against the mean gradient over its root mean square."""
+        """Return a step against the mean gradient divided by its root mean square."""
         loss, gradient = cost.gradient(vector)
         zero = np.zeros_like(vector)
-        first, second = self.betas
-        mean = first * state.get("mean", zero) + (1 - first) * gradient
-        square = second * state.get("square", zero) + (1 - second) * gradient**2
+        mean_decay, square_decay = self.betas
+        mean = mean_decay * state.get("mean", zero) + (1 - mean_decay) * gradient
+        square = square_decay * state.get("square", zero) + (1 - square_decay) * gradient**2
         taken = cost.step + 1
-        unbiased = mean / (1 - first**taken)
-        root_mean_square = np.sqrt(square / (1 - second**taken))
+        unbiased = mean / (1 - mean_decay**taken)
+        root_mean_square = np.sqrt(square / (1 - square_decay**taken))
         decay = 0.5 * (1 + math.cos(math.pi * cost.step / cost.steps))
-        # A parameter whose gradient was always 0 stays.
+        # A parameter whose gradient was always 0 does not change.
         direction = np.divide(unbiased, root_mean_square, out=zero, where=root_mean_square > 0)
         step = self.learning_rate * decay * _parameter_ranges(cost.network) * direction
         return Step(cost.project(vector - step), {"mean": mean, "square": square}, loss, gradient)
 
 
 def _parameter_ranges(network: Network) -> Vector:
-    """Return the range of each parameter: of coefficients, the domain of the next splines."""
+    """Return the range of each parameter; that of coefficients is the next splines' domain."""
     ranges = np.empty(sum(layer.parameter_count for layer in network.layers))
     for index, (filters, coefficients) in enumerate(split_vector(network, ranges)):
         filters[...] = _FILTER_RANGE

@@ -32,7 +32,7 @@ def parameter_vector(network: Network) -> Vector:
 
 
 def split_vector(network: Network, vector: Vector) -> Iterator[tuple[Vector, Vector]]:
-    """Return each layer's filters and spline coefficients as views of the vector.
+    """Yield each layer's filters and spline coefficients as views of the vector.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def split_vector(network: Network, vector: Vector) -> Iterator[tuple[Vector, Vec
 
 
 def with_parameters(network: Network, vector: Vector) -> Network:
-    """Return the network with other parameters."""
+    """Return the network with the parameters in the vector."""
     layers = [
         dataclasses.replace(
             layer,

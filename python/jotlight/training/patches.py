@@ -25,10 +25,10 @@ _DEFAULT_PATCH = 64
 """Default height and width of a patch, in pixels."""
 
 _SMOOTH_KERNEL_RADIUS = 2
-"""Pixels from which a smooth kernel brings light into a patch."""
+"""Distance in pixels over which a smooth kernel brings light into a patch."""
 
 _WHOLE_IMAGES_STEP = 2**32 - 1
-"""Step number whose random bits belong to the test images."""
+"""Step number that seeds the bits of the test images. No step of a run has it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,7 +47,7 @@ class PatchSampler:
     """Height and width of a patch; None for whole images."""
     border: int
     """Width of the rim of a patch that the cost leaves out, because its estimate depends on pixels
-    outside the patch. The rims of the image itself count."""
+    outside the patch. The cost includes the rim where it lies at the border of the image."""
 
     @classmethod
     def for_network(
@@ -60,14 +60,14 @@ class PatchSampler:
         pixels: int,
         seed: int,
     ) -> Self:
-        """Return the sampler of :func:`jotlight.train`, which documents most parameters.
+        """Return the sampler for :func:`jotlight.train`, which documents most parameters.
 
-        `pixels` is the number of pixels per step that decides the default batch.
+        `pixels` is the number of pixels per step from which the default batch follows.
 
         Raises
         ------
         TypeError, ValueError
-            When images, patch, and batch do not fit each other or the network.
+            When images, patch, batch, and network do not fit together.
         """
         sensor = patch_sensor(sensor)
         border = network.halo + (0 if sensor.kernel == "box" else _SMOOTH_KERNEL_RADIUS)
@@ -75,11 +75,11 @@ class PatchSampler:
         if callable(images):
             if patch is not None:
                 raise ValueError(
-                    "patch: is for images; those of a callable are used whole"
+                    f"patch: expected none for a callable, whose images are used whole, got {patch}"
                 )
             if batch is None:
-                one = generate_images(images, np.random.default_rng(0), 1)[0]
-                batch = max(1, pixels // one.size)
+                sample = generate_images(images, np.random.default_rng(0), 1)[0]
+                batch = max(1, pixels // sample.size)
             return cls(images, sensor, seed, batch, None, border)
         checked = check_images(images)
         side = patch_size(checked, patch)
@@ -106,7 +106,7 @@ class PatchSampler:
         return self._describe(images, chosen, first, first + sides, step)
 
     def whole_images(self, images: Images) -> dict[str, Any]:
-        """Return the engine's description of other images, whole, with bits of their own."""
+        """Return the engine's description of whole images, with the same bits in every step."""
         sizes = np.array([image.shape for image in images])
         indices = np.arange(len(sizes))
         return self._describe(images, indices, np.zeros_like(sizes), sizes, _WHOLE_IMAGES_STEP)
@@ -119,7 +119,7 @@ class PatchSampler:
         last: npt.NDArray[np.int64],
         step: int,
     ) -> dict[str, Any]:
-        """Return patches [first, last) of the chosen images, as the engine takes them."""
+        """Return the engine's description of the patches [first, last) of the chosen images."""
         rows, columns = zip(first.T, last.T, strict=True)
         return {
             "sensor": self.sensor.engine_arguments(),
@@ -144,7 +144,7 @@ def patch_sensor(sensor: Sensor) -> Sensor:
 
 
 def patch_size(images: Images, side: int | None) -> int:
-    """Return the height and width of patches: `side`, or by default 64 or the smallest image's.
+    """Return the height and width of patches: `side`. By default, it is at most 64.
 
     Raises
     ------

@@ -26,16 +26,16 @@ from jotlight.training.patches import PatchSampler
 Path = str | os.PathLike[str]
 Callback = Callable[[Record], object]
 
-_TESTS = 100
-"""Maximum number of tests of a run, besides the last one."""
+_MIN_TESTS = 100
+"""Minimum number of measurements on the test images, in a run of at least this number of steps."""
 
 _DIVERGED = 2.0
-"""A run has diverged when its cost exceeds that of its start by this factor."""
+"""Factor by which the cost of a diverged run exceeds the cost of the initial parameters."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Run:
-    """A run of :func:`jotlight.train`, whose parameters the fields are."""
+    """A run of :func:`jotlight.train`. Its settings have been checked."""
 
     network: Network
     sampler: PatchSampler
@@ -47,7 +47,7 @@ class Run:
     threads: int | None
 
     def settings(self) -> dict[str, Any]:
-        """Return what identifies the run in a checkpoint and in the network's history."""
+        """Return the settings that identify the run in checkpoints and in the network's history."""
         return {
             "network": fingerprint_network(self.network),
             "sensor": self.sampler.sensor.scalars(),
@@ -82,7 +82,9 @@ class Run:
             raise ValueError(f"{checkpoint}: damaged checkpoint: it does not fit the network")
         projected = self.admissible.project(self.network, state.vector)
         if not np.allclose(projected, state.vector, rtol=0, atol=1e-6):
-            raise ValueError(f"{checkpoint}: damaged checkpoint: its parameters are not in the set")
+            raise ValueError(
+                f"{checkpoint}: damaged checkpoint: its parameters are not in the admissible set"
+            )
         return state
 
     def take_steps(
@@ -94,14 +96,14 @@ class Run:
         seconds: float | None,
         callback: Callback | None,
     ) -> Checkpoint:
-        """Return the state after the remaining steps, or when the time is up."""
+        """Return the state after the last step, or after the last one within the time limit."""
         resumed_steps = len(state.history)
         writer = CheckpointWriter(checkpoint, resumed_steps)
         begun, longest = time.monotonic(), 0.0
         try:
             while len(state.history) < self.steps:
                 now = time.monotonic()
-                # The next step, and the measurement of its result.
+                # Reserve time for the next step and for the measurement of its result.
                 if seconds is not None and longest and now - begun + 2 * longest > seconds:
                     break
                 is_first_resumed = resume and len(state.history) == resumed_steps
@@ -111,12 +113,15 @@ class Run:
                 writer.update(state)
                 longest = max(longest, time.monotonic() - now)
         finally:
-            # Also after Ctrl-C or an error: `state` is always that between two steps.
+            # Also after Ctrl-C or an error: `state` is always the state between two steps.
             writer.close(state)
         return state
 
     def _take_step(self, start: Vector, state: Checkpoint, resumed_from: Path | None) -> Checkpoint:
-        """Return the state after the next step, the first one after the file `resumed_from`."""
+        """Return the state after the next step.
+
+        If it is the first one after resuming, `resumed_from` is the checkpoint.
+        """
         cost = self._cost(len(state.history))
         try:
             step = self.optimizer.take_step(cost, state.vector, state.state)
@@ -127,7 +132,7 @@ class Run:
                 f"{resumed_from}: damaged checkpoint: {self.optimizer} cannot continue from it "
                 f"({error})"
             ) from error
-        is_tested = cost.step % max(1, self.steps // _TESTS) == 0
+        is_tested = cost.step % max(1, self.steps // _MIN_TESTS) == 0
         psnr = self._test_psnr(state.vector) if is_tested else None
         record = Record(cost.step, step.loss, float(np.linalg.norm(step.gradient)), psnr)
         records = [*state.history.records, record]
@@ -144,17 +149,19 @@ class Run:
         if not (np.isfinite([record.loss, record.gradient_norm]).all() and usable):
             raise FloatingPointError(
                 f"step {record.step}: the run reached infinity or NaN (cost {record.loss:.4g}, "
-                f"gradient norm {record.gradient_norm:.4g}); {optimizer.advice}, now {optimizer}"
+                f"gradient norm {record.gradient_norm:.4g}); optimizer {optimizer}: "
+                f"{optimizer.advice}"
             )
         recent = [record.loss for record in records[-10:]]
         if len(recent) < 10 or np.mean(recent) < 1.5 * records[0].loss:
             return
-        # The patches may just be harder: the start must have a lower cost on the same ones.
+        # Harder patches raise the cost, too. So compare with the start on the same patches.
         at_start = cost.value(start)
         if record.loss > _DIVERGED * at_start:
             raise FloatingPointError(
                 f"step {record.step}: the run diverges: the cost is {record.loss:.4g}, and "
-                f"{at_start:.4g} for the first parameters; {optimizer.advice}, now {optimizer}"
+                f"{at_start:.4g} for the initial parameters; optimizer {optimizer}: "
+                f"{optimizer.advice}"
             )
 
     def finish(

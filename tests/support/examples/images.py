@@ -10,7 +10,7 @@ from PIL import Image
 from examples.captures import COUNTS, palette, tiff, written
 from examples.encodings import INSIDE_GZIP, INSIDE_NPZ, PNG_CHECKSUMS, array_makers
 from examples.reader import Reader
-from jotlight.datasets.cifar10_files import from_archive
+from jotlight.datasets.cifar10_files import read_archive
 from jotlight.images.io import image_writer, read_image
 from jotlight.images.sets import read_image_set
 
@@ -58,7 +58,7 @@ IMAGES = {
     ),
     "cifar-archive": Reader(
         "a.tar.gz",
-        lambda path: list(from_archive(path, ["test_batch"])),
+        lambda path: list(read_archive(path, ["test_batch"])),
         (_cifar_archive,),
         **INSIDE_GZIP,
     ),

@@ -83,9 +83,9 @@ def compiled_run(network: jl.Network, torch: Any) -> Callable[[], np.ndarray]:
 
 
 def jotlight_module_run(network: jl.Network, _: Any) -> Callable[[], np.ndarray]:
-    from jotlight.torch import Network
+    from jotlight.torch import NetworkModule
 
-    return module_run(Network(network))
+    return module_run(NetworkModule(network))
 
 
 def module_run(module: Any) -> Callable[[], np.ndarray]:

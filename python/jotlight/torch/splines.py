@@ -1,0 +1,173 @@
+"""Cubic B-spline nonlinearities, differentiable in their input and in their coefficients.
+
+On a CPU they run in the engine; on other devices they consist of PyTorch operations.
+"""
+
+import math
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+import jotlight._engine as engine
+from jotlight.checks import whole_number
+from jotlight.networks.splines import CUBIC_BASIS
+
+
+def spline(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Tensor:
+    """Return φ(z) = Σ_k w_k β3((z - start)/spacing - (k - 1)) per channel: equations (8), (10).
+
+    Parameters
+    ----------
+    z : Tensor, shape (N, C, ...)
+        Values of C channels, of any floating-point type.
+    coefficients : Tensor, shape (C, N_w)
+        w: at least 4 per channel.
+    start, spacing : float
+        First knot, and distance between knots. φ covers [start, start + (N_w - 3) spacing] and is
+        constant outside.
+
+    Returns
+    -------
+    Tensor, shape (N, C, ...)
+        φ(z), of the type of z.
+
+    Raises
+    ------
+    ValueError
+        When there are fewer than 4 coefficients, or other channels than those of z.
+
+    Examples
+    --------
+    >>> identity = torch.tensor([[-1.0, 0.0, 1.0, 2.0]])
+    >>> spline(torch.tensor([[0.25], [0.5], [9.0]]), identity, 0.0, 1.0).flatten().tolist()
+    [0.25, 0.5, 1.0]
+    """
+    if z.device.type == "cpu":
+        dtype = torch.promote_types(z.dtype, torch.float32)
+        values: Tensor = _spline(z.to(dtype), coefficients.to(dtype), float(start), float(spacing))
+        return values.to(z.dtype)
+    return spline_reference(z, coefficients, start, spacing)
+
+
+def spline_reference(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Tensor:
+    """Return what :func:`spline` returns, by PyTorch operations alone, on any device.
+
+    Examples
+    --------
+    >>> identity = torch.tensor([[-1.0, 0.0, 1.0, 2.0]])
+    >>> spline_reference(torch.tensor([[0.25], [0.5]]), identity, 0.0, 1.0).flatten().tolist()
+    [0.25, 0.5]
+    """
+    channels, number = coefficients.shape
+    intervals = number - 3
+    basis = torch.tensor(CUBIC_BASIS, dtype=coefficients.dtype, device=coefficients.device) / 6
+    cubics = (coefficients.unfold(1, 4, 1) @ basis).reshape(-1, 4)
+    position = (z.to(coefficients.dtype) - start) / spacing
+    # `clamp` would set the slope on the outermost knots to 0, too.
+    position = torch.where(position < 0, 0, torch.where(position > intervals, intervals, position))
+    knot = position.detach().floor().clamp(max=intervals - 1)
+    t = position - knot
+    offset = torch.arange(channels, device=z.device).view(-1, *[1] * (z.dim() - 2)) * intervals
+    # NaN selects any interval; the result is NaN through t.
+    index = knot.long().clamp(0, intervals - 1) + offset
+    a, b, c, d = cubics[index].unbind(-1)
+    return (((d * t + c) * t + b) * t + a).to(z.dtype)
+
+
+@torch.library.custom_op("jotlight::spline", mutates_args=())
+def _spline(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Tensor:
+    arrays = _channel_array(z), _array(coefficients)
+    values = engine.activate(arrays, start, spacing, torch.get_num_threads())
+    return torch.from_numpy(values).view(z.shape)
+
+
+@_spline.register_fake
+def _(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Tensor:
+    return torch.empty(z.shape, dtype=z.dtype)
+
+
+@torch.library.custom_op("jotlight::spline_backward", mutates_args=())
+def _spline_backward(
+    z: Tensor, gradient: Tensor, coefficients: Tensor, start: float, spacing: float
+) -> tuple[Tensor, Tensor]:
+    z_gradient, coefficients_gradient = engine.activate_backward(
+        (_channel_array(z), _array(coefficients)),
+        _channel_array(gradient),
+        start,
+        spacing,
+        torch.get_num_threads(),
+    )
+    return (
+        torch.from_numpy(z_gradient).view(z.shape),
+        torch.from_numpy(coefficients_gradient).to(coefficients.dtype),
+    )
+
+
+@_spline_backward.register_fake
+def _(
+    z: Tensor, gradient: Tensor, coefficients: Tensor, start: float, spacing: float
+) -> tuple[Tensor, Tensor]:
+    return torch.empty(z.shape, dtype=z.dtype), torch.empty_like(coefficients)
+
+
+def _setup_context(ctx: Any, inputs: tuple[Any, ...], output: Tensor) -> None:
+    z, coefficients, ctx.start, ctx.spacing = inputs
+    ctx.save_for_backward(z, coefficients)
+
+
+def _backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, Tensor, None, None]:
+    z, coefficients = ctx.saved_tensors
+    gradients = _spline_backward(z, gradient, coefficients, ctx.start, ctx.spacing)
+    return (*gradients, None, None)
+
+
+_spline.register_autograd(_backward, setup_context=_setup_context)
+
+
+def _array(tensor: Tensor) -> Any:
+    return tensor.detach().contiguous().numpy()
+
+
+def _channel_array(tensor: Tensor) -> Any:
+    """Return an array (N, C, P) of P values per channel."""
+    return _array(tensor).reshape(*tensor.shape[:2], math.prod(tensor.shape[2:]))
+
+
+class Spline(nn.Module):
+    """A trainable cubic B-spline per channel, which starts near max(z, 0).
+
+    Parameters
+    ----------
+    channels : int
+        C.
+    coefficients : int
+        N_w: coefficients per channel, at least 4.
+    low, high : float
+        First and last knot. The spline is constant outside.
+
+    Raises
+    ------
+    ValueError
+        For fewer than 4 coefficients.
+
+    Examples
+    --------
+    >>> relu = Spline(8)
+    >>> relu(torch.zeros(2, 8, 5, 5)).shape
+    torch.Size([2, 8, 5, 5])
+    """
+
+    def __init__(
+        self, channels: int, coefficients: int = 13, low: float = -3.0, high: float = 3.0
+    ) -> None:
+        super().__init__()
+        whole_number("coefficients", coefficients, 4)
+        self.start, self.spacing = float(low), (high - low) / (coefficients - 3)
+        centers = low + self.spacing * (torch.arange(coefficients) - 1)
+        # A cubic B-spline whose coefficients lie on a line is that line.
+        self.coefficients = nn.Parameter(centers.clamp(min=0).repeat(channels, 1))
+
+    def forward(self, z: Tensor) -> Tensor:
+        """Return φ(z), shape (N, C, ...)."""
+        return spline(z, self.coefficients, self.start, self.spacing)

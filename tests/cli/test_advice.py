@@ -1,0 +1,205 @@
+"""The advice of `reconstruct` where no shipped network fits the capture."""
+
+import gzip
+import shlex
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.networks.network import Network
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*no valid jot")
+
+PHOTO = jl.datasets.photograph("camera")[100:356, 128:384]
+QUICK = ("--steps", 1, "--batch", 8)
+
+
+def save_capture(scene, frames=16, name="capture.npy", **sensor):
+    """Save a capture without the description of its sensor, as from a camera."""
+    bits = jl.Sensor(frames=frames, **sensor).expose(scene, rng=0)
+    jl.save(jl.Bits(bits.packed, bits.width), name)
+    return bits
+
+
+def command_in(output):
+    """Return the arguments of the one printed command."""
+    [command] = [line.split(": ")[-1] for line in output.splitlines() if "jotlight train" in line]
+    arguments = shlex.split(command)
+    assert arguments[:3] == ["jotlight", "train", "--sensor"]
+    return arguments[1:]
+
+
+@pytest.mark.parametrize(("level", "fits"), [(0.3, False), (0.9, True), (5.0, False)])
+def test_training_is_advised_only_where_the_brightness_does_not_fit(run, tmp_path, level, fits):
+    bits = save_capture(level * PHOTO)
+    np.save("counts.npy", bits.counts())
+    for arguments in (["capture.npy"], ["counts.npy", "--frames", 16]):
+        status, output = run(
+            "reconstruct", *arguments, "-o", "out.npy", "--method", "network-two-layer"
+        )
+        assert status == 0, output
+        if fits:
+            assert "jotlight train" not in output
+        else:
+            expected = list(map(str, [*arguments, "-o", "model.safetensors"]))
+            assert command_in(output) == ["train", "--sensor", *expected]
+        for method in ([], ["--method", "mle"]):
+            status, output = run("reconstruct", *arguments, "-o", "out.npy", *method)
+            assert "jotlight train" not in output
+            if not method:
+                assert (np.median(np.load("out.npy")) > 1) == (level > 1)
+
+
+def test_a_requested_network_runs_and_warns_when_the_scene_is_too_bright(run, tmp_path):
+    bits = save_capture(5 * PHOTO)
+    status, output = run("reconstruct", "capture.npy", "-o", "out.npy", "-m", "network-two-layer")
+    assert status == 0
+    assert (
+        "by network-two-layer: the scene reaches the largest intensity 1 of the network" in output
+    )
+    assert "--method network-medium reaches 3.47" in output
+    assert command_in(output)[2] == "capture.npy"
+    expected = jl.pretrained(jl.Sensor(frames=16), "two-layer").reconstruct(bits)
+    np.testing.assert_array_equal(np.load("out.npy"), expected)
+
+
+def test_the_range_of_a_known_sensor_is_used(run):
+    jl.save(jl.Sensor(frames=16).expose(5 * PHOTO, rng=0), "known.npy")
+    status, output = run("reconstruct", "known.npy", "-o", "out.npy")
+    assert status == 0
+    assert "by network, medium in" in output
+    assert np.load("out.npy").max() <= 1
+
+
+@pytest.mark.parametrize("level", [0.3, 5.0])
+def test_advice_for_a_video_is_printed_once(run, level):
+    save_capture(level * PHOTO, frames=40)
+    arguments = ["reconstruct", "capture.npy", "-o", "video.npy", "--window", 16, "--step", 12]
+    status, output = run(*arguments)
+    assert status == 0
+    assert "jotlight train" not in output
+    assert (np.load("video.npy").max() > 1) == (level > 1)
+    status, output = run(*arguments, "--method", "network-two-layer")
+    assert status == 0
+    command = command_in(output)
+    assert command[1:] == ["--sensor", "capture.npy", "--frames", "16", "-o", "model.safetensors"]
+    status, output = run(*command, *QUICK)
+    assert status == 0, output
+    assert Network.load("model.safetensors").sensor.frames == 16
+    status, output = run(*arguments, "--model", "model.safetensors")
+    assert status == 0, output
+    assert np.load("video.npy").shape == (3, 256, 256)
+
+
+@pytest.fixture
+def camera(run, tmp_path):
+    """Save a calibration of a camera and one of its captures; return its sensor."""
+    rng = np.random.default_rng(0)
+    dark = rng.gamma(2, 0.01, PHOTO.shape)
+    dark[::7, ::9] = 0.4
+    relative = np.clip((1 + 0.05 * rng.standard_normal(PHOTO.shape)) / 1.3, 1e-3, 1)
+    sensor = jl.Sensor(frames=2000, gain=2600, dark_counts=dark, efficiency=relative)
+    jl.calibrate(
+        sensor.expose(np.zeros(PHOTO.shape), 1), sensor.expose(np.full(PHOTO.shape, 0.7), 2)
+    ).save(tmp_path / "my camera.safetensors")
+    bits = sensor.replace(frames=16).expose(0.3 * PHOTO, 3)
+    jl.save(jl.Bits(bits.packed, bits.width), tmp_path / "capture.npy")
+    return sensor
+
+
+OPENED = {
+    "a key": ["counts.npz", "--key", "k16", "--frames", 16],
+    "raw frames": ["raw frames.bin", "--format", "swissspad2"],
+    "frames": ["capture.npy", "--frame-range", "3:12"],
+    "every second frame": ["capture.npy", "--frame-range", "0:16:2"],
+    "frames that would be an emoji": ["long.npy", "--frame-range", "0:100:2"],
+    "a calibration": ["capture.npy", "--calibration", "my camera.safetensors"],
+    "a calibration, turned back": [
+        "turned.npy", "--calibration", "my camera.safetensors", "--rotate", 90, "--flip", "vertical"
+    ],
+    "a width": ["odd.npy", "--width", 253, "--frame-range", ":9"],
+    "counts of uint8": ["small.npy", "--counts", "--frames", 3, "--frame-range", "0:1"],
+    "a sensor": ["capture.npy", "--gain", 8, "--threshold", 1, "--dark-counts", "dark.npy"],
+    "a range": ["capture.npy", "--max-intensity", 2.5],
+    "20 frames": ["long.npy", "--frame-range", "0:20"],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        pytest.param(arguments, id=name, marks=() if name == "frames" else pytest.mark.slow)
+        for name, arguments in OPENED.items()
+    ],
+)
+def test_the_printed_command_trains_a_network_for_the_capture(run, camera, arguments):
+    """The test takes fewer steps than the printed command."""
+    bits = jl.open("capture.npy")
+    np.savez("counts.npz", k1=bits[:1].counts(), k16=bits.counts())
+    frames = np.random.default_rng(0).random((4, 256, 512)) < 0.2
+    np.packbits(frames, axis=2, bitorder="little").tofile("raw frames.bin")
+    flipped = bits.to_array()[:, ::-1]
+    jl.save(jl.Bits.from_array(np.rot90(flipped, -1, (1, 2))), "turned.npy")
+    np.save("odd.npy", jl.Bits.from_array(bits.to_array()[:, :, :253]).packed)
+    np.save("small.npy", np.stack([bits[:3].counts(), bits[3:6].counts()]).astype(np.uint8))
+    np.save("dark.npy", np.full(PHOTO.shape, 0.01))
+    save_capture(0.3 * PHOTO, frames=100, name="long.npy")
+    # If no network fits, this command fails with the same advice.
+    _, output = run("reconstruct", *arguments, "-o", "out.npy", "--method", "network-two-layer")
+    command = command_in(output)
+    assert "FOLDER_OF_PHOTOGRAPHS" not in output
+    status, output = run(*command, *QUICK)
+    assert status == 0, output
+    status, output = run("reconstruct", *arguments, "-o", "out.npy", "--model", "model.safetensors")
+    assert status == 0, output
+    assert "jotlight train" not in output
+    own = Network.load("model.safetensors")
+    assert not own.sensor.maps()
+    assert np.load("out.npy").max() <= own.sensor.max_intensity
+
+
+@pytest.mark.slow
+def test_a_network_trained_with_the_calibration_has_the_highest_psnr(run, camera):
+    training = ("--steps", 8, "--batch", 128)
+    calibrated = ("--calibration", "my camera.safetensors")
+    assert run("train", "--sensor", "capture.npy", "-o", "plain.safetensors", *training)[0] == 0
+    train = ("train", "--sensor", "capture.npy", "-o", "own.safetensors")
+    assert run(*train, *training, *calibrated)[0] == 0
+    own = Network.load("own.safetensors").sensor
+    found = jl.Calibration.load("my camera.safetensors").sensor(16)
+    assert own.dark_counts == np.median(found.dark_counts[~found.mask])
+    assert own.gain == found.gain
+    assert own.max_intensity == pytest.approx(2 * 0.3, rel=0.15)
+
+    def psnr(*arguments):
+        status, output = run("reconstruct", "capture.npy", "-o", "out.npy", *arguments)
+        assert status == 0, output
+        return jl.metrics.psnr(np.load("out.npy"), 0.3 * PHOTO)
+
+    best = psnr("--model", "own.safetensors", *calibrated)
+    assert best > psnr("--model", "plain.safetensors", *calibrated)
+    assert best > psnr("--method", "noniterative-tv", *calibrated)
+    assert best > psnr("--method", "noniterative-gaussian", *calibrated)
+    assert best > psnr("--method", "mle", *calibrated) + 6
+    assert best > psnr("--model", "plain.safetensors") + 1
+    assert best > psnr("--method", "noniterative-tv") + 1
+    assert psnr(*calibrated) > psnr() + 1
+
+
+def test_the_requested_range_is_trained(run):
+    save_capture(0.3 * PHOTO)
+    arguments = ["train", "--sensor", "capture.npy", "-o", "own.safetensors", *QUICK]
+    assert run(*arguments, "--max-intensity", 2.5)[0] == 0
+    assert Network.load("own.safetensors").sensor.max_intensity == 2.5
+
+
+@pytest.mark.parametrize("name", ["capture.npy", "capture.npy.gz"])
+def test_the_bits_beside_a_description_may_be_compressed(run, tmp_path, name):
+    save_capture(0.3 * PHOTO)
+    if name == "capture.npy.gz":
+        (tmp_path / name).write_bytes(gzip.compress((tmp_path / "capture.npy").read_bytes(), 1))
+        (tmp_path / "capture.npy").unlink()
+    status, output = run("train", "--sensor", "capture.json", "-o", "own.safetensors", *QUICK)
+    assert status == 0, output
+    assert f"{name}: the brightness of the scene" in output

@@ -1,0 +1,122 @@
+"""`jotlight compare`."""
+
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import jotlight as jl
+from jotlight.cli import console
+from jotlight.evaluation.methods import METHODS
+
+FUNCTIONS = {"admm-tv": jl.admm_tv, "mle-iterative": jl.mle_iterative}
+TITLES = {name: METHODS[name].title for name in FUNCTIONS}
+
+
+@pytest.fixture(autouse=True)
+def forget_warnings(monkeypatch):
+    """Forget the warnings of other tests: a process prints each warning once."""
+    monkeypatch.setattr(console, "_shown_warnings", set())
+
+
+def files(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_compare_prints_a_table_and_writes_one_figure(run, photo, tmp_path):
+    status, output = run("compare", photo, "-m", "mle,noniterative-gaussian,network-two-layer")
+    assert status == 0
+    for word in (
+        "maximum likelihood",
+        "non-iterative, Gaussian",
+        "network",
+        "PSNR",
+        "SSIM",
+        "time",
+    ):
+        assert word in output
+    assert files(tmp_path) == ["photo-compare.png", "photo.png"]
+    with Image.open(tmp_path / "photo-compare.png") as figure:
+        assert min(figure.size) > 300
+
+
+@pytest.mark.parametrize("ending", ["png", "jpg", "pdf", "svg"])
+def test_compare_writes_every_kind_of_figure(run, color, tmp_path, ending):
+    assert run("compare", color, "-m", "mle", "-o", f"figure.{ending}")[0] == 0
+    assert (tmp_path / f"figure.{ending}").stat().st_size > 5000
+
+
+def test_tiny_images_are_compared_without_ssim(run, tmp_path):
+    np.save("tiny.npy", np.full((8, 8), 0.5, np.float32))
+    status, output = run("compare", "tiny.npy", "-m", "mle,noniterative-tv")
+    assert status == 0
+    assert "none" in output
+
+
+@pytest.mark.parametrize("channels", [2, 4])
+def test_images_of_two_or_four_channels_are_refused_by_compare_and_by_gray(run, tmp_path, channels):
+    np.save("odd.npy", np.full((20, 20, channels), 0.5, np.float32))
+    status, output = run("compare", "odd.npy", "-m", "mle")
+    assert status == 1
+    assert f"{channels} channels" in output
+    assert run("simulate", "odd.npy", "-o", "bits.npy")[0] == 0
+    assert jl.open("bits.npy").shape[3] == channels
+    status, output = run("simulate", "odd.npy", "-o", "gray.npy", "--gray")
+    assert status == 1
+    assert "red, green, and blue" in output
+
+
+def test_a_method_that_ignores_a_smooth_kernel_warns(photo, tmp_path):
+    arguments = ["compare", str(photo), "-m", "mle", "--kernel", "cubic"]
+    done = subprocess.run(
+        [sys.executable, "-m", "jotlight", *arguments], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 0
+    assert "warning: the light of a cubic kernel" in done.stderr
+
+
+def test_a_warning_of_several_methods_is_printed_once(photo, tmp_path):
+    arguments = ["compare", str(photo), "-m", "mle,noniterative-gaussian,noniterative-tv"]
+    done = subprocess.run(
+        [sys.executable, "-m", "jotlight", *arguments, "--kernel", "linear"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
+    assert done.stderr.count("warning: the light of a linear kernel") == 1
+
+
+@pytest.fixture
+def without_slow_methods(monkeypatch):
+    for name in ("noniterative-nlm", "noniterative-bm3d", "noniterative-tv", "network-initial"):
+        monkeypatch.delitem(METHODS, name)
+
+
+def test_compare_omits_iterative_mle_for_the_box_kernel(run, photo, without_slow_methods):
+    status, output = run("compare", photo)
+    assert status == 0
+    assert TITLES["admm-tv"] in output
+    assert TITLES["mle-iterative"] not in output
+
+
+def test_compare_shows_every_named_method(run, photo):
+    status, output = run("compare", photo, "--methods", "mle,admm-tv,mle-iterative")
+    assert status == 0
+    scores = dict(re.findall(r"^(.*?) +(\S+) dB", output, re.MULTILINE))
+    assert list(scores) == ["maximum likelihood", *TITLES.values()]
+    assert scores["maximum likelihood"] == scores[TITLES["mle-iterative"]]
+    assert float(scores[TITLES["admm-tv"]]) > float(scores["maximum likelihood"]) + 3
+
+
+@pytest.mark.filterwarnings("always")
+def test_compare_shows_both_iterative_methods_for_a_smooth_kernel(
+    run, photo, tmp_path, without_slow_methods
+):
+    status, output = run("compare", photo, "--kernel", "quadratic")
+    assert status == 0
+    assert all(output.count(title) == 1 for title in TITLES.values())
+    assert "not converged" not in output
+    assert "photo-compare.png" in files(tmp_path)

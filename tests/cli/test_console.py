@@ -1,0 +1,115 @@
+"""The output of the commands on a terminal: progress, iterations, and the end by Ctrl-C."""
+
+import contextlib
+import os
+import re
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.evaluation.methods import METHODS
+
+FUNCTIONS = {"admm-tv": jl.admm_tv, "mle-iterative": jl.mle_iterative}
+TITLES = {name: METHODS[name].title for name in FUNCTIONS}
+BOX = jl.Sensor(oversampling=4)
+
+
+def files(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_a_long_command_shows_its_progress_on_a_terminal(tmp_path, photo):
+    """The terminal is a pseudo-terminal."""
+    leader, follower = os.openpty()
+    command = [
+        sys.executable,
+        "-m",
+        "jotlight",
+        "compare",
+        str(photo),
+        "-m",
+        "mle,noniterative-nlm",
+    ]
+    child = subprocess.Popen(command, stderr=follower, stdout=subprocess.DEVNULL, cwd=tmp_path)
+    os.close(follower)
+    shown = b""
+    while True:
+        try:
+            part = os.read(leader, 4096)
+        except OSError:  # The other end is closed.
+            break
+        if not part:
+            break
+        shown += part
+    os.close(leader)
+    assert child.wait() == 0
+    assert b"drawing the figure" in shown
+    assert b"%" in shown
+
+
+@contextlib.contextmanager
+def on_a_terminal(folder, *arguments):
+    """Start a command with a pseudo-terminal as stderr; yield the process and its output."""
+    # A shell lets its background jobs ignore SIGINT, and these tests may be one.
+    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
+    code += "from jotlight.cli.app import main; main()"
+    leader, follower = os.openpty()
+    with subprocess.Popen(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        cwd=folder,
+        env={**os.environ, "TERM": "xterm", "COLUMNS": "120"},
+        stdout=subprocess.DEVNULL,
+        stderr=follower,
+    ) as child:
+        os.close(follower)
+        try:
+            yield child, read_terminal(leader)
+        finally:
+            child.kill()
+            os.close(leader)
+
+
+def read_terminal(leader):
+    """Yield the whole output so far after each read, until the other end is closed."""
+    text = b""
+    # Reading from a pseudo-terminal fails when its other end is closed.
+    with contextlib.suppress(OSError):
+        while part := os.read(leader, 4096):
+            text += part
+            yield text.decode(errors="replace")
+
+
+@pytest.mark.parametrize("method", FUNCTIONS)
+def test_the_iteration_and_the_residual_are_shown_on_a_terminal(tmp_path, method):
+    bits = BOX.expose(jl.datasets.photograph("camera")[100:120, 180:204], rng=1)
+    jl.save(bits, tmp_path / "box.npy")
+    arguments = ["reconstruct", "box.npy", "-o", "out.png", "-m", method, "--tol", 0.002]
+    with on_a_terminal(tmp_path, *arguments) as (child, texts):
+        *_, text = texts
+        assert child.wait() == 0
+    # The last iteration is always shown. Its residual is within the tolerance.
+    last = FUNCTIONS[method](bits, BOX, tol=0.002, return_history=True)[1].iterations
+    found = re.findall(r"iteration (\d+), residual (\S+) \(to 0\.002\)", text)
+    assert int(found[-1][0]) == last
+    assert float(found[-1][1]) <= 0.002
+
+
+def test_ctrl_c_stops_promptly_and_leaves_the_old_image(tmp_path):
+    rng = np.random.default_rng(0)
+    np.save(tmp_path / "counts.npy", rng.integers(0, 17, (300, 300)))
+    (tmp_path / "out.png").write_bytes(b"an older image")
+    before = files(tmp_path)
+    arguments = ["reconstruct", "counts.npy", "-o", "out.png", "-m", "admm-tv", "--frames", 16]
+    endless = ["--tol", 1e-300, "--max-iter", 10**9]
+    with on_a_terminal(tmp_path, *arguments, *endless) as (child, texts):
+        next(text for text in texts if "iteration" in text)
+        child.send_signal(signal.SIGINT)
+        *_, text = texts
+        assert child.wait(timeout=10) == 130
+    assert "stopped" in text
+    assert "Traceback" not in text
+    assert files(tmp_path) == before

@@ -1,0 +1,121 @@
+"""`jotlight reconstruct`: captures, methods, and messages."""
+
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.images.io import read_image
+
+
+@pytest.mark.parametrize(
+    "method",
+    ["mle", "noniterative-tv", "noniterative-gaussian", "network-initial", "network-two-layer"],
+)
+def test_every_method_reconstructs_color(run, color, tmp_path, method):
+    assert run("simulate", color, "-o", "bits.npy", "-k", 4)[0] == 0
+    assert run("reconstruct", "bits.npy", "-o", "out.tif", "-m", method)[0] == 0
+    assert read_image(tmp_path / "out.tif").shape == (40, 49, 3)
+
+
+def test_counts_need_the_number_of_frames(run, tmp_path):
+    counts = np.arange(48, dtype=np.uint16).reshape(6, 8) % 17
+    np.save(tmp_path / "counts.npy", counts)
+    np.savez(tmp_path / "counts.npz", k16=counts, other=counts)
+    status, output = run("reconstruct", "counts.npy", "-o", "out.npy", "-m", "mle")
+    assert status == 1
+    assert "--frames" in output
+    for arguments in (["counts.npy"], ["counts.npz", "--key", "k16"]):
+        arguments += ["-o", "out.npy", "-m", "mle", "--frames", 16, "--max-intensity", 1]
+        status, output = run("reconstruct", *arguments)
+        assert status == 0
+        assert "assumed" in output
+        assert (np.load(tmp_path / "out.npy") == jl.mle(counts, jl.Sensor(frames=16))).all()
+    status, output = run("reconstruct", "counts.npz", "-o", "out.npy", "--frames", 16)
+    assert status == 1
+    assert "k16, other" in output
+
+
+def test_the_assumed_sensor_of_a_cube_without_a_description_is_printed(run, tmp_path):
+    np.save(tmp_path / "cube.npy", np.full((4, 6, 2), 0b01010101, np.uint8))
+    status, output = run("reconstruct", "cube.npy", "-o", "out.png", "-m", "mle")
+    assert status == 0
+    assert "assumed: Sensor(frames=4, max_intensity=2.07" in output  # log(2 * 4)
+
+
+def test_a_network_file_reconstructs_a_capture(run, photo, tmp_path):
+    network = jl.Network.initial(jl.Sensor(oversampling=2), sigma=1.0)
+    network.save(tmp_path / "model.safetensors")
+    assert run("simulate", photo, "-o", "bits.npy", "-k", 2)[0] == 0
+    arguments = ["reconstruct", "bits.npy", "-o", "out.npy"]
+    assert run(*arguments, "--model", "model.safetensors")[0] == 0
+    bits = jl.open(tmp_path / "bits.npy")
+    assert (np.load(tmp_path / "out.npy") == network.reconstruct(bits)).all()
+
+
+def test_a_missing_bm3d_is_an_error_that_names_the_extra_and_its_terms(run, photo, monkeypatch):
+    monkeypatch.setitem(sys.modules, "bm3d", None)
+    assert run("simulate", photo, "-o", "bits.npy")[0] == 0
+    status, output = run("reconstruct", "bits.npy", "-o", "a.png", "-m", "noniterative-bm3d")
+    assert status == 1
+    assert "jotlight[bm3d]" in output
+    assert "non-commercial" in output
+
+
+@pytest.mark.filterwarnings("always")
+def test_the_number_of_inpainted_pixels_is_reported(run, photo, tmp_path):
+    dead = np.zeros((40, 49), bool)
+    dead[3, 4] = True
+    np.save(tmp_path / "dead.npy", dead)
+    assert run("simulate", photo, "-o", "bits.npy", "-k", 1, "-t", 4, "--mask", "dead.npy")[0] == 0
+    status, output = run("reconstruct", "bits.npy", "-o", "a.png", "-m", "mle")
+    assert status == 0
+    assert "warning: 1 of 1960 pixels" in output
+
+
+def test_invalid_archives_are_refused_by_name(run, tmp_path):
+    np.savez("objects.npz", a=np.array([{}], dtype=object))
+    np.save("array.npy", np.arange(4))
+    (tmp_path / "array.npy").rename(tmp_path / "array.npz")
+    (tmp_path / "text.npz").write_text("not an archive")
+    np.savez("cut.npz", a=np.arange(10_000).reshape(100, 100))
+    whole = (tmp_path / "cut.npz").read_bytes()
+    (tmp_path / "cut.npz").write_bytes(whole[:100] + b"x" * 900 + whole[1000:])
+    for name, expected in {
+        "objects.npz": "Python objects",
+        "array.npz": "expected counts",
+        "text.npz": "expected a .npz file",
+        "cut.npz": "damaged",
+    }.items():
+        status, output = run("reconstruct", name, "-o", "a.png", "--frames", 9, "-m", "mle")
+        assert status == 1
+        assert output.startswith(f"error: {name}")
+        assert expected in output
+        assert "allow_pickle" not in output
+
+
+def test_archive_members_that_are_not_arrays_are_refused(run):
+    with zipfile.ZipFile("odd.npz", "w") as archive:
+        archive.writestr("a.npy", "not an array")
+        archive.writestr("b.npy", "")
+        archive.writestr("c.txt", "text")
+    for name in "ab":
+        for arguments in (
+            ["reconstruct", "odd.npz", "--key", name, "-o", "a.png", "-t", 9],
+            ["info"],
+        ):
+            status, output = run(*arguments, *(["odd.npz"] if arguments == ["info"] else []))
+            assert status == 1
+            assert output.startswith("error: odd.npz: ")
+            assert "damaged" in output
+    odd = Path("odd.npz")
+    content = bytearray(odd.read_bytes())
+    for position in [i for i in range(len(content)) if content[i : i + 4] == b"PK\x01\x02"]:
+        content[position + 10] = 97  # an unknown compression method
+    odd.write_bytes(content)
+    status, output = run("info", "odd.npz")
+    assert status == 1
+    assert output.startswith("error: odd.npz: the array a is damaged")

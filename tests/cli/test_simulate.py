@@ -1,0 +1,83 @@
+"""`jotlight simulate`."""
+
+import errno
+import os
+import re
+
+import numpy as np
+
+import jotlight as jl
+from jotlight.images.io import read_image
+
+
+def files(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_simulate_and_reconstruct_write_what_the_python_interface_returns(run, photo, tmp_path):
+    status, output = run("simulate", photo, "-o", "bits.npy", "-k", 3, "-t", 2, "--seed", 5)
+    assert status == 0
+    assert "2 frames of 120 x 147 jots" in output
+    image = read_image(photo)
+    sensor = jl.Sensor(oversampling=3, frames=2)
+    bits = jl.open(tmp_path / "bits.npy")
+    assert bits.sensor == sensor
+    assert (bits.packed == sensor.expose(image, 5).packed).all()
+    status, _ = run("reconstruct", "bits.npy", "-o", "out.npy", "--method", "mle")
+    assert status == 0
+    assert (np.load(tmp_path / "out.npy") == jl.mle(bits, sensor)).all()
+
+
+def test_the_option_gray_converts_color_to_luma(run, color, tmp_path):
+    assert run("simulate", color, "-o", "bits.npy", "--gray")[0] == 0
+    assert jl.open(tmp_path / "bits.npy").shape == (1, 160, 196)
+
+
+def test_all_sensor_options_reach_the_sensor(run, photo, tmp_path):
+    rng = np.random.default_rng(0)
+    dark = rng.random((80, 98)).astype(np.float32)
+    dead = rng.random((80, 98)) < 0.1
+    np.save(tmp_path / "dark.npy", dark)
+    np.save(tmp_path / "dead.npy", dead)
+    options = ["-k", 2, "-t", 3, "--gain", 6, "-q", 2, "--kernel", "cubic"]
+    options += ["--efficiency", 0.5, "--max-intensity", 2]
+    maps = ["--dark-counts", "dark.npy", "--mask", "dead.npy"]
+    assert run("simulate", photo, "-o", "bits.npy", *options, *maps)[0] == 0
+    assert jl.open(tmp_path / "bits.npy").sensor == jl.Sensor(
+        oversampling=2, frames=3, gain=6, threshold=2, kernel="cubic", dark_counts=dark,
+        efficiency=0.5, mask=dead, max_intensity=2,
+    )  # fmt: skip
+
+
+def test_simulating_again_without_a_mask_deletes_the_old_map(run, photo, tmp_path):
+    np.save("dead.npy", np.zeros((40, 49), bool))
+    masked = ["simulate", photo, "-o", "bits.npy", "-k", 1, "--mask", "dead.npy"]
+    for arguments in (masked, masked[:-2], masked):
+        assert run(*arguments)[0] == 0
+        assert (tmp_path / "bits.mask.npy").exists() == ("--mask" in arguments)
+        assert jl.open("bits.npy").sensor == jl.Sensor(
+            mask=np.zeros((40, 49), bool) if "--mask" in arguments else None
+        )
+
+
+def test_simulate_does_not_delete_the_map_that_it_reads(run, tmp_path):
+    np.save("scene.npy", np.full((20, 24), 0.5, np.float32))
+    np.save("dark.npy", np.full((20, 24), 0.25, np.float32))
+    arguments = ["simulate", "scene.npy", "-o", "a.npy", "-k", 1, "--dark-counts", "dark.npy"]
+    assert run(*arguments)[0] == 0
+    before = (tmp_path / "a.dark_counts.npy").read_bytes()
+    status, output = run("simulate", "a.dark_counts.npy", "-o", "a.npy", "-k", 1)
+    assert status == 1
+    assert "this file is read" in output
+    assert (tmp_path / "a.dark_counts.npy").read_bytes() == before
+
+
+def test_a_full_disk_is_reported_and_leaves_no_files(run, photo, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    status, output = run("simulate", photo, "-o", "bits.npy")
+    assert status == 1
+    assert re.search(r"cannot write bits.(npy|json): No space left", output)
+    assert files(tmp_path) == ["photo.png"]

@@ -1,0 +1,121 @@
+"""Training in several processes, devices, and threads."""
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+
+torch = pytest.importorskip("torch")
+from jotlight.torch import fine_tune, fine_tuning, train  # noqa: E402
+from jotlight.torch.distributed import ProcessGroup, choose_device, rank  # noqa: E402
+
+SCENE = np.kron([[0.1, 0.7, 0.3], [0.9, 0.2, 0.5], [0.4, 0.8, 0.1]], np.ones((16, 16)))
+BITS = jl.Sensor(frames=8).expose(SCENE, rng=0)
+IMAGES = np.random.default_rng(0).random((5, 20, 24), np.float32)
+SCRIPT = """
+import json, sys
+import numpy as np
+import jotlight as jl
+from jotlight.torch import train
+
+network = jl.Network.residual(jl.Sensor(oversampling=3), "small", rng=0)
+images = np.random.default_rng(0).random((5, 20, 24), np.float32)
+records = []
+trained, history = train(
+    network, images, steps=4, batch=5, patch=12, rng=3, threads=1, device="cpu",
+    test=list(images[:1]), callback=records.append, checkpoint=sys.argv[1] + "/run",
+)
+if records:
+    trained.save(sys.argv[1] + "/trained.safetensors")
+    print(json.dumps([history.to_json(), len(records)]))
+"""
+
+
+@pytest.mark.slow
+def test_two_processes_train_the_network_that_one_process_trains(tmp_path):
+    (tmp_path / "train.py").write_text(SCRIPT, "utf-8")
+    launcher = [sys.executable, "-m", "torch.distributed.run", "--standalone"]
+    printed = subprocess.run(
+        [*launcher, "--nproc-per-node", "2", tmp_path / "train.py", tmp_path],
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        env={**os.environ, "PYTHONPATH": str(Path(jl.__file__).parents[1])},
+    ).stdout
+    # The main process alone prints.
+    (line,) = printed.splitlines()
+    history, number = json.loads(line)
+    assert number == 5
+    assert (tmp_path / "run").is_file()
+    alone, history_alone = train(
+        jl.Network.residual(jl.Sensor(oversampling=3), "small", rng=0), IMAGES, steps=4, batch=5,
+        patch=12, rng=3, threads=1, device="cpu", test=list(IMAGES[:1]),
+    )  # fmt: skip
+    np.testing.assert_allclose(history["loss"], history_alone.loss, rtol=1e-4)
+    np.testing.assert_allclose(history["gradient_norm"], history_alone.gradient_norm, rtol=1e-3)
+    together = jl.Network.load(tmp_path / "trained.safetensors")
+    for layer, other in zip(alone.layers, together.layers, strict=True):
+        np.testing.assert_allclose(layer.filters, other.filters, atol=2e-3)
+
+
+def test_the_gradients_of_two_processes_add_up_to_that_of_one(monkeypatch):
+    """The processes run one after the other here."""
+    losses, gradients = [], []
+
+    class RecordingGroup(ProcessGroup):
+        def all_reduce_sum(self, tensor):
+            losses.append(float(tensor[0]))
+            gradients.append(tensor[1:].clone())
+
+    for group in (RecordingGroup(0, 1), RecordingGroup(0, 2), RecordingGroup(1, 2)):
+        monkeypatch.setattr(
+            fine_tuning, "process_group", lambda _, group=group: contextlib.nullcontext(group)
+        )
+        monkeypatch.setattr(ProcessGroup, "broadcast", lambda *_: None)
+        fine_tune(
+            jl.Network.conditional("small", rng=0), BITS, steps=1, batch=5, patch=24, rng=3,
+            threads=1, device="cpu",
+        )  # fmt: skip
+    # Each run measures twice, and the second time is that of its result.
+    whole, first, second = range(0, 6, 2)
+    assert losses[first] + losses[second] == pytest.approx(losses[whole], rel=1e-5)
+    total = gradients[first] + gradients[second]
+    torch.testing.assert_close(total, gradients[whole], rtol=1e-3, atol=1e-6)
+
+
+def test_the_shards_of_all_processes_divide_a_batch():
+    patches = np.arange(7)
+    shards = [patches[ProcessGroup(number, 3).shard] for number in range(3)]
+    np.testing.assert_array_equal(np.sort(np.concatenate(shards)), patches)
+    assert max(map(len, shards)) - min(map(len, shards)) <= 1
+
+
+def test_only_the_first_process_is_the_main_one(monkeypatch):
+    assert [ProcessGroup(number, 3).is_main for number in range(3)] == [True, False, False]
+    monkeypatch.delenv("RANK", raising=False)
+    assert rank() == 0
+    monkeypatch.setenv("RANK", "2")
+    assert rank() == 2
+
+
+def test_each_process_has_its_own_gpu(monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setenv("LOCAL_RANK", "1")
+    assert choose_device(None) == choose_device("cuda") == torch.device("cuda", 1)
+    assert choose_device("cuda:0") == torch.device("cuda", 0)
+    assert choose_device("cpu") == torch.device("cpu")
+
+
+def test_a_missing_gpu_is_an_error_unless_the_choice_is_free(monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    assert choose_device(None) == torch.device("cpu")
+    with pytest.raises(ValueError, match="device: expected cpu, since PyTorch finds no GPU"):
+        choose_device("cuda")

@@ -1,0 +1,172 @@
+"""Splines in PyTorch: those of the engine, and those of PyTorch operations alone."""
+
+import copy
+
+import numpy as np
+import pytest
+
+from reference import networks
+
+torch = pytest.importorskip("torch")
+from jotlight.torch import Spline, spline  # noqa: E402
+from jotlight.torch.splines import spline_reference  # noqa: E402
+
+KNOTS = [(4, -1.0, 2.0), (9, 0.5, 0.25), (13, -3.0, 0.6), (150, 0.0, 0.1)]
+SHAPES = [(1, 1, 1), (2, 3, 5, 7), (3, 2, 40, 33), (4, 3)]
+
+
+def random_planes(shape, number, start, spacing, dtype, seed=0):
+    """Return values inside and outside of the knots, and coefficients."""
+    rng = np.random.default_rng(seed)
+    reach = spacing * (number - 3)
+    z = rng.uniform(start - 0.3 * reach, start + 1.3 * reach, shape)
+    coefficients = rng.normal(0, 1, (shape[1], number))
+    return tuple(torch.from_numpy(x).to(dtype).requires_grad_() for x in (z, coefficients))
+
+
+@pytest.mark.parametrize("knots", KNOTS)
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("function", [spline, spline_reference])
+def test_values_agree_with_the_twin(knots, shape, dtype, function):
+    z, coefficients = random_planes(shape, *knots, dtype)
+    values = function(z, coefficients, *knots[1:])
+    assert (values.shape, values.dtype) == (z.shape, dtype)
+    tolerance = 1e-12 if dtype == torch.float64 else 2e-5 * np.sqrt(knots[0])
+    for channel, weights in enumerate(coefficients.detach().double().numpy()):
+        plane = z[:, channel].detach().double().numpy()
+        expected = networks.spline(plane, weights, *knots[1:])
+        np.testing.assert_allclose(values[:, channel].detach(), expected, atol=tolerance)
+
+
+@pytest.mark.parametrize("knots", KNOTS)
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_the_gradients_of_the_engine_agree_with_those_of_pytorch(knots, shape, dtype):
+    z, coefficients = random_planes(shape, *knots, dtype)
+    weights = torch.randn(shape, dtype=dtype, generator=torch.Generator().manual_seed(1))
+    gradients = [
+        torch.autograd.grad(
+            (weights * function(z, coefficients, *knots[1:])).sum(), (z, coefficients)
+        )
+        for function in (spline, spline_reference)
+    ]
+    tolerance = 1e-10 if dtype == torch.float64 else 2e-3
+    for actual, expected in zip(*gradients, strict=True):
+        scale = float(abs(expected).max()) + 1e-6
+        torch.testing.assert_close(actual / scale, expected / scale, atol=tolerance, rtol=0)
+
+
+@pytest.mark.parametrize("knots", KNOTS[:3])
+@pytest.mark.parametrize("function", [spline, spline_reference])
+def test_gradients_agree_with_finite_differences(knots, function):
+    z, coefficients = random_planes((2, 2, 3, 4), *knots, torch.float64)
+    assert torch.autograd.gradcheck(lambda z, w: function(z, w, *knots[1:]), (z, coefficients))
+
+
+@pytest.mark.parametrize("function", [spline, spline_reference])
+def test_the_outermost_knots_have_the_slope_of_the_inside(function):
+    """A count of 0 lies on the first knot, and has to pass its gradient on."""
+    start, spacing, number = 0.0, 0.5, 9
+    coefficients = torch.linspace(0, 3, number, dtype=torch.float64)[None] ** 2
+    inside = torch.tensor([[1e-9, 3.0 - 1e-9, -1e-9, 3.0 + 1e-9]], dtype=torch.float64).T
+    exactly = torch.tensor([[0.0, 3.0]], dtype=torch.float64).T
+    inside.requires_grad_()
+    exactly.requires_grad_()
+    near = function(inside, coefficients, start, spacing)
+    at_knots = function(exactly, coefficients, start, spacing)
+    torch.testing.assert_close(at_knots[:, 0], near[:2, 0], atol=1e-7, rtol=0)
+    (slopes,) = torch.autograd.grad(near.sum(), inside)
+    assert (slopes[2:] == 0).all()
+    assert (slopes[:2] > 0).all()
+
+
+def test_engine_and_pytorch_have_the_same_slope_on_knots():
+    coefficients = torch.randn(1, 9, dtype=torch.float64)
+    slopes = []
+    for function in (spline, spline_reference):
+        knots = (0.5 * torch.arange(7, dtype=torch.float64))[:, None].requires_grad_()
+        slopes.append(torch.autograd.grad(function(knots, coefficients, 0.0, 0.5).sum(), knots)[0])
+    torch.testing.assert_close(*slopes)
+
+
+def test_nan_stays_nan_and_changes_no_other_value():
+    z = torch.tensor([[[float("nan"), 0.5]]])
+    values = spline_reference(z, torch.arange(7.0)[None], 0.0, 0.5)
+    assert torch.isfinite(values).tolist() == [[[False, True]]]
+
+
+@pytest.mark.parametrize("dtype", [torch.bfloat16, torch.float16])
+def test_half_precision_input_gets_half_precision_output_and_gradient(dtype):
+    z, coefficients = random_planes((2, 3, 8, 9), *KNOTS[2], torch.float32)
+    expected = spline(z, coefficients, *KNOTS[2][1:])
+    half = z.detach().to(dtype).requires_grad_()
+    values = spline(half, coefficients, *KNOTS[2][1:])
+    assert values.dtype == dtype
+    assert abs(values.float() - expected).mean() < 0.03
+    values.float().sum().backward()
+    assert half.grad.dtype == dtype
+    assert coefficients.grad.dtype == torch.float32
+
+
+def test_views_and_empty_tensors_are_valid_input():
+    z, coefficients = random_planes((2, 3, 8, 9), *KNOTS[1], torch.float32)
+    view = z.transpose(2, 3)[:, :, ::2]
+    values = spline(view, coefficients, *KNOTS[1][1:])
+    assert torch.equal(values, spline(view.contiguous(), coefficients, *KNOTS[1][1:]))
+    values.sum().backward()
+    assert z.grad[..., 1::2].abs().max() == 0
+    empty = spline(torch.zeros(0, 3, 4), coefficients, *KNOTS[1][1:])
+    assert empty.shape == (0, 3, 4)
+
+
+def test_the_number_of_threads_does_not_change_any_value():
+    z, coefficients = random_planes((4, 5, 60, 70), *KNOTS[2], torch.float32)
+    before = torch.get_num_threads()
+    results = []
+    try:
+        for threads in (1, 2):
+            torch.set_num_threads(threads)
+            out = spline(z, coefficients, *KNOTS[2][1:])
+            results.append((out, *torch.autograd.grad(out.sum(), (z, coefficients))))
+    finally:
+        torch.set_num_threads(before)
+    for single, double in zip(*results, strict=True):
+        assert torch.equal(single, double)
+
+
+def test_a_new_spline_is_nearly_relu_and_keeps_its_values_in_a_copy():
+    module = Spline(4, coefficients=33, low=-2.0, high=2.0)
+    z = torch.linspace(-3, 3, 61).expand(2, 4, 61)
+    expected = z.clamp(-2, 2).clamp(min=0)
+    assert abs(module(z) - expected).max() < 0.03
+    assert [x.shape for x in module.parameters()] == [(4, 33)]
+    copied = copy.deepcopy(module)
+    assert torch.equal(copied(z), module(z))
+    with torch.autocast("cpu", torch.bfloat16):
+        assert abs(module(z) - expected).max() < 0.03
+
+
+def test_splines_refuse_fewer_than_four_coefficients_and_other_channels():
+    with pytest.raises(ValueError, match="coefficients: expected at least 4, got 3"):
+        Spline(2, coefficients=3)
+    with pytest.raises(ValueError, match="coefficients: expected at least 4, got 3"):
+        spline(torch.zeros(2, 3, 4), torch.zeros(3, 3), 0.0, 1.0)
+    with pytest.raises(ValueError, match="channels: expected 2, got 3"):
+        spline(torch.zeros(2, 3, 4), torch.zeros(2, 5), 0.0, 1.0)
+
+
+@pytest.mark.slow
+def test_a_spline_compiles_into_one_graph():
+    module = Spline(3)
+    torch._dynamo.reset()
+    compiled = torch.compile(module, fullgraph=True, backend="aot_eager")
+    z = torch.randn(2, 3, 5, 6)
+    torch.testing.assert_close(compiled(z), module(z))
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:The .grad attribute of a Tensor that is not a leaf")
+def test_the_registered_operator_passes_the_checks_of_pytorch():
+    z, coefficients = random_planes((2, 3, 4), *KNOTS[1], torch.float64)
+    torch.library.opcheck(torch.ops.jotlight.spline, (z, coefficients, *KNOTS[1][1:]))

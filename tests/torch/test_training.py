@@ -1,0 +1,137 @@
+"""Training with PyTorch on images."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+
+torch = pytest.importorskip("torch")
+from jotlight.torch import train  # noqa: E402
+
+SENSOR = jl.Sensor(oversampling=3)
+IMAGES = np.random.default_rng(0).random((5, 20, 24), np.float32)
+STEPS = 6
+STARTS = {
+    "small": jl.Network.residual(SENSOR, "small", rng=0),
+    "conditional": jl.Network.conditional("small", rng=0),
+    "jots": jl.Network.initial(SENSOR, tied=False, taps=3, coefficients=12),
+}
+
+
+def train_small(network=STARTS["small"], images=IMAGES, sensor=None, **options):
+    small = {"steps": STEPS, "batch": 4, "patch": 12, "rng": 3, "threads": 1, "device": "cpu"}
+    return train(network, images, sensor, **{**small, **options})
+
+
+def assert_same(result, other_result):
+    (network, history), (other, other_history) = result, other_result
+    assert network.history == other.history
+    assert history.to_json() == other_history.to_json()
+    for layer, other_layer in zip(network.layers, other.layers, strict=True):
+        np.testing.assert_array_equal(layer.filters, other_layer.filters)
+        np.testing.assert_array_equal(layer.coefficients, other_layer.coefficients)
+
+
+def smooth_scenes(rng, number):
+    x = np.linspace(0, 1, 16, dtype=np.float32)
+    slopes = rng.random((number, 2, 1, 1), np.float32)
+    return 0.5 * (slopes[:, 0] * x[:, None] + slopes[:, 1] * x)
+
+
+@pytest.mark.parametrize("start", STARTS.values(), ids=STARTS)
+@pytest.mark.parametrize("images", [IMAGES, list(IMAGES[:2]), smooth_scenes])
+def test_a_seed_determines_the_network(start, images):
+    first, again = (train_small(start, images, test=list(IMAGES[:1])) for _ in range(2))
+    assert_same(first, again)
+    network, history = first
+    assert [record.step for record in history.records] == list(range(STEPS + 1))
+    assert network.history["run"]["seed"] == 3
+    other, _ = train_small(start, images, rng=4)
+    assert (other.layers[-1].filters != network.layers[-1].filters).any()
+
+
+@pytest.mark.parametrize("start", STARTS.values(), ids=STARTS)
+def test_only_trainable_parameters_change(start):
+    network, _ = train_small(start)
+    for before, after in zip(start.layers, network.layers, strict=True):
+        assert (before.filters == after.filters).all() == (before.trainable == "nothing")
+        if before.trainable != "all" and before.coefficients is not None:
+            np.testing.assert_array_equal(before.coefficients, after.coefficients)
+        assert before.metadata() == after.metadata()
+
+
+def test_training_lowers_the_cost():
+    _, history = train_small(images=smooth_scenes, steps=60, batch=8)
+    costs = [record.loss for record in history.records]
+    assert np.mean(costs[-10:]) < 0.8 * np.mean(costs[:10])
+
+
+@pytest.mark.parametrize("step", [0, 2, STEPS - 1])
+def test_a_resumed_run_equals_an_uninterrupted_one(tmp_path, step):
+    def stop(record):
+        if record.step == step:
+            raise KeyboardInterrupt
+
+    options = {"test": list(IMAGES[:2])}
+    whole = train_small(**options)
+    path = tmp_path / "run"
+    with pytest.raises(KeyboardInterrupt):
+        train_small(**options, checkpoint=path, callback=stop)
+    records = []
+    resumed = train_small(**options, checkpoint=path, resume=True, callback=records.append)
+    assert [record.step for record in records] == list(range(step + 1, STEPS + 1))
+    assert_same(whole, resumed)
+
+
+def test_a_run_stops_at_its_time_limit():
+    _, history = train_small(steps=10**6, seconds=1e-9)
+    assert len(history.records) <= 2
+
+
+def test_a_checkpoint_of_another_run_is_refused(tmp_path):
+    train_small(checkpoint=tmp_path / "run")
+    for change in ({"rng": 4}, {"learning_rate": 1e-4}, {"network": STARTS["conditional"]}):
+        with pytest.raises(ValueError, match="checkpoint"):
+            train_small(**change, checkpoint=tmp_path / "run", resume=True)
+    with pytest.raises(ValueError, match="resume: expected a checkpoint"):
+        train_small(resume=True)
+
+
+def test_dark_images_with_a_bright_spot_have_a_finite_cost():
+    dark = np.full((1, 32, 32), 1e-4, np.float32)
+    dark[0, 3:6, 3:6] = 1.0
+    _, history = train_small(
+        jl.Network.conditional("small", rng=0), dark, steps=6, batch=4, patch=32
+    )
+    assert np.isfinite(history.loss).all()
+
+
+def test_divergence_is_an_error_that_says_what_to_change():
+    message = r"step \d+: the run reached infinity or NaN .* lower the learning rate"
+    with pytest.raises(FloatingPointError, match=message):
+        train_small(STARTS["conditional"], learning_rate=1e30, steps=30)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"steps": 0}, "steps: expected at least 1, got 0"),
+        ({"batch": 0}, "batch: expected at least 1, got 0"),
+        ({"learning_rate": 0.0}, "learning_rate: expected a finite number above 0, got 0.0"),
+        (
+            {"learning_rate": float("nan")},
+            "learning_rate: expected a finite number above 0, got nan",
+        ),
+        ({"seconds": -1.0}, "seconds: expected a number above 0, got -1.0"),
+        ({"rng": -1}, "rng: expected at least 0, got -1"),
+        ({"threads": 0}, "threads: expected at least 1, got 0"),
+        ({"patch": 21}, "patch"),
+        ({"images": -IMAGES}, "expected intensities of 0 or more"),
+        ({"sensor": jl.Sensor(oversampling=2)}, "sensor: the network"),
+    ],
+)
+def test_settings_that_do_not_fit_are_refused(options, message):
+    before = torch.get_num_threads()
+    with pytest.raises(ValueError, match=message):
+        train_small(**options)
+    assert torch.get_num_threads() == before
