@@ -51,7 +51,7 @@ class Plan:
     cramer_rao_bound: Array
     """The Cramér-Rao bound, (M, N): the minimum standard deviation of an unbiased estimate."""
     psnr: Array
-    """The PSNR in dB, (M,), of a scene with uniformly distributed light, relative to its maximum."""
+    """The PSNR in dB, (M,), of a scene with uniformly distributed light. Peak: the maximum."""
     saturation_light: Array
     """The light at which all bits are 1 in 1 % of the pixels, (M,)."""
     optimal_light: float
