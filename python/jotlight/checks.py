@@ -7,6 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+Counts = npt.NDArray[np.int32]
+"""Numbers of ones, L."""
+
 
 def whole_number(name: str, value: Any, minimum: int) -> int:
     """Return a whole number that is at least `minimum`.

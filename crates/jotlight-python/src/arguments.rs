@@ -1,4 +1,5 @@
-//! Types of Python arguments that several functions share, and their conversion for the engine.
+//! The types of Python arguments that several functions share, and their conversion to types of the
+//! engine.
 
 use jotlight::admm::AdmmStep;
 use jotlight::sensing::{Image, PerJot};
@@ -6,24 +7,36 @@ use jotlight::values::Values;
 use numpy::{Element, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
-/// One value for all elements, or an array with one value for each.
+/// One value for all elements, or an array with one value per element.
 #[derive(FromPyObject)]
 pub enum ValueOrArray<Value, Array> {
     Value(Value),
     Array(Array),
 }
 
-/// An argument whose arrays are all 32-bit or all 64-bit floats.
+/// An argument whose arrays are all `f32` or all `f64`.
 #[derive(FromPyObject)]
 pub enum Precision<Single, Double> {
     F32(Single),
     F64(Double),
 }
 
+/// Evaluate an expression with the arrays of a [`Precision`] argument, whatever their type:
+/// `for_precision!(layers, layers => expression)`.
+macro_rules! for_precision {
+    ($argument:expr, $name:ident => $expression:expr) => {
+        match $argument {
+            $crate::arguments::Precision::F32($name) => $expression,
+            $crate::arguments::Precision::F64($name) => $expression,
+        }
+    };
+}
+pub(crate) use for_precision;
+
 /// One value, or a one-dimensional array of the same type.
 pub type PyValues<'py, T> = ValueOrArray<T, PyReadonlyArray1<'py, T>>;
 
-/// One number, or a map over the jots.
+/// One number for all jots, or a map with one number per jot.
 pub type PyPerJot<'py> = ValueOrArray<f64, PyReadonlyArray2<'py, f32>>;
 
 /// A two-dimensional image.

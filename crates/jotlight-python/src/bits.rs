@@ -1,4 +1,4 @@
-//! Counts of packed bits.
+//! Counts of the ones in packed bits.
 
 use jotlight::bits::{self, PackedBits};
 use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2};
@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 
 use crate::run;
 
-/// Add the ones among the jots of each pixel in all frames to `counts`.
+/// Add the number of ones of each pixel, over its jots and all frames, to `counts`.
 #[pyfunction]
 #[pyo3(signature = (packed, width, oversampling, valid, counts, threads))]
 pub fn add_block_counts(

@@ -20,14 +20,14 @@ pub fn cpu_level() -> &'static str {
     Level::current().name()
 }
 
-/// Set the instruction set by its name, or the fastest one for `None`.
+/// Set the instruction set by its name, or select the fastest one for `None`.
 #[pyfunction]
 #[pyo3(signature = (name))]
 pub fn choose_cpu_level(name: Option<&str>) -> PyResult<()> {
     Level::choose(name).map_err(to_python)
 }
 
-/// Run fused multiply-adds and return the number of floating-point operations.
+/// Run fused multiply-adds, and return the number of floating-point operations.
 #[pyfunction]
 #[pyo3(signature = (rounds, threads))]
 pub fn multiply_adds(py: Python<'_>, rounds: usize, threads: Option<isize>) -> PyResult<u64> {

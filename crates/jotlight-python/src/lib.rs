@@ -1,4 +1,7 @@
-//! The Python module `jotlight._engine`, which converts arguments and releases the GIL.
+//! The Python module `jotlight._engine`: the binding of the engine.
+//!
+//! Each function converts its arguments, releases the GIL, and calls a function of the crate
+//! `jotlight`, which documents it. The modules have the names of the modules of `jotlight`.
 #![allow(missing_docs)]
 
 mod arguments;
@@ -15,7 +18,8 @@ use jotlight::error::Error;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// The compiled engine. It checks shapes; the functions of `jotlight` check and document the rest.
+/// The compiled engine. It checks the shapes of arrays. The Python functions that call it check all
+/// other arguments.
 #[pymodule]
 mod _engine {
     use super::{PyModule, PyResult};
@@ -60,7 +64,7 @@ fn to_python(error: Error) -> PyErr {
     PyValueError::new_err(error.to_string())
 }
 
-/// Run `work` without the GIL on `threads` threads.
+/// Run `work` on `threads` threads without the GIL, and return its result.
 fn run<R: Send>(
     py: Python<'_>,
     threads: Option<isize>,

@@ -31,7 +31,7 @@ impl PyReadings<'_> {
     }
 }
 
-/// Return ℓ at the light of each element.
+/// Return ℓ, where `light` is the light of each element.
 #[pyfunction]
 #[pyo3(signature = (readings, light, threads))]
 pub fn log_likelihood(
@@ -44,7 +44,7 @@ pub fn log_likelihood(
     run(py, threads, || readings.value(light))
 }
 
-/// Write ∂ℓ/∂s and −∂²ℓ/∂s² of each element into `gradient` and `curvature`.
+/// Write ∂ℓ/∂s of each element into `gradient`, and −∂²ℓ/∂s² into `curvature`.
 #[pyfunction]
 #[pyo3(signature = (readings, light, gradient, curvature, threads))]
 pub fn likelihood_gradient_and_curvature(
@@ -96,7 +96,7 @@ pub fn likelihood_proximal(
     })
 }
 
-/// Update `x` and `dual` by one ADMM iteration and return ‖light − x‖².
+/// Update `x` and `dual` by one ADMM iteration, and return ‖light − x‖².
 #[pyfunction]
 #[pyo3(signature = (readings, step, max_light, light, x, dual, threads))]
 #[allow(clippy::too_many_arguments)]

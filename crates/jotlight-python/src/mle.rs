@@ -8,8 +8,7 @@ use pyo3::prelude::*;
 use crate::arguments::PyValues;
 use crate::{run, to_python};
 
-/// The response of a pixel, as the tuple (threshold, light per jot and frame at intensity 1,
-/// maximum intensity).
+/// The response of a pixel, as the tuple (threshold, light at intensity 1, maximum intensity).
 #[derive(FromPyObject)]
 pub struct PyPixelResponse(u32, f64, f64);
 
@@ -36,7 +35,7 @@ impl PyJotResponse {
     }
 }
 
-/// The responses of all jots or pixels, as the tuple (efficiency, dark counts).
+/// The responses of jots or pixels, as the tuple (efficiency, dark counts).
 #[derive(FromPyObject)]
 pub struct PyJotResponses<'py>(PyValues<'py, f64>, PyValues<'py, f64>);
 
@@ -49,7 +48,7 @@ impl PyJotResponses<'_> {
     }
 }
 
-/// Write the estimates from the counts of pixels into `out`.
+/// Write the estimate from the count of each pixel into `out`.
 #[pyfunction]
 #[pyo3(signature = (response, counts, trials, jots, out, threads))]
 pub fn mle_from_counts(
@@ -69,7 +68,8 @@ pub fn mle_from_counts(
     })
 }
 
-/// Write the expected counts of pixels with `bits` readings and `reference` jots into `out`.
+/// Write the expected count of an equivalent pixel for each pixel into `out`. Equivalent pixels
+/// have `bits` readings, and jots with the response `reference`.
 #[pyfunction]
 #[pyo3(signature = (response, counts, trials, jots, bits, reference, out, threads))]
 #[allow(clippy::too_many_arguments)]
@@ -92,7 +92,7 @@ pub fn equivalent_counts(
     })
 }
 
-/// Write the intensities for detection probabilities into `out`.
+/// Write the intensity for each detection probability into `out`.
 #[pyfunction]
 #[pyo3(signature = (response, probability, jot, out, threads))]
 pub fn mle_from_probability(
@@ -110,7 +110,8 @@ pub fn mle_from_probability(
     })
 }
 
-/// Write the estimates of pixels with unequal jots into `out`, `width` per row.
+/// Write the estimate of each pixel into `out`, where jots may differ in their responses. `width`
+/// is the number of pixels per row.
 #[pyfunction]
 #[pyo3(signature = (response, ones, jots, dead, frames, oversampling, width, out, threads))]
 #[allow(clippy::too_many_arguments)]

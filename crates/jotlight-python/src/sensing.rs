@@ -1,4 +1,4 @@
-//! The sensor model: drawing bits, rates, probabilities, and the operator G.
+//! The sensor model: random bits, rates, detection probabilities, and the operator G.
 
 use jotlight::likelihood::Threshold;
 use jotlight::sensing::{self, Kernel, Sensor, SpreadOperator, Window};
@@ -61,7 +61,7 @@ pub fn expose(
     })
 }
 
-/// Write the rates of rows of jots, starting at row `first`, into `out`.
+/// Write the rates of rows of jots into `out`. The first row of `out` is the row `first` of jots.
 #[pyfunction]
 #[pyo3(signature = (sensor, image, first, out, threads))]
 pub fn rate(
@@ -76,7 +76,8 @@ pub fn rate(
     run(py, threads, || sensing::rate(&sensor, image, first, out))
 }
 
-/// Write the detection probabilities of rows of jots, starting at row `first`, into `out`.
+/// Write the detection probabilities of rows of jots into `out`. The first row of `out` is the row
+/// `first` of jots.
 #[pyfunction]
 #[pyo3(signature = (sensor, image, first, out, threads))]
 pub fn probability(
@@ -93,9 +94,8 @@ pub fn probability(
     })
 }
 
-/// The operator gain · G, as the tuple (vertical kernel, horizontal kernel, gain).
-///
-/// A kernel is the tuple (degree, K̂).
+/// The operator gain · G, as the tuple (vertical kernel, horizontal kernel, gain). A kernel is the
+/// tuple (degree, K̂).
 #[derive(FromPyObject)]
 pub struct PySpread((usize, usize), (usize, usize), f64);
 

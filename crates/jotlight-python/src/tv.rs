@@ -1,4 +1,4 @@
-//! Total variation: differences, their adjoint, shrinkage, and the ADMM update.
+//! Total variation: differences, their adjoint, the proximal map, and the ADMM update.
 
 use jotlight::tv::{self, Norm};
 use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2, PyReadwriteArray3};
@@ -15,7 +15,7 @@ fn norm(isotropic: bool) -> Norm {
     }
 }
 
-/// Write the differences of an image to the pixel below and to the right into `out`.
+/// Write the differences to the pixels below and on the right into `out`.
 #[pyfunction]
 #[pyo3(signature = (image, out, threads))]
 pub fn differences(
@@ -28,7 +28,7 @@ pub fn differences(
     run(py, threads, || tv::differences(image, out))
 }
 
-/// Write the adjoint of `differences` into `out`.
+/// Write Dᵀ `differences` into `out`, where D maps an image to its differences.
 #[pyfunction]
 #[pyo3(signature = (differences, out, threads))]
 pub fn differences_adjoint(
@@ -41,7 +41,7 @@ pub fn differences_adjoint(
     run(py, threads, || tv::adjoint(differences, out))
 }
 
-/// Replace `differences` with the proximal map of Σ threshold · |·|.
+/// Replace `differences` with the minimizer v of Σ threshold · |v| + ½ ‖v − differences‖².
 #[pyfunction]
 #[pyo3(signature = (differences, threshold, isotropic, threads))]
 pub fn shrink(
@@ -73,7 +73,7 @@ pub fn total_variation(
     })
 }
 
-/// Update `x` and `dual` by one ADMM iteration and return ‖D image − x‖².
+/// Update `x` and `dual` by one ADMM iteration, and return ‖D image − x‖².
 #[pyfunction]
 #[pyo3(signature = (step, weight, isotropic, image, x, dual, threads))]
 #[allow(clippy::too_many_arguments)]

@@ -1,4 +1,4 @@
-//! Variance stabilization of binomial counts.
+//! The variance-stabilizing transform of binomial counts, and its inverses.
 
 use jotlight::vst::{Anscombe, ExactInverse, map};
 use numpy::{PyReadonlyArray1, PyReadwriteArray1};
@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 
 use crate::run;
 
-/// Write the Anscombe transform of counts among `bits` bits into `out`.
+/// Write the Anscombe transform of the number of ones among `bits` bits into `out`.
 #[pyfunction]
 #[pyo3(signature = (counts, bits, out, threads))]
 pub fn anscombe(

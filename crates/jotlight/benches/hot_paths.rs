@@ -1,5 +1,5 @@
-//! The throughput of the hot paths on one thread, for every instruction set of the processor:
-//! `cargo bench`.
+//! Measurements of the throughput of the hot loops on one thread, for every instruction set of the
+//! processor: `cargo bench`.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use jotlight::bits::{PackedBits, add_block_counts};
@@ -31,7 +31,7 @@ fn at_every_level(c: &mut Criterion, name: &str, items: usize, mut work: impl Fn
     group.finish();
 }
 
-/// Return a layer with a smooth φ and as many knots as the pretrained networks have.
+/// Return a layer with a smooth φ, and with the number of knots of the pretrained networks.
 fn layer(filters: Array4<f32>, range: f32) -> Result<Layer<f32>> {
     let shape = (filters.dim().0, 150);
     let coefficients = Array2::from_shape_fn(shape, |(_, k)| (k as f32 / 150.0).sqrt());
@@ -51,7 +51,7 @@ fn sensor<'a>(side: usize) -> Result<Sensor<'a>> {
     })
 }
 
-/// Return an image without a pattern.
+/// Return an image of irregular values.
 fn image(height: usize, width: usize) -> Array2<f32> {
     Array2::from_shape_fn((height, width), |(row, column)| {
         ((row * 7919 + column * 104_729) % 1000) as f32 * 1e-3

@@ -1,21 +1,23 @@
-//! Parameters that the ADMM updates of the likelihood and of the total variation share.
+//! The parameters that the ADMM updates of the likelihood and of the total variation share.
 //!
-//! Both are one iteration of the scaled, over-relaxed form of ADMM for f(x) subject to x = A c:
-//! x ← prox of f at (relaxed A c + dual), then dual ← relaxed A c + dual − x.
+//! An update is one iteration of the scaled, over-relaxed form of ADMM for a term f(x) subject to
+//! x = A c. It sets x to the proximal map of f/ρ at (relaxed A c + dual). Then it sets the dual to
+//! (relaxed A c + dual − x).
 
 use crate::error::{Error, Result};
 
 /// The parameters of one ADMM update.
 #[derive(Clone, Copy, Debug)]
 pub struct AdmmStep {
-    /// ρ, the weight of the penalty ½ ρ ‖A c − x + dual‖².
+    /// ρ, the weight of the quadratic penalty ½ ρ ‖A c − x + dual‖².
     pub penalty: f64,
-    /// The over-relaxation factor: 1 uses A c itself, a value above 1 extrapolates beyond it.
+    /// The over-relaxation factor. At 1, the update uses A c itself. Above 1, it extrapolates from
+    /// x beyond A c.
     pub relaxation: f64,
 }
 
 impl AdmmStep {
-    /// Return the over-relaxed value between `x` and the new value `target` of A c.
+    /// Return the relaxed value: `target`, which is the new value of A c, extrapolated from `x`.
     pub(crate) fn relax(&self, target: f64, x: f64) -> f64 {
         self.relaxation * target + (1.0 - self.relaxation) * x
     }

@@ -1,6 +1,6 @@
-//! Instruction sets: each hot loop is written once and compiled for several of them.
+//! Instruction sets. Each hot loop is written once and compiled for several instruction sets.
 //!
-//! A probe selects the best instruction set of the processor once. Tests may select another one.
+//! The engine selects the fastest instruction set of the processor. Tests may select another one.
 
 use std::sync::atomic::{AtomicU8, Ordering};
 
@@ -9,7 +9,7 @@ pub use pulp::{Simd, WithSimd};
 
 use crate::error::{Error, Result};
 
-/// An instruction set for which the hot loops are compiled.
+/// A level: an instruction set for which the hot loops are compiled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
     /// Scalar code: one number at a time.
@@ -36,7 +36,7 @@ const LEVELS: &[Level] = &[
     Level::Neon,
 ];
 
-/// The index in [`LEVELS`] of the current level, or [`UNKNOWN`] before the first probe.
+/// The index in [`LEVELS`] of the current level, or [`UNKNOWN`] before it is detected.
 static CURRENT: AtomicU8 = AtomicU8::new(UNKNOWN);
 const UNKNOWN: u8 = u8::MAX;
 
@@ -75,7 +75,8 @@ impl Level {
         }
     }
 
-    /// Return the current level: the fastest supported one, unless [`Level::choose`] set another.
+    /// Return the current level. It is the fastest supported one, unless [`Level::choose`] has set
+    /// another.
     #[must_use]
     pub fn current() -> Self {
         let mut index = CURRENT.load(Ordering::Relaxed);
@@ -89,10 +90,10 @@ impl Level {
 
     /// Set the current level of all threads by its name, or to the fastest one for `None`.
     ///
-    /// The results of different levels agree within rounding; integer results are identical.
+    /// The results of different levels agree up to rounding. Integer results are identical.
     ///
     /// # Errors
-    /// [`Error::Range`] when the processor supports no level with this name.
+    /// [`Error::Range`] if the processor supports no level with this name.
     pub fn choose(name: Option<&str>) -> Result<()> {
         let index = match name {
             None => UNKNOWN,
@@ -118,7 +119,7 @@ pub fn v4() -> Option<pulp::x86::V4> {
         .flatten()
 }
 
-/// Run vector code with the instructions of the current level.
+/// Run `work` with the vector instructions of the current level, and return its result.
 pub fn run<W: WithSimd>(work: W) -> W::Output {
     match Level::current() {
         Level::Scalar => work.with_simd(Scalar::new()),
@@ -138,9 +139,10 @@ fn run_with<W: WithSimd, S: Simd>(simd: Option<S>, work: W) -> W::Output {
     }
 }
 
-/// Declare functions that run an inlined body, compiled for each level, at the current level.
+/// Declare functions whose body is compiled for each level. A call runs the version for the current
+/// level.
 ///
-/// The body must be `#[inline(always)]`:
+/// The body is another function, which must be `#[inline(always)]`:
 /// `levels! { fn apply[F: Real](spline: &Spline<F>, plane: &mut [F]) = apply_inlined; }`
 macro_rules! levels {
     ($(

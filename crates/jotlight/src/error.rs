@@ -1,16 +1,17 @@
 //! The error type of the engine.
 
-/// A reason why the engine refuses a call. The message states the expected and the received value.
+/// The reason why the engine refuses a call. The message states the expected and the received
+/// value.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Error {
-    /// An array has the wrong shape, or two arrays do not fit together.
+    /// An array has the wrong shape, or the shapes of two arrays do not match.
     #[error("{what}: expected {expected}, got {received}")]
     Shape {
         /// The name of the array.
         what: &'static str,
-        /// The shape or size that fits.
+        /// The shape or length that the engine expects.
         expected: String,
-        /// The shape or size of the argument.
+        /// The shape or length of the argument.
         received: String,
     },
     /// A value lies outside its range.
@@ -18,15 +19,15 @@ pub enum Error {
     Range {
         /// The name of the value.
         what: &'static str,
-        /// The range, or the list of choices.
+        /// The range, or the list of valid values.
         expected: String,
         /// The value of the argument.
         received: String,
     },
-    /// The operating system refused to start threads.
+    /// The operating system cannot start the threads.
     #[error("threads: cannot start {threads} threads ({reason}); pass a smaller number")]
     Threads {
-        /// The number of threads of the call.
+        /// The number of threads that the call requests.
         threads: usize,
         /// The reason that the operating system states.
         reason: String,

@@ -1,8 +1,50 @@
-//! The engine of jotlight: image reconstruction from the bits of single-photon cameras.
+//! The engine of jotlight, which reconstructs images from the bits of single-photon cameras.
 //!
-//! The crate contains the loops of the project, without files, plots, or Python. A *jot* is a
-//! one-bit pixel. The `K = T·K̂²` bits of a `K̂ × K̂` block of jots over `T` frames form one
-//! *pixel* of the image. Every function returns the same result for any number of threads.
+//! A *jot* is a pixel of the sensor. It reports one bit per frame: 1 if at least q photons arrive.
+//! A *pixel* of the image covers a block of `K̂ × K̂` jots. The sensor records `T` frames, so each
+//! pixel has `K = T·K̂²` bits. The engine simulates these bits, and estimates the image from them.
+//!
+//! The engine contains all loops over jots and pixels. It reads no files and does not depend on
+//! Python. Every function returns the same result for any number of threads.
+//!
+//! The equations, sections, and symbols are those of the paper *Learning optimal parameters for
+//! binary sensing image reconstruction algorithms*. `docs/notation.md` lists all symbols.
+//!
+//! # Modules in reading order
+//!
+//! The sensor and its data:
+//!
+//! 1. [`sensing`] computes the detection probability of each jot from an image, draws the bits,
+//!    and applies the linear operator G (section 2.1, equations (1) to (3)).
+//! 2. [`rng`] generates the random numbers of the simulated bits.
+//! 3. [`bits`] reads packed bits and counts the ones of each pixel.
+//!
+//! The estimators without training:
+//!
+//! 4. [`likelihood`] evaluates the log-likelihood of the bits, its derivatives, the Fisher
+//!    information, and the proximal map (section 2.2.1, equation (4)).
+//! 5. [`mle`] computes the maximum-likelihood estimate for the box kernel (equation (5)).
+//! 6. [`tv`] computes the total variation, its proximal map, and its ADMM update.
+//! 7. [`admm`] holds the parameters that the ADMM updates of `likelihood` and `tv` share.
+//! 8. [`vst`] computes the Anscombe transform and its inverses (section 2.2.2, equations (6) and
+//!    (7)).
+//!
+//! The learned network:
+//!
+//! 9. [`network`] evaluates layers of linear filters and splines (section 3.1, equations (8) to
+//!    (11)), and computes the derivatives for training (section 3.3, equations (12) and (14) to
+//!    (19)).
+//!
+//! General modules:
+//!
+//! 10. [`error`] defines the error type.
+//! 11. [`values`] defines parameters that are either one value or one value per element.
+//! 12. [`numbers`] defines the floating-point types and their SIMD vectors.
+//! 13. [`cpu`] selects the instruction set.
+//! 14. [`threads`] runs calls on a number of threads.
+//! 15. [`roofline`] measures the peak speed of the processor for the benchmarks.
+//!
+//! # Example
 //!
 //! ```
 //! use jotlight::likelihood::Threshold;

@@ -1,7 +1,7 @@
 //! Maximum-likelihood estimates for the box kernel (paper, equation (5)).
 //!
-//! `Differs from the paper:` the threshold q is arbitrary, jots have an efficiency and dark counts,
-//! and dead jots are left out.
+//! `Differs from the paper:` the threshold q may exceed 1, jots have a quantum efficiency and dark
+//! counts, and dead jots are left out.
 
 use num_integer::div_rem;
 use rayon::prelude::*;
@@ -10,7 +10,8 @@ use crate::error::{Error, Result};
 use crate::likelihood::{Threshold, check_counts};
 use crate::values::Values;
 
-/// The relation between the intensity c of a pixel and the rate η s + d of its jots, s = α c / K.
+/// The relation between the intensity c of a pixel and the rate η s + d of its jots, where
+/// s = α c / K.
 #[derive(Clone, Copy, Debug)]
 pub struct PixelResponse {
     /// The threshold q.
@@ -26,16 +27,16 @@ pub struct PixelResponse {
 pub struct JotResponse {
     /// The quantum efficiency η.
     pub efficiency: f64,
-    /// The dark counts d, the expected detections per frame without light.
+    /// The dark counts d: the expected detections per frame without light.
     pub dark_counts: f64,
 }
 
-/// The responses of all jots, or of the jots of each pixel.
+/// The responses to light, either one per jot or one per pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct JotResponses<'a> {
     /// The quantum efficiency η.
     pub efficiency: Values<'a, f64>,
-    /// The dark counts d, per frame.
+    /// The dark counts d per frame.
     pub dark_counts: Values<'a, f64>,
 }
 
@@ -53,7 +54,8 @@ impl JotResponses<'_> {
     }
 }
 
-/// The ones of each jot over all frames, as `(H·K̂) × (W·K̂)` values in row-major order.
+/// The number of ones of each jot over all frames. Arrays hold `(H·K̂) × (W·K̂)` values in
+/// row-major order.
 #[derive(Clone, Copy, Debug)]
 pub struct JotCounts<'a> {
     /// The number of ones of each jot.
@@ -76,7 +78,8 @@ struct Jot {
 }
 
 impl PixelResponse {
-    /// Return ĉ = (K/α)(P⁻¹(q, p) − d)/η, clipped to [0, S]: equation (5) for any q, η, and d.
+    /// Return ĉ = (K/α)(P⁻¹(q, p) − d)/η, clipped to [0, S]: equation (5) for any q, η, and d. Here
+    /// p is the detection probability.
     #[must_use]
     pub fn intensity(&self, probability: f64, jot: JotResponse) -> f64 {
         let rate = self.threshold.inverse_detection_probability(probability);
@@ -84,8 +87,8 @@ impl PixelResponse {
             .clamp(0.0, self.max_intensity)
     }
 
-    /// Return the intensity of a pixel with L = `ones` of `trials` readings, or NaN without
-    /// readings.
+    /// Return the intensity of a pixel with L = `ones` among `trials` readings. It is NaN if there
+    /// are no readings.
     fn intensity_from_count(&self, ones: i32, trials: i32, jot: JotResponse) -> f32 {
         if trials == 0 {
             f32::NAN
@@ -94,7 +97,8 @@ impl PixelResponse {
         }
     }
 
-    /// Return dℓ/dc of a pixel, up to the factor α / K. It decreases with c, because ℓ is concave.
+    /// Return dℓ/dc of a pixel, without the factor α / K. It decreases with c, because ℓ is
+    /// concave.
     fn score(&self, jots: &[Jot], intensity: f64) -> f64 {
         jots.iter()
             .map(|jot| {
@@ -118,15 +122,15 @@ impl PixelResponse {
     /// Return the intensity in [0, S] that maximizes the likelihood of the jots of a pixel.
     fn maximize_likelihood(&self, jots: &[Jot]) -> f64 {
         let (mut low, mut high) = (0.0, self.max_intensity);
-        // The score of a one is infinite at rate 0. A tiny positive intensity stands in for 0.
+        // The score of a one is infinite at rate 0, so a tiny positive intensity replaces 0.
         if self.score(jots, f64::MIN_POSITIVE.sqrt()) <= 0.0 {
             return 0.0;
         }
         if self.score(jots, high) >= 0.0 {
             return high;
         }
-        // Bisection, because the score may be infinite at one end. A float32 result needs few
-        // steps.
+        // Newton's method could fail, because the score may be infinite at 0. Bisection needs few
+        // steps for a float32 result.
         while high - low > 1e-9 * high {
             let middle = 0.5 * (low + high);
             if self.score(jots, middle) > 0.0 {
@@ -139,11 +143,13 @@ impl PixelResponse {
     }
 }
 
-/// Write the maximum-likelihood estimate from `counts` of ones among `trials` readings per pixel
-/// into `out`. A pixel without readings becomes NaN.
+/// Write the maximum-likelihood estimate of each pixel into `out`: equation (5).
+///
+/// A pixel has `counts` ones among `trials` readings. A pixel without readings becomes NaN.
 ///
 /// # Errors
-/// [`Error::Shape`] when the arrays do not fit, [`Error::Range`] for a count outside 0 to `trials`.
+/// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a count outside
+/// 0 to `trials`.
 pub fn from_counts(
     response: &PixelResponse,
     counts: &[i32],
@@ -156,7 +162,7 @@ pub fn from_counts(
         (Values::Same(trials), Values::Same(efficiency), Values::Same(dark_counts))
             if (trials as usize) < counts.len() =>
         {
-            // There are fewer possible counts than pixels, so a table saves time.
+            // A table saves time, because there are fewer possible counts than pixels.
             let jot = JotResponse {
                 efficiency,
                 dark_counts,
@@ -176,11 +182,11 @@ pub fn from_counts(
     Ok(())
 }
 
-/// Write the intensity for each detection probability into `out`: the last step of the
-/// non-iterative method.
+/// Write the intensity for each detection probability into `out`. This is the last step of the
+/// non-iterative method (section 2.2.2).
 ///
 /// # Errors
-/// [`Error::Shape`] when the arrays do not fit.
+/// [`Error::Shape`] if the lengths of the arrays do not match.
 pub fn from_probability(
     response: &PixelResponse,
     probability: &[f32],
@@ -198,14 +204,16 @@ pub fn from_probability(
     Ok(())
 }
 
-/// Write the expected counts of equivalent pixels into `out`, as real numbers in [0, `bits`].
+/// Write the expected count of an equivalent pixel for each pixel into `out`. The expected counts
+/// are real numbers in [0, `bits`].
 ///
-/// An equivalent pixel has the maximum-likelihood intensity of the actual one, but `bits` readings
-/// and jots with the response `reference`. Methods that combine pixels can therefore treat all
-/// pixels alike. A pixel without readings becomes NaN.
+/// The equivalent pixel has the maximum-likelihood intensity of the actual pixel, but `bits`
+/// readings, and jots with the response `reference`. Methods that combine pixels can therefore
+/// treat all pixels alike. A pixel without readings becomes NaN.
 ///
 /// # Errors
-/// [`Error::Shape`] when the arrays do not fit, [`Error::Range`] for a count outside 0 to `trials`.
+/// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a count outside
+/// 0 to `trials`.
 pub fn equivalent_counts(
     response: &PixelResponse,
     counts: &[i32],
@@ -235,14 +243,16 @@ pub fn equivalent_counts(
     Ok(())
 }
 
-/// Write the maximum-likelihood estimate of pixels with unequal jots into `out`, `width` per row.
+/// Write the maximum-likelihood estimate of each pixel into `out`, where jots may differ in their
+/// responses. `width` is the number of pixels per row.
 ///
-/// This problem has no closed form. The estimate maximizes the concave function
-/// `Σ L_j log P(q, x_j) + (T − L_j) log(1 − P(q, x_j))` over c in [0, S], where
-/// `x_j = η_j α c / K + d_j`. A pixel without live jots becomes NaN.
+/// This problem has no closed-form solution. The estimate maximizes the concave function
+/// `Σ L_j log P(q, x_j) + (T − L_j) log(1 − P(q, x_j))` over c in [0, S]. The sum is over the jots
+/// j of the pixel that are not dead, and `x_j = η_j α c / K + d_j` is the rate of jot j. A pixel
+/// whose jots are all dead becomes NaN.
 ///
 /// # Errors
-/// [`Error::Shape`] when the arrays do not fit.
+/// [`Error::Shape`] if the lengths of the arrays do not match.
 pub fn from_jots(
     response: &PixelResponse,
     counts: &JotCounts<'_>,
@@ -263,7 +273,7 @@ pub fn from_jots(
     out.par_iter_mut()
         .enumerate()
         .for_each_init(Vec::new, |jots, (index, out)| {
-            collect_live_jots(counts, div_rem(index, width), width, jots);
+            collect_valid_jots(counts, div_rem(index, width), width, jots);
             *out = if jots.is_empty() {
                 f32::NAN
             } else {
@@ -273,8 +283,8 @@ pub fn from_jots(
     Ok(())
 }
 
-/// Replace the content of `jots` with the live jots of the pixel at `(row, column)`.
-fn collect_live_jots(
+/// Replace `jots` with the valid jots of the pixel at `(row, column)`: those that are not dead.
+fn collect_valid_jots(
     counts: &JotCounts<'_>,
     (row, column): (usize, usize),
     width: usize,

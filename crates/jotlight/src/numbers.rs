@@ -1,4 +1,4 @@
-//! The floating-point types of the engine, and their SIMD vectors.
+//! The floating-point types of the engine and their SIMD vectors.
 
 use std::fmt::Debug;
 use std::iter::Sum;
@@ -18,9 +18,9 @@ pub trait Real: NdFloat + Sum<Self> + Default + Lanes {
     fn as_f64(self) -> f64;
     /// Return a small integer as a value of this type.
     fn from_index(index: usize) -> Self;
-    /// Return the integer nearest to a value in \[0, 2²²\], as a value and as an index.
+    /// Return the integer nearest to a value in \[0, 2²²\], as this type and as an index.
     ///
-    /// Compilers vectorize this code. They do not vectorize a cast that checks for overflow.
+    /// Compilers vectorize this code. They do not vectorize a cast with a check for overflow.
     fn nearest(self) -> (Self, u32);
     /// Return the slice as `f32`, or None for other types.
     fn as_f32_slice(values: &mut [Self]) -> Option<&mut [f32]>;
@@ -44,8 +44,8 @@ macro_rules! real {
             }
             #[inline(always)]
             fn nearest(self) -> (Self, u32) {
-                // At this magnitude the last bit of the mantissa is worth 1, so the sum is rounded
-                // to an integer, which the low bits of its representation contain.
+                // At this magnitude, the last bit of the mantissa is worth 1. The sum is therefore
+                // rounded to an integer, and the low bits of the sum contain this integer.
                 const UNIT_ULP: $float = $unit_ulp;
                 let shifted = self + UNIT_ULP;
                 (shifted - UNIT_ULP, shifted.to_bits() as u32 & 0x3f_ffff)
@@ -71,13 +71,13 @@ pub trait Lanes: Copy {
     type Vector<S: Simd>: Copy + Debug;
     /// Return the number of values in a register.
     fn lanes<S: Simd>() -> usize;
-    /// Return the slice as whole registers, without the remainder.
+    /// Return the whole registers of a slice. The remainder is left out.
     fn vectors<S: Simd>(values: &[Self]) -> &[Self::Vector<S>];
-    /// Return the mutable slice as whole registers, without the remainder.
+    /// Return the whole registers of a mutable slice. The remainder is left out.
     fn vectors_mut<S: Simd>(values: &mut [Self]) -> &mut [Self::Vector<S>];
-    /// Return a register that holds one value in every lane.
+    /// Return a register with the same value in every lane.
     fn splat<S: Simd>(simd: S, value: Self) -> Self::Vector<S>;
-    /// Return a·b + c. It is rounded once where the processor has a fused multiply-add.
+    /// Return a·b + c. A processor with a fused multiply-add rounds the result only once.
     fn multiply_add<S: Simd>(
         simd: S,
         a: Self::Vector<S>,

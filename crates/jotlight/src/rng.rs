@@ -1,16 +1,16 @@
-//! Random numbers by position: each jot of each frame has its own place in the random stream.
+//! Random numbers by position: each jot of each frame has its own position in a random stream.
 //!
-//! The generator is ChaCha with 8 rounds (the `chacha20` crate), keyed by the seed. The frame, row,
-//! and color channel select one of its 2⁶⁴ streams, and the column selects a position in the
-//! stream. Therefore a jot has the same bit for any number of threads, in any tile, and in any
-//! range of frames.
+//! The generator is ChaCha with 8 rounds (the `chacha20` crate), and the seed is its key. It has
+//! 2⁶⁴ streams. The frame, the row, and the color channel select a stream, and the column selects a
+//! position in the stream. Therefore a jot has the same bit for any number of threads, in any tile,
+//! and in any range of frames.
 
 use chacha20::ChaCha8Rng;
 use chacha20::rand_core::{Rng, SeedableRng};
 
 use crate::error::{Error, Result};
 
-/// The divisor of the first column of a row of draws: one cache line of the generator's output.
+/// The divisor of the first column of a row of draws. The bits of 64 columns fill one word.
 pub const ALIGNMENT: usize = 64;
 
 const MAX_ROWS: usize = 1 << 24;
@@ -42,7 +42,9 @@ impl JotRandom {
         self.generator.fill_bytes(bytes);
     }
 
-    /// Return 32 more bits for the jot at `column`, for the rare draws that 16 bits do not decide.
+    /// Return 32 more random bits for the jot at `column`.
+    ///
+    /// They are needed only if the first 16 bits do not decide the jot's bit, which is rare.
     pub fn refinement(&mut self, stream: RowStream, column: usize) -> u32 {
         self.generator.set_stream(stream.number | 1 << 63);
         self.generator.set_word_pos(column as u128);
@@ -57,7 +59,7 @@ pub struct RowStream {
 }
 
 impl RowStream {
-    /// Return the stream of a row. [`check_size`] must have accepted the sizes.
+    /// Return the stream of a row. The caller must have called [`check_size`].
     #[must_use]
     pub fn new(channel: usize, frame: usize, row: usize) -> Self {
         Self {
@@ -66,7 +68,9 @@ impl RowStream {
     }
 }
 
-/// Check that every jot has its own place in the random streams.
+/// Check that every jot has its own position in the random streams.
+///
+/// `channel` is the index of a color channel, and `frames` and `rows` are numbers.
 ///
 /// # Errors
 /// [`Error::Range`] for more than 2²⁴ rows of jots, 2³² frames, or 2⁷ channels.

@@ -1,17 +1,18 @@
-//! Measurements of the processor's peak speed, to which the benchmarks compare the engine.
+//! Measurements of the processor's peak speed. The benchmarks compare the engine with it.
 
 use rayon::prelude::*;
 
 use crate::cpu::{self, Simd, WithSimd, levels};
 use crate::numbers::Lanes;
 
-/// Number of independent sums. It exceeds the number of operations that a processor overlaps.
+/// The number of independent sums. It exceeds the number of multiply-adds that a processor executes
+/// at the same time, so no multiply-add waits for another.
 const INDEPENDENT_SUMS: usize = 12;
 
 /// Run fused multiply-adds of `f32` registers and return the number of floating-point operations.
 ///
-/// Each thread performs `rounds` × 12 multiply-adds of a register. Each counts as
-/// two operations per number.
+/// Each thread performs `rounds` × 12 multiply-adds of a register. A multiply-add counts as two
+/// operations per number in the register.
 #[must_use]
 pub fn multiply_adds(rounds: usize) -> u64 {
     (0..rayon::current_num_threads())
@@ -40,7 +41,8 @@ impl WithSimd for MultiplyAdds {
     }
 }
 
-/// Return the wrapping sum of `words`. Its duration is the duration of reading them.
+/// Return the wrapping sum of `words`. Reading the words takes longer than adding them, so the
+/// duration of the call measures the memory bandwidth.
 #[must_use]
 pub fn read_words(words: &[u64]) -> u64 {
     words

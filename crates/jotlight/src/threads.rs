@@ -1,4 +1,4 @@
-//! The number of threads of a call, and the pools of threads that calls reuse.
+//! The pools of threads on which calls run. Later calls reuse them.
 
 use std::sync::Mutex;
 use std::thread::available_parallelism;
@@ -7,13 +7,16 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::error::{Error, Result};
 
-/// Pools that wait for another call. Starting threads takes longer than the work on a small image.
+/// The pools that wait for another call. They are kept because starting threads takes longer than
+/// the work on a small image.
 static IDLE_POOLS: Mutex<Vec<Pool>> = Mutex::new(Vec::new());
 
 const MAX_IDLE_POOLS: usize = 4;
 
+/// A pool of threads.
 struct Pool {
-    /// The process that owns the threads. Threads do not survive a fork: a child needs its own.
+    /// The process that owns the threads. A fork does not copy threads, so a child process cannot
+    /// use its parent's pools.
     process: u32,
     threads: usize,
     workers: ThreadPool,
@@ -25,9 +28,10 @@ struct Pool {
 impl Pool {
     /// Restrict each thread to its own part of the caller's cores.
     ///
-    /// The cores are divided into as many parts as there are threads or cores, whichever is fewer.
-    /// Without this, two threads that wake together may share a core: on a virtual machine,
-    /// sleeping cores may look busy, and many calls end before the system separates the threads.
+    /// The number of parts is the number of threads or the number of cores, whichever is smaller.
+    /// Without this restriction, two threads that wake at the same time may share a core. On a
+    /// virtual machine, idle cores may look busy, and many calls end before the operating system
+    /// moves one of the threads to another core.
     fn pin_to_cores(&self) {
         use rustix::thread::{CpuSet, sched_getaffinity, sched_getcpu, sched_setaffinity};
 
@@ -38,8 +42,9 @@ impl Pool {
         let cores = (0..CpuSet::MAX_CPU).filter(|&core| allowed.is_set(core));
         let mut cores: Vec<_> = cores.collect();
         let parts = self.threads.min(cores.len()).max(1);
-        // The first thread works alone when there is little to do. It receives the core of the
-        // caller, which sleeps during the call. Concurrent callers have different cores.
+        // If there is little to do, the first thread works alone. It receives the core of the
+        // caller, because the caller sleeps during the call. Concurrent callers run on different
+        // cores, so their first threads do too.
         let caller_core = sched_getcpu();
         let caller_index = cores.iter().position(|&core| core == caller_core);
         cores.rotate_left(caller_index.unwrap_or(0));
@@ -48,18 +53,18 @@ impl Pool {
             for &core in cores.iter().skip(index % parts).step_by(parts) {
                 part.set(core);
             }
-            // Where the system forbids it, the threads run without a restriction.
+            // If the system forbids the restriction, the threads run without it.
             let _ = sched_setaffinity(Some(id), &part);
         }
     }
 }
 
-/// Run `work` on `threads` threads, or on as many as the machine has cores for `None`.
+/// Run `work` on `threads` threads and return its result. `None` means one thread per core.
 ///
 /// Concurrent calls use separate threads. `work` must not call this function.
 ///
 /// # Errors
-/// [`Error::Range`] for zero threads, [`Error::Threads`] when the threads cannot be started.
+/// [`Error::Range`] for zero threads, [`Error::Threads`] if the system cannot start the threads.
 pub fn install<R: Send>(threads: Option<usize>, work: impl FnOnce() -> R + Send) -> Result<R> {
     let threads = match threads {
         Some(0) => return Err(Error::range("threads", "at least 1", 0)),
@@ -73,8 +78,8 @@ pub fn install<R: Send>(threads: Option<usize>, work: impl FnOnce() -> R + Send)
     #[cfg(target_os = "linux")]
     pool.pin_to_cores();
     let result = pool.workers.install(work);
-    // The lock may be taken: briefly by another call, or forever in the child of a fork. The
-    // threads of this pool then end.
+    // Another call may hold the lock, and after a fork the child may never get it. In both cases
+    // the pool is dropped, and its threads end.
     if let Ok(mut pools) = IDLE_POOLS.try_lock()
         && pools.len() < MAX_IDLE_POOLS
     {
@@ -87,7 +92,8 @@ pub fn install<R: Send>(threads: Option<usize>, work: impl FnOnce() -> R + Send)
 fn take_idle_pool(threads: usize) -> Option<Pool> {
     let process = std::process::id();
     let mut pools = IDLE_POOLS.try_lock().ok()?;
-    // In the child of a fork, the parent's pools have no threads. Dropping them would wait forever.
+    // In a forked child, the pools of the parent have no threads, so dropping them would block
+    // forever.
     pools
         .extract_if(.., |pool| pool.process != process)
         .for_each(std::mem::forget);

@@ -1,5 +1,5 @@
-//! Total variation Σ |D c|: the differences D of neighboring pixels, their adjoint, and proximal
-//! map.
+//! Total variation TV(c) = Σ |D c|, where D maps an image to the differences of neighboring pixels:
+//! D, its adjoint, the proximal map of the total variation, and an ADMM update (section 2.2.1).
 
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis, Zip, s};
 use rayon::prelude::*;
@@ -11,7 +11,7 @@ use crate::values::Values;
 /// The norm of the two differences of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Norm {
-    /// √(down² + right²), which depends little on the direction of an edge.
+    /// √(down² + right²), which hardly depends on the direction of an edge.
     Isotropic,
     /// |down| + |right|, which favors edges along the axes.
     Anisotropic,
@@ -49,12 +49,14 @@ impl Norm {
     }
 }
 
-/// Write D `image` into `out` `(2, H, W)`: the differences to the pixel below and to the right.
+/// Write D `image` into `out` `(2, H, W)`.
 ///
-/// The last row has no pixel below and the last column none to the right; these differences are 0.
+/// The first plane holds the differences to the pixel below, which are 0 in the last row. The
+/// second plane holds the differences to the pixel on the right, which are 0 in the last column.
 ///
 /// # Errors
-/// [`Error::Shape`] when the arrays do not fit.
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the image is
+/// empty.
 pub fn differences(image: ArrayView2<'_, f64>, mut out: ArrayViewMut3<'_, f64>) -> Result<()> {
     check_shapes(image.dim(), out.dim())?;
     let (height, width) = image.dim();
@@ -80,7 +82,8 @@ pub fn differences(image: ArrayView2<'_, f64>, mut out: ArrayViewMut3<'_, f64>) 
 /// Write Dᵀ `differences` into `out`.
 ///
 /// # Errors
-/// [`Error::Shape`] when the arrays do not fit.
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the image is
+/// empty.
 pub fn adjoint(differences: ArrayView3<'_, f64>, mut out: ArrayViewMut2<'_, f64>) -> Result<()> {
     check_shapes(out.dim(), differences.dim())?;
     let (height, width) = out.dim();
@@ -110,12 +113,13 @@ pub fn adjoint(differences: ArrayView3<'_, f64>, mut out: ArrayViewMut2<'_, f64>
     Ok(())
 }
 
-/// Replace `differences` with the proximal map of Σ threshold · |·|.
+/// Replace `differences` with the minimizer v of Σ threshold · |v| + ½ ‖v − differences‖².
 ///
-/// The result v minimizes Σ threshold · |v| + ½ ‖v − differences‖².
+/// This is the proximal map of Σ threshold · |·|.
 ///
 /// # Errors
-/// [`Error::Shape`] when the arrays do not fit, [`Error::Range`] for a threshold below 0.
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] for a threshold
+/// below 0, or if the image is empty.
 pub fn shrink(
     mut differences: ArrayViewMut3<'_, f64>,
     threshold: Values<'_, f64>,
@@ -138,12 +142,14 @@ pub fn shrink(
     Ok(())
 }
 
-/// Update x and its dual, both `(2, H, W)`, by one ADMM iteration for Σ weight · |x| subject to
-/// x = D `image`, and return ‖D image − x‖², the squared primal residual.
+/// Update `x` and its dual by one ADMM iteration for Σ weight · |x| subject to x = D `image`.
+/// Return the squared primal residual ‖D image − x‖².
+///
+/// `x` and `dual` have the shape `(2, H, W)`.
 ///
 /// # Errors
-/// [`Error::Shape`] when the arrays do not fit, [`Error::Range`] for a penalty that is not above 0
-/// or a negative weight.
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] for a penalty that
+/// is not above 0, for a weight below 0, or if the image is empty.
 pub fn admm_update(
     step: &AdmmStep,
     weight: Values<'_, f64>,
@@ -192,10 +198,12 @@ pub fn admm_update(
     Ok(squared_residuals.iter().sum())
 }
 
-/// Return Σ weight · |differences|, the total variation of an image with these differences.
+/// Return Σ weight · |differences|: the weighted total variation of an image with these
+/// differences.
 ///
 /// # Errors
-/// [`Error::Shape`] when the arrays do not fit, [`Error::Range`] for a weight below 0.
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] for a weight below
+/// 0, or if the image is empty.
 pub fn total_variation(
     differences: ArrayView3<'_, f64>,
     weight: Values<'_, f64>,
@@ -204,8 +212,8 @@ pub fn total_variation(
     let (directions, height, width) = differences.dim();
     check_shapes((height, width), (directions, height, width))?;
     check_weights("weight", weight, height * width)?;
-    // Each row has its own sum, and the sums are added in order: the result is the same for any
-    // number of threads.
+    // Each row has its own sum, and these sums are added in order, so that the result is the same
+    // for any number of threads.
     let rows: Vec<f64> = (0..height)
         .into_par_iter()
         .map(|row| {

@@ -1,8 +1,8 @@
-//! Parameters that are either one value for all elements or one value for each.
+//! Parameters that are either one value for all elements or one value per element.
 
 use crate::error::{Error, Result};
 
-/// One value that all elements of an array share, or one value for each element.
+/// One value for all elements of an array, or one value per element.
 #[derive(Clone, Copy, Debug)]
 pub enum Values<'a, T> {
     /// The value of all elements.

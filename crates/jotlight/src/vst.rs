@@ -1,21 +1,22 @@
-//! Variance stabilization of binomial counts (paper, equations (6) and (7)).
+//! The variance-stabilizing Anscombe transform of binomial counts, and its inverses (paper,
+//! equations (6) and (7)).
 //!
-//! After the Anscombe transform, the noise is approximately normal with standard deviation 1/2 for
-//! any light.
+//! The noise of transformed counts is approximately normal. Its standard deviation is 1/2,
+//! whatever the light.
 
 use ndarray::{ArrayView1, ArrayViewMut1};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 
-/// The Anscombe transform of counts of ones among K bits, and its algebraic inverse.
+/// The Anscombe transform of the number of ones among K bits, and its algebraic inverse.
 #[derive(Clone, Copy, Debug)]
 pub struct Anscombe {
     bits: f64,
 }
 
 impl Anscombe {
-    /// Return the transform for counts among `bits` = K bits.
+    /// Return the transform for K = `bits` bits per pixel.
     ///
     /// # Errors
     /// [`Error::Range`] for K = 0.
@@ -31,14 +32,15 @@ impl Anscombe {
     /// Return T(`count`): equation (6).
     #[must_use]
     pub fn transform(&self, count: f64) -> f64 {
-        // A float32 count may exceed K when K is greater than 2²⁴.
+        // Counts are float32. If K is above 2²⁴, rounding may raise a count above K.
         let fraction = ((count + 0.375) / (self.bits + 0.75)).min(1.0);
         (self.bits + 0.5).sqrt() * fraction.sqrt().asin()
     }
 
     /// Return T⁻¹(`z`): equation (7).
     ///
-    /// `Differs from the paper:` z is clipped to angles of 0 to π/2, and the result to [0, K].
+    /// `Differs from the paper:` the angle z / √(K + 1/2) is clipped to [0, π/2], and the result to
+    /// [0, K].
     #[must_use]
     pub fn algebraic_inverse(&self, z: f64) -> f64 {
         let angle = (z / (self.bits + 0.5).sqrt()).clamp(0.0, std::f64::consts::FRAC_PI_2);
@@ -48,8 +50,8 @@ impl Anscombe {
     /// Return E\[T(L)\] for L ~ Binomial(K, `probability`), where 0 < `probability` < 1.
     #[must_use]
     pub fn expectation(&self, probability: f64) -> f64 {
-        // The sum starts at the most likely count. The weights decrease from 1 on both sides of it,
-        // so nothing overflows or underflows for any K.
+        // The sum starts at the most likely count, whose weight is 1. The weights decrease on both
+        // sides of this count, so nothing overflows for any K.
         let mode = ((self.bits + 1.0) * probability).floor().min(self.bits);
         let odds = probability / (1.0 - probability);
         let (mut total, mut sum) = (1.0, self.transform(mode));
@@ -82,11 +84,11 @@ pub struct ExactInverse {
 }
 
 impl ExactInverse {
-    /// Number of intervals of the table. The nodes p = sin²(angle), at equidistant angles, are
-    /// dense where T is steep. The error of linear interpolation is below 10⁻⁶ K.
+    /// The number of intervals of the table. Its nodes p = sin²(angle) have equidistant angles, so
+    /// they are dense where T is steep. The error of linear interpolation is below 10⁻⁶ K.
     const INTERVALS: usize = 2048;
 
-    /// Return the tabulated inverse for counts among `bits` = K bits.
+    /// Return the tabulated inverse for K = `bits` bits per pixel.
     ///
     /// # Errors
     /// [`Error::Range`] for K = 0.
@@ -115,7 +117,8 @@ impl ExactInverse {
         })
     }
 
-    /// Return K p for `z` = E\[T(L)\]. A z outside the range of E\[T(L)\] maps to 0 or K.
+    /// Return K p for `z` = E\[T(L)\]. A `z` below the range of E\[T(L)\] maps to 0, and a `z`
+    /// above it to K.
     #[must_use]
     pub fn inverse(&self, z: f64) -> f64 {
         let above = self.expectations.partition_point(|&value| value <= z);
@@ -131,10 +134,10 @@ impl ExactInverse {
     }
 }
 
-/// Write `function` of each value into `out`, in parallel.
+/// Apply `function` to each value in parallel, and write the results into `out`.
 ///
 /// # Errors
-/// [`Error::Shape`] when the arrays do not fit.
+/// [`Error::Shape`] if the lengths of the arrays do not match.
 pub fn map(
     values: ArrayView1<'_, f32>,
     out: ArrayViewMut1<'_, f32>,

@@ -1,11 +1,11 @@
-//! Counts in the packed domain against counts of one jot after the other.
+//! Comparisons of counts of packed bits with counts of one jot after the other.
 
 use jotlight::bits::{PackedBits, add_block_counts, packed_width};
 use jotlight::error::{Error, Result};
 use jotlight::threads;
 use ndarray::{Array2, Array3, s};
 
-/// Return pseudorandom bytes, including the padding bits.
+/// Return pseudorandom bytes. Their padding bits are random too.
 fn random_bytes(frames: usize, rows: usize, width: usize) -> Array3<u8> {
     let mut state = 0x2016_u32;
     Array3::from_shape_simple_fn((frames, rows, packed_width(width)), || {
@@ -51,7 +51,7 @@ fn counts_are_right_for_any_number_of_frames() -> Result<()> {
                 "{frames} frames, oversampling {oversampling}"
             );
 
-            // Frames that are not contiguous in memory.
+            // These frames are not contiguous in memory.
             let strided = PackedBits::new(bytes.slice(s![..;2, .., ..]), width)?;
             let half = bytes.slice(s![..;2, .., ..]).to_owned();
             counts.fill(0);
@@ -144,7 +144,7 @@ fn counts_do_not_depend_on_layout_or_threads() -> Result<()> {
 }
 
 #[test]
-fn arguments_that_do_not_fit_are_errors() -> Result<()> {
+fn invalid_arguments_are_errors() -> Result<()> {
     let bytes = random_bytes(2, 6, 12);
     let name = |error: Result<()>| match error {
         Err(Error::Shape { what, .. } | Error::Range { what, .. }) => what,

@@ -1,4 +1,4 @@
-//! The log-likelihood against finite differences, and its proximal map against its definition.
+//! Comparisons of the log-likelihood, its derivatives, and its proximal map with their definitions.
 
 use jotlight::admm::AdmmStep;
 use jotlight::error::{Error, Result};
@@ -6,7 +6,7 @@ use jotlight::likelihood::{Readings, Threshold};
 use jotlight::threads;
 use jotlight::values::Values;
 
-/// The arrays that readings refer to, with different numbers for each element.
+/// The arrays of readings. The numbers differ from element to element.
 struct Data {
     ones: Vec<i32>,
     trials: Vec<i32>,
@@ -124,7 +124,8 @@ fn vector_code_for_one_photon_agrees_with_the_threshold() -> Result<()> {
 
 #[test]
 fn information_is_the_expected_curvature() -> Result<()> {
-    // A binomial count has the expectation n P, so the expected curvature weighs both curvatures.
+    // A binomial count has the expectation n P. The expected curvature is therefore a sum of the
+    // curvatures for ones and for zeros, with the weights n P and n (1 − P).
     let data = Data::new(60);
     for q in [1, 3] {
         let threshold = Threshold::new(q)?;
@@ -133,12 +134,12 @@ fn information_is_the_expected_curvature() -> Result<()> {
             .information(&data.light, &mut information)?;
         for i in 0..60 {
             let rate = data.efficiency[i] * data.light[i] + data.dark_counts[i];
-            let of_ones = threshold.detection_score_and_curvature(rate).1;
-            let of_zeros = threshold.non_detection_score_and_curvature(rate).1;
+            let curvature_of_ones = threshold.detection_score_and_curvature(rate).1;
+            let curvature_of_zeros = threshold.non_detection_score_and_curvature(rate).1;
             let expected = f64::from(data.trials[i])
                 * data.efficiency[i].powi(2)
-                * (threshold.detection_probability(rate) * of_ones
-                    + threshold.non_detection_probability(rate) * of_zeros);
+                * (threshold.detection_probability(rate) * curvature_of_ones
+                    + threshold.non_detection_probability(rate) * curvature_of_zeros);
             assert!((information[i] - expected).abs() <= 1e-9 * (expected + 1e-9));
         }
     }
@@ -146,7 +147,7 @@ fn information_is_the_expected_curvature() -> Result<()> {
 }
 
 #[test]
-fn no_point_nearby_is_better_than_the_proximal_map() -> Result<()> {
+fn the_proximal_map_minimizes_the_objective() -> Result<()> {
     let (data, max_light) = (Data::new(200), 3.0);
     for q in [1, 2, 6] {
         for penalty in [0.01, 1.0, 1e4] {
@@ -223,7 +224,7 @@ fn results_do_not_depend_on_the_number_of_threads() -> Result<()> {
 }
 
 #[test]
-fn arguments_that_do_not_fit_are_errors() -> Result<()> {
+fn invalid_arguments_are_errors() -> Result<()> {
     let threshold = Threshold::new(1)?;
     let readings = |ones, trials, efficiency| {
         Readings::new(threshold, ones, trials, efficiency, Values::Same(0.0)).map(|_| ())

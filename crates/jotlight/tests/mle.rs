@@ -1,4 +1,4 @@
-//! Maximum-likelihood estimates against the closed form, and against the score equation.
+//! Comparisons of maximum-likelihood estimates with equation (5) and with the score equation.
 
 use jotlight::error::Result;
 use jotlight::likelihood::Threshold;
@@ -26,7 +26,7 @@ fn same(jot: JotResponse) -> JotResponses<'static> {
 }
 
 #[test]
-fn estimates_from_counts_are_equation_5() -> Result<()> {
+fn estimates_from_counts_agree_with_equation_5() -> Result<()> {
     let counts: Vec<i32> = (0..=16).chain(0..=16).collect();
     let mut out = vec![0.0; counts.len()];
     let jots = same(IDEAL);
@@ -87,7 +87,7 @@ fn estimates_restore_the_intensity_of_a_probability() -> Result<()> {
 
 #[test]
 fn estimates_from_equal_jots_agree_with_those_from_counts() -> Result<()> {
-    // 2 × 3 pixels of 2 × 2 jots. The last pixel has no live jot.
+    // There are 2 × 3 pixels of 2 × 2 jots. All jots of the last pixel are dead.
     let ones: Vec<i32> = (0..24).map(|jot| jot % 6).collect();
     let dead: Vec<bool> = (0..24).map(|jot| jot / 6 >= 2 && jot % 6 >= 4).collect();
     let jot = JotResponse {
@@ -140,10 +140,12 @@ fn estimates_from_unequal_jots_solve_the_score_equation() -> Result<()> {
         let (mut score, mut scale) = (0.0, 0.0);
         for (&ones, efficiency) in ones.iter().zip(efficiency) {
             let rate = efficiency * 1.3 * f64::from(out[0]) + 0.01;
-            let of_ones = efficiency * f64::from(ones) * response.threshold.detection_score(rate);
+            let score_of_ones =
+                efficiency * f64::from(ones) * response.threshold.detection_score(rate);
             let zeros = f64::from(5 - ones);
-            score += of_ones - efficiency * zeros * response.threshold.non_detection_score(rate);
-            scale += of_ones;
+            score +=
+                score_of_ones - efficiency * zeros * response.threshold.non_detection_score(rate);
+            scale += score_of_ones;
         }
         assert!(score.abs() < 1e-5 * scale, "q = {q}: {score}");
     }
@@ -169,7 +171,7 @@ fn equivalent_counts_of_reference_jots_are_the_counts() -> Result<()> {
     )?;
     assert_eq!(out[..2], [4.0, 12.0]);
     assert!(out[2].is_nan());
-    // Ideal jots detect twice as much of the light and have no dark counts.
+    // Ideal jots detect twice as much light, and have no dark counts.
     let mut ideal = [0.0; 3];
     mle::equivalent_counts(
         &response(1)?,

@@ -1,4 +1,5 @@
-//! The network against its definition: a forward pass in plain loops, and central differences.
+//! Comparisons of the network with a forward pass in plain loops, and of its gradients with central
+//! differences.
 
 use jotlight::bits::PackedBits;
 use jotlight::error::{Error, Result};
@@ -33,14 +34,14 @@ impl Random {
     }
 }
 
-/// Return the index inside an axis that a mirrored index outside of it refers to.
+/// Return the index of the element that continues an axis symmetrically at `index`.
 fn mirrored(index: isize, size: usize) -> usize {
     let period = 2 * size as isize;
     let index = index.rem_euclid(period);
     index.min(period - 1 - index) as usize
 }
 
-/// Return h * u with a stride, equation (9), by its definition.
+/// Return h * u with a stride by its definition, equation (9).
 fn convolved(layer: &Layer<f64>, planes: ArrayView3<'_, f64>, stride: usize) -> Array3<f64> {
     let (outputs, inputs, rows, columns) = layer.filters().dim();
     let (_, height, width) = planes.dim();
@@ -59,7 +60,7 @@ fn convolved(layer: &Layer<f64>, planes: ArrayView3<'_, f64>, stride: usize) -> 
     })
 }
 
-/// Return the output of a network by its definition, for a size that the strides divide.
+/// Return the output of a network by its definition. The strides must divide the image size.
 fn naive_forward(layers: &[Layer<f64>], wiring: &[Wiring], sums: &Array3<f64>) -> Array2<f64> {
     let mut planes: Vec<Array3<f64>> = Vec::new();
     for (index, (layer, wiring)) in layers.iter().zip(wiring).enumerate() {
@@ -94,7 +95,7 @@ fn wiring(stride: usize, upsampling: usize, input: Option<usize>, skip: Option<u
     }
 }
 
-/// Return layers with strides, upsampling, skip connections, and one layer for Winograd.
+/// Return layers with strides, upsampling, and skip connections. One uses Winograd convolution.
 fn connected_layers(random: &mut Random) -> Result<(Vec<Layer<f64>>, Vec<Wiring>)> {
     let layers = [
         ((3, 1, 1, 1), Wiring::default()),
@@ -118,7 +119,7 @@ fn largest_difference(a: &Array2<f64>, b: &Array2<f64>) -> f64 {
 }
 
 #[test]
-fn the_forward_pass_is_that_of_the_definition() -> Result<()> {
+fn the_forward_pass_agrees_with_its_definition() -> Result<()> {
     let mut random = Random(1);
     let (layers, wiring) = connected_layers(&mut random)?;
     let references: Vec<&Layer<f64>> = layers.iter().collect();
@@ -197,7 +198,7 @@ fn counts_without_a_sum_are_refused() -> Result<()> {
 }
 
 #[test]
-fn layers_that_do_not_fit_are_refused() -> Result<()> {
+fn layers_that_do_not_match_are_refused() -> Result<()> {
     let mut random = Random(5);
     let sums = Array3::zeros((1, 4, 4));
     let first = random.layer((1, 1, 1, 1), Wiring::default())?;
@@ -216,7 +217,7 @@ fn layers_that_do_not_fit_are_refused() -> Result<()> {
     Ok(())
 }
 
-/// The shapes of a network's filters, and the parameters in the order of the gradient.
+/// The shapes of a network's filters, and its parameters in the order of the gradient.
 struct Parameters {
     shapes: Vec<(usize, usize, usize, usize)>,
     values: Array1<f64>,
@@ -280,7 +281,7 @@ fn sensor<'a>() -> Result<Sensor<'a>> {
 }
 
 #[test]
-fn gradients_are_those_of_central_differences() -> Result<()> {
+fn gradients_agree_with_central_differences() -> Result<()> {
     let mut random = Random(6);
     let images = [(12, 13), (6, 5)]
         .map(|shape| Array2::from_shape_simple_fn(shape, || (random.next() + 0.5) as f32));
@@ -315,26 +316,27 @@ fn gradients_are_those_of_central_differences() -> Result<()> {
 }
 
 #[test]
-fn gradients_of_splines_are_those_of_central_differences() -> Result<()> {
+fn gradients_of_splines_agree_with_central_differences() -> Result<()> {
     let mut random = Random(7);
     let planes = Array3::from_shape_simple_fn((2, 3, 20), || 9.0 * random.next());
-    let outer = Array3::from_shape_simple_fn((2, 3, 20), || random.next());
+    let output_gradient = Array3::from_shape_simple_fn((2, 3, 20), || random.next());
     let coefficients = Array2::from_shape_simple_fn((3, COEFFICIENTS), || random.next());
     let cost = |planes: &Array3<f64>, coefficients: &Array2<f64>| -> Result<f64> {
         let splines = Splines::new(coefficients.view(), START, SPACING)?;
-        Ok((splines.activate(planes.view())? * &outer).sum())
+        Ok((splines.activate(planes.view())? * &output_gradient).sum())
     };
     let splines = Splines::new(coefficients.view(), START, SPACING)?;
-    let (of_planes, of_coefficients) = splines.pull_back(planes.view(), outer.view())?;
+    let (plane_gradient, coefficient_gradient) =
+        splines.pull_back(planes.view(), output_gradient.view())?;
     let step = 1e-5;
-    for (index, found) in of_planes.indexed_iter() {
+    for (index, found) in plane_gradient.indexed_iter() {
         let (mut above, mut below) = (planes.clone(), planes.clone());
         above[index] += step;
         below[index] -= step;
         let difference = cost(&above, &coefficients)? - cost(&below, &coefficients)?;
         assert!((found - difference / (2.0 * step)).abs() < 1e-7);
     }
-    for (index, found) in of_coefficients.indexed_iter() {
+    for (index, found) in coefficient_gradient.indexed_iter() {
         let (mut above, mut below) = (coefficients.clone(), coefficients.clone());
         above[index] += step;
         below[index] -= step;

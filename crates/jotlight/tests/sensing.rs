@@ -1,4 +1,4 @@
-//! Rates, probabilities, and bits of the sensor model against their definitions.
+//! Comparisons of rates, probabilities, and bits of the sensor model with their definitions.
 
 use jotlight::bits::packed_width;
 use jotlight::error::{Error, Result};
@@ -64,17 +64,22 @@ fn bits_are_the_same_for_any_number_of_threads() -> Result<()> {
     let image = test_image(23, 31);
     for degree in 0..=3 {
         let sensor = sensor(degree, 3, 2)?;
-        let on = |threads| threads::install(threads, || draw(&sensor, &image, &whole(&image, 3)))?;
-        let one = on(Some(1))?;
+        let draw_with =
+            |threads| threads::install(threads, || draw(&sensor, &image, &whole(&image, 3)))?;
+        let one = draw_with(Some(1))?;
         for threads in [Some(2), Some(3), Some(7), None] {
-            assert_eq!(on(threads)?, one, "degree {degree}, threads {threads:?}");
+            assert_eq!(
+                draw_with(threads)?,
+                one,
+                "degree {degree}, threads {threads:?}"
+            );
         }
     }
     Ok(())
 }
 
 #[test]
-fn a_window_holds_the_bits_of_the_whole_image() -> Result<()> {
+fn bits_do_not_depend_on_the_window() -> Result<()> {
     for (degree, oversampling, width) in [(0, 1, 5000), (0, 7, 700), (1, 3, 40), (3, 5, 900)] {
         let image = test_image(4, width);
         let sensor = sensor(degree, oversampling, 1)?;
@@ -145,7 +150,7 @@ fn the_rate_of_a_jot_is_a_weighted_sum_of_pixels() -> Result<()> {
             rate(&sensor, Image::F64(image.view()), 0, rates.view_mut())?;
             let taps = sensor.kernel.taps();
             let shift = (degree * oversampling / 2) as isize;
-            // The weight of a pixel at a jot, and the index of the continuation at the border.
+            // The weight of the light of a pixel at a jot.
             let weight = |jot: usize, pixel: isize| {
                 let tap = jot as isize + shift - pixel * oversampling as isize;
                 usize::try_from(tap)
@@ -153,6 +158,7 @@ fn the_rate_of_a_jot_is_a_weighted_sum_of_pixels() -> Result<()> {
                     .and_then(|tap| taps.get(tap))
                     .unwrap_or(&0.0)
             };
+            // The index of the pixel that continues the image beyond its border.
             let mirror = |pixel: isize, size: isize| match pixel {
                 ..0 => (-1 - pixel) as usize,
                 _ if pixel >= size => (2 * size - 1 - pixel) as usize,
@@ -205,8 +211,8 @@ fn frequencies_of_ones_agree_with_the_probabilities() -> Result<()> {
             if dead[[row, column]] {
                 assert_eq!((ones, expected.to_bits()), (0, 0));
             } else {
-                // The bound is 6.5 standard deviations plus 6 for the skewness: less than one of
-                // 10⁶ seeds violates it.
+                // The bound is 6.5 standard deviations, plus 6 because the distribution is skewed.
+                // Fewer than one in 10⁶ seeds exceed it.
                 let (mean, frames) = (frames as f64 * f64::from(expected), frames as f64);
                 let deviation = (mean * (1.0 - mean / frames)).sqrt();
                 assert!((f64::from(ones) - mean).abs() < 6.5 * deviation + 6.0);
@@ -216,7 +222,7 @@ fn frequencies_of_ones_agree_with_the_probabilities() -> Result<()> {
     Ok(())
 }
 
-/// Return the name of the argument that an error is about.
+/// Return the name of the argument that an error names.
 fn argument(result: Result<()>) -> &'static str {
     match result {
         Err(Error::Shape { what, .. } | Error::Range { what, .. }) => what,
@@ -225,7 +231,7 @@ fn argument(result: Result<()>) -> &'static str {
 }
 
 #[test]
-fn windows_that_do_not_fit_are_errors() -> Result<()> {
+fn invalid_windows_are_errors() -> Result<()> {
     let image = test_image(4, 5);
     let sensor = sensor(1, 2, 1)?;
     let refused = |shape, channel, window: &Window| {
@@ -260,7 +266,7 @@ fn windows_that_do_not_fit_are_errors() -> Result<()> {
 }
 
 #[test]
-fn maps_that_do_not_fit_are_errors() -> Result<()> {
+fn maps_of_the_wrong_shape_are_errors() -> Result<()> {
     let (dead, dark) = (Array2::from_elem((8, 9), false), Array2::zeros((4, 5)));
     let image = test_image(4, 5);
     let light = Image::F64(image.view());
@@ -292,7 +298,7 @@ fn maps_that_do_not_fit_are_errors() -> Result<()> {
 }
 
 #[test]
-fn kernels_that_do_not_exist_are_errors() {
+fn invalid_kernels_are_errors() {
     for (degree, oversampling, expected) in [(4, 2, "kernel degree"), (0, 0, "oversampling")] {
         let kernel = Kernel::new(degree, oversampling);
         assert_eq!(argument(kernel.map(|_| ())), expected);

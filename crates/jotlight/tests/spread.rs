@@ -1,10 +1,12 @@
-//! The operator G against the rates of the sensor model, its adjoint, and its normal operator.
+//! Comparisons of the operator G with the rates of the sensor model, and of its adjoint and normal
+//! operator with their definitions.
 
 use jotlight::error::Result;
 use jotlight::likelihood::Threshold;
 use jotlight::sensing::{Image, Kernel, PerJot, Sensor, SpreadOperator, rate};
 use ndarray::Array2;
 
+/// Return an array of positive values without symmetry.
 fn pattern(height: usize, width: usize) -> Array2<f64> {
     Array2::from_shape_fn((height, width), |(row, column)| {
         0.6 + 0.5 * (1.3 * row as f64 + 0.41 * (column * column) as f64).sin()
@@ -70,7 +72,7 @@ fn the_operator_agrees_with_the_rates() -> Result<()> {
 }
 
 #[test]
-fn arrays_that_do_not_fit_are_errors() -> Result<()> {
+fn arrays_of_the_wrong_shape_are_errors() -> Result<()> {
     let operator = SpreadOperator::new(Kernel::new(1, 2)?, Kernel::new(1, 2)?);
     let (image, jots) = (pattern(4, 5), pattern(8, 9));
     let mut out = Array2::zeros((8, 9));

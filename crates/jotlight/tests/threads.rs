@@ -54,12 +54,12 @@ fn the_first_thread_receives_the_callers_core() -> Result<()> {
     let mut stayed = 0;
     let mut received = 0;
     for _ in 0..200 {
-        // The caller moves to this core and mostly stays there.
+        // The caller moves to the second core, and mostly stays there.
         sched_setaffinity(None, &one)?;
         sched_setaffinity(None, &allowed)?;
         let core = sched_getcpu();
         let parts = cores_of_threads(2)?;
-        // Otherwise the caller may have moved before the pool read its core.
+        // A caller that has moved may have done so before the pool read its core.
         if core == second && core == sched_getcpu() {
             stayed += 1;
             received += usize::from(parts[0].is_set(core));

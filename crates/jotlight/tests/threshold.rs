@@ -1,4 +1,4 @@
-//! P(b = 1), its derivatives, scores, and inverse against their definitions.
+//! Comparisons of P(b = 1), its derivatives, scores, and inverse with their definitions.
 
 use jotlight::error::{Error, Result};
 use jotlight::likelihood::Threshold;

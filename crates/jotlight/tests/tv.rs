@@ -1,4 +1,4 @@
-//! Total variation against naive sums, its adjoint, and its proximal map against its definition.
+//! Comparisons of the total variation, its adjoint, and its proximal map with their definitions.
 
 use jotlight::admm::AdmmStep;
 use jotlight::error::Result;
@@ -74,7 +74,7 @@ fn the_total_is_a_weighted_sum_of_norms() -> Result<()> {
 }
 
 #[test]
-fn no_point_nearby_is_better_than_the_shrunk_differences() -> Result<()> {
+fn the_shrunk_differences_minimize_the_objective() -> Result<()> {
     let original = test_differences();
     for norm in NORMS {
         let mut shrunk = original.clone();
@@ -98,7 +98,7 @@ fn no_point_nearby_is_better_than_the_shrunk_differences() -> Result<()> {
 }
 
 #[test]
-fn an_admm_update_is_a_shrinkage_and_a_dual_step() -> Result<()> {
+fn an_admm_update_is_a_proximal_map_and_a_dual_step() -> Result<()> {
     let image = test_image();
     let step = AdmmStep {
         penalty: 0.8,
@@ -126,7 +126,7 @@ fn an_admm_update_is_a_shrinkage_and_a_dual_step() -> Result<()> {
 }
 
 #[test]
-fn arguments_that_do_not_fit_are_errors() {
+fn invalid_arguments_are_errors() {
     let mut differences = test_differences();
     for threshold in [-0.1, f64::NAN] {
         let shrunk = tv::shrink(

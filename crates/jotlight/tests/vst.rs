@@ -1,4 +1,4 @@
-//! The Anscombe transform against its inverses, and its expectation against the binomial sum.
+//! Comparisons of the Anscombe transform with its inverses, and of its expectation with a sum.
 
 use jotlight::error::Result;
 use jotlight::vst::{Anscombe, ExactInverse, map};
@@ -61,7 +61,7 @@ fn the_exact_inverse_restores_the_expected_count() -> Result<()> {
 }
 
 #[test]
-fn arguments_that_do_not_fit_are_errors() {
+fn invalid_arguments_are_errors() {
     assert!(Anscombe::new(0).is_err());
     assert!(ExactInverse::new(0).is_err());
     let (values, mut out) = (Array1::zeros(3), Array1::zeros(4));

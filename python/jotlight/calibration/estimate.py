@@ -8,10 +8,10 @@ import numpy.typing as npt
 
 from jotlight.calibration.bulk import fit_bulk
 from jotlight.calibration.flat import measure_response
-from jotlight.calibration.rates import Counts, detections, variance
+from jotlight.calibration.rates import detections, variance
 from jotlight.calibration.result import Calibration, check_same_orientation
 from jotlight.calibration.steadiness import Steadiness, steadiness
-from jotlight.checks import as_counts
+from jotlight.checks import Counts, as_counts
 from jotlight.errors import warn
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.provenance import Provenance
@@ -26,6 +26,7 @@ _MIN_JOTS = 64
 """Minimum number of jots in which the ordinary ones can be found."""
 
 
+# All but the two captures are keyword-only and documented, so ten parameters read well.
 def calibrate(
     dark: Bits | npt.ArrayLike,
     flat: Bits | npt.ArrayLike | None = None,

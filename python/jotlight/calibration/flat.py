@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.calibration.rates import Counts, Rates, detections, variance
+from jotlight.calibration.rates import Rates, detections, variance
+from jotlight.checks import Counts
 from jotlight.sensing.response import detection_probability
 
 WINDOW = 15

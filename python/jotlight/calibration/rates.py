@@ -4,9 +4,9 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.checks import Counts
 from jotlight.sensing.response import detection_density, detection_probability
 
-Counts = npt.NDArray[np.int32]
 Rates = npt.NDArray[np.float64]
 
 

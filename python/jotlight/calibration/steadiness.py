@@ -15,8 +15,6 @@ BLOCKS = 16
 
 _MIN_FRAMES = 8
 
-Counts = npt.NDArray[np.int64]
-
 
 @dataclasses.dataclass(frozen=True)
 class Steadiness:
@@ -150,7 +148,7 @@ def _correlation(
 
 
 def _homogeneity(
-    ones: Counts, squares: npt.NDArray[np.float64], blocks: int, size: int
+    ones: npt.NDArray[np.int64], squares: npt.NDArray[np.float64], blocks: int, size: int
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """Return χ² of each jot minus its mean in random order, and its standard deviation."""
     n, L = float(blocks * size), ones.astype(np.float64)  # noqa: N806

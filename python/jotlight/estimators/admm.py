@@ -51,6 +51,7 @@ _CG_TOLERANCE = 1e-6
 """The relative residual of the linear step, unless 0.01 `tol` is smaller."""
 
 
+# All but data and sensor are keyword-only and documented, so ten parameters read well.
 @overload
 def admm_tv(
     data: Bits | Problem | npt.ArrayLike,

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import Counts
 from jotlight.errors import warn
 from jotlight.formats.labels import read_counts_label
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_in_chunks
 from jotlight.sensing.provenance import Provenance
 
-Counts = npt.NDArray[np.int32]
 """An image of counts, (H, W) or (H, W, C)."""
 
 

@@ -4,7 +4,8 @@ import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
-from jotlight.formats.capture import Capture, Counts
+from jotlight.checks import Counts
+from jotlight.formats.capture import Capture
 from jotlight.sensing.bits import Bits
 
 

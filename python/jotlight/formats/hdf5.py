@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import Counts
 from jotlight.errors import MissingExtraError, warn
 from jotlight.files import atomic_write
-from jotlight.formats.capture import Capture, Counts
+from jotlight.formats.capture import Capture
 from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.labeled import ATTRIBUTE, StoredArray, bits_label, open_stored_array
 from jotlight.formats.limits import check_claimed_size

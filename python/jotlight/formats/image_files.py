@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import Counts
 from jotlight.errors import warn
 from jotlight.files import atomic_write
 from jotlight.formats.arrays import read_npy
-from jotlight.formats.capture import Capture, Counts, as_count_stack, is_single_image
+from jotlight.formats.capture import Capture, as_count_stack, is_single_image
 from jotlight.formats.file_lists import list_files
 from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.limits import check_claimed_size

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import Counts
 from jotlight.files import atomic_write
 from jotlight.formats.arrays import LABEL_MEMBER, read_npy, read_npz_label
-from jotlight.formats.capture import Capture, Counts, as_count_stack
+from jotlight.formats.capture import Capture, as_count_stack
 from jotlight.formats.compressed import stream_npy_gz, stream_npz, write_npy_gz
 from jotlight.formats.cube import describe_cube, open_cube, write_cube
 from jotlight.formats.format import Format, OpenOptions, Writer

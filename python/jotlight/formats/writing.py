@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import Counts
 from jotlight.errors import warn
-from jotlight.formats.capture import Counts
 from jotlight.formats.labels import make_counts_label
 from jotlight.formats.registry import WRITERS
 from jotlight.sensing.bits import Bits

@@ -23,7 +23,7 @@ from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.response import detection_probability
 
-Counts = npt.NDArray[np.int64]
+LongCounts = npt.NDArray[np.int64]
 
 HELD_OUT_FRACTION = 0.1
 """Fraction of all bits that no step trains on."""
@@ -46,7 +46,7 @@ def subsample_counts(
     trials: npt.ArrayLike,
     subset: npt.ArrayLike,
     rng: int | np.random.Generator,
-) -> Counts:
+) -> LongCounts:
     """Return the number of ones in a random subset of each pixel's bits.
 
     The bits of a pixel are exchangeable, so the number has the hypergeometric distribution.
@@ -175,8 +175,8 @@ class BitSplitter:
             oversampling=1, frames=self.trials, mask=None, efficiency=efficiency, dark_counts=dark
         )
         self.channels = channels
-        self.channel_trials: list[Counts] = []
-        self.training_bits: list[tuple[Counts, Counts]] = []
+        self.channel_trials: list[LongCounts] = []
+        self.training_bits: list[tuple[LongCounts, LongCounts]] = []
         self.held_out: list[Split] = []
         for channel in channels:
             self._hold_out(channel, rng)
@@ -291,8 +291,8 @@ class BitSplitter:
         channel: PixelCounts,
         window: tuple[slice, slice],
         input_trials: int,
-        input_bits: tuple[Counts, Counts],
-        target: tuple[Counts, Counts],
+        input_bits: tuple[LongCounts, LongCounts],
+        target: tuple[LongCounts, LongCounts],
     ) -> Split:
         """Return a split whose input counts are scaled to `input_trials` bits or the network's K.
 

@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 use super::layers::{PreparedLayer, engine_layers};
 use crate::{run, to_python};
 
+/// Return the sums p of the first layer from bits with dead jots.
 #[pyfunction]
 #[pyo3(signature = (layer, packed, width, valid, threads))]
 pub fn masked_sums<'py>(
@@ -27,6 +28,7 @@ pub fn masked_sums<'py>(
     Ok(sums.into_pyarray(py))
 }
 
+/// Return the image that the network computes from the sums p of its first layer.
 #[pyfunction]
 #[pyo3(signature = (layers, sums, threads))]
 pub fn forward<'py>(
@@ -41,6 +43,7 @@ pub fn forward<'py>(
     })
 }
 
+/// Return the image that the network computes from counts.
 #[pyfunction]
 #[pyo3(signature = (layers, counts, sums, threads))]
 pub fn forward_counts<'py>(
@@ -56,6 +59,7 @@ pub fn forward_counts<'py>(
     })
 }
 
+/// Return the image that the network computes from bits.
 #[pyfunction]
 #[pyo3(signature = (layers, packed, width, threads))]
 pub fn forward_bits<'py>(
@@ -71,7 +75,7 @@ pub fn forward_bits<'py>(
     })
 }
 
-/// Return the image that `evaluate` computes without the GIL.
+/// Run `evaluate` without the GIL, and return the image as an array.
 fn compute_image<'py>(
     py: Python<'py>,
     layers: &[Py<PreparedLayer>],
@@ -83,8 +87,7 @@ fn compute_image<'py>(
     Ok(image.into_pyarray(py))
 }
 
-/// Return the first row of the data that some rows of the image depend on, and the end of these
-/// rows.
+/// Return the range of input rows on which a range of rows of the image depends.
 #[pyfunction]
 #[pyo3(signature = (layers, height, rows))]
 pub fn input_rows(

@@ -1,4 +1,4 @@
-//! The conversion of layers.
+//! The conversion of layers to layers of the engine.
 
 use jotlight::network::{Layer, Wiring};
 use jotlight::numbers::Real;
@@ -7,8 +7,8 @@ use pyo3::prelude::*;
 
 use crate::to_python;
 
-/// A layer as `(filters, coefficients, first knot, knot spacing, wiring)`, where the wiring is
-/// `(stride, upsampling, input, skip)`.
+/// A layer, as the tuple (filters, coefficients, first knot, knot spacing, wiring). The wiring is
+/// the tuple (stride, upsampling, input, skip).
 pub type PyLayer<'py, F> = (
     PyReadonlyArray4<'py, F>,
     Option<PyReadonlyArray2<'py, F>>,
@@ -40,7 +40,7 @@ pub fn all_to_engine<F: Real + Element>(layers: &[PyLayer<'_, F>]) -> PyResult<V
     layers.iter().map(to_engine).collect()
 }
 
-/// A layer that keeps its filters in the order of the engine's loops.
+/// A layer of the engine. It keeps its filters in the order in which the engine's loops read them.
 #[pyclass(frozen, name = "Layer")]
 pub struct PreparedLayer(pub Layer<f32>);
 
@@ -52,7 +52,7 @@ impl PreparedLayer {
     }
 }
 
-/// Return references to the engine's layers, which threads can use without the GIL.
+/// Return references to the layers of the engine. Threads can use them without the GIL.
 pub fn engine_layers(layers: &[Py<PreparedLayer>]) -> Vec<&Layer<f32>> {
     layers.iter().map(|layer| &layer.get().0).collect()
 }

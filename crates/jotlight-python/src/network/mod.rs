@@ -2,7 +2,6 @@
 
 mod inference;
 mod layers;
-mod precision;
 mod splines;
 mod training;
 

@@ -1,4 +1,4 @@
-//! The splines alone, as the nonlinearity of PyTorch networks.
+//! Splines without filters. PyTorch networks use them as their nonlinearities.
 
 use jotlight::network::Splines;
 use jotlight::numbers::Real;
@@ -6,7 +6,7 @@ use numpy::{Element, IntoPyArray, PyArray2, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use super::precision::{Precision, for_precision};
+use crate::arguments::{Precision, for_precision};
 use crate::run;
 
 /// Planes (N, C, P) and spline coefficients (C, `N_w`).
@@ -17,6 +17,7 @@ type PyPlanes<'py> = Precision<PlanesAndCoefficients<'py, f32>, PlanesAndCoeffic
 /// The gradients with respect to planes and coefficients.
 type PyGradients<'py> = (Bound<'py, PyAny>, Bound<'py, PyArray2<f64>>);
 
+/// Apply the spline of each channel to planes, and return the results.
 #[pyfunction]
 #[pyo3(signature = (planes, start, spacing, threads))]
 pub fn activate<'py>(
@@ -42,6 +43,8 @@ fn activate_planes<'py, F: Real + Element>(
     Ok(out.into_pyarray(py).into_any())
 }
 
+/// Return the gradients with respect to planes and coefficients. `gradient` is the gradient with
+/// respect to the result of `activate`.
 #[pyfunction]
 #[pyo3(signature = (planes, gradient, start, spacing, threads))]
 pub fn activate_backward<'py>(

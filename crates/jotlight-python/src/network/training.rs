@@ -1,4 +1,4 @@
-//! Cost, gradient, and normal equations of a batch.
+//! The cost of a network on a batch, its gradient, and its normal equations.
 
 use jotlight::network::{Batch, Patch};
 use ndarray::Axis;
@@ -7,7 +7,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::layers::{PyLayer, all_to_engine};
-use super::precision::{Precision, for_precision};
+use crate::arguments::{Precision, for_precision};
 use crate::run;
 use crate::sensing::PySensor;
 
@@ -20,8 +20,8 @@ pub enum PyImages<'py> {
     Each(Vec<PyReadonlyArray2<'py, f32>>),
 }
 
-/// A batch as a dictionary. Each row of `patches` is an image index, first row, end row, first
-/// column, and end column.
+/// A batch, as a dictionary. Each row of `patches` holds the index of an image, the first row, the
+/// end of the rows, the first column, and the end of the columns.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct PyBatch<'py> {
@@ -34,7 +34,7 @@ pub struct PyBatch<'py> {
 }
 
 impl PyBatch<'_> {
-    fn view(&self) -> PyResult<Batch<'_>> {
+    fn to_engine(&self) -> PyResult<Batch<'_>> {
         let images = match &self.images {
             PyImages::Stack(stack) => {
                 let stack = stack.as_array();
@@ -47,8 +47,8 @@ impl PyBatch<'_> {
         let patches = self.patches.as_array();
         if patches.ncols() != 5 || patches.iter().any(|&value| value < 0) {
             return Err(PyValueError::new_err(
-                "patches: expected rows of image index, first row, end row, first column, end \
-                 column, all 0 or more",
+                "patches: expected rows of five integers of at least 0: image index, first row, \
+                 end of rows, first column, end of columns",
             ));
         }
         let patches = patches
@@ -74,7 +74,7 @@ impl PyBatch<'_> {
     }
 }
 
-/// The squared error of each patch, and the number of pixels that it sums.
+/// The squared error of each patch, and the number of pixels in its sum.
 type SquaredErrors<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<i64>>);
 
 type Vector<'py> = Bound<'py, PyArray1<f64>>;
@@ -86,6 +86,7 @@ fn to_arrays(py: Python<'_>, squared_errors: Vec<f64>, pixels: Vec<usize>) -> Sq
     (squared_errors.into_pyarray(py), pixels.into_pyarray(py))
 }
 
+/// Return the squared error of each patch, and the number of pixels in its sum.
 #[pyfunction]
 #[pyo3(signature = (layers, batch, threads))]
 pub fn squared_errors<'py>(
@@ -94,7 +95,7 @@ pub fn squared_errors<'py>(
     batch: PyBatch<'py>,
     threads: Option<isize>,
 ) -> PyResult<SquaredErrors<'py>> {
-    let batch = batch.view()?;
+    let batch = batch.to_engine()?;
     let (squared_errors, pixels) = for_precision!(layers, layers => {
         let layers = all_to_engine(&layers)?;
         run(py, threads, || batch.squared_errors(&layers))
@@ -102,6 +103,7 @@ pub fn squared_errors<'py>(
     Ok(to_arrays(py, squared_errors, pixels))
 }
 
+/// Return the squared errors, and the gradient of the cost.
 #[pyfunction]
 #[pyo3(signature = (layers, batch, threads))]
 pub fn gradient<'py>(
@@ -110,7 +112,7 @@ pub fn gradient<'py>(
     batch: PyBatch<'py>,
     threads: Option<isize>,
 ) -> PyResult<(SquaredErrors<'py>, Vector<'py>)> {
-    let batch = batch.view()?;
+    let batch = batch.to_engine()?;
     let result = for_precision!(layers, layers => {
         let layers = all_to_engine(&layers)?;
         run(py, threads, || batch.gradient(&layers))
@@ -119,6 +121,7 @@ pub fn gradient<'py>(
     Ok((squared_errors, result.gradient.into_pyarray(py)))
 }
 
+/// Return the squared errors, the gradient of the cost, and the matrix of the normal equations.
 #[pyfunction]
 #[pyo3(signature = (layers, batch, threads))]
 pub fn normal_equations<'py>(
@@ -127,7 +130,7 @@ pub fn normal_equations<'py>(
     batch: PyBatch<'py>,
     threads: Option<isize>,
 ) -> PyResult<(SquaredErrors<'py>, Vector<'py>, Matrix<'py>)> {
-    let batch = batch.view()?;
+    let batch = batch.to_engine()?;
     let result = for_precision!(layers, layers => {
         let layers = all_to_engine(&layers)?;
         run(py, threads, || batch.normal_equations(&layers))

@@ -1,22 +1,23 @@
-//! Sums of the ones of each jot over many frames, in the packed domain.
+//! Counts of the ones of each jot over many frames, without unpacking the bits.
 //!
-//! The binary digits of the counters are stored as bit planes. One operation on a word therefore
-//! updates 64 counters.
+//! Each jot has a counter. A bit plane stores the same binary digit of all counters, so one
+//! operation on a word updates 64 counters.
 
 use crate::cpu::levels;
 
-/// Number of frames that are added together.
+/// The number of frames that are added together.
 pub(super) const GROUP_SIZE: usize = 8;
 
-/// The level of a group's carry: its weight is 2 to this power.
+/// The level of the carry of a group. The carry has the weight 2^`CARRY_LEVEL`.
 const CARRY_LEVEL: usize = GROUP_SIZE.trailing_zeros() as usize;
 
 /// One counter for each bit of a sequence of bytes.
 pub(super) struct BitCounters {
     words: usize,
-    /// The digits of all counters: `digits[level]` has the weight 2^level.
+    /// The digits of all counters. `digits[level]` has the weight 2^level.
     digits: Vec<Vec<u64>>,
-    /// The plane of each level that waits for another one. A full adder adds two planes to a digit.
+    /// At each level, a plane that waits for a second one, because a full adder adds two planes to
+    /// a digit.
     pending: Vec<Option<Vec<u64>>>,
     /// Planes for reuse.
     free: Vec<Vec<u64>>,
@@ -33,7 +34,7 @@ impl BitCounters {
         }
     }
 
-    /// Add a group of byte sequences, each as long as the `bytes` of [`BitCounters::new`].
+    /// Add a group of byte sequences. Each has the length `bytes` of [`BitCounters::new`].
     pub(super) fn add(&mut self, group: &[&[u8]; GROUP_SIZE]) {
         let mut carry = self.free.pop().unwrap_or_else(|| vec![0; self.words]);
         let (low, _) = self.digits.split_at_mut(CARRY_LEVEL);
@@ -84,7 +85,7 @@ fn full_adder(a: u64, b: u64, c: u64) -> (u64, u64) {
     (half ^ c, a & b | half & c)
 }
 
-/// Add a word of each member of a group to the digits of weight 1, 2, and 4, and return the carry.
+/// Add one word from each member of a group to the digits of weight 1, 2, and 4. Return the carry.
 #[inline(always)]
 fn add_words(x: [u64; GROUP_SIZE], ones: &mut u64, twos: &mut u64, fours: &mut u64) -> u64 {
     let (one, two_a) = full_adder(*ones, x[0], x[1]);
@@ -106,7 +107,7 @@ levels! {
     ) = add_group_inlined;
     /// Add two planes to a digit. The carry replaces the second plane.
     fn add_planes(digit: &mut [u64], first: &[u64], second: &mut [u64]) = add_planes_inlined;
-    /// Add 2^`level` to the count of each bit that is set in a plane, from byte `first` on.
+    /// Add 2^`level` to the count of each bit that is set in a plane, starting at byte `first`.
     fn add_plane_to_counts(
         plane: &[u64], first: usize, level: u32, counts: &mut [i32],
     ) = add_plane_to_counts_inlined;

@@ -1,4 +1,4 @@
-//! Counts of the ones of each pixel, taken in the packed domain.
+//! Counts L of the ones of each pixel, without unpacking the bits.
 
 use std::borrow::Cow;
 
@@ -10,25 +10,26 @@ use super::{MAX_FIELD_BITS, PackedBits, bit_field, mask_row, packed_width};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
 
-/// Range of the bytes per frame that one task counts with bit planes.
+/// The minimum and the maximum number of bytes per frame that one task counts with bit planes.
 ///
-/// Long sequences are read fastest, but the bit planes must fit into the cache. Smaller tasks are
-/// used where larger ones would leave threads without work.
+/// Long sequences are read fastest, but the bit planes must fit into the cache. Tasks are smaller
+/// than the maximum if larger ones would leave threads without work.
 const BYTES_PER_BIT_PLANE_TASK: std::ops::RangeInclusive<usize> = 1024..=8192;
 
-/// Bytes per frame that one task counts frame by frame. It outweighs the cost of starting the task.
+/// The number of bytes per frame that one task counts frame by frame. Counting them takes much
+/// longer than starting the task.
 const BYTES_PER_FRAME_TASK: usize = 1 << 14;
 
-/// Number of frames from which on bit planes are faster than counting frame by frame.
+/// The minimum number of frames for which bit planes are faster than counting frame by frame.
 const MIN_FRAMES_FOR_BIT_PLANES: usize = 2 * GROUP_SIZE;
 
-/// Add to each pixel of `counts` the ones among its K̂ × K̂ jots in all frames.
+/// Add the number of ones of each pixel, over its K̂ × K̂ jots and all frames, to `counts`.
 ///
-/// `valid` is a packed mask `(H, ⌈W/8⌉)` of the jots that count.
+/// `valid` is a packed mask `(H, ⌈W/8⌉)`. Jots whose bit in the mask is 0 are not counted.
 ///
 /// # Errors
-/// [`Error::Shape`] when the arrays do not fit, [`Error::Range`] when the oversampling K̂ is 0 or
-/// does not divide the frame.
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the oversampling
+/// K̂ is 0, or does not divide the height and the width.
 pub fn add_block_counts(
     bits: &PackedBits<'_>,
     oversampling: usize,
@@ -80,7 +81,7 @@ pub(crate) fn check_mask(
     }
 }
 
-/// Add the ones of few frames to the rows of `counts`, of which the first is pixel row `first`.
+/// Add the ones of few frames to `counts`, whose first row is the pixel row `first`.
 fn add_frame_by_frame(
     bits: &PackedBits<'_>,
     frames: usize,
@@ -143,12 +144,13 @@ fn add_row(bytes: &[u8], oversampling: usize, counts: &mut ArrayViewMut1<'_, i32
     }
 }
 
-/// Add the ones of pixels that are 2, 4, or 8 jots wide, where `PIXELS` pixels fill one byte.
+/// Add the ones of a row of pixels. The pixels are 2, 4, or 8 jots wide, so `PIXELS` of them fill
+/// one byte.
 #[inline(always)]
 fn add_pixels_of_bytes<const PIXELS: usize>(bytes: &[u8], counts: &mut [i32]) {
     let width = 8 / PIXELS;
     let count_ones = |byte: u8, pixel: usize| {
-        // Sums of two, four, and eight neighboring bits, for all of the byte at once.
+        // The sums of groups of two bits, then of four, then of eight. The byte holds all groups.
         let mut sums = byte - (byte >> 1 & 0x55);
         if PIXELS < 4 {
             sums = (sums & 0x33) + (sums >> 2 & 0x33);
@@ -170,9 +172,10 @@ fn add_pixels_of_bytes<const PIXELS: usize>(bytes: &[u8], counts: &mut [i32]) {
     }
 }
 
-/// Add the ones of many frames to the rows of `counts`, of which the first is pixel row `first`.
+/// Add the ones of many frames to `counts`, whose first row is the pixel row `first`.
 ///
-/// Bit planes sum each jot over the frames; then the jots of each pixel are added.
+/// Bit planes first count the ones of each jot over the frames. Then the counts of the jots of each
+/// pixel are added.
 fn add_with_bit_planes(
     bits: &PackedBits<'_>,
     frames: usize,

@@ -1,4 +1,7 @@
-//! Packed bits `(T, H, ⌈W/8⌉)`, most significant bit first, in the layout of `numpy.packbits`.
+//! Packed bits, and the counts L of ones per pixel.
+//!
+//! T frames of H × W jots are stored as bytes `(T, H, ⌈W/8⌉)`. The first jot is the most
+//! significant bit of a byte, as in `numpy.packbits`.
 
 mod bit_planes;
 mod count;
@@ -19,7 +22,7 @@ pub fn packed_width(width: usize) -> usize {
     width.div_ceil(8)
 }
 
-/// The packed bits of all frames and the width of a row in jots.
+/// The packed bits of all frames, and the width of a row in jots.
 #[derive(Clone, Copy, Debug)]
 pub struct PackedBits<'a> {
     bytes: ArrayView3<'a, u8>,
@@ -30,7 +33,7 @@ impl<'a> PackedBits<'a> {
     /// Return the bits of rows of `width` jots. Padding bits in the last byte are ignored.
     ///
     /// # Errors
-    /// [`Error::Shape`] when the bytes of a row do not hold `width` bits.
+    /// [`Error::Shape`] if the number of bytes in a row is not ⌈`width`/8⌉.
     pub fn new(bytes: ArrayView3<'a, u8>, width: usize) -> Result<Self> {
         if bytes.dim().2 != packed_width(width) {
             return Err(Error::shape(
@@ -53,7 +56,7 @@ impl<'a> PackedBits<'a> {
         contiguous(self.bytes.slice_move(s![frame, row, ..]))
     }
 
-    /// Return the bytes of a range of rows of a frame, row after row.
+    /// Return the bytes of a range of rows in a frame, row after row.
     pub(crate) fn rows(&self, frame: usize, rows: Range<usize>) -> Cow<'a, [u8]> {
         let part = self.bytes.slice_move(s![frame, rows, ..]);
         match part.to_slice() {
@@ -65,7 +68,7 @@ impl<'a> PackedBits<'a> {
     /// Return the numbers of rows and columns of pixels for blocks of K̂ × K̂ jots.
     ///
     /// # Errors
-    /// [`Error::Range`] when K̂ = `oversampling` is 0 or does not divide the frame.
+    /// [`Error::Range`] if K̂ = `oversampling` is 0, or does not divide the height and the width.
     pub(crate) fn pixel_shape(&self, oversampling: usize) -> Result<(usize, usize)> {
         let (_, rows, columns) = self.shape();
         if oversampling == 0 {
@@ -82,7 +85,7 @@ impl<'a> PackedBits<'a> {
     }
 }
 
-/// Return a row as a slice. Only a strided row, such as a row of one color channel, is copied.
+/// Return a row as a slice. Only a strided row is copied, such as a row of one color channel.
 pub(crate) fn contiguous<T: Copy>(row: ArrayView1<'_, T>) -> Cow<'_, [T]> {
     match row.to_slice() {
         Some(slice) => Cow::Borrowed(slice),
@@ -95,7 +98,8 @@ pub(crate) fn mask_row(mask: ArrayView2<'_, u8>, row: usize) -> Cow<'_, [u8]> {
     contiguous(mask.slice_move(s![row, ..]))
 }
 
-/// Return the `length` bits from bit `start` on as an integer. The last is the least significant.
+/// Return `length` bits, starting at bit `start`, as an integer. The last bit is the least
+/// significant one.
 ///
 /// `length` is at most [`MAX_FIELD_BITS`].
 #[inline(always)]
@@ -105,7 +109,7 @@ pub(crate) fn bit_field(bytes: &[u8], start: usize, length: usize) -> u64 {
     let word = if let Some(eight) = bytes[first..].first_chunk() {
         u64::from_be_bytes(*eight)
     } else if let Some(last) = bytes.last_chunk() {
-        // The row ends within these eight bytes. The zeros that the shift brings in are never used.
+        // Fewer than eight bytes remain. The shift appends zeros, which are never used.
         u64::from_be_bytes(*last) << (8 * (first + 8 - bytes.len()))
     } else {
         let mut eight = [0u8; 8];
@@ -119,5 +123,5 @@ pub(crate) fn bit_field(bytes: &[u8], start: usize, length: usize) -> u64 {
     }
 }
 
-/// Maximum length of a field of [`bit_field`] that may start at any bit.
+/// The maximum `length` in [`bit_field`]: eight bytes hold that many bits after any `start`.
 pub(crate) const MAX_FIELD_BITS: usize = 57;

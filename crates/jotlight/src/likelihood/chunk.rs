@@ -1,10 +1,11 @@
-//! Chunks of elements, stored as one array per property, on which one thread works at a time.
+//! Chunks of elements. Each thread processes one chunk at a time. A chunk stores one array per
+//! property, so that the compiler can vectorize the loops over its elements.
 
 use super::Readings;
 use crate::values::Values;
 
-/// Number of elements in a chunk. Sums are taken chunk by chunk, so that they are the same for any
-/// number of threads.
+/// The number of elements in a chunk. Each chunk has its own sum, so that results are the same for
+/// any number of threads.
 pub(super) const ELEMENTS_PER_CHUNK: usize = 1 << 12;
 
 /// The counts and the response of one element.
@@ -16,7 +17,7 @@ pub(super) struct Element {
     pub dark_counts: f64,
 }
 
-/// The counts and the responses of the elements of a chunk.
+/// The counts and the responses of all elements of a chunk.
 #[derive(Default)]
 pub(super) struct Chunk {
     pub ones: Vec<f64>,

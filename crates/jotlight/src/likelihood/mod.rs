@@ -1,9 +1,11 @@
-//! The log-likelihood of counted bits: value, derivatives, information, and proximal map.
+//! The log-likelihood ℓ of counted bits: its value, its derivatives, the Fisher information, and
+//! the proximal map of −ℓ (paper, section 2.2.1).
 //!
-//! The paper's equation (4) maximizes ℓ(s) = Σ L log P(q, η s + d) + (n − L) log(1 − P(q, η s +
-//! d)). An *element* of the sum is a jot, or a pixel whose jots all receive the same light. L of
-//! the n readings of an element are ones. The light s is the expected number of photons per jot and
-//! frame; the quantum efficiency η and the dark counts d turn it into the rate η s + d.
+//! The log-likelihood is ℓ(s) = Σ L log P(q, η s + d) + (n − L) log(1 − P(q, η s + d)), which
+//! equation (4) maximizes. An *element* of the sum is a jot, or a pixel whose jots all receive the
+//! same light. L of the n readings of an element are ones. The light s is the expected number of
+//! photons per jot and frame. The quantum efficiency η and the dark counts d turn it into the rate
+//! η s + d.
 
 mod chunk;
 mod one_photon;
@@ -18,11 +20,12 @@ use chunk::{Chunk, ELEMENTS_PER_CHUNK, Element};
 
 pub use threshold::Threshold;
 
-/// The smallest rate at which derivatives are evaluated. It stands in for rate 0, where the
-/// formulas divide by 0 although some derivatives have a limit.
+/// The smallest rate at which derivatives are evaluated. It replaces rate 0, where the formulas
+/// divide by 0 although some derivatives have a limit.
 const MIN_RATE: f64 = 1e-150;
 
-/// The readings of a sensor, L ones among n for each element, and the response of its jots.
+/// The readings of a sensor, and the response of its jots. Each element has L ones among n
+/// readings.
 #[derive(Clone, Copy, Debug)]
 pub struct Readings<'a> {
     threshold: Threshold,
@@ -36,8 +39,8 @@ impl<'a> Readings<'a> {
     /// Return readings with L = `ones`, n = `trials`, η = `efficiency`, and d = `dark_counts`.
     ///
     /// # Errors
-    /// [`Error::Shape`] when the arrays do not fit together, [`Error::Range`] for a count outside
-    /// 0 to n.
+    /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a count
+    /// outside 0 to n.
     pub fn new(
         threshold: Threshold,
         ones: &'a [i32],
@@ -70,10 +73,11 @@ impl<'a> Readings<'a> {
         self.ones.is_empty()
     }
 
-    /// Return ℓ at the light s of each element. ℓ is −∞ where an element has ones at rate 0.
+    /// Return ℓ, where `light` is the light s of each element. ℓ is −∞ if an element with rate 0
+    /// has ones.
     ///
     /// # Errors
-    /// [`Error::Shape`] when the arrays do not fit.
+    /// [`Error::Shape`] if the lengths of the arrays do not match.
     pub fn value(&self, light: &[f64]) -> Result<f64> {
         self.check_length(light.len())?;
         let sums: Vec<f64> = light
@@ -90,10 +94,10 @@ impl<'a> Readings<'a> {
         Ok(sums.iter().sum())
     }
 
-    /// Write ∂ℓ/∂s and −∂²ℓ/∂s² ≥ 0 of each element into `gradient` and `curvature`.
+    /// Write ∂ℓ/∂s of each element into `gradient`, and −∂²ℓ/∂s² ≥ 0 into `curvature`.
     ///
     /// # Errors
-    /// [`Error::Shape`] when the arrays do not fit.
+    /// [`Error::Shape`] if the lengths of the arrays do not match.
     pub fn gradient_and_curvature(
         &self,
         light: &[f64],
@@ -126,11 +130,11 @@ impl<'a> Readings<'a> {
         Ok(())
     }
 
-    /// Write the Fisher information n (η P')² / (P (1 − P)) of each element about its light into
+    /// Write the Fisher information of each element about its light, n (η P')² / (P (1 − P)), into
     /// `information`.
     ///
     /// # Errors
-    /// [`Error::Shape`] when the arrays do not fit.
+    /// [`Error::Shape`] if the lengths of the arrays do not match.
     pub fn information(&self, light: &[f64], information: &mut [f64]) -> Result<()> {
         self.check_length(light.len())?;
         self.check_length(information.len())?;
@@ -158,10 +162,10 @@ impl<'a> Readings<'a> {
         }
     }
 
-    /// Return the term of ℓ that belongs to one element.
+    /// Return the term of ℓ for one element.
     fn log_likelihood(&self, element: &Element, light: f64) -> f64 {
         let rate = element.efficiency * light + element.dark_counts;
-        // The convention 0 · log 0 = 0: a value that no reading has contributes nothing.
+        // By convention, 0 · log 0 = 0.
         let mut value = 0.0;
         if element.ones > 0.0 {
             value += element.ones * self.threshold.log_detection_probability(rate);
@@ -202,7 +206,7 @@ impl<'a> Readings<'a> {
     }
 }
 
-/// Refuse a count below 0 or above the number of readings.
+/// Check that each count lies between 0 and the number of readings.
 pub(crate) fn check_counts(counts: &[i32], trials: Values<'_, i32>) -> Result<()> {
     for (index, &ones) in counts.iter().enumerate() {
         let trials = trials.get(index);

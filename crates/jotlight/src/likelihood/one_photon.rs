@@ -1,24 +1,23 @@
-//! The derivatives of ℓ and the proximal map for q = 1, P = 1 − e^(−s), on vectors of elements.
+//! The derivatives of ℓ and the proximal map of −ℓ for q = 1, where P(1, s) = 1 − e^(−s).
 //!
-//! The loops run over fixed groups of elements, which the compiler turns into vector instructions.
-//! The formulas are those of [`super::Threshold`] with q = 1; only e^s − 1 is evaluated
-//! differently.
+//! The loops run over groups of a fixed number of elements, so the compiler vectorizes them. The
+//! formulas are those of [`super::Threshold`] with q = 1. Only e^s − 1 is evaluated differently.
 
 use super::MIN_RATE;
 use super::chunk::Chunk;
 use super::proximal::{MAX_ITERATIONS, ProximalProblem};
 use crate::cpu::levels;
 
-/// Number of elements in a group.
+/// The number of elements in a group.
 const GROUP_SIZE: usize = 16;
 type Group = [f64; GROUP_SIZE];
 
 levels! {
-    /// Write ∂ℓ/∂s and −∂²ℓ/∂s², as [`super::Readings::gradient_and_curvature`] does.
+    /// Write ∂ℓ/∂s and −∂²ℓ/∂s² of a chunk, as [`super::Readings::gradient_and_curvature`] does.
     pub(super) fn gradient_and_curvature(
         chunk: &Chunk, light: &[f64], gradient: &mut [f64], curvature: &mut [f64],
     ) = gradient_and_curvature_inlined;
-    /// Replace `point` by the proximal map of −ℓ, as [`super::Readings::proximal`] does.
+    /// Replace `point` with the proximal map of −ℓ, as [`super::Readings::proximal`] does.
     pub(super) fn solve_proximal(
         chunk: &Chunk, problem: &ProximalProblem, guess: &[f64], point: &mut [f64],
     ) = solve_proximal_inlined;
@@ -53,7 +52,7 @@ fn solve_proximal_inlined(
     }
 }
 
-/// A group of elements. Elements past the end of a chunk have no readings.
+/// A group of elements. The elements beyond the end of the chunk have no readings.
 struct Elements {
     ones: Group,
     zeros: Group,
@@ -91,22 +90,24 @@ impl Elements {
         (gradient, curvature)
     }
 
-    /// Return the minimizers in [0, `max_light`] of −ℓ(x) + ½ ρ (x − goal)² by Newton's method
-    /// between bounds that bisection tightens.
+    /// Return the minimizers in [0, `max_light`] of −ℓ(x) + ½ ρ (x − point)².
+    ///
+    /// Newton's method finds them. A bisection replaces each Newton step that would leave the
+    /// interval in which the minimizer lies.
     #[inline(always)]
-    fn minimize(&self, problem: &ProximalProblem, goal: &Group, guess: &Group) -> Group {
+    fn minimize(&self, problem: &ProximalProblem, point: &Group, guess: &Group) -> Group {
         let ProximalProblem {
             penalty,
             max_light,
             tolerance,
         } = *problem;
-        let (at_zero, _) = self.objective_derivatives(&[0.0; GROUP_SIZE], goal, penalty);
-        let (at_max, _) = self.objective_derivatives(&[max_light; GROUP_SIZE], goal, penalty);
+        let (at_zero, _) = self.objective_derivatives(&[0.0; GROUP_SIZE], point, penalty);
+        let (at_max, _) = self.objective_derivatives(&[max_light; GROUP_SIZE], point, penalty);
         let mut x = *guess;
         let mut done = [false; GROUP_SIZE];
         for lane in 0..GROUP_SIZE {
-            // The derivative increases. Its root lies outside the bounds where it is positive at 0
-            // or negative at the maximum.
+            // The derivative increases with x. If it is not negative at 0, the minimizer is 0. If
+            // it is not positive at the maximum, the minimizer is the maximum.
             done[lane] = at_zero[lane] >= 0.0 || at_max[lane] <= 0.0;
             x[lane] = if at_zero[lane] >= 0.0 {
                 0.0
@@ -118,7 +119,7 @@ impl Elements {
         }
         let (mut low, mut high) = ([0.0; GROUP_SIZE], [max_light; GROUP_SIZE]);
         for _ in 0..MAX_ITERATIONS {
-            let (first, second) = self.objective_derivatives(&x, goal, penalty);
+            let (first, second) = self.objective_derivatives(&x, point, penalty);
             let mut any_left = false;
             for lane in 0..GROUP_SIZE {
                 let is_above = first[lane] > 0.0;
@@ -145,19 +146,19 @@ impl Elements {
         x
     }
 
-    /// Return the first and the second derivative of −ℓ(x) + ½ penalty (x − goal)².
+    /// Return the first and the second derivatives of −ℓ(x) + ½ `penalty` (x − point)².
     #[inline(always)]
-    fn objective_derivatives(&self, x: &Group, goal: &Group, penalty: f64) -> (Group, Group) {
+    fn objective_derivatives(&self, x: &Group, point: &Group, penalty: f64) -> (Group, Group) {
         let (mut first, mut second) = self.gradient_and_curvature(x);
         for lane in 0..GROUP_SIZE {
-            first[lane] = penalty * (x[lane] - goal[lane]) - first[lane];
+            first[lane] = penalty * (x[lane] - point[lane]) - first[lane];
             second[lane] += penalty;
         }
         (first, second)
     }
 }
 
-/// Return the group that starts at `start`, filled up with zeros past the end.
+/// Return the group that begins at `start`. Zeros replace the values beyond the end.
 #[inline(always)]
 fn load(values: &[f64], start: usize) -> Group {
     let values = &values[start..];
@@ -176,13 +177,14 @@ fn store(group: &Group, start: usize, out: &mut [f64]) {
     out[..length].copy_from_slice(&group[..length]);
 }
 
-/// Return e^x − 1 for x ≥ 0, accurate to a few units of the last digit. Larger x count as 709.
+/// Return e^x − 1 for x ≥ 0, accurate to a few units in the last place. An x above 709 is replaced
+/// by 709.
 ///
-/// With x = k ln 2 + r and |r| ≤ ½ ln 2, e^x − 1 = 2^k (e^r − 1) + (2^k − 1). The Taylor series of
-/// e^r − 1 is evaluated up to its 13th term.
+/// If x = k ln 2 + r and |r| ≤ ½ ln 2, then e^x − 1 = 2^k (e^r − 1) + (2^k − 1). The Taylor series
+/// of e^r − 1 is evaluated up to its 13th term.
 #[inline(always)]
 fn exp_m1(x: &Group) -> Group {
-    // Adding this constant leaves the nearest integer in the lowest bits.
+    // After this constant is added, the lowest bits of the sum contain the nearest integer.
     const SHIFT: f64 = 6_755_399_441_055_744.0;
     const LN_2_HIGH: f64 = 0.693_147_180_369_123_8;
     const LN_2_LOW: f64 = 1.908_214_929_270_587_7e-10;

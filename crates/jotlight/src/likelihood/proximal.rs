@@ -1,7 +1,8 @@
-//! The proximal map of −ℓ and the ADMM update that uses it.
+//! The proximal map of −ℓ, and the ADMM update that uses it.
 //!
-//! The map is separable: for each element, Newton's method finds the root of the derivative of
-//! −ℓ(x) + ½ ρ (x − point)², which increases, between bounds that bisection tightens.
+//! Each element is a separate problem: to minimize −ℓ(x) + ½ ρ (x − point)². The derivative of this
+//! function increases with x, and Newton's method finds its root. A bisection replaces each Newton
+//! step that would leave the interval in which the root lies.
 
 use rayon::prelude::*;
 
@@ -10,20 +11,21 @@ use super::{Readings, one_photon};
 use crate::admm::{AdmmStep, check_penalty};
 use crate::error::Result;
 
-/// Relative size of the last Newton step of the proximal map. The remaining error is about 1e-10.
+/// The maximum relative size of the last Newton step of the proximal map. The error of the result
+/// is then about the square of this size, 1e-10.
 const PROXIMAL_TOLERANCE: f64 = 1e-5;
 
-/// Relative size of the last Newton step inside ADMM. There x moves less and less, and the
-/// remaining error, the square of the last step, is far below that move.
+/// The maximum relative size of the last Newton step in an ADMM update. The error of the result is
+/// about the square of this size, and thus far smaller than the change of x in the update.
 const ADMM_TOLERANCE: f64 = 1e-3;
 
-/// Maximum number of Newton steps and bisections. Bisections alone would converge from any start.
+/// The maximum number of steps. It suffices even if every step is a bisection.
 pub(super) const MAX_ITERATIONS: usize = 200;
 
-/// The parameters that the scalar proximal problems of all elements share.
+/// The parameters that the proximal problems of all elements share.
 #[derive(Clone, Copy)]
 pub(super) struct ProximalProblem {
-    /// ρ, the weight of the quadratic penalty.
+    /// ρ, the weight of the quadratic penalty ½ ρ (x − point)².
     pub penalty: f64,
     /// The upper bound of x; the lower bound is 0.
     pub max_light: f64,
@@ -32,8 +34,10 @@ pub(super) struct ProximalProblem {
 }
 
 impl ProximalProblem {
-    /// Return the start of Newton's method: the guess, raised where the derivative is so steep that
-    /// Newton steps would merely double x.
+    /// Return the start of Newton's method. It is the guess, unless the guess is at a bound.
+    ///
+    /// Near 0 the derivative may be so steep that a Newton step only doubles x. Therefore the start
+    /// is not below 10⁻⁹ times the upper bound.
     #[inline(always)]
     pub fn start(&self, guess: f64) -> f64 {
         if guess < self.max_light {
@@ -45,12 +49,12 @@ impl ProximalProblem {
 }
 
 impl Readings<'_> {
-    /// Replace each value of `point` by the minimizer in [0, `max_light`] of
+    /// Replace each value of `point` with the minimizer in [0, `max_light`] of
     /// −ℓ(x) + ½ `penalty` (x − point)². The search starts at `guess`.
     ///
     /// # Errors
-    /// [`crate::error::Error::Shape`] when the arrays do not fit, [`crate::error::Error::Range`]
-    /// for a penalty that is not above 0.
+    /// [`crate::error::Error::Shape`] if the lengths of the arrays do not match.
+    /// [`crate::error::Error::Range`] for a penalty that is not above 0.
     pub fn proximal(
         &self,
         penalty: f64,
@@ -77,12 +81,12 @@ impl Readings<'_> {
         Ok(())
     }
 
-    /// Update x and its dual by one ADMM iteration for −ℓ(x) subject to x = `light`, and return
-    /// ‖light − x‖², the squared primal residual.
+    /// Update `x` and its dual by one ADMM iteration for −ℓ(x) subject to x = `light`. Return the
+    /// squared primal residual ‖light − x‖².
     ///
     /// # Errors
-    /// [`crate::error::Error::Shape`] when the arrays do not fit, [`crate::error::Error::Range`]
-    /// for a penalty that is not above 0.
+    /// [`crate::error::Error::Shape`] if the lengths of the arrays do not match.
+    /// [`crate::error::Error::Range`] for a penalty that is not above 0.
     pub fn admm_update(
         &self,
         step: &AdmmStep,
@@ -130,6 +134,7 @@ impl Readings<'_> {
         Ok(squared_residuals.iter().sum())
     }
 
+    /// Replace each value of `point` with the minimizer for its element of a chunk.
     fn solve_chunk(
         &self,
         chunk: &Chunk,
@@ -166,7 +171,8 @@ impl Readings<'_> {
             (penalty * (x - point) - gradient, penalty + curvature)
         };
         let (mut low, mut high) = (0.0, max_light);
-        // Whether the root is known to lie inside the bound. The ends are evaluated only on demand.
+        // Whether it is known that the root is above 0 and below the maximum. The derivative at
+        // these bounds is computed only if a step reaches them.
         let (mut above_zero, mut below_max) = (false, false);
         let mut x = problem.start(guess);
         for _ in 0..MAX_ITERATIONS {

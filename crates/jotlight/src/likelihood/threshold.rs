@@ -1,13 +1,13 @@
-//! The detection probability P(q, s) of a jot: its logarithm, derivatives, and inverse for any q.
+//! The detection probability P(q, s) of a jot: its value, logarithm, derivatives, and inverse.
 //!
 //! A jot collects Y ~ Poisson(s) photons and reports b = [Y ≥ q] (paper, equation (3)). Therefore
 //! P(b = 1) = P(q, s), the regularized lower incomplete gamma function. The paper writes p₁(s) for
-//! P(b = 1) and p₀(s) for P(b = 0). No other module repeats these formulas, except that
-//! `likelihood/one_photon.rs` evaluates the derivatives for q = 1 on whole vectors.
+//! P(b = 1) and p₀(s) for P(b = 0). Only `likelihood/one_photon.rs` repeats formulas of this
+//! module: it evaluates the derivatives for q = 1 on groups of elements.
 
 use crate::error::{Error, Result};
 
-/// The threshold q of a jot: the jot reports 1 when at least q photons arrive.
+/// The threshold q of a jot: the jot reports 1 if at least q photons arrive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Threshold {
     q: f64,
@@ -38,7 +38,7 @@ impl Threshold {
 
     /// Return P(b = 1) = P(Y ≥ q) = P(q, s) for s ≥ 0 expected photons.
     ///
-    /// The relative accuracy holds for the smallest s too.
+    /// The relative error is near the rounding error even if s is tiny.
     #[must_use]
     pub fn detection_probability(&self, s: f64) -> f64 {
         if self.is_one_photon() {
@@ -52,7 +52,7 @@ impl Threshold {
 
     /// Return P(b = 0) = P(Y < q) = 1 − P(q, s) for s ≥ 0 expected photons.
     ///
-    /// The relative accuracy holds for the largest s too.
+    /// The relative error is near the rounding error even if s is large.
     #[must_use]
     pub fn non_detection_probability(&self, s: f64) -> f64 {
         if self.is_one_photon() {
@@ -74,23 +74,23 @@ impl Threshold {
         }
     }
 
-    /// Return the score d log P(b = 1)/ds of a one for s > 0.
+    /// Return d log P(b = 1)/ds for s > 0: the score of a one.
     ///
-    /// It is finite where P(b = 1) underflows.
+    /// It is finite even if P(b = 1) underflows.
     #[must_use]
     pub fn detection_score(&self, s: f64) -> f64 {
         self.detection_score_and_curvature(s).0
     }
 
-    /// Return −d log P(b = 0)/ds, the negated score of a zero, for s > 0.
+    /// Return −d log P(b = 0)/ds for s > 0: the negated score of a zero.
     ///
-    /// It is finite where P(b = 0) underflows.
+    /// It is finite even if P(b = 0) underflows.
     #[must_use]
     pub fn non_detection_score(&self, s: f64) -> f64 {
         self.non_detection_score_and_curvature(s).0
     }
 
-    /// Return log P(b = 1). It is finite where P(b = 1) underflows, and −∞ for s = 0.
+    /// Return log P(b = 1). It is −∞ for s = 0, and finite even if P(b = 1) underflows.
     #[must_use]
     pub fn log_detection_probability(&self, s: f64) -> f64 {
         if s <= 0.0 {
@@ -104,7 +104,7 @@ impl Threshold {
         }
     }
 
-    /// Return log P(b = 0). It is finite where P(b = 0) underflows.
+    /// Return log P(b = 0). It is finite even if P(b = 0) underflows.
     #[must_use]
     pub fn log_non_detection_probability(&self, s: f64) -> f64 {
         if self.is_one_photon() {
@@ -120,7 +120,7 @@ impl Threshold {
     ///
     /// Both are positive, because log P is concave.
     ///
-    /// With the score F, the curvature is F² − F·((q − 1)/s − 1). Below s = q, a sum of positive
+    /// If F is the score, the curvature is F² − F·((q − 1)/s − 1). For s < q, a sum of positive
     /// terms replaces this difference, so that nothing cancels.
     #[must_use]
     #[inline]
@@ -146,8 +146,8 @@ impl Threshold {
 
     /// Return −d log P(b = 0)/ds and −d² log P(b = 0)/ds² for s > 0. Neither is negative.
     ///
-    /// With the negated score G, the curvature is G² + G·((q − 1)/s − 1). Above s = q, a sum of
-    /// positive terms replaces this difference.
+    /// If G is the negated score, the curvature is G² + G·((q − 1)/s − 1). For s ≥ q, a sum of
+    /// positive terms replaces this expression, so that nothing cancels.
     #[must_use]
     #[inline]
     pub fn non_detection_score_and_curvature(&self, s: f64) -> (f64, f64) {
@@ -171,8 +171,8 @@ impl Threshold {
 
     /// Return the rate s with P(q, s) = `probability`: the inverse P⁻¹(q, ·).
     ///
-    /// Probability 0 maps to 0, and probability 1 to infinity. For q = 1 the inverse is
-    /// −log(1 − p), which the paper's equation (5) contains.
+    /// Probability 0 maps to 0, and probability 1 to infinity. For q = 1, the inverse is −log(1 −
+    /// p) as in the paper's equation (5).
     #[must_use]
     pub fn inverse_detection_probability(&self, probability: f64) -> f64 {
         if probability <= 0.0 {
@@ -185,8 +185,8 @@ impl Threshold {
             return -(-probability).ln_1p();
         }
         if probability < self.detection_probability(self.q) {
-            // ln P is concave in ln s, and the first term of the tail, s^q / q! = p, lies left of
-            // the root. Newton's steps therefore rise to the root and never pass it.
+            // ln P is a concave function of ln s. The start solves s^q / q! = p, so it lies to the
+            // left of the root. Newton's method therefore rises to the root and never passes it.
             let target = probability.ln();
             let start = ((target + self.ln_factorial) / self.q).exp();
             iterate_to_fixed_point(start, |s| {
@@ -194,8 +194,8 @@ impl Threshold {
                 s * (difference / (s * self.detection_score(s))).exp()
             })
         } else {
-            // ln(1 − P) is concave and falls. The first Newton step passes the root, and the
-            // others return to it.
+            // ln(1 − P) is concave and decreasing. The first Newton step may pass the root. The
+            // other steps then decrease to the root.
             let target = (1.0 - probability).ln();
             iterate_to_fixed_point(self.q, |s| {
                 let difference = self.ln_poisson(s) + self.lower_sum(s).ln() - target;
@@ -208,7 +208,7 @@ impl Threshold {
         self.q < 1.5
     }
 
-    /// Return P(Y = q).
+    /// Return P(Y = q) = s^q e^(−s) / q!.
     fn poisson(&self, s: f64) -> f64 {
         if s <= 0.0 || s.is_infinite() {
             0.0
@@ -246,7 +246,7 @@ impl Threshold {
     }
 }
 
-/// Apply `step` until the value stays the same up to rounding, at most 100 times.
+/// Apply `step` until the value changes only by rounding, but at most 100 times. Return the value.
 fn iterate_to_fixed_point(start: f64, step: impl Fn(f64) -> f64) -> f64 {
     let mut s = start;
     for _ in 0..100 {

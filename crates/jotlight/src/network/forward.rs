@@ -1,4 +1,4 @@
-//! The forward pass: from the data of the first layer to an image.
+//! The forward pass: from bits, counts, or sums p to an image (equations (8) to (11)).
 
 use ndarray::{Array2, Array3, ArrayView2, ArrayView3};
 use rayon::prelude::*;
@@ -16,16 +16,17 @@ use crate::bits::{PackedBits, check_mask};
 use crate::error::{Error, Result};
 use crate::numbers::Real;
 
-/// The number of counts that a parallel task compares.
+/// The number of counts that a parallel task checks.
 const COUNTS_PER_TASK: usize = 1 << 16;
 
-/// Return the filtered bits p of equation (11) where some jots are dead, one plane per filter.
+/// Return the sums p of equation (11) from bits with dead jots, one plane per filter.
 ///
-/// `valid` is a packed mask of the jots that are not dead. The mean of a pixel's valid jots
-/// replaces its dead jots. A pixel without a valid jot is NaN.
+/// `valid` is a packed mask of the jots that are not dead. The mean of the valid bits of a pixel
+/// replaces the bits of its dead jots. A pixel without a valid jot is NaN.
 ///
 /// # Errors
-/// [`Error::Shape`] if bits, mask, and the layer's filters `(C, T, K̂, K̂)` do not fit.
+/// [`Error::Shape`] if the shapes of the bits, the mask, and the filters `(C, T, K̂, K̂)` do not
+/// match. [`Error::Range`] if K̂ does not divide the height and the width of the bits.
 pub fn masked_sums<F: Real>(
     layer: &Layer<F>,
     bits: &PackedBits<'_>,
@@ -37,11 +38,13 @@ pub fn masked_sums<F: Real>(
     Ok(filter_masked_bits(bits, valid, layer.filters(), pixels))
 }
 
-/// Return the image that the network computes from the sums p of its first layer, `(C, H, W)`:
-/// equations (10), (9), (8), and so on for further layers.
+/// Return the image that the network computes from the sums p of its first layer.
+///
+/// The shape of `sums` is `(C, H, W)`. For a network of two layers, the function evaluates
+/// equations (10), (9), and (8), in this order. A network may have more layers.
 ///
 /// # Errors
-/// [`Error::Shape`] and [`Error::Range`] if layers, filters, and sums do not fit.
+/// [`Error::Shape`] and [`Error::Range`] if the layers and the sums do not match.
 pub fn forward<F: Real>(layers: &[&Layer<F>], sums: ArrayView3<'_, F>) -> Result<Array2<F>> {
     let (channels, height, width) = sums.dim();
     let graph = checked_graph(layers, channels, (height, width))?;
@@ -57,12 +60,13 @@ pub fn forward<F: Real>(layers: &[&Layer<F>], sums: ArrayView3<'_, F>) -> Result
     }))
 }
 
-/// Return the image that the network computes from counts, where `sums` `(C, K + 1)` is the first
-/// layer's p for each count.
+/// Return the image that the network computes from counts.
+///
+/// `sums` holds the sum p of the first layer for each count from 0 to K. Its shape is `(C, K + 1)`.
 ///
 /// # Errors
-/// [`Error::Shape`] and [`Error::Range`] if layers, filters, and sums do not fit. [`Error::Range`]
-/// for a count without a sum.
+/// [`Error::Shape`] and [`Error::Range`] if the layers, the counts, and the sums do not match.
+/// [`Error::Range`] for a count outside 0 to K.
 pub fn forward_counts<F: Real>(
     layers: &[&Layer<F>],
     counts: ArrayView2<'_, i32>,
@@ -72,14 +76,19 @@ pub fn forward_counts<F: Real>(
     let graph = checked_graph(layers, channels, counts.dim())?;
     let (height, width) = counts.dim();
     let counts = contiguous_planes(counts);
-    // A negative count becomes a large unsigned one, so one comparison finds both.
+    // A negative count becomes a large unsigned number, so one comparison detects counts below 0
+    // and above K.
     let max = |counts: &[i32]| {
         let counts = counts.iter().map(|count| count.cast_unsigned());
         counts.fold(0, u32::max)
     };
     let max = counts.par_chunks(COUNTS_PER_TASK).map(max).max();
     if max.unwrap_or(0) as usize >= length {
-        return Err(Error::range("counts", "those that have a sum", "others"));
+        return Err(Error::range(
+            "counts",
+            "counts with a sum",
+            "a count without a sum",
+        ));
     }
     let mut tables: Vec<F> = sums.iter().copied().collect();
     layers[0].activate(&mut tables);
@@ -93,11 +102,12 @@ pub fn forward_counts<F: Real>(
     }))
 }
 
-/// Return the image that the network computes from bits. Its first layer has filters
-/// `(C, T, K̂, K̂)`.
+/// Return the image that the network computes from bits.
+///
+/// The filters of the first layer must have the shape `(C, T, K̂, K̂)`.
 ///
 /// # Errors
-/// [`Error::Shape`] and [`Error::Range`] if layers, filters, and bits do not fit.
+/// [`Error::Shape`] and [`Error::Range`] if the layers and the bits do not match.
 pub fn forward_bits<F: Real>(layers: &[&Layer<F>], bits: &PackedBits<'_>) -> Result<Array2<F>> {
     let graph = Graph::new(layers)?;
     let first = layers[0];
@@ -112,7 +122,7 @@ pub fn forward_bits<F: Real>(layers: &[&Layer<F>], bits: &PackedBits<'_>) -> Res
     }))
 }
 
-/// Return the rows of a region of a plane, each with the same row of the whole plane.
+/// Return pairs of rows: each row of a region, and the same row and columns of the whole plane.
 fn rows_of_region<'a, A, B>(
     part: &'a mut [A],
     whole: &'a [B],
@@ -125,7 +135,8 @@ fn rows_of_region<'a, A, B>(
         .map(|(part, row)| (part, &row[region.columns.clone()]))
 }
 
-/// Return the graph of the layers, after a check that the first layer's planes fit.
+/// Return the graph of the layers. Check that the first layer has `planes` output planes, and that
+/// the planes are not empty.
 fn checked_graph<'a, F: Real>(
     layers: &[&'a Layer<F>],
     planes: usize,

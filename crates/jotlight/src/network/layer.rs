@@ -1,4 +1,5 @@
-//! A layer of the network: a bank of filters, one spline per channel, and the layer's connections.
+//! A layer of the network: a bank of filters, one spline per channel, and its connections to other
+//! layers.
 
 use std::sync::OnceLock;
 
@@ -12,32 +13,37 @@ use super::spline::evaluate::Spline;
 use crate::error::{Error, Result};
 use crate::numbers::Real;
 
-/// A layer φ(D(h * u) + v) with splines φ, depth-to-space rearrangement D, filters h, input planes
-/// u, and skip planes v.
+/// A layer, which computes φ(D(h * u) + v).
+///
+/// The input planes u are convolved with the filters h. The depth-to-space rearrangement D
+/// increases the resolution. The planes v of a skip connection are added. The splines φ are applied
+/// to the sum. D, v, and φ are optional.
 #[derive(Clone, Debug)]
 pub struct Layer<F> {
     pub(super) filters: Array4<F>,
-    /// The splines of the channels. Empty if the layer is linear.
+    /// One spline per channel, or none if the layer is linear.
     pub(super) splines: Vec<Spline<F>>,
     pub(super) wiring: Wiring,
-    // The filters in the memory order of the inner loops. Each form is computed when it is first
-    // needed, because most networks need only one of them per layer.
+    // Copies of the filters in the order in which the inner loops read them. Each copy is computed
+    // when it is first needed, because a layer usually needs only one of them.
     filter_taps: OnceLock<FilterTaps<F>>,
     adjoint_taps: OnceLock<AdjointTaps<F>>,
     winograd: OnceLock<Option<Winograd<F>>>,
 }
 
-/// The connections of a layer to the other layers, and its change of resolution.
+/// The connections of a layer to other layers, and its change of resolution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wiring {
-    /// The step of the filters along rows and columns of the input.
+    /// The number of input rows per output row of the filters, and of input columns per output
+    /// column.
     pub stride: usize,
-    /// The depth-to-space factor r: r² planes become one plane with r times as many rows and
-    /// columns.
+    /// The factor r of the depth-to-space rearrangement. It turns r² planes into one plane with r
+    /// times as many rows and columns.
     pub upsampling: usize,
-    /// The index of the layer whose output the filters read. None: the previous layer.
+    /// The index of the layer whose output the filters read, or `None` for the previous layer.
     pub input: Option<usize>,
-    /// The index of the layer whose output is added before the splines. None: no skip connection.
+    /// The index of the layer whose output is added before the splines, or `None` without a skip
+    /// connection.
     pub skip: Option<usize>,
 }
 
@@ -53,16 +59,17 @@ impl Default for Wiring {
 }
 
 impl<F: Real> Layer<F> {
-    /// Return a layer with filters of shape `(outputs, inputs, height, width)`.
+    /// Return a layer with filters of the shape `(outputs, inputs, height, width)`.
     ///
-    /// The filters of a first layer have shape `(C, T, K̂, K̂)`, or `(C, 1, 1, 1)` if they are
-    /// tied. The spline coefficients have shape `(outputs / upsampling², N_w)` and belong to knots
-    /// at `start` + k·`spacing`.
+    /// The filters of a first layer have the shape `(C, T, K̂, K̂)`, or `(C, 1, 1, 1)` if they are
+    /// tied. The spline coefficients have the shape `(outputs / upsampling², N_w)`. The spline
+    /// knots are at `start` + k·`spacing`.
     ///
     /// # Errors
-    /// [`Error::Shape`] if the arrays do not fit. [`Error::Range`] for values that are not finite,
-    /// fewer than 4 coefficients, a spacing that is not positive, a stride that exceeds the size
-    /// of the filters, and an upsampling whose square does not divide the number of outputs.
+    /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] for a value that
+    /// is not finite, fewer than 4 coefficients per channel, a spacing that is not positive, a
+    /// stride that exceeds the size of the filters, or an upsampling whose square does not divide
+    /// the number of outputs.
     pub fn new(
         filters: Array4<F>,
         coefficients: Option<ArrayView2<'_, F>>,
@@ -90,7 +97,7 @@ impl<F: Real> Layer<F> {
         })
     }
 
-    /// Return the filters, `(outputs, inputs, height, width)`.
+    /// Return the filters `(outputs, inputs, height, width)`.
     #[must_use]
     pub fn filters(&self) -> ArrayView4<'_, F> {
         self.filters.view()
@@ -140,7 +147,7 @@ impl<F: Real> Layer<F> {
     }
 }
 
-/// Check that the filters are finite, and that stride and upsampling fit their shape.
+/// Check that the filters are finite, and that their shape permits the stride and the upsampling.
 fn check_filters<F: Real>(filters: ArrayView4<'_, F>, wiring: Wiring) -> Result<()> {
     let (outputs, _, height, width) = filters.dim();
     if filters.is_empty() {

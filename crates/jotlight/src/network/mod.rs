@@ -1,7 +1,18 @@
-//! The learned network (paper, section 3.1): layers of linear filters and pointwise cubic
-//! B-splines.
+//! The learned network (paper, section 3): layers of linear filters and pointwise cubic B-splines,
+//! and the derivatives for their training.
 //!
-//! The functions are generic over `f32` and `f64`. `f32` computes images. Tests use `f64` for
+//! The submodules in reading order:
+//!
+//! 1. `layer` and `graph` define a layer, and check the connections of the layers.
+//! 2. `first_layer` filters the bits or counts of a sensor (equation (11)).
+//! 3. `convolution` holds the filters of all other layers (equation (9)).
+//! 4. `spline` holds the nonlinearities φ (equations (8) and (10)).
+//! 5. `tiling` evaluates the layers tile by tile, so that the data stay in the cache.
+//! 6. `forward` computes an image with all of these.
+//! 7. `training` computes the cost, its gradient, and the normal equations (equations (12)
+//!    and (14) to (19)).
+//!
+//! Functions are generic over `f32` and `f64`. Images are computed in `f32`. Tests use `f64` for
 //! accurate reference values.
 
 mod convolution;

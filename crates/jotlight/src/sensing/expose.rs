@@ -1,4 +1,4 @@
-//! Random bits, drawn directly into packed words (paper, equation (3)).
+//! Random bits b = [Y ≥ q], drawn directly into packed words (paper, equation (3)).
 
 use std::sync::Arc;
 
@@ -15,21 +15,21 @@ use crate::error::{Error, Result};
 use crate::likelihood::Threshold;
 use crate::rng::{ALIGNMENT, JotRandom, RowStream, check_size};
 
-/// Number of jots of a row that are drawn together. It bounds the memory of a thread.
+/// The number of jots of a row that are drawn together. It bounds the memory of a thread.
 const JOTS_PER_SEGMENT: usize = 2048;
 
-/// Minimum number of jots of a task. It outweighs the cost of starting the task.
+/// The minimum number of jots per task. Drawing them takes much longer than starting the task.
 const MIN_JOTS_PER_TASK: usize = 1 << 13;
 
 /// Draw the bits of a window of frames and pixels into `out` `(frames, rows·K̂, ⌈columns·K̂ / 8⌉)`.
 ///
-/// The bits are packed with the most significant bit first. Each jot has its own place in the
-/// random streams. Therefore a window holds the same bits as the whole image does there, and the
-/// color channels, numbered by `channel`, are independent.
+/// The bits are packed with the most significant bit first. Each jot has its own position in the
+/// random streams. Therefore the bits of a jot do not depend on the window, and the bits of
+/// different color channels are independent. `channel` is the index of the color channel.
 ///
 /// # Errors
-/// [`Error::Shape`] when the arrays do not fit, [`Error::Range`] when the window lies outside the
-/// image or there are too many frames or rows.
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the window
+/// exceeds the image, or if there are too many frames, rows, or channels for the random streams.
 pub fn expose(
     sensor: &Sensor<'_>,
     image: Image<'_>,
@@ -53,7 +53,7 @@ pub fn expose(
 
     let exposure = Exposure { sensor, image };
     let jots_per_row = window.frames.len() * oversampling * oversampling * window.columns.len();
-    // A task draws whole rows of pixels in all frames, so that each probability is computed once.
+    // A task draws whole rows of pixels in all frames, so each probability is computed only once.
     out.axis_chunks_iter_mut(Axis(1), oversampling)
         .into_par_iter()
         .enumerate()
@@ -68,14 +68,15 @@ pub fn expose(
     Ok(())
 }
 
-/// The random numbers and the buffers with which a thread draws segments of rows.
+/// The random numbers and the buffers of a thread, which draws rows in segments.
 struct RowSampler {
     random: JotRandom,
     table: Arc<ProbabilityTable>,
     /// The column of the first jot of the segment, a multiple of [`ALIGNMENT`].
     first_column: usize,
-    /// η s + d of each run of `jots_per_rate` jots that lie in one pixel.
+    /// The rates η s + d. Each belongs to `jots_per_rate` consecutive jots.
     rates: Vec<f64>,
+    /// K̂ if all jots of a pixel have the same rate, and else 1.
     jots_per_rate: usize,
     /// P(b = 1) of each rate, in units of 2⁻¹⁶.
     rate_probabilities: Vec<u16>,
@@ -85,7 +86,7 @@ struct RowSampler {
     draws: Vec<u8>,
     /// The bits of the segment.
     words: Vec<u64>,
-    /// Whether a draw of each word is so close to its probability that 16 bits do not decide.
+    /// For each word, whether 16 bits do not decide one of its draws.
     undecided: Vec<bool>,
 }
 
@@ -105,7 +106,7 @@ impl RowSampler {
         }
     }
 
-    /// Draw a row of pixels, which is K̂ rows of jots, in all frames of the window.
+    /// Draw a row of pixels in all frames of the window. It consists of K̂ rows of jots.
     fn draw_pixel_row(
         &mut self,
         exposure: &Exposure<'_, '_, '_>,
@@ -120,8 +121,8 @@ impl RowSampler {
         let mut byte = 0;
         while start < end {
             let stop = (start + JOTS_PER_SEGMENT).min(end);
-            // Draws start at an aligned column. Those before `start` belong to the neighboring tile
-            // and are not written.
+            // The draws start at an aligned column. The bits before `start` belong to jots outside
+            // the segment and are not written.
             self.first_column = start.prev_multiple_of(&ALIGNMENT);
             for jot_row in 0..oversampling {
                 let row = pixel_row * oversampling + jot_row;
@@ -163,7 +164,8 @@ impl RowSampler {
         }
     }
 
-    /// Look up the probabilities of the jots up to `stop`, and resize the buffers to them.
+    /// Look up the probabilities of the jots from `first_column` to `stop`, and resize the buffers
+    /// to the number of these jots.
     fn look_up_probabilities(&mut self, stop: usize) {
         let length = stop - self.first_column;
         let probabilities = &mut self.jot_probabilities;
@@ -187,9 +189,10 @@ impl RowSampler {
         self.undecided.resize(words, false);
     }
 
-    /// Draw b = [U < P(b = 1)] for a segment, with U uniform over 48 bits.
+    /// Draw b = [U < P(b = 1)] for a segment, where U is a uniform random number of 48 bits.
     ///
-    /// The first 16 bits of U nearly always decide; the others are drawn only when needed.
+    /// The first 16 bits of U nearly always decide the comparison. The other 32 bits are drawn only
+    /// if they do not.
     fn draw_words(&mut self, stream: RowStream, threshold: &Threshold) {
         self.random
             .fill_draws(stream, self.first_column, &mut self.draws);
@@ -207,7 +210,7 @@ impl RowSampler {
                     }
                     let column = self.first_column + index * 64 + jot;
                     let rate = column / self.jots_per_rate - self.first_column / self.jots_per_rate;
-                    // The padding past the end of the row has no rate. Its bits are not written.
+                    // The padding beyond the end of the row has no rate. Its bits are not written.
                     let Some(&rate) = self.rates.get(rate) else {
                         continue;
                     };
@@ -227,8 +230,10 @@ impl RowSampler {
 }
 
 levels! {
-    /// Write a one for each draw below its probability, with the first of 64 draws in the most
-    /// significant bit of a word, and whether a draw of the word is close to its probability.
+    /// Compare 64 draws per word with their probabilities.
+    ///
+    /// A bit of `words` is 1 if the draw is below its probability. The first draw is the most
+    /// significant bit. `undecided` is true if a draw of the word is close to its probability.
     fn compare(
         draws: &[[u8; 128]], probabilities: &[[u16; 64]], words: &mut [u64], undecided: &mut [bool],
     ) = compare_inlined;
@@ -260,15 +265,15 @@ fn compare_inlined(
 #[inline(always)]
 fn pack(bits: &[u8; 64]) -> u64 {
     bits.as_chunks::<8>().0.iter().fold(0, |word, &eight| {
-        // The multiplication gathers the lowest bit of each byte in the highest byte.
+        // The multiplication collects the lowest bit of each byte in the highest byte.
         let byte = u64::from_be_bytes(eight).wrapping_mul(0x0102_0408_1020_4080) >> 56;
         word << 8 | byte
     })
 }
 
-/// Write `length` bits of `words`, from bit `offset` on, to `out` from byte `byte` on.
+/// Write `length` bits of `words`, starting at bit `offset`, to `out`, starting at byte `byte`.
 ///
-/// Padding bits are 0.
+/// The padding bits of the last byte are 0.
 fn write_bits(
     words: &[u64],
     offset: usize,

@@ -1,5 +1,5 @@
-//! The integrals g of the interpolation kernel φ over the jots (paper, section 2.1 and equation
-//! (2)).
+//! The interpolation kernel: its integrals g over the jots (paper, equations (1) and (2)), and the
+//! continuation of the image beyond its border.
 
 use num_integer::div_rem;
 
@@ -7,21 +7,22 @@ use crate::error::{Error, Result};
 
 /// The integrals g of a B-spline over the jots, with K̂ jots per pixel and dimension.
 ///
-/// Degree 0 is the box, whose integrals are equation (2); the maximum degree is 3.
+/// The B-spline of degree 0 is the box of equation (1), and its integrals are equation (2). The
+/// maximum degree is 3.
 ///
 /// `Differs from the paper:` the kernel is centered on its pixel, so that a smooth kernel does not
-/// shift the image. Where degree·K̂ is odd, the center falls half a jot to the right, because the
-/// number of taps stays (degree + 1)·K̂.
+/// shift the image. If degree·K̂ is odd, the center lies half a jot too far to the right, because
+/// the kernel can only move by whole jots.
 #[derive(Clone, Debug)]
 pub struct Kernel {
     taps: Vec<f64>,
     oversampling: usize,
-    /// Number of jots by which centering moves the kernel to the left.
+    /// The number of jots by which centering moves the kernel to the left.
     shift: usize,
 }
 
 impl Kernel {
-    /// Return the kernel of a B-spline degree for K̂ = `oversampling` jots per pixel.
+    /// Return the kernel for a degree of the B-spline and K̂ = `oversampling` jots per pixel.
     ///
     /// # Errors
     /// [`Error::Range`] for a degree above 3 or K̂ = 0.
@@ -42,7 +43,7 @@ impl Kernel {
         })
     }
 
-    /// Return g: one integral per jot, in order, with sum 1.
+    /// Return g, the integral over each jot, from the first jot to the last. The sum is 1.
     #[must_use]
     pub fn taps(&self) -> &[f64] {
         &self.taps
@@ -60,18 +61,20 @@ impl Kernel {
         self.taps.len() / self.oversampling - 1
     }
 
-    /// Return the last of the degree + 1 pixels that light jot `jot`, and the jot's position in it.
+    /// Return the last pixel whose light reaches a jot, and the position of the jot relative to it.
     ///
-    /// `Differs from the paper:` beyond the border, the image continues symmetrically, see
-    /// [`mirror_index`]. In the paper the light ends at the border, which would dim the border.
+    /// The light of degree + 1 consecutive pixels reaches each jot.
+    ///
+    /// `Differs from the paper:` the image continues symmetrically beyond its border, see
+    /// [`mirror_index`]. In the paper the image is 0 there, which darkens the border.
     pub(super) fn last_pixel(&self, jot: usize) -> (isize, usize) {
         let (pixel, position) = div_rem(jot + self.shift, self.oversampling);
         (pixel as isize, position)
     }
 
-    /// Return the taps of the pixels that light a jot, from the last pixel to the first.
+    /// Return the taps of the pixels whose light reaches a jot, from the last pixel to the first.
     ///
-    /// `position` is the jot's position from [`Kernel::last_pixel`].
+    /// `position` is the position of the jot that [`Kernel::last_pixel`] returns.
     pub(super) fn pixel_taps(&self, position: usize) -> impl Iterator<Item = f64> {
         self.taps[position..]
             .iter()
@@ -82,7 +85,7 @@ impl Kernel {
 
 /// Return the index in `0..size` that symmetric continuation assigns to `index`.
 ///
-/// The continuation repeats the edge: … 1 0 | 0 1 2 … n−1 | n−1 n−2 …
+/// The continuation repeats the pixel at the edge: … 1 0 | 0 1 2 … n−1 | n−1 n−2 …
 pub(crate) fn mirror_index(index: isize, size: usize) -> usize {
     if (0..size as isize).contains(&index) {
         return index as usize;
@@ -91,12 +94,12 @@ pub(crate) fn mirror_index(index: isize, size: usize) -> usize {
     folded.min(2 * size - 1 - folded)
 }
 
-/// Return the integral from 0 to x of the B-spline with knots 0, 1, …, degree + 1.
+/// Return the integral from 0 to `x` of the B-spline with knots 0, 1, …, degree + 1.
 fn spline_integral(degree: usize, x: f64) -> f64 {
     let order = degree + 1;
     let middle = 0.5 * order as f64;
     if x > middle {
-        // The spline is symmetric. The terms of the sum below grow and cancel toward the right end.
+        // The spline is symmetric. In its right half, large terms of the sum below would cancel.
         return 1.0 - spline_integral(degree, order as f64 - x);
     }
     let mut binomial = 1.0;

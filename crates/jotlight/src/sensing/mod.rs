@@ -1,8 +1,8 @@
-//! The sensor model, from an image to bits (paper, section 2.1).
+//! The sensor model, from an image to bits (paper, section 2.1, equations (1) to (3)).
 //!
-//! An image c produces s = (α/T)·(G c) expected photons per jot and frame. Quantum efficiency η and
-//! dark counts d turn s into the rate η s + d. A jot reports 1 when at least q photons arrive
-//! (equation (3)).
+//! The light of an image c is s = (α/T)·(G c): the expected photons per jot and frame. The quantum
+//! efficiency η and the dark counts d turn it into the rate η s + d: the expected detections per
+//! jot and frame. A jot reports 1 if at least q photons are detected (equation (3)).
 
 mod expose;
 mod kernel;
@@ -24,7 +24,7 @@ pub use kernel::Kernel;
 pub use rate::{probability, rate};
 pub use spread::SpreadOperator;
 
-/// A two-dimensional image of 32-bit or 64-bit floats. Neither is copied.
+/// A view of a two-dimensional image of 32-bit or 64-bit floats.
 #[derive(Clone, Copy, Debug)]
 pub enum Image<'a> {
     /// 32-bit floats.
@@ -44,7 +44,7 @@ impl Image<'_> {
     }
 }
 
-/// A property of jots: one number for all jots, or a map over the jots.
+/// A property of the jots: one number for all jots, or a map with one number per jot.
 #[derive(Clone, Copy, Debug)]
 pub enum PerJot<'a> {
     /// The value of all jots.
@@ -65,16 +65,16 @@ impl PerJot<'_> {
 /// The properties of a sensor that determine its bits.
 #[derive(Clone, Debug)]
 pub struct Sensor<'a> {
-    /// The interpolation kernel, which includes the oversampling K̂.
+    /// The interpolation kernel g, which also holds the oversampling K̂.
     pub kernel: Kernel,
-    /// α/T, the photons per frame and pixel at intensity 1. The kernel distributes them over the
-    /// jots.
+    /// α/T, the number of photons per frame and pixel at intensity 1. The kernel distributes them
+    /// over the jots.
     pub gain_per_frame: f64,
     /// The quantum efficiency η.
     pub efficiency: PerJot<'a>,
     /// The dark counts d per jot and frame.
     pub dark_counts: PerJot<'a>,
-    /// Whether each jot is dead and always reports 0, `(H·K̂, W·K̂)`.
+    /// Whether each jot is dead, `(H·K̂, W·K̂)`. A dead jot always reports 0.
     pub dead: Option<ArrayView2<'a, bool>>,
     /// The threshold q.
     pub threshold: Threshold,
@@ -102,7 +102,7 @@ impl Sensor<'_> {
         Ok(())
     }
 
-    /// Return (η, d) of all jots if the jots of a pixel always share one rate, or `None`.
+    /// Return (η, d) if all jots of a pixel have the same rate for any image, or else `None`.
     fn uniform_response(&self) -> Option<(f64, f64)> {
         match (self.efficiency, self.dark_counts) {
             (PerJot::Same(efficiency), PerJot::Same(dark_counts))
@@ -148,7 +148,7 @@ impl Window {
             let frames = format!("{:?}", self.frames);
             return Err(Error::range(
                 "window frames",
-                "a start that is not above the end",
+                "a start that does not exceed the end",
                 frames,
             ));
         }

@@ -1,7 +1,7 @@
-//! The detection probability that a random draw is compared with.
+//! A table of detection probabilities, with which random draws are compared (paper, equation (3)).
 //!
-//! A table holds P(b = 1) to 16 bits. Only the few draws that come close to the table's value need
-//! the exact probability.
+//! The table holds P(b = 1), rounded to 16 bits. The exact probability is computed only for the few
+//! draws that are close to the value of the table.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -12,24 +12,25 @@ use crate::numbers::Real;
 /// P(b = 1) = P(q, s) in units of 2⁻¹⁶, tabulated over s.
 #[derive(Debug)]
 pub(super) struct ProbabilityTable {
-    /// Number of entries per expected photon.
+    /// The number of entries per unit of s.
     density: f64,
-    /// The index of the last entry that is used.
+    /// The index of the last entry that the table uses.
     last: f64,
     /// The [`ENTRIES`] entries.
     entries: Vec<u32>,
 }
 
-/// Length of a table. No threshold needs more entries, and an index of 17 bits is always in range.
+/// The length of a table. No threshold needs more entries. The length is a power of 2, so that
+/// `index % ENTRIES` is a single operation, which makes a bounds check unnecessary.
 const ENTRIES: usize = 1 << 17;
 
 impl ProbabilityTable {
-    /// Number of entries over which P would rise from 0 to 1 at its maximum slope.
+    /// The number of entries over which P would rise from 0 to 1 at its maximum slope.
     const ENTRIES_AT_MAX_SLOPE: f64 = 1024.0;
 
-    /// Maximum distance of a 16-bit draw from the table's value at which the exact probability
-    /// decides. Over half an entry P rises by up to 32 units, and rounding the value and the draw
-    /// adds one unit each.
+    /// The maximum distance between a 16-bit draw and the value of the table for which the exact
+    /// probability must decide, in units of 2⁻¹⁶. P rises by up to 32 units over half an entry.
+    /// Rounding of the value and of the draw adds one unit each.
     pub const MARGIN: u16 = 34;
 
     /// Return the table of a threshold. All callers share one table per threshold.
@@ -41,7 +42,7 @@ impl ProbabilityTable {
         if let Some((_, table)) = known {
             return table;
         }
-        // The lock is free meanwhile: two threads may both compute the table, but none waits.
+        // The lock is not held here. Two threads may both compute the table, but none waits.
         let table = Arc::new(Self::new(threshold));
         tables().push((photons, Arc::clone(&table)));
         table
@@ -75,7 +76,9 @@ impl ProbabilityTable {
         look_up(self, rates, probabilities);
     }
 
-    /// Return the probabilities of a group of rates. The compiler vectorizes each of the two loops.
+    /// Return the probabilities of a group of rates.
+    ///
+    /// The compiler vectorizes each of the two loops.
     #[inline(always)]
     fn look_up_group(
         &self,
@@ -84,8 +87,8 @@ impl ProbabilityTable {
     ) -> [u16; GROUP_SIZE] {
         let mut indices = [0; GROUP_SIZE];
         for (index, rate) in indices.iter_mut().zip(rates) {
-            // Rounding half an entry less yields the entry that contains the rate. On the edge of
-            // two entries, either is accurate enough.
+            // Subtracting one half turns rounding to nearest into rounding down. On the edge
+            // between two entries, either is accurate enough.
             let entry = rate * self.density - 0.5;
             let entry = if entry < self.last { entry } else { self.last };
             let entry = if entry > 0.0 { entry } else { 0.0 };
@@ -95,7 +98,7 @@ impl ProbabilityTable {
     }
 }
 
-/// Number of rates that are looked up together.
+/// The number of rates that are looked up together.
 const GROUP_SIZE: usize = 64;
 
 levels! {
@@ -128,7 +131,7 @@ mod tests {
     use crate::error::Result;
 
     #[test]
-    fn every_entry_is_within_the_margin_of_the_probability() -> Result<()> {
+    fn the_error_of_the_table_is_within_the_margin() -> Result<()> {
         for q in [1, 2, 5, 40, 3000] {
             let threshold = Threshold::new(q)?;
             let step = 0.000_017_3 * f64::from(q + 100);

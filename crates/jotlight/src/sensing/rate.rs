@@ -1,4 +1,4 @@
-//! The rate and the detection probability of each jot, computed row by row.
+//! The rate η s + d and the detection probability P(q, η s + d) of each jot (paper, section 2.1).
 
 use std::ops::Range;
 
@@ -13,10 +13,12 @@ use crate::sensing::kernel::{Kernel, mirror_index};
 
 /// Write the rates η s + d of rows of jots into `out` `(rows, W·K̂)`, with s = (α/T)·(G c).
 ///
-/// The rate is the expected number of detections per frame. The rows start at row `first`.
+/// The rate is the expected number of detections per frame. The first row of `out` is the row
+/// `first` of jots.
 ///
 /// # Errors
-/// [`Error::Shape`] when the arrays do not fit.
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if `out` does not
+/// hold rows of jots of the image.
 pub fn rate(
     sensor: &Sensor<'_>,
     image: Image<'_>,
@@ -28,10 +30,11 @@ pub fn rate(
 
 /// Write P(b = 1) of rows of jots into `out` `(rows, W·K̂)`. A dead jot has probability 0.
 ///
-/// The rows start at row `first`.
+/// The first row of `out` is the row `first` of jots.
 ///
 /// # Errors
-/// [`Error::Shape`] when the arrays do not fit.
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if `out` does not
+/// hold rows of jots of the image.
 pub fn probability(
     sensor: &Sensor<'_>,
     image: Image<'_>,
@@ -47,6 +50,7 @@ pub fn probability(
     })
 }
 
+/// Write `value` of the rate of each jot, and of whether it is dead, into `out`.
 fn for_each_jot(
     sensor: &Sensor<'_>,
     image: Image<'_>,
@@ -62,8 +66,8 @@ fn for_each_jot(
     if columns != jot_columns || first + rows > jot_rows {
         return Err(Error::range(
             "out",
-            format!("rows within {jot_rows} x {jot_columns}"),
-            format!("{rows} x {columns} from row {first} on"),
+            format!("rows within {jot_rows} x {jot_columns} jots"),
+            format!("{rows} x {columns} jots from row {first}"),
         ));
     }
     let exposure = Exposure { sensor, image };
@@ -80,14 +84,14 @@ fn for_each_jot(
     Ok(())
 }
 
-/// An image on a sensor.
+/// A sensor, and the image that it records.
 pub(super) struct Exposure<'l, 's, 'i> {
     pub sensor: &'l Sensor<'s>,
     pub image: Image<'i>,
 }
 
 impl Exposure<'_, '_, '_> {
-    /// Replace `rates` with η s + d of a range of columns in a row of jots.
+    /// Replace `rates` with η s + d of a range of jots in a row.
     pub fn jot_rates(&self, row: usize, columns: Range<usize>, rates: &mut Vec<f64>) {
         let kernel = &self.sensor.kernel;
         match self.image {
@@ -115,8 +119,10 @@ impl Exposure<'_, '_, '_> {
         }
     }
 
-    /// Replace `rates` with η s + d of a range of pixels in a row, where all jots share `(η, d)`
-    /// and the jots of a pixel share one rate.
+    /// Replace `rates` with η s + d of a range of pixels in a row.
+    ///
+    /// The sensor must have a uniform response: all jots share `(η, d)`, and all jots of a pixel
+    /// have the same rate.
     pub fn pixel_rates(
         &self,
         row: usize,
@@ -141,12 +147,14 @@ fn convert_to_f64<F: Copy + Into<f64>>(values: ArrayView1<'_, F>, out: &mut Vec<
 }
 
 levels! {
-    /// Add factor · light to the sums. The product and the sum are rounded separately, so that the
-    /// bits are the same on every processor.
+    /// Add factor · light to the sums.
+    ///
+    /// The product and the sum are rounded separately, so that the result is the same on every
+    /// processor.
     fn add_scaled[F: Copy + Into<f64>](
         factor: f64, light: &[F], sums: &mut [f64],
     ) = add_scaled_inlined;
-    /// Replace the rates with rates · factor + term, with the same two roundings.
+    /// Replace the rates with rates · factor + term. Product and sum are rounded separately too.
     fn scale_and_add(factor: f64, term: f64, rates: &mut [f64]) = scale_and_add_inlined;
 }
 
@@ -164,9 +172,9 @@ fn scale_and_add_inlined(factor: f64, term: f64, rates: &mut [f64]) {
     }
 }
 
-/// Replace `out` with G c for a range of columns in a row of jots.
+/// Replace `out` with G c for a range of jots in a row.
 ///
-/// G upsamples the image by K̂ and filters it with g along both axes.
+/// G upsamples the image by K̂, and filters it with g along both axes.
 pub(super) fn filter_row<F: Copy + Into<f64>>(
     vertical: &Kernel,
     horizontal: &Kernel,
@@ -181,7 +189,7 @@ pub(super) fn filter_row<F: Copy + Into<f64>>(
     let (last, _) = horizontal.last_pixel(columns.end - 1);
     let light = filter_columns(vertical, image, row, first - degree as isize..last + 1);
 
-    // All jots at the same position in their pixels are computed together: the inner loop then runs
+    // Jots at the same position in their pixels are computed together, so that the inner loop runs
     // over consecutive pixels.
     let pixels = (last - first + 1) as usize;
     out.clear();
@@ -200,9 +208,10 @@ pub(super) fn filter_row<F: Copy + Into<f64>>(
     out.truncate(columns.len());
 }
 
-/// Return the image filtered along the columns, for a row of jots and the columns `pixels`.
+/// Filter the image along its columns, and return the result at a row of jots for the columns
+/// `pixels`.
 ///
-/// Beyond the border, the image continues symmetrically.
+/// The image continues symmetrically beyond its border.
 fn filter_columns<F: Copy + Into<f64>>(
     kernel: &Kernel,
     image: ArrayView2<'_, F>,

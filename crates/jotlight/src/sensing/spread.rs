@@ -1,4 +1,5 @@
-//! The linear operator G of the paper's section 2.2.1 on images and signals, and its exact adjoint.
+//! The linear operator G, which maps intensities to the light of the jots, and its exact adjoint
+//! (paper, sections 2.1 and 2.2.1).
 
 use ndarray::{Array2, ArrayView2, ArrayViewMut2, Axis};
 use num_integer::div_rem;
@@ -11,8 +12,8 @@ use crate::error::{Error, Result};
 
 /// The operator G, which spreads the intensities of an image over the jots.
 ///
-/// The vertical kernel filters along the columns and the horizontal kernel along the rows. A signal
-/// is an image of one row whose vertical kernel is the box of a single jot.
+/// The vertical kernel filters along the columns, and the horizontal kernel along the rows. A
+/// one-dimensional signal is an image of one row. Its vertical kernel is the box with K̂ = 1.
 #[derive(Clone, Debug)]
 pub struct SpreadOperator {
     vertical: Kernel,
@@ -20,7 +21,7 @@ pub struct SpreadOperator {
 }
 
 impl SpreadOperator {
-    /// Return the operator of two kernels.
+    /// Return the operator with the two kernels.
     #[must_use]
     pub fn new(vertical: Kernel, horizontal: Kernel) -> Self {
         Self {
@@ -31,9 +32,9 @@ impl SpreadOperator {
 
     /// Write gain · G `image` into `out` `(H·K̂, W·K̂)`.
     ///
-    ///
     /// # Errors
-    /// [`Error::Shape`] when the arrays do not fit.
+    /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the image is
+    /// empty.
     pub fn forward(
         &self,
         gain: f64,
@@ -63,11 +64,12 @@ impl SpreadOperator {
 
     /// Write gain · Gᵀ `jots` into `out` `(H, W)`.
     ///
-    /// ⟨G x, y⟩ = ⟨x, Gᵀ y⟩ holds up to rounding, including the continuation at the border.
-    ///
+    /// The adjoint is exact: ⟨G x, y⟩ = ⟨x, Gᵀ y⟩ up to rounding. This includes the symmetric
+    /// continuation at the border.
     ///
     /// # Errors
-    /// [`Error::Shape`] when the arrays do not fit.
+    /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the image is
+    /// empty.
     pub fn adjoint(
         &self,
         gain: f64,
@@ -82,11 +84,14 @@ impl SpreadOperator {
         Ok(())
     }
 
-    /// Write gain² · Gᵀ diag(weights) G `image` into `out` `(H, W)`, without a map over the jots.
+    /// Write gain² · Gᵀ diag(weights) G `image` into `out` `(H, W)`.
     ///
+    /// The intermediate result G `image` is not stored: each row of jots is computed when it is
+    /// needed.
     ///
     /// # Errors
-    /// [`Error::Shape`] when the arrays do not fit.
+    /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the image is
+    /// empty.
     pub fn normal(
         &self,
         gain: f64,
@@ -112,7 +117,8 @@ impl SpreadOperator {
         Ok(())
     }
 
-    /// Write gain · Gᵀ of an array over the jots into `out`. `fill_row` computes its rows.
+    /// Write gain · Gᵀ y into `out`, where `fill_row` computes the rows of the array y over the
+    /// jots.
     fn apply_adjoint(
         &self,
         gain: f64,
@@ -137,7 +143,7 @@ impl SpreadOperator {
                 },
             );
 
-        // The rows of jots that each row of pixels lights, with their weights.
+        // For each row of pixels, the rows of jots that its light reaches, and their weights.
         let mut lit_rows: Vec<Vec<(usize, f64)>> = vec![Vec::new(); height];
         for row in 0..jot_rows {
             let (bottom, position) = self.vertical.last_pixel(row);
@@ -156,8 +162,8 @@ impl SpreadOperator {
             });
     }
 
-    /// Write the horizontal part of Gᵀ, from a row of jots to a row of pixels, into `row`: the
-    /// adjoint of the second half of [`filter_row`].
+    /// Write the horizontal part of Gᵀ into `row`. It maps a row of jots to a row of pixels, and is
+    /// the adjoint of the horizontal filter in [`filter_row`].
     fn apply_horizontal_adjoint(&self, jots: &[f64], row: &mut [f64], padded: &mut Vec<f64>) {
         let oversampling = self.horizontal.oversampling();
         let degree = self.horizontal.degree();

@@ -1,5 +1,5 @@
-//! The adjoint of the convolution with mirrored borders: it pulls a gradient with respect to the
-//! outputs back to the inputs.
+//! The adjoint of the convolution with mirrored borders. It maps the gradient with respect to the
+//! outputs to the gradient with respect to the inputs (equations (16) and (17)).
 
 use ndarray::{Array3, ArrayView3, ArrayView4};
 
@@ -9,11 +9,11 @@ use super::padded::Padded;
 use crate::numbers::Real;
 use crate::sensing::mirror_index;
 
-/// For every input channel, its taps in all outputs.
+/// For each input channel, a filter that holds the taps of all outputs for this channel.
 #[derive(Clone, Debug)]
 pub(crate) struct AdjointTaps<F> {
     inputs: Vec<FilterTiles<F>>,
-    /// Rows and columns of a filter.
+    /// The numbers of rows and columns of a filter.
     size: (usize, usize),
 }
 
@@ -31,13 +31,15 @@ impl<F: Real> AdjointTaps<F> {
         }
     }
 
-    /// Return the gradient with respect to the inputs of [`Padded::convolve`] after
-    /// [`Padded::mirrored`], for filters without a stride.
+    /// Return the gradient with respect to the planes that [`Padded::mirrored`] pads and
+    /// [`Padded::convolve`] convolves. The filters must not have a stride.
+    ///
+    /// `gradient` is the gradient with respect to the result of the convolution.
     pub fn pull_back(&self, gradient: ArrayView3<'_, F>) -> Array3<F> {
         let (outputs, height, width) = gradient.dim();
         let (rows, columns) = self.size;
-        // Every pixel of the padded input collects the outputs that read it. Outputs beyond the
-        // border do not exist and count as 0.
+        // The gradient of a pixel of the padded input is a sum over the outputs that read it.
+        // Outputs beyond the border do not exist, so their gradient is 0.
         let (padded_rows, padded_columns) = (height + rows - 1, width + columns - 1);
         let mut padded = Padded::default();
         let size = (padded_rows + rows - 1, padded_columns + columns - 1);
@@ -51,7 +53,7 @@ impl<F: Real> AdjointTaps<F> {
                 }
             }
         }
-        // The border is a copy of pixels inside, so its gradient is added to theirs.
+        // The border is a copy of pixels inside the image, so its gradient is added to theirs.
         let source = |index: usize, taps: usize, size: usize| {
             mirror_index(index as isize - leading_rows(taps, 1) as isize, size)
         };

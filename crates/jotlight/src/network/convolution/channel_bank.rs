@@ -1,25 +1,31 @@
-//! Direct correlation of a stack of planes with a bank of filters. Tiles of several outputs stay in
-//! registers, and the outputs share every loaded value.
+//! Direct correlation of a stack of planes with several filters.
+//!
+//! The sums of a tile of several outputs stay in registers, and each loaded value contributes to
+//! all of these outputs.
 
 use super::PlanesView;
 use super::direct::store;
 use crate::cpu::{self, Simd, WithSimd};
 use crate::numbers::Real;
 
-/// The number of outputs in a large group. It needs a processor with 32 registers.
+/// The number of outputs in a large group, which requires a processor with 32 vector registers or
+/// more.
 const LARGE_GROUP: usize = 8;
 /// The number of outputs in a small group.
 const SMALL_GROUP: usize = 4;
 
-/// The number of registers per output in a tile of a large group.
+/// The number of registers per output in a tile of a large group, or of a small group if the
+/// processor has fewer than 32 registers.
 const NARROW_TILE: usize = 3;
-/// The number of registers per output in a tile of a small group, with 32 registers.
+/// The number of registers per output in a tile of a small group if the processor has 32
+/// registers or more.
 const WIDE_TILE: usize = 6;
 
-/// The taps of filters `(outputs, inputs, rows, columns)` in the order of the loops.
+/// The taps of filters `(outputs, inputs, rows, columns)` in the order in which the loops read
+/// them.
 ///
-/// The outputs are divided into groups. Within a group the taps are ordered by input, row, and
-/// column, and the taps of the outputs lie side by side.
+/// The outputs are divided into groups. The taps of a group are ordered by input, row, column, and
+/// output.
 #[derive(Clone, Debug)]
 pub(super) struct ChannelBank<F> {
     groups: Vec<OutputGroup<F>>,
@@ -28,6 +34,7 @@ pub(super) struct ChannelBank<F> {
     columns: usize,
 }
 
+/// The taps of a group. An entry holds one tap per output.
 #[derive(Clone, Debug)]
 enum OutputGroup<F> {
     Large(Vec<[F; LARGE_GROUP]>),
@@ -35,7 +42,7 @@ enum OutputGroup<F> {
 }
 
 impl<F: Real> ChannelBank<F> {
-    /// Return the bank of filters with taps `tap(output, input, row, column)`.
+    /// Return the bank with the taps `tap(output, input, row, column)`.
     pub fn new(
         (outputs, inputs, rows, columns): (usize, usize, usize, usize),
         tap: impl Fn(usize, usize, usize, usize) -> F,
@@ -43,7 +50,7 @@ impl<F: Real> ChannelBank<F> {
         let large_groups = cpu::run(RegisterCount) >= 32;
         let (mut groups, mut first) = (Vec::new(), 0);
         while first < outputs {
-            // The last group is filled up with taps of 0.
+            // Taps of 0 fill the last group.
             let tap = |output: usize, input, row, column| match first + output {
                 output if output < outputs => tap(output, input, row, column),
                 _ => F::zero(),
@@ -75,7 +82,7 @@ impl<F: Real> ChannelBank<F> {
         self.outputs
     }
 
-    /// Write Σ taps · source to planes `(outputs, height, width)`.
+    /// Write Σ taps · source into the planes `out` `(outputs, height, width)`.
     pub fn correlate(
         &self,
         source: PlanesView<'_, F>,
@@ -92,7 +99,7 @@ impl<F: Real> ChannelBank<F> {
     }
 }
 
-/// Return the taps `tap(output, input, row, column)` of a group, ordered by input, row, and column.
+/// Return the taps of a group, ordered by input, row, and column.
 fn ordered_taps<F, const O: usize>(
     (inputs, rows, columns): (usize, usize, usize),
     tap: impl Fn(usize, usize, usize, usize) -> F,
@@ -110,6 +117,7 @@ fn ordered_taps<F, const O: usize>(
     taps
 }
 
+/// The number of vector registers of the processor.
 struct RegisterCount;
 
 impl WithSimd for RegisterCount {
@@ -121,6 +129,7 @@ impl WithSimd for RegisterCount {
     }
 }
 
+/// The correlation of `source` with a bank.
 struct BankCorrelation<'a, F> {
     bank: &'a ChannelBank<F>,
     source: PlanesView<'a, F>,
@@ -135,7 +144,7 @@ impl<F: Real> WithSimd for BankCorrelation<'_, F> {
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
         let (bank, lanes) = (self.bank, F::lanes::<S>());
-        // All outputs of a few columns, while the source of these columns is in the cache.
+        // All outputs of a block of columns are computed while its source is in the cache.
         let block = WIDE_TILE * lanes;
         for row in 0..self.height {
             for column in (0..self.width).step_by(block) {
@@ -170,7 +179,7 @@ impl<F: Real> WithSimd for BankCorrelation<'_, F> {
 }
 
 impl<F: Real> BankCorrelation<'_, F> {
-    /// Compute some columns of a row, for the `O` outputs from the output `first` on.
+    /// Compute a range of columns in a row of `O` outputs, starting at the output `first`.
     #[inline(always)]
     fn block<S: Simd, const O: usize, const C: usize>(
         &mut self,
@@ -194,7 +203,7 @@ impl<F: Real> BankCorrelation<'_, F> {
         }
     }
 
-    /// Compute `C` registers of a row for `O` outputs, and return `C`.
+    /// Compute `C` registers in a row of `O` outputs, and return `C`.
     #[inline(always)]
     fn tile<S: Simd, const O: usize, const C: usize>(
         &mut self,

@@ -1,5 +1,7 @@
-//! Direct correlation of a stack of planes with one filter. Tiles of the output stay in registers,
-//! and each loaded value contributes to several sums.
+//! Direct correlation of a stack of planes with one filter.
+//!
+//! The sums of a tile of the output stay in registers, and each loaded value contributes to several
+//! sums.
 
 use std::ops::Range;
 
@@ -7,17 +9,18 @@ use super::PlanesView;
 use crate::cpu::{self, Simd, WithSimd};
 use crate::numbers::{MAX_LANES, Real};
 
-/// The number of rows beyond the last one that a tile may read. Their results are discarded.
+/// The maximum number of rows beyond the last one that a tile reads. Their results are discarded.
 pub(super) const SPARE_ROWS: usize = 3;
 
-/// The number of columns that are processed from top to bottom before the next ones, so that the
-/// rows of the source stay in the cache from one tile to the tile below.
+/// The number of columns in a block. A block is computed from top to bottom, so that the source of
+/// a tile is still in the cache for the tile below.
 const BLOCK_COLUMNS: usize = 512;
 
-/// The taps of a filter `(channels, rows, columns)` in the order of the loops over a tile.
+/// The taps of a filter `(channels, rows, columns)` in the order in which the loops read them.
 ///
-/// For every row of the source that a tile reads and every column of the filter, it holds the taps
-/// for the rows of the tile. They are 0 where the filter does not reach.
+/// A tile reads several rows of the source. For each of them and each column of the filter, one tap
+/// per row of the tile is stored. The tap is 0 if the filter at this row of the tile does not read
+/// the row of the source.
 #[derive(Clone, Debug)]
 pub(super) struct FilterTiles<F> {
     values: Vec<F>,
@@ -27,7 +30,7 @@ pub(super) struct FilterTiles<F> {
 }
 
 impl<F: Real> FilterTiles<F> {
-    /// Return the filter with taps `tap(channel, row, column)`.
+    /// Return the filter with the taps `tap(channel, row, column)`.
     pub fn new(
         (channels, rows, columns): (usize, usize, usize),
         tap: impl Fn(usize, usize, usize) -> F,
@@ -54,9 +57,9 @@ impl<F: Real> FilterTiles<F> {
         }
     }
 
-    /// Write Σ taps · source to rows of `width` values.
+    /// Write Σ taps · source into the rows of `out`, which have `width` values.
     ///
-    /// The source is 0 outside the rows `nonzero`.
+    /// The source must be 0 outside the rows `nonzero`, which are the only ones that are read.
     pub fn correlate(
         &self,
         source: PlanesView<'_, F>,
@@ -74,7 +77,8 @@ impl<F: Real> FilterTiles<F> {
     }
 }
 
-/// The number of rows of a tile: 4 x 4 registers of sums if the processor has 32, and else 3 x 3.
+/// The number of rows of a tile. The sums of a tile occupy 4 × 4 registers if the processor has 32
+/// registers or more, and else 3 × 3.
 struct TileRows;
 
 impl WithSimd for TileRows {
@@ -86,6 +90,7 @@ impl WithSimd for TileRows {
     }
 }
 
+/// The correlation of `source` with one filter.
 struct DirectCorrelation<'a, F> {
     filter: &'a FilterTiles<F>,
     source: PlanesView<'a, F>,
@@ -131,7 +136,7 @@ impl<F: Real> DirectCorrelation<'_, F> {
         }
     }
 
-    /// Compute `R` rows of `C` registers, and return `C`.
+    /// Compute a tile of `R` rows of `C` registers, and return `C`.
     #[inline(always)]
     fn tile<S: Simd, const R: usize, const C: usize>(
         &mut self,
@@ -154,7 +159,7 @@ impl<F: Real> DirectCorrelation<'_, F> {
             for row in from..to {
                 let source = &plane[(top + row) * self.source.row_stride + column..];
                 let taps = &taps[row * columns..][..*columns];
-                // The rows of the tile that this row of the source contributes to.
+                // The rows of the tile to which this row of the source contributes.
                 let tile_rows = ((row + 1).saturating_sub(*rows), (row + 1).min(R));
                 sums = match tile_rows {
                     (0, 1) => add_row::<S, F, R, C, 0, 1>(simd, source, taps, sums),
@@ -205,7 +210,7 @@ where
     sums
 }
 
-/// Store registers to a slice that may be shorter.
+/// Write registers to a slice, which may be shorter.
 #[inline(always)]
 pub(super) fn store<S: Simd, F: Real, const C: usize>(sums: [F::Vector<S>; C], out: &mut [F]) {
     let mut parts = out.chunks_exact_mut(F::lanes::<S>());

@@ -1,4 +1,5 @@
-//! The taps of a layer's filters in the order of the inner loops, and the input that they read.
+//! The taps of a layer's filters in the order in which the inner loops read them, and the region of
+//! the input that the filters read.
 
 use std::ops::Range;
 
@@ -10,22 +11,24 @@ use super::leading_rows;
 use crate::network::tiling::region::Region;
 use crate::numbers::Real;
 
-/// The taps of filters `(outputs, inputs, height, width)`, reversed along rows and columns: a
-/// convolution then becomes a correlation, which reads its input forward.
+/// The taps of filters `(outputs, inputs, height, width)`, reversed along rows and columns.
 ///
-/// With a stride s, every input is divided into s² phases (a polyphase decomposition). The filters
-/// then read s² times as many planes, without a stride.
+/// The reversal turns the convolution into a correlation, which reads its input forward.
+///
+/// If the stride s is above 1, a polyphase decomposition divides every input plane into s² planes,
+/// its phases. The filters then read s² times as many planes, without a stride.
 #[derive(Clone, Debug)]
 pub(crate) struct FilterTaps<F> {
     pub(super) order: TapOrder<F>,
     pub(super) inputs: usize,
-    /// Rows and columns of a filter.
+    /// The numbers of rows and columns of a filter.
     pub(super) size: (usize, usize),
-    /// Rows and columns of a filter in each phase.
+    /// The numbers of rows and columns of a filter in each phase.
     pub(super) phase_size: (usize, usize),
     pub(super) stride: usize,
 }
 
+/// The order of the taps, which depends on the number of outputs.
 #[derive(Clone, Debug)]
 pub(super) enum TapOrder<F> {
     OneOutput(FilterTiles<F>),
@@ -77,8 +80,8 @@ impl<F: Real> FilterTaps<F> {
     }
 }
 
-/// Return the region of the input that filters of size `(rows, columns)` read to compute a region
-/// of their output.
+/// Return the region of the input that filters of size `(rows, columns)` read for a region of their
+/// output. `(height, width)` is the size of the input.
 pub(crate) fn input_region(
     (rows, columns): (usize, usize),
     stride: usize,
@@ -87,7 +90,7 @@ pub(crate) fn input_region(
 ) -> Region {
     let read = |output: &Range<usize>, taps: usize, size: usize| {
         let leading = leading_rows(taps, stride);
-        // The loops read whole strides, with taps of 0 where the filter has none.
+        // The loops read whole strides. The taps beyond the end of a filter are 0.
         let end = (output.end.max(1) - 1 + taps.div_ceil(stride)) * stride;
         (output.start * stride).saturating_sub(leading)..end.saturating_sub(leading).min(size)
     };

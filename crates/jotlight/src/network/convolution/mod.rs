@@ -1,6 +1,9 @@
-//! Linear shift-invariant filters, equation (9), their adjoints, and the gradients of their taps.
+//! Linear shift-invariant filters, equation (9), their adjoints, and the gradients with respect to
+//! their taps, equation (18). Planes continue symmetrically beyond their borders.
 //!
-//! Planes are extended beyond their borders by mirroring.
+//! `padded` adds the border and convolves, with the taps that `filter_taps` orders. `direct` and
+//! `channel_bank` hold its inner loops, for one output and for several. `winograd` is faster for
+//! many channels. `adjoint` and `tap_gradient` compute derivatives.
 
 pub(crate) mod adjoint;
 mod channel_bank;
@@ -11,18 +14,18 @@ mod tap_gradient;
 pub(crate) mod winograd;
 mod winograd_transforms;
 
-/// A stack of planes whose rows have space for reads beyond their ends.
+/// A stack of planes in memory. Loops may read values beyond the end of a row.
 #[derive(Clone, Copy)]
 struct PlanesView<'a, F> {
     data: &'a [F],
-    /// The offset from one plane to the next.
+    /// The distance in memory from one plane to the next.
     plane_stride: usize,
-    /// The offset from one row to the next.
+    /// The distance in memory from one row to the next.
     row_stride: usize,
 }
 
-/// Return the number of rows (or columns) that the filter at output row m reads before row
-/// stride·m of the input.
+/// Return the number of input rows before row stride·m that a filter reads for its output row m.
+/// The same holds for columns.
 const fn leading_rows(taps: usize, stride: usize) -> usize {
     (taps - stride) / 2
 }

@@ -1,4 +1,4 @@
-//! Planes with a mirrored border, and their convolution with the filters of a layer: equation (9).
+//! Planes with a mirrored border, and their convolution with the filters of a layer, equation (9).
 
 use std::ops::Range;
 
@@ -13,21 +13,21 @@ use crate::network::tiling::strips::{StripedPlanes, contiguous_planes};
 use crate::numbers::{MAX_LANES, Real};
 use crate::sensing::mirror_index;
 
-/// A stack of planes with a border, in rows with space for reads beyond their ends.
+/// A stack of planes with a mirrored border. The inner loops may read beyond the end of a row.
 #[derive(Default)]
 pub(crate) struct Padded<F> {
     pub(super) data: Vec<F>,
     pub(super) plane_stride: usize,
     pub(super) row_stride: usize,
-    /// Rows and columns of the convolution's output.
+    /// The numbers of rows and columns that the convolution returns.
     height: usize,
     width: usize,
-    /// Rows and columns of the filters, in each phase if they have a stride.
+    /// The numbers of rows and columns of the filters in each phase.
     pub(super) taps: (usize, usize),
 }
 
 impl<F: Real> Padded<F> {
-    /// Allocate planes of the size that the filters read, with space for what tiles read beyond.
+    /// Allocate planes of the size that the filters read, and space for reads beyond their ends.
     pub(super) fn allocate(&mut self, channels: usize, (rows, columns): (usize, usize)) {
         self.row_stride = columns.next_multiple_of(MAX_LANES) + MAX_LANES + SPARE_COLUMNS;
         self.plane_stride = (rows + SPARE_ROWS) * self.row_stride;
@@ -35,7 +35,7 @@ impl<F: Real> Padded<F> {
         self.data.resize(length, F::zero());
     }
 
-    /// Return planes `(channels, height, width)` with the border that the filters read.
+    /// Return a copy of planes `(channels, height, width)` with the border that the filters read.
     pub fn mirrored(planes: ArrayView3<'_, F>, filters: &FilterTaps<F>) -> Self {
         let (_, height, width) = planes.dim();
         let whole = Region::whole((height, width));
@@ -46,7 +46,7 @@ impl<F: Real> Padded<F> {
         padded
     }
 
-    /// Copy the input that the filters read to compute a region of their output.
+    /// Copy the part of `source` that the filters read to compute a region of their output.
     pub fn fill(
         &mut self,
         source: &StripedPlanes<'_, F>,
@@ -79,7 +79,7 @@ impl<F: Real> Padded<F> {
         }
     }
 
-    /// Return memory for `length` values in place of the planes.
+    /// Return memory for `length` values. It replaces the planes.
     pub fn scratch(&mut self, length: usize) -> &mut [F] {
         self.data.resize(self.data.len().max(length), F::zero());
         &mut self.data[..length]
@@ -93,7 +93,7 @@ impl<F: Real> Padded<F> {
         }
     }
 
-    /// Write h * u, summed over the input channels, to planes `(outputs, height, width)`.
+    /// Write h * u, summed over the input channels, into `out` `(outputs, height, width)`.
     pub fn convolve(&self, filters: &FilterTaps<F>, out: &mut [F]) {
         match &filters.order {
             TapOrder::OneOutput(filter) => {
@@ -115,7 +115,8 @@ impl<F: Real> Padded<F> {
         out
     }
 
-    /// Call `visit` with the index of each tap of a filter and the plane that the tap multiplies.
+    /// Call `visit` with the index of each tap of a filter, and with the plane that the tap
+    /// multiplies.
     pub fn for_each_tap(
         &self,
         (channels, rows, columns): (usize, usize, usize),
@@ -137,12 +138,13 @@ impl<F: Real> Padded<F> {
     }
 }
 
-/// A copy of every `stride`-th column of a row, mirrored beyond the ends of the row.
+/// The columns of a row that are copied to a phase: every `stride`-th column, and mirrored columns
+/// beyond the ends of the row.
 struct RowCopy {
-    /// The column of the planes at index 0 of the copy, which may lie outside the planes.
+    /// The column of the planes for index 0 of the copy. It may lie outside the planes.
     left: isize,
     stride: usize,
-    /// The indices of the copy whose columns the source has.
+    /// The indices of the copy whose columns lie in the source.
     inside: Range<usize>,
     /// The first column of the source.
     first: usize,
@@ -182,7 +184,7 @@ impl RowCopy {
         }
     }
 
-    /// Return the index in the source of a column of the copy.
+    /// Return the index in the source for an index of the copy.
     fn column(&self, column: usize) -> usize {
         let column = self.left + (column * self.stride) as isize;
         mirror_index(column, self.width) - self.first

@@ -1,4 +1,4 @@
-//! The gradient with respect to the taps of a filter bank, equation (18).
+//! The gradient with respect to the taps of filters, equation (18).
 
 use ndarray::{ArrayView3, ArrayViewMut4, Axis};
 
@@ -7,14 +7,17 @@ use super::padded::Padded;
 use crate::cpu::{self, Simd, WithSimd};
 use crate::numbers::{MAX_LANES, Real};
 
-/// The number of columns beyond the last one that a tile of shifts may read.
+/// The maximum number of columns beyond the last one that a tile of shifts reads.
 pub(super) const SPARE_COLUMNS: usize = 4;
 
-/// The number of rows that are summed in the type of the planes before the sum goes to `f64`.
+/// The number of rows whose sum is computed in the type of the planes. Sums over more rows use
+/// `f64`.
 const BAND_ROWS: usize = 64;
 
 impl<F: Real> Padded<F> {
-    /// Add the gradient with respect to the taps. `gradient` is that with respect to the outputs.
+    /// Add the gradient with respect to the taps to `tap_gradient`: equation (18).
+    ///
+    /// `gradient` is the gradient with respect to the outputs.
     pub fn add_tap_gradient(
         &self,
         gradient: ArrayView3<'_, F>,
@@ -49,7 +52,7 @@ impl<F: Real> Padded<F> {
                         shifts: self.taps,
                         sums: &mut sums,
                     });
-                    // A convolution meets the taps in reverse order.
+                    // A convolution reads the taps in reverse order.
                     for (gradient, sum) in tap_gradient.iter_mut().zip(sums.iter().rev()) {
                         *gradient += sum;
                     }
@@ -59,15 +62,16 @@ impl<F: Real> Padded<F> {
     }
 }
 
-/// The sums Σ weights · source for every shift (row, column) of the source, which are added to
+/// The sums Σ weights · source for every shift of the source by rows and columns. They are added to
 /// `sums`.
 struct ShiftedProducts<'a, F> {
     source: &'a [F],
     source_stride: usize,
-    /// Rows of `weight_stride` values, a multiple of [`MAX_LANES`], with [`SPARE_ROWS`] rows of 0
-    /// before the first and after the last.
+    /// Rows of `weight_stride` values. [`SPARE_ROWS`] rows of 0 precede and follow the others.
     weights: &'a [F],
+    /// A multiple of [`MAX_LANES`].
     weight_stride: usize,
+    /// The numbers of shifts by rows and by columns.
     shifts: (usize, usize),
     sums: &'a mut [f64],
 }
@@ -101,7 +105,7 @@ impl<F: Real> ShiftedProducts<'_, F> {
         }
     }
 
-    /// Return the sums of `R` x `C` shifts from the shift (`row_shift`, `column_shift`) on.
+    /// Return the sums for `R` × `C` shifts, starting at the shift (`row_shift`, `column_shift`).
     #[inline(always)]
     fn tile<S: Simd, const R: usize, const C: usize>(
         &self,

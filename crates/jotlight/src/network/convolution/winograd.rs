@@ -1,7 +1,8 @@
-//! Convolution with filters of three rows by Winograd's F(4, 3): four output rows cost six
-//! multiplications per tap instead of twelve.
+//! Convolution, equation (9), with filters of three rows by Winograd's algorithm F(4, 3).
 //!
-//! The algorithm is applied along columns only, so its transforms need no shuffling of registers.
+//! Four output rows need six multiplications per column of a filter instead of twelve. The
+//! algorithm is applied along columns only, so its transforms need not rearrange the lanes of a
+//! register.
 
 use ndarray::{ArrayView4, Axis};
 
@@ -18,18 +19,20 @@ pub(super) const FILTER_ROWS: usize = 3;
 /// The number of output rows that are computed together.
 pub(crate) const OUTPUT_ROWS: usize = 4;
 
-/// The minimum number of inputs and of outputs. With fewer, the transforms cost more than the
-/// multiplications that they save.
+/// The minimum number of inputs. With fewer, the transforms take longer than the multiplications
+/// that they save.
 const MIN_INPUTS: usize = 16;
+/// The minimum number of outputs, for the same reason.
 const MIN_OUTPUTS: usize = 4;
 
-/// The number of columns that are processed at a time, so that the transformed rows of all planes
-/// stay in the cache.
+/// The number of columns that are processed together. The transformed rows of all planes then fit
+/// into the cache.
 const BLOCK_COLUMNS: usize = 144;
-/// The length of a transformed row. The loops read whole registers beyond the end.
+/// The length of a transformed row in memory. The loops read whole registers, which may extend
+/// beyond the end of a block.
 pub(super) const ROW_STRIDE: usize = BLOCK_COLUMNS + 2 * MAX_LANES;
 
-/// Transformed filters: a bank of filters with one row for each transformed row.
+/// Transformed filters. For each transformed row, there is a bank of filters with one row.
 #[derive(Clone, Debug)]
 pub(crate) struct Winograd<F> {
     banks: Vec<ChannelBank<F>>,
@@ -47,7 +50,7 @@ impl<F: Real> Winograd<F> {
         if rows != FILTER_ROWS || columns > MAX_LANES || stride != 1 || !many {
             return None;
         }
-        // The taps are reversed, so that the loops run forward.
+        // The taps are reversed, so that the loops read their input forward.
         let transformed = filters.lanes(Axis(2)).into_iter();
         let transformed: Vec<_> = transformed
             .map(|taps| filter_rows(taps.iter().rev().copied()))
@@ -66,8 +69,9 @@ impl<F: Real> Winograd<F> {
         })
     }
 
-    /// Write h * u to a region of the output, `(outputs, height, width)`. Its first row must be a
-    /// multiple of [`OUTPUT_ROWS`].
+    /// Write h * u for a region of the output into `out` `(outputs, height, width)`.
+    ///
+    /// The first row of the region must be a multiple of [`OUTPUT_ROWS`].
     pub fn convolve(
         &self,
         source: &StripedPlanes<'_, F>,
@@ -110,7 +114,8 @@ impl<F: Real> Winograd<F> {
         }
     }
 
-    /// Correlate each transformed row with its bank, to products `(rows, outputs, length)`.
+    /// Correlate each transformed row with its bank, and write the results into `products`
+    /// `(rows, outputs, length)`.
     fn multiply(&self, transformed: &[F], length: usize, products: &mut [F]) {
         let products = products.chunks_exact_mut(self.outputs * length);
         let rows = transformed.chunks_exact(self.inputs * ROW_STRIDE);
@@ -211,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn other_filters_are_left_to_direct_convolution() {
+    fn unsuitable_filters_have_no_winograd_transform() {
         for (outputs, inputs, rows, stride) in [
             (MIN_OUTPUTS, MIN_INPUTS, 5, 1),
             (MIN_OUTPUTS, MIN_INPUTS - 1, 3, 1),

@@ -1,5 +1,8 @@
-//! The three transforms of Winograd's F(4, 3): of filters, of input rows, and of products to output
-//! rows.
+//! The three transforms of Winograd's algorithm F(4, 3).
+//!
+//! They transform the filters, the input rows, and the products of both, which become output rows.
+//! The matrices G, Bᵀ, and Aᵀ are those of Lavin and Gray, *Fast Algorithms for Convolutional
+//! Neural Networks* (2016).
 
 use super::winograd::{FILTER_ROWS, OUTPUT_ROWS, ROW_STRIDE};
 use crate::cpu::{Simd, WithSimd};
@@ -7,7 +10,7 @@ use crate::network::tiling::strips::{PlaneRow, StripedPlanes};
 use crate::numbers::{MAX_LANES, Real};
 use crate::sensing::mirror_index;
 
-/// The number of input rows that are transformed together, and of their transformed rows.
+/// The number of input rows that are transformed together, and the number of transformed rows.
 pub(super) const TRANSFORMED_ROWS: usize = 6;
 
 /// The matrix G of the filter transform.
@@ -35,7 +38,7 @@ fn transform_input<S: Simd, F: Real>(
     [a, b, c, d, e, f]: [F::Vector<S>; TRANSFORMED_ROWS],
 ) -> [F::Vector<S>; TRANSFORMED_ROWS] {
     let add = |factor, x, y| F::multiply_add(simd, F::splat(simd, F::from_f64(factor)), x, y);
-    // Each pair is the even and the odd part of two rows of Bᵀ.
+    // Two rows of Bᵀ differ only in the sign of the odd part, so they share a pair of parts.
     let (even, odd) = (add(-4.0, c, e), add(-4.0, b, d));
     let (even_2, odd_2) = (add(-1.0, c, e), add(-1.0, b, d));
     [
@@ -65,13 +68,14 @@ fn transform_output<S: Simd, F: Real>(
     ]
 }
 
-/// The transform of six input rows of every plane, to `(TRANSFORMED_ROWS, planes, ROW_STRIDE)`.
+/// The transform of six input rows of every plane. The shape of the result is
+/// `(TRANSFORMED_ROWS, planes, ROW_STRIDE)`.
 pub(super) struct InputTransform<'a, F> {
     pub source: &'a StripedPlanes<'a, F>,
-    /// The first row and column, which may lie outside the planes.
+    /// The first row and column of the input. They may lie outside the planes.
     pub top: isize,
     pub left: isize,
-    /// The number of rows that the output needs. The others count as 0.
+    /// The number of rows that the output depends on. Zeros replace the other rows.
     pub rows: usize,
     /// The number of columns.
     pub length: usize,
@@ -91,12 +95,12 @@ impl<F: Real> WithSimd for InputTransform<'_, F> {
             let row = row.min(self.rows - 1) as isize;
             self.source.row(mirror_index(self.top + row, size.0))
         });
-        // The columns that lie inside the source.
+        // The columns of the input that lie inside the source.
         let end = self.length.min((columns.len() as isize - start) as usize);
         let inside = (-start).max(0) as usize..end;
         let row_length = self.transformed.len() / TRANSFORMED_ROWS;
         let planes = row_length / ROW_STRIDE;
-        // The loops read whole registers in place, unless that leaves the strip.
+        // The loops read the source in place, unless whole registers would exceed the strip.
         let fits =
             |row: &PlaneRow<'_, F>| row.plane(planes - 1).len() >= start.max(0) as usize + length;
         let in_place =
@@ -124,8 +128,8 @@ impl<F: Real> WithSimd for InputTransform<'_, F> {
                 F::vectors_mut::<S>(&mut part[plane * ROW_STRIDE..][..length])
             });
             for column in 0..length / lanes {
-                // Loops over indices: methods of arrays that are not inlined pass registers
-                // through memory.
+                // This loop uses indices, because methods of arrays may pass registers through
+                // memory.
                 let column_rows = std::array::from_fn(|row| rows[row][column]);
                 let transformed = transform_input::<S, F>(simd, column_rows);
                 for row in 0..TRANSFORMED_ROWS {
@@ -136,7 +140,8 @@ impl<F: Real> WithSimd for InputTransform<'_, F> {
     }
 }
 
-/// The transform of products `(TRANSFORMED_ROWS, outputs, padded_length)` to four output rows.
+/// The transform of products into four output rows. The shape of the products is
+/// `(TRANSFORMED_ROWS, outputs, padded_length)`.
 pub(super) struct OutputTransform<'a, F> {
     pub products: &'a [F],
     pub padded_length: usize,
@@ -145,7 +150,7 @@ pub(super) struct OutputTransform<'a, F> {
     pub column: usize,
     /// The number of columns.
     pub length: usize,
-    /// Rows and columns of `out`.
+    /// The numbers of rows and columns of `out`.
     pub size: (usize, usize),
     pub out: &'a mut [F],
 }
@@ -171,7 +176,8 @@ impl<F: Real> WithSimd for OutputTransform<'_, F> {
                 let part = parts.next().unwrap_or_default();
                 F::vectors::<S>(&part[output * padded_length..][..padded_length])
             });
-            // The last group of an output may have fewer than four rows: the others are empty.
+            // The last group of an output may have fewer than four rows. The missing ones are
+            // empty.
             let rows = plane.chunks_exact_mut(width).skip(self.row);
             let mut rows = rows.map(|row| &mut row[self.column..][..length]);
             let rows: [_; OUTPUT_ROWS] = std::array::from_fn(|_| rows.next().unwrap_or_default());

@@ -1,5 +1,7 @@
-//! The filters of the first layer over packed bits, equation (11), by table look-up: the bits of a
-//! block form an index, and tables hold the filtered sum of every index.
+//! The filters of the first layer over packed bits, equation (11), by table look-up.
+//!
+//! The bits of a pixel form an index. A table holds the filtered sum for every index. If a pixel
+//! has many bits, several tables each hold the sums for a part of them.
 
 use ndarray::{Array3, ArrayView3, ArrayView4};
 use rayon::prelude::*;
@@ -10,16 +12,17 @@ use crate::network::spline::evaluate::Spline;
 use crate::network::tiling::region::Region;
 use crate::numbers::Real;
 
-/// The maximum number of bits of a single table for the whole block. It is used if the image has
-/// twice as many pixels as the table has entries.
+/// The maximum number of bits per pixel for which one table may hold the sums of all bits. The
+/// table is only worthwhile if the image has at least twice as many pixels as the table has
+/// entries.
 const WHOLE_BLOCK_BITS: usize = 16;
-/// The maximum number of bits of one of several tables.
+/// The maximum number of bits per table if there are several tables.
 const TABLE_BITS: usize = 10;
 
 /// The number of table entries that a parallel task processes.
 const ENTRIES_PER_TASK: usize = 1 << 13;
 
-/// Consecutive jots in one row of a block, in one frame.
+/// A run: consecutive jots in one row of a pixel, in one frame.
 struct JotRun {
     frame: usize,
     row: usize,
@@ -27,22 +30,23 @@ struct JotRun {
     length: usize,
 }
 
-/// The tables of a layer's filters `(C, T, K̂, K̂)`.
+/// The tables of the filters `(C, T, K̂, K̂)` of a layer.
 pub(crate) struct BitTables<F> {
+    /// The oversampling K̂.
     side: usize,
     tables: Vec<RunTable<F>>,
 }
 
-/// Some runs of a block's jots, and the filtered sum of their bits.
+/// Some runs of a pixel, and a table of the filtered sums of their bits.
 struct RunTable<F> {
     runs: Vec<JotRun>,
-    /// For each channel, the sum at every index that the bits of the runs form.
+    /// For each channel, the sum for every index. The bits of the runs form the index.
     channels: Vec<Vec<F>>,
 }
 
 impl<F: Real> RunTable<F> {
-    /// Return one table for the runs of both. Its entries are the sums of both tables' entries, so
-    /// the results do not depend on the choice between one table and several.
+    /// Return one table for the runs of both tables. Its entries are sums of an entry of each
+    /// table, so one table leads to the same results as several.
     fn merge(mut self, other: Self) -> Self {
         for (table, other) in self.channels.iter_mut().zip(&other.channels) {
             let sums = |&first: &F| other.iter().map(move |&second| first + second);
@@ -58,14 +62,14 @@ impl<F: Real> BitTables<F> {
     pub fn new(filters: ArrayView4<'_, F>, pixels: usize) -> Self {
         let (_, frames, side, _) = filters.dim();
         let bits = frames * side * side;
-        let single = bits <= WHOLE_BLOCK_BITS && pixels >= 2 << bits;
+        let use_one_table = bits <= WHOLE_BLOCK_BITS && pixels >= 2 << bits;
         let tables = divide_block(frames, side).into_iter().map(|runs| {
             let channels = filters.outer_iter().map(|taps| sums_of_runs(&runs, taps));
             let channels = channels.collect();
             RunTable { runs, channels }
         });
         let mut tables: Vec<_> = tables.collect();
-        if single {
+        if use_one_table {
             tables = tables
                 .into_iter()
                 .reduce(RunTable::merge)
@@ -75,7 +79,8 @@ impl<F: Real> BitTables<F> {
         Self { side, tables }
     }
 
-    /// Replace p by φ(p) in the table if a single table holds p. Return whether it does.
+    /// Replace p with φ(p) in the table if there is only one table. Return whether there is only
+    /// one.
     pub fn activate(&mut self, splines: &[Spline<F>]) -> bool {
         let [table] = &mut self.tables[..] else {
             return false;
@@ -88,9 +93,10 @@ impl<F: Real> BitTables<F> {
         true
     }
 
-    /// Write p of a region of pixels, `(C, rows, columns)`.
+    /// Write p of a region of pixels, or φ(p) after [`BitTables::activate`], into `out`
+    /// `(C, rows, columns)`.
     pub fn filter(&self, bits: &PackedBits<'_>, region: &Region, out: &mut [F]) {
-        // Eight pixels begin with a whole byte, whatever the number of jots per pixel.
+        // Every eighth pixel begins with a whole byte, whatever the number of jots per pixel.
         let first = region.columns.start / 8 * 8;
         let mut indices = vec![0u32; region.columns.end - first];
         let (skipped, width) = (region.columns.start - first, region.columns.len());
@@ -115,7 +121,7 @@ impl<F: Real> BitTables<F> {
     }
 }
 
-/// Return p of all pixels, one plane per filter.
+/// Return p of all pixels: equation (11), one plane per filter.
 pub(crate) fn filter_bits<F: Real>(
     bits: &PackedBits<'_>,
     filters: ArrayView4<'_, F>,
@@ -129,7 +135,7 @@ pub(crate) fn filter_bits<F: Real>(
     planes
 }
 
-/// Return the runs of a block, divided into groups of at most [`TABLE_BITS`] bits.
+/// Return the runs of a pixel, divided into groups of at most [`TABLE_BITS`] bits.
 fn divide_block(frames: usize, side: usize) -> Vec<Vec<JotRun>> {
     let mut groups: Vec<Vec<JotRun>> = Vec::new();
     let mut free_bits = 0;
@@ -156,8 +162,8 @@ fn divide_block(frames: usize, side: usize) -> Vec<Vec<JotRun>> {
     groups
 }
 
-/// Return Σ taps · bits for every index that the bits of the runs form. The first bit is the most
-/// significant one.
+/// Return Σ taps · bits for every index. The bits of the runs form the index, and the first bit is
+/// the most significant one.
 fn sums_of_runs<F: Real>(runs: &[JotRun], taps: ArrayView3<'_, F>) -> Vec<F> {
     let mut sums = vec![F::zero()];
     for run in runs.iter().rev() {
@@ -174,7 +180,10 @@ fn sums_of_runs<F: Real>(runs: &[JotRun], taps: ArrayView3<'_, F>) -> Vec<F> {
 }
 
 levels! {
-    /// Append `length` of each pixel's `side` jots, from the jot `first` on, to the pixel's index.
+    /// Append a run of each pixel to the index of the pixel.
+    ///
+    /// `bytes` is a row of jots. A pixel has `side` of them, and its run is `length` jots from the
+    /// jot `first`.
     fn append_bits(
         bytes: &[u8], side: usize, first: usize, length: usize, indices: &mut [u32],
     ) = append_bits_inlined;
@@ -201,7 +210,7 @@ fn append_bits_inlined(
     }
 }
 
-/// Append a whole row of each pixel's jots, where `PIXELS` pixels share a byte.
+/// Append a whole row of jots of each pixel to its index. `PIXELS` pixels fill one byte.
 #[inline(always)]
 fn append_whole_rows<const PIXELS: usize>(bytes: &[u8], indices: &mut [u32]) {
     let width = 8 / PIXELS;

@@ -1,12 +1,12 @@
-//! A table of the first layer's output by count, for tied filters.
+//! A table of the output of the first layer for each count. It requires tied filters.
 
 use crate::cpu::levels;
 use crate::numbers::Real;
 
-/// The length of a small table. A byte indexes it without a bounds check.
+/// The length of a small table. An index of one byte needs no bounds check.
 const SMALL: usize = 256;
 
-/// The value of a function of counts.
+/// The values of a function of a count, from count 0 on.
 pub(crate) enum CountTable<F> {
     Small(Box<[F; SMALL]>),
     Large(Vec<F>),
@@ -22,7 +22,7 @@ impl<F: Real> CountTable<F> {
         Self::Small(table)
     }
 
-    /// Write the value of each count. The table must contain all counts.
+    /// Write the value for each count into `out`. The table must contain all counts.
     pub fn look_up(&self, counts: &[i32], out: &mut [F]) {
         match self {
             Self::Small(table) => look_up(table, counts, out),

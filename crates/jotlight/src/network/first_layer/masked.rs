@@ -1,4 +1,4 @@
-//! The filters of the first layer where some jots are dead.
+//! The filters of the first layer, equation (11), for bits with dead jots.
 
 use ndarray::{Array3, ArrayView2, ArrayView4, Axis};
 use rayon::prelude::*;
@@ -6,10 +6,10 @@ use rayon::prelude::*;
 use crate::bits::{PackedBits, bit_field, mask_row};
 use crate::numbers::Real;
 
-/// Return p of equation (11), one plane per filter, for a packed mask of valid jots.
+/// Return p of equation (11), one plane per filter.
 ///
-/// Every dead jot counts as the mean of the valid jots of its pixel, whatever the sign of its tap.
-/// A pixel without a valid jot is NaN.
+/// `valid` is a packed mask of the jots that are not dead. The mean of the valid bits of a pixel
+/// replaces the bits of its dead jots. A pixel without a valid jot is NaN.
 pub(crate) fn filter_masked_bits<F: Real>(
     bits: &PackedBits<'_>,
     valid: ArrayView2<'_, u8>,
@@ -49,7 +49,7 @@ pub(crate) fn filter_masked_bits<F: Real>(
     planes
 }
 
-/// The sums over a block of jots that determine the value of its dead jots.
+/// The sums over the bits of a pixel that determine the contribution of its dead jots.
 #[derive(Clone, Default)]
 struct BlockSums<F> {
     /// The sum of the taps at dead jots.

@@ -1,4 +1,4 @@
-//! The data that the first layer reads in training: counts for tied filters, bits for others.
+//! The input of the first layer in training: counts for tied filters, and bits for other filters.
 
 use ndarray::{Array2, Array3, ArrayView3, ArrayView4, ArrayViewMut4};
 
@@ -7,17 +7,18 @@ use crate::bits::{PackedBits, add_block_counts, bit_field};
 use crate::error::Result;
 use crate::numbers::Real;
 
-/// The data that a first layer reads.
+/// The input of a first layer.
 pub(crate) enum FirstLayerData<'a> {
-    /// For tied filters: the number of ones of each pixel, and the maximum K. The layer is
-    /// evaluated once per count, on a plane of the counts 0 to K, and not once per pixel.
+    /// For tied filters: the count of each pixel, and the maximum count K. The layer is evaluated
+    /// on a plane of the counts 0 to K, and not on the pixels, because the output depends only on
+    /// the count.
     Counts(Array2<i32>, usize),
-    /// For other filters: the bits, and rows and columns of pixels.
+    /// For other filters: the bits, and the number of rows and columns of pixels.
     Bits(PackedBits<'a>, (usize, usize)),
 }
 
 impl<'a> FirstLayerData<'a> {
-    /// Return the data of a sensor with K̂ = `side`.
+    /// Return the input for bits of a sensor with K̂ = `side`.
     pub fn new(bits: PackedBits<'a>, side: usize, tied: bool) -> Result<Self> {
         let pixels = bits.pixel_shape(side)?;
         if !tied {
@@ -28,7 +29,8 @@ impl<'a> FirstLayerData<'a> {
         Ok(Self::Counts(counts, bits.shape().0 * side * side))
     }
 
-    /// Return p, one plane per filter: over the pixels, or over the counts.
+    /// Return p, one plane per filter. A plane has one value per pixel, or one per count if the
+    /// filters are tied.
     pub fn filter<F: Real>(&self, filters: ArrayView4<'_, F>) -> Array3<F> {
         match self {
             Self::Counts(_, max) => {
@@ -41,7 +43,8 @@ impl<'a> FirstLayerData<'a> {
         }
     }
 
-    /// Return planes over the pixels from planes of the layer.
+    /// Return planes with one value per pixel from planes of the shape that
+    /// [`FirstLayerData::filter`] returns.
     pub fn to_pixels<F: Real>(&self, planes: Array3<F>) -> Array3<F> {
         match self {
             Self::Counts(counts, _) => {
@@ -56,7 +59,8 @@ impl<'a> FirstLayerData<'a> {
         }
     }
 
-    /// Return the adjoint of [`FirstLayerData::to_pixels`] of planes over the pixels.
+    /// Apply the adjoint of [`FirstLayerData::to_pixels`] to planes with one value per pixel, and
+    /// return the result.
     pub fn to_pixels_adjoint<F: Real>(&self, planes: Array3<F>) -> Array3<F> {
         let Self::Counts(counts, max) = self else {
             return planes;
@@ -74,7 +78,9 @@ impl<'a> FirstLayerData<'a> {
         out
     }
 
-    /// Add the gradient with respect to the taps. `gradient` is that with respect to p.
+    /// Add the gradient with respect to the taps to `tap_gradient`: equation (16).
+    ///
+    /// `gradient` is the gradient with respect to p.
     pub fn add_tap_gradient<F: Real>(
         &self,
         gradient: ArrayView3<'_, F>,
@@ -89,7 +95,9 @@ impl<'a> FirstLayerData<'a> {
         }
     }
 
-    /// Call `visit` with the frame, row, and column of each tap and the plane that it multiplies.
+    /// Call `visit` with each tap and the plane that it multiplies.
+    ///
+    /// The tap is an index `[frame, row, column]`.
     pub fn for_each_tap<F: Real>(
         &self,
         (frames, rows, columns): (usize, usize, usize),

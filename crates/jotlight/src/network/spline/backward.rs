@@ -1,19 +1,23 @@
-//! The reverse derivative of a spline: the gradients of its argument and of its coefficients,
-//! equations (14) to (19).
+//! Backpropagation through a spline: the gradients with respect to its argument and to its
+//! coefficients, equations (14) to (19).
 
 use super::evaluate::{BASIS, Spline, dot};
 use crate::cpu::levels;
 use crate::numbers::Real;
 
-/// The number of interleaved partial sums. An addition then does not wait for the previous one.
+/// The number of interleaved partial sums. With several, an addition need not wait for the previous
+/// one.
 const INTERLEAVED: usize = 2;
 
-/// The number of pixels that are summed in the type of the planes before the sum goes to `f64`.
+/// The number of pixels whose sum is computed in the type of the planes. Sums over more pixels
+/// use `f64`.
 const BLOCK_PIXELS: usize = 4096;
 
 impl<F: Real> Spline<F> {
-    /// Pull a gradient back through φ: replace the gradient with respect to φ(z) by that with
-    /// respect to z, and add that with respect to the coefficients.
+    /// Replace the gradient with respect to φ(z) with the gradient with respect to z, and add the
+    /// gradient with respect to the coefficients to `coefficient_gradient`.
+    ///
+    /// `inputs` holds the values z.
     pub(crate) fn pull_back(
         &self,
         inputs: &[F],
@@ -30,8 +34,9 @@ impl<F: Real> Spline<F> {
         gradient: &mut [F],
         coefficient_gradient: &mut [f64],
     ) {
-        // The sums Σ gradient · (1, f, f², f³) of each knot interval determine the gradient of the
-        // coefficients. Neighboring pixels mostly lie in the same interval.
+        // The sums Σ gradient · (1, f, f², f³) over each knot interval determine the gradient with
+        // respect to the coefficients. Neighboring pixels mostly share an interval, so their
+        // additions alternate between partial sums.
         let mut partial_sums = vec![[F::zero(); 4]; INTERLEAVED * self.cubics.len()];
         let gradients = gradient.chunks_mut(BLOCK_PIXELS);
         for (inputs, gradient) in inputs.chunks(BLOCK_PIXELS).zip(gradients) {
@@ -74,15 +79,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn gradients_are_those_of_slopes_and_weights() {
+    fn gradients_are_products_with_slopes_and_weights() {
         let spline = Spline::new(&[0.3, -1.2, 2.0, 0.7, 1.1, -0.4], -1.0, 0.5);
         let inputs: Vec<f64> = (0..5000).map(|k| f64::from(k) * 4e-4 - 1.2).collect();
-        let outer: Vec<f64> = (0..5000).map(|k| f64::from(k).sin()).collect();
-        let (mut gradient, mut coefficient_gradient) = (outer.clone(), [0.0; 6]);
+        let output_gradient: Vec<f64> = (0..5000).map(|k| f64::from(k).sin()).collect();
+        let (mut gradient, mut coefficient_gradient) = (output_gradient.clone(), [0.0; 6]);
         spline.pull_back(&inputs, &mut gradient, &mut coefficient_gradient);
 
         let mut expected = [0.0; 6];
-        for ((&z, &outer), &found) in inputs.iter().zip(&outer).zip(&gradient) {
+        for ((&z, &outer), &found) in inputs.iter().zip(&output_gradient).zip(&gradient) {
             assert!((found - outer * spline.slope(z)).abs() < 1e-12);
             let (first, weights) = spline.weights(z);
             for (k, weight) in weights.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! One spline per channel, applied to stacks of planes and differentiated.
+//! One spline per channel: values, equations (8) and (10), and gradients for stacks of planes.
 
 use ndarray::{Array2, Array3, ArrayView2, ArrayView3, Axis, Zip};
 use rayon::prelude::*;
@@ -8,23 +8,23 @@ use crate::bits::contiguous;
 use crate::error::{Error, Result};
 use crate::numbers::Real;
 
-/// One spline per channel, without filters. PyTorch networks use it as their nonlinearity.
+/// Splines without filters, one per channel. PyTorch networks use them as their nonlinearities.
 pub struct Splines<F>(Vec<Spline<F>>);
 
 impl<F: Real> Splines<F> {
-    /// Return splines with coefficients `(C, N_w)` that belong to knots at `start` + k·`spacing`.
+    /// Return splines with coefficients `(C, N_w)` and knots at `start` + k·`spacing`.
     ///
     /// # Errors
-    /// [`Error::Range`] for fewer than 4 coefficients, a spacing that is not positive, and values
-    /// that are not finite.
+    /// [`Error::Range`] for fewer than 4 coefficients per channel, a spacing that is not positive,
+    /// or a value that is not finite.
     pub fn new(coefficients: ArrayView2<'_, F>, start: F, spacing: F) -> Result<Self> {
         Ok(Self(build_splines(coefficients, start, spacing)?))
     }
 
-    /// Return φ of planes `(N, C, P)`, with the spline of each channel.
+    /// Apply the spline of each channel to planes `(N, C, P)`, and return the results.
     ///
     /// # Errors
-    /// [`Error::Shape`] if the number of channels differs.
+    /// [`Error::Shape`] if the number of channels is not the number of splines.
     pub fn activate(&self, planes: ArrayView3<'_, F>) -> Result<Array3<F>> {
         self.check_channels(planes.dim())?;
         let mut out = planes.to_owned();
@@ -42,7 +42,7 @@ impl<F: Real> Splines<F> {
     /// is the same for any number of threads.
     ///
     /// # Errors
-    /// [`Error::Shape`] if the arrays do not fit.
+    /// [`Error::Shape`] if the shapes of the arrays do not match.
     pub fn pull_back(
         &self,
         planes: ArrayView3<'_, F>,
@@ -75,7 +75,7 @@ impl<F: Real> Splines<F> {
                 sums
             })
             .collect();
-        // The sums of the items are added in order, so the result does not depend on the threads.
+        // The sums are added in order, so the result does not depend on the number of threads.
         let mut sums = Array2::zeros((channels, coefficients));
         for item in sums_per_item {
             sums += &item;

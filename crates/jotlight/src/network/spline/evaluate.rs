@@ -1,4 +1,5 @@
-//! Evaluation of one cubic B-spline, equations (8) and (10), and of its derivatives.
+//! The value of a cubic B-spline, equations (8) and (10), and its derivatives, equations (17) and
+//! (19).
 
 #[cfg(target_arch = "x86_64")]
 use super::registers::{MAX_INTERVALS, RegisterTable};
@@ -9,26 +10,27 @@ use crate::numbers::Real;
 
 /// φ(z) = Σ_k w_k β3((z − start)/Δ − (k − 1)): equations (8) and (10).
 ///
-/// The domain is \[start, start + (N_w − 3) Δ\]. Outside of it φ is constant.
+/// Its domain is \[start, start + (N_w − 3) Δ\]. Outside the domain, φ is constant.
 ///
 /// `Differs from the paper:` the knots begin at `start` and not at 0, so that all N_w basis
-/// functions lie over the range of the input.
+/// functions overlap the range of the input.
 #[derive(Clone, Debug)]
 pub struct Spline<F> {
-    /// The cubic of each knot interval, in powers of the distance from its first knot.
+    /// The polynomial of each knot interval: its coefficients of 1, f, f², and f³, where f is the
+    /// fraction of the interval that lies below z.
     pub(super) cubics: Vec<[F; 4]>,
-    /// The coefficients of the first [`TABLE`] cubics, power by power.
+    /// The coefficients of the first [`TABLE`] polynomials, power by power.
     powers: Box<[[F; TABLE]; 4]>,
     start: F,
     inverse_spacing: F,
-    /// The minimum and the maximum of the B-spline coefficients, between which φ lies.
+    /// The minimum and the maximum of the spline coefficients. φ lies between them.
     bounds: (F, F),
 }
 
-/// The number of pixels that the vectorized loops process at a time.
+/// The number of pixels that the vectorized loops process together.
 const GROUP: usize = 64;
 
-/// The length of the table of cubics. A byte indexes it without a bounds check.
+/// The length of the table of polynomials. An index of one byte needs no bounds check.
 const TABLE: usize = 256;
 
 impl<F: Real> Spline<F> {
@@ -66,7 +68,9 @@ impl<F: Real> Spline<F> {
         false
     }
 
-    /// Return φ(z). Rounding does not take it out of the range of the coefficients.
+    /// Return φ(z): equations (8) and (10).
+    ///
+    /// The value is clamped to the range of the coefficients, so that rounding cannot exceed it.
     #[must_use]
     #[inline(always)]
     pub fn value(&self, z: F) -> F {
@@ -82,7 +86,7 @@ impl<F: Real> Spline<F> {
         self.slope_in(interval as usize, f, z)
     }
 
-    /// Return φ'(z) for z in a knot interval, at the fraction f of it.
+    /// Return φ'(z), where the fraction `f` of the knot interval of z lies below z.
     #[inline(always)]
     pub(super) fn slope_in(&self, interval: usize, f: F, z: F) -> F {
         let [_, b, c, d] = self.cubics[interval];
@@ -93,9 +97,10 @@ impl<F: Real> Spline<F> {
         if inside { slope } else { F::zero() }
     }
 
-    /// Return the derivatives dφ(z)/dw_k, equations (17) and (19).
+    /// Return the derivatives dφ(z)/dw_k with respect to the coefficients: equations (17) and (19).
     ///
-    /// Only four of them are not 0. The result is the index of the first one, and their values.
+    /// Only four consecutive derivatives may differ from 0. The result is the index k of the first
+    /// of them, and the four values.
     #[must_use]
     #[inline(always)]
     pub fn weights(&self, z: F) -> (usize, [F; 4]) {
@@ -106,7 +111,7 @@ impl<F: Real> Spline<F> {
         (interval as usize, weights)
     }
 
-    /// Replace each value z of a plane by φ(z).
+    /// Replace each value z of a plane with φ(z).
     pub fn apply(&self, plane: &mut [F]) {
         #[cfg(target_arch = "x86_64")]
         if self.cubics.len() <= MAX_INTERVALS
@@ -142,17 +147,17 @@ impl<F: Real> Spline<F> {
         for group in groups {
             self.apply_to_group(group);
         }
-        // The rest is padded to a group, so that the value of a pixel does not depend on its
-        // position in the plane.
+        // The remainder is padded to a group. The same loop then evaluates all pixels, so the
+        // value of a pixel does not depend on its position in the plane.
         let mut group = [F::zero(); GROUP];
         group[..rest.len()].copy_from_slice(rest);
         self.apply_to_group(&mut group);
         rest.copy_from_slice(&group[..rest.len()]);
     }
 
-    /// Replace each z of a group by φ(z).
+    /// Replace each value z of a group with φ(z).
     ///
-    /// The compiler vectorizes each of the two loops, but not one loop that does both.
+    /// The compiler vectorizes each of the two loops, but would not vectorize a single loop.
     #[inline(always)]
     fn apply_to_group(&self, group: &mut [F; GROUP]) {
         let (mut intervals, mut fractions) = ([0; GROUP], [F::zero(); GROUP]);
@@ -167,10 +172,11 @@ impl<F: Real> Spline<F> {
         }
     }
 
-    /// Return the knot interval of z and the fraction of the interval that lies below z.
+    /// Return the knot interval that contains z, and the fraction of the interval that lies below
+    /// z.
     ///
-    /// For z on a knot it is either of the two adjacent intervals. The result is the same, because
-    /// φ and φ' are continuous.
+    /// If z is a knot, the function may return either adjacent interval. Both lead to the same
+    /// results, because φ and φ' are continuous.
     #[inline(always)]
     pub(super) fn locate(&self, z: F) -> (u32, F) {
         let intervals = F::from_index(self.cubics.len());
@@ -204,7 +210,7 @@ fn polynomial<F: Real>([a, b, c, d]: [F; 4], f: F) -> F {
     ((d * f + c) * f + b) * f + a
 }
 
-/// Return the cubic of a knot interval, in powers of f, from its four spline coefficients.
+/// Return the polynomial of a knot interval, in powers of f, from its four spline coefficients.
 fn cubic<F: Real>(w: &[F]) -> [F; 4] {
     std::array::from_fn(|power| {
         let terms = w
@@ -215,8 +221,8 @@ fn cubic<F: Real>(w: &[F]) -> [F; 4] {
     })
 }
 
-/// The four cubic B-splines that are not zero in a knot interval, in powers of the fraction f in
-/// \[0, 1\] of the interval.
+/// The four cubic B-splines that are not 0 in a knot interval, as coefficients of 1, f, f², and f³.
+/// The fraction f of the interval lies in \[0, 1\].
 pub(super) const BASIS: [[f64; 4]; 4] = [
     [1.0 / 6.0, -0.5, 0.5, -1.0 / 6.0],
     [4.0 / 6.0, 0.0, -1.0, 0.5],

@@ -1,5 +1,8 @@
-//! The pointwise nonlinearity φ of equations (8) and (10): a cubic B-spline on equally spaced
+//! The pointwise nonlinearities φ of equations (8) and (10): cubic B-splines with equally spaced
 //! knots.
+//!
+//! `evaluate` computes φ and its derivatives, and `registers` does the same faster with AVX-512.
+//! `backward` computes gradients. `channels` applies one spline per channel.
 
 mod backward;
 pub(crate) mod channels;

@@ -1,17 +1,19 @@
-//! Evaluation of splines with few knots by AVX-512: registers hold the tables of the cubics, and
-//! the instruction `vpermps` looks up sixteen entries at a time.
+//! Evaluation of splines with few knots by AVX-512, equations (8) and (10).
+//!
+//! Registers hold the coefficients of the polynomials. The instruction `vpermps` looks up sixteen
+//! coefficients at a time.
 
 use pulp::x86::V4;
 use pulp::{Simd, WithSimd, cast, f32x16};
 
-/// The maximum number of knot intervals: the number of `f32` in a register.
+/// The maximum number of knot intervals, which is the number of `f32` in a register.
 pub(super) const MAX_INTERVALS: usize = 16;
 
-/// The evaluation of a spline over a plane, in place. It performs the same operations as
-/// [`super::evaluate::Spline::value`], so the results have the same bits.
+/// The evaluation of a spline on a plane, in place. It performs the same operations as
+/// [`super::evaluate::Spline::value`], so the results are identical.
 pub(super) struct RegisterTable<'a> {
     pub simd: V4,
-    /// The coefficients of the cubic of each interval, power by power.
+    /// The coefficients of the polynomial of each knot interval, power by power.
     pub powers: [[f32; MAX_INTERVALS]; 4],
     pub intervals: f32,
     pub start: f32,
@@ -38,11 +40,11 @@ impl WithSimd for RegisterTable<'_> {
 
 impl RegisterTable<'_> {
     /// Return φ(z) of sixteen values.
-    // The methods are inlined into code for AVX-512: a call would pass registers through memory.
+    // The methods are inlined because a call would pass registers through memory.
     #[inline(always)]
     fn values(&self, z: [f32; MAX_INTERVALS]) -> [f32; MAX_INTERVALS] {
         let simd = self.simd;
-        // At this magnitude the last bit of the mantissa is worth 1, as in `Real::nearest`.
+        // At this magnitude, the last bit of the mantissa is worth 1, as in `Real::nearest`.
         let unit_ulp = simd.splat_f32x16(8_388_608.0);
         let start = simd.splat_f32x16(self.start);
         let inverse_spacing = simd.splat_f32x16(self.inverse_spacing);
@@ -67,7 +69,8 @@ impl RegisterTable<'_> {
         cast(simd.avx512f._mm512_min_ps(x, cast(high)))
     }
 
-    /// Return the table entries at the indices that the low bits of `index` contain.
+    /// Return the coefficients of a power for sixteen intervals. The low bits of `index` contain
+    /// the intervals.
     #[inline(always)]
     fn look_up(&self, power: usize, index: f32x16) -> f32x16 {
         let table: f32x16 = cast(self.powers[power]);
@@ -81,7 +84,7 @@ mod tests {
     use super::super::evaluate::{Spline, clamp};
 
     #[test]
-    fn tables_in_registers_return_the_same_bits() {
+    fn tables_in_registers_lead_to_the_same_bits() {
         for knots in [4, 5, 13, 19] {
             let coefficients: Vec<f32> = (0..knots).map(|k| ((k * k) as f32 * 0.7).sin()).collect();
             let spline = Spline::new(&coefficients, -1.5, 0.25);

@@ -1,4 +1,4 @@
-//! The regions of each layer that a region of the network's output depends on.
+//! The regions of the layers' outputs on which a region of the image depends.
 
 use std::ops::Range;
 
@@ -10,19 +10,20 @@ use crate::network::graph::Graph;
 use crate::network::layer::Layer;
 use crate::numbers::Real;
 
-/// Return the rows of the data that a network needs to compute some rows of the image.
+/// Return the rows of the input that a network needs to compute a range of rows of the image.
 ///
-/// The network returns the same values for these rows alone as for the whole data.
+/// `height` is the number of rows of the image. From the returned rows alone, the network computes
+/// the same values as from the whole input.
 ///
 /// # Errors
-/// [`crate::error::Error`] if the layers do not fit each other.
+/// [`crate::error::Error`] if the layers do not match each other.
 pub fn input_rows<F: Real>(
     layers: &[&Layer<F>],
     height: usize,
     rows: Range<usize>,
 ) -> Result<Range<usize>> {
     let graph = Graph::new(layers)?;
-    // Layers compute rows in groups. A part must have the same groups as the whole.
+    // Layers compute rows in groups. The groups of a part must be groups of the whole image too.
     let group = OUTPUT_ROWS * graph.size_divisor;
     let end = rows.end.min(height).next_multiple_of(graph.size_divisor);
     let output = Region {
@@ -34,12 +35,14 @@ pub fn input_rows<F: Real>(
         graph.size_divisor,
     );
     let Range { start, end } = required_regions(&graph, size, &output)[0].rows;
-    // Rows beyond the last one mirror the rows above it.
+    // Rows beyond the last one are mirrored rows above it.
     let start = start.min(height.saturating_sub(end.saturating_sub(height)));
     Ok(start / group * group..end.next_multiple_of(group).min(height))
 }
 
-/// Return the region that each layer must compute for a region of the last layer's output.
+/// Return the region of each layer's output that a region of the last layer's output depends on.
+///
+/// `size` is the size of the image.
 pub(super) fn required_regions<F: Real>(
     graph: &Graph<'_, F>,
     size: (usize, usize),

@@ -1,7 +1,11 @@
 //! Evaluation of a network in tiles of the image.
 //!
-//! Tiles lie one below the other. Each passes through all layers while its planes are in the cache.
-//! The rows of a layer that the next tile needs are kept, so that no row is computed twice.
+//! All layers of a tile are computed while its planes are in the cache. Then the tile below
+//! follows. Rows that this tile also needs are kept, so that they are not computed twice.
+//!
+//! `schedule` divides the image into tiles. `dependencies` computes the regions that each layer of
+//! a tile needs. `workspace` evaluates the tiles, and `strip_workspace` one layer on a part of a
+//! tile. `region` and `strips` hold the data structures.
 
 pub(crate) mod dependencies;
 pub(crate) mod region;

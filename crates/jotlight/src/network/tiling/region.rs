@@ -1,8 +1,8 @@
-//! Rectangles of pixels.
+//! Rectangular regions of pixels.
 
 use std::ops::Range;
 
-/// A rectangle of pixels.
+/// A rectangular region of pixels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Region {
     pub rows: Range<usize>,
@@ -23,7 +23,7 @@ impl Region {
         self.rows.len() * self.columns.len()
     }
 
-    /// Extend the region to the smallest one that contains both.
+    /// Extend the region to the smallest region that contains it and `other`.
     pub fn include(&mut self, other: &Self) {
         if self.pixels() == 0 {
             *self = other.clone();
@@ -34,7 +34,7 @@ impl Region {
         self.columns = hull(&self.columns, &other.columns);
     }
 
-    /// Return the region before an upsampling by `factor`.
+    /// Return the region of the planes before an upsampling by `factor`.
     pub fn before_upsampling(&self, factor: usize) -> Self {
         let divided = |range: &Range<usize>| range.start / factor..range.end.div_ceil(factor);
         Self {
@@ -43,7 +43,7 @@ impl Region {
         }
     }
 
-    /// Return the region extended to multiples of `factor` along rows and columns.
+    /// Return the region, extended so that rows and columns begin and end at multiples of `factor`.
     pub fn aligned(&self, factor: usize) -> Self {
         let Self { rows, columns } = self.before_upsampling(factor);
         Self {
@@ -52,7 +52,8 @@ impl Region {
         }
     }
 
-    /// Return the region extended to whole groups of `group` rows, up to the last row `height`.
+    /// Return the region, extended to whole groups of `group` rows, but at most to the row
+    /// `height`.
     pub fn with_whole_row_groups(&self, group: usize, height: usize) -> Self {
         let end = self.rows.end.next_multiple_of(group).min(height);
         Self {

@@ -10,19 +10,21 @@ use crate::network::convolution::winograd::OUTPUT_ROWS;
 use crate::network::graph::Graph;
 use crate::numbers::Real;
 
-/// The maximum number of pixels of a tile, or of each of its strips, so that its planes stay in the
-/// cache.
+/// The maximum number of pixels of a tile, or of each strip if threads share the tile. Its planes
+/// then fit into the cache.
 const MAX_TILE_PIXELS: usize = 1 << 16;
 /// The maximum number of values in the planes of a tile.
 const MAX_TILE_VALUES: usize = 1 << 22;
-/// The limits of a tile's width. A tile must be wide compared to the border that it reads.
+/// The maximum width of a tile.
 const MAX_TILE_WIDTH: usize = 1024;
+/// The minimum width of a tile. A tile should be much wider than the halo that it reads.
 const MIN_TILE_WIDTH: usize = 64;
-/// The minimum height of a band, in receptive fields. It bounds the number of recomputed rows.
+/// The minimum height of a band, in heights of the receptive field. It bounds the fraction of rows
+/// that two bands both compute.
 const MIN_BAND_HEIGHT: usize = 4;
-/// The maximum number of bands per thread. With several, no thread waits long for another.
+/// The maximum number of bands per thread. If there are several, no thread waits long for another.
 const BANDS_PER_THREAD: usize = 4;
-/// The number of strips per thread if the threads share a tile.
+/// The number of strips per thread if threads share a tile.
 const STRIPS_PER_THREAD: usize = 2;
 
 /// Return the image that a network computes.
@@ -68,16 +70,16 @@ pub(crate) fn evaluate_in_tiles<F: Real>(
     image
 }
 
-/// Return the number of bands and the number of strips per tile.
+/// Return the number of bands, and the number of strips per tile.
 ///
-/// Each thread computes a band. If the image is too low for one band per thread, the threads share
-/// the strips of each tile.
+/// Each thread computes bands. If the image has too few rows for one band per thread, several
+/// threads share a band, and compute the strips of each tile at the same time.
 fn divide_among_threads<F: Real>(graph: &Graph<'_, F>, height: usize) -> (usize, usize) {
     let threads = rayon::current_num_threads();
     if threads == 1 {
         return (1, 1);
     }
-    // A row far from the borders of a large image has a whole receptive field.
+    // The receptive field of a row far from the borders of a large image is complete.
     let start = graph.size_divisor << 16;
     let row = Region {
         rows: start..start + graph.size_divisor,

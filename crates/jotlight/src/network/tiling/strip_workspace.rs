@@ -1,4 +1,4 @@
-//! The evaluation of a layer on one strip of a tile, and the buffers that it needs.
+//! The evaluation of a layer on one strip of a tile, and the buffers for it.
 
 use std::ops::Range;
 
@@ -14,12 +14,13 @@ use crate::sensing::mirror_index;
 pub(super) struct StripWorkspace<F> {
     padded: Padded<F>,
     winograd: Vec<F>,
-    /// Planes before the depth-to-space rearrangement.
+    /// The planes before the depth-to-space rearrangement.
     deep: Vec<F>,
 }
 
 impl<F: Real> StripWorkspace<F> {
-    /// Write a region of a layer's output.
+    /// Write a region of a layer's output into `out`: convolve, rearrange, add the skip connection,
+    /// and apply the splines.
     pub fn compute(
         &mut self,
         layer: &Layer<F>,
@@ -58,8 +59,8 @@ impl<F: Real> StripWorkspace<F> {
         layer.activate(out);
     }
 
-    /// Write a region of the first layer's output. Beyond the last row and column of the image it
-    /// is mirrored.
+    /// Write a region of the first layer's output into `out`. The output continues symmetrically
+    /// beyond the last row and the last column of the image.
     pub fn mirror_first_layer(
         &mut self,
         first_layer: impl Fn(&Region, &mut [F]),
@@ -75,20 +76,21 @@ impl<F: Real> StripWorkspace<F> {
             let beyond = range.end.saturating_sub(size);
             range.start.min(size.saturating_sub(beyond.max(1)))..range.end.min(size)
         };
-        let known = Region {
+        let source_region = Region {
             rows: inside(&region.rows, size.0),
             columns: inside(&region.columns, size.1),
         };
-        let planes = self.padded.scratch(channels * known.pixels());
-        first_layer(&known, planes);
-        let width = known.columns.len();
-        let sources = planes.chunks_exact(known.pixels());
+        let planes = self.padded.scratch(channels * source_region.pixels());
+        first_layer(&source_region, planes);
+        let width = source_region.columns.len();
+        let sources = planes.chunks_exact(source_region.pixels());
         for (source, out) in sources.zip(out.chunks_exact_mut(region.pixels())) {
             let rows = out.chunks_exact_mut(region.columns.len());
             for (row, out) in region.rows.clone().zip(rows) {
-                let row = mirror_index(row as isize, size.0) - known.rows.start;
+                let row = mirror_index(row as isize, size.0) - source_region.rows.start;
                 for (column, out) in region.columns.clone().zip(out) {
-                    let column = mirror_index(column as isize, size.1) - known.columns.start;
+                    let column =
+                        mirror_index(column as isize, size.1) - source_region.columns.start;
                     *out = source[row * width + column];
                 }
             }
@@ -96,7 +98,7 @@ impl<F: Real> StripWorkspace<F> {
     }
 }
 
-/// Rearrange each group of `factor`² planes to one plane with `factor` times as many rows and
+/// Rearrange each group of `factor`² planes into one plane with `factor` times as many rows and
 /// columns.
 fn depth_to_space<F: Real>(
     deep: &[F],
@@ -122,7 +124,7 @@ fn depth_to_space<F: Real>(
     }
 }
 
-/// Add a region of the planes of a skip connection.
+/// Add a region of the planes of a skip connection to `out`.
 fn add_skip<F: Real>(skip: &StripedPlanes<'_, F>, region: &Region, out: &mut [F]) {
     let left = region.columns.start - skip.columns.start;
     let width = region.columns.len();

@@ -1,4 +1,4 @@
-//! Stacks of planes in memory: horizontal strips, one below the other.
+//! Stacks of planes in memory, divided into horizontal strips that lie one below the other.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -7,7 +7,7 @@ use ndarray::{ArrayView, Dimension};
 
 use super::region::Region;
 
-/// Some rows of a stack of planes, `(channels, rows, columns)`.
+/// A strip: a range of rows of a stack of planes, `(channels, rows, columns)`.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Strip<D> {
     pub rows: Range<usize>,
@@ -21,7 +21,7 @@ pub(super) struct LayerBuffer<F> {
 }
 
 impl<F> LayerBuffer<F> {
-    /// Return a view for reading. `size` is the size of the whole planes.
+    /// Return a view of the strips. `size` is the size of the whole planes.
     pub fn view(&self, size: (usize, usize)) -> StripedPlanes<'_, F> {
         let strips = self.strips.iter().map(|strip| Strip {
             rows: strip.rows.clone(),
@@ -39,7 +39,7 @@ impl<F> LayerBuffer<F> {
 pub(crate) struct StripedPlanes<'a, F> {
     strips: Vec<Strip<&'a [F]>>,
     pub columns: Range<usize>,
-    /// Rows and columns of the whole planes.
+    /// The numbers of rows and columns of the whole planes.
     pub size: (usize, usize),
 }
 
@@ -57,7 +57,7 @@ impl<'a, F> StripedPlanes<'a, F> {
         }
     }
 
-    /// Return a row, which must lie in a strip.
+    /// Return a row of all planes. The row must lie in a strip.
     pub fn row(&self, row: usize) -> PlaneRow<'a, F> {
         let index = self.strips.partition_point(|strip| strip.rows.end <= row);
         let Strip { rows, data } = &self.strips[index];
@@ -74,20 +74,20 @@ impl<'a, F> StripedPlanes<'a, F> {
 #[derive(Clone, Copy)]
 pub(crate) struct PlaneRow<'a, F> {
     strip: &'a [F],
-    /// The offset of the row in the first plane.
+    /// The index of the row in the first plane of the strip.
     start: usize,
-    /// The offset from one plane to the next.
+    /// The distance in memory from one plane to the next.
     plane_stride: usize,
 }
 
 impl<'a, F> PlaneRow<'a, F> {
-    /// Return the strip from this row of a plane on, up to the end of the strip.
+    /// Return the values from the start of this row in a plane to the end of the strip.
     pub fn plane(&self, plane: usize) -> &'a [F] {
         &self.strip[self.start + plane * self.plane_stride..]
     }
 }
 
-/// Return planes as a slice in row-major order. They are copied if they are not contiguous.
+/// Return planes as a slice in row-major order. Planes that are not contiguous are copied.
 pub(crate) fn contiguous_planes<T: Copy, D: Dimension>(
     planes: ArrayView<'_, T, D>,
 ) -> Cow<'_, [T]> {

@@ -1,4 +1,4 @@
-//! The memory of a thread, and the evaluation of a column of tiles in it.
+//! The buffers of a thread, and the evaluation of a column of tiles with them.
 
 use std::any::Any;
 use std::cell::Cell;
@@ -16,18 +16,18 @@ use crate::numbers::Real;
 /// The buffers of a thread.
 #[derive(Default)]
 pub(super) struct Workspace<F> {
-    /// The output of every layer, as long as other layers or the next tile need it.
+    /// The strips of each layer's output that other layers or the next tile still need.
     layers: Vec<LayerBuffer<F>>,
-    /// Buffers for reuse.
+    /// Free buffers for reuse.
     free: Vec<Vec<F>>,
-    /// The number of buffers, from the first on, that were free before the current tile.
+    /// The number of free buffers that the current tile has not used. They precede the others.
     idle: usize,
     /// One workspace for each strip of a tile.
     strips: Vec<StripWorkspace<F>>,
 }
 
 impl<F: Real> Workspace<F> {
-    /// Return a buffer of `length` values, from the free ones if one has a suitable size.
+    /// Return a buffer of `length` values. It is a free buffer if one has a suitable size.
     fn buffer(&mut self, length: usize) -> Vec<F> {
         let suitable = length..=2 * length;
         let best = (0..self.free.len())
@@ -42,13 +42,14 @@ impl<F: Real> Workspace<F> {
         buffer
     }
 
-    /// Deallocate the buffers that the last tile did not use.
+    /// Deallocate the free buffers that the last tile did not use.
     fn drop_idle_buffers(&mut self) {
         self.free.drain(..self.idle);
         self.idle = self.free.len();
     }
 
-    /// Return strips for a region of a layer's output. Their heights are multiples of `group`.
+    /// Return up to `strips` strips for a region of a layer's output. Their heights are multiples
+    /// of `group`, except the last one.
     fn allocate_strips(
         &mut self,
         channels: usize,
@@ -68,7 +69,7 @@ impl<F: Real> Workspace<F> {
         rows.map(strip).collect()
     }
 
-    /// Free the strips of a layer that lie above a row.
+    /// Free the strips of a layer that lie entirely above a row.
     fn free_rows_above(&mut self, layer: usize, row: usize) {
         let strips = &mut self.layers[layer].strips;
         let above = strips.partition_point(|strip| strip.rows.end <= row);
@@ -78,12 +79,12 @@ impl<F: Real> Workspace<F> {
 }
 
 thread_local! {
-    /// The workspace of the thread's last image. Without it, a small image would take less time
-    /// than the allocation of its buffers.
+    /// The workspace of the thread's last image. It is kept, because the allocation of the buffers
+    /// for a small image takes longer than its evaluation.
     static CACHE: Cell<Option<Box<dyn Any>>> = const { Cell::new(None) };
 }
 
-/// A workspace that is taken from the thread's cache and returned to it.
+/// A workspace from the thread's cache. It returns to the cache when it is dropped.
 pub(super) struct CachedWorkspace<F: Real>(pub Workspace<F>);
 
 impl<F: Real> Default for CachedWorkspace<F> {
@@ -103,9 +104,9 @@ impl<F: Real> Drop for CachedWorkspace<F> {
 pub(super) struct TileColumn<'a, F, D> {
     graph: &'a Graph<'a, F>,
     image_size: (usize, usize),
-    /// The size of the image, rounded up to multiples of the graph's divisor.
+    /// The size of the image, rounded up to multiples of the graph's `size_divisor`.
     padded_size: (usize, usize),
-    /// The number of strips per tile, which threads compute at the same time.
+    /// The number of strips per tile. Threads compute them at the same time.
     strips: usize,
     /// A function that writes a region of the first layer's output.
     first_layer: D,
@@ -131,7 +132,7 @@ impl<'a, F: Real, D: Fn(&Region, &mut [F]) + Sync> TileColumn<'a, F, D> {
         }
     }
 
-    /// Compute the tiles from top to bottom, and call `finish` with each.
+    /// Compute the tiles from top to bottom. Call `finish` with each tile and its planes.
     pub fn evaluate(
         &self,
         workspace: &mut Workspace<F>,
@@ -170,27 +171,29 @@ impl<'a, F: Real, D: Fn(&Region, &mut [F]) + Sync> TileColumn<'a, F, D> {
         }
     }
 
-    /// Compute the rows of a region of a layer's output that are not in memory yet.
+    /// Compute the rows of a region of a layer's output that are not in memory.
     fn compute(&self, workspace: &mut Workspace<F>, index: usize, region: &Region) {
         let layer = self.graph.layers[index];
-        let known = workspace.layers[index].strips.last();
-        let known = known.map_or(0, |strip| strip.rows.end);
-        let new = Region {
-            rows: known.max(region.rows.start)..region.rows.end,
+        let last_strip = workspace.layers[index].strips.last();
+        let computed_rows = last_strip.map_or(0, |strip| strip.rows.end);
+        let missing = Region {
+            rows: computed_rows.max(region.rows.start)..region.rows.end,
             columns: region.columns.clone(),
         };
-        if new.rows.is_empty() {
+        if missing.rows.is_empty() {
             return;
         }
         let group = row_group(layer);
-        let mut new = workspace.allocate_strips(layer.channels(), &new, self.strips, group);
+        let mut new_strips =
+            workspace.allocate_strips(layer.channels(), &missing, self.strips, group);
         let view = |layer: usize| {
             workspace.layers[layer].view(self.graph.plane_size(layer, self.padded_size))
         };
         let input = view(self.graph.inputs[index]);
         let skip = layer.wiring.skip.map(view);
         let workspaces = workspace.strips.par_iter_mut();
-        new.par_iter_mut()
+        new_strips
+            .par_iter_mut()
             .zip(workspaces)
             .for_each(|(strip, workspace)| {
                 let region = Region {
@@ -205,7 +208,7 @@ impl<'a, F: Real, D: Fn(&Region, &mut [F]) + Sync> TileColumn<'a, F, D> {
                     workspace.compute(layer, &input, skip.as_ref(), &region, out);
                 }
             });
-        workspace.layers[index].strips.extend(new);
+        workspace.layers[index].strips.extend(new_strips);
     }
 }
 

@@ -1,5 +1,5 @@
-//! Error backpropagation: the gradient of the cost of one image by a reverse sweep. For two layers
-//! it is equations (14) to (19).
+//! Error backpropagation: a sweep from the last layer to the first computes the gradient of the
+//! cost of one patch. For two layers, this is equations (14) to (19).
 
 use ndarray::{Array3, ArrayView2, ArrayViewMut4, Axis};
 
@@ -12,16 +12,17 @@ use crate::numbers::Real;
 pub(super) struct ForwardPass<'a, F> {
     pub layers: &'a [Layer<F>],
     pub data: &'a FirstLayerData<'a>,
-    /// The input of the filters of every layer but the first.
+    /// The input of the filters of each layer but the first.
     pub filter_inputs: Vec<Padded<F>>,
-    /// The input of the splines of every layer.
+    /// The input of the splines of each layer.
     pub spline_inputs: Vec<Array3<F>>,
     /// The estimate ĉ, `(1, H, W)`.
     pub output: Array3<F>,
 }
 
 impl<'a, F: Real> ForwardPass<'a, F> {
-    /// Evaluate layers that fit each other and the data.
+    /// Evaluate the layers, and keep the intermediate results. The layers must match each other and
+    /// the data.
     pub fn new(layers: &'a [Layer<F>], data: &'a FirstLayerData<'a>) -> Self {
         let mut filter_inputs = Vec::with_capacity(layers.len());
         let mut spline_inputs = Vec::with_capacity(layers.len());
@@ -55,8 +56,8 @@ impl<'a, F: Real> ForwardPass<'a, F> {
 
     /// Add the gradient with respect to all parameters to `out`.
     ///
-    /// `output_gradient` is the gradient with respect to the output. The order of the parameters
-    /// is: for every layer, first the filters and then the spline coefficients of each channel.
+    /// `output_gradient` is the gradient with respect to the output. For each layer, the gradient
+    /// with respect to the filters precedes that of the spline coefficients, channel by channel.
     pub fn add_gradient(&self, output_gradient: ArrayView2<'_, F>, out: &mut [f64]) {
         let mut gradient = output_gradient.insert_axis(Axis(0)).to_owned();
         let mut earlier_layers = out;
@@ -81,7 +82,8 @@ impl<'a, F: Real> ForwardPass<'a, F> {
         }
     }
 
-    /// Pull a gradient back through the splines of a layer, and add that of their coefficients.
+    /// Replace the gradient with respect to the output of a layer's splines with the gradient with
+    /// respect to their input. Add the gradient with respect to their coefficients.
     fn pull_back_splines(
         &self,
         layer: usize,

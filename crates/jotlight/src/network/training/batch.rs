@@ -1,4 +1,5 @@
-//! Cost, gradient, and normal equations over a batch of patches with simulated bits.
+//! The cost, its gradient, and the normal equations for a batch of patches with simulated bits
+//! (equations (12), (14), and (15)).
 
 use std::ops::Range;
 
@@ -12,7 +13,7 @@ use crate::network::layer::Layer;
 use crate::numbers::Real;
 use crate::sensing::{PerJot, Sensor};
 
-/// The maximum number of matrices in memory. Each is the sum over a fixed part of the batch, so
+/// The maximum number of matrices in memory. Each is a sum over a fixed part of the batch, so that
 /// the result does not depend on the number of threads.
 const MAX_MATRICES: usize = 16;
 
@@ -21,16 +22,17 @@ const MAX_MATRICES: usize = 16;
 pub struct Patch {
     /// The index of the image.
     pub image: usize,
-    /// Rows of the image.
+    /// The rows of the image.
     pub rows: Range<usize>,
-    /// Columns of the image.
+    /// The columns of the image.
     pub columns: Range<usize>,
 }
 
 /// Patches of images, and the sensor that turns them into bits.
 #[derive(Clone, Debug)]
 pub struct Batch<'a> {
-    /// The sensor. Efficiency and dark counts are the same for all jots, and no jot is dead.
+    /// The sensor. Efficiency and dark counts must be the same for all jots, and no jot may be
+    /// dead.
     pub sensor: Sensor<'a>,
     /// The number T of frames.
     pub frames: usize,
@@ -38,31 +40,31 @@ pub struct Batch<'a> {
     pub images: Vec<ArrayView2<'a, f32>>,
     /// The parts of the images that the network reconstructs.
     pub patches: Vec<Patch>,
-    /// The width of a patch's border, which the cost excludes because the network would need
-    /// pixels outside the patch. A border of the image itself is included.
+    /// The width of the border of a patch. The cost excludes the border, because the network would
+    /// read pixels outside the patch there. It includes the pixels at the border of the image.
     pub border: usize,
     /// The seed of the simulated bits.
     pub seed: [u8; 32],
 }
 
-/// The cost of every patch, and the gradient of their mean.
+/// The squared error of every patch, and the gradient of the cost.
 #[derive(Clone, Debug)]
 pub struct Gradient {
     /// ‖ĉ − c‖² of every patch.
     pub squared_errors: Vec<f64>,
-    /// The number of pixels that each squared error sums.
+    /// The number of pixels in the sum of each squared error.
     pub pixels: Vec<usize>,
-    /// The gradient of the mean of ½‖ĉ − c‖², equation (12), with respect to all parameters: for
-    /// every layer, first the filters and then the spline coefficients.
+    /// The gradient of the cost, the mean of ½‖ĉ − c‖² (equation (12)), with respect to all
+    /// parameters. For every layer, the filters precede the spline coefficients.
     pub gradient: Vec<f64>,
 }
 
-/// [`Gradient`] with the matrix of the normal equations.
+/// The cost, its gradient, and the matrix of the normal equations.
 #[derive(Clone, Debug)]
 pub struct NormalEquations {
     /// The cost and its gradient.
     pub gradient: Gradient,
-    /// The mean of JᵀJ, where J is the Jacobian of a patch, equation (15).
+    /// The mean of JᵀJ, where J is the Jacobian of a patch: equation (15).
     pub matrix: Array2<f64>,
 }
 
@@ -70,10 +72,11 @@ pub struct NormalEquations {
 type PatchGradient = (f64, usize, Vec<f64>);
 
 impl Batch<'_> {
-    /// Return ‖ĉ − c‖² of every patch, and the number of pixels that it sums.
+    /// Return ‖ĉ − c‖² of every patch, and the number of pixels in each sum.
     ///
     /// # Errors
-    /// [`Error::Shape`] and [`Error::Range`] if layers, sensor, and patches do not fit.
+    /// [`Error::Shape`] and [`Error::Range`] if the layers, the sensor, and the patches do not
+    /// match.
     pub fn squared_errors<F: Real>(&self, layers: &[Layer<F>]) -> Result<(Vec<f64>, Vec<usize>)> {
         self.check(layers)?;
         let results: Result<Vec<_>> = (0..self.patches.len())
@@ -87,11 +90,13 @@ impl Batch<'_> {
         Ok(results?.into_iter().unzip())
     }
 
-    /// Return the cost of every patch, and the gradient of their mean. The result is the same for
-    /// any number of threads.
+    /// Return the squared error of every patch, and the gradient of the cost: equation (14).
+    ///
+    /// The result is the same for any number of threads.
     ///
     /// # Errors
-    /// [`Error::Shape`] and [`Error::Range`] if layers, sensor, and patches do not fit.
+    /// [`Error::Shape`] and [`Error::Range`] if the layers, the sensor, and the patches do not
+    /// match.
     pub fn gradient<F: Real>(&self, layers: &[Layer<F>]) -> Result<Gradient> {
         self.check(layers)?;
         let parameters = layers.iter().map(Layer::parameters).sum();
@@ -107,11 +112,13 @@ impl Batch<'_> {
         Ok(mean_gradient(parameters, patches?))
     }
 
-    /// Return cost, gradient, and the matrix of the normal equations. The result is the same for
-    /// any number of threads.
+    /// Return the cost, its gradient, and the matrix of the normal equations.
+    ///
+    /// The result is the same for any number of threads.
     ///
     /// # Errors
-    /// [`Error::Shape`] and [`Error::Range`] if layers, sensor, and patches do not fit.
+    /// [`Error::Shape`] and [`Error::Range`] if the layers, the sensor, and the patches do not
+    /// match.
     pub fn normal_equations<F: Real>(&self, layers: &[Layer<F>]) -> Result<NormalEquations> {
         self.check(layers)?;
         let parameters = layers.iter().map(Layer::parameters).sum();
@@ -193,7 +200,7 @@ impl Batch<'_> {
     }
 }
 
-/// Return the costs of the patches and the mean of their gradients.
+/// Return the squared errors of the patches and the mean of their gradients.
 fn mean_gradient(parameters: usize, patches: Vec<PatchGradient>) -> Gradient {
     let number = patches.len() as f64;
     let mut mean = Gradient {

@@ -1,5 +1,7 @@
-//! The Jacobian of an estimate with respect to the parameters, equation (15), by forward
-//! differentiation through the layers.
+//! The Jacobian of an estimate with respect to the parameters, equation (15).
+//!
+//! A *tangent* is the derivative of a layer's planes with respect to one parameter. Forward
+//! differentiation propagates it through the later layers to the estimate.
 
 use ndarray::{Array3, Axis, s};
 
@@ -7,17 +9,18 @@ use super::backward::ForwardPass;
 use crate::network::convolution::padded::Padded;
 use crate::numbers::Real;
 
-/// The rows of a transposed Jacobian that are not 0: dĉ/da for some parameters a.
+/// The rows of the transposed Jacobian that are not 0. A row is dĉ/da for one parameter a.
 pub(super) struct JacobianRows<'a, F> {
-    /// The pixels of the estimate, which are the columns.
+    /// The indices of the estimate's pixels, which are the columns.
     pixels: &'a [usize],
-    /// The index of each row's parameter.
+    /// The index of the parameter of each row.
     pub parameters: Vec<usize>,
     /// The values of the rows, one row after the other.
     pub values: Vec<F>,
 }
 
 impl<F: Real> JacobianRows<'_, F> {
+    /// Append the row of a parameter, unless all its values are 0.
     fn push(&mut self, parameter: usize, estimate_tangent: &Array3<F>) {
         let Some(tangent) = estimate_tangent.as_slice() else {
             return;
@@ -34,8 +37,10 @@ impl<F: Real> JacobianRows<'_, F> {
 }
 
 impl<F: Real> ForwardPass<'_, F> {
-    /// Return dĉ/da at some pixels for all parameters a, in the order of
-    /// [`ForwardPass::add_gradient`]. Parameters that change none of the pixels are left out.
+    /// Return dĉ/da at the pixels `pixels` for all parameters a: equation (15).
+    ///
+    /// The parameters have the same order as in [`ForwardPass::add_gradient`]. Parameters that
+    /// change none of the pixels are left out.
     pub fn jacobian<'p>(&self, pixels: &'p [usize]) -> JacobianRows<'p, F> {
         let mut rows = JacobianRows {
             pixels,
@@ -50,8 +55,8 @@ impl<F: Real> ForwardPass<'_, F> {
         rows
     }
 
-    /// Add the rows of a layer's filters, whose parameters begin at `first`. Return the index of
-    /// the parameter after them.
+    /// Append the rows of the taps of the layer `depth`. `first` is the index of their first
+    /// parameter. Return the index of the parameter that follows them.
     fn add_filter_rows(
         &self,
         depth: usize,
@@ -77,8 +82,8 @@ impl<F: Real> ForwardPass<'_, F> {
         first
     }
 
-    /// Add the rows of a layer's spline coefficients, whose parameters begin at `first`. Return
-    /// the index of the parameter after them.
+    /// Append the rows of the spline coefficients of the layer `depth`. `first` is the index of
+    /// their first parameter. Return the index of the parameter that follows them.
     fn add_coefficient_rows(
         &self,
         depth: usize,
@@ -108,7 +113,8 @@ impl<F: Real> ForwardPass<'_, F> {
         first
     }
 
-    /// Return the tangent of a layer's output from that of one channel's spline input.
+    /// Return the tangent of a layer's output. `plane` is the tangent of the spline's input in one
+    /// channel. The tangents of the other channels are 0.
     fn spline_tangent(&self, depth: usize, channel: usize, plane: &[F]) -> Array3<F> {
         let inputs = &self.spline_inputs[depth];
         let spline = &self.layers[depth].splines[channel];
@@ -121,7 +127,7 @@ impl<F: Real> ForwardPass<'_, F> {
         tangent
     }
 
-    /// Return the tangent of the estimate from that of a layer's output.
+    /// Return the tangent of the estimate from the tangent of a layer's output.
     fn push_forward(&self, depth: usize, mut tangent: Array3<F>) -> Array3<F> {
         if depth == 0 {
             tangent = self.data.to_pixels(tangent);
@@ -180,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_are_central_differences_of_the_estimate() -> Result<()> {
+    fn rows_agree_with_central_differences_of_the_estimate() -> Result<()> {
         let packed =
             Array3::from_shape_fn((1, 8, 2), |(_, row, byte)| (row * 89 + byte * 57) as u8);
         let data = first_layer_data(&packed)?;

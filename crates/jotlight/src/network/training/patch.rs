@@ -1,4 +1,5 @@
-//! The evaluation of a network on one patch of a batch.
+//! The evaluation of a network on one patch of a batch: its bits, its residual ĉ − c, its gradient
+//! (equation (14)), and its Jacobian (equation (15)).
 
 use std::ops::Range;
 
@@ -16,9 +17,9 @@ use crate::sensing::{self, Image, Window};
 /// The evaluation of a network on one patch.
 pub(super) struct PatchEvaluation<'a, F> {
     pub forward_pass: ForwardPass<'a, F>,
-    /// ĉ − c, and 0 in the border.
+    /// The residual ĉ − c. It is 0 in the border of the patch.
     pub residual: Array2<F>,
-    /// The pixels outside the border.
+    /// The indices of the pixels outside the border, in row-major order.
     pub pixels: Vec<usize>,
 }
 
@@ -29,7 +30,7 @@ impl<F: Real> PatchEvaluation<'_, F> {
         residual.map(|x| x.as_f64() * x.as_f64()).sum()
     }
 
-    /// Return the gradient of ½‖ĉ − c‖² with respect to all parameters.
+    /// Return the gradient of ½‖ĉ − c‖² with respect to all parameters: equation (14).
     pub fn gradient(&self, parameters: usize) -> Vec<f64> {
         let mut gradient = vec![0.0; parameters];
         let residual = self.residual.view();
@@ -37,7 +38,8 @@ impl<F: Real> PatchEvaluation<'_, F> {
         gradient
     }
 
-    /// Add JᵀJ to a matrix, where J is the Jacobian of the pixels outside the border.
+    /// Add JᵀJ to a matrix, where J is the Jacobian of the pixels outside the border: equation
+    /// (15).
     pub fn add_jacobian_products(&self, matrix: &mut Array2<f64>) {
         let rows = self.forward_pass.jacobian(&self.pixels);
         let shape = (rows.parameters.len(), self.pixels.len());
@@ -54,7 +56,8 @@ impl<F: Real> PatchEvaluation<'_, F> {
 }
 
 impl Batch<'_> {
-    /// Simulate the bits of a patch, evaluate the network, and return the result of `measure`.
+    /// Simulate the bits of a patch, evaluate the network on them, and return what `measure`
+    /// returns.
     pub(super) fn evaluate_patch<F: Real, R>(
         &self,
         layers: &[Layer<F>],
@@ -91,7 +94,8 @@ impl Batch<'_> {
         }))
     }
 
-    /// Return the packed bits of a patch. Each patch has frames of its own.
+    /// Return the packed bits of a patch. Each patch has its own frames in the random streams, so
+    /// the bits of patches are independent.
     fn expose_patch(&self, index: usize, image: ArrayView2<'_, f32>) -> Result<Array3<u8>> {
         let (height, width) = image.dim();
         let side = self.sensor.kernel.oversampling();
@@ -114,8 +118,10 @@ impl Batch<'_> {
         Ok(packed)
     }
 
-    /// Return rows and columns of a patch without its border. The border of the image itself is
-    /// not removed, because the network sees all that there is.
+    /// Return the rows and the columns of a patch without its border.
+    ///
+    /// At the border of the image, nothing is removed, because the patch contains all pixels that
+    /// the network can read there.
     fn without_border(&self, patch: &Patch) -> (Range<usize>, Range<usize>) {
         let image = &self.images[patch.image];
         let inside = |range: &Range<usize>, size: usize| {
@@ -131,7 +137,7 @@ impl Batch<'_> {
     }
 }
 
-/// Return whether the filters of a first layer have one tap for the whole block.
+/// Return whether a first layer is tied: each filter has one tap for all jots of a pixel.
 pub(super) fn is_tied<F: Real>(layer: &Layer<F>) -> bool {
     let (_, frames, height, width) = layer.filters.dim();
     (frames, height, width) == (1, 1, 1)
