@@ -50,7 +50,7 @@ REPLACED = {
     r"\bself-supervised\.py|--self-supervised\b": "jotlight fine-tune",
     # American spelling.
     r"(?i)\b(multi)?colou?rs?(?<!color)(?<!colors)\b": "color",
-    r"(?i)\b(grey\w*)": "gray",
+    r"(?i)\bgrey(?!scale=)\w*": "gray",  # pypng has a parameter `greyscale`
     r"(?i)\w*(optim|minim|maxim|normal|regular|stabil|recogn|initial|general)is(e|i|a)\w*": "-ize",
     r"(?i)\b(summar|organ|vector|parametr|factor|equal|visual|penal|random)is(e|i|a)\w*": "-ize",
     r"(?i)\bcentre(s|d|line)?\b|\bcentring\b": "center",

@@ -73,14 +73,14 @@ def test_an_empty_folder_of_bsds300_is_an_error(tmp_path):
 
 def test_the_registry_matches_the_originals(data):
     lines = bsds300.REGISTRY.read_text().splitlines()
-    told = dict(line.split() for line in lines)
-    assert len(told) == len(lines) == 300
+    message = dict(line.split() for line in lines)
+    assert len(message) == len(lines) == 300
     found = {
         f"{split}/{path.name}": hashlib.sha256(path.read_bytes()).hexdigest()
         for split in ("train", "test")
         for path in (data / "bsds300" / split).glob("*.jpg")
     }
-    assert told == found
+    assert message == found
 
 
 def test_the_real_bsds300_is_grey_and_in_order(data):

@@ -12,8 +12,8 @@ TEST = ("101085", "101087", "126007")
 
 def make_data(folder: Path) -> Path:
     """BSDS300 with 8 training and 3 test images, CIFAR-10 with 96 and 40."""
-    colour = {name: jl.datasets.photograph(name) for name in ("astronaut", "coffee", "chelsea")}
-    levels = {name: (255 * image).astype(np.uint8) for name, image in colour.items()}
+    color = {name: jl.datasets.photograph(name) for name in ("astronaut", "coffee", "chelsea")}
+    levels = {name: (255 * image).astype(np.uint8) for name, image in color.items()}
     for split, names in (("train", [str(n) for n in range(1, 9)]), ("test", TEST)):
         where = folder / "bsds300" / split
         where.mkdir(parents=True)
