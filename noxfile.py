@@ -1,4 +1,4 @@
-"""Every check by name. `nox` runs the gate; `nox --tags release` runs what takes longer.
+"""All checks, by name. `nox` runs the gate; `nox --tags release` runs the slower checks.
 
 The tags below are the only list of the gate's steps: `.ci/run` and CONTRIBUTING refer to them.
 """
@@ -25,7 +25,7 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 @nox.session(tags=["gate"])
 def lint(session: nox.Session) -> None:
-    """Style and lints of Python and Rust, and the words of the glossary."""
+    """Check the style and the lints of Python and Rust, and the words of the glossary."""
     session.install("ruff>=0.9")
     session.run("ruff", "check", ".")
     session.run("ruff", "format", "--check", ".")
@@ -42,7 +42,7 @@ def lint(session: nox.Session) -> None:
 
 @nox.session(venv_backend="none", tags=["gate"])
 def readme(session: nox.Session) -> None:
-    """The README's test commands as they stand, in a copy of the tracked files."""
+    """Run the README's test commands unchanged, in a copy of the tracked files."""
     copy = Path(session.create_tmp()).resolve() / "jotlight"
     shutil.rmtree(copy, ignore_errors=True)
     tracked = session.run("git", "ls-files", "-z", external=True, silent=True) or ""
@@ -51,14 +51,14 @@ def readme(session: nox.Session) -> None:
         shutil.copy2(ROOT / name, copy / name)
     blocks = re.findall(r"^```sh\n(.*?)^```", (copy / "README.md").read_text(), re.S | re.M)
     with session.chdir(copy):
-        # The engine is compiled once for all sessions.
+        # All sessions share this target folder, so the engine is compiled once.
         env = {"CARGO_TARGET_DIR": str(ROOT / "target"), "JOTLIGHT_DATA": str(DATA)}
         session.run("bash", "-ec", blocks[1], env=env, external=True)
 
 
 @nox.session(venv_backend="none", tags=["gate"])
 def rust(session: nox.Session) -> None:
-    """The engine's own tests, and the examples of its documentation."""
+    """Run the engine's own tests, and the examples in its documentation."""
     session.run("cargo", "test", "--workspace", external=True)
 
 
@@ -72,7 +72,7 @@ def wheel(session: nox.Session) -> None:
 
 @nox.session(tags=["gate"])
 def types(session: nox.Session) -> None:
-    """Strict types, and the stub of the engine against the compiled module."""
+    """Check the types strictly, and compare the engine's stub with the compiled module."""
     install_wheel(session, "mypy>=1.13")
     session.run("mypy")
     session.run("python", "-m", "mypy.stubtest", "jotlight._engine")
@@ -80,17 +80,17 @@ def types(session: nox.Session) -> None:
 
 @nox.session(tags=["gate"])
 def slow(session: nox.Session) -> None:
-    """The tests that the README's command leaves out."""
+    """Run the tests that the README's command leaves out."""
     install_wheel(session, extra="test")
     session.run("pytest", "-m", "slow", env={"JOTLIGHT_DATA": str(DATA)})
 
 
 @nox.session(tags=["gate"])
 def torch(session: nox.Session) -> None:
-    """All tests that need PyTorch; arguments go to pytest.
+    """Run all tests that need PyTorch; arguments go to pytest.
 
-    Where pip knows an index with builds for the CPU alone (PIP_EXTRA_INDEX_URL), it takes those.
-    Otherwise it installs gigabytes of CUDA libraries that the tests do not use.
+    Set PIP_EXTRA_INDEX_URL to an index of CPU-only builds. Otherwise pip installs gigabytes of CUDA
+    libraries that the tests do not use.
     """
     install_wheel(session, extra="test,deepinv")
     session.run("pytest", "-m", "slow or not slow", *NEEDS_TORCH, *session.posargs)
@@ -100,7 +100,7 @@ def torch(session: nox.Session) -> None:
 
 @nox.session(tags=["gate"])
 def reproduce(session: nox.Session) -> None:
-    """All of the paper's experiments, quickly, on the data that JOTLIGHT_DATA names."""
+    """Run all of the paper's experiments in quick mode, on the data in folder JOTLIGHT_DATA."""
     if not DATA.is_dir():
         session.skip(f"there is no data in {DATA}: the experiments were NOT run on it")
     install_wheel(session)
@@ -113,7 +113,7 @@ def reproduce(session: nox.Session) -> None:
 
 @nox.session(tags=["release"])
 def browser(session: nox.Session) -> None:
-    """The page of the reproduction in a browser."""
+    """Test the page of the reproduction in a browser."""
     if not any(map(shutil.which, BROWSERS)):
         session.error(f"none of {', '.join(BROWSERS)} is installed: the page was NOT tested")
     install_wheel(session, extra="test,browser")
@@ -124,7 +124,7 @@ def browser(session: nox.Session) -> None:
 
 @nox.session(tags=["release"])
 def fuzz(session: nox.Session) -> None:
-    """Every reader of files, a few seconds each; arguments as of fuzz/readers.py."""
+    """Fuzz every file reader for a few seconds; arguments go to fuzz/readers.py."""
     try:
         install_wheel(session, "atheris>=3", extra="test")
     except CommandFailed:
@@ -134,7 +134,7 @@ def fuzz(session: nox.Session) -> None:
 
 @nox.session
 def tests(session: nox.Session) -> None:
-    """The tests that arguments choose, such as `nox -s tests -- -k sensor`."""
+    """Run the tests that the arguments select, such as `nox -s tests -- -k sensor`."""
     install_wheel(session, extra="test")
     session.run("pytest", *session.posargs, env={"JOTLIGHT_DATA": str(DATA)})
 

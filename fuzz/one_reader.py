@@ -1,4 +1,4 @@
-"""Fuzz one reader with atheris. ``fuzz/readers.py`` starts this with the options of libFuzzer."""
+"""Fuzz one reader with atheris. ``fuzz/readers.py`` runs this script with options of libFuzzer."""
 
 import json
 import logging
@@ -17,17 +17,17 @@ MIB_PER_INPUT = 512
 """Maximum memory in MiB that reading one input may take."""
 
 INSTRUMENTED = {"tiff": ("tifffile",), "png": ("PIL", "png"), "image": ("PIL",)}
-"""Packages whose branches guide the fuzzer besides jotlight's, by a part of the reader's name."""
+"""Packages that are instrumented in addition to jotlight, by a part of the reader's name."""
 
 ODD_VALUES: tuple[Any, ...] = (
     *(None, True, 0, -1, 1, 3, 2**31, 2**70, 0.5, 1e308, math.nan, math.inf),
     *("", "0", "a\0", "..", "a.npy", [], {}, [[]], [1, 2]),
 )
-"""Values that replace a value of JSON."""
+"""Values with which the mutator replaces values of JSON."""
 
 
 def main(name: str) -> None:
-    """Fuzz a reader. libFuzzer ends the process."""
+    """Fuzz a reader until libFuzzer ends the process."""
     logging.disable()
     packages = [package for part in INSTRUMENTED if part in name for package in INSTRUMENTED[part]]
     with atheris.instrument_imports(include=["jotlight", *packages]):
@@ -35,12 +35,12 @@ def main(name: str) -> None:
 
         reader = READERS[name]
         path, damaged, _ = reader.example(Path(tempfile.mkdtemp()))
-        # Imports the modules that a reader imports only when it is called.
+        # This call imports the modules that a reader imports lazily, so that they are instrumented.
         read_or_refused(reader.read, path)
     max_mib = _peak_mib() + MIB_PER_INPUT
 
     def test_input(data: bytes) -> None:
-        # A new file: truncating the old one could crash a process that still maps it.
+        # The file is deleted first: truncating it could crash the process if it is still mapped.
         damaged.unlink(missing_ok=True)
         damaged.write_bytes(reader.wrap(data))
         read_or_refused(reader.read, path)
@@ -75,7 +75,7 @@ def _change_value(text: str, rng: random.Random) -> str:
     container, key = rng.choice(places)
     value = container[key]
     if isinstance(value, str) and value[:1] in ("{", "["):
-        container[key] = _change_value(value, rng)  # JSON in a string of JSON
+        container[key] = _change_value(value, rng)  # a string that contains JSON
     elif container is not root and rng.random() < 0.2:
         del container[key]
     elif rng.random() < 0.2:

@@ -1,11 +1,11 @@
-"""Fuzz the readers of files with atheris, whose libFuzzer follows the coverage of branches.
+"""Fuzz the file readers with atheris, a coverage-guided fuzzer that is based on libFuzzer.
 
     python fuzz/readers.py NAME|all [--seconds N] [--corpus DIR]
     python fuzz/readers.py NAME --replay FILE...
 
 A reader reads a file, or refuses it with a ValueError or OSError that names the file. Any other
-exception, a crash, or an input that takes too much time or memory is a finding. It ends the run of
-that reader, and the input is saved in fuzz/found. The names are those of READERS in
+exception, a crash, or an input that takes too much time or memory is a finding. A finding ends the
+run of that reader, and its input is saved in fuzz/found. NAME is a key of READERS in
 tests/support/examples.
 """
 
@@ -19,9 +19,13 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 FOUND = HERE / "found"
+"""Folder of the inputs that caused a finding."""
 SECONDS_PER_INPUT = 10
+"""Maximum time in seconds that reading one input may take."""
 MAX_MIB = 2048
+"""Maximum memory in MiB of the process that fuzzes."""
 MIN_INPUT_BYTES = 2048
+"""Half of the maximum length of inputs. Readers with a longer example use its length instead."""
 
 sys.path.insert(0, str(HERE.parent / "tests" / "support"))
 
@@ -29,12 +33,12 @@ from examples import READERS, Reader, read_or_refused  # noqa: E402
 
 
 def main() -> None:
-    """Parse the command line and run what it asks for."""
+    """Parse the command line, and fuzz readers or replay saved inputs."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("name", choices=["all", *READERS], metavar="NAME")
-    parser.add_argument("--seconds", type=int, default=60, help="time for each reader (60)")
+    parser.add_argument("--seconds", type=int, default=60, help="seconds per reader (default 60)")
     parser.add_argument("--corpus", type=Path, help="folder that keeps the inputs for later runs")
     parser.add_argument("--replay", type=Path, nargs="+", help="saved inputs to read again")
     options = parser.parse_args()
@@ -60,7 +64,7 @@ def replay(reader: Reader, file: Path) -> None:
 
 
 def fuzz(name: str, seconds: int, corpus: Path | None) -> int:
-    """Fuzz one reader in a process of its own, and return its exit status: 0 without a finding."""
+    """Return the exit status of fuzzing one reader in a new process; 0 means no finding."""
     print(f"== {name}", flush=True)
     FOUND.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as temporary:
@@ -89,7 +93,7 @@ def fuzz(name: str, seconds: int, corpus: Path | None) -> int:
 
 
 def _run(command: list[str], environment: dict[str, str]) -> int:
-    """Run libFuzzer without its progress lines."""
+    """Return the exit status of libFuzzer. Print its output without the lines of progress."""
     with subprocess.Popen(  # noqa: S603
         command, env=environment, stderr=subprocess.PIPE, text=True, errors="replace"
     ) as process:

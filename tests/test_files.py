@@ -99,8 +99,8 @@ def enter(path):
 @pytest.mark.parametrize(
     ("name", "error", "message"),
     [
-        ("folder", IsADirectoryError, "folder: it is a folder; give the name of a file"),
-        ("missing/note.txt", FileNotFoundError, "there is no folder .*missing; make it first"),
+        ("folder", IsADirectoryError, "folder: it is a folder; pass the name of a file"),
+        ("missing/note.txt", FileNotFoundError, "there is no folder .*missing; create it first"),
         ("file/note.txt", OSError, "cannot write .*note.txt: there is no folder"),
     ],
 )
@@ -144,7 +144,7 @@ def test_a_folder_appears_when_the_block_ends_and_not_before(tmp_path):
         assert not (tmp_path / "set").exists()
     assert names(tmp_path) == ["set"]
     assert permissions(tmp_path / "set") & 0o700 == 0o700
-    with pytest.raises(FileExistsError, match="is there already"), atomic_folder(tmp_path / "set"):
+    with pytest.raises(FileExistsError, match="it already exists"), atomic_folder(tmp_path / "set"):
         pass
 
 

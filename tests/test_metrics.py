@@ -74,8 +74,8 @@ def test_black_truth_has_no_signal():
     [
         (np.ones((16, 16), int), np.ones((16, 16)), TypeError, "estimate: expected floats"),
         (np.ones((16, 16)), np.ones((16, 16), np.uint8), TypeError, "truth: expected floats"),
-        (np.ones((16, 16)), np.ones((16, 17)), ValueError, "expected one shape"),
-        (np.ones((16, 16)), np.ones((16, 16, 1)), ValueError, "expected one shape"),
+        (np.ones((16, 16)), np.ones((16, 17)), ValueError, "expected the same shape"),
+        (np.ones((16, 16)), np.ones((16, 16, 1)), ValueError, "expected the same shape"),
         (np.ones(16), np.ones(16), ValueError, "estimate: expected shape"),
         (np.ones((0, 16)), np.ones((0, 16)), ValueError, "estimate: expected shape"),
     ],

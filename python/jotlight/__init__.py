@@ -1,7 +1,8 @@
 """Images from the bits of single-photon cameras.
 
-A quanta image sensor reports one bit per tiny pixel (jot) and frame: did at least q photons
-arrive? jotlight simulates such sensors and estimates the image behind the bits.
+A quanta image sensor consists of tiny pixels, called jots. In each frame, a jot reports one bit: 1
+if at least q photons arrive, and 0 otherwise. jotlight simulates such sensors, and estimates images
+from their bits.
 
 >>> import jotlight as jl
 >>> import numpy as np

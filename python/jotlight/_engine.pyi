@@ -56,8 +56,9 @@ DEBUG_BUILD: bool
 
 _Floats: TypeAlias = npt.NDArray[np.floating]
 _Image: TypeAlias = npt.NDArray[np.float32] | npt.NDArray[np.float64]
-# (stride, upsampling, input, skip). `input` is the index of the layer that this one reads, or None
-# for the previous one. `skip` is the index of the layer whose output it adds, or None.
+# (stride, upsampling, input, skip). `input` is the index of the layer whose output this layer
+# filters, or None for the previous layer. `skip` is the index of the layer whose output it adds, or
+# None.
 _Wiring: TypeAlias = tuple[int, int, int | None, int | None]
 # (filters, spline coefficients, first knot, knot spacing, wiring)
 _Layer: TypeAlias = tuple[_Floats, _Floats | None, float, float, _Wiring]
@@ -67,14 +68,14 @@ _Span: TypeAlias = tuple[int, int]
 _ValueOrArray: TypeAlias = float | npt.NDArray[np.float64]
 # Efficiency and dark counts.
 _JotResponses: TypeAlias = tuple[_ValueOrArray, _ValueOrArray]
-# Threshold, ones, trials, efficiency, and dark counts. The functions of the readings measure light
-# in expected photons per jot and frame.
+# Threshold, ones, trials, efficiency, and dark counts. Functions of readings measure light in
+# expected photons per jot and frame.
 _Readings: TypeAlias = tuple[
     int, npt.NDArray[np.int32], int | npt.NDArray[np.int32], _ValueOrArray, _ValueOrArray
 ]
 # Penalty and relaxation.
 _AdmmStep: TypeAlias = tuple[float, float]
-# Vertical kernel, horizontal kernel (each degree and oversampling), and gain.
+# Vertical kernel and horizontal kernel, each as (degree, oversampling), and gain.
 _Spread: TypeAlias = tuple[tuple[int, int], tuple[int, int], float]
 
 def add_block_counts(

@@ -12,14 +12,14 @@ Counts = npt.NDArray[np.int32]
 
 
 def whole_number(name: str, value: Any, minimum: int) -> int:
-    """Return a whole number that is at least `minimum`.
+    """Return `value` as an int that is at least `minimum`.
 
     Raises
     ------
     TypeError
-        When it is not an integer.
+        When the value is not an integer.
     ValueError
-        When it is smaller.
+        When the value is below `minimum`.
 
     Examples
     --------
@@ -36,7 +36,7 @@ def whole_number(name: str, value: Any, minimum: int) -> int:
 
 
 def whole_number_in_range(name: str, value: Any, minimum: int, maximum: int) -> int:
-    """Return a whole number from `minimum` to `maximum`; 4.0 counts as one.
+    """Return `value` as an int from `minimum` to `maximum`. A whole float such as 4.0 is valid.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def whole_number_in_range(name: str, value: Any, minimum: int, maximum: int) -> 
 
 
 def positive_number(name: str, value: Any) -> float:
-    """Return a finite number above 0.
+    """Return `value` as a finite float above 0.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def positive_number(name: str, value: Any) -> float:
 
 
 def real_number(value: Any) -> float:
-    """Return a single real number as it is, and NaN for anything else, text and bool included.
+    """Return `value` if it is a single real number, and NaN otherwise, also for text and bool.
 
     Examples
     --------
@@ -91,7 +91,8 @@ def refuse_masked(name: str, data: object) -> None:
     """Raise TypeError for a masked array, because its mask would be ignored."""
     if isinstance(data, np.ma.MaskedArray):
         raise TypeError(
-            f"{name}: expected a plain array, got a masked one; fill it, and give the sensor a mask"
+            f"{name}: expected a plain array, got a masked one; "
+            "fill it, and pass its mask to the sensor"
         )
 
 
@@ -120,12 +121,12 @@ def whole_numbers(name: str, values: npt.ArrayLike) -> npt.NDArray[np.int32]:
 
 
 def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
-    """Return an image of intensities as float32 or float64, without a copy where it already is.
+    """Return an image of intensities as float32 or float64. Such arrays are not copied.
 
     Raises
     ------
     TypeError
-        For integers, and for anything else that is not a real number with a known scale.
+        For integers, whose scale is unknown, and for all other types except floats.
     ValueError
         When the image is empty, negative, not finite, or does not have 2 or 3 dimensions.
     """
@@ -149,7 +150,7 @@ def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
         )
     if array.size == 0:
         raise ValueError(f"image: expected at least one pixel, got shape {array.shape}")
-    # The extremes reveal NaN and infinity without a temporary array of the image's size.
+    # min and max propagate NaN and infinity, and need no temporary array of the image's size.
     low, high = array.min(), array.max()
     if not (np.isfinite(low) and np.isfinite(high)):
         raise ValueError("image: expected finite intensities, got NaN or infinity")
@@ -168,14 +169,14 @@ def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
     TypeError
         For bool and floats, and for masked arrays.
     ValueError
-        When the shape is another one, or a count is out of range.
+        For another shape, and for counts out of range.
     """
     refuse_masked("counts", data)
     counts = np.asarray(data)
     if counts.dtype.kind not in "iu":
         raise TypeError(
             f"data: expected jotlight.Bits or an image of counts in whole numbers, got "
-            f"{counts.dtype}; Bits.from_array takes bool, and rounded floats can be cast by "
+            f"{counts.dtype}; pass bool to Bits.from_array, and cast rounded floats with "
             "astype(int)"
         )
     if counts.ndim not in (2, 3) or counts.size == 0 or (counts.ndim == 3 and counts.shape[2] > 4):

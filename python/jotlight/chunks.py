@@ -6,16 +6,16 @@ from typing import Any
 import numpy as np
 
 _MAX_JOTS = 1 << 26
-"""Maximum number of jots of a chunk: the engine handles them in tens of milliseconds."""
+"""Maximum number of jots in a chunk. The engine processes them in tens of milliseconds."""
 
 MAX_COUNTED_JOTS = 1 << 28
-"""Maximum number of jots of a chunk for counting, which is faster."""
+"""Maximum number of jots in a chunk whose ones are only counted, which is faster."""
 
 _MAX_PIXELS = 1 << 18
-"""Maximum number of pixels of a chunk when each may take a few microseconds."""
+"""Maximum number of pixels in a chunk, if each pixel takes a few microseconds."""
 
 _MIN_ROW_COST = 1 << 9
-"""Number of jots whose time and memory even the shortest row of pixels takes."""
+"""Minimum cost of a row of pixels, in jots. Each row has a fixed overhead of about this cost."""
 
 
 def frame_chunks(
@@ -26,12 +26,12 @@ def frame_chunks(
     Parameters
     ----------
     frames, rows : int
-        The number of frames, and of rows of pixels.
+        The number of frames, and the number of rows of pixels.
     jots_per_row : int
-        The number of jots of a row of pixels in one frame.
+        The number of jots in a row of pixels of one frame.
     max_jots : int, optional
-        The maximum number of jots of a chunk, except that a chunk has at least one row. Default:
-        the engine handles a chunk in well under a second.
+        The maximum number of jots in a chunk. A chunk has at least one row, whatever its size.
+        Default: a number that the engine processes in well under a second.
 
     Examples
     --------
@@ -58,7 +58,8 @@ def pixel_chunks(pixels: int, max_pixels: int | None = None) -> Iterator[slice]:
     pixels : int
         The number of pixels.
     max_pixels : int, optional
-        The maximum number of pixels of a slice. By default each pixel may take a few microseconds.
+        The maximum number of pixels in a slice. The default suits pixels that take a few
+        microseconds each.
 
     Examples
     --------
@@ -71,7 +72,7 @@ def pixel_chunks(pixels: int, max_pixels: int | None = None) -> Iterator[slice]:
 
 
 def take_pixels(value: Any, chunk: slice) -> Any:
-    """Return the pixels of `chunk` as a flat view of a map, or the number that all pixels share.
+    """Return a flat view of the pixels of `chunk` in a map. A number is returned unchanged.
 
     Examples
     --------

@@ -3,8 +3,8 @@
 Bad values raise :class:`ValueError`, bad types :class:`TypeError`, and bad files :class:`OSError`
 or :class:`ValueError`. This module defines only the cases that have no built-in class.
 
-Messages name the parameter and, in brackets, its option of the command line, as in
-``counts=True (--counts)``. The command line shows the option alone.
+A message names the Python parameter and, in parentheses, the option of the command line, as in
+``counts=True (--counts)``. The command line shows only the option.
 """
 
 import sys
@@ -16,11 +16,11 @@ class JotlightWarning(UserWarning):
 
 
 class MissingExtraError(ImportError):
-    """An error that says which optional package to install."""
+    """An error for a missing optional package. The message says how to install it."""
 
 
 def warn(message: str) -> None:
-    """Warn at the first line of the call stack that is outside of jotlight."""
+    """Issue a warning that points to the line of code which called jotlight."""
     level, frame = 1, sys._getframe()
     while frame.f_back and frame.f_globals.get("__name__", "").split(".")[0] == "jotlight":
         level, frame = level + 1, frame.f_back

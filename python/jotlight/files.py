@@ -1,4 +1,4 @@
-"""Files and folders that appear whole or not at all."""
+"""Files and folders that are written completely or not at all."""
 
 import contextlib
 import errno
@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 _DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""Error numbers that mean that there is no room for a file."""
+"""Error numbers of the operating system that mean a lack of disk space."""
 
 
 def refuse_overwrite(output: str | os.PathLike[str], inputs: Iterable[Path | None]) -> None:
@@ -18,22 +18,22 @@ def refuse_overwrite(output: str | os.PathLike[str], inputs: Iterable[Path | Non
     for path in inputs:
         if path is not None and path.exists() and output.exists() and output.samefile(path):
             raise ValueError(
-                f"{output}: this file is read, so it is not overwritten; give another name"
+                f"{output}: this file is read, so it is not overwritten; choose another name"
             )
 
 
 @contextlib.contextmanager
 def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary path in the same folder, which becomes `path` when the block ends.
+    """Yield a temporary path in the same folder. When the block ends, it is renamed to `path`.
 
-    The temporary file is created on entry, so that a folder that cannot be written to is found
-    before any work is done. When the block raises, Ctrl-C included, the temporary file is removed
-    and an earlier file at `path` stays as it was.
+    The temporary file is created on entry. A folder without write permission therefore raises
+    before any work is done. If the block raises, also because of Ctrl-C, the temporary file is
+    deleted, and an existing file at `path` stays unchanged.
 
     Raises
     ------
     OSError
-        When the folder does not exist, cannot be written to, or `path` is a folder.
+        When the folder does not exist or is not writable, or when `path` is a folder.
 
     Examples
     --------
@@ -46,7 +46,7 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     """
     path = Path(path)
     if path.is_dir():
-        raise IsADirectoryError(f"cannot write {path}: it is a folder; give the name of a file")
+        raise IsADirectoryError(f"cannot write {path}: it is a folder; pass the name of a file")
     _check_parent(path)
     if path.exists() and not os.access(path, os.W_OK):
         raise PermissionError(f"cannot write {path}: the file is read-only")
@@ -67,16 +67,16 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary folder beside `path`, which becomes `path` when the block ends.
+    """Yield a temporary folder next to `path`. When the block ends, it is renamed to `path`.
 
     Raises
     ------
     OSError
-        When `path` exists already, or its folder cannot be written to.
+        When `path` already exists, or the folder that contains it is not writable.
     """
     path = Path(path)
     if path.exists():
-        raise FileExistsError(f"cannot write {path}: it is there already; give another name")
+        raise FileExistsError(f"cannot write {path}: it already exists; choose another name")
     _check_parent(path)
     with _explained_creation(path):
         temporary = Path(tempfile.mkdtemp(prefix=f".{path.stem[:32]}-", dir=path.parent))
@@ -92,13 +92,13 @@ def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
 def _check_parent(path: Path) -> None:
     if not path.parent.is_dir():
         raise FileNotFoundError(
-            f"cannot write {path}: there is no folder {path.parent}; make it first"
+            f"cannot write {path}: there is no folder {path.parent}; create it first"
         )
 
 
 @contextlib.contextmanager
 def _explained_creation(path: Path) -> Iterator[None]:
-    """Name `path` and its folder in the error when the temporary file cannot be created."""
+    """Raise an error that names `path` and its folder if the temporary file cannot be created."""
     try:
         yield
     except OSError as error:
@@ -109,7 +109,7 @@ def _explained_creation(path: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _explained_full_disk(path: Path) -> Iterator[None]:
-    """Name `path` in the error of a full disk, unless the error names another file already."""
+    """Raise an error that names `path` if the disk is full, unless the error names another file."""
     try:
         yield
     except OSError as error:
@@ -125,6 +125,7 @@ def _permissions(path: Path) -> int:
 
 
 def _umask() -> int:
+    # The only way to read the mask is to set it.
     mask = os.umask(0)
     os.umask(mask)
     return mask

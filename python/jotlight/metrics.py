@@ -14,7 +14,7 @@ def psnr(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, peak: float = 1.0) ->
     Parameters
     ----------
     estimate, truth : array_like of float, shape (H, W) or (H, W, C)
-        ĉ and c, images of one shape.
+        ĉ and c, images of the same shape.
     peak : float
         The largest possible intensity.
 
@@ -40,7 +40,7 @@ def snr(estimate: npt.ArrayLike, truth: npt.ArrayLike) -> float:
     Parameters
     ----------
     estimate, truth : array_like of float, shape (H, W) or (H, W, C)
-        ĉ and c, images of one shape.
+        ĉ and c, images of the same shape.
 
     Raises
     ------
@@ -59,14 +59,14 @@ def snr(estimate: npt.ArrayLike, truth: npt.ArrayLike) -> float:
 def ssim(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, peak: float = 1.0) -> float:
     """Return the structural similarity of Wang et al. (2004), at most 1.
 
-    The window is their Gaussian of standard deviation 1.5, cut to 11 x 11 pixels. The constants
-    are theirs, 0.01 and 0.03, and the covariance is the biased one (scikit-image). For color
-    images the result is the mean over the channels.
+    The window and the constants are those of the authors: a Gaussian of standard deviation 1.5,
+    truncated to 11 x 11 pixels, and K1 = 0.01 and K2 = 0.03. The covariance is the biased estimate.
+    scikit-image computes the index. For color images, the result is the mean over the channels.
 
     Parameters
     ----------
     estimate, truth : array_like of float, shape (H, W) or (H, W, C)
-        ĉ and c, images of one shape, of at least 11 x 11 pixels.
+        ĉ and c, images of the same shape, with at least 11 x 11 pixels.
     peak : float
         The largest possible intensity.
 
@@ -112,7 +112,7 @@ def _pair(
         pair.append(array.astype(np.float64))
     if pair[0].shape != pair[1].shape:
         raise ValueError(
-            f"estimate and truth: expected one shape, got {pair[0].shape} and {pair[1].shape}"
+            f"estimate and truth: expected the same shape, got {pair[0].shape} and {pair[1].shape}"
         )
     return pair[0], pair[1]
 

@@ -1,6 +1,6 @@
-"""Figures: compared images, training runs, and plans.
+"""Figures of compared images, training runs, and plans.
 
-They do not use pyplot, so they change no global state and need no display.
+The functions do not use pyplot, so they change no global state and need no display.
 """
 
 import dataclasses
@@ -23,19 +23,20 @@ if TYPE_CHECKING:
     from matplotlib.patches import Rectangle
 
 _COLUMNS = 5
+"""Maximum number of images in a row."""
 _MAX_CURVES = 12
 """Maximum number of splines or filters drawn per layer."""
 _SIDE, _TEXT, _GAP = 3.2, 0.5, 0.08
-"""Inches: width of an image, height of the text above it, space between items."""
+"""Lengths in inches: width of an image, height of the text above it, gap between items."""
 _INK, _QUIET, _MARK = "#1d2733", "#5b6876", "#e4572e"
-
+"""Colors of titles, of secondary text, and of frames and curves."""
 
 FIGURES = (".png", ".jpg", ".jpeg", ".pdf", ".svg")
-"""Endings of figures."""
+"""File name extensions of figures."""
 
 
 def check_figure(path: Path) -> None:
-    """Raise ValueError unless `path` has the ending of a figure."""
+    """Raise ValueError unless `path` has the extension of a figure."""
     if path.suffix.lower() not in FIGURES:
         raise ValueError(f"{path}: expected a name that ends in {', '.join(FIGURES)}")
 
@@ -48,13 +49,14 @@ class Panel:
     subtitle: str
     image: npt.NDArray[np.floating]
     detail: npt.NDArray[np.floating] | None = None
-    """What the crop shows: the image at an integer multiple of its size. Default: the image."""
+    """The image at an integer multiple of its size, for the crop. Default: `image`."""
 
 
 def comparison(panels: list[Panel], heading: str, *, white: float = 1.0) -> "Figure":
-    """Return a figure of images of one scene, each with the same crop enlarged below it.
+    """Return a figure of images of one scene, each with an enlarged crop below it.
 
-    The crop is the most detailed part of the first image. Intensity `white` is shown as white.
+    All crops show the part of the scene that has the strongest edges in the first image. Intensity
+    `white` is shown as white.
 
     Examples
     --------
@@ -129,7 +131,7 @@ def bits_panel(bits: Bits, oversampling: int) -> Panel:
 
 
 def training(network: Network, history: History) -> "Figure":
-    """Return a figure of a training run: its curves above, splines and filters below."""
+    """Return a figure of a training run: curves in the top row, splines and filters below."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11, 6.2), facecolor="white", layout="constrained")
@@ -148,7 +150,8 @@ def training(network: Network, history: History) -> "Figure":
         place.set_xlabel("step", color=_QUIET)
         if len(x):
             place.set_yscale(scale)
-            # Each step has other patches, so the mean over a hundredth of the run is drawn too.
+            # Each step uses different patches, so the curve is noisy. The moving average over a
+            # hundredth of the run shows the trend.
             span = max(1, len(y) // 100)
             mean = np.convolve(y, np.full(span, 1 / span), "valid")
             place.plot(x, y, color=_MARK, linewidth=1, alpha=1 if span == 1 else 0.3)
@@ -171,7 +174,7 @@ def training(network: Network, history: History) -> "Figure":
 
 
 def expectation(plan: Plan) -> "Figure":
-    """Return a figure of a plan: PSNR by frames on the left, SNR by light on the right."""
+    """Return a figure of a plan: PSNR over frames on the left, SNR over light on the right."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10, 4), facecolor="white", layout="constrained")
@@ -201,29 +204,29 @@ def expectation(plan: Plan) -> "Figure":
 
 
 def _draw_splines(axes: "Axes", number: int, layer: Layer) -> None:
-    """Draw the first splines of a layer. Of several parameter sets, draw the middle one."""
+    """Draw the first splines of a layer. If it has several parameter sets, draw the middle one."""
     from scipy.interpolate import BSpline
 
     assert layer.coefficients is not None, "a layer with splines"
-    every = layer.coefficients
-    if every.ndim == 3:
-        every = every[len(every) // 2]
-    size = every.shape[1]
+    splines = layer.coefficients
+    if splines.ndim == 3:
+        splines = splines[len(splines) // 2]
+    size = splines.shape[1]
     knots = layer.start + layer.spacing * (np.arange(size + 4) - 3)
     z = np.linspace(knots[3], knots[-4], 500)
-    for coefficients in every[:_MAX_CURVES]:
+    for coefficients in splines[:_MAX_CURVES]:
         axes.plot(z, BSpline(knots, coefficients.astype(np.float64), 3)(z), linewidth=1.5)
     axes.grid(alpha=0.3)
-    _title(axes, f"φ of layer {number}{_drawn_of(len(every))}")
+    _title(axes, f"φ of layer {number}{_limit_note(len(splines))}")
 
 
 def _draw_filters(figure: "Figure", axes: "Axes", number: int, layer: Layer) -> None:
-    """Draw the first filters of a layer side by side, as they act on the first input."""
-    every = layer.filters[:, 0] if layer.filters.ndim == 4 else layer.filters[0, :, 0]
-    shown = every[:_MAX_CURVES]
+    """Draw the first filters of a layer side by side, for the first input channel only."""
+    filters = layer.filters[:, 0] if layer.filters.ndim == 4 else layer.filters[0, :, 0]
+    shown = filters[:_MAX_CURVES]
     columns = math.ceil(math.sqrt(len(shown)))
     rows = math.ceil(len(shown) / columns)
-    height, width = every.shape[1:]
+    height, width = filters.shape[1:]
     # One empty pixel separates two filters.
     sheet = np.full((rows * (height + 1) - 1, columns * (width + 1) - 1), np.nan)
     for index, taps in enumerate(shown):
@@ -232,11 +235,13 @@ def _draw_filters(figure: "Figure", axes: "Axes", number: int, layer: Layer) -> 
     largest = float(np.abs(shown).max()) or 1.0
     image = axes.imshow(sheet, cmap="RdBu_r", vmin=-largest, vmax=largest)
     axes.set_axis_off()
-    _title(axes, f"filter{'' if len(every) == 1 else 's'} of layer {number}{_drawn_of(len(every))}")
+    plural = "" if len(filters) == 1 else "s"
+    _title(axes, f"filter{plural} of layer {number}{_limit_note(len(filters))}")
     figure.colorbar(image, ax=axes, shrink=0.9)
 
 
-def _drawn_of(number: int) -> str:
+def _limit_note(number: int) -> str:
+    """Return the end of a title that says how many of `number` splines or filters are drawn."""
     return f", {_MAX_CURVES} of {number}" if number > _MAX_CURVES else ""
 
 
@@ -245,9 +250,9 @@ def _title(axes: "Axes", title: str) -> None:
 
 
 def find_detail(image: npt.NDArray[np.floating]) -> tuple[int, int, int, int]:
-    """Return top, left, height, and width of the part with the strongest edges.
+    """Return top, left, height, and width of the part of an image with the strongest edges.
 
-    It is a quarter as wide as the image.
+    The part is a quarter as wide as the image.
     """
     from scipy.ndimage import gaussian_gradient_magnitude, uniform_filter
 
@@ -255,7 +260,7 @@ def find_detail(image: npt.NDArray[np.floating]) -> tuple[int, int, int, int]:
     height, width = gray.shape
     wide = max(1, width // 4)
     tall = max(1, min(height, round(wide * 0.6)))
-    # The smoothing removes texture and noise, so edges remain.
+    # The Gaussian suppresses texture and noise, but not edges.
     edges = gaussian_gradient_magnitude(gray.astype(np.float64), 2)
     energy = uniform_filter(edges, (tall, wide), mode="constant")
     inside = energy[tall // 2 : height - (tall - 1) // 2, wide // 2 : width - (wide - 1) // 2]

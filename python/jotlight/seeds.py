@@ -1,4 +1,4 @@
-"""Seeds of the engine's random generator, from what NumPy accepts as `rng`."""
+"""Seeds for the engine's random generator, from the values that NumPy accepts as `rng`."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ def seed_bytes(rng: SeedLike) -> bytes:
     Raises
     ------
     TypeError
-        For anything else.
+        For any other type.
     ValueError
         For a negative number.
 

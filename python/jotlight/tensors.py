@@ -20,7 +20,7 @@ def write_tensors(
     from safetensors.numpy import save
 
     content = save(tensors, dict(metadata))
-    # The library writes the entries of its JSON header in an order that changes.
+    # safetensors writes the entries of its JSON header in varying order, so they are sorted here.
     end = 8 + int.from_bytes(content[:8], "little")
     header = json.dumps(json.loads(content[8:end]), sort_keys=True).encode()
     header += b" " * (-len(header) % 8)
@@ -29,7 +29,7 @@ def write_tensors(
 
 
 def stored_format(path: Path) -> str:
-    """Return the format that a file names; empty if it names none or cannot be read."""
+    """Return the format that a file states in its metadata, or "" if there is none."""
     from safetensors import SafetensorError, safe_open
 
     try:
@@ -56,9 +56,9 @@ def read_tensors(path: Path, format_: str, version: str) -> tuple[Tensors, dict[
             metadata = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (SafetensorError, TypeError, AttributeError) as error:
-        # The library raises the latter two for tensors of types that NumPy lacks.
+        # safetensors raises TypeError or AttributeError for element types that NumPy lacks.
         raise ValueError(
-            f"{path}: expected a safetensors file, and this is none or is damaged ({error})"
+            f"{path}: expected a safetensors file, but it is another file or damaged ({error})"
         ) from error
     kind = metadata.get("format", "")
     if kind != format_:

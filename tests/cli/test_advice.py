@@ -115,8 +115,9 @@ OPENED = {
     "every second frame": ["capture.npy", "--frame-range", "0:16:2"],
     "frames that would be an emoji": ["long.npy", "--frame-range", "0:100:2"],
     "a calibration": ["capture.npy", "--calibration", "my camera.safetensors"],
-    "a calibration, turned back": [
-        "turned.npy", "--calibration", "my camera.safetensors", "--rotate", 90, "--flip", "vertical"
+    "a calibration of another orientation": [
+        "rotated.npy", "--calibration", "my camera.safetensors",
+        "--rotate", 90, "--flip", "vertical",
     ],
     "a width": ["odd.npy", "--width", 253, "--frame-range", ":9"],
     "counts of uint8": ["small.npy", "--counts", "--frames", 3, "--frame-range", "0:1"],
@@ -140,7 +141,7 @@ def test_the_printed_command_trains_a_network_for_the_capture(run, camera, argum
     frames = np.random.default_rng(0).random((4, 256, 512)) < 0.2
     np.packbits(frames, axis=2, bitorder="little").tofile("raw frames.bin")
     flipped = bits.to_array()[:, ::-1]
-    jl.save(jl.Bits.from_array(np.rot90(flipped, -1, (1, 2))), "turned.npy")
+    jl.save(jl.Bits.from_array(np.rot90(flipped, -1, (1, 2))), "rotated.npy")
     np.save("odd.npy", jl.Bits.from_array(bits.to_array()[:, :, :253]).packed)
     np.save("small.npy", np.stack([bits[:3].counts(), bits[3:6].counts()]).astype(np.uint8))
     np.save("dark.npy", np.full(PHOTO.shape, 0.01))

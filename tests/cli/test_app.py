@@ -68,8 +68,8 @@ def test_a_name_that_begins_with_a_hyphen_follows_two_hyphens(run):
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_each_shell_has_a_completion_script(shell):
     script = app.generate_completion(shell=shell)
-    for word in ("reconstruct", "fine-tune", "frame-range"):
-        assert word in script
+    for text in ("reconstruct", "fine-tune", "frame-range"):
+        assert text in script
 
 
 def test_help_loads_no_heavy_package():
@@ -82,7 +82,7 @@ def test_help_loads_no_heavy_package():
     assert not heavy & set(loaded)
 
 
-FUNCTIONS = {"admm-tv": jl.admm_tv, "mle-iterative": jl.mle_iterative}
+ITERATIVE = {"admm-tv": jl.admm_tv, "mle-iterative": jl.mle_iterative}
 
 
 def test_version_is_printed_and_help_lists_every_command(run):
@@ -111,7 +111,7 @@ def test_help_shows_the_defaults(run):
 def test_help_lists_the_iterative_methods_and_their_options(run):
     for command in ("reconstruct", "compare", "evaluate"):
         output = run(command, "--help")[1]
-        assert all(name in output for name in FUNCTIONS)
+        assert all(name in output for name in ITERATIVE)
     output = run("reconstruct", "--help")[1]
     for option in ("--weight", "--norm", "--tol", "--max-iter", "isotropic", "anisotropic"):
         assert option in output

@@ -12,8 +12,8 @@ import jotlight as jl
 from jotlight.cli import console
 from jotlight.evaluation.methods import METHODS
 
-FUNCTIONS = {"admm-tv": jl.admm_tv, "mle-iterative": jl.mle_iterative}
-TITLES = {name: METHODS[name].title for name in FUNCTIONS}
+ITERATIVE = {"admm-tv": jl.admm_tv, "mle-iterative": jl.mle_iterative}
+TITLES = {name: METHODS[name].title for name in ITERATIVE}
 
 
 @pytest.fixture(autouse=True)

@@ -13,8 +13,8 @@ import pytest
 import jotlight as jl
 from jotlight.evaluation.methods import METHODS
 
-FUNCTIONS = {"admm-tv": jl.admm_tv, "mle-iterative": jl.mle_iterative}
-TITLES = {name: METHODS[name].title for name in FUNCTIONS}
+ITERATIVE = {"admm-tv": jl.admm_tv, "mle-iterative": jl.mle_iterative}
+TITLES = {name: METHODS[name].title for name in ITERATIVE}
 BOX = jl.Sensor(oversampling=4)
 
 
@@ -83,7 +83,7 @@ def read_terminal(leader):
             yield text.decode(errors="replace")
 
 
-@pytest.mark.parametrize("method", FUNCTIONS)
+@pytest.mark.parametrize("method", ITERATIVE)
 def test_the_iteration_and_the_residual_are_shown_on_a_terminal(tmp_path, method):
     bits = BOX.expose(jl.datasets.photograph("camera")[100:120, 180:204], rng=1)
     jl.save(bits, tmp_path / "box.npy")
@@ -92,7 +92,7 @@ def test_the_iteration_and_the_residual_are_shown_on_a_terminal(tmp_path, method
         *_, text = texts
         assert child.wait() == 0
     # The last iteration is always shown. Its residual is within the tolerance.
-    last = FUNCTIONS[method](bits, BOX, tol=0.002, return_history=True)[1].iterations
+    last = ITERATIVE[method](bits, BOX, tol=0.002, return_history=True)[1].iterations
     found = re.findall(r"iteration (\d+), residual (\S+) \(to 0\.002\)", text)
     assert int(found[-1][0]) == last
     assert float(found[-1][1]) <= 0.002

@@ -20,16 +20,16 @@ SHORT_RUN = ["--steps", 3, "--batch", 2, "--patch", 24, "--device", "cpu", "--th
 
 
 @pytest.fixture
-def learn(run, tmp_path):
+def run_fine_tune(run, tmp_path):
     """Return a function that fine-tunes a K-conditioned network on a capture of a photograph."""
     jl.save(SENSOR.expose(SCENE, rng=0), tmp_path / "capture.npy")
     jl.Network.conditional("small", rng=0).save(tmp_path / "start.safetensors")
 
-    def learn(*arguments, capture="capture.npy", start="start.safetensors"):
+    def run_fine_tune(*arguments, capture="capture.npy", start="start.safetensors"):
         starts = [] if start is None else ["--start", start]
         return run("fine-tune", capture, "-o", OWN, *starts, *SHORT_RUN, *arguments)
 
-    return learn
+    return run_fine_tune
 
 
 def files(folder):
@@ -40,8 +40,8 @@ def held_out(name=OWN):
     return History.from_json(jl.Network.load(name).history["fine tuning"]["records"]).held_out
 
 
-def test_the_held_out_bits_of_a_capture_become_more_likely(learn, run, tmp_path):
-    status, output = learn(
+def test_the_held_out_bits_of_a_capture_become_more_likely(run_fine_tune, run, tmp_path):
+    status, output = run_fine_tune(
         "--steps", 60, "--batch", 8, "--learning-rate", 3e-3, "--plot", "run.png"
     )
     assert status == 0
@@ -64,8 +64,8 @@ def test_the_held_out_bits_of_a_capture_become_more_likely(learn, run, tmp_path)
     assert f"held out {before:.5f} to {after:.5f} nats per bit" in " ".join(info.split())
 
 
-def test_the_network_equals_that_of_python(learn):
-    assert learn("--seed", 7, "--learning-rate", 0.002)[0] == 0
+def test_the_network_equals_that_of_python(run_fine_tune):
+    assert run_fine_tune("--seed", 7, "--learning-rate", 0.002)[0] == 0
     own, history = jl.torch.fine_tune(
         jl.Network.load("start.safetensors"), jl.open("capture.npy"), steps=3, batch=2, patch=24,
         learning_rate=0.002, rng=7, device="cpu", threads=1,
@@ -74,7 +74,7 @@ def test_the_network_equals_that_of_python(learn):
     np.testing.assert_array_equal(held_out(), history.held_out)
 
 
-def test_the_defaults_are_those_of_python(learn, run):
+def test_the_defaults_are_those_of_python(run_fine_tune, run):
     start = ["--start", "start.safetensors"]
     arguments = ["fine-tune", "capture.npy", "-o", OWN, *start, "--steps", 1]
     assert run(*arguments)[0] == 0
@@ -86,7 +86,7 @@ def test_the_defaults_are_those_of_python(learn, run):
     assert (settings["batch"], settings["patch"]) == (16, 48)
 
 
-def test_without_a_start_the_chosen_network_is_printed(learn, monkeypatch):
+def test_without_a_start_the_chosen_network_is_printed(run_fine_tune, monkeypatch):
     small = jl.Network.conditional("small", rng=0)
     asked = []
 
@@ -95,51 +95,51 @@ def test_without_a_start_the_chosen_network_is_printed(learn, monkeypatch):
         return small
 
     monkeypatch.setattr(fine_tune, "pretrained", pretrained)
-    status, output = learn(start=None)
+    status, output = run_fine_tune(start=None)
     assert status == 0
     assert asked == [(SENSOR, "medium")]
     assert "starts from the medium network that ships with jotlight" in output
 
 
-def test_capture_options_are_those_of_reconstruct(learn, run, tmp_path):
+def test_capture_options_are_those_of_reconstruct(run_fine_tune, run, tmp_path):
     """Counts in an archive, selected and flipped frames, and the options of the sensor."""
     counts = SENSOR.expose(SCENE, rng=0).counts()
     np.savez(tmp_path / "sets.npz", a=counts, b=counts[:40])
     capture = {"capture": "sets.npz"}
     arguments = ["--key", "b", "--frames", 8, "--rotate", 90, "--dark-counts", 0.01]
-    status, output = learn(*arguments, **capture)
+    status, output = run_fine_tune(*arguments, **capture)
     assert status == 0
     assert "Sensor(frames=8, dark_counts=0.01)" in output
     again = "reconstruct sets.npz --rotate 90 --key b --frames 8 --dark-counts 0.01"
     assert f"jotlight {again} --model {OWN} -o image.png" in output
     assert run(*again.split(), "--model", OWN, "-o", "out.npy")[0] == 0
     assert np.load("out.npy").shape == (64, 40)
-    status, output = learn("--frame-range", "2:6", "--flip", "horizontal", "--restart")
+    status, output = run_fine_tune("--frame-range", "2:6", "--flip", "horizontal", "--restart")
     assert status == 0
     assert "frames 2:6 of 8" in output
     assert jl.Network.load(OWN).history["fine tuning"]["run"]["sensor"]["frames"] == 4
 
 
-def test_a_network_for_one_sensor_keeps_its_range(learn, tmp_path):
+def test_a_network_for_one_sensor_keeps_its_range(run_fine_tune, tmp_path):
     jl.Network.initial(SENSOR.replace(max_intensity=2.0)).save("two.safetensors")
-    assert learn(start="two.safetensors")[0] == 0
+    assert run_fine_tune(start="two.safetensors")[0] == 0
     assert jl.Network.load(OWN).sensor.max_intensity == 2
 
 
-def test_a_calibration_changes_the_likelihood(learn, run, tmp_path):
+def test_a_calibration_changes_the_likelihood(run_fine_tune, run, tmp_path):
     dark = jl.Sensor(frames=200, dark_counts=0.05).expose(np.zeros((64, 64)), rng=1)
     jl.save(dark, tmp_path / "dark.npy")
     assert run("calibrate", "dark.npy", "-o", "c.safetensors")[0] == 0
-    status, output = learn("--calibration", "c.safetensors")
+    status, output = run_fine_tune("--calibration", "c.safetensors")
     assert status == 0
     assert "--calibration c.safetensors" in output.split("Reconstruct with it")[1]
     other = jl.Network.load(OWN).history["fine tuning"]["run"]["capture"]
-    assert learn()[0] == 0
+    assert run_fine_tune()[0] == 0
     assert jl.Network.load(OWN).history["fine tuning"]["run"]["capture"] != other
 
 
 @pytest.mark.parametrize("step", [0, 2])
-def test_a_resumed_run_equals_an_uninterrupted_one(learn, tmp_path, monkeypatch, step):
+def test_a_resumed_run_equals_an_uninterrupted_one(run_fine_tune, tmp_path, monkeypatch, step):
     tune = fine_tuning.fine_tune
 
     def stopped(*positional, callback, **options):
@@ -152,27 +152,27 @@ def test_a_resumed_run_equals_an_uninterrupted_one(learn, tmp_path, monkeypatch,
 
     with monkeypatch.context() as patched:
         patched.setattr(fine_tuning, "fine_tune", stopped)
-        status, output = learn()
+        status, output = run_fine_tune()
     assert status == 130
     assert f"The run so far is kept in {CHECKPOINT}" in output
     assert OWN not in files(tmp_path)
-    status, output = learn()
+    status, output = run_fine_tune()
     assert status == 1
     assert "add --resume" in output
-    status, output = learn("--resume", "--seed", 1)
+    status, output = run_fine_tune("--resume", "--seed", 1)
     assert status == 1
     assert "seed is 0 in the file and 1 in this run" in output
-    assert learn("--resume")[0] == 0
+    assert run_fine_tune("--resume")[0] == 0
     resumed = jl.Network.load(OWN)
-    assert learn()[0] == 0
+    assert run_fine_tune()[0] == 0
     whole = jl.Network.load(OWN)
     np.testing.assert_array_equal(parameter_vector(resumed), parameter_vector(whole))
     assert resumed.history == whole.history
     assert CHECKPOINT not in files(tmp_path)
 
 
-def test_a_run_without_improvement_is_reported_and_keeps_the_start(learn):
-    status, output = learn("--learning-rate", 30)
+def test_a_run_without_improvement_is_reported_and_keeps_the_start(run_fine_tune):
+    status, output = run_fine_tune("--learning-rate", 30)
     assert status == 0
     assert "no improvement" in output
     start, own = (parameter_vector(jl.Network.load(name)) for name in ("start.safetensors", OWN))
@@ -189,8 +189,8 @@ def test_a_run_without_improvement_is_reported_and_keeps_the_start(learn):
         (["-o", "start.safetensors"], "start.safetensors: this file is read"),
     ],
 )
-def test_bad_input_gets_one_line(learn, tmp_path, arguments, expected):
-    status, output = learn(*arguments)
+def test_bad_input_gets_one_line(run_fine_tune, tmp_path, arguments, expected):
+    status, output = run_fine_tune(*arguments)
     assert status == 1
     assert expected in output
     assert len(output.splitlines()) == 1
@@ -210,8 +210,8 @@ def test_bad_input_gets_one_line(learn, tmp_path, arguments, expected):
         ["--white", 9],
     ],
 )
-def test_options_of_train_are_unknown(learn, tmp_path, arguments):
-    status, output = learn(*arguments)
+def test_options_of_train_are_unknown(run_fine_tune, tmp_path, arguments):
+    status, output = run_fine_tune(*arguments)
     assert status == 2
     assert output.startswith("error: Un")
     assert OWN not in files(tmp_path)
@@ -229,10 +229,10 @@ def test_options_of_train_are_unknown(learn, tmp_path, arguments):
     ],
 )
 def test_an_unsuitable_capture_is_refused_with_the_reason(
-    learn, tmp_path, sensor, arguments, expected
+    run_fine_tune, tmp_path, sensor, arguments, expected
 ):
     jl.save(jl.Sensor(**sensor).expose(SCENE, rng=0), tmp_path / "other.npy")
-    status, output = learn(*arguments, capture="other.npy", start=None)
+    status, output = run_fine_tune(*arguments, capture="other.npy", start=None)
     assert status == 1
     assert expected in output
     assert output.splitlines()[-1].startswith("error: ")
@@ -245,7 +245,9 @@ def test_capture_options_need_a_capture(run, photo_folder):
     assert "rotate: is for a capture; name one with --sensor" in output
 
 
-def test_only_the_first_of_several_processes_prints_and_writes(learn, tmp_path, monkeypatch):
+def test_only_the_first_of_several_processes_prints_and_writes(
+    run_fine_tune, tmp_path, monkeypatch
+):
     tune, received = fine_tuning.fine_tune, {}
 
     def tuned(*positional, **options):
@@ -255,6 +257,6 @@ def test_only_the_first_of_several_processes_prints_and_writes(learn, tmp_path, 
     (tmp_path / CHECKPOINT).write_bytes(b"of the first process")
     monkeypatch.setattr(fine_tuning, "fine_tune", tuned)
     monkeypatch.setattr(distributed, "rank", lambda: 1)
-    assert learn() == (0, "")
+    assert run_fine_tune() == (0, "")
     assert "callback" not in received
     assert OWN not in files(tmp_path)

@@ -11,8 +11,6 @@ from jotlight.formats.writing import write_capture
 from jotlight.sensing.provenance import Provenance
 
 COUNTS = np.random.default_rng(0).integers(0, 5, (6, 9), np.uint8)
-
-
 COUNTS[0, :2] = 0, 4
 
 

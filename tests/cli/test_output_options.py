@@ -118,7 +118,7 @@ def test_a_video_has_the_estimate_of_each_window(run, capture, tmp_path, method)
         (["-o", "a.npy", "--units", "lux"], "expected one of intensity, photons"),
         (["-o", "a.npy", "--preview", "b.tif"], "a name in .png or .jpg"),
         (["-o", "a.npy", "--preview", "known.npy"], "a name in .png or .jpg"),
-        (["-o", "a.npy", "--uncertainty", "known.npy"], "give another name"),
+        (["-o", "a.npy", "--uncertainty", "known.npy"], "choose another name"),
         (["-o", "a.npy", "--uncertainty", "a.npy"], "the same name twice"),
         (["-o", "a.npy", "--uncertainty", "u.png"], "ends in .npz, .npy, .tif"),
         (["-o", "a.npy", "--uncertainty", "u.npz", "--level", 2], "expected a number in [0.5, 1)"),

@@ -11,7 +11,6 @@ import pytest
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="sends signals")
 
-
 NEEDS = {"out.h5": "h5py", "out.zarr": "zarr"}
 
 

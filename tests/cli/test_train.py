@@ -32,14 +32,14 @@ def test_a_folder_of_images_trains_the_same_network_as_python(run, photo_folder,
     assert status == 0
     assert f"{NETWORK}: trained in 3 steps" in output
     sensor = jl.Sensor(oversampling=4, frames=2)
-    learned, history = jl.train(
+    trained, history = jl.train(
         jl.Network.initial(sensor), read_image_set(photo_folder)[1],
         optimizer="adam", steps=3, batch=4, patch=24, rng=7,
     )  # fmt: skip
     network = jl.Network.load(NETWORK)
     assert network.sensor == sensor
-    assert_same(network, learned)
-    assert network.history["run"] == learned.history["run"]
+    assert_same(network, trained)
+    assert network.history["run"] == trained.history["run"]
     assert f"cost {history.loss[0]:.4g} to {history.loss[-1]:.4g}" in output
     assert files(tmp_path) == [NETWORK, "photos"]
 
@@ -53,8 +53,8 @@ def test_the_other_commands_accept_the_network(run, photo_folder):
     assert run("train", photo_folder, "-o", NETWORK, *SMALL, "-k", 3, "-t", 2)[0] == 0
     status, output = run("info", NETWORK)
     assert status == 0
-    for word in ("network", "oversampling=3, frames=2", "Adam", "photos"):
-        assert word in output
+    for text in ("network", "oversampling=3, frames=2", "Adam", "photos"):
+        assert text in output
     status, output = run("evaluate", photo_folder, "--model", NETWORK)
     assert status == 0
     assert "3 images, Sensor(oversampling=3, frames=2)" in output
@@ -132,11 +132,11 @@ def test_plot_draws_a_figure(run, photo_folder, tmp_path, ending):
 def test_every_option_reaches_the_run(run, photo_folder, monkeypatch):
     received = {}
 
-    def learn(network, images, sensor, **options):
+    def stop_training(network, images, sensor, **options):
         received.update(options, network=network, sensor=sensor)
         raise ValueError("stop here")
 
-    monkeypatch.setattr(jl.training, "train", learn)
+    monkeypatch.setattr(jl.training, "train", stop_training)
     options = ["-k", 2, "-t", 3, "--gain", 6, "-q", 2, "--kernel", "cubic", "--sigma", 1.5]
     options += ["--dark-counts", 0.1, "--efficiency", 0.5, "--max-intensity", 2, "--untied"]
     options += ["--learning-rate", 0.125, "--threads", 1, "--seed", 9]
@@ -203,8 +203,8 @@ def test_on_a_terminal_a_live_line_shows_the_run(photo_folder, tmp_path):
         shown += part
     os.close(leader)
     assert child.wait() == 0
-    for word in (b"step 3/3", b"cost ", b"gradient ", b"test ", b"left", b"\x1b["):
-        assert word in shown
+    for text in (b"step 3/3", b"cost ", b"gradient ", b"test ", b"left", b"\x1b["):
+        assert text in shown
 
 
 @pytest.mark.parametrize(
@@ -275,8 +275,8 @@ def test_test_images_have_their_own_key_and_info_plots_the_run(run, tmp_path):
     arguments = ["--key", "scenes", "--test", "two.npz", "--test-key", "tests", "--batch", 4]
     assert run("train", "two.npz", "-o", NETWORK, "--steps", 1, *arguments)[0] == 0
     records = jl.Network.load(NETWORK).history["records"]
-    learned = jl.evaluate(jl.Network.load(NETWORK), tests, jl.Sensor(oversampling=4))
-    assert abs(records["test_psnr"][-1] - learned.mean("psnr")) < 3
+    trained = jl.evaluate(jl.Network.load(NETWORK), tests, jl.Sensor(oversampling=4))
+    assert abs(records["test_psnr"][-1] - trained.mean("psnr")) < 3
     status, _ = run("info", NETWORK, "--plot", "run.png")
     assert status == 0
     assert (tmp_path / "run.png").stat().st_size > 10_000

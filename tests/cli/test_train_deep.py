@@ -28,7 +28,7 @@ def assert_same(first, second):
 
 def stop(monkeypatch, run, *arguments, step):
     """Run the command and press Ctrl-C at the end of a step, after the next has begun."""
-    learn = training.train
+    train = training.train
 
     def stopped(*positional, callback, **options):
         def interrupt(record):
@@ -36,7 +36,7 @@ def stop(monkeypatch, run, *arguments, step):
             if record.step == step:
                 raise KeyboardInterrupt
 
-        return learn(*positional, callback=interrupt, **options)
+        return train(*positional, callback=interrupt, **options)
 
     with monkeypatch.context() as patched:
         patched.setattr(training, "train", stopped)
@@ -62,14 +62,14 @@ def test_a_folder_of_images_trains_the_same_network_as_python(run, photo_folder,
     assert "test PSNR" in output
     sensor = jl.Sensor(oversampling=4, frames=2)
     images = read_image_set(photo_folder)[1]
-    learned, history = jl.torch.train(
+    trained, history = jl.torch.train(
         jl.Network.residual(sensor, "small", rng=7), images, sensor, steps=3, batch=2,
         learning_rate=0.002, rng=7, test=images, device="cpu", threads=1,
     )  # fmt: skip
     network = jl.Network.load(NETWORK)
     assert network.sensor == sensor
-    np.testing.assert_array_equal(parameter_vector(network), parameter_vector(learned))
-    assert network.history["records"] == learned.history["records"]
+    np.testing.assert_array_equal(parameter_vector(network), parameter_vector(trained))
+    assert network.history["records"] == trained.history["records"]
     assert history.steps.tolist() == [0, 1, 2, 3]
     assert np.isfinite(history.test_psnr[-1])
     assert files(tmp_path) == [NETWORK, "photos", "run.png"]
@@ -172,15 +172,15 @@ def test_a_missing_gpu_is_an_error(run, photo_folder):
 def test_only_the_first_of_several_processes_prints_and_writes(
     run, photo_folder, tmp_path, monkeypatch
 ):
-    learn, received = training.train, {}
+    train, received = training.train, {}
 
-    def learned(*positional, checkpoint, **options):
+    def train_without_checkpoint(*positional, checkpoint, **options):
         # Only the first process writes it, and this test runs in one process.
         received.update(options, checkpoint=checkpoint)
-        return learn(*positional, **options)
+        return train(*positional, **options)
 
     (tmp_path / CHECKPOINT).write_bytes(b"of the first process")
-    monkeypatch.setattr(training, "train", learned)
+    monkeypatch.setattr(training, "train", train_without_checkpoint)
     monkeypatch.setattr(distributed, "rank", lambda: 1)
     status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, "--plot", "run.png")
     assert (status, output) == (0, "")

@@ -30,7 +30,7 @@ def assert_same(first, second):
 
 def stop(monkeypatch, run, photo_folder, *arguments, step=1):
     """Run the command and press Ctrl-C at the end of a step."""
-    learn = jl.training.train
+    train = jl.training.train
 
     def stopped(*positional, callback, **options):
         def interrupt(record):
@@ -38,7 +38,7 @@ def stop(monkeypatch, run, photo_folder, *arguments, step=1):
             if record.step == step:
                 raise KeyboardInterrupt
 
-        return learn(*positional, callback=interrupt, **options)
+        return train(*positional, callback=interrupt, **options)
 
     with monkeypatch.context() as patched:
         patched.setattr(jl.training, "train", stopped)
@@ -283,11 +283,11 @@ def test_training_for_a_capture_has_a_time_limit_unless_steps_are_set(
     jl.save(jl.Sensor(frames=4).expose(np.full((16, 16), 0.5), rng=0), "capture.npy")
     found = []
 
-    def learn(*_, **options):
+    def stop_training(*_, **options):
         found.append(options["seconds"])
         raise ValueError("stop here")
 
-    monkeypatch.setattr(jl.training, "train", learn)
+    monkeypatch.setattr(jl.training, "train", stop_training)
     assert "stop here" in run("train", photo_folder, "-o", NETWORK, *arguments)[1]
     assert found == [seconds]
 

@@ -189,7 +189,7 @@ UNEQUAL = jl.Sensor(oversampling=2, dark_counts=np.linspace(0, 1, 16).reshape(4,
         ([[1]], jl.Sensor(mask=np.zeros((2, 2), bool)), ValueError, "mask: expected one value"),
         ([[1]], jl.Sensor(dark_counts=np.zeros((2, 2))), ValueError, "dark_counts: expected one"),
         ([[1]], SENSOR_2X2.replace(mask=np.zeros((2, 2), bool)), ValueError, "the bits are needed"),
-        (np.ones((2, 2), int), UNEQUAL, ValueError, "the bits are needed"),
+        (np.ones((2, 2), int), UNEQUAL, ValueError, "expected bits, because"),
         (
             jl.Bits.from_array(np.ones((2, 4, 4), bool)),
             SENSOR_2X2,

@@ -58,14 +58,14 @@ def test_the_channels_of_a_color_image_are_estimated_independently(method, kerne
         (BITS, None, {}, TypeError, "sensor: expected a jotlight.Sensor, got NoneType"),
         (PROBLEM, SENSOR, {}, TypeError, "sensor: expected none, since a Problem has its own"),
         (PROBLEM, None, {"start": np.zeros(5)}, ValueError, r"shape \(4,\), got \(5,\)"),
-        (np.ones((4, 4), int), SMOOTH, {}, ValueError, "cubic kernel .* the bits are needed"),
-        (np.ones((4, 4), int), UNEQUAL, {}, ValueError, "dark counts the bits are needed"),
+        (np.ones((4, 4), int), SMOOTH, {}, ValueError, "expected bits, because .* cubic kernel"),
+        (np.ones((4, 4), int), UNEQUAL, {}, ValueError, "expected bits, because .* dark counts"),
         (
             SENSOR.expose(scene(4, 4), rng=0),
             SMOOTH,
             {},
             ValueError,
-            "kernel: expected 'box', with which the bits were made, got 'cubic'",
+            "kernel: expected 'box', the kernel of the bits' own sensor, got 'cubic'",
         ),
         (
             BITS,

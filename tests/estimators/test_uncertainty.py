@@ -146,7 +146,7 @@ def test_a_confidence_level_out_of_range_is_refused(level):
 
 
 def test_counts_are_refused_where_jots_of_a_pixel_differ():
-    with pytest.raises(ValueError, match="the bits are needed"):
+    with pytest.raises(ValueError, match="expected bits, because"):
         jl.uncertainty(
             np.zeros((1, 1), int),
             jl.Sensor(oversampling=2, dark_counts=np.array([[0.0, 0.1], [0.0, 0.0]])),

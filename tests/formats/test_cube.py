@@ -146,7 +146,7 @@ def test_a_map_that_jotlight_did_not_write_is_never_overwritten(tmp_path):
     np.save(stranger, np.arange(3))
     sensor = jl.Sensor(mask=np.zeros((4, 8), bool))
     bits = jl.Bits.from_array(np.ones((1, 4, 8), bool), sensor)
-    with pytest.raises(FileExistsError, match=r"capture\.mask\.npy stands where"):
+    with pytest.raises(FileExistsError, match=r"capture\.mask\.npy would be overwritten"):
         jl.save(bits, tmp_path / "capture.npy")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["capture.mask.npy"]
     assert np.load(stranger).tolist() == [0, 1, 2]

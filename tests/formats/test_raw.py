@@ -39,7 +39,7 @@ def test_an_incomplete_last_frame_is_left_out_with_a_warning(name, tmp_path):
     size, encode = RAW[name]
     array = random_frames((2, *size))
     (tmp_path / "a.bin").write_bytes(encode(array)[:-6])
-    with pytest.warns(jl.JotlightWarning, match=r"1 whole frame.* left over"):
+    with pytest.warns(jl.JotlightWarning, match=r"1 complete frame.* left over"):
         bits = jl.open(tmp_path / "a.bin", format=name)
     np.testing.assert_array_equal(bits.to_array(), array[:1])
 
@@ -85,7 +85,7 @@ def test_compressed_frames_are_read_in_any_order(name, tmp_path):
 @pytest.mark.parametrize("beginning", [b"\x93NUMPY", b"\x1f\x8b\x08", b"\x89PNG\r\n\x1a\n"])
 def test_files_of_other_types_are_refused(name, beginning, tmp_path):
     (tmp_path / "a.bin").write_bytes(beginning + bytes(40000))
-    with pytest.raises(ValueError, match=r"a\.bin: expected raw frames, and its first bytes"):
+    with pytest.raises(ValueError, match=r"a\.bin: expected raw frames, but its first bytes"):
         jl.open(tmp_path / "a.bin", format=name)
 
 

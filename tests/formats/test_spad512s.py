@@ -34,7 +34,7 @@ def test_a_trailer_is_removed_after_an_incomplete_frame(name, cut, tmp_path):
         bits = jl.open(tmp_path / "a.bin")
     assert bits.provenance.format == name
     np.testing.assert_array_equal(bits.to_array(), array[: 1 if cut else 2])
-    assert ["1 whole frame" in str(one.message) for one in caught] == [True] * (cut > 0)
+    assert ["1 complete frame" in str(one.message) for one in caught] == [True] * (cut > 0)
 
 
 @pytest.mark.parametrize("ended", [0, 1])

@@ -81,7 +81,7 @@ def test_frames_can_lie_in_a_folder_below_but_not_elsewhere(tmp_path):
         ({"h": 10**30}, "describe frames"),
         ({"c": 3}, "describe frames"),
         ({"bitpack_dim": 3}, "bitpack_dim: expected 1 or 2"),
-        ({"frames": []}, "none of it 0"),
+        ({"frames": []}, "without a dimension of 0"),
         ({"frames": 7}, "list of frames"),
     ],
 )

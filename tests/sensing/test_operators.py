@@ -291,7 +291,7 @@ def test_a_check_without_draws_is_refused():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"shape": ()}, r"shape: expected \(H, W\) or \(N,\), none of it 0, got \(\)"),
+        ({"shape": ()}, r"shape: expected \(H, W\) or \(N,\), without a dimension of 0, got \(\)"),
         ({"shape": (0,)}, r"shape: .*got \(0,\)"),
         ({"shape": (3, 0)}, r"shape: .*got \(3, 0\)"),
         ({"shape": (-1, 2)}, r"shape: .*got \(-1, 2\)"),

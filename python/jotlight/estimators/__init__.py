@@ -6,5 +6,5 @@ In reading order:
 * variance stabilization: ``vst`` (equations 6 and 7), ``denoise``, ``noniterative``;
 * iterative methods: ``problem`` (equation 4), ``convergence``, ``mle_iterative``, ``tv``, ``admm``
   with ``admm_terms`` and ``linear_solver``;
-* what an estimate is worth: ``uncertainty`` with ``light_inversion``, ``planning``, ``brightness``.
+* quality of an estimate: ``uncertainty`` with ``light_inversion``, ``planning``, ``brightness``.
 """

@@ -33,19 +33,19 @@ BALANCE_INTERVAL = 10
 """Iterations between two adjustments of the penalties."""
 
 _BALANCE = 0.1
-"""The weight of the dual residual. The run ends at tol primal and tol/0.1 dual."""
+"""The weight of the dual residual: the run ends at a primal one of tol and a dual one of 10 tol."""
 
 _BALANCE_DAMPING = 0.8
-"""The exponent that successive adjustments of the penalties shrink by, so that they end."""
+"""The factor by which each adjustment of the penalties weakens the next, so that they end."""
 
 _DARK = 1e-3
-"""The primal residual is relative to the image, or to this share of S where it is darker."""
+"""The minimum intensity that the primal residual is relative to, as a fraction of S."""
 
 _MIN_FORCE = 0.1
-"""The share of the likelihood's stiffness that counts as a force even without multipliers."""
+"""The minimum force that the dual residual is relative to, as a fraction of the stiffness."""
 
 _MIN_LIGHT = 1e-6
-"""The share of the brightest light that replaces no light where a bit is 1."""
+"""The light that replaces a light of 0 where a bit is 1, as a fraction of the maximum light."""
 
 _CG_TOLERANCE = 1e-6
 """The relative residual of the linear step, unless 0.01 `tol` is smaller."""
@@ -111,7 +111,7 @@ def admm_tv(
         λ ≥ 0 in nats per unit of intensity: a number, or a map with one value for each pixel.
         Default: :func:`jotlight.estimators.tv.automatic_weight` chooses it from the data.
     norm : {"isotropic", "anisotropic"}
-        TV is the sum over the pixels of √(down² + right²), or of abs(down) + abs(right).
+        TV sums √(down² + right²) over the pixels, or abs(down) + abs(right).
     start : array_like of float, optional
         The initial image, of the shape of the estimate. A start near the solution saves
         iterations. Default: the same intensity everywhere.
@@ -149,12 +149,12 @@ def admm_tv(
     -----
     The alternating direction method of multipliers splits A c = s, D c = v and, where the cells
     are jots, c = w in [0, S] (Chan and Lu 2014). The residuals and the stopping rule follow Boyd et
-    al. (2011), section 3.3, and the balance of the penalties Wohlberg (2017). The step in s solves
-    a scalar problem for each cell. The step in v is a shrinkage. The step in c is diagonal in the
-    cosine basis, except for a few steps of conjugate gradients where K̂ and the degree of the kernel
-    are both odd.
+    al. (2011), section 3.3. The adjustment of the penalties follows Wohlberg (2017). The step in s
+    solves a scalar problem for each cell. The step in v is a shrinkage. The step in c is diagonal
+    in the cosine basis. It requires a few steps of conjugate gradients only if K̂ and the degree of
+    the kernel are both odd.
 
-    Pixels without a valid jot take part. The total variation alone determines them.
+    Total variation alone determines the pixels without a valid jot.
 
     Examples
     --------
@@ -195,7 +195,7 @@ def _minimize(
     equations = NormalEquations(operator, min(_CG_TOLERANCE, 0.01 * monitor.tol), threads)
     information = _mean_information(problem, level)
     stiffness = information * equations.gain**2
-    # The stiffness of the likelihood is about its information. It sets the scale of the penalties.
+    # The information approximates the stiffness of the likelihood, which scales the penalties.
     smoothness = max(INITIAL_PENALTY * float(np.mean(weight)) / level, 1e-2 * stiffness)
     variation = VariationTerm(weight, norm, smoothness, image, threads)
     if isinstance(operator, Scaling):
@@ -232,7 +232,7 @@ def _mean_information(problem: Problem, level: float) -> float:
     """Return the mean Fisher information of a cell about its light, at a constant intensity."""
     light = problem.operator.forward(np.full(problem.operator.input_shape, level))
     information = float(np.mean(problem.likelihood.information(light)))
-    # Near saturation hardly any information remains. Then the light itself bounds it from below.
+    # Near saturation the information vanishes, so it is bounded from below.
     bound = 1e-9 * float(np.mean(problem.likelihood.trials) / light.mean() ** 2)
     return max(information, bound)
 
@@ -240,21 +240,21 @@ def _mean_information(problem: Problem, level: float) -> float:
 def _update(
     terms: list[SplittingTerm], image: Array, dark: float, min_force: float
 ) -> tuple[float, float]:
-    """Update all terms; return the relative primal and dual residuals.
+    """Return the relative primal and dual residuals, after updating all terms.
 
-    `dark` is the intensity that bounds the denominator of the primal residual from below, and
-    `min_force` the stiffness that does so for the dual one.
+    The intensity `dark` bounds the denominator of the primal residual from below. The stiffness
+    `min_force` bounds that of the dual residual.
     """
     distances, changes = zip(*(term.update(image) for term in terms), strict=True)
     primal = _relative(sum(distances), _square_sum(image) + image.size * dark**2)
-    # Without a prior the multipliers vanish. Then the stiffness of the likelihood is the scale.
+    # Without a prior the multipliers vanish, and the stiffness of the likelihood is the scale.
     forces = sum(_square_sum(term.multiplier_force()) for term in terms)
     forces += min_force**2 * _square_sum(image)
     return primal, _relative(_square_sum(_sum(changes)), forces)
 
 
 def _finite_log_likelihood(problem: Problem, estimate: Array, min_light: float) -> float:
-    """Return ℓ of the estimate. Rounding to no light at a bit of 1 must not make it infinite."""
+    """Return ℓ of the estimate, finite even if rounding leaves a bit of 1 without light."""
     value = problem.log_likelihood(estimate)
     if np.isfinite(value):
         return value

@@ -29,8 +29,8 @@ class SplittingTerm(abc.ABC):
 
     def __init__(self, penalty: float, x: Array, dual: Array) -> None:
         self.penalty, self.x, self.dual = penalty, x, dual
-        self._back = self.adjoint(x)
-        self._back_dual = self.adjoint(dual)
+        self._adjoint_of_x = self.adjoint(x)
+        self._adjoint_of_dual = self.adjoint(dual)
 
     @abc.abstractmethod
     def adjoint(self, array: Array) -> Array:
@@ -38,32 +38,32 @@ class SplittingTerm(abc.ABC):
 
     @abc.abstractmethod
     def update_split(self, image: Array) -> float:
-        """Update x and the multiplier; return ‖A c - x‖² in units of intensity."""
+        """Return ‖A c - x‖² in units of intensity, after updating x and the multiplier."""
 
     def update(self, image: Array) -> tuple[float, Array]:
-        """Update x and the multiplier; return the squared primal and the dual residual."""
+        """Return the squared primal residual, and the dual residual, after updating the term."""
         primal = self.update_split(image)
-        previous, self._back = self._back, self.adjoint(self.x)
-        self._back_dual = self.adjoint(self.dual)
-        return primal, self.penalty * (self._back - previous)
+        previous, self._adjoint_of_x = self._adjoint_of_x, self.adjoint(self.x)
+        self._adjoint_of_dual = self.adjoint(self.dual)
+        return primal, self.penalty * (self._adjoint_of_x - previous)
 
     def right_hand_side(self) -> Array:
         """Return ρ Aᵀ(x - dual), this term's part of the normal equations for c."""
-        return self.penalty * (self._back - self._back_dual)
+        return self.penalty * (self._adjoint_of_x - self._adjoint_of_dual)
 
     def multiplier_force(self) -> Array:
         """Return Aᵀ y of the multiplier y = ρ dual."""
-        return self.penalty * self._back_dual
+        return self.penalty * self._adjoint_of_dual
 
     def rescale(self, factor: float) -> None:
         """Multiply ρ by `factor` and leave the multiplier y as it is."""
         self.penalty *= factor
         self.dual /= factor
-        self._back_dual /= factor
+        self._adjoint_of_dual /= factor
 
 
 class DataTerm(SplittingTerm):
-    """The term -ℓ(s) of the light s = A c, for s between 0 and the light of the intensity S."""
+    """The term -ℓ(s) of the light s = A c. The light of the intensity S limits s."""
 
     def __init__(self, problem: Problem, penalty: float, gain: float, image: Array) -> None:
         self._operator, self._likelihood = problem.operator, problem.likelihood
@@ -71,8 +71,9 @@ class DataTerm(SplittingTerm):
         brightest = self._operator.forward(np.full(image.shape, problem.max_intensity))
         self.max_light = float(np.max(brightest))
         light = self._operator.forward(image)
-        # At the solution ρ dual is the gradient of ℓ. With that multiplier a start near the
-        # solution stays there. The gradient is unbounded for cells with ones but nearly no light.
+        # At the solution, ρ dual is the gradient of -ℓ. With this multiplier, a start near the
+        # solution stays near it. For cells with ones but nearly no light the gradient is unbounded,
+        # so it is clipped.
         gradient, _ = self._likelihood.gradient_and_curvature(light)
         inside = (light > 0) & (light < self.max_light)
         bound = float(light.mean())
@@ -84,7 +85,7 @@ class DataTerm(SplittingTerm):
         return self._operator.adjoint(array)
 
     def update_split(self, image: Array) -> float:
-        """Solve the scalar problem of every cell; return ‖A c - x‖² in units of intensity."""
+        """Return ‖A c - x‖² in units of intensity, after solving the problem of each cell."""
         light = self._operator.forward(image).reshape(-1)
         return (
             self._likelihood.admm_update(
@@ -111,7 +112,7 @@ class VariationTerm(SplittingTerm):
         self._rows = image.shape if image.ndim == 2 else (1, *image.shape)
         self._differences = differences(self._rows, threads=threads)
         planes = self._differences.forward(image.reshape(self._rows))
-        # Initially, the multiplier is the part of each difference that shrinkage removes.
+        # The first multiplier is the part of each difference that shrinkage removes.
         shrunk = planes.copy()
         engine.shrink(shrunk, self._weight / penalty, self._isotropic, threads)
         super().__init__(penalty, planes, planes - shrunk)
@@ -121,7 +122,7 @@ class VariationTerm(SplittingTerm):
         return self._differences.adjoint(array).reshape(self._shape)
 
     def update_split(self, image: Array) -> float:
-        """Shrink the differences; return ‖D c - x‖²."""
+        """Return ‖D c - x‖², after shrinking the differences."""
         return engine.total_variation_admm_update(
             (self.penalty, _RELAXATION),
             self._weight,
@@ -134,7 +135,7 @@ class VariationTerm(SplittingTerm):
 
 
 class BoxTerm(SplittingTerm):
-    """The constraint 0 ≤ c ≤ S, where the bounds of the light do not imply it."""
+    """The constraint 0 ≤ c ≤ S. It is required where the bounds of the light do not imply it."""
 
     def __init__(self, max_intensity: float, penalty: float, image: Array) -> None:
         self._max_intensity = max_intensity
@@ -145,7 +146,7 @@ class BoxTerm(SplittingTerm):
         return array
 
     def update_split(self, image: Array) -> float:
-        """Clip the image to [0, S]; return ‖c - x‖²."""
+        """Return ‖c - x‖², after clipping the image to [0, S]."""
         point = _RELAXATION * image + (1 - _RELAXATION) * self.x + self.dual
         self.x = np.clip(point, 0, self._max_intensity)
         self.dual = point - self.x

@@ -1,4 +1,4 @@
-"""The brightness of a scene, estimated from its own bits, and the sensor to train a network for."""
+"""The brightness of a scene, estimated from its bits, and a sensor to train a network for."""
 
 from functools import partial
 
@@ -13,13 +13,13 @@ from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
 _BLUR = 3.0
-"""The standard deviation in pixels of a Gaussian that keeps noise out of the brightest pixels."""
+"""The standard deviation, in pixels, of the Gaussian that removes noise before the quantile."""
 
 BRIGHTNESS_QUANTILE = 0.999
-"""The share of pixels that are darker than the brightness of the scene."""
+"""The fraction of the pixels that are darker than the brightness of the scene."""
 
 HEADROOM = 2.0
-"""The largest intensity of a network over the brightness. Highlights exceed the brightness."""
+"""The ratio of a network's maximum intensity to the brightness, which highlights exceed."""
 
 
 def detected_photons(sensor: Sensor) -> float:
@@ -56,7 +56,7 @@ def max_measurable_intensity(sensor: Sensor) -> float:
 def estimate_brightness(
     data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = None
 ) -> float:
-    """Return the intensity that 99.9 % of the pixels of a scene are darker than.
+    """Return the brightness of a scene: the intensity below which 99.9 % of its pixels are.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def estimate_brightness(
     Returns
     -------
     float
-        The quantile of the estimate smoothed by a Gaussian, above 0, in units of intensity.
+        The brightness in units of intensity, above 0. It is a quantile of a smoothed estimate.
 
     Raises
     ------
@@ -90,17 +90,17 @@ def estimate_brightness(
         denoiser=partial(gaussian, sigma=_BLUR),
         threads=threads,
     )
-    # A capture in darkness still needs a scale.
+    # The brightness is a scale, so it must not be 0 even for a capture in darkness.
     return max(float(np.quantile(estimate, BRIGHTNESS_QUANTILE)), 1e-3 * max_intensity)
 
 
 def training_sensor(
     data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = None
 ) -> tuple[Sensor, float]:
-    """Return the sensor that a network for this capture is trained for, and the brightness.
+    """Return the sensor to train a network for this capture with, and the brightness.
 
-    Photographs with intensities in [0, 1], multiplied by the brightness, are training scenes like
-    that of the capture.
+    Photographs with intensities in [0, 1] become suitable training scenes when they are multiplied
+    by the brightness.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ class Iteration:
 
     @property
     def progress(self) -> float:
-        """The completed share of the run in [0, 1], if each iteration shrinks it by one factor."""
+        """The completed fraction of the run in [0, 1], for a residual that decays exponentially."""
         if self.residual <= self.tol or self.tol >= 1:
             return 1.0
         return min(max(math.log(self.residual) / math.log(self.tol), 0.0), 1.0)
@@ -42,12 +42,12 @@ Callback = Callable[[Iteration], object]
 
 @dataclasses.dataclass(frozen=True)
 class ConvergenceHistory:
-    """The course of an iterative method, of one channel."""
+    """The history of an iterative method for one channel."""
 
     converged: bool
     """Whether the residuals reached `tol`."""
     residuals: dict[str, npt.NDArray[np.float64]]
-    """The residuals by name, one number for each iteration."""
+    """The residuals by name, with one number per iteration."""
     objective: float
     """The minimized function, -ℓ plus the method's prior, at the final estimate in float64."""
     weight: float | npt.NDArray[np.floating] = 0.0
@@ -100,7 +100,7 @@ class ConvergenceMonitor:
     Raises
     ------
     TypeError, ValueError
-        As :func:`check_stopping_rule`.
+        As in :func:`check_stopping_rule`.
 
     Examples
     --------
@@ -134,10 +134,10 @@ class ConvergenceMonitor:
         residuals: Mapping[str, float],
         tolerance_factors: Mapping[str, float] | None = None,
     ) -> bool:
-        """Record an iteration and return whether the method has to continue.
+        """Return whether the method has to continue, and record the iteration.
 
-        The residual of a name may reach `tol` times its factor in `tolerance_factors`. The default
-        factor is 1.
+        The tolerance of each residual is `tol` times its factor in `tolerance_factors`, by default
+        1.
         """
         self._residuals.append(residuals)
         factors = tolerance_factors or {}

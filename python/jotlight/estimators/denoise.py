@@ -1,7 +1,7 @@
 """Denoisers for stabilized counts, whose noise has a standard deviation of 1/2.
 
-Each maps an image (H, W) of float32 to one of the same shape and wraps a function of a library. The
-default strengths were chosen on the BSDS training images at K = 16
+Each denoiser maps an image (H, W) of float32 to one of the same shape, and wraps a function of a
+library. The default strengths were chosen on the BSDS training images at K = 16
 (``python benchmarks/studies/denoiser_strengths.py``).
 """
 
@@ -26,9 +26,9 @@ P = ParamSpec("P")
 
 
 def _interruptible(denoise: Callable[P, Image]) -> Callable[P, Image]:
-    """Return the denoiser in a thread, so that Ctrl-C ends the wait for a library without checks.
+    """Return a denoiser that runs in a thread, so that Ctrl-C works while the library computes.
 
-    The thread itself runs on until the library returns.
+    Ctrl-C ends only the wait for the thread. The thread ends when the library returns.
     """
 
     @functools.wraps(denoise)
@@ -85,7 +85,7 @@ def tv(image: Image, weight: float = 0.5) -> Image:
     image : ndarray of float32, shape (H, W)
         Stabilized counts.
     weight : float
-        A larger weight smooths more. Above 0.
+        The strength of the smoothing, above 0.
 
     Examples
     --------
@@ -100,14 +100,14 @@ def tv(image: Image, weight: float = 0.5) -> Image:
 
 @_interruptible
 def nlm(image: Image, strength: float = 0.7) -> Image:
-    """Return the image denoised by non-local means, an average over similar patches (scikit-image).
+    """Return the image denoised by non-local means, averages of similar patches (scikit-image).
 
     Parameters
     ----------
     image : ndarray of float32, shape (H, W)
         Stabilized counts.
     strength : float
-        The cut-off h in units of the standard deviation of the noise. Above 0.
+        The filter parameter h in units of the noise's standard deviation, above 0.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Dead pixels, which have no valid jot, filled from their neighbors."""
+"""Inpainting of dead pixels, which have no valid jot, from their neighbors."""
 
 import numpy as np
 import numpy.typing as npt
@@ -6,7 +6,7 @@ import numpy.typing as npt
 from jotlight.errors import warn
 
 _TOLERANCE = 1e-6
-"""The absolute residual of the linear equations, relative to their largest right-hand side."""
+"""The tolerance of the linear equations, relative to their largest right-hand side."""
 
 _MAX_CG_STEPS = 200
 """The maximum number of steps of conjugate gradients."""
@@ -17,16 +17,16 @@ def inpaint_dead_pixels(
 ) -> npt.NDArray[np.float32]:
     """Return the image with each dead pixel equal to the mean of its 8 neighbors (2 in a signal).
 
-    Neighbors may be dead themselves. A hole is then a system of linear equations: the discrete
-    Laplace equation with the known pixels around the hole as its boundary. Filled pixels stay
-    between the minimum and the maximum of the known ones.
+    Neighbors may be dead too. Each hole is then a system of linear equations: the discrete Laplace
+    equation, with the known pixels around the hole as boundary. Filled pixels stay between the
+    minimum and the maximum of the known pixels.
 
     Parameters
     ----------
     image : ndarray of float32, shape (H, W) or (N,)
         An image or a signal. The values of dead pixels are ignored.
     dead : ndarray of bool or None
-        The mask of dead pixels, of the same shape; None for an image without any.
+        The mask of dead pixels, of the same shape. None means that no pixel is dead.
 
     Returns
     -------
@@ -45,9 +45,10 @@ def inpaint_dead_pixels(
 
     Notes
     -----
-    In holes of 3 x 3 pixels and more, filling from the border inwards leaves seams; this does not.
-    For single pixels both agree. The biharmonic equation, which also has continuous slopes, is
-    closer for images without noise, but it carries the noise of the border into the hole.
+    Filling from the border inward would leave seams in holes of 3 x 3 pixels and more; the Laplace
+    equation leaves none. For single pixels both methods agree. The biharmonic equation, whose
+    solution also has continuous slopes, is more accurate for images without noise. However, it
+    extrapolates the noise of the border into the hole.
 
     Examples
     --------
@@ -74,12 +75,12 @@ def inpaint_dead_pixels(
 def _fill_inwards(
     image: npt.NDArray[np.float32], dead: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.float64]:
-    """Fill each hole from its border inwards: the initial guess of the linear equations."""
+    """Return the initial guess of the linear equations: holes filled from the border inward."""
     from scipy.ndimage import correlate
 
     known = ~dead
     filled = np.where(known, image, 0).astype(np.float64)
-    # uniform_filter keeps running sums, and their rounding errors can make a result negative.
+    # Not uniform_filter: rounding errors of its running sums can make a result negative.
     window = np.ones((3,) * image.ndim)
     while not known.all():
         weight = correlate(known.astype(np.float64), window, mode="constant")
@@ -93,7 +94,7 @@ def _fill_inwards(
 def _solve_laplace(
     filled: npt.NDArray[np.float64], dead: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.float64]:
-    """Return the values of the dead pixels that equal the mean of their neighbors."""
+    """Return values of the dead pixels such that each equals the mean of its neighbors."""
     from scipy.sparse import coo_array
     from scipy.sparse.linalg import cg
 
@@ -126,7 +127,7 @@ def _solve_laplace(
             (np.concatenate([row, diagonal]), np.concatenate([column, diagonal])),
         )
     ).tocsr()
-    # Solving for the change keeps what the guess already solves, such as single pixels, exact.
+    # The guess is exact for single pixels. Solving for its change keeps it exact there.
     residual = known_sum - matrix @ guess
     limit = _TOLERANCE * float(np.abs(known_sum).max() or 1.0)
     jacobi = coo_array((1 / degree, (diagonal, diagonal))).tocsr()

@@ -1,4 +1,4 @@
-"""The inverse response of a pixel: intensities from probabilities, and counts that compare."""
+"""The inverse response of a pixel: intensities from probabilities, and comparable counts."""
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ def equivalent_counts(
 ) -> npt.NDArray[np.float32]:
     """Return the counts that K valid jots like `reference` would show for the same intensities.
 
-    Methods that combine neighboring pixels use them, so that dead and hot jots do not show as a
+    Methods that combine neighboring pixels use these counts, so that dead and hot jots leave no
     pattern.
 
     Parameters
@@ -65,10 +65,10 @@ def equivalent_counts(
 def intensity_from_probability(
     probability: npt.NDArray[np.float32], sensor: Sensor, threads: int | None
 ) -> npt.NDArray[np.float32]:
-    """Return the intensity at which a bit of a pixel is 1 with a certain probability.
+    """Return the intensity at which the bits of a pixel are 1 with the given probability.
 
-    ``c = (K/α)(P⁻¹(q, p) - d)/η`` clipped to [0, S]: equation (5) with p for L/K, for the jot of
-    :func:`jotlight.sensing.reference.reference_jot`.
+    The intensity is ``c = (K/α)(P⁻¹(q, p) - d)/η``, clipped to [0, S]: equation (5) with p in place
+    of L/K. η and d are those of :func:`jotlight.sensing.reference.reference_jot`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The light on many pixels at once, from the probabilities that their bits are 1."""
+"""Computation of the light on many pixels at once, from the probabilities of their bits."""
 
 from collections.abc import Callable
 from typing import Any
@@ -16,14 +16,14 @@ from jotlight.sensing.response import (
 from jotlight.sensing.sensor import Sensor
 
 _MAX_NEWTON_STEPS = 60
-"""The maximum number of steps of Newton's method between bounds."""
+"""The maximum number of steps of Newton's method with bisection."""
 
 _CHUNK = 1 << 14
-"""Pixels with unequal jots that are solved at once. It bounds the memory."""
+"""The number of pixels with unequal jots that are solved at once. It limits the memory."""
 
 
 class UniqueCounts:
-    """The distinct pairs of ones and valid bits among the pixels. There are few of them.
+    """The distinct pairs of a number of ones and a number of valid bits, which are few.
 
     Examples
     --------
@@ -47,18 +47,18 @@ class UniqueCounts:
         self._indices = indices.reshape(counts.shape)
 
     def expand(self, table: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Return an image (H, W) with each pixel's entry of a table over the pairs."""
+        """Return an image (H, W): for each pixel, the entry of its pair in a table."""
         return table[self._indices]
 
 
 LightInverse = Callable[[Array, Array], Array]
-"""A function from p and 1 - p of the distinct pairs to the light on each pixel, also below 0."""
+"""A function from p and 1 - p of the pairs to the light on each pixel, which may be negative."""
 
 
 def build_light_inverse(pixels: PixelCounts, unique: UniqueCounts) -> LightInverse:
     """Return the inverse of the pixels' response: from the probability p of a 1 to the light.
 
-    Where the jots of a pixel differ, p is their mean, and the light is limited to that of
+    Where the jots of a pixel differ, p is the mean over them, and the light is limited to that of
     intensities in [0, S].
 
     Examples
@@ -112,7 +112,7 @@ class _UnequalJots:
         self._number = np.maximum(alive.sum(-1), 1)
 
     def light(self, probability: Array, guess: Array, max_light: float) -> Array:
-        """Return the light in [0, max_light] at which the jots' mean probability is as stated."""
+        """Return the light in [0, max_light] at which the mean over the jots is `probability`."""
         dark = self._mean_probability(np.zeros(probability.shape))[0]
         out = np.where(dark >= probability, 0.0, max_light)
         inside = (out > 0) & (self._mean_probability(out)[0] > probability)
@@ -138,7 +138,7 @@ class _UnequalJots:
             converged = np.abs(newton - light) <= 1e-8 * light + 1e-12 * max_light
             if converged.all():
                 break
-            # Rounding can move a last tiny step across a bound. Bisection must not follow it.
+            # Rounding can move a last tiny step across a bound, where bisection would undo it.
             inside = (low < newton) & (newton < high)
             candidate = np.where(inside, newton, (low + high) / 2)
             light = np.where(converged, light, candidate)

@@ -1,6 +1,6 @@
 """The linear step of ADMM: its normal equations, solved in the basis of the cosine transform.
 
-Beyond the border the image continues mirrored. The discrete cosine transform therefore
+The image is mirrored at its border. The discrete cosine transform therefore
 diagonalizes DᵀD exactly, and AᵀA wherever the kernel is symmetric about its pixel.
 """
 
@@ -17,15 +17,15 @@ _MAX_CG_STEPS = 50
 
 
 class NormalEquations:
-    """The equations (ρ₁ AᵀA + ρ₂ DᵀD + ρ₃) c = r of the image c.
+    """The equations (ρ₁ AᵀA + ρ₂ DᵀD + ρ₃) c = r for the image c.
 
     Parameters
     ----------
     operator : Operator
         A, from the image to the light on the cells.
     tol : float
-        The norm of the residual, as a share of ‖r‖, at which conjugate gradients stop. They run
-        only where the cosine transform does not diagonalize AᵀA.
+        Conjugate gradients stop when the norm of the residual is `tol` ‖r‖. They run only if the
+        cosine transform does not diagonalize AᵀA.
     threads : int, optional
         The number of threads. Default: all cores.
 
@@ -53,7 +53,7 @@ class NormalEquations:
             self._laplacian = self._laplacian + _along(axis, len(shape), eigenvalues)
         self._gram = _gram_eigenvalues(operator)
         self.gain = float(np.sqrt(np.max(self._gram)))
-        """√‖AᵀA‖: the norm of the light that a constant image of intensity 1 casts per pixel."""
+        """√‖AᵀA‖: the norm of the light per pixel, for a constant image of intensity 1."""
 
     def solve(self, right: Array, penalties: Sequence[float], guess: Array) -> Array:
         """Return c for the right-hand side r.
@@ -77,20 +77,20 @@ class NormalEquations:
             curvature = self._differences.adjoint(self._differences.forward(image))
             return data * light + variation * curvature + sum(box) * image
 
-        # Conjugate gradients, preconditioned by the nearly diagonal form. scipy.sparse.linalg.cg
+        # These are conjugate gradients, preconditioned by the approximate diagonal form. SciPy's cg
         # takes the same steps, but its scalar products start BLAS threads, which compete with the
         # threads of the engine.
         solution, residual = guess, right - multiply(guess)
         limit = self._tol**2 * dot(right, right)
-        search, size = np.zeros_like(right), 1.0
+        search, norm = np.zeros_like(right), 1.0
         for _ in range(_MAX_CG_STEPS):
             if dot(residual, residual) <= limit:
                 break
             divided = self._divide(residual, eigenvalues)
-            size, previous = dot(residual, divided), size
-            search = divided + size / previous * search
+            norm, previous_norm = dot(residual, divided), norm
+            search = divided + norm / previous_norm * search
             product = multiply(search)
-            step = size / dot(search, product)
+            step = norm / dot(search, product)
             solution = solution + step * search
             residual = residual - step * product
         return solution
@@ -104,7 +104,7 @@ class NormalEquations:
 
 
 def _gram_eigenvalues(operator: Operator) -> Array:
-    """Return AᵀA in the cosine basis. It is approximate unless the kernel is symmetric."""
+    """Return the eigenvalues of AᵀA, which are approximate unless the kernel is symmetric."""
     from scipy.fft import dct
 
     shape = operator.input_shape

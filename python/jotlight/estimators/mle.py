@@ -19,13 +19,13 @@ from jotlight.sensing.pixel_counts import (
 from jotlight.sensing.sensor import Sensor
 
 _ROWS_PER_CHUNK = 64
-"""Rows of pixels that the engine solves before Python handles Ctrl-C again."""
+"""Number of rows of pixels that the engine solves before Python can handle Ctrl-C."""
 
 
 def mle(data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = None) -> Estimate:
-    """Return the most likely intensity of each pixel, estimated from its own bits alone.
+    """Return the most likely intensity of each pixel, given only its own bits.
 
-    ``ĉ = (K/α)(P⁻¹(q, L/n) - d)/η``, clipped to [0, S], where L of the pixel's n valid bits are 1.
+    It is ``ĉ = (K/α)(P⁻¹(q, L/n) - d)/η``, clipped to [0, S]. L of the pixel's n valid bits are 1.
 
     Parameters
     ----------
@@ -55,8 +55,8 @@ def mle(data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = Non
     Notes
     -----
     Paper, equation (5), which is for q = 1 without dark counts. Where the jots of one pixel differ
-    in efficiency or dark counts, no closed form exists. Then the scalar likelihood equation of each
-    pixel is solved to rounding, which requires bits.
+    in efficiency or dark counts, no closed form exists. The likelihood equation of each pixel is
+    then solved numerically, to machine precision. This requires bits.
 
     Examples
     --------
@@ -102,19 +102,19 @@ def require_bits(
     >>> require_bits(np.ones((2, 2), np.int32))
     Traceback (most recent call last):
         ...
-    ValueError: counts: where jots of one pixel differ in their efficiency or dark counts the bits \
-are needed, since a count does not tell which jots fired
+    ValueError: counts: expected bits, because jots of one pixel differ in their efficiency or \
+dark counts, and a count does not say which jots reported 1
     """
     if not isinstance(data, Bits):
         raise ValueError(
-            f"counts: where {reason} the bits are needed, since a count does not tell which jots "
-            "fired"
+            f"counts: expected bits, because {reason}, and a count does not say which jots "
+            "reported 1"
         )
     return data
 
 
 def _solve_jots(bits: Bits, pixels: PixelCounts, out: Estimate, threads: int | None) -> None:
-    """Solve the likelihood equation of each pixel, whose jots differ, into `out`."""
+    """Write the solution of each pixel's likelihood equation to `out`, for unequal jots."""
     sensor, mask = pixels.sensor, pixels.sensor.mask
     ones = bits.counts(1, threads=threads)
     for start in range(0, len(out), _ROWS_PER_CHUNK):
@@ -134,5 +134,5 @@ def _solve_jots(bits: Bits, pixels: PixelCounts, out: Estimate, threads: int | N
 
 
 def _jot_rows(value: float | npt.NDArray[np.float32], jots: slice) -> Any:
-    """Return rows of a map over the jots as the engine takes them, or the number for all jots."""
+    """Return rows of a map over the jots for the engine, or the number for all jots."""
     return value[jots].astype(np.float64).ravel() if isinstance(value, np.ndarray) else value

@@ -23,28 +23,28 @@ from jotlight.sensing.sensor import Sensor
 Mask = npt.NDArray[np.bool_]
 
 _ARMIJO = 1e-4
-"""The share of the decrease predicted by the gradient that a step must achieve (Armijo)."""
+"""The fraction of the decrease predicted by the gradient that a step must achieve (Armijo)."""
 
 _ROUNDING = 1e-13
-"""Relative differences of ℓ below this one are rounding."""
+"""The relative difference of ℓ that rounding can cause."""
 
 _MAX_HALVINGS = 40
 """The maximum number of halvings of a step."""
 
 _MIN_LIGHT = 1e-3
-"""The share of S below which an intensity, or dark counts in its units, are negligible."""
+"""The fraction of S below which intensities are negligible, and dark counts in their units."""
 
 _MIN_RATIO = 0.1
-"""The share of itself that a pixel keeps in a step if one of its bits requires light."""
+"""The fraction of its intensity that a pixel keeps in a step if one of its bits needs light."""
 
 _MAX_CG_STEPS = 30
 """The maximum number of steps of conjugate gradients in Newton's method."""
 
 _CG_TOLERANCE = 0.3
-"""The relative residual at which Newton's equations count as solved. Less is not faster."""
+"""The relative residual at which Newton's equations count as solved. Smaller is not faster."""
 
 _MIN_CURVATURE = 1e-4
-"""The share of its upper bound below which the curvature along a direction is rounding."""
+"""The fraction of its upper bound below which a direction's curvature is a rounding error."""
 
 
 @overload
@@ -92,9 +92,9 @@ def mle_iterative(
 ) -> Estimate | tuple[Estimate, ConvergenceHistories]:
     """Return the image in [0, S] that maximizes the likelihood of all bits, for any kernel.
 
-    With the box kernel the result equals :func:`jotlight.mle`. A smooth kernel blurs the light, and
-    inverting the blur amplifies the noise: with few bits per pixel the most likely image is far
-    noisier than its light on the jots. :func:`jotlight.admm_tv` regularizes it.
+    With the box kernel, the result equals that of :func:`jotlight.mle`. A smooth kernel blurs the
+    light, and inverting the blur amplifies the noise. With few bits per pixel, the most likely
+    image is therefore very noisy. :func:`jotlight.admm_tv` adds a regularization.
 
     Parameters
     ----------
@@ -104,16 +104,16 @@ def mle_iterative(
     sensor : Sensor
         The sensor that recorded the data.
     solver : {"newton", "gradient"}
-        Newton's method, which solves for its steps by conjugate gradients on the pixels inside
-        (0, S); or the projected gradient. Both have a line search.
+        "newton" computes Newton steps by conjugate gradients, on the pixels inside (0, S).
+        "gradient" is the projected gradient. Both use a line search.
     start : array_like of float, optional
         The initial image, of the shape of the estimate. Default: the same intensity everywhere.
     max_iter : int
         The maximum number of iterations, at least 1.
     tol : float
-        The run ends when a projected-gradient step ``c - proj(c - ∇/h)`` moves no pixel by more
-        than `tol` S, where h bounds the curvature from above, pixel by pixel. That step is 0 at the
-        maximum and nowhere else.
+        The run ends when the projected-gradient step ``c - proj(c - ∇/h)`` moves no pixel by more
+        than `tol` S. Here h is an upper bound of the curvature for each pixel. The step is 0 only
+        at the maximum.
     callback : callable, optional
         A function that receives a :class:`jotlight.estimators.convergence.Iteration` after each
         iteration. It ends the run by raising StopIteration.
@@ -137,8 +137,8 @@ def mle_iterative(
     Warns
     -----
     JotlightWarning
-        When the run did not converge, and when pixels that no valid jot observes were filled from
-        their neighbors.
+        When the run did not converge, and when pixels without a valid jot were filled from their
+        neighbors.
 
     Notes
     -----
@@ -173,7 +173,7 @@ def mle_iterative(
 
 
 class _QuadraticModel:
-    """The gradient of -ℓ at an image, its Hessian AᵀWA, and a diagonal bound of the Hessian."""
+    """The gradient of -ℓ at an image, the Hessian AᵀWA, and its diagonal upper bound."""
 
     def __init__(self, problem: Problem, light: Array, light_of_ones: Array) -> None:
         gradient, self.curvature = problem.likelihood.gradient_and_curvature(light)
@@ -184,8 +184,8 @@ class _QuadraticModel:
         self.bound = self.operator.adjoint(self.curvature * light_of_ones)
 
     def scaled_gradient(self) -> Array:
-        """Return the gradient over the bound of the Hessian, clipped to [-S, S]."""
-        # Without curvature, the sign of the gradient sets the direction and the box the length.
+        """Return the gradient divided by the bound of the Hessian, and clipped to [-S, S]."""
+        # Without curvature the quotient is infinite, and clipping turns it into a step of length S.
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             step = self.gradient / self.bound
         return np.clip(np.nan_to_num(step, nan=0.0), -self.max_intensity, self.max_intensity)
@@ -196,7 +196,7 @@ class _QuadraticModel:
 
 
 Direction = Callable[[_QuadraticModel, Mask], Array]
-"""A function that returns a descent direction of -ℓ from its model and the mask of free pixels."""
+"""A function that returns a descent direction of -ℓ for a model and the mask of free pixels."""
 
 
 def _gradient_direction(model: _QuadraticModel, free: Mask) -> Array:
@@ -206,7 +206,7 @@ def _gradient_direction(model: _QuadraticModel, free: Mask) -> Array:
 def _newton_direction(model: _QuadraticModel, free: Mask) -> Array:
     """Return the solution of Newton's equations on the free pixels, by conjugate gradients.
 
-    They stop at directions without curvature, which scipy.sparse.linalg.cg does not detect.
+    They stop at a direction without curvature, which scipy.sparse.linalg.cg does not detect.
     """
     direction = np.where(free, 0.0, -model.scaled_gradient())
     solution = np.zeros_like(direction)
@@ -214,21 +214,21 @@ def _newton_direction(model: _QuadraticModel, free: Mask) -> Array:
     inverse = np.where(free & (model.bound > 0), 1 / np.maximum(model.bound, 1e-300), 0.0)
     preconditioned = inverse * residual
     search = preconditioned
-    size = first = dot(residual, preconditioned)
+    norm = first_norm = dot(residual, preconditioned)
     for _ in range(_MAX_CG_STEPS):
-        if size <= _CG_TOLERANCE**2 * first:
+        if norm <= _CG_TOLERANCE**2 * first_norm:
             break
         product = np.where(free, model.hessian_product(search), 0.0)
         curvature = dot(search, product)
         if curvature <= _MIN_CURVATURE * dot(search, model.bound * search):
             break
-        step = size / curvature
+        step = norm / curvature
         solution += step * search
         residual = residual - step * product
         preconditioned = inverse * residual
-        size, previous = dot(residual, preconditioned), size
-        search = preconditioned + size / previous * search
-    # Where the likelihood is flat from the start, only the gradient remains.
+        norm, previous_norm = dot(residual, preconditioned), norm
+        search = preconditioned + norm / previous_norm * search
+    # If even the first direction has no curvature, the step follows the gradient.
     step_on_free = solution if solution.any() else -model.scaled_gradient()
     return direction + np.where(free, step_on_free, 0.0)
 
@@ -251,12 +251,12 @@ def _maximize(
         residual = float(np.abs(move).max() / max_intensity)
         if not monitor.update(image, {"projected gradient": residual}):
             break
-        near = min(residual, 1e-3) * max_intensity
-        fixed = ((image <= near) & (model.gradient > 0)) | (
-            (image >= max_intensity - near) & (model.gradient < 0)
+        margin = min(residual, 1e-3) * max_intensity
+        fixed = ((image <= margin) & (model.gradient > 0)) | (
+            (image >= max_intensity - margin) & (model.gradient < 0)
         )
         lower = np.where(needs_light, _MIN_RATIO * image, 0.0)
-        # If Newton's direction does not lower the cost, the gradient's does, down to rounding.
+        # If Newton's direction does not lower the cost, the gradient does, except for rounding.
         for direction in (find_direction, _gradient_direction):
             step = _line_search(
                 problem, image, cost, model.gradient, direction(model, ~fixed), lower
@@ -264,7 +264,7 @@ def _maximize(
             if step is not None:
                 break
         else:
-            monitor.fail("rounding hides the gain of any step; raise tol")
+            monitor.fail("rounding hides the progress of any step; raise tol")
             break
         image, light, cost = step
     return image, monitor.finish(cost)
@@ -273,16 +273,17 @@ def _maximize(
 def _initial_image(
     problem: Problem, start: Array | None, light_of_ones: Array
 ) -> tuple[Array, Mask]:
-    """Return the image before the first step, and the mask of pixels that must have light."""
+    """Return the image before the first step, and the mask of the pixels that must have light."""
     likelihood, max_intensity = problem.likelihood, problem.max_intensity
     if start is None:
         start = np.full(problem.operator.input_shape, problem.constant_estimate())
-    # The most likely intensity is 0 for a pixel without a 1 among its bits, and S without a 0.
+    # The most likely intensity of a pixel is 0 if all its bits are 0, and S if all are 1.
     ones = likelihood.ones > 0
     any_one = _pixels_with(problem, ones)
     any_zero = _pixels_with(problem, _trials(problem) - likelihood.ones > 0)
     image = np.where(any_one, np.where(any_zero, start, max_intensity), 0.0)
-    # A bit of 1 that dark counts hardly explain requires light. Without any, ℓ is -inf.
+    # A bit of 1 that dark counts hardly explain needs light. Without light and dark counts, ℓ is
+    # -inf.
     faint = likelihood.dark_counts <= _MIN_LIGHT * max_intensity * light_of_ones
     needs_light = _pixels_with(problem, ones & faint)
     return np.where(needs_light, np.maximum(image, _MIN_LIGHT * max_intensity), image), needs_light
@@ -291,7 +292,7 @@ def _initial_image(
 def _line_search(
     problem: Problem, image: Array, cost: float, gradient: Array, direction: Array, lower: Array
 ) -> tuple[Array, Array, float] | None:
-    """Halve a step until it lowers the cost enough; return the image, its light, and its cost."""
+    """Return image, light, and cost after the first halved step that lowers the cost enough."""
     for halvings in range(_MAX_HALVINGS):
         candidate = np.clip(image + 0.5**halvings * direction, lower, problem.max_intensity)
         light = problem.operator.forward(candidate)

@@ -66,8 +66,8 @@ def noniterative(
     Notes
     -----
     Some pixels have dead jots, or an efficiency or dark counts other than the median. Their counts
-    are first replaced by those that K valid jots with the median values would show. The noise of
-    these pixels then differs slightly from that of the others.
+    are first replaced by the counts that K valid bits of jots with the median values would show.
+    The noise of these pixels then differs slightly from that of the others.
 
     Examples
     --------

@@ -21,13 +21,13 @@ _NODES = 20
 """The number of Gauss-Legendre nodes for the mean error over a range of light."""
 
 _MAX_SIGMAS = 12
-"""The sums over counts end this many standard deviations from the mean."""
+"""The number of standard deviations from the mean at which the sums over counts end."""
 
 COUNTS_PER_SIGMA = 100
 """The maximum number of counts per standard deviation in the sums."""
 
-_SATURATED_SHARE = 0.01
-"""The share of pixels with only ones that defines the saturation light."""
+_SATURATED_FRACTION = 0.01
+"""The fraction of pixels with only ones that defines the saturation light."""
 
 _MAX_BITS = 2**31 - 1
 """The maximum number of bits per pixel."""
@@ -47,15 +47,15 @@ class Plan:
     bias: Array
     """The mean error of the estimated light for each number of frames and level, (M, N)."""
     rmse: Array
-    """The root mean square error of the estimated light, bias and spread, (M, N)."""
+    """The root mean square error of the estimated light, which includes the bias, (M, N)."""
     cramer_rao_bound: Array
     """The Cramér-Rao bound, (M, N): the minimum standard deviation of an unbiased estimate."""
     psnr: Array
-    """The PSNR in dB, (M,), of a scene with uniformly distributed light and its maximum as peak."""
+    """The PSNR in dB, (M,), of a scene with uniformly distributed light. Peak: the maximum."""
     saturation_light: Array
     """The light at which all bits are 1 in 1 % of the pixels, (M,)."""
     optimal_light: float
-    """The light at which a bit is most informative: where the bound on the SNR is highest."""
+    """The light at which a bit is most informative, so that the bound on the SNR is highest."""
     target_psnr: float | None = None
     """The requested PSNR in dB."""
     required_frames: int | None = None
@@ -110,13 +110,13 @@ def plan(
     Notes
     -----
     Bias and error are exact sums over the binomial distribution of a pixel's count, for estimates
-    clipped to [0, S]. Where few bits are 0 or few bits are 1 the estimate is biased. Its error may
-    then be below the bound, which holds for unbiased estimates.
+    clipped to [0, S]. Where few bits are 0, or few bits are 1, the estimate is biased. Its error
+    may then be below the bound, which holds for unbiased estimates.
 
-    `required_frames` results from doubling the frames and then bisecting. Below about 10 dB, where
-    a few bits per pixel may be worse than one, a smaller number may suffice. The number is for
-    maximum likelihood, pixel by pixel. Methods that combine neighboring pixels need fewer frames;
-    how many depends on the scene.
+    To find `required_frames`, the search doubles the number of frames and then bisects. Below about
+    10 dB, a few bits per pixel may be worse than one, so a smaller number may suffice. The number
+    is for maximum likelihood of each pixel alone. Methods that combine neighboring pixels need
+    fewer frames, depending on the scene.
 
     Examples
     --------
@@ -189,9 +189,9 @@ class _Pixel:
         ).information(levels)
 
     def saturation_light(self, frames: int) -> float:
-        """Return the light at which all bits are 1 with the probability that means saturation."""
+        """Return the light at which all bits are 1 in `_SATURATED_FRACTION` of the pixels."""
         # The probability of a 1 is so close to 1 that its complement needs its own formula.
-        logarithm = np.log(_SATURATED_SHARE) / (frames * self.jots)
+        logarithm = np.log(_SATURATED_FRACTION) / (frames * self.jots)
         return float(np.maximum(self._light(np.exp(logarithm), -np.expm1(logarithm)), 0))
 
     def _light(self, probability: npt.ArrayLike, complement: npt.ArrayLike) -> Array:
@@ -216,7 +216,7 @@ class _Scene:
         return float(_decibels(self._max_light / np.sqrt(self._weights @ mse)))
 
     def required_frames(self, target_psnr: float, max_frames: int) -> int | None:
-        """Return a number of frames that reaches a PSNR while one less does not, or None."""
+        """Return a number of frames that reaches a PSNR while one frame less does not, or None."""
         above = 1
         while self.psnr(above) < target_psnr:
             if above == max_frames:
@@ -255,8 +255,8 @@ def _binomial_weights(bits: int, probability: float) -> tuple[Array, Array]:
 
     mean, sigma = bits * probability, np.sqrt(bits * probability * (1 - probability))
     reach = _MAX_SIGMAS * sigma + 2 * _MAX_SIGMAS
-    # For a wide distribution a coarser grid suffices. With bell-shaped weights, sums of smooth
-    # functions agree to far more than ten digits.
+    # For a wide distribution, a grid of every `step`-th count suffices: with bell-shaped weights,
+    # the sums of smooth functions agree to far more than ten digits.
     step = max(1, int(sigma / COUNTS_PER_SIGMA))
     counts = np.arange(max(0, int(mean - reach)), min(bits, int(mean + reach) + 1) + 1.0, step)
     logarithms = xlogy(counts, probability) + xlog1py(bits - counts, -probability)

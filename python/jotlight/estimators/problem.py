@@ -1,4 +1,4 @@
-"""The problem of equation (4), built from data and a sensor, and its solution by channel."""
+"""The problem of equation (4), built from data and a sensor, and solved for each channel."""
 
 from collections.abc import Callable
 from typing import Any
@@ -15,10 +15,10 @@ from jotlight.sensing.pixel_counts import Estimate, PixelCounts, count_pixels, m
 from jotlight.sensing.sensor import Sensor
 
 ConvergenceHistories = ConvergenceHistory | list[ConvergenceHistory]
-"""The history of one channel, or a list with one for each channel of a color image."""
+"""The history of one channel, or a list with a history for each channel of a color image."""
 
 Solver = Callable[[Problem, Array | None, str], tuple[Array, ConvergenceHistory]]
-"""A function of the problem of one channel, its start, and the channel's name for warnings."""
+"""A function that solves one channel. It takes the problem, its start, and a name for warnings."""
 
 
 def solve_channels(
@@ -33,7 +33,7 @@ def solve_channels(
     Parameters
     ----------
     solve : callable
-        The iterative method. The name of the channel is "" where there is only one.
+        The iterative method. The name of an only channel is "".
     data : Bits, Problem, or array_like of int
         Bits, an image of counts (H, W) or (H, W, C), or a problem without a sensor.
     sensor : Sensor or None
@@ -67,9 +67,9 @@ def solve_channels(
     def solve_channel(channel: Bits | npt.NDArray[np.int32]) -> Estimate:
         problem = build_problem(channel, sensor, threads)
         index = len(histories)
-        own = initial if initial is None or initial.ndim == 2 else initial[..., index]
+        channel_start = initial if initial is None or initial.ndim == 2 else initial[..., index]
         name = f", channel {index}" if channels else ""
-        estimate, history = solve(problem, _fit_start(own, problem), name)
+        estimate, history = solve(problem, _fit_start(channel_start, problem), name)
         histories.append(history)
         return estimate.astype(np.float32)
 
@@ -108,8 +108,8 @@ def build_problem(
     recorded = data.sensor if isinstance(data, Bits) else None
     if recorded is not None and recorded.kernel != sensor.kernel:
         raise ValueError(
-            f"kernel: expected {recorded.kernel!r}, with which the bits were made, got "
-            f"{sensor.kernel!r}; Bits(bits.packed, bits.width) has no sensor and fits any"
+            f"kernel: expected {recorded.kernel!r}, the kernel of the bits' own sensor, got "
+            f"{sensor.kernel!r}; Bits(bits.packed, bits.width) drops that sensor"
         )
     pixels = count_pixels(data, sensor, threads)
     if np.max(pixels.trials) == 0:

@@ -11,20 +11,20 @@ from jotlight.sensing.operators import differences
 from jotlight.sensing.response import inverse_detection_probability
 
 NORMS = ("isotropic", "anisotropic")
-"""The norms of the two differences of a pixel that total variation can sum."""
+"""The names of the norms of a pixel's two differences."""
 
 WEIGHT_STRENGTH, WEIGHT_POWER = 0.62, 0.4
 """The constants of the automatic weight. ``benchmarks/studies/tv_weights.py`` fitted them to
 BSDS training images at six exposures."""
 
 _BLOCK = 4
-"""The side in pixels of the blocks that the roughness is measured on."""
+"""The side, in pixels, of the blocks between which the roughness is measured."""
 
 _BLUR = 2.0
-"""The standard deviation in pixels of the Gaussian that estimates the local share of ones."""
+"""The standard deviation, in pixels, of the Gaussian for the local fraction of ones."""
 
 _TABLE_SIZE = 1025
-"""The number of points in the table from the share of ones to the information of a bit."""
+"""The number of points in the table from the fraction of ones to the information of a bit."""
 
 
 def total_variation(
@@ -66,7 +66,7 @@ def total_variation(
 def shrink(
     planes: npt.ArrayLike, threshold: float | npt.ArrayLike, norm: str = "isotropic"
 ) -> Array:
-    """Return the proximal map of the norm of differences: shrinkage of each pixel's norm.
+    """Return the differences with the norm of each pixel shrunk: the proximal map of the norm.
 
     The result v minimizes ``sum(threshold * norm(v)) + ½ ‖v - planes‖²``.
 
@@ -135,14 +135,15 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
 
     Notes
     -----
-    1/√I is the noise of a pixel. With λ ∝ √I, total variation acts as on a scale on which the noise
-    is the same everywhere, which is the scale of the stabilized counts. √Ī γ is the roughness in
-    units of the noise: the less structure is visible, the more smoothing is needed. The two
-    dimensionless constants were fitted once, over a range of exposures.
+    1/√I is the noise of a pixel. With λ ∝ √I, total variation acts as if the noise were the same
+    everywhere, as it is for stabilized counts. √Ī γ is the roughness in units of the noise: the
+    less structure is visible, the more smoothing is needed. The two dimensionless constants were
+    fitted once, over a range of exposures.
 
-    I is evaluated at the local share of ones, which is the share smoothed by a Gaussian of standard
-    deviation 2 pixels and kept away from 0 and 1 as in equation (6). The intensity of a block minus
-    the mean is its score over its information: one step of Fisher scoring from a constant image.
+    I is evaluated at the local fraction of ones: the fraction is smoothed by a Gaussian of standard
+    deviation 2 pixels, and kept away from 0 and 1 as in equation (6). The difference of a block
+    from the mean is its score divided by its information, which is one step of Fisher scoring from
+    a constant image.
 
     Examples
     --------
@@ -159,16 +160,16 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
     information = operator.adjoint(likelihood.information(constant) * light_of_ones)
     local = np.sqrt(local_information(problem, light_of_ones))
     roughness = 1.0
-    # In a scene so bright that it saturates nearly all bits, the roughness is unknown.
+    # If nearly all bits are saturated, the roughness is unknown, and 1 stands in for it.
     if information.mean() > 1e-6 * np.square(local).mean():
         noise = 1 / math.sqrt(information.mean())
         roughness = _roughness(score, information, problem.max_intensity) / noise
-    per_direction = math.pi / 4 if check_norm(norm) == "anisotropic" and local.ndim == 2 else 1.0
-    return np.asarray(per_direction * WEIGHT_STRENGTH * roughness**-WEIGHT_POWER * local)
+    norm_factor = math.pi / 4 if check_norm(norm) == "anisotropic" and local.ndim == 2 else 1.0
+    return np.asarray(norm_factor * WEIGHT_STRENGTH * roughness**-WEIGHT_POWER * local)
 
 
 def _roughness(score: Array, information: Array, max_intensity: float) -> float:
-    """Return γ, at least its uncertainty from noise alone; S for an image of a single block."""
+    """Return γ, which is at least its uncertainty due to noise, or S for a single block."""
     sides = [min(_BLOCK, max(1, size // 2)) for size in score.shape]
     score, information = _block_sums(score, sides), _block_sums(information, sides)
     known = information > 0
@@ -199,7 +200,7 @@ def _block_sums(image: Array, sides: list[int]) -> Array:
 def local_information(problem: Problem, light_of_ones: Array) -> Array:
     """Return the Fisher information I of each pixel about its intensity, at its local light.
 
-    Every pixel counts as one with the mean number of valid bits.
+    Every pixel is treated as if it had the mean number of valid bits.
 
     Parameters
     ----------
@@ -211,7 +212,7 @@ def local_information(problem: Problem, light_of_ones: Array) -> Array:
     Returns
     -------
     ndarray of float64
-        I in 1 over units of intensity squared, of the shape of the image.
+        I in units of 1 / intensity², of the shape of the image.
 
     Examples
     --------
@@ -229,19 +230,19 @@ def local_information(problem: Problem, light_of_ones: Array) -> Array:
         for array in (likelihood.ones.astype(np.float64), trials)
     )
     overall = likelihood.ones.sum() / trials.sum()
-    share = np.where(valid > 0, ones / np.where(valid > 0, valid, 1), overall)
-    bits = trials.sum() / share.size
-    # The information is a smooth function of the share alone, so a table suffices.
-    shares = np.linspace(0, 1, _TABLE_SIZE)
-    p = (bits * shares + 3 / 8) / (bits + 3 / 4)
+    fraction = np.where(valid > 0, ones / np.where(valid > 0, valid, 1), overall)
+    bits = trials.sum() / fraction.size
+    # The information is a smooth function of the fraction alone, so a table suffices.
+    fractions = np.linspace(0, 1, _TABLE_SIZE)
+    p = (bits * fractions + 3 / 8) / (bits + 3 / 4)
     rates = inverse_detection_probability(likelihood.threshold, p, 1 - p)
     one_bit = Likelihood(np.zeros(_TABLE_SIZE, np.int32), 1, threshold=likelihood.threshold)
-    information = np.interp(share, shares, one_bit.information(rates))
+    information = np.interp(fraction, fractions, one_bit.information(rates))
     return np.asarray(bits * light_of_ones.mean() ** 2 * information)
 
 
 def check_map(name: str, value: float | npt.ArrayLike, shape: tuple[int, ...]) -> float | Array:
-    """Return a finite number of at least 0, or a map of such numbers, flat for the engine.
+    """Return a finite number of 0 or more, or a map of such numbers, flattened for the engine.
 
     Raises
     ------
@@ -267,7 +268,7 @@ def check_map(name: str, value: float | npt.ArrayLike, shape: tuple[int, ...]) -
 
 
 def check_norm(norm: str) -> str:
-    """Return the name of a norm.
+    """Return `norm`, which must be the name of a norm.
 
     Raises
     ------

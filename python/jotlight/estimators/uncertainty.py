@@ -99,14 +99,14 @@ def uncertainty(
     Notes
     -----
     The standard error is ``(K/α) I^(-1/2)``, where I is the Fisher information of the pixel's bits
-    about the light s, at the estimate. Where no bit or every bit is 1, the estimate is replaced by
-    that of half a count more or less, so that the error is neither 0 nor infinite. With few bits or
-    near the ends the interval is more informative.
+    about the light s, at the estimate. For a count of 0 or n, I is evaluated half a count away, so
+    that the error is neither 0 nor infinite. With few bits, or for counts near 0 or n, the interval
+    is more informative.
 
     The interval is that of Clopper and Pearson for the probability p that a bit is 1. The monotone
     response P(q, η s + d) maps it to intensities, and it is clipped to [0, S]. Its coverage is at
-    least `confidence_level` for any number of bits and any true intensity in [0, S]. Near 0, near
-    saturation, and with few bits the coverage is well above. Where the jots of one pixel differ, p
+    least `confidence_level` for any number of bits and any true intensity in [0, S]. It is well
+    above that near 0, near saturation, and with few bits. Where the jots of one pixel differ, p
     is their mean. The sum of unequal bits varies less than a binomial count (Hoeffding 1956), so
     the coverage holds and the interval is somewhat wider than necessary. This case requires bits,
     as in `jotlight.mle`.
@@ -196,7 +196,7 @@ def _regular_light(
     invert: LightInverse,
     threads: int | None,
 ) -> Array:
-    """Return the estimated light, half a count away from where no bit or every bit is 1."""
+    """Return the estimated light, where counts of 0 and n are moved inward by half a count."""
     light_per_intensity = pixels.sensor.light_per_intensity
     bits = np.maximum(unique.bits, 1)
     inside = np.clip(unique.ones, 0.5, bits - 0.5) / bits
@@ -212,7 +212,7 @@ def _regular_light(
 def _standard_error(
     pixels: PixelCounts, trials: npt.NDArray[np.int64], light: Array, threads: int | None
 ) -> Array:
-    """Return (K/α) I^(-1/2) at the light (H, W). The cells are the jots where they differ."""
+    """Return (K/α) I^(-1/2) at the light (H, W). I is summed over the jots if they differ."""
     sensor = pixels.sensor
     side = sensor.oversampling if pixels.varies_within_pixels else 1
     height, width = light.shape
@@ -238,7 +238,7 @@ def _standard_error(
 def _silent_mle(
     data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int | None
 ) -> Estimate:
-    """Return the estimate without the warning about dead pixels, which have a flag here."""
+    """Return the estimate without a warning about dead pixels, because they get a flag."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", JotlightWarning)
         return mle(data, sensor, threads=threads)

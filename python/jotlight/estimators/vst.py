@@ -19,13 +19,13 @@ INVERSES = ("exact", "algebraic")
 """The names of the inverses in :func:`inverse_anscombe`."""
 
 _CHUNK = 1 << 22
-"""Pixels per call of the engine. The exact inverse computes a table in each call."""
+"""Number of pixels per call of the engine. The exact inverse computes a table in each call."""
 
 
 def anscombe(
     counts: npt.ArrayLike, bits_per_pixel: int, *, threads: int | None = None
 ) -> npt.NDArray[np.float32]:
-    """Return the stabilized counts T(L), with L of K bits equal to 1: equation (6).
+    """Return the stabilized counts T(L), where L of K bits are 1: equation (6).
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def inverse_anscombe(
     Makitalo and Foi (2011) define the exact inverse for Poisson counts. This is the same definition
     for binomial counts.
 
-    Differs from the paper: (7) is clipped to [0, K].
+    Unlike in the paper, the result of equation (7) is clipped to [0, K].
 
     Examples
     --------

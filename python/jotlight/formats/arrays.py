@@ -1,7 +1,7 @@
 """NumPy arrays in `.npy` and `.npz` files from untrusted sources.
 
-Only complete arrays of numbers are read. Pickled objects are never loaded, and no header can
-cause more memory to be allocated than the file can fill.
+Only complete arrays of numbers are read. Pickled objects are never loaded. Memory is allocated only
+for arrays that the file can fill, whatever its header claims.
 """
 
 import lzma
@@ -46,7 +46,7 @@ _MAX_LABEL_BYTES = 1 << 20
 
 
 def check_header(file: IO[bytes]) -> None:
-    """Raise ValueError when a file has no `.npy` signature, or its header is too long to be one.
+    """Raise ValueError when a file has no `.npy` signature, or claims too long a header.
 
     NumPy allocates memory for the length that the header claims before it reads the header.
     """
@@ -59,14 +59,14 @@ def check_header(file: IO[bytes]) -> None:
 
 
 def read_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Return shape, whether the order is Fortran's, and dtype from the header of a `.npy` stream.
+    """Return the shape, whether the order is Fortran's, and the dtype of a `.npy` stream.
 
-    The stream is then at the first byte of the data.
+    After the call, the stream is at the first byte of the data.
 
     Raises
     ------
     ValueError
-        When the stream has another signature, or another version than 1 or 2.
+        When the stream has another signature, or a version other than 1 and 2.
     """
     readers = {
         (1, 0): np.lib.format.read_array_header_1_0,
@@ -158,7 +158,7 @@ def read_npz(path: str | os.PathLike[str], key: str | None = None) -> npt.NDArra
     try:
         with zipfile.ZipFile(path) as archive:
             _check_member_size(archive, f"{key}.npy")
-            # numpy.load would return the bytes of a member that is no array.
+            # Not numpy.load, which returns the bytes of a member that is not an array.
             with archive.open(f"{key}.npy") as member:
                 return np.asarray(np.lib.format.read_array(member, allow_pickle=False))
     except (*HEADER_ERRORS, *ARCHIVE_ERRORS) as error:

@@ -1,4 +1,4 @@
-"""What a reader of a format returns: frames of bits, or images of counts."""
+"""The results of reading a file: frames of bits, or images of counts."""
 
 import dataclasses
 from collections.abc import Callable
@@ -40,17 +40,17 @@ class CountStack:
         return None if self.trials is None else self.trials * len(self.images)
 
     def sum(self, progress: Callable[[float], object] | None = None) -> Counts:
-        """Return the sum of all images, (H, W) or (H, W, C), using the memory of a few images.
+        """Return the sum of all images, (H, W) or (H, W, C), in the memory of a few images.
 
         Parameters
         ----------
         progress : callable, optional
-            Called with the fraction that is done, from 0 to 1.
+            A function that is called repeatedly with the completed fraction, from 0 to 1.
 
         Raises
         ------
         ValueError
-            When a count is negative, exceeds the number of trials, or the sum exceeds int32.
+            When a count is negative or above the number of trials, or the sum exceeds int32.
         """
         name = self.provenance.name
         total = np.zeros(self.images.shape[1:], np.int64)
@@ -82,7 +82,7 @@ Capture = Bits | CountStack
 
 
 def is_single_image(shape: tuple[int, ...]) -> bool:
-    """Return whether a shape is one image, (H, W) or (H, W, C) with C <= 4, and not a stack.
+    """Return whether a shape is that of one image, (H, W) or (H, W, C) with C <= 4.
 
     Examples
     --------
@@ -103,7 +103,7 @@ def as_count_stack(
         (H, W), (T, H, W), (H, W, C), or (T, H, W, C), with C <= 4. An array of three dimensions
         is a color image if the last dimension is at most 4.
     provenance : Provenance
-        The file that the images are from.
+        Provenance of the images.
     label : str, optional
         The label that jotlight wrote into the file, which states the number of trials.
 
@@ -116,7 +116,7 @@ def as_count_stack(
     if images.dtype.kind not in "iub" or len(shape) not in (2, 3, 4) or images.size == 0:
         raise ValueError(
             "expected counts as integers of shape (H, W), (T, H, W), (H, W, C) or "
-            f"(T, H, W, C), no dimension 0, got {images.dtype} of shape {shape}"
+            f"(T, H, W, C), without a dimension of 0, got {images.dtype} of shape {shape}"
         )
     if len(shape) == 4 and shape[3] > 4:
         raise ValueError(f"expected at most 4 channels, got shape {shape}")

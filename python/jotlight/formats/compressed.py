@@ -1,4 +1,4 @@
-"""Arrays in gzip streams and zip archives, read front to back in little memory."""
+"""Arrays in gzip streams and zip archives, read from front to back in little memory."""
 
 import contextlib
 import gzip
@@ -23,12 +23,12 @@ from jotlight.formats.limits import check_claimed_size
 from jotlight.sensing.frames import Frames, read_in_chunks
 
 _CHUNK_BYTES = 1 << 20
-"""Bytes that are decompressed at once."""
+"""Number of bytes that are decompressed at once."""
 
 
 @contextlib.contextmanager
 def naming_file(name: str) -> Iterator[None]:
-    """Turn errors of decompression into a ValueError that names the file."""
+    """Raise a ValueError that names the file for every error of decompression."""
     try:
         yield
     except FileNotFoundError:
@@ -38,12 +38,12 @@ def naming_file(name: str) -> Iterator[None]:
 
 
 class Stream:
-    """Random access to a compressed stream. Going back reopens the stream.
+    """Random access to a compressed stream. Moving backward reopens the stream.
 
     Parameters
     ----------
     reopen : callable
-        Return the stream from its beginning.
+        A function that returns the stream at its beginning.
 
     Examples
     --------
@@ -59,7 +59,7 @@ class Stream:
         self._position = 0
 
     def read(self, position: int, size: int) -> bytearray:
-        """Return `size` bytes from a position on, or fewer where the stream ends."""
+        """Return `size` bytes from `position` on, or fewer if the stream ends."""
         if self._file is None or position < self._position:
             self.close()
             self._file, self._position = self._reopen(), 0
@@ -75,7 +75,7 @@ class Stream:
         return data
 
     def close(self) -> None:
-        """Close the file; the next read reopens it."""
+        """Close the file. The next read reopens it."""
         if self._file is not None:
             self._file.close()
         self._file = None
@@ -90,7 +90,7 @@ def stream_npy(reopen: Callable[[], IO[bytes]], name: str, file_bytes: int) -> F
     Parameters
     ----------
     reopen : callable
-        Return the decompressed stream from its beginning.
+        A function that returns the decompressed stream at its beginning.
     name : str
         The file, for messages.
     file_bytes : int
@@ -99,7 +99,7 @@ def stream_npy(reopen: Callable[[], IO[bytes]], name: str, file_bytes: int) -> F
     Raises
     ------
     ValueError
-        When the stream is no `.npy` file, is damaged, holds Python objects, or is in Fortran
+        When the stream is not a `.npy` file, is damaged, holds Python objects, or is in Fortran
         order.
     """
     with naming_file(name), reopen() as file:
@@ -127,7 +127,7 @@ def stream_npy(reopen: Callable[[], IO[bytes]], name: str, file_bytes: int) -> F
 
 
 def open_gzip(path: Path) -> IO[bytes]:
-    """Return the decompressed stream of a gzip file, from its beginning."""
+    """Return the decompressed stream of a gzip file, at its beginning."""
     return cast(IO[bytes], gzip.open(path))
 
 
@@ -137,7 +137,7 @@ def stream_npy_gz(path: Path) -> Frames:
 
 
 def stream_npz(path: Path, key: str | None) -> npt.NDArray[Any] | Frames:
-    """Return one array of a `.npz` archive as frames, by name if there are several.
+    """Return one array of a `.npz` archive as frames. `key` is optional for an only array.
 
     An array in Fortran order cannot be streamed, so it is read into memory.
     """
@@ -157,7 +157,7 @@ def stream_npz(path: Path, key: str | None) -> npt.NDArray[Any] | Frames:
 def write_npy_gz(path: Path, array: npt.NDArray[np.generic] | Frames) -> None:
     """Write an array as a `.npy.gz` file, some frames at a time."""
     header = {"descr": array.dtype.str, "fortran_order": False, "shape": array.shape}
-    # Without a name and a time in the gzip header, equal data become equal files.
+    # The gzip header has no name and no time, so equal data yield equal files.
     with path.open("wb") as raw, gzip.GzipFile("", "wb", 6, raw, mtime=0) as file:
         np.lib.format.write_array_header_1_0(file, header)
         for _, part in read_in_chunks(array, _CHUNK_BYTES):

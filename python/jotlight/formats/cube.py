@@ -34,7 +34,7 @@ def open_cube(
     *,
     check: bool = True,
 ) -> Bits:
-    """Return the bits of a cube, with what the description next to it states.
+    """Return the bits of a cube, with the metadata from the description next to it.
 
     Parameters
     ----------
@@ -44,9 +44,9 @@ def open_cube(
     format_ : str
         Name of the format, for the provenance.
     width : int, optional
-        True width in jots. Default: the one that the description states, or else a multiple of 8.
+        True width in jots. Default: the width in the description, or else a multiple of 8.
     check : bool
-        Whether frames without a description have to look packed.
+        Whether frames without a description are refused if they look unpacked.
 
     Raises
     ------
@@ -90,12 +90,12 @@ def create_bits(
     sensor: SensorLike | None,
     provenance: Provenance | None = None,
 ) -> Iterator[npt.NDArray[np.uint8]]:
-    """Yield a memory map of packed bits to fill; the cube appears when the block ends.
+    """Yield a memory map for packed bits. The cube appears when the block ends.
 
     Parameters
     ----------
     path : path
-        Ends in `.npy`.
+        The path of the cube, which ends in `.npy`.
     shape : tuple of int
         Shape of the packed bits, (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C).
     width : int
@@ -103,7 +103,7 @@ def create_bits(
     sensor : Sensor, optional
         Sensor of the bits.
     provenance : Provenance, optional
-        Where the bits are from.
+        Provenance of the bits.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def create_bits(
         raise ValueError(f"{path}: expected a name that ends in .npy for packed bits")
     with describe_cube(path, shape, width, sensor, provenance) as cube:
         packed = np.lib.format.open_memmap(cube, mode="w+", dtype=np.uint8, shape=shape)
-        # Writing to a memory map whose blocks the disk cannot supply would kill the process.
+        # On a full disk, writing to a memory map without allocated blocks would kill the process.
         _allocate(cube)
         yield packed
         packed.flush()
@@ -141,10 +141,10 @@ def describe_cube(
     sensor: SensorLike | None,
     provenance: Provenance | None,
 ) -> Iterator[Path]:
-    """Yield a temporary path to write a cube to.
+    """Yield a temporary path for a cube.
 
-    The cube, its description, and its maps appear when the block ends. Maps of a cube that it
-    replaces are deleted. See :func:`create_bits` for the parameters.
+    The cube, its description, and its maps appear when the block ends. The maps of an overwritten
+    cube are deleted. See :func:`create_bits` for the parameters.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def describe_cube(
     _refuse_foreign_files(path, description, set(map_paths.values()) - replaced_maps)
     label = {**make_bits_label(width, sensor, provenance), "shape": list(shape)}
     with contextlib.ExitStack() as stack:
-        # The stack renames in reverse order, so the cube appears after all that describes it.
+        # The stack renames in reverse order, so the cube appears after its description and maps.
         cube = stack.enter_context(atomic_write(path))
         text = stack.enter_context(atomic_write(description))
         for name, map_ in maps.items():
@@ -172,14 +172,14 @@ def describe_cube(
 
 
 def _refuse_foreign_files(cube: Path, description: Path, new_maps: set[Path]) -> None:
-    """Raise FileExistsError when a file next to a cube was not written by jotlight for it."""
+    """Raise FileExistsError if writing a cube would overwrite files of other origin."""
     foreign = []
     if description.is_file() and read_own_description(description) is None:
         foreign.append(description)
     foreign += sorted(path for path in new_maps if path.is_file())
     if foreign:
         raise FileExistsError(
-            f"{foreign[0]} stands where a file that goes with {cube.name} would be written, and "
+            f"{foreign[0]} would be overwritten by a file that belongs to {cube.name}, but "
             "jotlight did not write it for these bits; move it, or choose another name"
         )
 

@@ -18,7 +18,7 @@ from jotlight.sensing.sensor import Sensor
 
 
 def description_path(cube: Path) -> Path:
-    """Return the path that the description of a cube is written to.
+    """Return the path to which the description of a cube is written.
 
     Examples
     --------
@@ -31,7 +31,7 @@ def description_path(cube: Path) -> Path:
 
 
 def map_path(description: Path, name: str) -> Path:
-    """Return the path that a map of the sensor is written to.
+    """Return the path to which a map of the sensor is written.
 
     Examples
     --------
@@ -42,7 +42,7 @@ def map_path(description: Path, name: str) -> Path:
 
 
 def _existing_description(cube: Path) -> Path:
-    """Return the path that the description of a cube is read from.
+    """Return the path from which the description of a cube is read.
 
     When another tool compressed `a.npy` to `a.npy.gz`, the description is still `a.json`. It
     belongs to `a.npy` if that file exists.
@@ -54,7 +54,7 @@ def _existing_description(cube: Path) -> Path:
 
 
 def companion_files(cube: Path) -> set[Path]:
-    """Return the files that belong to a cube: its description, and the maps that this names."""
+    """Return the files that belong to a cube: its description, and the maps that it names."""
     if cube.suffix.lower() not in (".npy", ".gz"):
         return set()
     descriptions = {description_path(cube), _existing_description(cube)}
@@ -62,7 +62,7 @@ def companion_files(cube: Path) -> set[Path]:
 
 
 def maps_in_description(description: Path) -> set[Path]:
-    """Return the paths of the maps that a description names and jotlight wrote with it."""
+    """Return the paths of those maps named in a description that jotlight wrote with it."""
     content = (read_own_description(description) or {}) if description.is_file() else {}
     maps = content.get("maps")
     names = maps.values() if isinstance(maps, dict) else ()
@@ -85,13 +85,13 @@ def read_description(
 ) -> tuple[int | None, Sensor | None, Provenance | None]:
     """Return the width, the sensor, and the provenance from the description of a cube.
 
-    All are None when there is no description, or a file that jotlight did not write.
+    All are None if there is no description, or if jotlight did not write that file.
 
     Parameters
     ----------
     cube : path
     shape : tuple of int
-        Shape of the packed bits, which the description has to state.
+        Shape of the packed bits, with which the description must agree.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def read_description(
         )
     if content.get("shape", list(shape)) != list(shape):
         raise ValueError(
-            f"{path}: describes a cube of shape {content['shape']}, and {cube.name} has "
+            f"{path}: describes a cube of shape {content['shape']}, but {cube.name} has "
             f"{list(shape)}; it belongs to another cube, so move it away"
         )
     try:

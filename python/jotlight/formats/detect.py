@@ -12,9 +12,9 @@ def detect_format(path: Path) -> str:
     Raises
     ------
     OSError
-        When it cannot be read.
+        When the path cannot be read.
     ValueError
-        When no format matches, as for raw frames, which have no header.
+        When no format matches. Raw frames have no header, so most of them match none.
 
     Examples
     --------

@@ -31,9 +31,9 @@ def list_files(path: Path, extensions: tuple[str, ...], kind: str) -> list[Path]
     path : path
         A file or a folder.
     extensions : tuple of str
-        Extensions of the files in a folder, in lower case. Hidden files are left out.
+        Extensions of the files in a folder, in lower case. Hidden files are ignored.
     kind : str
-        What the files are, for messages.
+        Kind of the files, for messages.
 
     Raises
     ------

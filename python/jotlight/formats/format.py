@@ -1,4 +1,4 @@
-"""What a file format consists of: its name, how it is detected, read, and written."""
+"""The definition of a file format: its name, its detection, its reader, and its writer."""
 
 import dataclasses
 from collections.abc import Callable
@@ -11,30 +11,30 @@ from jotlight.sensing.bits import Bits
 
 @dataclasses.dataclass(frozen=True)
 class OpenOptions:
-    """How the caller of :func:`jotlight.open` wants stored arrays to be interpreted."""
+    """Options of :func:`jotlight.open` that decide how stored arrays are interpreted."""
 
     key: str | None = None
     """Name of the array in a file that holds several."""
     counts: bool | None = None
-    """Whether the numbers are counts (True) or packed bits (False). None: decide by their type."""
+    """Whether the numbers are counts (True) or packed bits (False). None: their type decides."""
     width: int | None = None
     """True width in jots."""
     packed: bool = False
-    """Whether the caller asserts that a byte holds eight bits, which skips :func:`check_packed`."""
+    """Whether the caller states that bytes hold eight bits, which skips :func:`check_packed`."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Writer:
-    """How captures are written in a format.
+    """The functions that write captures in a format, and what they store.
 
     Each function writes the whole file or folder, or nothing: it uses
     :func:`jotlight.files.atomic_write` or :func:`jotlight.files.atomic_folder`.
     """
 
     bits: Callable[[Bits, Path], None] | None = None
-    """Write packed bits to a path. None: the format has no bits, and counts are written instead."""
+    """A function that writes packed bits. None: the format stores only counts, the sums of bits."""
     counts: Callable[[Counts, Path, str | None], None] | None = None
-    """Write an image of counts and its JSON label to a path. None: the format has no counts."""
+    """A function that writes counts and their JSON label. None: the format stores only bits."""
     extensions: tuple[str, ...] = ()
     """Extensions of a file, the preferred one first. Empty: the format is always a folder."""
     folder: bool = False
@@ -54,16 +54,16 @@ class Format:
     summary: str
     """Description in a few words."""
     open: Callable[[Path, OpenOptions], Capture]
-    """Return the capture at a path; raise ValueError if the content is invalid."""
+    """A function that returns the capture at a path, or raises ValueError for invalid content."""
     matches: Callable[[Path], bool] | None = None
-    """Whether the content at an existing path is in this format. None: the content cannot tell."""
+    """A function that detects this format at a path. None: the content does not show the format."""
     extensions: tuple[str, ...] = ()
-    """Extensions that promise this format. A file without the expected content is refused."""
+    """Extensions of this format. A file with such a name but other content is refused."""
     has_keys: bool = False
     """Whether a file holds several arrays, from which `key` selects one."""
     is_raw: bool = False
-    """Whether files have no header, so that the caller has to name the format."""
+    """Whether files have no header, so that the caller usually has to name the format."""
     fixed_layout: bool = False
     """Whether the format defines how bits are stored, so that `unpacked` does not apply."""
     writer: Writer | None = None
-    """How the format is written. None: it is read only."""
+    """The functions that write this format. None: jotlight can only read it."""

@@ -22,10 +22,10 @@ from jotlight.sensing.frames import Frames, read_in_chunks
 from jotlight.sensing.provenance import Provenance
 
 _MAX_DATA_SETS = 1000
-"""Maximum number of data sets in a file that are listed."""
+"""Maximum number of data sets that are listed for a file."""
 
 _MAX_CHUNK_BYTES = 1 << 28
-"""Maximum size of a chunk, which the library decompresses as a whole."""
+"""Maximum size of a chunk in bytes. The library decompresses a chunk as a whole."""
 
 _WRITTEN_CHUNK_BYTES = 1 << 20
 
@@ -42,7 +42,7 @@ def _import_h5py() -> Any:
 
 @contextlib.contextmanager
 def _naming_file(path: Path) -> Iterator[None]:
-    """Turn every error of the HDF5 library into a ValueError that names the file."""
+    """Raise a ValueError that names the file for every error of the HDF5 library."""
     try:
         yield
     except (MissingExtraError, FileNotFoundError, PermissionError):
@@ -51,12 +51,12 @@ def _naming_file(path: Path) -> Iterator[None]:
         if str(path) in str(error):
             raise
         raise ValueError(f"{path}: the HDF5 file is damaged ({error})") from error
-    except Exception as error:  # the library raises many types for damaged files
+    except Exception as error:  # the library raises many exceptions for damaged files
         raise ValueError(f"{path}: the HDF5 file is damaged ({error})") from error
 
 
 def list_data_sets(path: Path) -> dict[str, StoredArray]:
-    """Return the data sets of numbers in an HDF5 file by name, which are read when needed.
+    """Return the numeric data sets of an HDF5 file by name. They are read when needed.
 
     Raises
     ------
@@ -98,18 +98,18 @@ def _check_data_set(path: Path, item: Any) -> StoredArray:
 
 
 def _read_label(path: Path, item: Any) -> str | None:
-    """Return the label of a data set, which has to be a string of fixed length.
+    """Return the label of a data set, which must be a string of fixed length.
 
-    Strings of variable length lie in a heap. The library never returns from reading a damaged
-    heap, so such a string is not read.
+    Strings of variable length are stored in a heap. Such strings are not read, because reading a
+    damaged heap hangs the library.
     """
     with _naming_file(path):
         if ATTRIBUTE not in item.attrs:
             return None
         if item.attrs.get_id(ATTRIBUTE).dtype.kind != "S":
             warn(
-                f"{path}: the attribute jotlight of {item.name} is no text of fixed length, and "
-                "only those are read"
+                f"{path}: the attribute jotlight of {item.name} is not a string of fixed length, "
+                "so it is ignored"
             )
             return None
         return bytes(item.attrs[ATTRIBUTE]).decode()

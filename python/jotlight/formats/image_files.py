@@ -1,4 +1,4 @@
-"""Counts in TIFF and grayscale PNG files, one or many, and masks of dead jots."""
+"""Counts in TIFF or grayscale PNG files, or in folders of them, and masks of dead jots."""
 
 import math
 import warnings
@@ -28,10 +28,10 @@ _TIFF_EXTENSIONS = (".tif", ".tiff")
 _PNG_EXTENSIONS = (".png",)
 
 _GRAYSCALE, _PALETTE = 0, 3
-"""Color types of a PNG. The indices into a palette are levels that a program has colored."""
+"""Color types of a PNG that are accepted. Palette indices are gray levels with assigned colors."""
 
 _PILLOW_SCALE = {2: 85, 4: 17}
-"""Factor by which Pillow multiplies gray levels, to fill 8 bits, by their depth in bits."""
+"""Factor by which Pillow scales gray levels to 8 bits, for each depth in bits."""
 
 
 def open_tiff(path: Path, options: OpenOptions) -> Capture:
@@ -42,13 +42,13 @@ def open_tiff(path: Path, options: OpenOptions) -> Capture:
 def open_png(path: Path, options: OpenOptions) -> Capture:
     """Return the counts in a grayscale PNG, or in a folder of them in natural order.
 
-    A PNG of depth 1 is a frame of bits.
+    A PNG with a depth of 1 bit is a frame of bits.
     """
     return _open_images(path, _PNG_EXTENSIONS, PNG.name, _read_png)
 
 
 def _matches(path: Path, name: str, extensions: tuple[str, ...]) -> bool:
-    """Return whether a file has the signature, or a folder has such files and no raw frames."""
+    """Return whether a file has the signature, or a folder has such files but no raw frames."""
     if not path.is_dir():
         return has_type(path, name)
     has_images = any(file.suffix.lower() in extensions for file in path.iterdir())
@@ -87,7 +87,7 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None]:
             check_claimed_size("the header", series.size * dtype.itemsize, path.stat().st_size)
             single = is_single_image(shape)
             paged = not single and len(series.pages) == shape[0]
-    except Exception as error:  # tifffile does not check what it reads, so it may raise anything
+    except Exception as error:  # tifffile may raise any exception for a damaged file
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error
     if len(shape) not in (2, 3, 4) or dtype.kind not in "biu":
         raise ValueError(
@@ -115,7 +115,7 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None]:
 
 
 def _check_page(page: Any, shape: tuple[int, ...], path: Path) -> None:
-    """Raise ValueError unless a page has the shape of its series, and tiles of a possible size."""
+    """Raise ValueError if a page has another shape than its series, or a tile is too large."""
     if math.prod(page.shape) != math.prod(shape):
         raise ValueError(f"expected pages of shape {shape}, got {page.shape}")
     keyframe = page.keyframe
@@ -169,7 +169,7 @@ def read_mask(path: Path) -> npt.NDArray[np.bool_]:
     Parameters
     ----------
     path : path
-        Booleans in a `.npy`, or a grayscale PNG in which every level but 0 marks a dead jot.
+        A `.npy` file of booleans, or a grayscale PNG where every level above 0 marks a dead jot.
 
     Raises
     ------
@@ -192,14 +192,14 @@ def read_mask(path: Path) -> npt.NDArray[np.bool_]:
         mask = _read_png(path)[0].read(0, 1)[0] != 0
     if mask.dtype == np.bool_ and mask.size and mask.mean() > 0.5:
         warn(
-            f"{path}: marks {mask.mean():.0%} of the jots as dead; if it marks the good ones, "
+            f"{path}: marks {mask.mean():.0%} of the jots as dead; if it marks the live ones, "
             "invert it"
         )
     return mask
 
 
 def _smallest_type(counts: Counts) -> npt.NDArray[Any]:
-    """Return counts in the smallest unsigned type that holds them."""
+    """Return counts in the smallest unsigned type that can represent them."""
     high = int(counts.max())
     return counts.astype(np.uint8 if high < 1 << 8 else np.uint16 if high < 1 << 16 else np.uint32)
 

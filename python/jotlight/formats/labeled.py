@@ -1,4 +1,4 @@
-"""Named arrays in one file, HDF5 or zarr: which one is meant, and whether it is bits or counts."""
+"""Selection of one of the named arrays of an HDF5 file or zarr folder, as bits or counts."""
 
 import dataclasses
 import json
@@ -29,7 +29,7 @@ class StoredArray:
 
 
 def bits_label(bits: Bits) -> str:
-    """Return the label of packed bits as JSON; each map is stored as an array under its name."""
+    """Return the label of packed bits as JSON. Each map is an array with the name of the map."""
     label = make_bits_label(bits.width, bits.sensor, bits.provenance)
     if bits.sensor is not None:
         label["maps"] = {name: name for name in bits.sensor.maps()}
@@ -46,9 +46,9 @@ def open_stored_array(
     arrays : dict
         All arrays of the file by name.
     provenance : Provenance
-        The file.
+        Provenance of the file.
     options : OpenOptions
-        Default for `key`: the only array, or else the only one with a label.
+        If `key` is None, the array is the only one, or else the only one with a label.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def _select_key(arrays: dict[str, StoredArray], name: str, key: str | None) -> s
         return next(iter(labeled or arrays))
     if key is None or key not in arrays:
         got = "" if key is None else f", got {key!r}"
-        keys = ", ".join(arrays) or "it has none of numbers"
+        keys = ", ".join(arrays) or "it has no numeric array"
         raise ValueError(f"{name}: expected the name of an array (--key): {keys}{got}")
     return key
 
@@ -102,7 +102,7 @@ def _open_labeled_bits(
     if type(label.get("width")) is not int:
         raise ValueError("expected the label of packed bits to state their width")
     if width not in (None, label["width"]):
-        raise ValueError(f"its label says a width of {label['width']}, not {width}")
+        raise ValueError(f"its label states a width of {label['width']}, not {width}")
     bits = Bits(frames, label["width"])
     if label.get("provenance") is not None:
         provenance = provenance.converted_from(Provenance.from_json(label["provenance"]))
@@ -114,6 +114,6 @@ def _open_labeled_bits(
     maps = {}
     for name, key in keys.items():
         if key not in arrays or arrays[key].frames.shape != bits.shape[1:3]:
-            raise ValueError(f"{name}: expected an array of {bits.shape[1:3]} jots, {key!r}")
+            raise ValueError(f"{name}: expected an array {key!r} of {bits.shape[1:3]} jots")
         maps[name] = np.asarray(arrays[key].frames)
     return Bits(frames, bits.width, Sensor.from_parts(label["sensor"], maps), provenance)

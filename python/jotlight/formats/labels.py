@@ -1,4 +1,4 @@
-"""JSON labels: what a file of bits or counts states about itself, wherever they are stored."""
+"""JSON labels: the metadata of bits or counts, the same for all formats that store them."""
 
 import json
 from typing import Any
@@ -16,11 +16,11 @@ VERSION = 1
 """Value of "version" in a label."""
 
 MAX_LABEL_BYTES = 1 << 20
-"""Maximum size of a label that is read."""
+"""Maximum size in bytes of a label that is read."""
 
 
 def parse_label(text: str, format_: str) -> dict[str, Any] | None:
-    """Return the JSON object in a text, or None when it is no label of this format.
+    """Return the JSON object in a text, or None when it is not a label of this format.
 
     Examples
     --------
@@ -39,7 +39,7 @@ def parse_label(text: str, format_: str) -> dict[str, Any] | None:
 def make_bits_label(
     width: int, sensor: SensorLike | None, provenance: Provenance | None
 ) -> dict[str, Any]:
-    """Return the label of packed bits; the caller adds where each of the sensor's maps is."""
+    """Return the label of packed bits. The caller adds the locations of the sensor's maps."""
     label: dict[str, Any] = {"format": BITS, "version": VERSION, "width": width}
     if sensor is not None:
         label["sensor"] = sensor.scalars()
@@ -60,7 +60,7 @@ def make_counts_label(trials: int | None, provenance: Provenance | None) -> str 
 def read_counts_label(text: str | None) -> tuple[int | None, Provenance | None]:
     """Return the number of trials and the provenance from the label of an image of counts.
 
-    Both are None when the text is no such label.
+    Both are None when the text is not such a label.
 
     Raises
     ------

@@ -1,10 +1,10 @@
-"""A limit on what a small file may claim to hold, checked before memory is allocated for it."""
+"""A limit on the size of the array that a file claims, checked before memory is allocated."""
 
 _MAX_EXPANSION = 1100
-"""Maximum ratio of decompressed to compressed bytes. DEFLATE, the most common, stays below 1033."""
+"""Maximum ratio of decompressed to compressed bytes. That of DEFLATE is below 1033."""
 
 _FREE_BYTES = 1 << 24
-"""Size in bytes that a file of any length may claim."""
+"""Number of bytes that even the smallest file may claim."""
 
 
 def check_claimed_size(name: str, claimed: int, file_bytes: int) -> None:

@@ -15,7 +15,7 @@ _SIGNATURES = (
     (b"II+\0", "tiff"),
     (b"MM\0+", "tiff"),
 )
-"""First bytes and the name of the file type."""
+"""Pairs of the first bytes of a file and the name of its type."""
 
 
 def file_type(path: Path) -> str | None:
@@ -35,5 +35,5 @@ def file_type(path: Path) -> str | None:
 
 
 def has_type(path: Path, name: str) -> bool:
-    """Return whether a path is a file of this type."""
+    """Return whether `path` is a file of the type `name`."""
     return path.is_file() and file_type(path) == name

@@ -13,20 +13,20 @@ _COMPRESSED = 15
 _MATRIX = 14
 """Type of a variable."""
 _NUMBER_TYPES = (1, 2, 3, 4, 5, 6, 7, 9, 12, 13)
-"""Types that numbers are stored in. SciPy crashes on an unknown type."""
+"""Types in which numbers are stored. SciPy crashes on an unknown type."""
 _NUMERIC_CLASSES = range(6, 16)
-"""Classes of variables that hold numbers. Of others, only the name is ever read."""
+"""Classes of variables that hold numbers. jotlight reads only the name of others."""
 _COMPLEX = 0x0800
 """Flag of a variable with complex numbers."""
 _HEADER_BYTES = 128
 _TAG_BYTES = 8
 _PREFIX_BYTES = 1 << 16
-"""Bytes at the start of a variable that are inspected."""
+"""Number of bytes that are inspected at the start of a variable."""
 _MAX_VARIABLES = 10_000
 
 
 def check_sizes(path: Path) -> None:
-    """Raise ValueError when a variable, or a part of one, claims more bytes than there can be."""
+    """Raise ValueError if a variable, or a part of it, claims more bytes than the file can hold."""
     file_bytes = path.stat().st_size
     with path.open("rb") as file:
         header = file.read(_HEADER_BYTES)
@@ -62,7 +62,7 @@ def _check_compressed(prefix: bytes, compressed_bytes: int, order: Order) -> Non
 
 
 def _check_parts(prefix: bytes, variable_bytes: int, order: Order) -> None:
-    """Check the flags, sizes, name, and numbers of a variable; a tag precedes each of them."""
+    """Check the flags, sizes, name, and numbers of a variable. A tag precedes each of them."""
     position = 0
     flags = _word(prefix, 8, order)
     is_numeric = flags & 0xFF in _NUMERIC_CLASSES

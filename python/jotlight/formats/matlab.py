@@ -23,15 +23,15 @@ from jotlight.sensing.frames import Frames, concatenate
 from jotlight.sensing.provenance import Provenance
 
 _VARIABLE = "OUTPUT"
-"""Name of the variable that cameras' software and jotlight write."""
+"""Name of the variable that the software of cameras and jotlight write."""
 
 _FRAMES_PER_PART = 256
-"""Frames in each file that jotlight writes."""
+"""Number of frames in each file that jotlight writes."""
 
 _NUMERIC_CLASSES = {
     *("logical", "uint8", "int8", "uint16", "int16", "uint32", "int32", "single", "double"),
 }
-"""Classes of variables that can be frames."""
+"""Classes of variables that can contain frames."""
 
 _MAX_INFO_BYTES = 1 << 20
 
@@ -65,7 +65,7 @@ def open_matlab(path: Path, options: OpenOptions) -> Capture:
     provenance = Provenance("matlab", path.name, tuple(notes))
     if options.counts:
         return as_count_stack(frames, provenance)
-    provenance = provenance.with_notes("the frames are of one bit each, (H, W, T)")
+    provenance = provenance.with_notes("each number is one bit, (H, W, T)")
     return Bits(pack_lazily(frames, path.name), frames.shape[2], provenance=provenance)
 
 
@@ -102,13 +102,13 @@ def _open_part(path: Path, key: str | None) -> Frames:
 
 
 def _open_version_5(path: Path, key: str | None) -> Frames:
-    """Return the frames of a file up to version 7. SciPy can only read all of them at once."""
+    """Return the frames of a file up to version 7, which SciPy can read only as a whole."""
     from scipy.io import loadmat, whosmat
 
     try:
         check_sizes(path)
         variables = {name: (shape, kind) for name, shape, kind in whosmat(path)}
-    except Exception as error:  # SciPy does not check what it reads, so it may raise anything
+    except Exception as error:  # SciPy may raise any exception for a damaged file
         raise ValueError(f"{path}: expected a MATLAB file ({error})") from error
     numeric = {name: shape for name, (shape, kind) in variables.items() if kind in _NUMERIC_CLASSES}
     name = _select_variable(path, numeric, key)
@@ -117,7 +117,7 @@ def _open_version_5(path: Path, key: str | None) -> Frames:
     if len(shape) != 3 or min(shape) < 0:
         raise ValueError(f"{path}: expected {name} of shape (H, W, T), got {shape}")
     check_claimed_size(str(path), math.prod(shape), path.stat().st_size)
-    # Holds the array until the last frame is read, so that frames in order are loaded once.
+    # The cache holds the array until the last frame is read, so reading in order loads it once.
     cache: list[npt.NDArray[Any]] = []
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
@@ -162,13 +162,13 @@ def _select_variable(path: Path, variables: dict[str, Any], key: str | None) -> 
         return next(iter(variables))
     if key is None or key not in variables:
         got = "" if key is None else f", got {key!r}"
-        names = ", ".join(map(str, variables)) or "it has none of numbers"
+        names = ", ".join(map(str, variables)) or "it has no numeric variable"
         raise ValueError(f"{path}: expected the name of a variable (--key): {names}{got}")
     return key
 
 
 def _as_integers(path: Path, part: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
-    """Return whole numbers of any type as int64; MATLAB stores them as floats by default."""
+    """Return whole numbers of any type as int64. MATLAB stores them as floats by default."""
     with np.errstate(invalid="ignore"):
         integers = part.astype(np.int64)
     if part.dtype.kind not in "biuf" or (part.dtype.kind == "f" and (integers != part).any()):

@@ -52,7 +52,7 @@ def _open_array(
     counts: bool | None,
     label: str | None = None,
 ) -> Capture:
-    """Return the bits or counts in an array; its type and shape decide when `counts` is None."""
+    """Return the bits or counts in an array. If `counts` is None, its type and shape decide."""
     dimensions = len(array.shape)
     if array.dtype == np.bool_ and dimensions in (3, 4) and not counts and 0 not in array.shape:
         provenance = Provenance(name, path.name, ("frames of bool, one bit each",))
@@ -94,7 +94,7 @@ def _write_npz_counts(counts: Counts, path: Path, label: str | None) -> None:
             np.savez_compressed(file, counts=counts)
         if label is not None:
             with zipfile.ZipFile(temporary, "a", zipfile.ZIP_DEFLATED) as archive:
-                # A ZipInfo has a fixed time, so that equal data become equal files.
+                # A ZipInfo has a fixed time, so equal data yield equal files.
                 archive.writestr(zipfile.ZipInfo(LABEL_MEMBER), label)
 
 

@@ -1,4 +1,4 @@
-"""Frames rotated by multiples of 90 degrees and mirrored while they stay packed."""
+"""Rotation of packed frames by multiples of 90 degrees, and mirroring, without unpacking them."""
 
 from typing import Any
 
@@ -8,21 +8,21 @@ import numpy.typing as npt
 from jotlight.sensing.frames import Frames, read_in_chunks
 
 FLIPS = ("horizontal", "vertical")
-"""Ways to mirror: exchange left and right, or top and bottom."""
+"""Names of the mirrorings: left and right are exchanged, or top and bottom."""
 
 _CHUNK_BYTES = 1 << 20
-"""Bytes that are rotated at once, so that they stay in the cache."""
+"""Number of bytes that are rotated at once. They fit into the cache."""
 
 Packed = npt.NDArray[np.uint8]
 
 
 def parse_orientation(rotate: int, flip: str | None) -> int:
-    """Return the number of quarter turns counterclockwise, 0 to 3, of an angle in degrees.
+    """Return the number of quarter turns counterclockwise, 0 to 3, for an angle in degrees.
 
     Raises
     ------
     ValueError
-        When the angle is no multiple of 90, or `flip` is unknown.
+        When the angle is not a multiple of 90, or `flip` is unknown.
 
     Examples
     --------
@@ -64,7 +64,7 @@ def orient_packed(
     width : int
         W.
     quarters : int
-        Quarter turns, 0 to 3.
+        Quarter turns counterclockwise, 0 to 3.
     flip : {"horizontal", "vertical"}, optional
     """
     if quarters == 0 and flip is None:
@@ -86,7 +86,8 @@ def orient_packed(
 
 
 def _orient(part: Packed, width: int, quarters: int, flip: str | None) -> Packed:
-    # Transposing frames and reversing their rows, which is cheap, compose all eight orientations.
+    # All eight orientations are sequences of transposing the frames and of reversing the order of
+    # their rows, which is cheap.
     height = part.shape[1]
     if quarters == 1:
         part = transpose_packed(part, width)[:, ::-1]
@@ -109,8 +110,8 @@ def _mirror(part: Packed, width: int) -> Packed:
 def transpose_packed(part: Packed, width: int) -> Packed:
     """Return packed frames (T, H, ceil(W / 8)), transposed: (T, W, ceil(H / 8)).
 
-    Each block of 8 x 8 bits is a word of 64 bits, which three exchanges of bits transpose [1]_.
-    Then the blocks change places.
+    Each block of 8 x 8 bits is a word of 64 bits. Three exchanges of bits transpose it [1]_. Then
+    the blocks change places.
 
     References
     ----------
@@ -125,7 +126,7 @@ def transpose_packed(part: Packed, width: int) -> Packed:
     blocks = (height + 7) // 8
     rows = np.zeros((frames, blocks, 8, row_bytes), np.uint8)
     rows.reshape(frames, 8 * blocks, row_bytes)[:, :height] = part
-    # The first row becomes the most significant byte, as the first column is the most
+    # The first row becomes the most significant byte, because the first column is the most
     # significant bit.
     words = np.ascontiguousarray(rows.transpose(0, 3, 1, 2)).view(">u8")[..., 0].astype(np.uint64)
     for shift, mask in (

@@ -1,4 +1,4 @@
-"""Frames that store one bit per number: packing them as they are read, and detecting them."""
+"""Packing of frames that store one bit per number, and detection of such frames."""
 
 from typing import Any
 
@@ -10,14 +10,14 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_in_chunks
 
 _INSPECTED_BYTES = 1 << 20
-"""Bytes of frames that :func:`check_packed` reads at each of three places."""
+"""Number of bytes that :func:`check_packed` reads at each of three positions."""
 
-_MIN_FIRED = 8
-"""Minimum number of bytes above 0 for frames to be called unpacked."""
+_MIN_NONZERO = 8
+"""Minimum number of bytes above 0 at which frames can be recognized as unpacked."""
 
 
 def pack_lazily(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
-    """Return frames of unpacked bits as packed frames, which are packed when they are read.
+    """Return packed frames of unpacked ones. They are packed when they are read.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def pack_lazily(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
 
 
 def pack_stack(stack: CountStack) -> Bits:
-    """Return images in which each number is one bit as bits."""
+    """Return the bits of a stack of images in which each number is one bit."""
     images, provenance = stack.images, stack.provenance
     packed = pack_lazily(images, provenance.name)
     provenance = provenance.with_notes("one bit in each number")
@@ -64,23 +64,23 @@ def pack_stack(stack: CountStack) -> Bits:
 def check_packed(frames: npt.NDArray[np.uint8] | Frames, name: str) -> None:
     """Raise ValueError when frames look as if each byte were one bit.
 
-    Unpacked frames hold only 0 and 1, or only 0 and 255, although many jots fire. The function
-    reads the first frames. If few jots fire there, it also reads frames from the middle and the
-    end.
+    Unpacked frames hold only 0 and 1, or only 0 and 255, although many bytes are above 0. The
+    function reads the first frames. If few bytes are above 0 there, it also reads frames from the
+    middle and from the end.
     """
     if frames.size == 0:
-        # Without frames, the size of a frame is a mere claim, for which no memory may be allocated.
+        # A file without frames can claim frames of any size, so no memory is allocated for one.
         return
     frame_bytes = max(1, frames.nbytes // max(1, len(frames)))
     number = max(1, _INSPECTED_BYTES // frame_bytes)
-    fired, levels = np.zeros(frames.shape[1:], np.bool_), {0}
+    nonzero, levels = np.zeros(frames.shape[1:], np.bool_), {0}
     for start in (0, max(0, len(frames) - number) // 2, max(0, len(frames) - number)):
         part = np.asarray(frames[start : start + number, ...])
-        fired |= part.any(axis=0)
+        nonzero |= part.any(axis=0)
         levels |= set(np.unique(part).tolist())
         if part.all() or levels not in ({0}, {0, 1}, {0, 255}):
             return
-        if fired.sum() >= _MIN_FIRED:
+        if nonzero.sum() >= _MIN_NONZERO:
             raise ValueError(
                 f"{name}: the inspected frames hold nothing but 0 and {max(levels)}, as unpacked "
                 "frames do; pass unpacked=True (--unpacked) for one bit in each byte, or "

@@ -19,11 +19,11 @@ EXTENSIONS = (".bin", ".bin.gz")
 """Extensions of files with raw frames."""
 
 _CHUNK_BYTES = 1 << 20
-"""Bytes that are decompressed or written at once."""
+"""Number of bytes that are decompressed or written at once."""
 
 
 class RawFile:
-    """The bytes of a file that holds frames and nothing else; gzip may compress it.
+    """The bytes of a file that contains only frames and may be compressed by gzip.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class RawFile:
             size, end = _decompressed_size(path, len(trailer))
         elif kind is not None:
             raise ValueError(
-                f"{path}: expected raw frames, and its first bytes are those of {kind}"
+                f"{path}: expected raw frames, but its first bytes are those of {kind}"
             )
         else:
             size = path.stat().st_size
@@ -54,18 +54,18 @@ class RawFile:
                 file.seek(max(0, size - len(trailer)))
                 end = file.read()
         self.size = size - len(trailer) if trailer and end == trailer else size
-        """Number of bytes without the trailer, decompressed."""
+        """Number of bytes after decompression, without the trailer."""
 
     def read(self, position: int, size: int) -> Packed:
-        """Return `size` bytes from a position on; raise OSError when the file is too short."""
+        """Return `size` bytes from `position` on. Raise OSError if the file is too short."""
         if self._stream is None:
-            # Not a memory map: the process would be killed if the file became shorter.
+            # Not a memory map: if the file became shorter, the process would be killed.
             data = np.fromfile(self.path, np.uint8, size, offset=position)
         else:
             with naming_file(str(self.path)):
                 data = np.frombuffer(self._stream.read(position, size), np.uint8)
             if position + size == self.size:
-                # A folder may have more files than can be open at once.
+                # A folder may have more files than the system lets a process open at once.
                 self._stream.close()
         if len(data) != size:
             raise OSError(f"{self.path} has become shorter since it was opened")
@@ -73,7 +73,7 @@ class RawFile:
 
 
 def _decompressed_size(path: Path, end_bytes: int) -> tuple[int, bytes]:
-    """Return how many bytes a gzip file decompresses to, and the last `end_bytes` of them."""
+    """Return the decompressed size of a gzip file, and its last `end_bytes` bytes."""
     size, end = 0, b""
     with naming_file(str(path)), open_gzip(path) as file:
         while chunk := file.read(_CHUNK_BYTES):
@@ -88,15 +88,15 @@ def read_raw(
     decode: Callable[[Packed], Packed],
     trailer: bytes = b"",
 ) -> Packed | Frames:
-    """Return the frames that follow one another in files.
+    """Return the frames of several files as one stack.
 
     Parameters
     ----------
     files : sequence of paths
     shape : tuple of int
-        (H, W / 8), the shape of a packed frame. It has as many bytes as in the file.
+        (H, W / 8), the shape of a packed frame. A raw frame has the same number of bytes.
     decode : callable
-        Return packed frames (n, H, W / 8) from raw bytes (n, H * W / 8).
+        A function that returns packed frames (n, H, W / 8) for raw bytes (n, H * W / 8).
     trailer : bytes
         Bytes that may follow the last frame of a file.
 
@@ -113,8 +113,8 @@ def read_raw(
     if len(frames) == 0:
         where = f"any of {len(files)} files" if len(files) > 1 else "it"
         raise ValueError(
-            f"{files[0]}: expected frames of {shape[0] * shape[1]} bytes each, got none whole in "
-            f"{where}"
+            f"{files[0]}: expected frames of {shape[0] * shape[1]} bytes each, got no complete one "
+            f"in {where}"
         )
     return frames
 
@@ -126,8 +126,8 @@ def _read_raw_file(
     file = RawFile(path, trailer)
     number, left = divmod(file.size, frame_bytes)
     if left:
-        whole = f"{number} whole frame{'' if number == 1 else 's'}"
-        warn(f"{path}: {whole} of {frame_bytes} bytes; {left} bytes are left over and not used")
+        complete = f"{number} complete frame{'' if number == 1 else 's'}"
+        warn(f"{path}: {complete} of {frame_bytes} bytes; {left} bytes are left over and not used")
 
     def read(start: int, stop: int) -> Packed:
         raw = file.read(start * frame_bytes, (stop - start) * frame_bytes)
@@ -159,11 +159,11 @@ def write_raw(
     bits : Bits
     path : path
     encode : callable
-        Return raw bytes from packed frames (n, H, W / 8).
+        A function that returns the raw bytes of packed frames (n, H, W / 8).
     frames_per_file : int
         Maximum number of frames in each file of a folder.
     file_name : callable
-        Return the path in the folder of the file with an index, counted from 0.
+        A function that returns the path, relative to the folder, of file number 0, 1, and so on.
     trailer : bytes
         Bytes that follow the last frame of each file.
     """

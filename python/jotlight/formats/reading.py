@@ -41,7 +41,7 @@ def open(
         One of ``jotlight.formats.FORMATS``. Default: detected from the content. Raw frames
         (`.bin`) have no header, so their format is required.
     width : int, optional
-        True width in jots. Default: the one that the file states, or else a multiple of 8.
+        True width in jots. Default: the width that the file states, or else a multiple of 8.
     frames : slice, optional
         The frames to use, such as ``slice(100, 200)``. Default: all.
     rotate : int
@@ -51,19 +51,20 @@ def open(
     key : str, optional
         Name of the array, for a file that holds several.
     counts : bool, optional
-        Whether the numbers are counts (True) or bits (False). Default: an array that jotlight
-        labeled as bits is bits, and so is uint8 (T, H, W / 8) in a `.npy`, or bool (T, H, W).
-        Everything else is counts.
+        Whether the numbers are counts (True) or bits (False). By default, three kinds of arrays are
+        bits: those that jotlight labeled as bits, uint8 (T, H, W / 8) in a `.npy`, and bool
+        (T, H, W). All others are counts.
     unpacked : bool, optional
-        Whether each number is one bit, 0 and 1 or 0 and 255 (True), or each byte holds eight
-        bits (False). Default: eight bits, but frames that look unpacked are refused.
+        Whether each number is one bit, as 0 and 1 or 0 and 255 (True), or each byte holds eight
+        bits (False). Default: each byte holds eight bits, but frames that look unpacked are
+        refused.
 
     Returns
     -------
     Bits
-        With a ``provenance`` that states what was assumed.
+        The bits. Their ``provenance`` states what was assumed.
     ndarray of int32, shape (H, W) or (H, W, C)
-        For counts. A stack of images is summed, with a warning unless `frames` is passed.
+        The counts. A stack of images is summed, with a warning unless `frames` is passed.
 
     Raises
     ------
@@ -73,7 +74,7 @@ def open(
         When the format is unknown, or the file is truncated or holds Python objects, which are
         never read.
     MissingExtraError
-        When an optional package is required and not installed.
+        When a required optional package is not installed.
 
     Examples
     --------
@@ -116,7 +117,7 @@ def open_capture(
     counts: bool | None = None,
     unpacked: bool | None = None,
 ) -> Capture:
-    """Return a capture as :func:`open` does, but with images of counts not yet summed."""
+    """Return a capture as :func:`open` does, but do not sum images of counts."""
     path = Path(path)
     if format is not None and format not in FORMATS:
         raise ValueError(f"format: expected one of {', '.join(FORMATS)}, got {format!r}")
@@ -150,7 +151,7 @@ def _check_options(path: Path, entry: Format, options: OpenOptions, unpacked: bo
     """Raise ValueError for options that do not apply to a format, or contradict each other."""
     if options.key is not None and not entry.has_keys:
         raise ValueError(
-            f"key: names an array in a file of several, and {path} ({entry.name}) has one"
+            f"key: names an array in a file of several, but {path} ({entry.name}) has one"
         )
     if unpacked and options.counts:
         raise ValueError(

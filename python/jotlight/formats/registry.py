@@ -10,7 +10,7 @@ from jotlight.formats.swissspad import SWISSSPAD2, SWISSSPAD2_FULL
 from jotlight.formats.visionsim import VISIONSIM
 from jotlight.formats.zarr import ZARR
 
-# Detection tries them in this order.
+# Detection tries the formats in this order.
 _ALL = (
     NPY,
     NPY_GZ,
@@ -33,4 +33,4 @@ FORMATS: dict[str, Format] = {format_.name: format_ for format_ in _ALL}
 WRITERS: dict[str, Writer] = {
     format_.name: format_.writer for format_ in _ALL if format_.writer is not None
 }
-"""How each format is written, by the name of the format."""
+"""The writer of each format that can be written, by the name of the format."""

@@ -10,8 +10,8 @@ def resolve_below(path: Path, name: object, parameter: str) -> Path:
     Raises
     ------
     ValueError
-        When `name` is no relative path, or it or a symbolic link leads out of the folder. The
-        message begins with `parameter`.
+        When `name` is not a relative path, or leads out of the folder, directly or by a symbolic
+        link. The message begins with `parameter`.
     """
     folder = path.parent
     if isinstance(name, str) and name not in ("", ".") and "\0" not in name:
@@ -31,7 +31,7 @@ def resolve_sibling(path: Path, name: object) -> Path:
     Raises
     ------
     ValueError
-        When `name` is anything but a file name.
+        When `name` is not a plain file name.
     """
     if (
         not isinstance(name, str)

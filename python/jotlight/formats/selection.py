@@ -1,4 +1,4 @@
-"""Part of a capture: some of its frames, rotated and mirrored."""
+"""Selection of some frames of a capture, and their rotation and mirroring."""
 
 from typing import Any
 
@@ -30,7 +30,7 @@ def select(
         Degrees counterclockwise, a multiple of 90.
     flip : {"horizontal", "vertical"}, optional
     key : str, optional
-        Name of the array that the capture is from, recorded in the provenance.
+        Name of the array from which the capture was read, for the provenance.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def select(
     quarters = parse_orientation(rotate, flip)
     notes = [f"the array {key}"] if key is not None else []
     if quarters:
-        notes.append(f"rotated by {90 * quarters} degrees anticlockwise")
+        notes.append(f"rotated by {90 * quarters} degrees counterclockwise")
     if flip is not None:
         notes.append(f"mirrored, {flip}")
 
@@ -60,7 +60,7 @@ def select(
                 wanted = format_frame_range(frames)
                 raise ValueError(f"frames: no frames in {wanted} of {len(capture.images)}")
             provenance = provenance.with_notes(
-                f"of the stack {len(images)} of {len(capture.images)}"
+                f"{len(images)} images of a stack of {len(capture.images)}"
             )
         return CountStack(_orient_images(images, quarters, flip), provenance, capture.trials)
     if frames is not None:

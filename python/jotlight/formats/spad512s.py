@@ -2,8 +2,8 @@
 
 The camera's own software shows frames rotated by 90 degrees counterclockwise, and so does
 jotlight. A dense file has up to 1000 frames of 32768 bytes. A sparse file lists the positions of
-the ones as little-endian uint32, with 262144 after each frame. A file that came over the network
-ends with the four letters `DONE`.
+the ones as little-endian uint32, and the number 262144 after each frame. A file that was sent over
+the network ends with the four letters `DONE`.
 """
 
 import functools
@@ -38,12 +38,13 @@ _SIDE = 512
 _TRAILER = b"DONE"
 
 _END_OF_FRAME = _SIDE * _SIDE
-"""Word that follows the positions of each frame in a sparse file."""
+"""Number that follows the positions of each frame in a sparse file."""
 
 _INDEX_STEP = 64
-"""Frames between two frames whose offset is stored. It bounds the memory for a long file."""
+"""Number of frames for each stored offset. It limits the memory for a long file."""
 
 _WORDS_AT_ONCE = 1 << 20
+"""Number of words of a sparse file that are read at once."""
 
 _ROTATED = "rotated by 90 degrees counterclockwise, as its own software shows it"
 
@@ -54,14 +55,14 @@ def _decode(raw: Packed) -> Packed:
 
 
 def _encode_dense(packed: Packed) -> Packed:
-    """Return the raw frames of packed frames: the inverse of :func:`_decode`."""
+    """Return the raw bytes of packed frames: the inverse of :func:`_decode`."""
     return transpose_packed(packed[:, ::-1], _SIDE)
 
 
 def _encode_sparse(packed: Packed) -> Packed:
     """Return the positions of the ones, and the end of each frame, as bytes."""
     flat = np.unpackbits(_encode_dense(packed).reshape(len(packed), -1), axis=1)
-    # A one behind the last jot of a frame becomes the end of the frame.
+    # An additional 1 after the last jot of each frame has the position that marks its end.
     with_end = np.concatenate([flat, np.ones((len(packed), 1), np.uint8)], axis=1)
     return np.nonzero(with_end)[1].astype("<u4").view(np.uint8)
 
@@ -76,7 +77,7 @@ def _has_trailer(path: Path) -> bool:
 
 
 def _looks_sparse(path: Path) -> bool:
-    """Return whether a file with a trailer begins with positions and ends of frames."""
+    """Return whether a file with the trailer is sparse, judged from its first words."""
     words = np.fromfile(path, "<u4", min(_END_OF_FRAME + 1, path.stat().st_size // 4 - 1))
     ends = int((words == _END_OF_FRAME).sum())
     # In dark frames of a dense file most words are 0, but in a sparse frame 0 occurs at most once.
@@ -84,7 +85,7 @@ def _looks_sparse(path: Path) -> bool:
 
 
 def _matches(path: Path, *, sparse: bool) -> bool:
-    """Return whether a file, or the first such file in a folder, ends with the trailer."""
+    """Return whether the file, or a file in the folder, has the trailer and this layout."""
     if path.is_dir():
         files = sorted(path.rglob("*.bin"), key=natural_sort_key)
     else:
@@ -102,7 +103,7 @@ def open_spad512s(path: Path, options: OpenOptions, *, sparse: bool = False) -> 
             raise ValueError(
                 f"{path}: expected frames that end in {_END_OF_FRAME}, got no such end"
             )
-        notes = [f"places of ones as uint32, little endian, row by row; {_ROTATED}"]
+        notes = [f"positions of the ones as uint32, little endian, row by row; {_ROTATED}"]
     else:
         frames = read_raw(files, (_SIDE, _SIDE // 8), _decode, _TRAILER)
         notes = [f"frames of {_SIDE} x {_SIDE}, the most significant bit first; {_ROTATED}"]
@@ -122,12 +123,12 @@ def _read_sparse(path: Path) -> Frames:
     frames, offsets, end = _index_sparse(path, read_words, total)
     if end < total or left:
         warn(
-            f"{path}: {frames} whole frames; {4 * (total - end) + left} bytes are left over "
+            f"{path}: {frames} complete frames; {4 * (total - end) + left} bytes are left over "
             "without an end of frame and not used"
         )
 
     def read_group(start: int, stop: int) -> Packed:
-        """Return frames of one group, which is decoded from its stored offset."""
+        """Return some frames of one group, which is read from its stored offset on."""
         jots = np.zeros((stop - start, _END_OF_FRAME), np.bool_)
         frame, position = start // _INDEX_STEP * _INDEX_STEP, offsets[start // _INDEX_STEP]
         next_group = -(-stop // _INDEX_STEP)
@@ -142,7 +143,7 @@ def _read_sparse(path: Path) -> Frames:
         return _decode(np.packbits(jots.reshape(-1, _SIDE, _SIDE), axis=2))
 
     def read(start: int, stop: int) -> Packed:
-        # Unpacked frames take eight times the memory, so few of them are decoded at once.
+        # Unpacked frames take eight times the memory, so each group is decoded on its own.
         first_cut = (start // _INDEX_STEP + 1) * _INDEX_STEP
         cuts = [start, *range(first_cut, stop, _INDEX_STEP), stop]
         return np.concatenate([read_group(a, b) for a, b in itertools.pairwise(cuts)])
@@ -163,9 +164,9 @@ def _index_sparse(
         if words.max(initial=0) > _END_OF_FRAME:
             wrong = int(np.argmax(words > _END_OF_FRAME))
             raise ValueError(
-                f"{path}: expected places of 0 to {_END_OF_FRAME - 1} and {_END_OF_FRAME} at the "
-                f"end of a frame, got {words[wrong]} at byte {4 * (start + wrong)}; it is no "
-                "sparse file or damaged"
+                f"{path}: expected positions of 0 to {_END_OF_FRAME - 1}, and {_END_OF_FRAME} at "
+                f"the end of a frame, got {words[wrong]} at byte {4 * (start + wrong)}; it is not "
+                "a sparse file, or it is damaged"
             )
         ends = np.flatnonzero(words == _END_OF_FRAME) + start + 1
         # Frame n begins at the end of frame n - 1.
@@ -199,7 +200,7 @@ SPAD512S = Format(
 
 SPAD512S_SPARSE = Format(
     "spad512s-sparse",
-    "SPAD512S, the places of the ones",
+    "SPAD512S, the positions of the ones",
     open=functools.partial(open_spad512s, sparse=True),
     matches=functools.partial(_matches, sparse=True),
     is_raw=True,

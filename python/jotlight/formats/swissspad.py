@@ -1,7 +1,7 @@
 """SwissSPAD2: raw bits in `.bin` files of 8 MiB, the least significant bit first.
 
 A file of the half array has 512 frames of 256 x 512, row by row. A file of the full array has
-256 frames of 512 x 512. Its two halves take turns: 128 bits of a row of the top half, 128 bits of
+256 frames of 512 x 512. Its two halves alternate: 128 bits of a row of the top half, 128 bits of
 the mirrored row of the bottom half, and so on. The bottom half is read out upside down.
 """
 
@@ -19,20 +19,20 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.provenance import Provenance
 
 _REVERSED_BYTES = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
-"""Every byte with its bits in reverse."""
+"""Table from each byte to the byte with its bits in reverse order."""
 
 _WIDTH = 512
 _HALF_HEIGHT = 256
 _ROW_BYTES = _WIDTH // 8
 _TURN_BYTES = 128 // 8
-"""Bytes that one half writes before the other half takes its turn."""
+"""Number of bytes of one half that are followed by bytes of the other half."""
 
 _FRAMES_PER_HALF_FILE = 512
 _FRAMES_PER_FULL_FILE = 256
 
 
 def _reverse_bits(raw: Packed) -> Packed:
-    # About three times as fast as indexing a NumPy table, which first makes 64-bit indices.
+    # This is about three times as fast as indexing a NumPy table, which requires 64-bit indices.
     return np.frombuffer(raw.tobytes().translate(_REVERSED_BYTES), np.uint8)
 
 
@@ -67,7 +67,7 @@ def open_swissspad(path: Path, options: OpenOptions, *, full: bool = False) -> B
     frames = read_raw(files, (height, _ROW_BYTES), _decode_full if full else _decode_half)
     notes = [f"frames of {height} x {_WIDTH}, the least significant bit first"]
     if full:
-        notes.append("the halves by turns of 128 bits, the bottom half upside down")
+        notes.append("the two halves alternate every 128 bits, the bottom half upside down")
     if len(files) > 1:
         notes.append(f"{len(files)} files in the order of the numbers in their names")
     name = SWISSSPAD2_FULL.name if full else SWISSSPAD2.name
@@ -75,7 +75,7 @@ def open_swissspad(path: Path, options: OpenOptions, *, full: bool = False) -> B
 
 
 def _sort_by_number(path: Path, files: list[Path]) -> list[Path]:
-    """Return files in the order of the last whole number in their names, whatever their folder."""
+    """Return files in the order of the last whole number in their names, ignoring folders."""
     if len(files) == 1:
         return files
     numbered: dict[int, Path] = {}
@@ -84,7 +84,7 @@ def _sort_by_number(path: Path, files: list[Path]) -> list[Path]:
         number = int(digits[-1]) if digits else -1
         if number in numbered or not digits:
             raise ValueError(
-                f"{path}: expected files with a number each in their names, as in filename12.bin, "
+                f"{path}: expected a different number in each file name, as in filename12.bin, "
                 f"got {numbered.get(number, file)} and {file}; open one capture at a time"
             )
         numbered[number] = file
@@ -95,7 +95,7 @@ def _sort_by_number(path: Path, files: list[Path]) -> list[Path]:
 
 
 def _file_name(index: int) -> str:
-    """Return where the camera's software puts the file with this index."""
+    """Return the path that the camera's software gives to the file with an index."""
     return f"{index // 2048}/{index // 64}/filename{index}.bin"
 
 

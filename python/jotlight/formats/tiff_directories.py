@@ -9,22 +9,22 @@ Order = Literal["little", "big"]
 
 _TYPE_BYTES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4}
 _TYPE_BYTES |= {16: 8, 17: 8, 18: 8}
-"""Bytes of a value, by the number of its type."""
+"""Size of a value in bytes, by the number of its type."""
 
 _SUB_DIRECTORIES = 330
 """Tag whose values are the offsets of further directories."""
 
-_MAX_READS = 8
-"""How many times the values of tags, which pages may share, may add up to the size of the file."""
+_MAX_VALUE_RATIO = 8
+"""Maximum ratio of all tag values to the size of the file. It is not 1: pages may share values."""
 
 _FREE_BYTES = 1 << 24
-"""Bytes that the values of tags may take in a file of any size."""
+"""Number of bytes that the values of tags may have in a file of any size."""
 
 
 def open_checked_tiff(path: Path) -> Any:
     """Return the ``tifffile.TiffFile`` of a file with valid directories.
 
-    Files that its metadata name are not opened.
+    Other files that the metadata name are not opened.
 
     Raises
     ------
@@ -43,19 +43,19 @@ class _Tag:
     kind: int
     """Number of the type of its values."""
     value_bytes: int
-    """Bytes of all values; 0 if the type is unknown."""
+    """Size of all values in bytes; 0 if the type is unknown."""
     inline: bytes
     """The values if they fit, or else their offset."""
 
 
 @dataclasses.dataclass(frozen=True)
 class _Layout:
-    """Order of bytes, and the sizes in bytes that differ between TIFF and BigTIFF."""
+    """Byte order, and the sizes in bytes that differ between TIFF and BigTIFF."""
 
     order: Order
     offset_bytes: int
     number_bytes: int
-    """Bytes of the number of tags in a directory."""
+    """Size of the field with the number of tags of a directory."""
     tag_bytes: int
     first_offset_position: int
 
@@ -74,10 +74,10 @@ class _Layout:
 
 
 def check_directories(path: Path) -> None:
-    """Raise ValueError unless following the directories of a TIFF file ends soon.
+    """Raise ValueError unless the directories of a TIFF file are a finite chain inside the file.
 
-    Together the directories may take no more bytes than the file has. A chain that leads back to
-    itself, or directories that overlap, exceed that.
+    Together, the directories may have no more bytes than the file. A cycle, or directories that
+    overlap, exceed this limit.
     """
     with path.open("rb") as file:
         size = os.fstat(file.fileno()).st_size
@@ -94,15 +94,15 @@ def check_directories(path: Path) -> None:
             directory_bytes += layout.number_bytes + length + layout.offset_bytes
             if length == 0 or directory_bytes > size:
                 raise ValueError(
-                    "the directories of its pages overlap, lead back or are not in it; it is "
-                    "damaged or truncated"
+                    "the directories of its pages overlap, form a cycle, or lie outside of the "
+                    "file; it is damaged or truncated"
                 )
             tags = _read_exactly(file, length)
             waiting.append(layout.read_number(file, layout.offset_bytes))
             for start in range(0, length, layout.tag_bytes):
                 tag = layout.parse_tag(tags[start : start + layout.tag_bytes])
                 value_bytes += tag.value_bytes if tag.value_bytes > len(tag.inline) else 0
-                if value_bytes > _MAX_READS * size + _FREE_BYTES:
+                if value_bytes > _MAX_VALUE_RATIO * size + _FREE_BYTES:
                     raise ValueError("its tags claim more bytes than it has; it is damaged")
                 if tag.number == _SUB_DIRECTORIES and tag.value_bytes:
                     waiting += _read_offsets(file, tag, layout.order, size)
@@ -115,7 +115,7 @@ def _read_layout(file: IO[bytes]) -> _Layout:
 
 
 def _read_offsets(file: IO[bytes], tag: _Tag, order: Order, size: int) -> list[int]:
-    """Return the values of a tag, and leave the file where it is."""
+    """Return the values of a tag. The position in the file stays the same."""
     value = tag.inline
     if tag.value_bytes > len(value):
         position = file.tell()
@@ -130,5 +130,5 @@ def _read_offsets(file: IO[bytes], tag: _Tag, order: Order, size: int) -> list[i
 def _read_exactly(file: IO[bytes], length: int) -> bytes:
     data = file.read(length)
     if len(data) != length:
-        raise ValueError("a directory of its pages is not whole; it is damaged or truncated")
+        raise ValueError("a directory of its pages is incomplete; it is damaged or truncated")
     return data

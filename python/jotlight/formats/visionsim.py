@@ -23,9 +23,10 @@ from jotlight.sensing.provenance import Provenance
 _FILE_NAME = "transforms.json"
 
 _MAX_JSON_BYTES = 1 << 27
-"""Maximum size of `transforms.json`. The pose of each frame takes some 100 bytes."""
+"""Maximum size of `transforms.json` in bytes. The pose of each frame takes about 100 bytes."""
 
 _MAX_OFFSET = 2**48
+"""Upper limit of the index of a frame in its file."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,12 +34,12 @@ class _Run:
     """Consecutive frames of one file."""
 
     file: Any
-    """Name of the file, not yet checked."""
+    """Name of the file, unchecked."""
     start: int
     stop: int | None
-    """One past the last frame. None: all frames of the file."""
+    """Index after the last frame. None: all frames of the file."""
     packed_axis: Any
-    """Axis along which bits are packed, 1 or 2, not yet checked. None: the bits are not packed."""
+    """Axis along which bits are packed, 1 or 2, unchecked. None: the bits are not packed."""
 
 
 def _is_visionsim(path: Path) -> bool:
@@ -86,7 +87,10 @@ def _open_frames(path: Path, content: dict[str, Any]) -> Bits:
     packed = concatenate(parts)
     stated = len(content["frames"])
     if len(packed) != stated:
-        warn(f"{path}: lists {stated} frames, and there are {len(packed)}; the fewer are used")
+        warn(
+            f"{path}: lists {stated} frames, but there are {len(packed)}; only the smaller number "
+            "is used"
+        )
         packed = packed[: min(stated, len(packed))]
     provenance = Provenance("visionsim", path.parent.name or path.name)
     return Bits(packed, widths.pop(), provenance=provenance)
@@ -135,7 +139,7 @@ def _pack_along_width(
 
 
 def _read_size(shape: tuple[int, ...], axis: Any, content: dict[str, Any]) -> tuple[int, int]:
-    """Return height and width in jots, which have to agree with the shape of the array."""
+    """Return height and width in jots, which must agree with the shape of the array."""
     sizes: list[Any] = [content.get("h", shape[1]), content.get("w", shape[2])]
     if axis is not None:
         sizes[axis - 1] = content.get("hw"[axis - 1], 8 * shape[axis])
@@ -147,15 +151,15 @@ def _read_size(shape: tuple[int, ...], axis: Any, content: dict[str, Any]) -> tu
     if list(shape[1:3]) != stored or content.get("c", 1) not in (1, *shape[3:]):
         raise ValueError(
             f"h, w, c: describe frames stored as {stored[0]} x {stored[1]} with "
-            f"{content.get('c', 1)} channels, and the file has {shape[1:]}"
+            f"{content.get('c', 1)} channels, but the file has {shape[1:]}"
         )
     return sizes[0], sizes[1]
 
 
 def _repack(array: npt.NDArray[np.uint8], height: int, width: int) -> Frames:
-    """Return frames that are packed along the height, (T, ceil(H / 8), W), packed along the width.
+    """Return frames packed along the width, from frames packed along the height.
 
-    They may have channels, (T, ceil(H / 8), W, C).
+    The shape of `array` is (T, ceil(H / 8), W) or (T, ceil(H / 8), W, C).
     """
     channels = array.shape[3:]
     shape = (len(array), height, (width + 7) // 8, *channels)

@@ -1,4 +1,4 @@
-"""Captures written in any format: completely or not at all, and part by part."""
+"""Writing of captures in any format, part by part, and completely or not at all."""
 
 import os
 from collections.abc import Callable
@@ -60,14 +60,14 @@ def save(data: Bits | Counts, path: str | os.PathLike[str], *, format: str | Non
     """Write bits, or an image of counts, to a file or folder that :func:`jotlight.open` reads.
 
     Either all files appear, or none. A `.npy` of bits is a photon cube: every program that reads
-    photon cubes opens it, and ``numpy.unpackbits`` unpacks it. A `.json` next to it keeps the true
-    width, the provenance, and the sensor, and the maps of the sensor are `.npy` files of their own.
+    photon cubes opens it, and ``numpy.unpackbits`` unpacks it. A `.json` next to it stores the true
+    width, the provenance, and the sensor. Each map of the sensor is a separate `.npy` file.
 
     Parameters
     ----------
     data : Bits or ndarray of int, shape (H, W) or (H, W, C)
-        Bits of any size, which are written part by part, or counts. Bits are summed to counts if
-        the format has only counts.
+        Bits, which are written part by part, or counts. Bits are summed to counts if the format has
+        only counts.
     path : path
         A file, or for a format of many files a new folder.
     format : str, optional
@@ -127,11 +127,11 @@ def write_capture(
     name : str
         One of ``jotlight.formats.registry.WRITERS``.
     progress : callable, optional
-        Called with the fraction that is done, from 0 to 1.
+        A function that is called repeatedly with the completed fraction, from 0 to 1.
     trials : int, optional
-        Number of binary readings behind each count, for counts.
+        For counts: number of binary readings behind each count.
     provenance : Provenance, optional
-        Where counts are from. Bits carry their own provenance.
+        For counts: their provenance. Bits have their own.
 
     Raises
     ------
@@ -159,7 +159,7 @@ def _write_bits(bits: Bits, path: Path, name: str, progress: Callable[[float], o
     if writer.bits is None:
         # The label of counts holds the number of frames, but nothing else of a sensor.
         if bits.sensor not in (None, Sensor(frames=len(bits))):
-            warn(f"{path}: counts have no place for the sensor, which is left out")
+            warn(f"{path}: a file of counts has no place for the sensor, which is left out")
         counts = bits.counts(1, progress=progress)
         _write_counts(counts, path, name, len(bits), bits.provenance)
         return
@@ -177,7 +177,7 @@ def _write_counts(
     if writer.counts is None:
         names = ", ".join(each for each in WRITERS if WRITERS[each].counts)
         raise ValueError(
-            f"{name}: holds single bits, which counts cannot become; write to one of {names}"
+            f"{name}: stores single bits, which counts cannot become; write to one of {names}"
         )
     if not writer.keeps_label:
         _warn_about_orientation(provenance, path, name)
@@ -189,12 +189,13 @@ def _warn_about_orientation(provenance: Provenance | None, path: Path, name: str
     if provenance is not None and provenance.orientation != (0, False):
         warn(
             f"{path}: {name} has no place to record that the capture is "
-            f"{provenance.describe_orientation()}, so a calibration is applied to it unchecked"
+            f"{provenance.describe_orientation()}, so no check of a calibration's orientation is "
+            "possible later"
         )
 
 
 def _report_reading(bits: Bits, progress: Callable[[float], object]) -> Bits:
-    """Return the same bits, which report the fraction of frames that have been read."""
+    """Return the same bits, whose frames report their fraction to `progress` when they are read."""
 
     def read(start: int, stop: int) -> npt.NDArray[np.uint8]:
         part = bits.packed[start:stop, ...]

@@ -25,12 +25,12 @@ _METADATA_FILES = ("zarr.json", ".zarray", ".zgroup")
 """Names of the files that describe an array or a group, in versions 3 and 2 of zarr."""
 
 _MAX_ARRAYS = 1000
-"""Maximum number of arrays in a folder that are listed."""
+"""Maximum number of arrays that are listed for a folder."""
 
 _MAX_METADATA_BYTES = 1 << 22
 
 _MAX_CHUNK_BYTES = 1 << 28
-"""Maximum size of a chunk, which the library decompresses as a whole."""
+"""Maximum size of a chunk in bytes. The library decompresses a chunk as a whole."""
 
 _WRITTEN_CHUNK_BYTES = 1 << 23
 
@@ -39,7 +39,7 @@ _SAFE_CODECS = {
     *("bytes", "transpose", "delta", "shuffle", "packbits", "sharding_indexed"),
     *("default", "regular", "v2"),
 }
-"""Codecs that may decode chunks. Others, such as pickle, can run code."""
+"""Names of the codecs that are allowed. Others, such as pickle, can run code."""
 
 
 def _import_zarr() -> Any:
@@ -68,7 +68,7 @@ def open_zarr(path: Path, options: OpenOptions) -> Capture:
 
 
 def _list_arrays(path: Path) -> list[Path]:
-    """Return the folders of all arrays, found without listing their chunks."""
+    """Return the folders of all arrays. The chunks of an array are not listed."""
     found: list[Path] = []
     waiting = [path]
     while waiting and len(found) < _MAX_ARRAYS:
@@ -100,11 +100,11 @@ def _read_metadata(path: Path) -> dict[str, Any]:
 
 
 def _check_codecs(metadata: Any) -> None:
-    """Raise ValueError for a codec that is not known to be safe, at any depth."""
+    """Raise ValueError if the metadata name a codec, at any depth, that is not known to be safe."""
     if isinstance(metadata, dict):
         for name, value in metadata.items():
             if name in ("name", "id") and not (isinstance(value, str) and value in _SAFE_CODECS):
-                raise ValueError(f"codecs: expected well-known ones, got {value!r}, not used")
+                raise ValueError(f"codecs: expected only known safe codecs, got {value!r}")
             if name != "attributes":
                 _check_codecs(value)
     if isinstance(metadata, list):
@@ -117,7 +117,7 @@ def _check_array(zarr: Any, folder: Path) -> StoredArray:
         array = zarr.open_array(str(folder), mode="r")
         shape, dtype, chunks = tuple(array.shape), np.dtype(array.dtype), tuple(array.chunks)
         label = array.attrs.get(ATTRIBUTE)
-    except Exception as error:  # the library raises many types for damaged folders
+    except Exception as error:  # the library raises many exceptions for damaged folders
         raise ValueError(f"{folder}: the array is damaged ({error})") from error
     if dtype.kind not in "biuf" or not shape or min(shape) < 0:
         raise ValueError(f"{folder}: expected an array of numbers, got {dtype} of shape {shape}")
@@ -138,7 +138,7 @@ def _check_array(zarr: Any, folder: Path) -> StoredArray:
 
 
 def _write_bits(bits: Bits, path: Path) -> None:
-    """Write bits as an array, or as a group of the bits and the sensor's maps if it has some."""
+    """Write bits as an array, or as a group of arrays if the sensor has maps."""
     zarr = _import_zarr()
     maps = bits.sensor.maps() if bits.sensor is not None else {}
     shape = bits.packed.shape
@@ -158,7 +158,7 @@ def _write_bits(bits: Bits, path: Path) -> None:
             chunks=(chunk_frames, *shape[1:]),
             dtype=np.uint8,
         )
-        # Each write covers complete chunks, so that none is written twice.
+        # Each write covers complete chunks, so no chunk is written twice.
         for start in range(0, shape[0], chunk_frames):
             place = slice(start, min(start + chunk_frames, shape[0]))
             array[place] = np.asarray(bits.packed[place, ...])

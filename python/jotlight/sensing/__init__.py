@@ -4,8 +4,8 @@ In reading order:
 
 * ``sensor`` and ``simulate``: the parameters of a sensor, and the random bits of an image;
   ``maps`` checks the parameters that differ from jot to jot;
-* ``bits``, ``frames``, and ``provenance``: packed bits, in memory or in files, and their origin;
-* ``channels`` and ``pixel_counts``: from bits or counts of any color to counts of pixels;
-* ``response`` and ``reference``: the formulas of a jot, and numbers that stand for a sensor;
+* ``bits``, ``frames``, and ``provenance``: packed bits in memory or in files, and their origin;
+* ``channels`` and ``pixel_counts``: the channels of color data, and the counts of their pixels;
+* ``response`` and ``reference``: the response of a jot, and numbers that represent a sensor;
 * ``operators`` and ``likelihood``: the spread of light, and the objective of reconstruction.
 """

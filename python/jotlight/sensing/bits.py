@@ -40,20 +40,21 @@ class Bits:
     Parameters
     ----------
     packed : ndarray of uint8 or Frames, shape (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C)
-        The layout of ``numpy.packbits`` along the width, most significant bit first, which photon
-        cubes have. It may be a memory map, or :class:`jotlight.sensing.frames.Frames`, which are
-        read from files when they are needed. It is never unpacked as a whole.
+        The bits as ``numpy.packbits`` packs them along the width, the most significant bit first,
+        as in photon cubes. The array may be a memory map.
+        :class:`jotlight.sensing.frames.Frames` are read from files when they are needed. The bits
+        are never unpacked as a whole.
     width : int, optional
         W: the true width in jots. Default: ``8 * packed.shape[2]``.
     sensor : Sensor, optional
-        The sensor that made the bits, where it is known.
+        The sensor that recorded the bits, if known.
     provenance : jotlight.sensing.provenance.Provenance, optional
         The file that the bits come from, and what :func:`jotlight.open` assumed about it.
 
     Raises
     ------
     TypeError, ValueError
-        When the array, the width, or the sensor do not fit.
+        When the array, the width, and the sensor do not fit together.
 
     Examples
     --------
@@ -78,7 +79,7 @@ class Bits:
         if packed.ndim not in (3, 4) or packed.size == 0:
             raise ValueError(
                 "packed: expected shape (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C), "
-                f"none of it 0, got {packed.shape}"
+                f"without a dimension of 0, got {packed.shape}"
             )
         full = 8 * packed.shape[2]
         self.packed = packed
@@ -95,14 +96,14 @@ class Bits:
 
     @classmethod
     def from_array(cls, array: npt.ArrayLike, sensor: SensorLike | None = None) -> Self:
-        """Return packed bits of an array of bool, or of 0 and 1.
+        """Return an array of bool, or of 0 and 1, as packed bits.
 
         Parameters
         ----------
         array : array_like of bool or int, shape (T, H, W), (H, W) or (T, H, W, C)
             The bits.
         sensor : Sensor, optional
-            The sensor that made them.
+            The sensor that recorded the bits.
 
         Raises
         ------
@@ -122,7 +123,7 @@ class Bits:
             values = values[None]
         if values.ndim not in (3, 4) or values.size == 0:
             raise ValueError(
-                "bits: expected shape (T, H, W), (H, W) or (T, H, W, C), none of it 0, "
+                "bits: expected shape (T, H, W), (H, W) or (T, H, W, C), without a dimension of 0, "
                 f"got {values.shape}"
             )
         if values.dtype != np.bool_ and (values.min() < 0 or values.max() > 1):
@@ -143,7 +144,7 @@ class Bits:
         return int(self.packed.shape[0])
 
     def __getitem__(self, frames: slice) -> Self:
-        """Return some of the frames, as a view; its sensor has that number of frames."""
+        """Return a view of some frames. Its sensor has that number of frames."""
         if not isinstance(frames, slice):
             raise TypeError(f"bits: expected a slice of frames such as bits[:16], got {frames!r}")
         packed = self.packed[frames]
@@ -158,7 +159,7 @@ class Bits:
         return type(self)(packed, self.width, sensor, provenance)
 
     def to_array(self) -> npt.NDArray[np.bool_]:
-        """Return unpacked bits of bool, (T, H, W) or (T, H, W, C): eight times the memory."""
+        """Return unpacked bits of bool, (T, H, W) or (T, H, W, C). They take 8 times the memory."""
         return np.unpackbits(np.asarray(self.packed), axis=2, count=self.width).view(np.bool_)
 
     def counts(
@@ -174,13 +175,13 @@ class Bits:
         Parameters
         ----------
         oversampling : int, optional
-            K̂. Default: that of the sensor that the bits carry, or 1 when they carry none.
+            K̂. Default: that of the bits' own sensor, or 1 if they have none.
         mask : ndarray of bool, shape (H, W) in jots, optional
             True marks jots that are not counted.
         threads : int, optional
             The number of threads. Default: all.
         progress : callable, optional
-            A function that is called now and then with the completed share, from 0 to 1.
+            A function that is called repeatedly with the completed fraction, from 0 to 1.
 
         Returns
         -------
@@ -189,7 +190,7 @@ class Bits:
         Raises
         ------
         ValueError
-            When the bits are not whole pixels, or the mask does not fit them.
+            When the height or the width is not a multiple of K̂, or the mask does not fit.
 
         Examples
         --------
@@ -214,7 +215,7 @@ class Bits:
         chunks = list(frame_chunks(frames, counts.shape[0], width * oversampling, MAX_COUNTED_JOTS))
         for index, (f, r) in enumerate(chunks):
             jots = slice(r.start * oversampling, r.stop * oversampling)
-            # Bits in files are read once for all channels.
+            # One reading of the files serves all channels.
             part = self.packed[f.start : f.stop, jots]
             for bits, ones in zip(channel_views(part, 3), channel_views(counts), strict=True):
                 engine.add_block_counts(
@@ -231,7 +232,7 @@ class Bits:
         return counts
 
     def channels(self) -> list["Bits"]:
-        """Return the bits of each channel, (T, H, W); gray bits are their own only channel."""
+        """Return the bits of each channel, (T, H, W). Gray bits are themselves the only channel."""
         if len(self.shape) == 3:
             return [self]
         return [Bits(packed, self.width, self.sensor) for packed in channel_views(self.packed, 3)]
@@ -245,7 +246,7 @@ class Bits:
 
 
 def check_fits(bits: Bits, sensor: SensorLike) -> None:
-    """Raise ValueError unless a sensor can have reported these bits."""
+    """Raise ValueError unless the shape of the bits fits the sensor."""
     frames, height, width = bits.shape[:3]
     if frames != sensor.frames:
         some = f"bits[:{sensor.frames}] (--frame-range 0:{sensor.frames}), or "

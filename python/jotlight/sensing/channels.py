@@ -1,4 +1,4 @@
-"""The channels of color arrays: how they are taken apart and put together."""
+"""Splitting of color arrays into channels, and stacking of channels into color arrays."""
 
 from collections.abc import Sequence
 from typing import Any, Protocol, TypeVar
@@ -22,12 +22,12 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 def channel_views(array: S, dimensions: int = 2) -> list[S]:
-    """Return views of an array's channels; a gray array is its own only channel.
+    """Return views of the channels of an array. A gray array is itself the only channel.
 
     Parameters
     ----------
     array : ndarray or Frames
-        An array of `dimensions` dimensions, or one more for the channels, which is the last.
+        An array of `dimensions` dimensions. A color array has the channels as one more, the last.
     dimensions : int
         The number of dimensions without channels: 2 for images (H, W), 3 for frames (T, H, W).
 
@@ -42,7 +42,7 @@ def channel_views(array: S, dimensions: int = 2) -> list[S]:
 
 
 def stack_channels(images: Sequence[npt.NDArray[Scalar]], *, color: bool) -> npt.NDArray[Scalar]:
-    """Return the images stacked along a last axis of channels, or the only one of a gray image.
+    """Return the channels of a color image stacked along the last axis, or the only gray image.
 
     Examples
     --------

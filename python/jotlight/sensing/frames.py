@@ -1,4 +1,4 @@
-"""Frames that are read from files when they are needed, so that captures may exceed the memory."""
+"""Frames that are read from files when they are needed, so that captures may exceed memory."""
 
 import bisect
 import itertools
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from jotlight.memory_maps import release
 
 _MAX_BYTES = 1 << 23
-"""Maximum number of bytes of frames that are read at a time."""
+"""Maximum number of bytes that are read at a time, unless one frame has more."""
 
 
 def format_frame_range(frames: slice) -> str:
@@ -28,18 +28,18 @@ def format_frame_range(frames: slice) -> str:
 
 
 class Frames:
-    """A stack of frames in files, which looks like an array and is read part by part.
+    """A stack of frames in files, which is indexed like an array and read part by part.
 
-    ``frames[a:b]`` and ``frames[..., c]`` are frames that stay in their files: some of them, and
-    one channel of all. ``frames[a:b, rows, ...]`` reads an array. ``numpy.asarray`` reads
-    everything.
+    ``frames[a:b]`` selects frames, and ``frames[..., c]`` selects a channel. Both return
+    :class:`Frames` and read nothing. ``frames[a:b, rows, ...]`` reads an array, and
+    ``numpy.asarray(frames)`` reads everything.
 
     Parameters
     ----------
     shape : tuple of int
         (T, H, ...).
     read : callable
-        A function of two numbers; ``read(start, stop)`` returns these frames as an array.
+        ``read(start, stop)`` returns the frames of ``range(start, stop)`` as an array.
     dtype : dtype
         The type of that array.
 
@@ -84,7 +84,7 @@ class Frames:
         Raises
         ------
         ValueError
-            When the file does not hold what it held when it was opened.
+            When a file has changed since it was opened.
         """
         part = self._read(start, stop)
         expected = (stop - start, *self.shape[1:])
@@ -97,14 +97,14 @@ class Frames:
 
     def __getitem__(self, key: Any) -> Any:
         if isinstance(key, slice):
-            return self._range(key)
+            return self._select_frames(key)
         if not isinstance(key, tuple) or not key:
             raise TypeError(f"expected a slice of frames, or a tuple of slices, got {key!r}")
         if key[0] is Ellipsis:
-            return self._part_of_each(key)
+            return self._select_part(key)
         if not isinstance(key[0], slice):
             raise TypeError(f"expected a slice of frames first, got {key[0]!r}")
-        chosen = self._range(key[0])
+        chosen = self._select_frames(key[0])
         # NumPy computes the shape of the result without using memory.
         shape = np.broadcast_to(np.uint8(0), chosen.shape)[(slice(None), *key[1:])].shape
         out = np.empty(shape, self.dtype)
@@ -116,14 +116,14 @@ class Frames:
         self, dtype: npt.DTypeLike | None = None, copy: bool | None = None
     ) -> npt.NDArray[Any]:
         if copy is False:
-            raise ValueError("frames in files are read into a new array")
+            raise ValueError("copy=False: frames in files can only be read into a new array")
         array = self[:, ...]
         return np.asarray(array, dtype)
 
-    def _range(self, key: slice) -> "Frames":
+    def _select_frames(self, key: slice) -> "Frames":
         start, stop, step = key.indices(len(self))
         if step < 0:
-            raise ValueError(f"frames: expected a range that goes forward, got step {step}")
+            raise ValueError(f"frames: expected a step of 1 or more, got {step}")
         number = len(range(start, stop, step))
         read = self.read
         if step == 1:
@@ -137,7 +137,7 @@ class Frames:
 
         return Frames((number, *self.shape[1:]), read_each, self.dtype)
 
-    def _part_of_each(self, key: tuple[Any, ...]) -> "Frames":
+    def _select_part(self, key: tuple[Any, ...]) -> "Frames":
         """Return the part of each frame that `key` selects, such as a channel."""
         shape = np.broadcast_to(np.uint8(0), self.shape)[key].shape
         if len(key) >= self.ndim + 1 or shape[0] != len(self):
@@ -148,10 +148,10 @@ class Frames:
 def read_in_chunks(
     frames: npt.NDArray[Any] | Frames, max_bytes: int = _MAX_BYTES
 ) -> Iterator[tuple[slice, npt.NDArray[Any]]]:
-    """Yield all frames in order: their range, and an array of at least one frame.
+    """Yield all frames in order, as pairs of a slice and the array of these frames.
 
-    An array has at most `max_bytes`, unless a single frame has more. Pages of memory maps are
-    released after use.
+    An array has at least one frame. It has at most `max_bytes`, unless a single frame has more.
+    Pages of memory maps are released after use.
     """
     frame_bytes = max(1, frames.nbytes // max(1, len(frames)))
     step = max(1, max_bytes // frame_bytes)
@@ -166,7 +166,7 @@ def read_in_chunks(
 
 
 def concatenate(parts: Sequence[npt.NDArray[Any] | Frames]) -> npt.NDArray[Any] | Frames:
-    """Return several stacks of frames of one shape as a single stack, without reading them.
+    """Return stacks of frames of the same shape as one stack, without reading them.
 
     Examples
     --------

@@ -30,18 +30,18 @@ class Likelihood:
     trials : int or array_like of int
         n: the number of bits of each cell, a number or a map; 0 for a dead cell.
     threshold : int
-        q: the number of photons from which on a bit is 1.
+        q: the minimum number of photons for which a bit is 1.
     efficiency : float or array_like of float
-        η in (0, 1]: the share of each cell's light that is detected, a number or a map.
+        η in (0, 1]: the fraction of each cell's light that is detected, a number or a map.
     dark_counts : float or array_like of float
-        d: the detections of each cell without light, a number or a map.
+        d: the expected detections of each cell per bit without light, a number or a map.
     threads : int, optional
         The number of threads. Default: all.
 
     Raises
     ------
     TypeError, ValueError
-        When the arrays do not fit together, or a count is below 0 or above n.
+        When the arrays do not fit together, or a number of ones is below 0 or above n.
 
     Notes
     -----
@@ -84,25 +84,25 @@ class Likelihood:
             "dark_counts", np.require(dark, np.float64, ["C", "ALIGNED"]), self.shape
         )
         refuse_masked("efficiency", efficiency)
-        share = np.asarray(efficiency)
-        if share.dtype.kind not in "iuf" or not ((share > 0) & (share <= 1)).all():
+        fraction = np.asarray(efficiency)
+        if fraction.dtype.kind not in "iuf" or not ((fraction > 0) & (fraction <= 1)).all():
             raise ValueError(f"efficiency: expected numbers in (0, 1], got {efficiency!r}")
         self.efficiency = _number_or_map(
-            "efficiency", np.require(share, np.float64, ["C", "ALIGNED"]), self.shape
+            "efficiency", np.require(fraction, np.float64, ["C", "ALIGNED"]), self.shape
         )
         self.threshold = whole_number_in_range("threshold", threshold, 1, 65535)
         self._threads = threads
         excess = self.ones - self.trials
         if self.ones.min() < 0 or excess.max() > 0:
             raise ValueError(
-                f"ones: expected 0 to as many as there are trials, got {self.ones.min()} to "
+                f"ones: expected 0 to the number of trials, got {self.ones.min()} to "
                 f"{self.ones.max()} with up to {np.max(self.trials)} trials"
             )
 
     def value(self, light: npt.ArrayLike) -> float:
         """Return ℓ(s) in nats, summed over all cells.
 
-        `light` is a number or an array of the cells' shape, 0 or more; so for the other methods.
+        `light` is a number or an array of the cells' shape, 0 or more, here and in other methods.
         """
         flat = self._light(light).reshape(-1)
         return sum(
@@ -158,7 +158,7 @@ class Likelihood:
         max_light : float
             The upper bound of x.
         guess : array_like of float, optional
-            The start of the search, 0 or more. A good one saves time; it does not change the
+            The start of the search, 0 or more. A good guess saves time, but does not change the
             result.
 
         Raises
@@ -190,7 +190,7 @@ class Likelihood:
     def admm_update(
         self, step: tuple[float, float], max_light: float, light: Array, x: Array, dual: Array
     ) -> float:
-        """Update x and its dual variable in place by a step of ADMM, and return ‖light - x‖².
+        """Return ‖light - x‖² after a step of ADMM, which updates `x` and `dual` in place.
 
         `step` is (penalty, relaxation). `x` lies in [0, `max_light`].
         """
@@ -224,7 +224,7 @@ class Likelihood:
         return np.require(array, np.float64, ["C", "ALIGNED"])
 
     def _readings(self, part: slice) -> tuple[int, Any, Any, Any, Any]:
-        """Return some cells as the engine takes them: (q, L, n, η, d)."""
+        """Return (q, L, n, η, d) of a slice of the cells, as the engine expects them."""
         return (
             self.threshold,
             take_pixels(self.ones, part),
@@ -241,8 +241,8 @@ class Problem:
     Parameters
     ----------
     operator : Operator
-        A, from the image to the light of the likelihood's cells, without negative entries.
-        :func:`jotlight.sensing.operators.spread` makes the usual one.
+        A, which maps the image to the light of the likelihood's cells. No entry of A is negative.
+        :func:`jotlight.sensing.operators.spread` returns the operator of a sensor.
     likelihood : Likelihood
         ℓ, the likelihood of the cells' bits.
     max_intensity : float
@@ -283,14 +283,14 @@ class Problem:
         positive_number("max_intensity", self.max_intensity)
 
     def constant_estimate(self) -> float:
-        """Return the intensity of a constant image that explains the number of ones.
+        """Return the intensity of the constant image that best explains the total number of ones.
 
-        It is clipped to [0.001 S, 0.9 S], so that an iterative method can start there.
+        It is clipped to [0.001 S, 0.9 S], so that iterative methods can start from it.
         """
         cells = self.likelihood
         trials = np.broadcast_to(np.asarray(cells.trials, np.float64), cells.shape)
-        share = float(cells.ones.sum() / max(trials.sum(), 1.0))
-        rate = engine.inverse_detection_probability(cells.threshold, share)
+        fraction = float(cells.ones.sum() / max(trials.sum(), 1.0))
+        rate = engine.inverse_detection_probability(cells.threshold, fraction)
         if not trials.any():
             trials = np.ones(cells.shape)
         dark = np.average(np.broadcast_to(cells.dark_counts, cells.shape), weights=trials)

@@ -11,12 +11,13 @@ MAPS = ("dark_counts", "efficiency", "mask")
 """The parameters of a sensor that may have a value for each jot."""
 
 _TITLES = {"dark_counts": "dark counts", "efficiency": "efficiency", "mask": "dead jots"}
+"""What each map contains, for messages."""
 
 
 def checked_maps(
     dark_counts: npt.ArrayLike, efficiency: npt.ArrayLike, mask: npt.ArrayLike | None
 ) -> dict[str, Any]:
-    """Return the three parameters by name: numbers, read-only maps, and None for no mask.
+    """Return the checked parameters by name: numbers, read-only maps, and None for no mask.
 
     Raises
     ------
@@ -47,7 +48,7 @@ def _checked_dark_counts(dark_counts: npt.ArrayLike) -> float | npt.NDArray[np.f
             f"got {dark.dtype} of {dark.ndim} dimensions"
         )
     if dark.ndim == 2:
-        # The check is made in float32, which is kept and has a smaller range.
+        # A sensor stores float32, so numbers that overflow its range must fail the check below.
         with np.errstate(over="ignore"):
             dark = dark.astype(np.float32)
     if dark.size == 0 or not (np.isfinite(dark).all() and dark.min() >= 0):
@@ -56,24 +57,24 @@ def _checked_dark_counts(dark_counts: npt.ArrayLike) -> float | npt.NDArray[np.f
 
 
 def _checked_efficiency(efficiency: npt.ArrayLike) -> float | npt.NDArray[np.float32]:
-    share = np.asarray(efficiency)
-    if share.ndim == 0:
+    values = np.asarray(efficiency)
+    if values.ndim == 0:
         number = positive_number("efficiency", efficiency)
         if number > 1:
             raise ValueError(f"efficiency: expected a number in (0, 1], got {number}")
         return number
-    if share.dtype.kind not in "iuf" or share.ndim != 2:
+    if values.dtype.kind not in "iuf" or values.ndim != 2:
         raise ValueError(
             "efficiency: expected a number, or a map of numbers with one per jot, "
-            f"got {share.dtype} of {share.ndim} dimensions"
+            f"got {values.dtype} of {values.ndim} dimensions"
         )
-    share = share.astype(np.float32)
-    if share.size == 0 or not (share > 0).all() or share.max() > 1:
+    values = values.astype(np.float32)
+    if values.size == 0 or not (values > 0).all() or values.max() > 1:
         raise ValueError(
             "efficiency: expected numbers in (0, 1]; divide efficiencies relative to the mean by "
-            "their maximum, and multiply gain by it; a jot that detects nothing belongs in the mask"
+            "their maximum, and multiply gain by it; mark jots that detect nothing in the mask"
         )
-    return _read_only_copy(share, np.float32)
+    return _read_only_copy(values, np.float32)
 
 
 def _checked_mask(mask: npt.ArrayLike | None) -> npt.NDArray[np.bool_] | None:
@@ -89,7 +90,7 @@ def _checked_mask(mask: npt.ArrayLike | None) -> npt.NDArray[np.bool_] | None:
 
 
 def _read_only_copy(array: npt.NDArray[Any], dtype: type[np.generic]) -> npt.NDArray[Any]:
-    """Return a copy that nobody can change while a sensor holds it."""
+    """Return a read-only copy, so that the maps of a sensor never change."""
     copy = np.array(array, dtype=dtype, order="C")
     copy.flags.writeable = False
     return copy

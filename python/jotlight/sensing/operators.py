@@ -1,7 +1,7 @@
 """Linear operators without a matrix, such as the spread of light from pixels to jots.
 
-An operator is a pair of functions, forward and adjoint. :func:`check_adjoint` tests whether they
-belong together, also for operators of your own.
+An operator is a pair of functions, forward and adjoint. :func:`check_adjoint` checks that they fit
+together. Use it to test your own operators.
 """
 
 import dataclasses
@@ -27,9 +27,9 @@ class Operator:
     Parameters
     ----------
     forward : callable
-        A function from x to G x: from float64 of `input_shape` to float64 of `output_shape`.
+        A function that maps x of `input_shape` to G x of `output_shape`, both in float64.
     adjoint : callable
-        A function from y to Gᵀ y: from float64 of `output_shape` to float64 of `input_shape`.
+        A function that maps y of `output_shape` to Gᵀ y of `input_shape`, both in float64.
     input_shape, output_shape : tuple of int
         The shapes of x and y.
 
@@ -62,14 +62,14 @@ class Operator:
 
 @dataclasses.dataclass(frozen=True)
 class Scaling(Operator):
-    """Multiplication by a number: the box kernel, for counts of pixels."""
+    """Multiplication by a number: the operator of the box kernel for counts of pixels."""
 
     factor: float
 
 
 @dataclasses.dataclass(frozen=True)
 class Spread(Operator):
-    """The spread of light over jots, with its parameters; :func:`spread` makes it."""
+    """The spread of light over jots, with its parameters. :func:`spread` returns it."""
 
     oversampling: int
     kernel: str
@@ -78,7 +78,7 @@ class Spread(Operator):
 
     @property
     def symmetric(self) -> bool:
-        """Whether the kernel is symmetric about its pixel, and not shifted by half a jot."""
+        """Whether the kernel is symmetric about its pixel. Otherwise it is off by half a jot."""
         return KERNELS.index(self.kernel) * self.oversampling % 2 == 0
 
     def normal(self, weights: Array, image: Array) -> Array:
@@ -115,13 +115,13 @@ def spread(
     Parameters
     ----------
     shape : (H, W) or (N,)
-        The shape of the image, or of a signal: a line of pixels, each with K̂ jots in a row.
+        The shape of an image, or of a signal. A signal is a line of pixels with K̂ jots each.
     oversampling : int
         K̂: the number of jots per pixel and dimension.
     kernel : {"box", "linear", "quadratic", "cubic"}
         The B-spline of :class:`jotlight.Sensor`.
     gain : float
-        α/T for the light s, or η α/T for the detected part of it.
+        α/T for the light s, or η α/T for the detected light.
     threads : int, optional
         The number of threads. Default: all.
 
@@ -138,7 +138,7 @@ def spread(
     Notes
     -----
     Paper, section 2.1, equation (2), for the box. In two dimensions the kernel is separable. The
-    adjoint is exact, including the mirrored border.
+    adjoint is exact, also at the mirrored border.
 
     Examples
     --------
@@ -148,7 +148,7 @@ def spread(
     >>> check_adjoint(line) < 1e-12
     True
     """
-    shape = _pixels(shape)
+    shape = _checked_shape(shape)
     oversampling = whole_number_in_range("oversampling", oversampling, 1, 4096)
     if kernel not in KERNELS:
         raise ValueError(f"kernel: expected one of {', '.join(KERNELS)}, got {kernel!r}")
@@ -184,7 +184,7 @@ def spread(
 
 
 def differences(shape: Sequence[int], *, threads: int | None = None) -> Operator:
-    """Return D, the differences to the next pixels. Their lengths sum to the total variation.
+    """Return D, the differences of neighboring pixels. The sum of their lengths is TV.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ def differences(shape: Sequence[int], *, threads: int | None = None) -> Operator
     >>> differences((3,)).forward(np.array([1.0, 4.0, 2.0])).tolist()
     [[3.0, -2.0, 0.0]]
     """
-    shape = _pixels(shape)
+    shape = _checked_shape(shape)
     pixels = shape if len(shape) == 2 else (1, *shape)
     output_shape = (len(shape), *shape)
 
@@ -227,7 +227,7 @@ def differences(shape: Sequence[int], *, threads: int | None = None) -> Operator
 def check_adjoint(
     operator: Operator, *, rng: SeedLike = 0, draws: int = 3, tol: float = 1e-10
 ) -> float:
-    """Check that ⟨G x, y⟩ = ⟨x, Gᵀ y⟩ for random x and y, and return the largest error.
+    """Return the largest error of ⟨G x, y⟩ = ⟨x, Gᵀ y⟩ for random x and y.
 
     Parameters
     ----------
@@ -236,9 +236,9 @@ def check_adjoint(
     rng : int, numpy.random.Generator, numpy.random.SeedSequence or None
         The seed of x and y, which are normally distributed.
     draws : int
-        The number of pairs.
+        The number of pairs of x and y.
     tol : float
-        The largest error that is taken for rounding.
+        The largest error that counts as rounding.
 
     Returns
     -------
@@ -270,7 +270,7 @@ def check_adjoint(
                     f"{name}: expected a finite array of shape {shape}, got shape {array.shape}"
                     + (" with NaN or infinity" if array.shape == shape else "")
                 )
-        size = _length(image) * _length(y) + _length(x) * _length(preimage)
+        size = _norm(image) * _norm(y) + _norm(x) * _norm(preimage)
         difference = abs(float(np.vdot(image, y)) - float(np.vdot(x, preimage)))
         worst = max(worst, float(difference / size) if size else 0.0)
     if worst > tol:
@@ -286,15 +286,15 @@ def dot(a: Array, b: Array) -> float:
     return float(np.einsum("i,i->", a.ravel(), b.ravel()))
 
 
-def _pixels(shape: Sequence[int]) -> tuple[int, ...]:
+def _checked_shape(shape: Sequence[int]) -> tuple[int, ...]:
     sizes = tuple(index(size) for size in shape)
     if len(sizes) not in (1, 2) or min(sizes) < 1:
-        raise ValueError(f"shape: expected (H, W) or (N,), none of it 0, got {sizes}")
+        raise ValueError(f"shape: expected (H, W) or (N,), without a dimension of 0, got {sizes}")
     return sizes
 
 
 def _checked_output(shape: tuple[int, ...], name: str, function: Function) -> Function:
-    """Return the function with a check of its output, which reveals a wrong operator early."""
+    """Return the function with a check of the shape of its output."""
 
     def checked(array: Array) -> Array:
         return _array_of_shape(f"the output of {name}", function(array), tuple(shape))
@@ -302,7 +302,7 @@ def _checked_output(shape: tuple[int, ...], name: str, function: Function) -> Fu
     return checked
 
 
-def _length(array: Array) -> float:
+def _norm(array: Array) -> float:
     return float(np.linalg.norm(array.ravel()))
 
 

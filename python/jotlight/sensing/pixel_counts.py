@@ -1,4 +1,4 @@
-"""From data, bits or counts, to the number of ones and of valid bits of each pixel."""
+"""The number of ones and the number of valid bits of each pixel, from bits or counts."""
 
 import dataclasses
 from collections.abc import Callable, Iterator
@@ -18,9 +18,10 @@ Estimate = npt.NDArray[np.float32]
 
 @dataclasses.dataclass(frozen=True)
 class PixelCounts:
-    """The counts of every pixel, which hold all information when a pixel's bits are exchangeable.
+    """The counts of the pixels of one channel, and the sensor parameters of each pixel.
 
-    They are exchangeable with the box kernel, unless the jots of a pixel differ.
+    The counts are a sufficient statistic if the bits of each pixel are exchangeable, which requires
+    the box kernel and equal jots in each pixel.
     """
 
     sensor: Sensor
@@ -29,15 +30,15 @@ class PixelCounts:
     trials: int | npt.NDArray[np.int32]
     """The number of valid bits of each pixel: K, or a map where jots are dead."""
     efficiency: float | npt.NDArray[np.float64]
-    """η of each pixel's jots: a number or a map (H, W), the mean where a pixel's jots differ."""
+    """η of each pixel: a number or a map (H, W), with the mean over its jots where they differ."""
     dark_counts: float | npt.NDArray[np.float64]
-    """d of each pixel's jots: a number or a map (H, W), the mean where a pixel's jots differ."""
+    """d of each pixel: a number or a map (H, W), with the mean over its jots where they differ."""
     varies_within_pixels: bool
-    """Whether the jots of some pixel differ in their efficiency or dark counts."""
+    """Whether any pixel has jots that differ in efficiency or dark counts."""
 
     @property
     def uniform(self) -> bool:
-        """Whether pixels with equal counts are alike in everything else."""
+        """Whether all pixels have the same trials, efficiency, and dark counts."""
         parameters = self.trials, self.efficiency, self.dark_counts
         return not self.varies_within_pixels and not any(
             isinstance(value, np.ndarray) for value in parameters
@@ -52,12 +53,12 @@ class PixelCounts:
 
 
 def carried_sensor(data: Bits | npt.ArrayLike) -> Sensor | None:
-    """Return the sensor that bits carry; None for counts, and for bits without a sensor.
+    """Return the sensor of bits. Return None for counts, and for bits without a sensor.
 
     Raises
     ------
     TypeError
-        When the bits carry something other than a :class:`jotlight.Sensor`.
+        When the sensor of the bits is not a :class:`jotlight.Sensor`.
     """
     sensor = data.sensor if isinstance(data, Bits) else None
     if not isinstance(sensor, Sensor | None):
@@ -66,7 +67,7 @@ def carried_sensor(data: Bits | npt.ArrayLike) -> Sensor | None:
 
 
 def split_channels(data: Bits | npt.ArrayLike) -> Iterator[Bits | npt.NDArray[np.int32]]:
-    """Yield the bits (T, H, W) or counts (H, W) of each channel; gray data is one channel."""
+    """Yield the bits (T, H, W) or the counts (H, W) of each channel. Gray data have one channel."""
     if isinstance(data, Bits):
         yield from data.channels()
         return
@@ -77,19 +78,19 @@ def split_channels(data: Bits | npt.ArrayLike) -> Iterator[Bits | npt.NDArray[np
 def map_channels(
     method: Callable[[Bits | npt.NDArray[np.int32]], Estimate], data: Bits | npt.ArrayLike
 ) -> Estimate:
-    """Return the estimates of a method that handles one channel, (H, W) or (H, W, C)."""
+    """Return the estimate (H, W) or (H, W, C) of a method that is called for each channel."""
     estimates = [method(channel) for channel in split_channels(data)]
     dimensions = len(data.shape) - 1 if isinstance(data, Bits) else np.ndim(data)
     return stack_channels(estimates, color=dimensions == 3)
 
 
 def count_pixels(data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None) -> PixelCounts:
-    """Return the valid ones of each pixel, from bits or from an image of counts of one channel.
+    """Return the pixel counts of one channel of bits or of counts. Dead jots do not count.
 
     Raises
     ------
     TypeError, ValueError
-        When data and sensor do not fit, or a count is above K.
+        When data and sensor do not fit together, or a count is above K.
     """
     if isinstance(data, Bits):
         check_fits(data, sensor)
@@ -102,7 +103,7 @@ def count_pixels(data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None
         if sensor.oversampling > 1 and sensor.mask is not None:
             raise ValueError(
                 "counts: with a mask of single jots the bits are needed, because a count does not "
-                "say which jots reported 1; pass the bits, or a sensor without mask"
+                "say which jots reported 1; pass the bits, or a sensor without a mask"
             )
     trials: int | npt.NDArray[np.int32] = sensor.bits_per_pixel
     if sensor.mask is not None:
@@ -118,7 +119,7 @@ def count_pixels(data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None
 
 
 def warn_about_smooth_kernel(sensor: Sensor) -> None:
-    """Warn that a method treats each pixel's bits as independent of its neighbors' light."""
+    """Issue a warning if the kernel is smooth, for methods that assume the box kernel."""
     if sensor.kernel != "box":
         warn(
             f"the light of a {sensor.kernel} kernel reaches neighboring pixels, which this method "
@@ -139,7 +140,7 @@ def _check_counts(counts: npt.NDArray[np.int32], sensor: Sensor) -> None:
 def _pixel_means(
     sensor: Sensor, value: float | npt.NDArray[np.float32]
 ) -> tuple[float | npt.NDArray[np.float64], bool]:
-    """Return the means over each pixel's live jots, and whether live jots of a pixel differ."""
+    """Return the mean over the live jots of each pixel, and whether those of any pixel differ."""
     if not isinstance(value, np.ndarray):
         return value, False
     side = sensor.oversampling
@@ -148,9 +149,9 @@ def _pixel_means(
     valid = np.ones(blocks.shape, bool)
     if sensor.mask is not None:
         valid = ~sensor.mask.reshape(blocks.shape)
-    number = np.maximum(valid.sum(axis=(1, 3)), 1)
-    mean = np.where(valid, blocks, 0).sum(axis=(1, 3)) / number
-    # The value of a dead pixel is never used, but it has to be in range.
+    live_jots = np.maximum(valid.sum(axis=(1, 3)), 1)
+    mean = np.where(valid, blocks, 0).sum(axis=(1, 3)) / live_jots
+    # The value of a dead pixel is never used, but it must pass the checks of the range.
     mean = np.where(valid.any(axis=(1, 3)), mean, blocks.mean(axis=(1, 3)))
     differs = valid & (blocks != mean[:, None, :, None].astype(np.float32))
     return np.ascontiguousarray(mean), bool(differs.any())

@@ -1,4 +1,4 @@
-"""Provenance of data: the file it comes from, what was assumed, and how it was converted."""
+"""Provenance of data: their file, the assumptions of its reader, and earlier conversions."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -11,14 +11,15 @@ _MAX_LENGTH = 1000
 """Maximum length of a text that is read from JSON."""
 
 _MAX_CONVERSIONS = 16
-"""Maximum number of conversions that are remembered; the latest are kept."""
+"""Maximum number of files in a chain of conversions that is read from JSON: the latest ones."""
 
 _ORIENTATIONS = [[quarters, mirrored] for quarters in range(4) for mirrored in (False, True)]
+"""All orientations, as JSON stores them."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Provenance:
-    r"""The file that bits or counts come from, and the files that it was converted from.
+    r"""The file that bits or counts come from, and the files from which it was converted.
 
     Parameters
     ----------
@@ -29,10 +30,10 @@ class Provenance:
     notes : tuple of str
         Sentences about what was assumed or done on reading.
     orientation : (int, bool), optional
-        The number of quarter turns anticlockwise since the first file was read, 0 to 3, and whether
-        left and right were exchanged after that. None where it is unknown.
+        The number of quarter turns counterclockwise, 0 to 3, since the first file was read, and
+        whether left and right were exchanged afterward. None if this is unknown.
     origin : Provenance, optional
-        The provenance of the file that this one was converted from, where it is known.
+        The provenance of the file from which this one was converted, if known.
 
     Examples
     --------
@@ -56,11 +57,11 @@ class Provenance:
         return f"{self.name} ({'; '.join((self.format, *self.notes))})"
 
     def with_notes(self, *notes: str) -> Self:
-        """Return the same provenance with more notes."""
+        """Return the provenance with additional notes."""
         return dataclasses.replace(self, notes=(*self.notes, *notes))
 
     def reoriented(self, quarters: int, flip: str | None) -> Self:
-        """Return the same provenance, rotated anticlockwise and then mirrored once more.
+        """Return the provenance after another rotation counterclockwise, and then a mirroring.
 
         Examples
         --------
@@ -71,14 +72,14 @@ class Provenance:
         if self.orientation is None:
             return self
         before, mirrored = self.orientation
-        # Exchanging top and bottom is half a turn, then exchanging left and right. A turn after
-        # a mirror is the opposite turn before it.
+        # To exchange top and bottom is to turn by 180 degrees and then exchange left and right.
+        # A turn after a mirroring equals the opposite turn before the mirroring.
         after = quarters + 2 * (flip == "vertical")
         total = (before - after if mirrored else before + after) % 4
         return dataclasses.replace(self, orientation=(total, mirrored ^ (flip is not None)))
 
     def converted_from(self, origin: "Provenance | None") -> Self:
-        """Return the same provenance with an origin, whose orientation it takes over."""
+        """Return the provenance with an origin. The orientation becomes that of the origin."""
         if origin is None:
             return self
         return dataclasses.replace(self, origin=origin, orientation=origin.orientation)
@@ -109,7 +110,7 @@ class Provenance:
             step = step.origin
 
     def to_json(self) -> dict[str, Any]:
-        """Return an object that JSON can hold."""
+        """Return the provenance as an object of JSON."""
         value: dict[str, Any] = {
             "format": self.format,
             "name": self.name,
@@ -123,7 +124,7 @@ class Provenance:
 
     @classmethod
     def from_json(cls, value: Any, max_conversions: int = _MAX_CONVERSIONS) -> Self:
-        """Return the provenance that :meth:`to_json` described, without its oldest origins.
+        """Return the provenance from an object of :meth:`to_json`. It drops the oldest origins.
 
         Raises
         ------

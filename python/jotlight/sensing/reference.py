@@ -1,4 +1,4 @@
-"""Numbers that stand for a whole sensor: its median jot, and the intensity that saturates it."""
+"""Numbers that represent a whole sensor: its median jot, and its saturation intensity."""
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,7 @@ Jot = tuple[float, float]
 
 
 def reference_jot(sensor: Sensor) -> Jot:
-    """Return the efficiency and the dark counts that stand for all jots: the medians of maps.
+    """Return the median efficiency and the median dark counts of the live jots.
 
     Examples
     --------
@@ -26,11 +26,11 @@ def reference_jot(sensor: Sensor) -> Jot:
 
 
 def saturation_intensity(sensor: Sensor) -> float:
-    """Return an S that clips no pixel except those whose bits are all 1.
+    """Return a maximum intensity S that clips only pixels whose bits are all 1.
 
-    It is the intensity at which a pixel of the jots that need most light is expected to miss half
-    a one. So an estimate from K - 1 ones is below S, and a saturated pixel, which has no finite
-    estimate, becomes S.
+    At S, a pixel whose jots are the least sensitive ones is expected to show K - 1/2 ones. The
+    estimate from K - 1 ones is therefore below S. A pixel with K ones is saturated: without a
+    limit its estimate would be infinite, and it is S.
 
     Examples
     --------
@@ -48,5 +48,5 @@ def saturation_intensity(sensor: Sensor) -> float:
 
 
 def _of_live_jots(map_: npt.NDArray[np.float32], sensor: Sensor) -> npt.NDArray[np.float32]:
-    """Return the values of the jots that are not dead, or all when all are dead."""
+    """Return the values of the live jots. If all jots are dead, return all values."""
     return map_ if sensor.mask is None or sensor.mask.all() else map_[~sensor.mask]

@@ -1,7 +1,7 @@
 """The response of a jot to its rate, P(q, s): its value, derivative, and inverse.
 
-The functions work in double precision and take complements, so that probabilities near 1 keep
-their digits. The engine solves the same equations for whole images.
+The functions work in double precision. The inverse takes both p and 1 - p, so that probabilities
+near 1 keep their digits. The engine solves the same equations for whole images.
 """
 
 from collections.abc import Callable
@@ -18,7 +18,7 @@ A = TypeVar("A", bound=Any)
 def probability_formula(
     threshold: int, rate: A, expm1: Callable[[A], A], gammainc: Callable[[int, A], A]
 ) -> A:
-    """Return P(q, s) with the functions of any array library: equation (3).
+    """Return P(q, s), computed with the functions of any array library: equation (3).
 
     `gammainc(q, s)` is the regularized lower incomplete gamma function. For q = 1 it equals
     1 - exp(-s), which is about twenty times as fast.
@@ -33,9 +33,9 @@ def detection_probability(threshold: int, rate: npt.ArrayLike) -> Array:
     Parameters
     ----------
     threshold : int
-        q: the number of photons from which on the jot reports 1.
+        q: the minimum number of photons for which a jot reports 1.
     rate : array_like of float
-        s: expected detections per frame, 0 or more.
+        s: the expected detections per frame, 0 or more.
 
     Examples
     --------
@@ -71,9 +71,10 @@ def inverse_detection_probability(
     Parameters
     ----------
     threshold : int
-        q: the number of photons from which on the jot reports 1.
+        q: the minimum number of photons for which a jot reports 1.
     probability, complement : array_like of float
-        p and 1 - p in [0, 1]. The smaller one decides the result; 1 - p = 0 yields infinity.
+        p and 1 - p in [0, 1]. The result is computed from the smaller one; for 1 - p = 0 it is
+        infinite.
 
     Examples
     --------
@@ -82,7 +83,7 @@ def inverse_detection_probability(
     """
     p, rest = np.asarray(probability, np.float64), np.asarray(complement, np.float64)
     if threshold == 1:
-        # The same as below, without the time to import SciPy.
+        # This closed form avoids the import of SciPy, which takes long.
         with np.errstate(divide="ignore"):
             small, large = -np.log1p(-np.minimum(p, 0.5)), -np.log(np.minimum(rest, 0.5))
         return np.asarray(np.where(p < rest, small, large))
@@ -98,7 +99,7 @@ def inverse_detection_probability(
 
 
 def _gammainc(order: int, x: Array) -> Array:
-    # SciPy is imported only when it is needed, because it takes long.
+    # The import of SciPy takes long, so it is postponed until it is needed.
     from scipy.special import gammainc
 
     return np.asarray(gammainc(order, x))

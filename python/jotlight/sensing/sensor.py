@@ -15,18 +15,18 @@ from jotlight.sensing.maps import MAPS, checked_maps
 from jotlight.sensing.simulate import Window, draw_bits, evaluate_on_jots, packed_output
 
 KERNELS = ("box", "linear", "quadratic", "cubic")
-"""The interpolation kernels of the light field, by degree of the B-spline."""
+"""The B-spline kernels of the light field, in the order of their degree."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Sensor:
     """A quanta image sensor: each jot reports 1 when at least `threshold` photons arrive.
 
-    An image c, in units of intensity, sheds the *light* ``s = (gain / frames) * (G c)`` on the
-    jots: the expected number of photons per jot and frame. G spreads a pixel's light over its jots
-    by `kernel`. The sensor detects photons at the *rate* ``efficiency * s + dark_counts`` per jot
-    and frame. With the defaults, a pixel of intensity 1 sheds one photon per frame on each of its
-    jots.
+    The jots receive the *light* ``s = (gain / frames) * (G c)`` of an image c: the expected number
+    of photons per jot and frame. G spreads the light of each pixel over the jots, with the kernel
+    `kernel`. The sensor detects photons at the *rate* ``efficiency * s + dark_counts`` per jot and
+    frame. With the defaults, each jot of a pixel of intensity 1 receives one photon per frame on
+    average.
 
     Parameters
     ----------
@@ -35,16 +35,16 @@ class Sensor:
     frames : int
         T: the number of binary frames of the same scene.
     gain : float, optional
-        α: the photons that arrive on a pixel of intensity 1, over all its jots and frames.
+        α: the expected photons on a pixel of intensity 1, over all its jots and frames.
         Default: K, the number of bits per pixel.
     threshold : int
-        q: the number of photons from which on a jot reports 1.
+        q: the minimum number of photons for which a jot reports 1.
     kernel : {"box", "linear", "quadratic", "cubic"}
         The B-spline that spreads a pixel's light. The box keeps it on the pixel's own jots.
     dark_counts : float or array_like of shape (H * K̂, W * K̂)
-        d: detections per jot and frame without light, the same for all jots or one for each.
+        d: the expected detections per jot and frame without light, a number or a map.
     efficiency : float or array_like of shape (H * K̂, W * K̂)
-        η in (0, 1]: the share of photons that is detected, the same for all jots or one for each.
+        η in (0, 1]: the fraction of the photons that a jot detects, a number or a map.
     mask : array_like of bool of shape (H * K̂, W * K̂), optional
         True marks a dead jot, as in `numpy.ma`. A dead jot always reports 0 in simulation, and
         reconstruction ignores it.
@@ -72,7 +72,7 @@ class Sensor:
 
     oversampling: int = 1
     frames: int = 1
-    # __post_init__ replaces None, so that readers of the attribute always find a number.
+    # __post_init__ replaces None, so the attribute is always a number.
     gain: float = None  # type: ignore[assignment]
     threshold: int = 1
     kernel: str = "box"
@@ -112,9 +112,9 @@ class Sensor:
         return self.gain / self.bits_per_pixel
 
     def replace(self, **changes: Any) -> Self:
-        """Return a sensor with some parameters changed; without `gain` among them, α/K stays.
+        """Return a sensor with some parameters changed. Unless `gain` is changed, α/K is kept.
 
-        So ``sensor.replace(frames=16)`` takes 16 times the frames, each as bright as before.
+        For example, ``sensor.replace(frames=16)`` records 16 frames, each as bright as before.
 
         Examples
         --------
@@ -143,7 +143,7 @@ class Sensor:
         Returns
         -------
         ndarray of float32, shape (H * K̂, W * K̂) or (H * K̂, W * K̂, C)
-            The rates of all jots. Those of dead jots are computed as if they were alive.
+            The rates of all jots. Dead jots are treated as if they were alive.
 
         Examples
         --------
@@ -157,7 +157,7 @@ class Sensor:
     def probability(
         self, image: npt.ArrayLike, *, threads: int | None = None
     ) -> npt.NDArray[np.float32]:
-        """Return P(b = 1) of each jot, equation (3); 0 for a dead one.
+        """Return P(b = 1) of each jot: equation (3). It is 0 for a dead jot.
 
         The parameters are those of :meth:`rate`.
 
@@ -182,15 +182,14 @@ class Sensor:
     ) -> Bits:
         """Return random bits of an image.
 
-        Each bit depends only on the seed and on its own position. Any `tile` and any range of
-        `frames` therefore holds exactly the bits that the whole exposure has there, for any number
-        of threads.
+        Each bit depends only on the seed and on its own position. A `tile` or a range of `frames`
+        therefore equals that part of the whole exposure exactly, with any number of threads.
 
         Parameters
         ----------
         image : array_like of float, shape (H, W) or (H, W, C)
             Intensities, finite and not negative. The channels of a color image are independent.
-            Float32 and float64 are read in place; no temporary array is as large as the jots.
+            Arrays of float32 and float64 are not copied.
         rng : int, numpy.random.Generator, numpy.random.SeedSequence or None
             The seed. A generator yields a new seed each time; None takes fresh entropy.
         tile : (slice, slice), optional
@@ -198,17 +197,16 @@ class Sensor:
         frames : slice, optional
             A range of frames. Default: all.
         out : ndarray of uint8, optional
-            An array that receives the packed bits, of the shape of ``Bits.packed``. It may be a
-            memory map.
+            The array for the packed bits, of the shape of ``Bits.packed``. It may be a memory map.
         threads : int, optional
             The number of threads. Default: all.
         progress : callable, optional
-            A function that is called now and then with the completed share, from 0 to 1.
+            A function that is called repeatedly with the completed fraction, from 0 to 1.
 
         Returns
         -------
         Bits
-            The packed bits, which carry this sensor, cut to the tile and frames.
+            The packed bits. Their sensor is this sensor, cropped to the tile and the frames.
 
         Raises
         ------
@@ -220,7 +218,7 @@ class Sensor:
         Notes
         -----
         The generator is ChaCha with 8 rounds. The seed is its key, and the bit's position is its
-        counter. A bit is [U < P(b = 1)] with U uniform on 48 bits.
+        counter. A bit is [U < P(b = 1)], where U is a uniform random number of 48 bits.
 
         Examples
         --------
@@ -246,7 +244,7 @@ class Sensor:
         return pixels
 
     def _crop(self, window: Window, image_size: tuple[int, int]) -> "Sensor":
-        """Return the sensor that reports only the window of an image of this size."""
+        """Return the sensor, cropped to a window of an image of size `image_size`."""
         frames = len(window.frames)
         cropped = self if frames == self.frames else self.replace(frames=frames)
         if (len(window.rows), len(window.columns)) == image_size:
@@ -256,7 +254,7 @@ class Sensor:
         return cropped.replace(**maps) if maps else cropped
 
     def check_map_shapes(self, height: int, width: int) -> None:
-        """Raise ValueError unless the maps have this many rows and columns of jots."""
+        """Raise ValueError unless each map has `height` rows and `width` columns of jots."""
         for name, map_ in self.maps().items():
             if map_.shape != (height, width):
                 raise ValueError(
@@ -271,7 +269,7 @@ class Sensor:
         }
 
     def without_maps(self) -> Self:
-        """Return the sensor without dead jots, and with the mean of every other map."""
+        """Return the sensor without a mask, and with the means of the other maps."""
         return self.replace(
             mask=None,
             dark_counts=float(np.mean(self.dark_counts)),
@@ -279,7 +277,7 @@ class Sensor:
         )
 
     def scalars(self) -> dict[str, Any]:
-        """Return the parameters that are not maps, by name, in types that JSON can hold."""
+        """Return the parameters that are not maps, by name, as values of JSON."""
         maps = self.maps()
         return {
             field.name: getattr(self, field.name)
@@ -309,7 +307,7 @@ class Sensor:
             raise ValueError(f"sensor: {error}") from error
 
     def engine_arguments(self) -> dict[str, Any]:
-        """Return the sensor as the engine's simulation takes it."""
+        """Return the sensor as the engine's simulation expects it."""
         return {
             "oversampling": self.oversampling,
             "kernel_degree": KERNELS.index(self.kernel),
@@ -321,7 +319,7 @@ class Sensor:
         }
 
     def pixel_response(self) -> tuple[int, float, float]:
-        """Return (q, α/K, S): a pixel's response with the box kernel, as the engine takes it."""
+        """Return (q, α/K, S): a pixel's response with the box kernel, for the engine."""
         return self.threshold, self.light_per_intensity, self.max_intensity
 
     def __eq__(self, other: object) -> bool:

@@ -1,6 +1,6 @@
-"""Simulation of a sensor: values of each jot, and random bits, from an image.
+"""Simulation of a sensor from an image: random bits, and rates or probabilities of all jots.
 
-The functions take the engine's description of a sensor, `Sensor.engine_arguments`.
+The functions take the sensor as the dictionary that `Sensor.engine_arguments` returns.
 """
 
 import dataclasses
@@ -20,12 +20,12 @@ EngineSensor = dict[str, Any]
 JotFunction = Callable[
     [EngineSensor, npt.NDArray[Any], int, npt.NDArray[np.float32], int | None], None
 ]
-"""A function of the engine that fills some rows of jots: `engine.rate`, `engine.probability`."""
+"""A function of the engine that fills some rows of jots: `engine.rate` or `engine.probability`."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Window:
-    """The part of an exposure to simulate: its frames, and its rows and columns of pixels."""
+    """The part of an exposure that is simulated: frames, and rows and columns of pixels."""
 
     frames: range
     rows: range
@@ -44,7 +44,7 @@ class Window:
         Raises
         ------
         TypeError, ValueError
-            When a slice is not a slice, is empty, has a step, or reaches past the end.
+            When an argument is not a slice, or a slice selects nothing or has a step.
         """
         if tile is None:
             tile = (slice(None), slice(None))
@@ -56,7 +56,7 @@ class Window:
         return cls(chosen, rows, columns)
 
     def packed_shape(self, oversampling: int) -> tuple[int, int, int]:
-        """Return the shape of the window's packed bits, one channel."""
+        """Return the shape of the window's packed bits, for one channel."""
         return (
             len(self.frames),
             len(self.rows) * oversampling,
@@ -75,7 +75,7 @@ class Window:
 def packed_output(
     shape: tuple[int, ...], out: npt.NDArray[np.uint8] | None
 ) -> npt.NDArray[np.uint8]:
-    """Return `out` after a check of its type and shape, or a new array.
+    """Return `out`, after checking its type and shape, or a new array.
 
     Raises
     ------
@@ -132,7 +132,7 @@ def evaluate_on_jots(
     height, width = (size * sensor["oversampling"] for size in image.shape[:2])
     out = np.empty((height, width, *image.shape[2:]), np.float32)
     for plane, jots in zip(channel_views(image), channel_views(out), strict=True):
-        # Computing a jot's probability takes about ten times as long as drawing its bit.
+        # Computing the probability of a jot takes about ten times as long as drawing its bit.
         for _, rows in frame_chunks(1, height, 10 * width):
             function(sensor, plane, rows.start, jots[rows.start : rows.stop], threads)
     return out
