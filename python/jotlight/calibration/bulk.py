@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from jotlight.sensing.response import Array
 
 _MAX_QUANTILE = 0.7
 """The fit ignores counts above this quantile. Nearly all of them may belong to hot jots."""

@@ -18,9 +18,10 @@ from jotlight.estimators.linear_solver import NormalEquations
 from jotlight.estimators.problem import ConvergenceHistories, solve_channels
 from jotlight.estimators.tv import automatic_weight, check_map, check_norm, total_variation
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.likelihood import Array, Problem
+from jotlight.sensing.likelihood import Problem
 from jotlight.sensing.operators import Scaling, dot
 from jotlight.sensing.pixel_counts import Estimate
+from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 
 INITIAL_PENALTY = 6.0

@@ -7,8 +7,9 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.estimators.tv import check_map
-from jotlight.sensing.likelihood import Array, Problem
+from jotlight.sensing.likelihood import Problem
 from jotlight.sensing.operators import differences, dot
+from jotlight.sensing.response import Array
 
 _RELAXATION = 1.7
 """The over-relaxation. Eckstein and Bertsekas (1992) recommend 1.5 to 1.8."""

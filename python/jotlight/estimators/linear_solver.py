@@ -9,8 +9,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jotlight.sensing.likelihood import Array
 from jotlight.sensing.operators import Operator, Scaling, Spread, differences, dot, spread
+from jotlight.sensing.response import Array
 
 _MAX_CG_STEPS = 50
 """The maximum number of steps of conjugate gradients."""

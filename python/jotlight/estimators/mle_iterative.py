@@ -15,9 +15,10 @@ from jotlight.estimators.convergence import (
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.estimators.problem import ConvergenceHistories, solve_channels
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.likelihood import Array, Problem
+from jotlight.sensing.likelihood import Problem
 from jotlight.sensing.operators import dot
 from jotlight.sensing.pixel_counts import Estimate
+from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 
 Mask = npt.NDArray[np.bool_]

@@ -9,10 +9,8 @@ import numpy.typing as npt
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.pixel_counts import warn_about_smooth_kernel
 from jotlight.sensing.reference import reference_jot
-from jotlight.sensing.response import detection_probability, inverse_detection_probability
+from jotlight.sensing.response import Array, detection_probability, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
-
-Array = npt.NDArray[np.float64]
 
 _LEVELS = 25
 """The number of levels of light in a range."""

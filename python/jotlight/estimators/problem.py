@@ -9,9 +9,10 @@ import numpy.typing as npt
 from jotlight.estimators.convergence import ConvergenceHistory
 from jotlight.estimators.mle import require_bits
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.likelihood import Array, Likelihood, Problem
+from jotlight.sensing.likelihood import Likelihood, Problem
 from jotlight.sensing.operators import scaling, spread
 from jotlight.sensing.pixel_counts import Estimate, PixelCounts, count_pixels, map_channels
+from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 
 ConvergenceHistories = ConvergenceHistory | list[ConvergenceHistory]

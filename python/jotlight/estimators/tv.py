@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.sensing.likelihood import Array, Likelihood, Problem
+from jotlight.sensing.likelihood import Likelihood, Problem
 from jotlight.sensing.operators import differences
-from jotlight.sensing.response import inverse_detection_probability
+from jotlight.sensing.response import Array, inverse_detection_probability
 
 NORMS = ("isotropic", "anisotropic")
 """The names of the norms of a pixel's two differences."""

@@ -1,6 +1,10 @@
 """File types that the first bytes of a file identify."""
 
 from pathlib import Path
+from typing import Literal
+
+ByteOrder = Literal["little", "big"]
+"""The order of the bytes of a number in a file."""
 
 _SIGNATURES = (
     (b"\x93NUMPY", "npy"),

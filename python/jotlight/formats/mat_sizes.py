@@ -2,11 +2,9 @@
 
 import zlib
 from pathlib import Path
-from typing import Literal
 
 from jotlight.formats.limits import check_claimed_size
-
-Order = Literal["little", "big"]
+from jotlight.formats.magic import ByteOrder
 
 _COMPRESSED = 15
 """Type of a compressed variable."""
@@ -32,7 +30,7 @@ def check_sizes(path: Path) -> None:
         header = file.read(_HEADER_BYTES)
         if not header.startswith(b"MATLAB 5.0") or header[126:128] not in (b"IM", b"MI"):
             raise ValueError("it is not of version 5 or 7 (save with -v7 or -v7.3)")
-        order: Order = "little" if header[126:128] == b"IM" else "big"
+        order: ByteOrder = "little" if header[126:128] == b"IM" else "big"
         position = _HEADER_BYTES
         for _ in range(_MAX_VARIABLES):
             file.seek(position)
@@ -52,7 +50,7 @@ def check_sizes(path: Path) -> None:
     raise ValueError(f"it has more than {_MAX_VARIABLES} variables")
 
 
-def _check_compressed(prefix: bytes, compressed_bytes: int, order: Order) -> None:
+def _check_compressed(prefix: bytes, compressed_bytes: int, order: ByteOrder) -> None:
     prefix = zlib.decompressobj().decompress(prefix, _PREFIX_BYTES)
     kind, size = _word(prefix, 0, order), _word(prefix, 4, order)
     if kind != _MATRIX or len(prefix) < _TAG_BYTES:
@@ -61,7 +59,7 @@ def _check_compressed(prefix: bytes, compressed_bytes: int, order: Order) -> Non
     _check_parts(prefix[_TAG_BYTES:], size, order)
 
 
-def _check_parts(prefix: bytes, variable_bytes: int, order: Order) -> None:
+def _check_parts(prefix: bytes, variable_bytes: int, order: ByteOrder) -> None:
     """Check the flags, sizes, name, and numbers of a variable. A tag precedes each of them."""
     position = 0
     flags = _word(prefix, 8, order)
@@ -78,5 +76,5 @@ def _check_parts(prefix: bytes, variable_bytes: int, order: Order) -> None:
         position += _TAG_BYTES + (size + 7) // 8 * 8
 
 
-def _word(data: bytes, position: int, order: Order) -> int:
+def _word(data: bytes, position: int, order: ByteOrder) -> int:
     return int.from_bytes(data[position : position + 4], order)

@@ -5,15 +5,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.sensing.frames import Frames, read_in_chunks
+from jotlight.sensing.frames import Frames, Packed, read_in_chunks
 
 FLIPS = ("horizontal", "vertical")
 """Names of the mirrorings: left and right are exchanged, or top and bottom."""
 
 _CHUNK_BYTES = 1 << 20
 """Number of bytes that are rotated at once. They fit into the cache."""
-
-Packed = npt.NDArray[np.uint8]
 
 
 def parse_orientation(rotate: int, flip: str | None) -> int:

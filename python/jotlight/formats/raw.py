@@ -4,16 +4,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from jotlight.errors import warn
 from jotlight.files import atomic_folder, atomic_write
 from jotlight.formats.compressed import Stream, naming_file, open_gzip
 from jotlight.formats.magic import file_type
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, concatenate, read_in_chunks
-
-Packed = npt.NDArray[np.uint8]
+from jotlight.sensing.frames import Frames, Packed, concatenate, read_in_chunks
 
 EXTENSIONS = (".bin", ".bin.gz")
 """Extensions of files with raw frames."""

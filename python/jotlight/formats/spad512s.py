@@ -21,14 +21,13 @@ from jotlight.formats.magic import file_type
 from jotlight.formats.orientation import transpose_packed
 from jotlight.formats.raw import (
     EXTENSIONS,
-    Packed,
     RawFile,
     check_frame_size,
     read_raw,
     write_raw,
 )
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, concatenate
+from jotlight.sensing.frames import Frames, Packed, concatenate
 from jotlight.sensing.provenance import Provenance
 
 FRAMES_PER_FILE = 1000

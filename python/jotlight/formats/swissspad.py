@@ -14,8 +14,9 @@ import numpy as np
 from jotlight.errors import warn
 from jotlight.formats.file_lists import list_files
 from jotlight.formats.format import Format, OpenOptions, Writer
-from jotlight.formats.raw import EXTENSIONS, Packed, check_frame_size, read_raw, write_raw
+from jotlight.formats.raw import EXTENSIONS, check_frame_size, read_raw, write_raw
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Packed
 from jotlight.sensing.provenance import Provenance
 
 _REVERSED_BYTES = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))

@@ -3,9 +3,9 @@
 import dataclasses
 import os
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import IO, Any
 
-Order = Literal["little", "big"]
+from jotlight.formats.magic import ByteOrder
 
 _TYPE_BYTES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4}
 _TYPE_BYTES |= {16: 8, 17: 8, 18: 8}
@@ -52,7 +52,7 @@ class _Tag:
 class _Layout:
     """Byte order, and the sizes in bytes that differ between TIFF and BigTIFF."""
 
-    order: Order
+    order: ByteOrder
     offset_bytes: int
     number_bytes: int
     """Size of the field with the number of tags of a directory."""
@@ -109,12 +109,12 @@ def check_directories(path: Path) -> None:
 
 
 def _read_layout(file: IO[bytes]) -> _Layout:
-    order: Order = "little" if file.read(2) == b"II" else "big"
+    order: ByteOrder = "little" if file.read(2) == b"II" else "big"
     is_big_tiff = int.from_bytes(file.read(2), order) == 43
     return _Layout(order, 8, 8, 20, 8) if is_big_tiff else _Layout(order, 4, 2, 12, 4)
 
 
-def _read_offsets(file: IO[bytes], tag: _Tag, order: Order, size: int) -> list[int]:
+def _read_offsets(file: IO[bytes], tag: _Tag, order: ByteOrder, size: int) -> list[int]:
     """Return the values of a tag. The position in the file stays the same."""
     value = tag.inline
     if tag.value_bytes > len(value):

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-Function = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]]
+ScalarFunction = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]]
 Spline = tuple[npt.NDArray[np.float32], float, float]
 """Coefficients (1, N_w), first knot, and knot spacing, in the order of `Layer`'s parameters."""
 
@@ -44,7 +44,7 @@ def identity_spline(high: float) -> Spline:
     return (high * np.array([[-1, 0, 1, 2]])).astype(np.float32), 0.0, high
 
 
-def fit_spline(function: Function, low: float, high: float, number: int) -> Spline:
+def fit_spline(function: ScalarFunction, low: float, high: float, number: int) -> Spline:
     """Return the least-squares spline of a function on [low, high], with `number` coefficients.
 
     Examples

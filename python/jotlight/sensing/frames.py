@@ -11,6 +11,9 @@ import numpy.typing as npt
 
 from jotlight.memory_maps import release
 
+Packed = npt.NDArray[np.uint8]
+"""Bits, eight in a byte."""
+
 _MAX_BYTES = 1 << 23
 """Maximum number of bytes that are read at a time, unless one frame has more."""
 

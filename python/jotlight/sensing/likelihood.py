@@ -10,8 +10,7 @@ import jotlight._engine as engine
 from jotlight.checks import positive_number, refuse_masked, whole_number_in_range, whole_numbers
 from jotlight.chunks import pixel_chunks, take_pixels
 from jotlight.sensing.operators import Operator
-
-Array = npt.NDArray[np.float64]
+from jotlight.sensing.response import Array
 
 _MAX_CELLS = 1 << 21
 """Maximum number of cells that the engine handles without a check for Ctrl-C."""

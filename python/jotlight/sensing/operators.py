@@ -14,10 +14,11 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.checks import positive_number, whole_number_in_range
 from jotlight.seeds import SeedLike
+from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import KERNELS
 
-Array = npt.NDArray[np.float64]
-Function = Callable[[Array], Array]
+LinearMap = Callable[[Array], Array]
+"""A linear function of an array."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,8 +47,8 @@ class Operator:
     True
     """
 
-    forward: Function
-    adjoint: Function
+    forward: LinearMap
+    adjoint: LinearMap
     input_shape: tuple[int, ...]
     output_shape: tuple[int, ...]
 
@@ -293,7 +294,7 @@ def _checked_shape(shape: Sequence[int]) -> tuple[int, ...]:
     return sizes
 
 
-def _checked_output(shape: tuple[int, ...], name: str, function: Function) -> Function:
+def _checked_output(shape: tuple[int, ...], name: str, function: LinearMap) -> LinearMap:
     """Return the function with a check of the shape of its output."""
 
     def checked(array: Array) -> Array:

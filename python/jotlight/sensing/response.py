@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+"""Numbers in double precision."""
 
 A = TypeVar("A", bound=Any)
 

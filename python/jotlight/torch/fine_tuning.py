@@ -4,7 +4,7 @@ import dataclasses
 import math
 import operator
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +21,7 @@ from jotlight.torch.distributed import ProcessGroup, choose_device, process_grou
 from jotlight.torch.network import NetworkModule
 from jotlight.torch.trainer import Trainer
 from jotlight.training.checkpoint import Checkpoint
-from jotlight.training.history import History, Record
+from jotlight.training.history import History, Record, RecordCallback
 from jotlight.training.images import fingerprint_images
 from jotlight.training.optimizer import State
 from jotlight.training.parameters import Vector, fingerprint_network
@@ -52,7 +52,7 @@ def fine_tune(
     rng: int | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
     resume: bool = False,
-    callback: Callable[[Record], object] | None = None,
+    callback: RecordCallback | None = None,
     device: str | torch.device | None = None,
     threads: int | None = None,
 ) -> tuple[Network, History]:

@@ -3,7 +3,7 @@
 import math
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from jotlight.torch.distributed import ProcessGroup
 from jotlight.torch.network import NetworkModule
 from jotlight.training.checkpoint import Checkpoint, CheckpointWriter
-from jotlight.training.history import History, Record
+from jotlight.training.history import History, Record, RecordCallback
 from jotlight.training.optimizer import State
 from jotlight.training.parameters import Vector
 
@@ -92,7 +92,7 @@ class Trainer:
         self,
         steps: int,
         checkpoint: str | os.PathLike[str] | None,
-        callback: Callable[[Record], object] | None,
+        callback: RecordCallback | None,
         seconds: float | None = None,
     ) -> None:
         """Take the remaining steps, until the time is up.

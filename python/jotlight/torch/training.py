@@ -1,7 +1,7 @@
 """Training of deep networks on images: `jotlight.torch.train`."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ from jotlight.torch.distributed import ProcessGroup, choose_device, process_grou
 from jotlight.torch.network import NetworkModule
 from jotlight.torch.patches import PatchLoader
 from jotlight.torch.trainer import Trainer
-from jotlight.training.history import History, Record
+from jotlight.training.history import History, Record, RecordCallback
 from jotlight.training.images import (
     ImageGenerator,
     Images,
@@ -59,7 +59,7 @@ def train(
     test: npt.NDArray[np.floating] | Sequence[npt.ArrayLike] | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
     resume: bool = False,
-    callback: Callable[[Record], object] | None = None,
+    callback: RecordCallback | None = None,
     device: str | torch.device | None = None,
     threads: int | None = None,
 ) -> tuple[Network, History]:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import operator
+from collections.abc import Callable
 from typing import Any, Self
 
 import numpy as np
@@ -24,6 +25,9 @@ class Record:
     held_out: float | None = None
     """Negative log-likelihood of the held-out bits in nats per bit, or None."""
 
+
+RecordCallback = Callable[[Record], object]
+"""A function that is called with the record of every step."""
 
 _COLUMNS = tuple(field.name for field in dataclasses.fields(Record))
 

@@ -2,7 +2,7 @@
 
 import os
 import secrets
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +12,7 @@ from jotlight.networks.graph import is_sequential
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
 from jotlight.training.admissible import AdmissibleSet, SafeSet
-from jotlight.training.history import History, Record
+from jotlight.training.history import History, RecordCallback
 from jotlight.training.images import TrainingImages, check_images
 from jotlight.training.optimizer import Optimizer
 from jotlight.training.optimizers import find_optimizer
@@ -37,7 +37,7 @@ def train(
     admissible: AdmissibleSet | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
     resume: bool = False,
-    callback: Callable[[Record], object] | None = None,
+    callback: RecordCallback | None = None,
     threads: int | None = None,
 ) -> tuple[Network, History]:
     """Return a network trained for the smallest mean square error, and the history of the run.

@@ -3,7 +3,6 @@
 import dataclasses
 import os
 import time
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from jotlight.sensing.sensor import Sensor
 from jotlight.training.admissible import AdmissibleSet
 from jotlight.training.checkpoint import Checkpoint, CheckpointWriter
 from jotlight.training.cost import Cost, mean_psnr
-from jotlight.training.history import History, Record
+from jotlight.training.history import History, Record, RecordCallback
 from jotlight.training.images import fingerprint_images
 from jotlight.training.optimizer import Optimizer, Step
 from jotlight.training.parameters import (
@@ -23,9 +22,7 @@ from jotlight.training.parameters import (
 )
 from jotlight.training.patches import PatchSampler
 
-Path = str | os.PathLike[str]
-RecordCallback = Callable[[Record], object]
-"""A function that is called with the record of every step."""
+FilePath = str | os.PathLike[str]
 
 _MIN_TESTS = 100
 """Minimum number of measurements on the test images, in a run of at least this number of steps."""
@@ -62,7 +59,7 @@ class Run:
             "seed": self.sampler.seed,
         }
 
-    def begin(self, start: Vector, checkpoint: Path | None, resume: bool) -> Checkpoint:
+    def begin(self, start: Vector, checkpoint: FilePath | None, resume: bool) -> Checkpoint:
         """Return the state before the first step, or that of the checkpoint.
 
         Raises
@@ -92,7 +89,7 @@ class Run:
         self,
         start: Vector,
         state: Checkpoint,
-        checkpoint: Path | None,
+        checkpoint: FilePath | None,
         resume: bool,
         seconds: float | None,
         callback: RecordCallback | None,
@@ -118,7 +115,9 @@ class Run:
             writer.close(state)
         return state
 
-    def _take_step(self, start: Vector, state: Checkpoint, resumed_from: Path | None) -> Checkpoint:
+    def _take_step(
+        self, start: Vector, state: Checkpoint, resumed_from: FilePath | None
+    ) -> Checkpoint:
         """Return the state after the next step.
 
         If it is the first one after resuming, `resumed_from` is the checkpoint.
