@@ -18,7 +18,7 @@ from jotlight.experiments.experiment import (
 )
 from jotlight.experiments.method_titles import ALGEBRAIC
 from jotlight.experiments.report.content import Column, Curves, Section, Table
-from jotlight.experiments.report.curves import METHOD_COLORS, Axes, Line, render_svg
+from jotlight.experiments.report.curves import METHOD_COLORS, OTHER_COLOR, Axes, Line, render_svg
 from jotlight.experiments.training_runs import paper_sensor, train_by_default
 from jotlight.metrics import psnr, ssim
 from jotlight.networks.network import Network
@@ -159,7 +159,7 @@ def _axes(means: Mapping[float, dict[str, float]], x_label: str, ticks: list[flo
             METHODS[method].title,
             list(means),
             [row[method] for row in means.values()],
-            color=METHOD_COLORS[method],
+            color=METHOD_COLORS.get(method, OTHER_COLOR),
             marker="o" if method == TWO_LAYER else ".",
         )
         for method in methods
