@@ -17,7 +17,7 @@ SELF = "tools/check_words.py"
 
 REPLACED = {
     # Phrases and verbs.
-    r"\btold\b": "name who says what: 'conditional on K', 'the metadata state', 'described'",
+    r"(?<![A-Za-z])told(?![A-Za-z])": "name who says what: 'conditional on K', 'the file states'",
     r"\bso many\b": "the number itself",
     r"\bof (which|it|them|that|those|what) on\b": "a main clause",
     r"\bof it that\b": "a main clause",
@@ -25,9 +25,10 @@ REPLACED = {
     r'"""Of (?!\w+ing\b)': "say what the constant is",
     r"\bcome of\b|\bcomes of\b": "a plain verb",
     r"\bhow it came to be\b": "'the history'",
+    r"(?i)(?<![a-z])pictures?(?![a-z])": "image or estimate",
     # Names that the field does not use.
     r"\b(bend|bends|bent)\b": "activate, spline",
-    r"\bgoes_on\b": "ConvergenceMonitor.update",
+    r"goes_on(?![a-z])": "ConvergenceMonitor.update",
     r"\b(most|least)_\w+": "max_…, min_…",
     r"\b(MOST|LEAST)_\w+": "MAX_…, MIN_…",
     r"\bstep_of\b": "size_divisor",
@@ -50,7 +51,7 @@ REPLACED = {
     r"\bself-supervised\.py|--self-supervised\b": "jotlight fine-tune",
     # American spelling.
     r"(?i)\b(multi)?colou?rs?(?<!color)(?<!colors)\b": "color",
-    r"(?i)\bgrey(?!scale=)\w*": "gray",  # pypng has a parameter `greyscale`
+    r"(?i)(?<![A-Za-z])grey(?!scale=)\w*": "gray",  # pypng has a parameter `greyscale`
     r"(?i)\w*(optim|minim|maxim|normal|regular|stabil|recogn|initial|general)is(e|i|a)\w*": "-ize",
     r"(?i)\b(summar|organ|vector|parametr|factor|equal|visual|penal|random)is(e|i|a)\w*": "-ize",
     r"(?i)\bcentre(s|d|line)?\b|\bcentring\b": "center",

@@ -107,7 +107,7 @@ def test_counts_are_reconstructed_by_the_network(run, photo_folder):
 def test_compare_shows_the_trained_network_where_there_is_one(run, photo_folder):
     status, output = run("compare", photo_folder / "0.png", "-k", 2, "-t", 4)
     assert status == 0
-    assert "network, learned" in output
+    assert "network, two-layer" in output
     assert "network, initial" in output
     assert "Without the trained network" not in output
 
@@ -115,7 +115,7 @@ def test_compare_shows_the_trained_network_where_there_is_one(run, photo_folder)
 def test_compare_omits_a_missing_network_and_prints_the_reason(run, photo_folder):
     status, output = run("compare", photo_folder / "0.png", "-k", 2, "-t", 3)
     assert status == 0
-    assert "network, learned" not in output
+    assert "network, two-layer" not in output
     assert "network, medium" in output
     status, output = run("compare", photo_folder / "0.png", "-k", 2, "-t", 100)
     assert status == 0
@@ -138,7 +138,7 @@ def test_compare_by_a_missing_network_fails(run, photo_folder, tmp_path):
 def test_demo_shows_the_trained_network(run):
     status, output = run("demo", "--photo", "coins")
     assert status == 0
-    assert "network, learned" in output
+    assert "network, two-layer" in output
 
 
 DARK = np.full((96, 96), 0.3, np.float32)

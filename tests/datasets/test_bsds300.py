@@ -83,7 +83,7 @@ def test_the_registry_matches_the_originals(data):
     assert registered == found
 
 
-def test_the_real_bsds300_is_grey_and_in_order(data):
+def test_the_real_bsds300_is_gray_and_in_order(data):
     names, images = datasets.bsds300("test", data, first=3)
     assert names == ["101085.jpg", "101087.jpg", "102061.jpg"]
     assert {image.shape for image in images} <= {(321, 481), (481, 321)}

@@ -142,7 +142,7 @@ class TestFailure:
             fetch.fetch(some, ["none.bin"])
         assert not files_in(cache)
 
-    def test_a_server_that_is_down_is_told_in_one_line(self, site, cache):
+    def test_a_server_that_is_down_is_reported_in_one_line(self, site, cache):
         some = source(site, "http://127.0.0.1:9", "some.bin", sha256="0" * 64)
         with pytest.raises(ConnectionError) as error:
             fetch.fetch(some, ["some.bin"])
@@ -161,7 +161,7 @@ class TestFailure:
             fetch.fetch(some, ["stops-halfway"])
         assert not files_in(cache)
 
-    def test_an_interruption_leaves_what_is_whole_and_goes_on_from_there(
+    def test_an_interruption_leaves_what_is_whole_and_continues_from_there(
         self, site, url, server, cache
     ):
         names = ["a.bin", "b.bin"]

@@ -14,7 +14,7 @@ def test_photographs_are_gray_levels_divided_by_255(name):
     assert image.max() <= 1
 
 
-def test_the_first_photographs_are_grey_and_the_rest_in_color():
+def test_the_first_photographs_are_gray_and_the_rest_in_color():
     dimensions = [datasets.photograph(name).ndim for name in datasets.PHOTOGRAPHS]
     assert dimensions == [2, 2, 2, 3, 3, 3, 3]
 

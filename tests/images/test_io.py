@@ -78,7 +78,7 @@ def test_integers_of_unknown_scale_need_the_white_level(tmp_path, dtype, known):
         assert np.allclose(read_image(path, white=100), levels / 100)
 
 
-def test_16_bit_grey_png_has_its_full_scale(tmp_path):
+def test_16_bit_gray_png_has_its_full_scale(tmp_path):
     path = tmp_path / "a.png"
     Image.fromarray(np.array([[0, 65535, 1000]], np.uint16)).save(path)
     assert np.allclose(read_image(path), [[0, 1, 1000 / 65535]])
@@ -93,7 +93,7 @@ def test_gray_is_the_luma_of_bt_601_rounded_to_a_level(tmp_path):
 
 
 @pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGB", "RGBA", "CMYK"])
-def test_every_mode_of_pillow_becomes_grey_or_color(tmp_path, mode):
+def test_every_mode_of_pillow_becomes_gray_or_color(tmp_path, mode):
     path = tmp_path / ("a.tiff" if mode == "CMYK" else "a.png")
     path = path.with_suffix(".jpg") if mode == "CMYK" else path
     Image.new("RGB", (6, 4), (200, 100, 50)).convert(mode).save(path)
@@ -176,7 +176,7 @@ def test_significant_bits_do_not_change_the_scale(tmp_path):
     assert np.allclose(read_image(path), VALUES / 65535, atol=1e-6)
 
 
-def test_grey_with_transparency_keeps_its_16_bits(tmp_path):
+def test_gray_with_transparency_keeps_its_16_bits(tmp_path):
     path = tmp_path / "a.png"
     png16(path, VALUES[..., :2], greyscale=True, alpha=True)
     assert np.allclose(read_image(path), VALUES[..., 0] / 65535, atol=1e-6)

@@ -105,7 +105,7 @@ def method_sections(run: dict[str, Any]) -> list[Section]:
             "methods",
             "Which method to use",
             "Larger networks are slower and make better images. The PSNR of the networks is in "
-            "[the guide](../guide/networks.md); the PSNR of every method on the paper's images is "
+            "[their results](networks.md); the PSNR of every method on the paper's images is "
             "in [the reproduction](reproduction.md#which-method-to-pick).",
             tables=[table],
         )

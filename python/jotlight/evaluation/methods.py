@@ -18,6 +18,7 @@ from jotlight.estimators.mle_iterative import mle_iterative
 from jotlight.estimators.noniterative import noniterative
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import (
+    CONDITIONAL_SIZE,
     pretrained,
     training_command,
     unsupported_message,
@@ -116,7 +117,7 @@ METHODS: dict[str, Method] = {
         iterative=True,
     ),
     "network-initial": Method("network, initial", initial_network),
-    "network-two-layer": _shipped_network("learned", "two-layer"),
+    "network-two-layer": _shipped_network("two-layer", "two-layer"),
     "network-small": _shipped_network("small", "small"),
     "network-medium": _shipped_network("medium", "medium"),
     "network-large": _shipped_network("large", "large"),
@@ -281,7 +282,7 @@ def choose_method(
             is_smooth = is_bits and sensor.kernel != "box"
             method, quality = SMOOTH_KERNEL_METHOD if is_smooth else FALLBACK_METHOD, None
         # The medium network serves any S. Every other size was trained for S = 1.
-        has_fixed_range = quality is not None and quality != "medium"
+        has_fixed_range = quality is not None and quality != CONDITIONAL_SIZE
     white = max_intensity = sensor.max_intensity
     limit, notes = None, []
     saturation = saturation_intensity(sensor)

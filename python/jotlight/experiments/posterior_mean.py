@@ -5,6 +5,8 @@ import math
 import numpy as np
 from scipy.special import comb
 
+from jotlight.sensing.response import detection_probability
+
 
 def posterior_mean_psnr(bits_per_pixel: int, *, nodes: int = 400) -> float:
     """Return the PSNR of the posterior mean on the paper's synthetic scenes.
@@ -42,7 +44,9 @@ def posterior_mean_psnr(bits_per_pixel: int, *, nodes: int = 400) -> float:
     c, weights = (x + 1) / 2, weights / 2
     ones = np.arange(bits_per_pixel + 1)[:, None]
     probability = (
-        comb(bits_per_pixel, ones) * (-np.expm1(-c)) ** ones * np.exp(-c * (bits_per_pixel - ones))
+        comb(bits_per_pixel, ones)
+        * detection_probability(1, c) ** ones
+        * np.exp(-c * (bits_per_pixel - ones))
     )
     evidence = probability @ weights
     mean = probability @ (weights * c) / evidence

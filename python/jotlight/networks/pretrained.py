@@ -7,6 +7,9 @@ from jotlight.networks.network import Network
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
+CONDITIONAL_SIZE = "medium"
+"""The size that is K-conditioned: its network serves any K, exposure, and S."""
+
 BITS_PER_PIXEL = tuple(side**2 for side in range(3, 11))
 """Values of K of the "two-layer" and "small" networks, for α = K, q = 1, S = 1, and box kernel."""
 
@@ -66,7 +69,7 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     """
     if (message := unsupported_message(sensor, quality)) is not None:
         raise ValueError(message)
-    name = quality if quality == "medium" else f"{quality}-k{sensor.bits_per_pixel}"
+    name = quality if quality == CONDITIONAL_SIZE else f"{quality}-k{sensor.bits_per_pixel}"
     return Network.load(FOLDER / f"{name}.safetensors")
 
 
@@ -99,7 +102,7 @@ def unsupported_reason(sensor: Sensor, quality: str = "medium") -> str | None:
     """
     if quality not in SIZES:
         raise ValueError(f"quality: expected one of {', '.join(SIZES)}, got {quality!r}")
-    if quality == "medium":
+    if quality == CONDITIONAL_SIZE:
         reason = _unsupported_by_conditional(sensor)
     else:
         trained = LARGE_BITS_PER_PIXEL if quality == "large" else BITS_PER_PIXEL

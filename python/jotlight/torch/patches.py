@@ -10,7 +10,9 @@ import torch
 from torch import Tensor
 
 from jotlight.networks.network import Network
+from jotlight.sensing.response import detection_probability
 from jotlight.sensing.sensor import Sensor
+from jotlight.torch import response
 from jotlight.torch.network import NetworkModule
 from jotlight.training.images import ImageGenerator, Images, generate_images
 
@@ -96,7 +98,7 @@ class Batch:
             values.view(-1, 1, 1, 1) for values in (self.light_per_intensity, self.dark_counts)
         )
         rates = (self.truth * slope + dark).clamp(max=_MAX_RATE)
-        target = torch.asin(torch.sqrt(-torch.expm1(-rates)))
+        target = torch.asin(torch.sqrt(response.detection_probability(1, rates)))
         # dc/dz = 2 √(exp(s) - 1) / slope
         mean_weight = torch.expm1((_MEAN_INTENSITY * slope + dark).clamp(max=_MAX_RATE))
         weights = torch.expm1(rates).minimum(_MAX_RELATIVE_VARIANCE * mean_weight)
@@ -262,7 +264,7 @@ def _exposed_batch(
     rates = truth * slopes[:, None, None] + dark_counts[:, None, None]
     counts = np.stack(
         [
-            np.random.default_rng(seed).binomial(exposures.trials, -np.expm1(-rate))
+            np.random.default_rng(seed).binomial(exposures.trials, detection_probability(1, rate))
             for rate, seed in zip(rates.astype(np.float64), seeds, strict=True)
         ]
     ).astype(np.float32)
