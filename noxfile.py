@@ -118,7 +118,7 @@ def browser(session: nox.Session) -> None:
         session.error(f"none of {', '.join(BROWSERS)} is installed: the page was NOT tested")
     install_wheel(session, extra="test,browser")
     session.run(
-        *("pytest", "-m", "slow", "tests/experiments/test_page_in_a_browser.py"), *session.posargs
+        *("pytest", "-m", "slow", "tests/experiments/report/test_page_browser.py"), *session.posargs
     )
 
 

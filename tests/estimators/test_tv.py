@@ -1,4 +1,4 @@
-"""The automatic weight of total variation. tests/sensing/test_proximal.py tests the rest."""
+"""The automatic weight of total variation."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,8 @@
+import hypothesis.extra.numpy as hnp
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import jotlight as jl
 from reference import methods
@@ -137,3 +140,12 @@ def test_an_unknown_inverse_is_refused():
 def test_nan_is_refused():
     with pytest.raises(ValueError, match="z: expected numbers"):
         jl.vst.inverse_anscombe([1.0, np.nan], 4)
+
+
+@given(hnp.arrays(np.float64, 50, elements=st.floats(-1e6, 1e6)), st.integers(1, 3000))
+def test_inverse_transforms_map_any_value_to_the_range_of_counts(z, bits):
+    for inverse in jl.vst.INVERSES:
+        counts = jl.vst.inverse_anscombe(np.sort(z), bits, inverse=inverse)
+        assert (np.diff(counts) >= 0).all()
+        assert counts.min() >= 0
+        assert counts.max() <= bits

@@ -1,5 +1,7 @@
 """`jotlight.save`: bits and counts in the format that the extension implies."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,8 @@ from examples.arrays import random_bits, random_frames
 from jotlight.formats.cube import create_bits
 
 COUNTS = np.random.default_rng(0).integers(0, 300, (6, 9))
+SENSOR = jl.Sensor(oversampling=2, frames=3, mask=np.eye(4, 6, dtype=bool))
+BITS = SENSOR.expose(np.full((2, 3), 0.5), rng=0)
 
 
 @pytest.mark.parametrize("name", ["a.npy", "a.npy.gz"])
@@ -52,3 +56,41 @@ def test_a_cube_is_created_only_as_npy(tmp_path):
         create_bits(tmp_path / "cube.bin", (1, 2, 1), 8, None),
     ):
         pass
+
+
+def test_saved_bits_are_opened_with_their_width_and_sensor(tmp_path):
+    jl.save(BITS, tmp_path / "capture.npy")
+    opened = jl.open(tmp_path / "capture.npy")
+    assert (opened.shape, opened.sensor) == (BITS.shape, SENSOR)
+    np.testing.assert_array_equal(opened.to_array(), BITS.to_array())
+
+
+def test_any_program_can_unpack_the_file(tmp_path):
+    jl.save(BITS, str(tmp_path / "capture.npy"))
+    packed = np.load(tmp_path / "capture.npy")
+    np.testing.assert_array_equal(np.unpackbits(packed, axis=2, count=6), BITS.to_array())
+    description = json.loads((tmp_path / "capture.json").read_text())
+    assert description["maps"] == {"mask": "capture.mask.npy"}
+    np.testing.assert_array_equal(np.load(tmp_path / "capture.mask.npy"), SENSOR.mask)
+
+
+def test_the_provenance_is_saved_and_becomes_the_origin(tmp_path):
+    jl.save(BITS, tmp_path / "first.npy")
+    jl.save(jl.open(tmp_path / "first.npy")[:2], tmp_path / "second.npy")
+    origin = jl.open(tmp_path / "second.npy").provenance.origin
+    assert (origin.name, origin.notes) == ("first.npy", ("frames 0:2 of 3",))
+
+
+@pytest.mark.parametrize("other", [np.ones((2, 3)), np.ones((2, 3), bool), "capture.npy", None])
+def test_what_is_neither_bits_nor_counts_is_refused(tmp_path, other):
+    with pytest.raises(
+        TypeError, match=r"data: expected jotlight\.Bits or an array of counts, got"
+    ):
+        jl.save(other, tmp_path / "capture.npy")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_name_that_implies_no_format_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="this name implies no single format"):
+        jl.save(BITS, tmp_path / "capture.bin")
+    assert not list(tmp_path.iterdir())

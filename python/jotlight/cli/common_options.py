@@ -13,7 +13,7 @@ CAPTURE_PANEL = Group("Capture", sort_key=5)
 OUTPUT_PANEL = Group("Output", sort_key=6)
 VIDEO_PANEL = Group("Video", sort_key=7)
 
-Capture = Annotated[Path, Parameter(help="A capture of bits or counts: a file or a folder.")]
+CapturePath = Annotated[Path, Parameter(help="A capture of bits or counts: a file or a folder.")]
 Photo = Annotated[Path, Parameter(help="A photograph: PNG, JPEG, TIFF or .npy.")]
 Seed = Annotated[int, Parameter(help="Seed of the random numbers.")]
 Gray = Annotated[bool, Parameter(help="Convert a color photograph to gray.")]

@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import provenance_notes, refuse_capture_overwrite
-from jotlight.cli.common_options import Capture
+from jotlight.cli.common_options import CapturePath
 from jotlight.cli.console import progress, report
 from jotlight.formats.description import companion_files
 from jotlight.formats.registry import WRITERS
@@ -16,7 +16,7 @@ from jotlight.sensing.bits import Bits
 
 
 def convert(
-    data: Capture,
+    data: CapturePath,
     /,
     *,
     output: Annotated[

@@ -10,7 +10,7 @@ import jotlight.plots as plots
 from jotlight.calibration import Calibration
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import Captured, add_sensor, refuse_capture_overwrite
-from jotlight.cli.common_options import Capture
+from jotlight.cli.common_options import CapturePath
 from jotlight.cli.console import caution, report, silenced
 from jotlight.cli.learners import check_device
 from jotlight.cli.sensor_options import CalibratedSensorOptions
@@ -32,7 +32,7 @@ _QUALITY = "medium"
 
 
 def fine_tune(
-    data: Capture,
+    data: CapturePath,
     /,
     *,
     training: TrainingOptions,

@@ -7,7 +7,7 @@ from jotlight.cli.advice import range_advice, training_advice
 from jotlight.cli.applied_calibration import AppliedCalibration
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import Captured, add_sensor, refuse_capture_overwrite
-from jotlight.cli.common_options import Capture, Threads
+from jotlight.cli.common_options import CapturePath, Threads
 from jotlight.cli.console import caution, report
 from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.output_options import OutputOptions
@@ -24,7 +24,7 @@ from jotlight.sensing.bits import Bits, check_fits
 
 
 def reconstruct(
-    data: Capture,
+    data: CapturePath,
     /,
     *,
     outputs: OutputOptions,

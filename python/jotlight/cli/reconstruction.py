@@ -45,7 +45,7 @@ class Brightness:
 
 
 def reconstruct_image(job: Reconstruction, threads: int | None) -> Brightness:
-    """Write the estimate of one image, report it, and return its brightness."""
+    """Write and report the estimate of one image and return its brightness."""
     captured, outputs = job.captured, job.outputs
     ending = ""
     with outputs.temporary_files() as files, recorded(job.calibration) as record:

@@ -98,7 +98,7 @@ def reproduce(
 def _run(
     work: "list[tuple[Experiment, RunContext, list[Part]]]", folder: "runner.Folder"
 ) -> "dict[str, tables.Facts]":
-    """Run the remaining parts of experiments, and return the facts about each experiment."""
+    """Run the remaining parts of experiments and return the facts about each experiment."""
     from jotlight.experiments import runner, tables
 
     total = sum(part.seconds for _, _, left in work for part in left)

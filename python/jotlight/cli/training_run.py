@@ -51,7 +51,7 @@ def run_training(
     remedy: str,
     provenance: dict[str, str],
 ) -> tuple[History, float]:
-    """Train a network with live progress, and write the network and its figure.
+    """Train a network and return its history. Show progress, and write network and figure.
 
     Parameters
     ----------

@@ -57,7 +57,7 @@ class VideoOptions:
 def reconstruct_video(
     job: Reconstruction, bits: Bits, video: VideoOptions, window: int, threads: int | None
 ) -> Brightness:
-    """Write the estimate of every window, report them, and return the maximum brightness.
+    """Write and report the estimate of every window and return the maximum brightness.
 
     The sensor of the reconstruction is that of a window. One window at a time is in memory.
     """

@@ -8,6 +8,7 @@ from typing import Any
 from jotlight.errors import warn
 
 Progress = Callable[[float], object]
+"""A function that takes the finished share of the work, from 0 to 1."""
 
 _INSTEAD = (
     "or, if you have the data, pass their folder (folder= in Python, --data DIR on the command "

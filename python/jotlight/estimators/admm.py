@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from jotlight.estimators.admm_terms import BoxTerm, DataTerm, SplittingTerm, VariationTerm
 from jotlight.estimators.convergence import (
-    Callback,
     ConvergenceHistory,
     ConvergenceMonitor,
+    IterationCallback,
     check_stopping_rule,
 )
 from jotlight.estimators.linear_solver import NormalEquations
@@ -62,7 +62,7 @@ def admm_tv(
     start: npt.ArrayLike | None = ...,
     max_iter: int = ...,
     tol: float = ...,
-    callback: Callback | None = ...,
+    callback: IterationCallback | None = ...,
     return_history: Literal[False] = ...,
     threads: int | None = ...,
 ) -> Estimate: ...
@@ -78,7 +78,7 @@ def admm_tv(
     start: npt.ArrayLike | None = ...,
     max_iter: int = ...,
     tol: float = ...,
-    callback: Callback | None = ...,
+    callback: IterationCallback | None = ...,
     return_history: Literal[True],
     threads: int | None = ...,
 ) -> tuple[Estimate, ConvergenceHistories]: ...
@@ -94,7 +94,7 @@ def admm_tv(
     start: npt.ArrayLike | None = None,
     max_iter: int = 500,
     tol: float = 1e-3,
-    callback: Callback | None = None,
+    callback: IterationCallback | None = None,
     return_history: bool = False,
     threads: int | None = None,
 ) -> Estimate | tuple[Estimate, ConvergenceHistories]:
@@ -240,7 +240,7 @@ def _mean_information(problem: Problem, level: float) -> float:
 def _update(
     terms: list[SplittingTerm], image: Array, dark: float, min_force: float
 ) -> tuple[float, float]:
-    """Return the relative primal and dual residuals, after updating all terms.
+    """Update all terms and return the relative primal and dual residuals.
 
     The intensity `dark` bounds the denominator of the primal residual from below. The stiffness
     `min_force` bounds that of the dual residual.

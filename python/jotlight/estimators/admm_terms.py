@@ -38,10 +38,10 @@ class SplittingTerm(abc.ABC):
 
     @abc.abstractmethod
     def update_split(self, image: Array) -> float:
-        """Return ‖A c - x‖² in units of intensity, after updating x and the multiplier."""
+        """Update x and the multiplier and return ‖A c - x‖² in units of intensity."""
 
     def update(self, image: Array) -> tuple[float, Array]:
-        """Return the squared primal residual, and the dual residual, after updating the term."""
+        """Update the term and return its squared primal residual and its dual residual."""
         primal = self.update_split(image)
         previous, self._adjoint_of_x = self._adjoint_of_x, self.adjoint(self.x)
         self._adjoint_of_dual = self.adjoint(self.dual)
@@ -85,7 +85,7 @@ class DataTerm(SplittingTerm):
         return self._operator.adjoint(array)
 
     def update_split(self, image: Array) -> float:
-        """Return ‖A c - x‖² in units of intensity, after solving the problem of each cell."""
+        """Solve the problem of each cell and return ‖A c - x‖² in units of intensity."""
         light = self._operator.forward(image).reshape(-1)
         return (
             self._likelihood.admm_update(
@@ -122,7 +122,7 @@ class VariationTerm(SplittingTerm):
         return self._differences.adjoint(array).reshape(self._shape)
 
     def update_split(self, image: Array) -> float:
-        """Return ‖D c - x‖², after shrinking the differences."""
+        """Shrink the differences and return ‖D c - x‖²."""
         return engine.total_variation_admm_update(
             (self.penalty, _RELAXATION),
             self._weight,
@@ -146,7 +146,7 @@ class BoxTerm(SplittingTerm):
         return array
 
     def update_split(self, image: Array) -> float:
-        """Return ‖c - x‖², after clipping the image to [0, S]."""
+        """Clip the image to [0, S] and return ‖c - x‖²."""
         point = _RELAXATION * image + (1 - _RELAXATION) * self.x + self.dual
         self.x = np.clip(point, 0, self._max_intensity)
         self.dual = point - self.x

@@ -36,7 +36,7 @@ class Iteration:
         return min(max(math.log(self.residual) / math.log(self.tol), 0.0), 1.0)
 
 
-Callback = Callable[[Iteration], object]
+IterationCallback = Callable[[Iteration], object]
 """A function that is called after every iteration. It ends the run by raising StopIteration."""
 
 
@@ -113,7 +113,9 @@ class ConvergenceMonitor:
     (True, [1.0, 0.5, 0.25])
     """
 
-    def __init__(self, name: str, max_iter: int, tol: float, callback: Callback | None) -> None:
+    def __init__(
+        self, name: str, max_iter: int, tol: float, callback: IterationCallback | None
+    ) -> None:
         self.max_iter, self.tol = check_stopping_rule(max_iter, tol)
         self.converged = False
         self._name = name

@@ -18,23 +18,25 @@ import numpy.typing as npt
 from jotlight.errors import MissingExtraError
 from jotlight.estimators.vst import NOISE
 
-Image = npt.NDArray[np.float32]
-Denoiser = Callable[[Image], npt.ArrayLike]
+Float32Image = npt.NDArray[np.float32]
+"""An image of float32."""
+
+Denoiser = Callable[[Float32Image], npt.ArrayLike]
 """A function from an image (H, W) with white noise of standard deviation 1/2 to a denoised one."""
 
 P = ParamSpec("P")
 
 
-def _interruptible(denoise: Callable[P, Image]) -> Callable[P, Image]:
+def _interruptible(denoise: Callable[P, Float32Image]) -> Callable[P, Float32Image]:
     """Return a denoiser that runs in a thread, so that Ctrl-C works while the library computes.
 
     Ctrl-C ends only the wait for the thread. The thread ends when the library returns.
     """
 
     @functools.wraps(denoise)
-    def run(*arguments: P.args, **options: P.kwargs) -> Image:
+    def run(*arguments: P.args, **options: P.kwargs) -> Float32Image:
         context = contextvars.copy_context()
-        outcome: queue.SimpleQueue[Image | BaseException] = queue.SimpleQueue()
+        outcome: queue.SimpleQueue[Float32Image | BaseException] = queue.SimpleQueue()
 
         def work() -> None:
             try:
@@ -57,7 +59,7 @@ def _interruptible(denoise: Callable[P, Image]) -> Callable[P, Image]:
 
 
 @_interruptible
-def gaussian(image: Image, sigma: float = 1.5) -> Image:
+def gaussian(image: Float32Image, sigma: float = 1.5) -> Float32Image:
     """Return the image smoothed by a Gaussian (SciPy).
 
     Parameters
@@ -77,7 +79,7 @@ def gaussian(image: Image, sigma: float = 1.5) -> Image:
     return np.asarray(gaussian_filter(image, sigma, mode="reflect"), np.float32)
 
 
-def tv(image: Image, weight: float = 0.5) -> Image:
+def tv(image: Float32Image, weight: float = 0.5) -> Float32Image:
     """Return the image denoised by total variation, with Chambolle's method (scikit-image).
 
     Parameters
@@ -99,7 +101,7 @@ def tv(image: Image, weight: float = 0.5) -> Image:
 
 
 @_interruptible
-def nlm(image: Image, strength: float = 0.7) -> Image:
+def nlm(image: Float32Image, strength: float = 0.7) -> Float32Image:
     """Return the image denoised by non-local means, averages of similar patches (scikit-image).
 
     Parameters
@@ -130,7 +132,7 @@ def nlm(image: Image, strength: float = 0.7) -> Image:
 
 
 @_interruptible
-def bm3d(image: Image) -> Image:
+def bm3d(image: Float32Image) -> Float32Image:
     """Return the image denoised by block matching and 3D filtering, with its authors' package.
 
     Parameters
@@ -157,7 +159,7 @@ def bm3d(image: Image) -> Image:
     return np.asarray(denoised[:height, :width], np.float32)
 
 
-DENOISERS: dict[str, Callable[[Image], Image]] = {
+DENOISERS: dict[str, Callable[[Float32Image], Float32Image]] = {
     "gaussian": gaussian,
     "tv": tv,
     "nlm": nlm,

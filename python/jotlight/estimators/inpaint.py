@@ -75,7 +75,10 @@ def inpaint_dead_pixels(
 def _fill_inwards(
     image: npt.NDArray[np.float32], dead: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.float64]:
-    """Return the initial guess of the linear equations: holes filled from the border inward."""
+    """Return the image with its holes filled from the border inward.
+
+    It is the initial guess of the linear equations.
+    """
     from scipy.ndimage import correlate
 
     known = ~dead

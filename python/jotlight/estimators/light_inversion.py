@@ -126,7 +126,7 @@ class _UnequalJots:
         return out
 
     def _solve(self, probability: Array, guess: Array, max_light: float) -> Array:
-        """Solve for the light by Newton's method, with bisection where a step leaves the bounds."""
+        """Return the light by Newton's method, with bisection where a step leaves the bounds."""
         low, high = np.zeros(probability.shape), np.full(probability.shape, max_light)
         light = np.where((guess > 0) & (guess < max_light), guess, max_light / 2)
         for _ in range(_MAX_NEWTON_STEPS):

@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.convergence import (
-    Callback,
     ConvergenceHistory,
     ConvergenceMonitor,
+    IterationCallback,
     check_stopping_rule,
 )
 from jotlight.estimators.inpaint import inpaint_dead_pixels
@@ -56,7 +56,7 @@ def mle_iterative(
     start: npt.ArrayLike | None = ...,
     max_iter: int = ...,
     tol: float = ...,
-    callback: Callback | None = ...,
+    callback: IterationCallback | None = ...,
     return_history: Literal[False] = ...,
     threads: int | None = ...,
 ) -> Estimate: ...
@@ -71,7 +71,7 @@ def mle_iterative(
     start: npt.ArrayLike | None = ...,
     max_iter: int = ...,
     tol: float = ...,
-    callback: Callback | None = ...,
+    callback: IterationCallback | None = ...,
     return_history: Literal[True],
     threads: int | None = ...,
 ) -> tuple[Estimate, ConvergenceHistories]: ...
@@ -86,7 +86,7 @@ def mle_iterative(
     start: npt.ArrayLike | None = None,
     max_iter: int = 500,
     tol: float = 1e-6,
-    callback: Callback | None = None,
+    callback: IterationCallback | None = None,
     return_history: bool = False,
     threads: int | None = None,
 ) -> Estimate | tuple[Estimate, ConvergenceHistories]:

@@ -5,50 +5,50 @@ from typing import Any
 
 import numpy as np
 
-from jotlight.estimators.denoise import bm3d
+from jotlight.estimators.denoise import Float32Image, bm3d
 from jotlight.estimators.noniterative import noniterative
 from jotlight.evaluation.methods import DEEP_NETWORKS, METHODS
-from jotlight.experiments.experiment import Image
 from jotlight.experiments.method_titles import ALGEBRAIC
 from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
 
-TWO_LAYER = "network-two-layer"
+TWO_LAYER_METHOD = "network-two-layer"
+"""Name of the two-layer network in `METHODS`."""
 
 
-def methods_with(network: Network) -> dict[str, Callable[..., Image]]:
+def methods_with(network: Network) -> dict[str, Callable[..., Float32Image]]:
     """Return every installed method, with this network as the learned one.
 
     The two inverses of BM3D share one run of the denoiser.
     """
-    runs: dict[str, Callable[..., Image]] = {
+    runs: dict[str, Callable[..., Float32Image]] = {
         name: method.run
         for name, method in METHODS.items()
-        if method.available and name not in ("mle-iterative", TWO_LAYER, *DEEP_NETWORKS)
+        if method.available and name not in ("mle-iterative", TWO_LAYER_METHOD, *DEEP_NETWORKS)
     }
     if "noniterative-bm3d" in runs:
-        denoised: list[Image] = []
+        denoised: list[Float32Image] = []
 
-        def denoise(z: Image) -> Image:
+        def denoise(z: Float32Image) -> Float32Image:
             denoised[:] = [bm3d(z)]
             return denoised[0]
 
-        def exact(bits: Bits, sensor: Sensor, **options: Any) -> Image:
+        def exact(bits: Bits, sensor: Sensor, **options: Any) -> Float32Image:
             return noniterative(bits, sensor, denoiser=denoise, **options)
 
-        def algebraic(bits: Bits, sensor: Sensor, **options: Any) -> Image:
+        def algebraic(bits: Bits, sensor: Sensor, **options: Any) -> Float32Image:
             return noniterative(
                 bits, sensor, denoiser=lambda _: denoised[0], inverse="algebraic", **options
             )
 
         runs["noniterative-bm3d"] = exact
         runs[ALGEBRAIC] = algebraic
-    runs[TWO_LAYER] = network.reconstruct
+    runs[TWO_LAYER_METHOD] = network.reconstruct
     return runs
 
 
-def crop_center(image: Image, side: int | None) -> Image:
+def crop_center(image: Float32Image, side: int | None) -> Float32Image:
     """Return the square of `side` pixels at the center, or the whole image if `side` is None."""
     if side is None:
         return image

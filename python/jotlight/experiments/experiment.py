@@ -10,12 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.datasets import bsds300, cifar10
+from jotlight.datasets.fetch import Progress
+from jotlight.estimators.denoise import Float32Image
 from jotlight.experiments.report.content import Section, Value
 
 Row = dict[str, Value]
-Image = npt.NDArray[np.float32]
-Progress = Callable[[float], object]
-"""A function that takes the finished share of a part, from 0 to 1."""
 
 
 class Data:
@@ -29,12 +28,12 @@ class Data:
 
     def __init__(self, folder: Path | None = None) -> None:
         self._folder = folder
-        self._bsds300: dict[str, tuple[list[str], list[Image]]] = {}
-        self._cifar10: dict[str, Image] = {}
+        self._bsds300: dict[str, tuple[list[str], list[Float32Image]]] = {}
+        self._cifar10: dict[str, Float32Image] = {}
 
     def bsds300(
         self, split: str, first: int | None = None, progress: Progress | None = None
-    ) -> tuple[list[str], list[Image]]:
+    ) -> tuple[list[str], list[Float32Image]]:
         """Return names, without extension, and gray images (H, W) of BSDS300."""
         if split not in self._bsds300:
             names, images = bsds300(split, self._folder, progress=progress)
@@ -44,7 +43,7 @@ class Data:
 
     def cifar10(
         self, split: str, first: int | None = None, progress: Progress | None = None
-    ) -> Image:
+    ) -> Float32Image:
         """Return gray images (N, 32, 32) of CIFAR-10."""
         if split not in self._cifar10:
             self._cifar10[split] = cifar10(split, self._folder, progress=progress)

@@ -6,14 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.datasets import uniform_scenes
-from jotlight.experiments.experiment import (
-    Experiment,
-    Part,
-    PartResult,
-    Progress,
-    Results,
-    RunContext,
-)
+from jotlight.datasets.fetch import Progress
+from jotlight.experiments.experiment import Experiment, Part, PartResult, Results, RunContext
 from jotlight.experiments.psnr_by_bits import verdict_of
 from jotlight.experiments.report.content import Claim, Column, Curves, Section, Table
 from jotlight.experiments.report.curves import Axes, Line, render_svg

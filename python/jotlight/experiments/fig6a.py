@@ -6,15 +6,9 @@ from typing import Any
 import numpy as np
 
 from jotlight.datasets import uniform_scenes
+from jotlight.datasets.fetch import Progress
 from jotlight.experiments import psnr_by_bits
-from jotlight.experiments.experiment import (
-    Experiment,
-    Part,
-    PartResult,
-    Progress,
-    Results,
-    RunContext,
-)
+from jotlight.experiments.experiment import Experiment, Part, PartResult, Results, RunContext
 from jotlight.experiments.posterior_mean import posterior_mean_psnr
 from jotlight.experiments.psnr_by_bits import psnr_of
 from jotlight.experiments.report.content import Claim, Section

@@ -2,17 +2,10 @@
 
 from collections.abc import Callable
 
-from jotlight.experiments.bsds_methods import TWO_LAYER, crop_center, methods_with
-from jotlight.experiments.experiment import (
-    Experiment,
-    Image,
-    Part,
-    PartResult,
-    Progress,
-    Results,
-    Row,
-    RunContext,
-)
+from jotlight.datasets.fetch import Progress
+from jotlight.estimators.denoise import Float32Image
+from jotlight.experiments.bsds_methods import TWO_LAYER_METHOD, crop_center, methods_with
+from jotlight.experiments.experiment import Experiment, Part, PartResult, Results, Row, RunContext
 from jotlight.experiments.method_titles import ALGEBRAIC, method_title
 from jotlight.experiments.png import decode_png, encode_png
 from jotlight.experiments.psnr_by_bits import TOLERANCE
@@ -69,7 +62,7 @@ def parts(context: RunContext) -> list[Part]:
         learned.save(path)
         return PartResult([])
 
-    def one_image(number: int, name: str, image: Image) -> Callable[[Progress], PartResult]:
+    def one_image(number: int, name: str, image: Float32Image) -> Callable[[Progress], PartResult]:
         def run(progress: Progress) -> PartResult:
             bits = sensor.expose(image, number, threads=context.threads)
             estimates = {}
@@ -132,7 +125,7 @@ def _claims(means: dict[str, list[float]]) -> list[Claim]:
     )
     if ALGEBRAIC not in means:
         return [Claim(text, "BM3D was not installed.", "not tested") for text in statements]
-    ours, theirs, exact = means[TWO_LAYER], means[ALGEBRAIC], means["noniterative-bm3d"]
+    ours, theirs, exact = means[TWO_LAYER_METHOD], means[ALGEBRAIC], means["noniterative-bm3d"]
     psnr_gain, ssim_gain = ours[0] - theirs[0], ours[2] - theirs[2]
     comparable: Verdict = "reproduced" if abs(psnr_gain) <= TOLERANCE else "not reproduced"
     if psnr_gain > TOLERANCE:
@@ -219,7 +212,7 @@ def _scenes(results: Results) -> list[Scene]:
     return scenes
 
 
-def _row(name: str, method: str, estimate: Image, image: Image) -> Row:
+def _row(name: str, method: str, estimate: Float32Image, image: Float32Image) -> Row:
     values = {measure: compute(estimate, image) for measure, compute in MEASURES.items()}
     return {"image": name, "method": method, **values}
 

@@ -5,17 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from jotlight.datasets.fetch import Progress
 from jotlight.evaluation.methods import METHODS
-from jotlight.experiments.bsds_methods import TWO_LAYER, crop_center, methods_with
-from jotlight.experiments.experiment import (
-    Experiment,
-    Part,
-    PartResult,
-    Progress,
-    Results,
-    Row,
-    RunContext,
-)
+from jotlight.experiments.bsds_methods import TWO_LAYER_METHOD, crop_center, methods_with
+from jotlight.experiments.experiment import Experiment, Part, PartResult, Results, Row, RunContext
 from jotlight.experiments.method_titles import ALGEBRAIC
 from jotlight.experiments.report.content import Column, Curves, Section, Table
 from jotlight.experiments.report.curves import METHOD_COLORS, OTHER_COLOR, Axes, Line, render_svg
@@ -160,7 +153,7 @@ def _axes(means: Mapping[float, dict[str, float]], x_label: str, ticks: list[flo
             list(means),
             [row[method] for row in means.values()],
             color=METHOD_COLORS.get(method, OTHER_COLOR),
-            marker="o" if method == TWO_LAYER else ".",
+            marker="o" if method == TWO_LAYER_METHOD else ".",
         )
         for method in methods
     ]

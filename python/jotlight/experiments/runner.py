@@ -13,7 +13,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from jotlight.experiments.experiment import Data, Experiment, Part, Progress, Row, RunContext
+from jotlight.datasets.fetch import Progress
+from jotlight.experiments.experiment import Data, Experiment, Part, Row, RunContext
 from jotlight.experiments.tables import Facts
 from jotlight.files import atomic_write
 
@@ -95,7 +96,7 @@ def prepare(
 
 
 def run_part(experiment: Experiment, part: Part, folder: Folder, progress: Progress) -> float:
-    """Run a part, keep its result, and return its seconds."""
+    """Run a part and return its seconds. The folder keeps its result."""
     start = time.perf_counter()
     result = part.run(progress)
     seconds = time.perf_counter() - start

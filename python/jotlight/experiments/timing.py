@@ -14,18 +14,11 @@ from typing import Any
 import numpy as np
 
 from jotlight._engine import DEBUG_BUILD
+from jotlight.datasets.fetch import Progress
+from jotlight.estimators.denoise import Float32Image
 from jotlight.evaluation.methods import DEEP_NETWORKS, METHODS
-from jotlight.experiments.bsds_methods import TWO_LAYER, crop_center
-from jotlight.experiments.experiment import (
-    Experiment,
-    Image,
-    Part,
-    PartResult,
-    Progress,
-    Results,
-    Row,
-    RunContext,
-)
+from jotlight.experiments.bsds_methods import TWO_LAYER_METHOD, crop_center
+from jotlight.experiments.experiment import Experiment, Part, PartResult, Results, Row, RunContext
 from jotlight.experiments.method_titles import UNTIED, method_title
 from jotlight.experiments.report.content import Claim, Column, Section, Table, Verdict
 from jotlight.experiments.training_runs import paper_sensor
@@ -128,14 +121,14 @@ def _bound_to_one_core() -> Iterator[None]:
         os.sched_setaffinity(0, before)
 
 
-_networks: dict[str, Callable[..., Image]] = {}
+_networks: dict[str, Callable[..., Float32Image]] = {}
 """The networks of a worker, loaded once so the times exclude the loading of a file."""
 
 
 def _seconds(method: str, packed: Any, sensor: Sensor, threads: int | None) -> float:
     """Return a worker's median time from bits to an estimate."""
     bits = Bits(packed)
-    if method == TWO_LAYER:
+    if method == TWO_LAYER_METHOD:
         run = _networks.setdefault(method, pretrained(sensor, "two-layer").reconstruct)
     elif method == UNTIED:
         run = _networks.setdefault(method, Network.initial(sensor, tied=False).reconstruct)
@@ -167,7 +160,7 @@ def section(results: Results) -> Section:
         row: list[Any] = [method_title(method)]
         for cores in medians:
             median = medians[cores][method]
-            row += [median, median / medians[cores][TWO_LAYER]]
+            row += [median, median / medians[cores][TWO_LAYER_METHOD]]
         rows.append(row)
     columns = [Column("method")]
     for cores in medians:
@@ -202,7 +195,7 @@ def _claims(cores: str, medians: dict[str, float]) -> list[Claim]:
         Claim(
             f"MLE takes 52 ms and the learned network 453 ms: {_MLE_RATIO} times as long.",
             f"{times} and MLE {mle:.2f} ms: {network / mle:.1f} times as long (with one weight for "
-            f"all jots {medians[TWO_LAYER] / mle:.1f} times).",
+            f"all jots {medians[TWO_LAYER_METHOD] / mle:.1f} times).",
             _mle_verdict(network / mle),
             f"A ratio within {_RATIO_TOLERANCE:.0%} of the paper's counts as reproduced, a lower "
             "one as better.",
@@ -221,7 +214,7 @@ def _claims(cores: str, medians: dict[str, float]) -> list[Claim]:
             statement,
             f"{times} and the non-iterative method with BM3D {bm3d:.0f} ms: the network is "
             f"{ratio:.0f} times as fast (with one weight for all jots "
-            f"{bm3d / medians[TWO_LAYER]:.0f} times).",
+            f"{bm3d / medians[TWO_LAYER_METHOD]:.0f} times).",
             "better" if ratio > _BM3D_RATIO else "not reproduced",
             f"jotlight's network is {453 / network:.0f} times as fast as the paper's in MATLAB on "
             f"another processor; BM3D's package takes {bm3d / 2377:.1f} times as long as the "

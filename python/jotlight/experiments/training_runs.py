@@ -3,7 +3,8 @@
 from collections.abc import Callable
 from typing import Any
 
-from jotlight.experiments.experiment import Progress, RunContext
+from jotlight.datasets.fetch import Progress
+from jotlight.experiments.experiment import RunContext
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import GaussNewton, History, ProjectedGradient, train
@@ -20,7 +21,10 @@ def paper_sensor(bits: int, **options: Any) -> Sensor:
 def train_by_default(
     context: RunContext, name: str, sensor: Sensor, scenes: Scenes, progress: Progress
 ) -> tuple[Network, History]:
-    """Train with the default optimizer; `settings["learning_steps"]` None means its own number."""
+    """Return a network that the default optimizer trained, and its history.
+
+    If `settings["learning_steps"]` is None, the optimizer takes its own number of steps.
+    """
     return _train(
         context,
         name,
@@ -35,7 +39,10 @@ def train_by_default(
 def train_as_paper(
     context: RunContext, name: str, scenes: Scenes, progress: Progress, bits: int, sigma: float
 ) -> tuple[Network, History]:
-    """Train by projected gradient descent, equation (13), with one weight for each jot."""
+    """Return a network with one weight for each jot, and its history.
+
+    Projected gradient descent, equation (13), trains the network.
+    """
     settings = context.settings
     return _train(
         context,
@@ -58,7 +65,10 @@ def _train(
     progress: Progress,
     **options: Any,
 ) -> tuple[Network, History]:
-    """Train, and resume from the checkpoint that an interrupted run left."""
+    """Return a trained network and its history.
+
+    The run resumes from the checkpoint that an interrupted run left.
+    """
     checkpoint = context.folder / f"{name}.checkpoint.safetensors"
     result = train(
         start,

@@ -33,4 +33,4 @@ FORMATS: dict[str, Format] = {format_.name: format_ for format_ in _ALL}
 WRITERS: dict[str, Writer] = {
     format_.name: format_.writer for format_ in _ALL if format_.writer is not None
 }
-"""The writer of each format that can be written, by the name of the format."""
+"""Writers of the formats that can be written, by the name of the format."""

@@ -1,9 +1,12 @@
-"""Color images: conversion to gray."""
+"""The type of images, and the conversion of color to gray."""
 
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+FloatImage = npt.NDArray[np.floating[Any]]
+"""An image (H, W) or (H, W, 3) of floats of any size."""
 
 
 def luma(image: npt.NDArray[Any]) -> npt.NDArray[Any]:

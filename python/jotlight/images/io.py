@@ -14,10 +14,8 @@ import numpy.typing as npt
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.tiff_directories import open_checked_tiff
-from jotlight.images.color import luma
+from jotlight.images.color import FloatImage, luma
 from jotlight.images.exr import check_exr, write_exr
-
-Image = npt.NDArray[np.floating[Any]]
 
 DISPLAYED = (".png", ".jpg", ".jpeg")
 """Endings of images for display."""
@@ -31,7 +29,7 @@ _ORIENTATION = 0x0112
 
 def read_image(
     path: str | os.PathLike[str], *, white: float | None = None, gray: bool = False
-) -> Image:
+) -> FloatImage:
     """Return the intensities of a photograph in a file.
 
     Parameters
@@ -175,7 +173,7 @@ def image_writer(
     depth: int = 8,
     white: float = 1.0,
     note: Mapping[str, Any] | None = None,
-) -> Callable[[Path, Image], None]:
+) -> Callable[[Path, FloatImage], None]:
     """Return a function ``write(file, image)`` for the format of `path`.
 
     This function checks everything about the format, before any image is computed.
@@ -218,7 +216,7 @@ def image_writer(
             ".tif, .exr, and .npy hold floats"
         )
 
-    def write(file: Path, image: Image) -> None:
+    def write(file: Path, image: FloatImage) -> None:
         if suffix == ".npy":
             with file.open("wb") as handle:
                 np.save(handle, image)
@@ -244,7 +242,7 @@ def image_writer(
     return write
 
 
-def display_levels(image: Image, white: float, max_level: int) -> Image:
+def display_levels(image: FloatImage, white: float, max_level: int) -> FloatImage:
     """Return integer levels from 0 to `max_level`; `white` and brighter become `max_level`."""
     return np.asarray(np.rint(np.clip(image / np.float64(white), 0, 1) * max_level))
 

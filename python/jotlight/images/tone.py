@@ -2,12 +2,12 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 
-Image = npt.NDArray[np.floating[Any]]
+from jotlight.images.color import FloatImage
 
 PERCENTILE = 99.5
 """Default percentile of the pixels that becomes white."""
@@ -19,25 +19,25 @@ _KEY = 0.18
 """Linear displayed value of the geometric mean in the curve of Reinhard et al."""
 
 
-def _linear(x: Image, middle: float) -> Image:
+def _linear(x: FloatImage, middle: float) -> FloatImage:
     return x
 
 
-def _gamma(x: Image, middle: float) -> Image:
+def _gamma(x: FloatImage, middle: float) -> FloatImage:
     return np.asarray(x ** (1 / 2.2))
 
 
-def _log(x: Image, middle: float) -> Image:
+def _log(x: FloatImage, middle: float) -> FloatImage:
     return np.asarray(np.log1p(_SHADES * x) / np.log1p(_SHADES))
 
 
-def _reinhard(x: Image, middle: float) -> Image:
+def _reinhard(x: FloatImage, middle: float) -> FloatImage:
     # White, x = 1, becomes _KEY / middle.
     scaled, white = x * (_KEY / middle), _KEY / middle
     return np.asarray(scaled * (1 + scaled / white**2) / (1 + scaled)) ** (1 / 2.2)
 
 
-CURVES: dict[str, Callable[[Image, float], Image]] = {
+CURVES: dict[str, Callable[[FloatImage, float], FloatImage]] = {
     "linear": _linear,
     "gamma": _gamma,
     "log": _log,
@@ -86,7 +86,9 @@ class Tone:
             )
 
     @classmethod
-    def fit(cls, image: Image, curve: str = "gamma", *, percentile: float = PERCENTILE) -> Self:
+    def fit(
+        cls, image: FloatImage, curve: str = "gamma", *, percentile: float = PERCENTILE
+    ) -> Self:
         """Return a tone for an image: white is a percentile of it, and middle its geometric mean.
 
         Examples
@@ -101,7 +103,7 @@ class Tone:
         x = np.clip(np.asarray(image, np.float64) / white, 1e-4, 1)
         return cls(curve, white, float(np.exp(np.log(x).mean())))
 
-    def __call__(self, image: Image) -> npt.NDArray[np.float32]:
+    def __call__(self, image: FloatImage) -> npt.NDArray[np.float32]:
         """Return the displayed image: values in [0, 1], in the same shape."""
         x = np.clip(np.asarray(image, np.float64) / self.white, 0, 1)
         return np.clip(CURVES[self.curve](x, self.middle), 0, 1).astype(np.float32)

@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from jotlight.errors import MissingExtraError
 from jotlight.files import atomic_folder, atomic_write
-from jotlight.images.io import Image, image_writer
+from jotlight.images.color import FloatImage
+from jotlight.images.io import image_writer
 from jotlight.images.tone import Tone
 from jotlight.sensing.bits import Bits
 
@@ -111,7 +112,7 @@ def video_writer(
             yield lambda image: write(next(names), curve(image))
 
 
-def _append(file: Any, image: Image, number: int) -> None:
+def _append(file: Any, image: FloatImage, number: int) -> None:
     # The pages of a memory map would stay in memory.
     if file.tell() == 0:
         header = {"descr": "<f4", "fortran_order": False, "shape": (number, *image.shape)}
@@ -120,14 +121,14 @@ def _append(file: Any, image: Image, number: int) -> None:
 
 
 @contextlib.contextmanager
-def _mp4(path: Path, fps: float) -> Iterator[Callable[[Image], None]]:
+def _mp4(path: Path, fps: float) -> Iterator[Callable[[FloatImage], None]]:
     import imageio_ffmpeg
 
     if not 0 < fps < 1e4:
         raise ValueError(f"fps: expected images per second above 0, got {fps}")
     pipe: Any = None
 
-    def send(image: Image) -> None:
+    def send(image: FloatImage) -> None:
         nonlocal pipe
         # H.264 stores color at half the height and width, so both must be even.
         height, width = image.shape[:2]

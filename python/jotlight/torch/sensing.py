@@ -10,10 +10,10 @@ from jotlight.torch.padding import mirror_pad
 from jotlight.torch.response import detection_probability, log_probabilities
 
 OUTPUTS = "counts", "bits"
-"""What the layer returns."""
+"""Names of the outputs that the layer can return."""
 
 GRADIENTS = "straight-through", "expectation"
-"""Derivatives of the output, which :class:`Sensing` describes."""
+"""Names of the derivatives of the output, which :class:`Sensing` describes."""
 
 _MIN_LIKELIHOOD_RATE = 1e-12
 """Smallest rate s in the likelihood, because the slope of log P is infinite at s = 0."""

@@ -127,7 +127,7 @@ class Trainer:
                 self._save(path)
 
     def step(self, step: int, steps: int) -> Record:
-        """Take one step of a run of `steps` steps, and return what it measured at its start."""
+        """Take one step and return its record. `steps` is the number of steps of the run."""
         record = self.measure(step, is_test=step % max(1, steps // _TESTS) == 0)
         for group in self.optimizer.param_groups:
             group["lr"] = self.learning_rate * _schedule(step / steps)
@@ -142,7 +142,7 @@ class Trainer:
         self.optimizer.step()
 
     def measure(self, step: int, *, is_test: bool) -> Record:
-        """Compute the cost and its gradient, and return their record.
+        """Compute the cost and its gradient and return their record.
 
         Raises
         ------
@@ -216,7 +216,7 @@ class Trainer:
         return bool(flag)
 
     def _reduce(self, loss: Tensor) -> float:
-        """Add the gradients and losses of all processes, and return the cost."""
+        """Add the gradients and losses of all processes and return the cost."""
         gradients = [p.grad if p.grad is not None else torch.zeros_like(p) for p in self.parameters]
         flat = torch.cat([loss.view(1), *(gradient.flatten() for gradient in gradients)])
         self.group.all_reduce_sum(flat)

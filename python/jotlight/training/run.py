@@ -24,7 +24,8 @@ from jotlight.training.parameters import (
 from jotlight.training.patches import PatchSampler
 
 Path = str | os.PathLike[str]
-Callback = Callable[[Record], object]
+RecordCallback = Callable[[Record], object]
+"""A function that is called with the record of every step."""
 
 _MIN_TESTS = 100
 """Minimum number of measurements on the test images, in a run of at least this number of steps."""
@@ -94,7 +95,7 @@ class Run:
         checkpoint: Path | None,
         resume: bool,
         seconds: float | None,
-        callback: Callback | None,
+        callback: RecordCallback | None,
     ) -> Checkpoint:
         """Return the state after the last step, or after the last one within the time limit."""
         resumed_steps = len(state.history)
@@ -165,7 +166,7 @@ class Run:
             )
 
     def finish(
-        self, state: Checkpoint, sensor: Sensor, callback: Callback | None
+        self, state: Checkpoint, sensor: Sensor, callback: RecordCallback | None
     ) -> tuple[Network, History]:
         """Return the trained network for a sensor, and the history with a record of the result."""
         taken = len(state.history)

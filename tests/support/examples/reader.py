@@ -30,7 +30,7 @@ class Reader:
     """Package that the reader requires."""
 
     def example(self, folder: Path, number: int = 0) -> tuple[Path, Path, bytes]:
-        """Make an example in a folder.
+        """Return an example that this function makes in a folder.
 
         Returns
         -------

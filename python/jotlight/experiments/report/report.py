@@ -80,7 +80,7 @@ def read_report(results: Path) -> Report:
 
 
 def write_report(folder: Folder) -> Report:
-    """Write the pages and figures of a folder's tables, and return the report."""
+    """Write the pages and figures of a folder's tables and return the report."""
     results = read_results(folder.results, folder.parts)
     report = build_report(results, read_facts(folder.results / "run.csv"))
     for section in report.sections:
