@@ -145,19 +145,19 @@ def equivalent_counts(
     counts: npt.NDArray[np.int32],
     trials: int | npt.NDArray[np.int32],
     jots: _JotResponses,
-    bits: int,
+    reference_trials: int,
     reference: tuple[float, float],
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...
 def anscombe(
-    counts: npt.NDArray[np.float32], bits: int, out: npt.NDArray[np.float32], threads: int | None
+    counts: npt.NDArray[np.float32], trials: int, out: npt.NDArray[np.float32], threads: int | None
 ) -> None: ...
 def inverse_anscombe_algebraic(
-    z: npt.NDArray[np.float32], bits: int, out: npt.NDArray[np.float32], threads: int | None
+    z: npt.NDArray[np.float32], trials: int, out: npt.NDArray[np.float32], threads: int | None
 ) -> None: ...
 def inverse_anscombe_exact(
-    z: npt.NDArray[np.float32], bits: int, out: npt.NDArray[np.float32], threads: int | None
+    z: npt.NDArray[np.float32], trials: int, out: npt.NDArray[np.float32], threads: int | None
 ) -> None: ...
 
 @final

@@ -154,3 +154,11 @@ def test_every_equation_of_the_paper_map_has_code_and_tests():
         _, equation, _, where, tests, *_ = row.split("|")
         assert "`" in where, equation
         assert "`tests/" in tests, equation
+
+
+def test_the_guide_to_files_has_a_row_for_every_format():
+    from jotlight.formats.registry import FORMATS
+
+    page = (ROOT / "docs/guide/files.md").read_text("utf-8")
+    rows = "\n".join(line.split("|")[1] for line in page.splitlines() if line.startswith("| `"))
+    assert [name for name in FORMATS if f"`{name}`" not in rows] == []

@@ -90,6 +90,7 @@ def in_float64(network, vector):
 @pytest.mark.parametrize("sensor", SENSORS.values(), ids=SENSORS)
 @pytest.mark.parametrize("case", CASES)
 def test_gradients_equal_central_differences(case, sensor, tied):
+    """Equations (14) and (16) to (19)."""
     network, vector = network_away_from_knots(case, sensor, tied=tied)
     batch = batch_of(sensor)
 

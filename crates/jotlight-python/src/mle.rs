@@ -69,9 +69,9 @@ pub fn mle_from_counts(
 }
 
 /// Write the expected count of an equivalent pixel for each pixel into `out`. Equivalent pixels
-/// have `bits` readings, and jots with the response `reference`.
+/// have `reference_trials` readings, and jots with the response `reference`.
 #[pyfunction]
-#[pyo3(signature = (response, counts, trials, jots, bits, reference, out, threads))]
+#[pyo3(signature = (response, counts, trials, jots, reference_trials, reference, out, threads))]
 #[allow(clippy::too_many_arguments)]
 pub fn equivalent_counts(
     py: Python<'_>,
@@ -79,7 +79,7 @@ pub fn equivalent_counts(
     counts: PyReadonlyArray1<'_, i32>,
     trials: PyValues<'_, i32>,
     jots: PyJotResponses<'_>,
-    bits: i32,
+    reference_trials: i32,
     reference: PyJotResponse,
     mut out: PyReadwriteArray1<'_, f32>,
     threads: Option<isize>,
@@ -88,7 +88,15 @@ pub fn equivalent_counts(
     let (trials, jots) = (trials.to_engine()?, jots.to_engine()?);
     let (counts, out) = (counts.as_slice()?, out.as_slice_mut()?);
     run(py, threads, || {
-        mle::equivalent_counts(&response, counts, trials, &jots, bits, reference, out)
+        mle::equivalent_counts(
+            &response,
+            counts,
+            trials,
+            &jots,
+            reference_trials,
+            reference,
+            out,
+        )
     })
 }
 
@@ -114,6 +122,7 @@ pub fn mle_from_probability(
 /// is the number of pixels per row.
 #[pyfunction]
 #[pyo3(signature = (response, ones, jots, dead, frames, oversampling, width, out, threads))]
+// More than nine parameters: separate arguments have names in `_engine.pyi`, a tuple has none.
 #[allow(clippy::too_many_arguments)]
 pub fn mle_from_jots(
     py: Python<'_>,

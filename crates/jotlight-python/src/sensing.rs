@@ -37,6 +37,7 @@ impl PySensor<'_> {
 /// Draw the bits of a window of frames, rows, and columns into `out`.
 #[pyfunction]
 #[pyo3(signature = (sensor, image, seed, channel, frames, rows, columns, out, threads))]
+// More than nine parameters: separate arguments have names in `_engine.pyi`, a tuple has none.
 #[allow(clippy::too_many_arguments)]
 pub fn expose(
     py: Python<'_>,

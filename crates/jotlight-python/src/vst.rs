@@ -6,53 +6,53 @@ use pyo3::prelude::*;
 
 use crate::run;
 
-/// Write the Anscombe transform of the number of ones among `bits` bits into `out`.
+/// Write the Anscombe transform of the number of ones among `trials` readings into `out`.
 #[pyfunction]
-#[pyo3(signature = (counts, bits, out, threads))]
+#[pyo3(signature = (counts, trials, out, threads))]
 pub fn anscombe(
     py: Python<'_>,
     counts: PyReadonlyArray1<'_, f32>,
-    bits: u32,
+    trials: u32,
     mut out: PyReadwriteArray1<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
     let (counts, out) = (counts.as_array(), out.as_array_mut());
     run(py, threads, || {
-        let anscombe = Anscombe::new(bits)?;
+        let anscombe = Anscombe::new(trials)?;
         map(counts, out, |count| anscombe.transform(count))
     })
 }
 
 /// Write the algebraic inverse of the Anscombe transform into `out`.
 #[pyfunction]
-#[pyo3(signature = (z, bits, out, threads))]
+#[pyo3(signature = (z, trials, out, threads))]
 pub fn inverse_anscombe_algebraic(
     py: Python<'_>,
     z: PyReadonlyArray1<'_, f32>,
-    bits: u32,
+    trials: u32,
     mut out: PyReadwriteArray1<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
     let (z, out) = (z.as_array(), out.as_array_mut());
     run(py, threads, || {
-        let anscombe = Anscombe::new(bits)?;
+        let anscombe = Anscombe::new(trials)?;
         map(z, out, |z| anscombe.algebraic_inverse(z))
     })
 }
 
 /// Write the exact unbiased inverse of the Anscombe transform into `out`.
 #[pyfunction]
-#[pyo3(signature = (z, bits, out, threads))]
+#[pyo3(signature = (z, trials, out, threads))]
 pub fn inverse_anscombe_exact(
     py: Python<'_>,
     z: PyReadonlyArray1<'_, f32>,
-    bits: u32,
+    trials: u32,
     mut out: PyReadwriteArray1<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
     let (z, out) = (z.as_array(), out.as_array_mut());
     run(py, threads, || {
-        let exact = ExactInverse::new(bits)?;
+        let exact = ExactInverse::new(trials)?;
         map(z, out, |z| exact.inverse(z))
     })
 }

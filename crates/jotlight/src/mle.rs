@@ -205,11 +205,11 @@ pub fn from_probability(
 }
 
 /// Write the expected count of an equivalent pixel for each pixel into `out`. The expected counts
-/// are real numbers in [0, `bits`].
+/// are real numbers in [0, `reference_trials`].
 ///
-/// The equivalent pixel has the maximum-likelihood intensity of the actual pixel, but `bits`
-/// readings, and jots with the response `reference`. Methods that combine pixels can therefore
-/// treat all pixels alike. A pixel without readings becomes NaN.
+/// The equivalent pixel has the maximum-likelihood intensity of the actual pixel, but
+/// `reference_trials` readings, and jots with the response `reference`. Methods that combine pixels
+/// can therefore treat all pixels alike. A pixel without readings becomes NaN.
 ///
 /// # Errors
 /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a count outside
@@ -219,12 +219,12 @@ pub fn equivalent_counts(
     counts: &[i32],
     trials: Values<'_, i32>,
     jots: &JotResponses<'_>,
-    bits: i32,
+    reference_trials: i32,
     reference: JotResponse,
     out: &mut [f32],
 ) -> Result<()> {
     check_pixels(counts, trials, jots, out)?;
-    let bits = f64::from(bits);
+    let reference_trials = f64::from(reference_trials);
     let threshold = response.threshold;
     out.par_iter_mut().enumerate().for_each(|(index, out)| {
         let (trials, jot) = (trials.get(index), jots.get(index));
@@ -232,12 +232,12 @@ pub fn equivalent_counts(
         *out = if trials == 0 {
             f32::NAN
         } else if jot == reference {
-            (bits * fraction) as f32
+            (reference_trials * fraction) as f32
         } else {
             let rate = threshold.inverse_detection_probability(fraction);
             let light = (rate - jot.dark_counts).max(0.0) / jot.efficiency;
             let reference_rate = reference.efficiency * light + reference.dark_counts;
-            (bits * threshold.detection_probability(reference_rate)) as f32
+            (reference_trials * threshold.detection_probability(reference_rate)) as f32
         };
     });
     Ok(())

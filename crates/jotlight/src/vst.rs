@@ -9,23 +9,23 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 
-/// The Anscombe transform of the number of ones among K bits, and its algebraic inverse.
+/// The Anscombe transform of the number of ones among K readings, and its algebraic inverse.
 #[derive(Clone, Copy, Debug)]
 pub struct Anscombe {
-    bits: f64,
+    trials: f64,
 }
 
 impl Anscombe {
-    /// Return the transform for K = `bits` bits per pixel.
+    /// Return the transform for K = `trials` readings per pixel.
     ///
     /// # Errors
     /// [`Error::Range`] for K = 0.
-    pub fn new(bits: u32) -> Result<Self> {
-        if bits == 0 {
-            return Err(Error::range("bits per pixel", "at least 1", bits));
+    pub fn new(trials: u32) -> Result<Self> {
+        if trials == 0 {
+            return Err(Error::range("bits per pixel", "at least 1", trials));
         }
         Ok(Self {
-            bits: f64::from(bits),
+            trials: f64::from(trials),
         })
     }
 
@@ -33,8 +33,8 @@ impl Anscombe {
     #[must_use]
     pub fn transform(&self, count: f64) -> f64 {
         // Counts are float32. If K is above 2²⁴, rounding may raise a count above K.
-        let fraction = ((count + 0.375) / (self.bits + 0.75)).min(1.0);
-        (self.bits + 0.5).sqrt() * fraction.sqrt().asin()
+        let fraction = ((count + 0.375) / (self.trials + 0.75)).min(1.0);
+        (self.trials + 0.5).sqrt() * fraction.sqrt().asin()
     }
 
     /// Return T⁻¹(`z`): equation (7).
@@ -43,8 +43,8 @@ impl Anscombe {
     /// [0, K].
     #[must_use]
     pub fn algebraic_inverse(&self, z: f64) -> f64 {
-        let angle = (z / (self.bits + 0.5).sqrt()).clamp(0.0, std::f64::consts::FRAC_PI_2);
-        ((self.bits + 0.75) * angle.sin().powi(2) - 0.375).clamp(0.0, self.bits)
+        let angle = (z / (self.trials + 0.5).sqrt()).clamp(0.0, std::f64::consts::FRAC_PI_2);
+        ((self.trials + 0.75) * angle.sin().powi(2) - 0.375).clamp(0.0, self.trials)
     }
 
     /// Return E\[T(L)\] for L ~ Binomial(K, `probability`), where 0 < `probability` < 1.
@@ -52,7 +52,7 @@ impl Anscombe {
     pub fn expectation(&self, probability: f64) -> f64 {
         // The sum starts at the most likely count, whose weight is 1. The weights decrease on both
         // sides of this count, so nothing overflows for any K.
-        let mode = ((self.bits + 1.0) * probability).floor().min(self.bits);
+        let mode = ((self.trials + 1.0) * probability).floor().min(self.trials);
         let odds = probability / (1.0 - probability);
         let (mut total, mut sum) = (1.0, self.transform(mode));
         let mut add = |weight: f64, count: f64| {
@@ -60,14 +60,14 @@ impl Anscombe {
             sum += weight * self.transform(count);
         };
         let (mut weight, mut count) = (1.0, mode);
-        while count < self.bits && weight > 1e-18 {
-            weight *= (self.bits - count) / (count + 1.0) * odds;
+        while count < self.trials && weight > 1e-18 {
+            weight *= (self.trials - count) / (count + 1.0) * odds;
             count += 1.0;
             add(weight, count);
         }
         (weight, count) = (1.0, mode);
         while count > 0.0 && weight > 1e-18 {
-            weight *= count / (self.bits - count + 1.0) / odds;
+            weight *= count / (self.trials - count + 1.0) / odds;
             count -= 1.0;
             add(weight, count);
         }
@@ -78,7 +78,7 @@ impl Anscombe {
 /// The exact unbiased inverse, which maps E\[T(L)\] with L ~ Binomial(K, p) to K p.
 #[derive(Clone, Debug)]
 pub struct ExactInverse {
-    bits: f64,
+    trials: f64,
     expectations: Vec<f64>,
     counts: Vec<f64>,
 }
@@ -88,12 +88,12 @@ impl ExactInverse {
     /// they are dense where T is steep. The error of linear interpolation is below 10⁻⁶ K.
     const INTERVALS: usize = 2048;
 
-    /// Return the tabulated inverse for K = `bits` bits per pixel.
+    /// Return the tabulated inverse for K = `trials` readings per pixel.
     ///
     /// # Errors
     /// [`Error::Range`] for K = 0.
-    pub fn new(bits: u32) -> Result<Self> {
-        let anscombe = Anscombe::new(bits)?;
+    pub fn new(trials: u32) -> Result<Self> {
+        let anscombe = Anscombe::new(trials)?;
         let probabilities: Vec<f64> = (0..=Self::INTERVALS)
             .map(|node| {
                 let angle = std::f64::consts::FRAC_PI_2 * node as f64 / Self::INTERVALS as f64;
@@ -105,13 +105,13 @@ impl ExactInverse {
             .enumerate()
             .map(|(node, &p)| match node {
                 0 => anscombe.transform(0.0),
-                Self::INTERVALS => anscombe.transform(anscombe.bits),
+                Self::INTERVALS => anscombe.transform(anscombe.trials),
                 _ => anscombe.expectation(p),
             })
             .collect();
-        let counts = probabilities.iter().map(|p| p * anscombe.bits).collect();
+        let counts = probabilities.iter().map(|p| p * anscombe.trials).collect();
         Ok(Self {
-            bits: anscombe.bits,
+            trials: anscombe.trials,
             expectations,
             counts,
         })
@@ -125,7 +125,7 @@ impl ExactInverse {
         if above == 0 {
             0.0
         } else if above > Self::INTERVALS {
-            self.bits
+            self.trials
         } else {
             let (left, right) = (self.expectations[above - 1], self.expectations[above]);
             let fraction = (z - left) / (right - left);

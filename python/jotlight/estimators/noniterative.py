@@ -36,8 +36,9 @@ def noniterative(
         Bits, or an image of counts L of shape (H, W) or (H, W, C).
     sensor : Sensor
         The sensor that recorded the data. A smooth kernel is treated as the box kernel.
-    denoiser : {"tv", "gaussian", "nlm", "bm3d"} or callable
-        A callable takes an image (H, W) of float32 with white noise of standard deviation 1/2
+    denoiser : str or callable
+        A name in `jotlight.denoise.DENOISERS` ("tv", "gaussian", "nlm", "bm3d"), or a callable. It
+        takes an image (H, W) of float32 with white noise of standard deviation 1/2
         (:data:`jotlight.estimators.vst.NOISE`) and returns one of the same shape.
     inverse : {"exact", "algebraic"}
         See :func:`jotlight.estimators.vst.inverse_anscombe`.

@@ -11,7 +11,7 @@ from jotlight.experiments.bsds_methods import TWO_LAYER_METHOD, crop_center, met
 from jotlight.experiments.experiment import Experiment, Part, PartResult, Results, Row, RunContext
 from jotlight.experiments.method_titles import ALGEBRAIC
 from jotlight.experiments.report.content import Column, Curves, Section, Table
-from jotlight.experiments.report.curves import METHOD_COLORS, Axes, Line, render_svg
+from jotlight.experiments.report.curves import METHOD_COLORS, OTHER_COLOR, Axes, Line, render_svg
 from jotlight.experiments.training_runs import paper_sensor, train_by_default
 from jotlight.metrics import psnr, ssim
 from jotlight.networks.network import Network
@@ -152,7 +152,7 @@ def _axes(means: Mapping[float, dict[str, float]], x_label: str, ticks: list[flo
             METHODS[method].title,
             list(means),
             [row[method] for row in means.values()],
-            color=METHOD_COLORS[method],
+            color=METHOD_COLORS.get(method, OTHER_COLOR),
             marker="o" if method == TWO_LAYER_METHOD else ".",
         )
         for method in methods

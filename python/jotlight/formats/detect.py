@@ -26,7 +26,8 @@ def detect_format(path: Path) -> str:
     """
     if not path.is_dir() and not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
-    for format_ in FORMATS.values():
+    # Raw formats match by a trailer, so formats with a header come first.
+    for format_ in sorted(FORMATS.values(), key=lambda format_: format_.is_raw):
         if format_.matches is not None and format_.matches(path):
             return format_.name
     extension = path.suffix.lower()

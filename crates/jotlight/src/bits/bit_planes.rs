@@ -6,18 +6,17 @@
 use crate::cpu::levels;
 
 /// The number of frames that are added together.
-pub(super) const GROUP_SIZE: usize = 8;
+pub(super) const FRAMES_PER_GROUP: usize = 8;
 
-/// The level of the carry of a group. The carry has the weight 2^`CARRY_LEVEL`.
-const CARRY_LEVEL: usize = GROUP_SIZE.trailing_zeros() as usize;
+/// The exponent of the weight of the carry of a group. The weight is 2^`CARRY_EXPONENT`.
+const CARRY_EXPONENT: usize = FRAMES_PER_GROUP.trailing_zeros() as usize;
 
 /// One counter for each bit of a sequence of bytes.
 pub(super) struct BitCounters {
     words: usize,
-    /// The digits of all counters. `digits[level]` has the weight 2^level.
+    /// The digits of all counters. `digits[exponent]` has the weight 2^exponent.
     digits: Vec<Vec<u64>>,
-    /// At each level, a plane that waits for a second one, because a full adder adds two planes to
-    /// a digit.
+    /// For each digit, a plane that waits for a second one. The full adder adds two planes at once.
     pending: Vec<Option<Vec<u64>>>,
     /// Planes for reuse.
     free: Vec<Vec<u64>>,
@@ -28,39 +27,39 @@ impl BitCounters {
         let words = bytes.div_ceil(8);
         Self {
             words,
-            digits: vec![vec![0; words]; CARRY_LEVEL],
-            pending: vec![None; CARRY_LEVEL],
+            digits: vec![vec![0; words]; CARRY_EXPONENT],
+            pending: vec![None; CARRY_EXPONENT],
             free: Vec::new(),
         }
     }
 
     /// Add a group of byte sequences. Each has the length `bytes` of [`BitCounters::new`].
-    pub(super) fn add(&mut self, group: &[&[u8]; GROUP_SIZE]) {
+    pub(super) fn add(&mut self, group: &[&[u8]; FRAMES_PER_GROUP]) {
         let mut carry = self.free.pop().unwrap_or_else(|| vec![0; self.words]);
-        let (low, _) = self.digits.split_at_mut(CARRY_LEVEL);
+        let (low, _) = self.digits.split_at_mut(CARRY_EXPONENT);
         if let [ones, twos, fours] = low {
             add_group(group, ones, twos, fours, &mut carry);
         }
-        self.add_plane(CARRY_LEVEL, carry);
+        self.add_plane(CARRY_EXPONENT, carry);
     }
 
-    /// Add a plane of weight 2^`level`.
-    fn add_plane(&mut self, mut level: usize, mut plane: Vec<u64>) {
+    /// Add a plane of weight 2^`exponent`.
+    fn add_plane(&mut self, mut exponent: usize, mut plane: Vec<u64>) {
         loop {
-            if self.digits.len() == level {
+            if self.digits.len() == exponent {
                 self.digits.push(vec![0; self.words]);
                 self.pending.push(None);
             }
-            match self.pending[level].take() {
+            match self.pending[exponent].take() {
                 None => {
-                    self.pending[level] = Some(plane);
+                    self.pending[exponent] = Some(plane);
                     return;
                 }
                 Some(other) => {
                     // The carry replaces the plane.
-                    add_planes(&mut self.digits[level], &other, &mut plane);
+                    add_planes(&mut self.digits[exponent], &other, &mut plane);
                     self.free.push(other);
-                    level += 1;
+                    exponent += 1;
                 }
             }
         }
@@ -70,9 +69,9 @@ impl BitCounters {
     ///
     /// Counters past the end of `counts` are ignored.
     pub(super) fn add_to_counts(&self, bytes: std::ops::Range<usize>, counts: &mut [i32]) {
-        for (level, (digit, pending)) in self.digits.iter().zip(&self.pending).enumerate() {
+        for (exponent, (digit, pending)) in self.digits.iter().zip(&self.pending).enumerate() {
             for plane in std::iter::once(digit).chain(pending) {
-                add_plane_to_counts(plane, bytes.start, level as u32, counts);
+                add_plane_to_counts(plane, bytes.start, exponent as u32, counts);
             }
         }
     }
@@ -87,7 +86,7 @@ fn full_adder(a: u64, b: u64, c: u64) -> (u64, u64) {
 
 /// Add one word from each member of a group to the digits of weight 1, 2, and 4. Return the carry.
 #[inline(always)]
-fn add_words(x: [u64; GROUP_SIZE], ones: &mut u64, twos: &mut u64, fours: &mut u64) -> u64 {
+fn add_words(x: [u64; FRAMES_PER_GROUP], ones: &mut u64, twos: &mut u64, fours: &mut u64) -> u64 {
     let (one, two_a) = full_adder(*ones, x[0], x[1]);
     let (one, two_b) = full_adder(one, x[2], x[3]);
     let (two, four_a) = full_adder(*twos, two_a, two_b);
@@ -102,20 +101,20 @@ fn add_words(x: [u64; GROUP_SIZE], ones: &mut u64, twos: &mut u64, fours: &mut u
 levels! {
     /// Add a group of byte sequences to the digits of weight 1, 2, and 4, and write the carry.
     fn add_group(
-        group: &[&[u8]; GROUP_SIZE], ones: &mut [u64], twos: &mut [u64], fours: &mut [u64],
+        group: &[&[u8]; FRAMES_PER_GROUP], ones: &mut [u64], twos: &mut [u64], fours: &mut [u64],
         carry: &mut [u64],
     ) = add_group_inlined;
     /// Add two planes to a digit. The carry replaces the second plane.
     fn add_planes(digit: &mut [u64], first: &[u64], second: &mut [u64]) = add_planes_inlined;
-    /// Add 2^`level` to the count of each bit that is set in a plane, starting at byte `first`.
+    /// Add 2^`exponent` to the count of each bit that is set in a plane, starting at byte `first`.
     fn add_plane_to_counts(
-        plane: &[u64], first: usize, level: u32, counts: &mut [i32],
+        plane: &[u64], first: usize, exponent: u32, counts: &mut [i32],
     ) = add_plane_to_counts_inlined;
 }
 
 #[inline(always)]
 fn add_group_inlined(
-    group: &[&[u8]; GROUP_SIZE],
+    group: &[&[u8]; FRAMES_PER_GROUP],
     ones: &mut [u64],
     twos: &mut [u64],
     fours: &mut [u64],
@@ -158,20 +157,20 @@ fn add_planes_inlined(digit: &mut [u64], first: &[u64], second: &mut [u64]) {
 }
 
 #[inline(always)]
-fn add_plane_to_counts_inlined(plane: &[u64], first: usize, level: u32, counts: &mut [i32]) {
+fn add_plane_to_counts_inlined(plane: &[u64], first: usize, exponent: u32, counts: &mut [i32]) {
     let (eights, rest) = counts.as_chunks_mut::<8>();
     let last = first + eights.len();
     let byte_at = |index: usize| plane[index / 8].to_ne_bytes()[index % 8];
     for (index, counts) in (first..).zip(eights) {
         let byte = i32::from(byte_at(index));
         for (position, count) in counts.iter_mut().enumerate() {
-            *count += (byte >> (7 - position) & 1) << level;
+            *count += (byte >> (7 - position) & 1) << exponent;
         }
     }
     if !rest.is_empty() {
         let byte = i32::from(byte_at(last));
         for (position, count) in rest.iter_mut().enumerate() {
-            *count += (byte >> (7 - position) & 1) << level;
+            *count += (byte >> (7 - position) & 1) << exponent;
         }
     }
 }

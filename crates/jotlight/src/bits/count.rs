@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use ndarray::{ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis, s};
 use rayon::prelude::*;
 
-use super::bit_planes::{BitCounters, GROUP_SIZE};
+use super::bit_planes::{BitCounters, FRAMES_PER_GROUP};
 use super::{MAX_FIELD_BITS, PackedBits, bit_field, mask_row, packed_width};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
@@ -21,7 +21,7 @@ const BYTES_PER_BIT_PLANE_TASK: std::ops::RangeInclusive<usize> = 1024..=8192;
 const BYTES_PER_FRAME_TASK: usize = 1 << 14;
 
 /// The minimum number of frames for which bit planes are faster than counting frame by frame.
-const MIN_FRAMES_FOR_BIT_PLANES: usize = 2 * GROUP_SIZE;
+const MIN_FRAMES_FOR_BIT_PLANES: usize = 2 * FRAMES_PER_GROUP;
 
 /// Add the number of ones of each pixel, over its K̂ × K̂ jots and all frames, to `counts`.
 ///
@@ -189,8 +189,8 @@ fn add_with_bit_planes(
     let rows = first * oversampling..(first + counts.nrows()) * oversampling;
     let mut counters = BitCounters::new(rows.len() * width);
     let no_ones = vec![0; rows.len() * width];
-    for group in (0..frames).step_by(GROUP_SIZE) {
-        let sequences: [Cow<'_, [u8]>; GROUP_SIZE] = std::array::from_fn(|index| {
+    for group in (0..frames).step_by(FRAMES_PER_GROUP) {
+        let sequences: [Cow<'_, [u8]>; FRAMES_PER_GROUP] = std::array::from_fn(|index| {
             if group + index < frames {
                 bits.rows(group + index, rows.clone())
             } else {

@@ -9,8 +9,8 @@ use super::proximal::{MAX_ITERATIONS, ProximalProblem};
 use crate::cpu::levels;
 
 /// The number of elements in a group.
-const GROUP_SIZE: usize = 16;
-type Group = [f64; GROUP_SIZE];
+const ELEMENTS_PER_GROUP: usize = 16;
+type Group = [f64; ELEMENTS_PER_GROUP];
 
 levels! {
     /// Write ∂ℓ/∂s and −∂²ℓ/∂s² of a chunk, as [`super::Readings::gradient_and_curvature`] does.
@@ -30,7 +30,7 @@ fn gradient_and_curvature_inlined(
     gradient: &mut [f64],
     curvature: &mut [f64],
 ) {
-    for start in (0..light.len()).step_by(GROUP_SIZE) {
+    for start in (0..light.len()).step_by(ELEMENTS_PER_GROUP) {
         let elements = Elements::load(chunk, start);
         let (first, second) = elements.gradient_and_curvature(&load(light, start));
         store(&first, start, gradient);
@@ -45,7 +45,7 @@ fn solve_proximal_inlined(
     guess: &[f64],
     point: &mut [f64],
 ) {
-    for start in (0..point.len()).step_by(GROUP_SIZE) {
+    for start in (0..point.len()).step_by(ELEMENTS_PER_GROUP) {
         let elements = Elements::load(chunk, start);
         let x = elements.minimize(problem, &load(point, start), &load(guess, start));
         store(&x, start, point);
@@ -74,14 +74,14 @@ impl Elements {
     /// Return ∂ℓ/∂s = η (L / (e^(η s + d) − 1) − (n − L)) and −∂²ℓ/∂s².
     #[inline(always)]
     fn gradient_and_curvature(&self, light: &Group) -> (Group, Group) {
-        let mut rate = [0.0; GROUP_SIZE];
-        for lane in 0..GROUP_SIZE {
+        let mut rate = [0.0; ELEMENTS_PER_GROUP];
+        for lane in 0..ELEMENTS_PER_GROUP {
             rate[lane] =
                 (self.efficiency[lane] * light[lane] + self.dark_counts[lane]).max(MIN_RATE);
         }
         let exp_m1 = exp_m1(&rate);
-        let (mut gradient, mut curvature) = ([0.0; GROUP_SIZE], [0.0; GROUP_SIZE]);
-        for lane in 0..GROUP_SIZE {
+        let (mut gradient, mut curvature) = ([0.0; ELEMENTS_PER_GROUP], [0.0; ELEMENTS_PER_GROUP]);
+        for lane in 0..ELEMENTS_PER_GROUP {
             let score = 1.0 / exp_m1[lane];
             let efficiency = self.efficiency[lane];
             gradient[lane] = efficiency * (self.ones[lane] * score - self.zeros[lane]);
@@ -101,11 +101,12 @@ impl Elements {
             max_light,
             tolerance,
         } = *problem;
-        let (at_zero, _) = self.objective_derivatives(&[0.0; GROUP_SIZE], point, penalty);
-        let (at_max, _) = self.objective_derivatives(&[max_light; GROUP_SIZE], point, penalty);
+        let (at_zero, _) = self.objective_derivatives(&[0.0; ELEMENTS_PER_GROUP], point, penalty);
+        let (at_max, _) =
+            self.objective_derivatives(&[max_light; ELEMENTS_PER_GROUP], point, penalty);
         let mut x = *guess;
-        let mut done = [false; GROUP_SIZE];
-        for lane in 0..GROUP_SIZE {
+        let mut done = [false; ELEMENTS_PER_GROUP];
+        for lane in 0..ELEMENTS_PER_GROUP {
             // The derivative increases with x. If it is not negative at 0, the minimizer is 0. If
             // it is not positive at the maximum, the minimizer is the maximum.
             done[lane] = at_zero[lane] >= 0.0 || at_max[lane] <= 0.0;
@@ -117,11 +118,11 @@ impl Elements {
                 problem.start(x[lane])
             };
         }
-        let (mut low, mut high) = ([0.0; GROUP_SIZE], [max_light; GROUP_SIZE]);
+        let (mut low, mut high) = ([0.0; ELEMENTS_PER_GROUP], [max_light; ELEMENTS_PER_GROUP]);
         for _ in 0..MAX_ITERATIONS {
             let (first, second) = self.objective_derivatives(&x, point, penalty);
             let mut any_left = false;
-            for lane in 0..GROUP_SIZE {
+            for lane in 0..ELEMENTS_PER_GROUP {
                 let is_above = first[lane] > 0.0;
                 high[lane] = if is_above { x[lane] } else { high[lane] };
                 low[lane] = if is_above { low[lane] } else { x[lane] };
@@ -150,7 +151,7 @@ impl Elements {
     #[inline(always)]
     fn objective_derivatives(&self, x: &Group, point: &Group, penalty: f64) -> (Group, Group) {
         let (mut first, mut second) = self.gradient_and_curvature(x);
-        for lane in 0..GROUP_SIZE {
+        for lane in 0..ELEMENTS_PER_GROUP {
             first[lane] = penalty * (x[lane] - point[lane]) - first[lane];
             second[lane] += penalty;
         }
@@ -165,7 +166,7 @@ fn load(values: &[f64], start: usize) -> Group {
     if let Some(whole) = values.first_chunk() {
         return *whole;
     }
-    let mut part = [0.0; GROUP_SIZE];
+    let mut part = [0.0; ELEMENTS_PER_GROUP];
     part[..values.len()].copy_from_slice(values);
     part
 }
@@ -173,7 +174,7 @@ fn load(values: &[f64], start: usize) -> Group {
 #[inline(always)]
 fn store(group: &Group, start: usize, out: &mut [f64]) {
     let out = &mut out[start..];
-    let length = out.len().min(GROUP_SIZE);
+    let length = out.len().min(ELEMENTS_PER_GROUP);
     out[..length].copy_from_slice(&group[..length]);
 }
 
@@ -202,8 +203,8 @@ fn exp_m1(x: &Group) -> Group {
         1.0 / 6.0,
         0.5,
     ];
-    let mut result = [0.0; GROUP_SIZE];
-    for lane in 0..GROUP_SIZE {
+    let mut result = [0.0; ELEMENTS_PER_GROUP];
+    for lane in 0..ELEMENTS_PER_GROUP {
         let x = x[lane].min(709.0);
         let shifted = x * std::f64::consts::LOG2_E + SHIFT;
         let k = shifted - SHIFT;
@@ -226,7 +227,7 @@ mod tests {
     fn exp_m1_agrees_with_the_standard_library() {
         let mut x = 1e-150;
         while x < 709.0 {
-            let value = exp_m1(&[x; GROUP_SIZE])[0];
+            let value = exp_m1(&[x; ELEMENTS_PER_GROUP])[0];
             let exact = x.exp_m1();
             assert!(
                 (value - exact).abs() <= 4.0 * f64::EPSILON * exact,
@@ -234,6 +235,6 @@ mod tests {
             );
             x *= 1.0 + 1e-3;
         }
-        assert!(exp_m1(&[1e4; GROUP_SIZE])[0] > 1e307);
+        assert!(exp_m1(&[1e4; ELEMENTS_PER_GROUP])[0] > 1e307);
     }
 }

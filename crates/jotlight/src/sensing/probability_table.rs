@@ -83,9 +83,9 @@ impl ProbabilityTable {
     fn look_up_group(
         &self,
         entries: &[u32; ENTRIES],
-        rates: &[f64; GROUP_SIZE],
-    ) -> [u16; GROUP_SIZE] {
-        let mut indices = [0; GROUP_SIZE];
+        rates: &[f64; RATES_PER_GROUP],
+    ) -> [u16; RATES_PER_GROUP] {
+        let mut indices = [0; RATES_PER_GROUP];
         for (index, rate) in indices.iter_mut().zip(rates) {
             // Subtracting one half turns rounding to nearest into rounding down. On the edge
             // between two entries, either is accurate enough.
@@ -99,7 +99,7 @@ impl ProbabilityTable {
 }
 
 /// The number of rates that are looked up together.
-const GROUP_SIZE: usize = 64;
+const RATES_PER_GROUP: usize = 64;
 
 levels! {
     fn look_up(table: &ProbabilityTable, rates: &[f64], out: &mut [u16]) = look_up_inlined;
@@ -110,12 +110,12 @@ fn look_up_inlined(table: &ProbabilityTable, rates: &[f64], out: &mut [u16]) {
     let Some(entries) = table.entries.first_chunk() else {
         return;
     };
-    let (groups, rest) = rates.as_chunks::<GROUP_SIZE>();
-    let (out_groups, out_rest) = out.as_chunks_mut::<GROUP_SIZE>();
+    let (groups, rest) = rates.as_chunks::<RATES_PER_GROUP>();
+    let (out_groups, out_rest) = out.as_chunks_mut::<RATES_PER_GROUP>();
     for (rates, out) in groups.iter().zip(out_groups) {
         *out = table.look_up_group(entries, rates);
     }
-    let mut group = [0.0; GROUP_SIZE];
+    let mut group = [0.0; RATES_PER_GROUP];
     group[..rest.len()].copy_from_slice(rest);
     out_rest.copy_from_slice(&table.look_up_group(entries, &group)[..rest.len()]);
 }

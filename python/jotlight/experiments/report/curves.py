@@ -27,6 +27,9 @@ METHOD_COLORS = {
 }
 """The color of each method, the same in every figure."""
 
+OTHER_COLOR = "#4b5563"
+"""The color of methods without a color of their own."""
+
 _MAX_LABELS_INSIDE = 3
 """The largest number of labels for which the legend fits among the curves."""
 

@@ -8,7 +8,7 @@ import numpy as np
 from jotlight.evaluation.methods import METHODS
 from jotlight.experiments.experiment import Results
 from jotlight.experiments.report.content import Column, Curves, Section, Table
-from jotlight.experiments.report.curves import METHOD_COLORS, Axes, Line, render_svg
+from jotlight.experiments.report.curves import METHOD_COLORS, OTHER_COLOR, Axes, Line, render_svg
 
 
 def overview_section(results: Mapping[str, Results]) -> Section | None:
@@ -31,7 +31,9 @@ def overview_section(results: Mapping[str, Results]) -> Section | None:
             for which in cores
         ]
         rows.append([title, psnr, ssim, *medians])
-        lines.append(Line(title, [medians[0]], [psnr], METHOD_COLORS[method], marker="o"))
+        lines.append(
+            Line(title, [medians[0]], [psnr], METHOD_COLORS.get(method, OTHER_COLOR), marker="o")
+        )
     columns = [
         Column("method"),
         Column("PSNR, dB", ".2f", "highest"),

@@ -14,7 +14,7 @@ pub(super) const SPARE_ROWS: usize = 3;
 
 /// The number of columns in a block. A block is computed from top to bottom, so that the source of
 /// a tile is still in the cache for the tile below.
-const BLOCK_COLUMNS: usize = 512;
+const DIRECT_BLOCK_COLUMNS: usize = 512;
 
 /// The taps of a filter `(channels, rows, columns)` in the order in which the loops read them.
 ///
@@ -117,7 +117,7 @@ impl<F: Real> DirectCorrelation<'_, F> {
     fn run<S: Simd, const R: usize, const C: usize>(mut self, simd: S) {
         let lanes = F::lanes::<S>();
         let rows = self.out.len() / self.width;
-        let block = BLOCK_COLUMNS.next_multiple_of(C * lanes);
+        let block = DIRECT_BLOCK_COLUMNS.next_multiple_of(C * lanes);
         for start in (0..self.width).step_by(block) {
             for row in (0..rows).step_by(R) {
                 let mut column = start;

@@ -27,10 +27,10 @@ const MIN_OUTPUTS: usize = 4;
 
 /// The number of columns that are processed together. The transformed rows of all planes then fit
 /// into the cache.
-const BLOCK_COLUMNS: usize = 144;
+const WINOGRAD_BLOCK_COLUMNS: usize = 144;
 /// The length of a transformed row in memory. The loops read whole registers, which may extend
 /// beyond the end of a block.
-pub(super) const ROW_STRIDE: usize = BLOCK_COLUMNS + 2 * MAX_LANES;
+pub(super) const ROW_STRIDE: usize = WINOGRAD_BLOCK_COLUMNS + 2 * MAX_LANES;
 
 /// Transformed filters. For each transformed row, there is a bank of filters with one row.
 #[derive(Clone, Debug)]
@@ -80,7 +80,8 @@ impl<F: Real> Winograd<F> {
         out: &mut [F],
     ) {
         let transformed_length = self.inputs * ROW_STRIDE;
-        let length = TRANSFORMED_ROWS * (transformed_length + self.outputs * BLOCK_COLUMNS);
+        let length =
+            TRANSFORMED_ROWS * (transformed_length + self.outputs * WINOGRAD_BLOCK_COLUMNS);
         workspace.resize(workspace.len().max(length), F::zero());
         let (transformed, products) = workspace.split_at_mut(TRANSFORMED_ROWS * transformed_length);
         let (height, width) = (output.rows.len(), output.columns.len());
@@ -88,8 +89,8 @@ impl<F: Real> Winograd<F> {
         let top = first(output.rows.start, FILTER_ROWS);
         let left = first(output.columns.start, self.columns);
         for row in (0..height).step_by(OUTPUT_ROWS) {
-            for column in (0..width).step_by(BLOCK_COLUMNS) {
-                let length = BLOCK_COLUMNS.min(width - column);
+            for column in (0..width).step_by(WINOGRAD_BLOCK_COLUMNS) {
+                let length = WINOGRAD_BLOCK_COLUMNS.min(width - column);
                 cpu::run(InputTransform {
                     source,
                     top: top + row as isize,

@@ -21,7 +21,7 @@ pub(super) struct JacobianRows<'a, F> {
 
 impl<F: Real> JacobianRows<'_, F> {
     /// Append the row of a parameter, unless all its values are 0.
-    fn push(&mut self, parameter: usize, estimate_tangent: &Array3<F>) {
+    fn append_nonzero_row(&mut self, parameter: usize, estimate_tangent: &Array3<F>) {
         let Some(tangent) = estimate_tangent.as_slice() else {
             return;
         };
@@ -68,7 +68,7 @@ impl<F: Real> ForwardPass<'_, F> {
         for channel in 0..outputs {
             let mut visit = |tap: usize, plane: &[F]| {
                 let tangent = self.spline_tangent(depth, channel, plane);
-                rows.push(first + tap, &self.push_forward(depth, tangent));
+                rows.append_nonzero_row(first + tap, &self.push_forward(depth, tangent));
             };
             if depth == 0 {
                 self.data.for_each_tap(size, |[frame, row, column], plane| {
@@ -105,7 +105,10 @@ impl<F: Real> ForwardPass<'_, F> {
                     }
                 }
                 if is_used {
-                    rows.push(first + coefficient, &self.push_forward(depth, tangent));
+                    rows.append_nonzero_row(
+                        first + coefficient,
+                        &self.push_forward(depth, tangent),
+                    );
                 }
             }
             first += spline.len();
