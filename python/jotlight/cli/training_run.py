@@ -51,7 +51,7 @@ def run_training(
     remedy: str,
     provenance: dict[str, str],
 ) -> tuple[History, float]:
-    """Train a network and return its history. Show progress, and write network and figure.
+    """Train a network, write it and its figure, and return its history and its duration.
 
     Parameters
     ----------

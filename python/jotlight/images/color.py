@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 FloatImage = npt.NDArray[np.floating[Any]]
-"""An image (H, W) or (H, W, 3) of floats of any size."""
+"""An image (H, W) or (H, W, 3) of floats, in any precision."""
 
 
 def luma(image: npt.NDArray[Any]) -> npt.NDArray[Any]:
