@@ -248,6 +248,7 @@ def test_the_command_writes_json_and_a_page(tmp_path):
     assert counting["differences"]["NumPy, unpack and sum"] == 0
 
 
+@pytest.mark.slow
 def test_a_debug_build_is_refused():
     code = (
         "import sys; sys.path.insert(0, 'benchmarks/speed'); sys.argv = ['run.py', '--quick']\n"

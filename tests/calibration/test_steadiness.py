@@ -11,6 +11,7 @@ from jotlight.calibration import steadiness
 from jotlight.sensing.frames import Frames
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("chance", "frames"), [(0.02, 100), (0.3, 64), (0.9, 35), (0.2, 9)])
 def test_frames_without_fault_raise_alarm_at_the_stated_rate(chance, frames):
     rng = np.random.default_rng(8)

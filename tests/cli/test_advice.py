@@ -72,6 +72,7 @@ def test_the_range_of_a_known_sensor_is_used(run):
     assert np.load("out.npy").max() <= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", [0.3, 5.0])
 def test_advice_for_a_video_is_printed_once(run, level):
     save_capture(level * PHOTO, frames=40)

@@ -76,6 +76,7 @@ def test_calibrate_writes_what_the_python_function_returns(run, captures):
     }
 
 
+@pytest.mark.slow
 def test_counts_need_the_option_frames(run, captures):
     for name in ("dark", "flat"):
         np.save(captures / f"{name}-counts.npy", jl.open(captures / f"{name}.npy").counts(1))
@@ -227,6 +228,7 @@ def test_an_unknown_orientation_is_reported(run, captures, calibrated):
     assert "the calibration is from npy and the capture is from npz; the jots are assumed" in output
 
 
+@pytest.mark.slow
 def test_two_arrays_of_one_file_are_distinguished(run, captures):
     arrays = {name: jl.open(f"{name}.npy").counts(1) for name in ("dark", "flat")}
     np.savez("both.npz", **arrays)

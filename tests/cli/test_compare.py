@@ -69,6 +69,7 @@ def test_images_of_two_or_four_channels_are_refused_by_compare_and_by_gray(run, 
     assert "red, green, and blue" in output
 
 
+@pytest.mark.slow
 def test_a_method_that_ignores_a_smooth_kernel_warns(photo, tmp_path):
     arguments = ["compare", str(photo), "-m", "mle", "--kernel", "cubic"]
     done = subprocess.run(
@@ -78,6 +79,7 @@ def test_a_method_that_ignores_a_smooth_kernel_warns(photo, tmp_path):
     assert "warning: the light of a cubic kernel" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_warning_of_several_methods_is_printed_once(photo, tmp_path):
     arguments = ["compare", str(photo), "-m", "mle,noniterative-gaussian,noniterative-tv"]
     done = subprocess.run(
@@ -95,6 +97,7 @@ def without_slow_methods(monkeypatch):
         monkeypatch.delitem(METHODS, name)
 
 
+@pytest.mark.slow
 def test_compare_omits_iterative_mle_for_the_box_kernel(run, photo, without_slow_methods):
     status, output = run("compare", photo)
     assert status == 0
@@ -111,6 +114,7 @@ def test_compare_shows_every_named_method(run, photo):
     assert float(scores[TITLES["admm-tv"]]) > float(scores["maximum likelihood"]) + 3
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("always")
 def test_compare_shows_both_iterative_methods_for_a_smooth_kernel(
     run, photo, tmp_path, without_slow_methods

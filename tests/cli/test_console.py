@@ -83,6 +83,7 @@ def read_terminal(leader):
             yield text.decode(errors="replace")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ITERATIVE)
 def test_the_iteration_and_the_residual_are_shown_on_a_terminal(tmp_path, method):
     bits = BOX.expose(jl.datasets.photograph("camera")[100:120, 180:204], rng=1)

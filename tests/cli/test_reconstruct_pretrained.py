@@ -112,6 +112,7 @@ def test_compare_shows_the_trained_network_where_there_is_one(run, photo_folder)
     assert "Without the trained network" not in output
 
 
+@pytest.mark.slow
 def test_compare_omits_a_missing_network_and_prints_the_reason(run, photo_folder):
     status, output = run("compare", photo_folder / "0.png", "-k", 2, "-t", 3)
     assert status == 0
@@ -135,6 +136,7 @@ def test_compare_by_a_missing_network_fails(run, photo_folder, tmp_path):
     assert not (tmp_path / "0-compare.png").exists()
 
 
+@pytest.mark.slow
 def test_demo_shows_the_trained_network(run):
     status, output = run("demo", "--photo", "coins")
     assert status == 0

@@ -7,6 +7,7 @@ import pytest
 from jotlight.experiments import EXPERIMENTS
 
 
+@pytest.mark.slow
 def test_one_experiment_runs_alone_in_the_default_folder(run, tmp_path):
     status, output = run("reproduce", "fig5", "--quick")
     assert status == 0, output

@@ -38,6 +38,7 @@ def large_capture(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
 @pytest.mark.parametrize(
     "target", ["out.npy.gz", pytest.param("out.h5", marks=pytest.mark.slow), "out.zarr", "out"]

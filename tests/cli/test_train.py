@@ -120,6 +120,7 @@ def test_white_scales_the_test_images_too(run, photo_folder):
     assert jl.Network.load(NETWORK).history["records"]["test_psnr"][0] > 15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["png", "pdf", "svg"])
 def test_plot_draws_a_figure(run, photo_folder, tmp_path, ending):
     arguments = ["train", photo_folder, "-o", NETWORK, *SMALL, "--plot", f"figure.{ending}"]
@@ -268,6 +269,7 @@ def test_bad_input_gets_one_line_before_any_work_and_leaves_no_files(
     assert contents(tmp_path) == before
 
 
+@pytest.mark.slow
 def test_test_images_have_their_own_key_and_info_plots_the_run(run, tmp_path):
     rng = np.random.default_rng(0)
     scenes, tests = rng.random((4, 24, 24)), np.full((2, 24, 24), 0.5)

@@ -35,6 +35,7 @@ def test_the_objective_equals_the_minimum_that_cvxpy_finds(weight, norm):
     np.testing.assert_allclose(estimate, image, atol=5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("norm", NORMS)
 @pytest.mark.parametrize(
     ("kernel", "oversampling", "frames"),

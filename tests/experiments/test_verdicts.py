@@ -217,7 +217,7 @@ def test_the_best_methods_follow_from_the_numbers():
     speeds = timing_results(**{"mle": 1.0, "network-two-layer": 5.0, "admm-tv": 400.0, UNTIED: 9.0})
     section = gain.section(Results(settings, rows, others={"timing": speeds}))
     winners = section.tables[1].rows[0]
-    names = ["non-iterative, BM3D", "ADMM, total variation", "network, learned"]
+    names = ["non-iterative, BM3D", "ADMM, total variation", "network, two-layer"]
     assert list(winners[1::2]) == names
     assert list(winners[2::2]) == [30.0, 29.0, 28.0]
 

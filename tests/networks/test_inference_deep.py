@@ -129,7 +129,7 @@ def test_layers_with_too_many_values_per_pixel_are_refused():
         jl.Layer(np.ones((1, 17, 16, 16), np.float32), None, stride=16),
         jl.Layer(down, None, stride=16),
     ]
-    with pytest.raises(ValueError, match="at most 2\\^20 values per pixel"):
+    with pytest.raises(ValueError, match="values per pixel times the combined stride"):
         jl.Network(layers, SENSOR).reconstruct(random_counts(SENSOR, 5, 5))
     # The maximum number of channels fits into a tile of a few rows.
     layers[3], layers[4] = jl.Layer(one, None), jl.Layer(down, None, stride=16)
