@@ -98,7 +98,7 @@ def torch(session: nox.Session) -> None:
     session.run("pytest", "-m", "slow or not slow", "tests/docs/test_documents.py", *pages)
 
 
-@nox.session(tags=["gate"])
+@nox.session(tags=["release"])
 def reproduce(session: nox.Session) -> None:
     """Run all of the paper's experiments in quick mode, on the data in folder JOTLIGHT_DATA."""
     if not DATA.is_dir():
