@@ -42,7 +42,7 @@ def lint(session: nox.Session) -> None:
 
 @nox.session(venv_backend="none", tags=["gate"])
 def readme(session: nox.Session) -> None:
-    """Run the README's test commands unchanged, in a copy of the tracked files."""
+    """Run the README's test commands unchanged, in a copy of the tracked files; then slow tests."""
     copy = Path(session.create_tmp()).resolve() / "jotlight"
     shutil.rmtree(copy, ignore_errors=True)
     tracked = session.run("git", "ls-files", "-z", external=True, silent=True) or ""
@@ -54,6 +54,7 @@ def readme(session: nox.Session) -> None:
         # All sessions share this target folder, so the engine is compiled once.
         env = {"CARGO_TARGET_DIR": str(ROOT / "target"), "JOTLIGHT_DATA": str(DATA)}
         session.run("bash", "-ec", blocks[1], env=env, external=True)
+        session.run("bash", "-ec", ".venv/bin/pytest -m slow", env=env, external=True)
 
 
 @nox.session(venv_backend="none", tags=["gate"])
@@ -76,13 +77,6 @@ def types(session: nox.Session) -> None:
     install_wheel(session, "mypy>=1.13")
     session.run("mypy")
     session.run("python", "-m", "mypy.stubtest", "jotlight._engine")
-
-
-@nox.session(tags=["gate"])
-def slow(session: nox.Session) -> None:
-    """Run the tests that the README's command leaves out."""
-    install_wheel(session, extra="test")
-    session.run("pytest", "-m", "slow", env={"JOTLIGHT_DATA": str(DATA)})
 
 
 @nox.session(tags=["gate"])
