@@ -6,26 +6,9 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.formats.registry import WRITERS
+from conversions import COUNTS, NEEDS, files, path_for, random_frames
 from jotlight.formats.writing import write_capture
 from reference import formats
-
-BITS = [name for name, target in WRITERS.items() if target.bits]
-COUNTS = [name for name, target in WRITERS.items() if target.counts]
-NEEDS = {"hdf5": "h5py", "zarr": "zarr"}
-
-
-def path_for(folder, name, stem="out"):
-    endings = WRITERS[name].extensions
-    return folder / (stem + (endings[0] if endings else ""))
-
-
-def random_frames(frames, height, width):
-    return np.random.default_rng(0).random((frames, height, width)) < 0.3
-
-
-def files(folder):
-    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
 
 
 def test_convert_prints_and_records_its_assumptions(run, tmp_path):

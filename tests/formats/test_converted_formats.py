@@ -7,26 +7,10 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from conversions import BITS, COUNTS, NEEDS, files, path_for, random_frames
 from jotlight.formats.registry import WRITERS
 from jotlight.formats.writing import choose_output_format, write_capture
 from reference import formats
-
-BITS = [name for name, target in WRITERS.items() if target.bits]
-COUNTS = [name for name, target in WRITERS.items() if target.counts]
-NEEDS = {"hdf5": "h5py", "zarr": "zarr"}
-
-
-def path_for(folder, name, stem="out"):
-    endings = WRITERS[name].extensions
-    return folder / (stem + (endings[0] if endings else ""))
-
-
-def random_frames(frames, height, width):
-    return np.random.default_rng(0).random((frames, height, width)) < 0.3
-
-
-def files(folder):
-    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
 
 
 @pytest.fixture(scope="module")
