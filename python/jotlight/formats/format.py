@@ -65,5 +65,9 @@ class Format:
     """Whether files have no header, so that the caller usually has to name the format."""
     fixed_layout: bool = False
     """Whether the format defines how bits are stored, so that `unpacked` does not apply."""
+    verify: Callable[[Path], int] | None = None
+    """A function that checks the checksums that lie outside of the data, which reading the data
+    does not check. It returns the number of files that have one, and raises ValueError if one
+    differs. None: the format has no such checksums."""
     writer: Writer | None = None
     """The functions that write this format. None: jotlight can only read it."""

@@ -1,0 +1,112 @@
+"""Checksums of the files that jotlight writes: SHA-256, so that other tools can compute them too.
+
+JSON files carry the checksums of other files, and their own (`seal`).
+"""
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+_KEY = "checksum"
+"""Key of sealed JSON that holds its own checksum."""
+
+_MARK = f'"{_KEY}": "sha256:'
+"""Text by which sealed JSON is recognized, also if it is damaged elsewhere."""
+
+_VALUE = re.compile(rf'(?<=^{{\n  {re.escape(_MARK)})[0-9a-f]{{64}}(?=",\n)')
+"""Pattern of the checksum, which has the first line of the object, so that users can delete it."""
+
+_PLACEHOLDER = "0" * 64
+"""Value of the checksum in the text of which the checksum is computed."""
+
+
+def file_checksum(path: Path) -> str:
+    """Return the SHA-256 of a file as 64 hexadecimal digits, as `sha256sum` prints it.
+
+    Raises
+    ------
+    OSError
+        When the file cannot be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "a.bin"
+    >>> _ = path.write_bytes(b"abc")
+    >>> file_checksum(path)[:16]
+    'ba7816bf8f01cfea'
+    """
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def check_file(path: Path, checksum: object) -> None:
+    """Raise ValueError unless a file has this SHA-256.
+
+    Raises
+    ------
+    OSError
+        When the file cannot be read.
+    """
+    if file_checksum(path) != checksum:
+        raise ValueError(
+            f"{path}: is damaged or was changed: its SHA-256 is not the one that was stored when "
+            "jotlight wrote it; restore it from a copy"
+        )
+
+
+def seal(content: Mapping[str, Any]) -> str:
+    """Return an object, which must not be empty, as JSON text that begins with its own checksum.
+
+    Examples
+    --------
+    >>> text = seal({"width": 13})
+    >>> list(json.loads(text))
+    ['checksum', 'width']
+    >>> check_seal(text, "a.json")
+    """
+    text = json.dumps({_KEY: f"sha256:{_PLACEHOLDER}", **content}, indent=2) + "\n"
+    return _VALUE.sub(_text_checksum(text), text)
+
+
+def is_sealed(text: str) -> bool:
+    """Return whether a text is sealed JSON, which may be damaged.
+
+    Examples
+    --------
+    >>> is_sealed(seal({"width": 13})), is_sealed('{"width": 13}')
+    (True, False)
+    """
+    return _MARK in text
+
+
+def check_seal(text: str, name: str) -> None:
+    """Raise ValueError when sealed JSON has changed since :func:`seal` returned it.
+
+    Parameters
+    ----------
+    text : str
+        Sealed JSON.
+    name : str
+        The file, for messages.
+
+    Examples
+    --------
+    >>> check_seal(seal({"width": 13}).replace("13", "15"), "a.json")
+    Traceback (most recent call last):
+    ...
+    ValueError: a.json: is damaged or was changed; if you changed it, delete its line "checksum"
+    """
+    found = _VALUE.search(text)
+    blank = _VALUE.sub(_PLACEHOLDER, text)
+    if found is None or found[0] != _text_checksum(blank):
+        raise ValueError(
+            f'{name}: is damaged or was changed; if you changed it, delete its line "{_KEY}"'
+        )
+
+
+def _text_checksum(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
