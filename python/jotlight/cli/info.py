@@ -76,6 +76,7 @@ def _verify(file: Path, capture: CaptureOptions) -> str:
             key=capture.key,
             counts=capture.counts,
             unpacked=capture.unpacked,
+            isolate=capture.isolate,
         )
 
 

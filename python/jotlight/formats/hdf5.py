@@ -2,7 +2,7 @@
 
 import contextlib
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -20,6 +20,7 @@ from jotlight.formats.isolated import IsolatedLibrary
 from jotlight.formats.labeled import ATTRIBUTE, StoredArray, bits_label, open_stored_array
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import has_type
+from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_in_chunks
 from jotlight.sensing.provenance import Provenance
@@ -148,26 +149,32 @@ def _user_block(path: Path) -> bytes:
 
 
 @contextlib.contextmanager
-def _create(path: Path) -> Iterator[Any]:
-    """Yield a new HDF5 file in which the library verifies all data and metadata when it reads."""
+def _create(path: Path) -> Iterator[tuple[Any, Callable[[], None]]]:
+    """Yield a new HDF5 file, and a function that raises the error of the first failed write.
+
+    When a write fails, the library keeps the data, and writing them again as the process ends
+    crashes it. So the library learns nothing of failed writes.
+    """
     with _naming_file(path):
         import h5py
-    with atomic_write(path) as temporary:
+    with atomic_write(path) as temporary, open_output(temporary, postpone_errors=True) as output:
         # The formats of HDF5 1.10 have checksums for metadata, and other software reads them.
         with h5py.File(
-            temporary, "w", libver=("v110", "v110"), userblock_size=_USER_BLOCK_BYTES
+            output, "w", libver=("v110", "v110"), userblock_size=_USER_BLOCK_BYTES
         ) as file:
-            yield file
+            yield file, output.check
+        output.flush()
+        output.check()
         block = _user_block(temporary)
-        with temporary.open("r+b") as raw:
-            raw.write(block)
+        output.seek(0)
+        output.write(block)
 
 
 def _write_bits(bits: Bits, path: Path) -> None:
     shape = bits.packed.shape
     frame_bytes = math.prod(shape[1:])
     chunks = (max(1, min(shape[0], _WRITTEN_CHUNK_BYTES // frame_bytes)), *shape[1:])
-    with _create(path) as file:
+    with _create(path) as (file, check):
         cube = file.create_dataset(
             "bits",
             shape,
@@ -179,13 +186,14 @@ def _write_bits(bits: Bits, path: Path) -> None:
         )
         for place, part in read_in_chunks(bits.packed):
             cube[place] = part
+            check()
         cube.attrs[ATTRIBUTE] = np.bytes_(bits_label(bits).encode())
         for name, map_ in (bits.sensor.maps() if bits.sensor else {}).items():
             file.create_dataset(name, data=map_, fletcher32=True)
 
 
 def _write_counts(counts: Counts, path: Path, label: str | None) -> None:
-    with _create(path) as file:
+    with _create(path) as (file, _):
         image = file.create_dataset("counts", data=counts, fletcher32=True)
         if label is not None:
             image.attrs[ATTRIBUTE] = np.bytes_(label.encode())

@@ -17,6 +17,7 @@ from jotlight.formats.hdf5 import load_library
 from jotlight.formats.magic import has_type
 from jotlight.formats.mat_files import VARIABLE, open_mat
 from jotlight.formats.packing import pack_lazily
+from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import concatenate
 from jotlight.sensing.provenance import Provenance
@@ -92,6 +93,8 @@ def _read_info(folder: Path, parts: list[str]) -> _Info | None:
         if is_sealed(text):
             check_seal(text, str(path))
         info = json.loads(text)
+        if is_sealed(text):
+            del info["checksum"]
         stated_parts, stated_frames = info["no_parts"], info["no_frames"]
         if type(stated_parts) is not int or type(stated_frames) is not int or stated_frames < 1:
             raise ValueError(f"got {stated_parts!r} and {stated_frames!r}")
@@ -116,7 +119,7 @@ def _check_own_info(info: dict[str, Any], parts: list[str]) -> None:
     """Raise ValueError unless `info.json` is one that jotlight wrote for these parts."""
     if info.get("format") != _FORMAT or info.get("version") != _VERSION:
         raise ValueError(f"expected format {_FORMAT!r}, version {_VERSION}")
-    unknown = info.keys() - {"checksum", "format", "version", "no_parts", "no_frames", "parts"}
+    unknown = info.keys() - {"format", "version", "no_parts", "no_frames", "parts"}
     if unknown:
         raise ValueError(f"got unknown entries {', '.join(sorted(unknown))}")
     checksums = info["parts"]
@@ -141,7 +144,8 @@ def _write_bits(bits: Bits, path: Path) -> None:
             unpacked = np.unpackbits(np.asarray(part), axis=2, count=bits.width)
             file = folder / f"part_{index + 1}.mat"
             # SciPy keeps a third dimension of 1, which MATLAB itself would drop.
-            savemat(file, {VARIABLE: np.moveaxis(unpacked, 0, 2)}, do_compression=True)
+            with open_output(file) as output:
+                savemat(output, {VARIABLE: np.moveaxis(unpacked, 0, 2)}, do_compression=True)
             checksums[file.name] = file_checksum(file)
         # Other software reads the numbers.
         info = {
@@ -151,7 +155,8 @@ def _write_bits(bits: Bits, path: Path) -> None:
             "no_frames": frames,
             "parts": checksums,
         }
-        (folder / _INFO).write_text(seal(info), encoding="utf-8")
+        with open_output(folder / _INFO) as output:
+            output.write(seal(info).encode())
 
 
 MATLAB = Format(
