@@ -2,7 +2,9 @@
 
 import dataclasses
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +17,7 @@ from jotlight.formats.packing import pack_stack
 from jotlight.formats.registry import FORMATS
 from jotlight.formats.selection import select
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames
 
 
 def open(
@@ -28,6 +31,7 @@ def open(
     key: str | None = None,
     counts: bool | None = None,
     unpacked: bool | None = None,
+    isolate: bool = False,
 ) -> Bits | npt.NDArray[np.int32]:
     """Return the bits, or the image of counts, in a file or folder of any size.
 
@@ -58,6 +62,10 @@ def open(
         Whether each number is one bit, as 0 and 1 or 0 and 255 (True), or each byte holds eight
         bits (False). Default: each byte holds eight bits, but frames that look unpacked are
         refused.
+    isolate : bool
+        Whether to read HDF5 and MATLAB 7.3 files in a child process, which takes 0.2 s. Damaged
+        files can crash the HDF5 library; then this function raises ValueError, and later reading
+        of the bits does.
 
     Returns
     -------
@@ -97,6 +105,7 @@ def open(
         key=key,
         counts=counts,
         unpacked=unpacked,
+        isolate=isolate,
     )
     if isinstance(capture, Bits):
         return capture
@@ -116,13 +125,14 @@ def open_capture(
     key: str | None = None,
     counts: bool | None = None,
     unpacked: bool | None = None,
+    isolate: bool = False,
 ) -> Capture:
     """Return a capture as :func:`open` does, but do not sum images of counts."""
     path = Path(path)
     if format is not None and format not in FORMATS:
         raise ValueError(f"format: expected one of {', '.join(FORMATS)}, got {format!r}")
     entry = FORMATS[format or detect_format(path)]
-    options = OpenOptions(key, counts, width, packed=unpacked is False)
+    options = OpenOptions(key, counts, width, packed=unpacked is False, isolate=isolate)
     _check_options(path, entry, options, unpacked)
     try:
         if unpacked:
@@ -144,7 +154,21 @@ def open_capture(
         actual = capture.images.shape[2] if isinstance(capture, CountStack) else capture.width
         if width != actual:
             raise ValueError(f"width: expected {actual}, the width of {path}, got {width}")
-    return select(capture, frames, rotate, flip, key)
+    selected = select(capture, frames, rotate, flip, key)
+    return selected if entry.verify is None else _verifiable(selected, path, entry.verify)
+
+
+def _verifiable(capture: Capture, path: Path, verify: Callable[[Path], int]) -> Capture:
+    """Return the same capture, whose frames know how to compare the checksums of their file."""
+
+    def attach(frames: npt.NDArray[Any] | Frames) -> npt.NDArray[Any] | Frames:
+        if not isinstance(frames, Frames):
+            return frames
+        return Frames(frames.shape, frames.read, frames.dtype, lambda: verify(path))
+
+    if isinstance(capture, CountStack):
+        return dataclasses.replace(capture, images=attach(capture.images))
+    return Bits(attach(capture.packed), capture.width, capture.sensor, capture.provenance)
 
 
 def _check_options(path: Path, entry: Format, options: OpenOptions, unpacked: bool | None) -> None:
