@@ -1,9 +1,9 @@
 """Read photographs as intensities, and write images."""
 
+import io
 import json
 import math
 import os
-import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.limits import check_claimed_size
+from jotlight.formats.png_chunks import GRAYSCALE, SIGNATURE, PngHeader, check_png
 from jotlight.formats.tiff_directories import open_checked_tiff
 from jotlight.images.color import FloatImage, luma
 from jotlight.images.exr import check_exr, write_exr
@@ -100,10 +101,12 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
     from PIL import Image, ImageOps, UnidentifiedImageError
 
     try:
-        with Image.open(path) as file:
+        png = _checked_png(path)
+        with Image.open(path if png is None else io.BytesIO(png[0])) as file:
             size = file.width * file.height * len(file.getbands())
             check_claimed_size("the header", size, path.stat().st_size)
-            if (levels := _read_png16(path)) is not None:
+            if png is not None and png[1].depth == 16 and png[1].color_type != GRAYSCALE:
+                levels = _read_png16(png[0])
                 return _upright(levels, file.getexif().get(_ORIENTATION, 1)), 65535.0
             image = ImageOps.exif_transpose(file)
             if image.mode in ("I;16", "I;16B", "I"):
@@ -123,23 +126,26 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
         raise ValueError(f"{path}: the image is damaged or truncated ({error})") from error
 
 
-def _read_png16(path: Path) -> npt.NDArray[np.uint16] | None:
-    """Return a 16-bit PNG with transparency or color, which Pillow reduces to 8 bits, or None."""
+def _checked_png(path: Path) -> tuple[bytes, PngHeader] | None:
+    """Return the bytes and the header of a PNG, all of which is checked, or None for other files.
+
+    Some programs append data to a PNG. Such photographs are read, because the PNG is complete.
+    """
+    with path.open("rb") as file:
+        if file.read(len(SIGNATURE)) != SIGNATURE:
+            return None
+    content = path.read_bytes()
+    return content, check_png(content, trailing=True)
+
+
+def _read_png16(content: bytes) -> npt.NDArray[np.uint16]:
+    """Return a 16-bit PNG with transparency or color, which Pillow reduces to 8 bits."""
     import png
 
-    with path.open("rb") as file:
-        start = file.read(26)
-    # The header has the bit depth and the color type at fixed positions.
-    depth, color_type = start[24:25], start[25:26]
-    if start[:4] != b"\x89PNG" or depth != b"\x10" or color_type not in (b"\2", b"\4", b"\6"):
-        return None
-    try:
-        width, height, rows, info = png.Reader(bytes=path.read_bytes()).read()
-        values = np.array([np.asarray(row, np.uint16) for row in rows])
-    except (png.Error, zlib.error, EOFError) as error:
-        raise ValueError(f"{path}: the image is damaged or truncated ({error})") from error
+    width, height, rows, info = png.Reader(bytes=content).read()
+    values = np.array([np.asarray(row, np.uint16) for row in rows])
     values = values.reshape(height, width, info["planes"])
-    return values[..., 0] if color_type == b"\4" else values[..., :3]
+    return values[..., 0] if info["planes"] == 2 else values[..., :3]
 
 
 def _upright(array: npt.NDArray[Any], orientation: int) -> npt.NDArray[Any]:
