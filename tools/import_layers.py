@@ -19,7 +19,7 @@ FOLDER = Path(__file__).parents[1] / "python" / "jotlight"
 ENGINE = "_engine"
 
 ORDER = (
-    "errors seeds checks chunks files memory_maps tensors metrics < sensing < calibration formats "
+    "errors seeds checks chunks files tensors metrics < sensing < calibration formats "
     "< estimators images < datasets networks < training < torch plots < evaluation < experiments "
     "< cli < jotlight"
 )
