@@ -15,6 +15,7 @@ from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.orientation import transpose_packed
 from jotlight.formats.packing import pack_lazily
 from jotlight.formats.safe_paths import resolve_below
+from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, concatenate, read_in_chunks
 from jotlight.sensing.provenance import Provenance
@@ -182,7 +183,7 @@ def _write_bits(bits: Bits, path: Path) -> None:
     channel = channels[0] if channels else 1
     shape = (frames, height, (width + 7) // 8, channel)
     with atomic_folder(path) as folder:
-        with (folder / "frames.npy").open("wb") as file:
+        with open_output(folder / "frames.npy") as file:
             write_npy(file, bits.packed, shape)
         content = {
             "w": width,
