@@ -28,13 +28,6 @@ def test_every_version_of_npy_is_read(tmp_path, version):
     np.testing.assert_array_equal(jl.open(tmp_path / "cube.npy").packed, packed)
 
 
-def test_a_file_is_memory_mapped_read_only(tmp_path):
-    jl.save(random_bits((2, 3, 16)), tmp_path / "cube.npy")
-    bits = jl.open(tmp_path / "cube.npy")
-    assert isinstance(bits.packed, np.memmap)
-    assert not bits.packed.flags.writeable
-
-
 def test_the_caller_can_state_the_width_of_a_cube_without_a_description(tmp_path):
     np.save(tmp_path / "cube.npy", np.zeros((2, 3, 2), np.uint8))
     assert jl.open(tmp_path / "cube.npy", width=11).shape == (2, 3, 11)

@@ -14,7 +14,7 @@ from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.console import out, progress
 from jotlight.files import atomic_write, refuse_overwrite
 from jotlight.formats import open_capture
-from jotlight.formats.arrays import list_npz_arrays, read_npy, read_npz, read_npz_label
+from jotlight.formats.arrays import list_npz_arrays, open_npy_array, read_npz, read_npz_label
 from jotlight.formats.capture import Capture, CountStack, is_single_image
 from jotlight.formats.detect import detect_format
 from jotlight.formats.labels import read_counts_label
@@ -118,8 +118,8 @@ def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
                 array = read_npz(file, name)
                 facts.append((name, f"{array.dtype}, {_by(array.shape)}"))
             return facts
-        if ending == ".npy" and (array := read_npy(file)).dtype.kind not in "biu":
-            return [("kind", "array"), ("shape", _by(array.shape)), *_range(np.asarray(array))]
+        if ending == ".npy" and (stored := open_npy_array(file)).dtype.kind not in "biu":
+            return [("kind", "array"), ("shape", _by(stored.shape)), *_range(np.asarray(stored))]
         if _is_image(file):
             return _image_facts(file)
     return _capture_facts(capture.open(file))

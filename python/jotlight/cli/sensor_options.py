@@ -120,4 +120,4 @@ def _number_or_map(text: str) -> float | npt.NDArray[Any]:
     try:
         return float(text)
     except ValueError:
-        return np.array(read_npy(text))
+        return read_npy(text)

@@ -134,4 +134,4 @@ def read_description(
 def _read_maps(cube: Path, names: Any) -> dict[str, np.ndarray]:
     if not isinstance(names, dict) or not names.keys() <= set(MAPS):
         raise ValueError(f"maps: expected files for {' and '.join(MAPS)}, got {names!r}")
-    return {map_: np.array(read_npy(resolve_sibling(cube, name))) for map_, name in names.items()}
+    return {map_: read_npy(resolve_sibling(cube, name)) for map_, name in names.items()}

@@ -65,7 +65,7 @@ def read_image(
     if not path.is_file():
         raise FileNotFoundError(f"there is no image file {path}")
     if path.suffix.lower() == ".npy":
-        array, scale = np.asarray(read_npy(path)), None
+        array, scale = read_npy(path), None
     elif path.suffix.lower() in (".tif", ".tiff"):
         array, scale = _read_tiff(path)
     else:
