@@ -18,6 +18,7 @@ from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import has_type
 from jotlight.formats.mat_sizes import check_sizes
 from jotlight.formats.packing import pack_lazily
+from jotlight.formats.safe_paths import check_inside
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, concatenate
 from jotlight.sensing.provenance import Provenance
@@ -49,6 +50,7 @@ def open_matlab(path: Path, options: OpenOptions) -> Capture:
         files = sorted(path.glob("part_*.mat"), key=natural_sort_key)
         if not files:
             raise ValueError(f"{path}: expected part_1.mat and so on, got none")
+        files = [check_inside(file, path) for file in files]
         total = _read_info(path, len(files))
         notes.append(f"{len(files)} parts in the natural order of their names")
     elif not path.is_file():
@@ -74,6 +76,7 @@ def _read_info(folder: Path, parts: int) -> int | None:
     path = folder / "info.json"
     if not path.is_file():
         return None
+    check_inside(path, folder)
     try:
         if path.stat().st_size > _MAX_INFO_BYTES:
             raise ValueError("it is too long")
