@@ -3,13 +3,17 @@
 import contextlib
 import errno
 import os
-import shutil
-import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-_DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""Error numbers of the operating system that mean a lack of disk space."""
+from jotlight.output_files import open_output
+from jotlight.temporary_names import reserve_temporary
+
+_FAILED_WRITE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Error numbers that only a failed write causes: a full disk, a quota, or a limit of sizes."""
+
+_unfinished: set[Path] = set()
+"""Temporary files that :func:`atomic_write` has yielded."""
 
 
 def refuse_overwrite(output: str | os.PathLike[str], inputs: Iterable[Path | None]) -> None:
@@ -22,18 +26,27 @@ def refuse_overwrite(output: str | os.PathLike[str], inputs: Iterable[Path | Non
             )
 
 
+def write_file(path: str | os.PathLike[str], content: bytes | str) -> None:
+    """Write bytes, or text in UTF-8, as a file, completely or not at all."""
+    with atomic_write(path) as temporary, open_output(temporary) as file:
+        file.write(content.encode() if isinstance(content, str) else content)
+
+
 @contextlib.contextmanager
 def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path in the same folder. When the block ends, it is renamed to `path`.
 
     The temporary file is created on entry. A folder without write permission therefore raises
     before any work is done. If the block raises, also because of Ctrl-C, the temporary file is
-    deleted, and an existing file at `path` stays unchanged.
+    deleted, and an existing file at `path` stays unchanged. The content is on the disk before the
+    file is renamed, so it also survives a power failure. If `path` is itself a temporary path of a
+    surrounding block, it is yielded unchanged.
 
     Raises
     ------
     OSError
-        When the folder does not exist or is not writable, or when `path` is a folder.
+        When the folder does not exist or is not writable, when `path` is a folder, or when a write
+        failed, for example because the disk is full.
 
     Examples
     --------
@@ -45,24 +58,27 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     'all of it'
     """
     path = Path(path)
+    if path in _unfinished:
+        yield path
+        return
     if path.is_dir():
         raise IsADirectoryError(f"cannot write {path}: it is a folder; pass the name of a file")
     _check_parent(path)
     if path.exists() and not os.access(path, os.W_OK):
         raise PermissionError(f"cannot write {path}: the file is read-only")
-    with _explained_creation(path):
-        handle, name = tempfile.mkstemp(
-            prefix=f".{path.stem[:32]}-", suffix=path.suffix, dir=path.parent
-        )
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        with _explained_full_disk(path):
-            yield temporary
-            temporary.chmod(_permissions(path))
-            temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with _reserved(path) as temporary:
+        with _explained_creation(path):
+            os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
+        _unfinished.add(temporary)
+        try:
+            with _explained_failure(path, temporary):
+                yield temporary
+                temporary.chmod(_permissions(path))
+                flush_to_disk(temporary)
+                temporary.replace(path)
+                flush_to_disk(path.parent)
+        finally:
+            _unfinished.discard(temporary)
 
 
 @contextlib.contextmanager
@@ -72,21 +88,48 @@ def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     Raises
     ------
     OSError
-        When `path` already exists, or the folder that contains it is not writable.
+        When `path` already exists, the folder that contains it is not writable, or a write failed.
     """
     path = Path(path)
     if path.exists():
         raise FileExistsError(f"cannot write {path}: it already exists; choose another name")
     _check_parent(path)
-    with _explained_creation(path):
-        temporary = Path(tempfile.mkdtemp(prefix=f".{path.stem[:32]}-", dir=path.parent))
-    try:
-        with _explained_full_disk(path):
+    with _reserved(path) as temporary:
+        with _explained_creation(path):
+            temporary.mkdir(0o700)
+        with _explained_failure(path, temporary):
             yield temporary
             temporary.chmod(0o777 & ~_umask())
+            for folder, _, names in os.walk(temporary):
+                for name in names:
+                    flush_to_disk(Path(folder, name))
+                flush_to_disk(Path(folder))
             temporary.rename(path)
+            flush_to_disk(path.parent)
+
+
+@contextlib.contextmanager
+def _reserved(path: Path) -> Iterator[Path]:
+    with contextlib.ExitStack() as stack:
+        with _explained_creation(path):
+            temporary = stack.enter_context(reserve_temporary(path))
+        yield temporary
+
+
+def flush_to_disk(path: Path) -> None:
+    """Wait until the content of a file, or the names in a folder, are on the disk."""
+    on_windows = os.name == "nt"
+    if on_windows and path.is_dir():
+        return  # Windows has no such function for folders.
+    handle = os.open(path, os.O_RDWR if on_windows else os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        # Some file systems have nothing to wait for.
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):
+            raise OSError(error.errno, error.strerror, str(path)) from error
     finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+        os.close(handle)
 
 
 def _check_parent(path: Path) -> None:
@@ -108,15 +151,30 @@ def _explained_creation(path: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _explained_full_disk(path: Path) -> Iterator[None]:
-    """Raise an error that names `path` if the disk is full, unless the error names another file."""
+def _explained_failure(path: Path, temporary: Path) -> Iterator[None]:
+    """Raise an OSError that names `path` if a write to its temporary file or folder failed."""
     try:
         yield
-    except OSError as error:
-        if error.errno in _DISK_FULL and "cannot write" not in str(error.strerror):
-            reason = os.strerror(error.errno)
-            raise OSError(error.errno, f"cannot write {path}: {reason}") from error
-        raise
+    except Exception as error:
+        cause = _failed_write(error, temporary)
+        if cause is None:
+            raise
+        raise OSError(cause.errno, f"cannot write {path}: {cause.strerror}") from error
+
+
+def _failed_write(error: BaseException | None, temporary: Path) -> OSError | None:
+    """Return the error of a write to a temporary path that caused an error, or None if none did."""
+    while error is not None:
+        if isinstance(error, OSError) and error.errno is not None:
+            if str(error.strerror).startswith("cannot write"):
+                return None  # It names another file.
+            if not isinstance(error.filename, str | bytes | os.PathLike):
+                if error.errno in _FAILED_WRITE:
+                    return error
+            elif Path(os.fsdecode(error.filename)).is_relative_to(temporary):
+                return error
+        error = error.__cause__ or error.__context__
+    return None
 
 
 def _permissions(path: Path) -> int:

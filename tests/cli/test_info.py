@@ -95,3 +95,22 @@ def test_info_lists_the_arrays_of_an_archive(run):
     output = run("info", "counts.npz")[1]
     assert "uint16, 3 x 4" in output
     assert "uint8, 5 x 6" in output
+
+
+def test_verify_prints_its_result_after_the_facts(run, tmp_path):
+    np.save(tmp_path / "a.npy", np.full((4, 2, 3), 7, np.uint8))
+    lines = lines_of(run, "a.npy", "--verify", "--frame-range", "0:2")
+    assert "frames 2" in lines
+    assert "all 4 frames are readable" in lines[-1]
+    assert "verified" not in lines_of(run, "a.npy")[-1]
+
+
+def test_a_damaged_capture_and_a_file_of_another_kind_are_not_verified(run, tmp_path):
+    jl.save(jl.Sensor(frames=2).expose(np.ones((4, 9)), rng=0), tmp_path / "a.npy")
+    (tmp_path / "a.npy").write_bytes((tmp_path / "a.npy").read_bytes()[:-1])
+    jl.Network.initial(jl.Sensor()).save(tmp_path / "b.safetensors")
+    for name in ("a.npy", "b.safetensors"):
+        status, output = run("info", name, "--verify")
+        assert status == 1
+        assert output.startswith(f"error: {name}: ")
+        assert output.count("\n") == 1

@@ -13,6 +13,7 @@ from jotlight.formats.description import companion_files
 from jotlight.formats.registry import WRITERS
 from jotlight.formats.writing import choose_output_format, write_capture
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames
 
 
 def convert(
@@ -31,7 +32,7 @@ def convert(
     ] = None,
     capture: CaptureOptions = CaptureOptions(),
 ) -> None:
-    """Convert a capture to another format, in constant memory.
+    """Convert a capture to another format, in constant memory, if it matches its checksums.
 
     Bits stay bits in formats that hold bits. Other formats receive the counts, their sum.
     """
@@ -49,6 +50,8 @@ def convert(
             write_capture(opened, output, name, update)
             written = f"{opened!r}" if WRITERS[name].bits else f"counts of {opened!r}"
         else:
+            if isinstance(opened.images, Frames):
+                opened.images.verify()
             counts = opened.sum(update)
             write_capture(counts, output, name, trials=opened.total_trials, provenance=provenance)
             size = " x ".join(map(str, counts.shape))

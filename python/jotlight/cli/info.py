@@ -19,6 +19,7 @@ from jotlight.formats.capture import Capture, CountStack, is_single_image
 from jotlight.formats.detect import detect_format
 from jotlight.formats.labels import read_counts_label
 from jotlight.formats.tiff_directories import open_checked_tiff
+from jotlight.formats.verification import verify_capture
 from jotlight.images.io import read_image
 from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
@@ -43,18 +44,38 @@ def info(
         Path | None,
         Parameter(help="A figure of a calibration or a trained network: .png, .pdf or .svg."),
     ] = None,
+    verify: Annotated[
+        bool,
+        Parameter(help="Compare all checksums of a capture, and read all of its frames."),
+    ] = False,
 ) -> None:
     """Show the contents of a file: kind, shape, sensor, fraction of ones, range."""
+    verified = [("verified", _verify(file, capture))] if verify else []
     if plot is not None:
         _draw(file, plot)
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")
-    for name, value in _facts(file, capture):
+    for name, value in [*_facts(file, capture), *verified]:
         table.add_row(name, value)
     out.print(table)
     if file.suffix.lower() == ".safetensors" and stored_format(file) != CALIBRATION:
         out.print(_layers(Network.load(file).layers))
+
+
+def _verify(file: Path, capture: CaptureOptions) -> str:
+    if file.suffix.lower() == ".safetensors":
+        raise ValueError(f"{file}: --verify is for captures, not for networks or calibrations")
+    with progress(1) as begin:
+        return verify_capture(
+            file,
+            format=capture.format,
+            progress=begin("verifying"),
+            width=capture.width,
+            key=capture.key,
+            counts=capture.counts,
+            unpacked=capture.unpacked,
+        )
 
 
 def _draw(file: Path, plot: Path) -> None:

@@ -5,6 +5,7 @@
 * ``npy``, ``visionsim``, ``zarr``, ``hdf5``, ``matlab``, ``swissspad``, ``spad512s``, and
   ``image_files`` each read and write one family;
 * ``detect`` finds the format of a file, ``reading`` opens it, and ``writing`` writes it;
+* ``checksums`` and ``verification`` detect changes of a file since jotlight wrote it;
 * ``capture``, ``selection``, ``orientation``, and ``packing`` handle what was read;
 * ``cube``, ``description``, ``labels``, and ``labeled`` keep the width, sensor, and provenance;
 * ``arrays``, ``compressed``, ``raw``, ``file_lists``, ``magic``, ``limits``, ``safe_paths``,
@@ -13,6 +14,7 @@
 
 from jotlight.formats.reading import open, open_capture
 from jotlight.formats.registry import FORMATS
+from jotlight.formats.verification import verify_capture
 from jotlight.formats.writing import save
 
-__all__ = ["FORMATS", "open", "open_capture", "save"]
+__all__ = ["FORMATS", "open", "open_capture", "save", "verify_capture"]

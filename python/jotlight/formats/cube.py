@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.files import atomic_write
+from jotlight.files import atomic_write, flush_to_disk, write_file
 from jotlight.formats.description import (
     description_path,
     map_path,
@@ -21,6 +21,7 @@ from jotlight.formats.description import (
 from jotlight.formats.labels import make_bits_label
 from jotlight.formats.packing import check_packed
 from jotlight.memory_maps import release
+from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits, SensorLike
 from jotlight.sensing.frames import Frames, read_in_chunks
 from jotlight.sensing.provenance import Provenance
@@ -162,11 +163,13 @@ def describe_cube(
         cube = stack.enter_context(atomic_write(path))
         text = stack.enter_context(atomic_write(description))
         for name, map_ in maps.items():
-            with stack.enter_context(atomic_write(map_paths[name])).open("wb") as file:
+            with open_output(stack.enter_context(atomic_write(map_paths[name]))) as file:
                 np.save(file, map_)
             label["maps"][name] = map_paths[name].name
-        text.write_text(json.dumps(label, indent=2) + "\n")
+        write_file(text, json.dumps(label, indent=2) + "\n")
         yield cube
+        # If this fails, the old description must still be there.
+        flush_to_disk(cube)
     for stale in replaced_maps - set(map_paths.values()):
         stale.unlink(missing_ok=True)
 

@@ -2,7 +2,7 @@
 
 import contextlib
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.labeled import ATTRIBUTE, StoredArray, bits_label, open_stored_array
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import has_type
+from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_in_chunks
 from jotlight.sensing.provenance import Provenance
@@ -122,25 +123,40 @@ def open_hdf5(path: Path, options: OpenOptions) -> Capture:
     return open_stored_array(list_data_sets(path), Provenance("hdf5", path.name), options)
 
 
-def _write_bits(bits: Bits, path: Path) -> None:
+@contextlib.contextmanager
+def _create(path: Path) -> Iterator[tuple[Any, Callable[[], None]]]:
+    """Yield a new HDF5 file, and a function that raises the error of the first failed write.
+
+    When a write fails, the library keeps the data, and writing them again as the process ends
+    crashes it. So the library learns nothing of failed writes.
+    """
     h5py = _import_h5py()
+    with (
+        atomic_write(path) as temporary,
+        open_output(temporary, postpone_errors=True) as output,
+        h5py.File(output, "w") as file,
+    ):
+        yield file, output.check
+
+
+def _write_bits(bits: Bits, path: Path) -> None:
     shape = bits.packed.shape
     frame_bytes = math.prod(shape[1:])
     chunks = (max(1, min(shape[0], _WRITTEN_CHUNK_BYTES // frame_bytes)), *shape[1:])
-    with atomic_write(path) as temporary, h5py.File(temporary, "w") as file:
+    with _create(path) as (file, check):
         cube = file.create_dataset(
             "bits", shape, np.uint8, chunks=chunks, compression="gzip", compression_opts=1
         )
         for place, part in read_in_chunks(bits.packed):
             cube[place] = part
+            check()
         cube.attrs[ATTRIBUTE] = np.bytes_(bits_label(bits).encode())
         for name, map_ in (bits.sensor.maps() if bits.sensor else {}).items():
             file.create_dataset(name, data=map_)
 
 
 def _write_counts(counts: Counts, path: Path, label: str | None) -> None:
-    h5py = _import_h5py()
-    with atomic_write(path) as temporary, h5py.File(temporary, "w") as file:
+    with _create(path) as (file, _):
         image = file.create_dataset("counts", data=counts)
         if label is not None:
             image.attrs[ATTRIBUTE] = np.bytes_(label.encode())

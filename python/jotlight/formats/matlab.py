@@ -19,6 +19,7 @@ from jotlight.formats.magic import has_type
 from jotlight.formats.mat_sizes import check_sizes
 from jotlight.formats.packing import pack_lazily
 from jotlight.formats.safe_paths import check_inside
+from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, concatenate
 from jotlight.sensing.provenance import Provenance
@@ -191,11 +192,8 @@ def _write_bits(bits: Bits, path: Path) -> None:
             part = bits.packed[start : start + _FRAMES_PER_PART, ...]
             unpacked = np.unpackbits(np.asarray(part), axis=2, count=bits.width)
             # SciPy keeps a third dimension of 1, which MATLAB itself would drop.
-            savemat(
-                folder / f"part_{index + 1}.mat",
-                {_VARIABLE: np.moveaxis(unpacked, 0, 2)},
-                do_compression=True,
-            )
+            with open_output(folder / f"part_{index + 1}.mat") as file:
+                savemat(file, {_VARIABLE: np.moveaxis(unpacked, 0, 2)}, do_compression=True)
         info = {"no_parts": -(-frames // _FRAMES_PER_PART), "no_frames": frames}
         (folder / "info.json").write_text(json.dumps(info))
 

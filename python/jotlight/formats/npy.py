@@ -20,6 +20,7 @@ from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.magic import has_type
 from jotlight.formats.packing import pack_lazily
 from jotlight.formats.raw import EXTENSIONS as RAW_EXTENSIONS
+from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.provenance import Provenance
@@ -73,7 +74,7 @@ def _is_npy_gz(path: Path) -> bool:
 
 
 def _write_npy_counts(counts: Counts, path: Path, label: str | None) -> None:
-    with atomic_write(path) as temporary, temporary.open("wb") as file:
+    with atomic_write(path) as temporary, open_output(temporary) as file:
         np.save(file, counts)
 
 
@@ -89,11 +90,10 @@ def _write_npy_gz_counts(counts: Counts, path: Path, label: str | None) -> None:
 
 
 def _write_npz_counts(counts: Counts, path: Path, label: str | None) -> None:
-    with atomic_write(path) as temporary:
-        with temporary.open("wb") as file:
-            np.savez_compressed(file, counts=counts)
+    with atomic_write(path) as temporary, open_output(temporary) as file:
+        np.savez_compressed(file, counts=counts)
         if label is not None:
-            with zipfile.ZipFile(temporary, "a", zipfile.ZIP_DEFLATED) as archive:
+            with zipfile.ZipFile(file, "a", zipfile.ZIP_DEFLATED) as archive:
                 # A ZipInfo has a fixed time, so equal data yield equal files.
                 archive.writestr(zipfile.ZipInfo(LABEL_MEMBER), label)
 

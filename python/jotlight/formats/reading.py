@@ -2,7 +2,9 @@
 
 import dataclasses
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +17,7 @@ from jotlight.formats.packing import pack_stack
 from jotlight.formats.registry import FORMATS
 from jotlight.formats.selection import select
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames
 
 
 def open(
@@ -144,7 +147,21 @@ def open_capture(
         actual = capture.images.shape[2] if isinstance(capture, CountStack) else capture.width
         if width != actual:
             raise ValueError(f"width: expected {actual}, the width of {path}, got {width}")
-    return select(capture, frames, rotate, flip, key)
+    selected = select(capture, frames, rotate, flip, key)
+    return selected if entry.verify is None else _verifiable(selected, path, entry.verify)
+
+
+def _verifiable(capture: Capture, path: Path, verify: Callable[[Path], int]) -> Capture:
+    """Return the same capture, whose frames know how to compare the checksums of their file."""
+
+    def attach(frames: npt.NDArray[Any] | Frames) -> npt.NDArray[Any] | Frames:
+        if not isinstance(frames, Frames):
+            return frames
+        return Frames(frames.shape, frames.read, frames.dtype, lambda: verify(path))
+
+    if isinstance(capture, CountStack):
+        return dataclasses.replace(capture, images=attach(capture.images))
+    return Bits(attach(capture.packed), capture.width, capture.sensor, capture.provenance)
 
 
 def _check_options(path: Path, entry: Format, options: OpenOptions, unpacked: bool | None) -> None:

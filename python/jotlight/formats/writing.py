@@ -78,7 +78,8 @@ def save(data: Bits | Counts, path: str | os.PathLike[str], *, format: str | Non
     TypeError
         When `data` is neither :class:`jotlight.Bits` nor an array of integers.
     ValueError
-        When the extension implies no single format, or the format cannot hold the data.
+        When the extension implies no single format, the format cannot hold the data, or the bits
+        come from a file that differs from its checksums.
     OSError
         When a file cannot be written, or would replace one that jotlight did not write.
 
@@ -117,7 +118,8 @@ def write_capture(
 ) -> None:
     """Write bits, or an image of counts, in the format of this name.
 
-    Bits in a format that only has counts are summed.
+    Bits in a format that only has counts are summed. Bits from a file are written only if the file
+    matches its checksums.
 
     Parameters
     ----------
@@ -138,7 +140,7 @@ def write_capture(
     OSError
         When the file cannot be written.
     ValueError
-        When the format cannot hold such data.
+        When the format cannot hold such data, or the bits come from a damaged file.
 
     Examples
     --------
@@ -149,6 +151,8 @@ def write_capture(
     True
     """
     if isinstance(data, Bits):
+        if isinstance(data.packed, Frames):
+            data.packed.verify()
         _write_bits(data, path, name, progress)
     else:
         _write_counts(data, path, name, trials, provenance)

@@ -45,6 +45,9 @@ class Frames:
         ``read(start, stop)`` returns the frames of ``range(start, stop)`` as an array.
     dtype : dtype
         The type of that array.
+    verify : callable, optional
+        A function that raises ValueError if a file has changed since it was written. Reading does
+        not call it, because it reads whole files; conversions do. Default: nothing can be verified.
 
     Examples
     --------
@@ -58,9 +61,11 @@ class Frames:
         shape: tuple[int, ...],
         read: Callable[[int, int], npt.NDArray[Any]],
         dtype: npt.DTypeLike = np.uint8,
+        verify: Callable[[], object] = lambda: None,
     ) -> None:
         self.shape = tuple(map(int, shape))
         self.dtype = np.dtype(dtype)
+        self.verify = verify
         self._read = read
 
     @property
@@ -131,21 +136,24 @@ class Frames:
         read = self.read
         if step == 1:
             return Frames(
-                (number, *self.shape[1:]), lambda a, b: read(start + a, start + b), self.dtype
+                (number, *self.shape[1:]),
+                lambda a, b: read(start + a, start + b),
+                self.dtype,
+                self.verify,
             )
 
         def read_each(a: int, b: int) -> npt.NDArray[Any]:
             indices = range(start + a * step, start + b * step, step)
             return np.concatenate([read(index, index + 1) for index in indices])
 
-        return Frames((number, *self.shape[1:]), read_each, self.dtype)
+        return Frames((number, *self.shape[1:]), read_each, self.dtype, self.verify)
 
     def _select_part(self, key: tuple[Any, ...]) -> "Frames":
         """Return the part of each frame that `key` selects, such as a channel."""
         shape = np.broadcast_to(np.uint8(0), self.shape)[key].shape
         if len(key) >= self.ndim + 1 or shape[0] != len(self):
             raise TypeError(f"expected a part of each frame, got {key!r}")
-        return Frames(shape, lambda a, b: self.read(a, b)[key], self.dtype)
+        return Frames(shape, lambda a, b: self.read(a, b)[key], self.dtype, self.verify)
 
 
 def read_in_chunks(

@@ -1,0 +1,65 @@
+"""Verification of a capture: all of its checksums are compared, and all of its frames are read."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from jotlight.formats.detect import detect_format
+from jotlight.formats.reading import open_capture
+from jotlight.formats.registry import FORMATS
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import read_in_chunks
+
+
+def verify_capture(
+    path: str | os.PathLike[str],
+    *,
+    format: str | None = None,
+    progress: Callable[[float], object] = lambda fraction: None,
+    **options: Any,
+) -> str:
+    """Return a sentence about the checksums of an undamaged capture, of which all frames are read.
+
+    Parameters
+    ----------
+    path : path
+        A file, or a folder of files.
+    format : str, optional
+        Name of the format. Default: detected from the content.
+    progress : callable, optional
+        A function that is called repeatedly with the completed fraction, from 0 to 1.
+    **options
+        Other options of :func:`jotlight.open`, such as `key`.
+
+    Raises
+    ------
+    OSError
+        When a file cannot be read.
+    ValueError
+        When a file differs from its checksum, or is damaged in a way that reading reveals.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from jotlight import Sensor, save
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "capture.npy"
+    >>> save(Sensor(frames=3).expose([[0.5] * 13], rng=0), path)
+    >>> verify_capture(path).partition("; ")[2]
+    'all 3 frames are readable'
+    """
+    path = Path(path)
+    entry = FORMATS.get(format or detect_format(path))
+    checked = entry.verify(path) if entry is not None and entry.verify is not None else 0
+    capture = open_capture(path, format=format, **options)
+    frames = capture.packed if isinstance(capture, Bits) else capture.images
+    for place, _ in read_in_chunks(frames):
+        progress(place.stop / len(frames))
+    if checked == 0:
+        checksums = "there is no checksum apart from those inside the format"
+    elif checked == 1:
+        checksums = "1 file matches its checksum"
+    else:
+        checksums = f"{checked} files match their checksums"
+    number = "the only frame is" if len(frames) == 1 else f"all {len(frames)} frames are"
+    return f"{checksums}; {number} readable"
