@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from examples.arrays import random_bits, random_frames
+from examples.arrays import random_frames
 
 COUNTS = np.random.default_rng(0).integers(0, 300, (5, 6, 7), np.uint16)
 

@@ -148,8 +148,8 @@ def open_npy_array(path: str | os.PathLike[str]) -> npt.NDArray[Any] | Frames:
     possible = all(0 <= size < _MAX_SIZE for size in shape)
     if not possible or math.prod(shape) * dtype.itemsize > reader.size - start:
         raise ValueError(
-            f"{path}: expected a complete .npy file, but its size of {reader.size} bytes does not "
-            f"fit its header or the header is damaged ({dtype} of shape {shape})"
+            f"{path}: expected a complete .npy file, but its size does not fit its header, or the "
+            f"header is damaged (claims {dtype} of shape {shape}, has {reader.size} bytes)"
         )
     if fortran_order or not shape:
         data = reader.read(start, math.prod(shape) * dtype.itemsize)
