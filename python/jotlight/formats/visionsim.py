@@ -14,7 +14,7 @@ from jotlight.formats.arrays import read_npy
 from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.orientation import transpose_packed
 from jotlight.formats.packing import pack_lazily
-from jotlight.formats.safe_paths import resolve_below
+from jotlight.formats.safe_paths import check_inside, resolve_below
 from jotlight.memory_maps import release
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, concatenate, read_in_chunks
@@ -52,6 +52,8 @@ def open_visionsim(path: Path, options: OpenOptions) -> Bits:
     file = path / _FILE_NAME if path.is_dir() else path
     if not file.is_file():
         raise FileNotFoundError(f"there is no file {file}")
+    if path.is_dir():
+        check_inside(file, path)
     try:
         return _open_frames(file, _read_json(file))
     except (KeyError, TypeError, ValueError, RecursionError) as error:

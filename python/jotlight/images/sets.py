@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from jotlight.errors import warn
 from jotlight.formats.arrays import read_npy, read_npz
+from jotlight.formats.safe_paths import check_inside
 from jotlight.images.io import read_image
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".npy")
@@ -59,7 +60,7 @@ def read_image_set(
         raise ValueError(f"{source}: expected images ({', '.join(ENDINGS)}), found none")
     images = []
     for number, path in enumerate(paths):
-        image = read_image(path, white=white, gray=True)
+        image = read_image(check_inside(path, source), white=white, gray=True)
         if image.ndim != 2 or image.size == 0:
             raise ValueError(f"{path}: expected a gray or RGB image, got shape {image.shape}")
         images.append(np.ascontiguousarray(image, np.float32))
