@@ -1,7 +1,6 @@
 """Photon cubes: packed bits in a `.npy`, with a description next to it."""
 
 import contextlib
-import errno
 import json
 import os
 from collections.abc import Iterator
@@ -11,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.files import atomic_write, flush_to_disk, write_file
+from jotlight.formats.arrays import write_npy
 from jotlight.formats.description import (
     description_path,
     map_path,
@@ -20,10 +20,9 @@ from jotlight.formats.description import (
 )
 from jotlight.formats.labels import make_bits_label
 from jotlight.formats.packing import check_packed
-from jotlight.memory_maps import release
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits, SensorLike
-from jotlight.sensing.frames import Frames, read_in_chunks
+from jotlight.sensing.frames import Frames
 from jotlight.sensing.provenance import Provenance
 
 
@@ -76,62 +75,13 @@ def open_cube(
 
 def write_cube(bits: Bits, path: str | os.PathLike[str]) -> None:
     """Write bits as a cube with its description, completely or not at all."""
-    shape = bits.packed.shape
-    with create_bits(path, shape, bits.width, bits.sensor, bits.provenance) as packed:
-        for place, part in read_in_chunks(bits.packed):
-            packed[place] = part
-            release(packed[place])
-
-
-@contextlib.contextmanager
-def create_bits(
-    path: str | os.PathLike[str],
-    shape: tuple[int, ...],
-    width: int,
-    sensor: SensorLike | None,
-    provenance: Provenance | None = None,
-) -> Iterator[npt.NDArray[np.uint8]]:
-    """Yield a memory map for packed bits. The cube appears when the block ends.
-
-    Parameters
-    ----------
-    path : path
-        The path of the cube, which ends in `.npy`.
-    shape : tuple of int
-        Shape of the packed bits, (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C).
-    width : int
-        W, the true width in jots.
-    sensor : Sensor, optional
-        Sensor of the bits.
-    provenance : Provenance, optional
-        Provenance of the bits.
-
-    Raises
-    ------
-    OSError
-        When the files cannot be written.
-    ValueError
-        When the path has another extension.
-
-    Examples
-    --------
-    >>> import pathlib, tempfile
-    >>> path = pathlib.Path(tempfile.mkdtemp()) / "cube.npy"
-    >>> with create_bits(path, shape=(2, 3, 1), width=5, sensor=None) as packed:
-    ...     packed[:] = 255
-    >>> sorted(file.name for file in path.parent.iterdir())
-    ['cube.json', 'cube.npy']
-    """
     path = Path(path)
-    if path.suffix != ".npy":
-        raise ValueError(f"{path}: expected a name that ends in .npy for packed bits")
-    with describe_cube(path, shape, width, sensor, provenance) as cube:
-        packed = np.lib.format.open_memmap(cube, mode="w+", dtype=np.uint8, shape=shape)
-        # On a full disk, writing to a memory map without allocated blocks would kill the process.
-        _allocate(cube)
-        yield packed
-        packed.flush()
-        del packed
+    shape = bits.packed.shape
+    with (
+        describe_cube(path, shape, bits.width, bits.sensor, bits.provenance) as cube,
+        open_output(cube) as file,
+    ):
+        write_npy(file, bits.packed)
 
 
 @contextlib.contextmanager
@@ -145,7 +95,20 @@ def describe_cube(
     """Yield a temporary path for a cube.
 
     The cube, its description, and its maps appear when the block ends. The maps of an overwritten
-    cube are deleted. See :func:`create_bits` for the parameters.
+    cube are deleted.
+
+    Parameters
+    ----------
+    path : path
+        The path of the cube.
+    shape : tuple of int
+        Shape of the packed bits, (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C).
+    width : int
+        W, the true width in jots.
+    sensor : Sensor, optional
+        Sensor of the bits.
+    provenance : Provenance, optional
+        Provenance of the bits.
 
     Raises
     ------
@@ -185,15 +148,3 @@ def _refuse_foreign_files(cube: Path, description: Path, new_maps: set[Path]) ->
             f"{foreign[0]} would be overwritten by a file that belongs to {cube.name}, but "
             "jotlight did not write it for these bits; move it, or choose another name"
         )
-
-
-def _allocate(path: Path) -> None:
-    """Allocate all blocks of a file on disk, if the operating system supports it."""
-    if not hasattr(os, "posix_fallocate"):
-        return
-    try:
-        with path.open("r+b") as file:
-            os.posix_fallocate(file.fileno(), 0, path.stat().st_size)
-    except OSError as error:
-        if error.errno not in (errno.EOPNOTSUPP, errno.EINVAL):
-            raise

@@ -11,7 +11,7 @@ import numpy as np
 from jotlight.errors import warn
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.labels import BITS, MAX_LABEL_BYTES, VERSION, parse_label
-from jotlight.formats.safe_paths import resolve_sibling
+from jotlight.formats.safe_paths import check_inside, resolve_below
 from jotlight.sensing.maps import MAPS
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
@@ -103,6 +103,7 @@ def read_description(
     path = _existing_description(cube)
     if not path.is_file():
         return None, None, None
+    check_inside(path, cube.parent)
     content = read_own_description(path)
     if content is None:
         warn(f"{path} does not describe bits of jotlight and is not used")
@@ -134,4 +135,5 @@ def read_description(
 def _read_maps(cube: Path, names: Any) -> dict[str, np.ndarray]:
     if not isinstance(names, dict) or not names.keys() <= set(MAPS):
         raise ValueError(f"maps: expected files for {' and '.join(MAPS)}, got {names!r}")
-    return {map_: np.array(read_npy(resolve_sibling(cube, name))) for map_, name in names.items()}
+    paths = {map_: resolve_below(cube, name, "maps") for map_, name in names.items()}
+    return {map_: read_npy(path) for map_, path in paths.items()}

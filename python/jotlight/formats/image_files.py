@@ -182,7 +182,7 @@ def read_mask(path: Path) -> npt.NDArray[np.bool_]:
     [[1, 0, 0], [0, 1, 0]]
     """
     if path.suffix.lower() != ".png":
-        mask = np.array(read_npy(path))
+        mask = read_npy(path)
     else:
         if not path.is_file():
             raise FileNotFoundError(f"there is no file {path}")

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from jotlight.checks import Counts
 from jotlight.files import atomic_write
-from jotlight.formats.arrays import LABEL_MEMBER, read_npy, read_npz_label
+from jotlight.formats.arrays import LABEL_MEMBER, open_npy_array, read_npz_label
 from jotlight.formats.capture import Capture, as_count_stack
 from jotlight.formats.compressed import stream_npy_gz, stream_npz, write_npy_gz
 from jotlight.formats.cube import describe_cube, open_cube, write_cube
@@ -27,8 +27,8 @@ from jotlight.sensing.provenance import Provenance
 
 
 def open_npy(path: Path, options: OpenOptions) -> Capture:
-    """Return the capture in a `.npy` file, which is mapped into memory."""
-    return _open_array(read_npy(path), path, NPY.name, options, options.counts)
+    """Return the capture in a `.npy` file."""
+    return _open_array(open_npy_array(path), path, NPY.name, options, options.counts)
 
 
 def open_npy_gz(path: Path, options: OpenOptions) -> Capture:

@@ -1,12 +1,12 @@
 """Read photographs as intensities, and write images."""
 
-import io
+import contextlib
 import json
 import math
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -66,7 +66,7 @@ def read_image(
     if not path.is_file():
         raise FileNotFoundError(f"there is no image file {path}")
     if path.suffix.lower() == ".npy":
-        array, scale = np.asarray(read_npy(path)), None
+        array, scale = read_npy(path), None
     elif path.suffix.lower() in (".tif", ".tiff"):
         array, scale = _read_tiff(path)
     else:
@@ -101,12 +101,15 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
     from PIL import Image, ImageOps, UnidentifiedImageError
 
     try:
-        png = _checked_png(path)
-        with Image.open(path if png is None else io.BytesIO(png[0])) as file:
+        with contextlib.ExitStack() as stack:
+            # Pillow would map some files into memory if it opened them itself.
+            stream = stack.enter_context(path.open("rb"))
+            png = _checked_png(stream)
+            file = stack.enter_context(Image.open(stream))
             size = file.width * file.height * len(file.getbands())
             check_claimed_size("the header", size, path.stat().st_size)
-            if png is not None and png[1].depth == 16 and png[1].color_type != GRAYSCALE:
-                levels = _read_png16(png[0])
+            if png is not None and png.depth == 16 and png.color_type != GRAYSCALE:
+                levels = _read_png16(stream)
                 return _upright(levels, file.getexif().get(_ORIENTATION, 1)), 65535.0
             image = ImageOps.exif_transpose(file)
             if image.mode in ("I;16", "I;16B", "I"):
@@ -126,23 +129,24 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
         raise ValueError(f"{path}: the image is damaged or truncated ({error})") from error
 
 
-def _checked_png(path: Path) -> tuple[bytes, PngHeader] | None:
-    """Return the bytes and the header of a PNG, all of which is checked, or None for other files.
+def _checked_png(stream: BinaryIO) -> PngHeader | None:
+    """Return the header of a PNG after checking all of its bytes, or None for other files.
 
     Some programs append data to a PNG. Such photographs are read, because the PNG is complete.
     """
-    with path.open("rb") as file:
-        if file.read(len(SIGNATURE)) != SIGNATURE:
-            return None
-    content = path.read_bytes()
-    return content, check_png(content, trailing=True)
+    is_png = stream.read(len(SIGNATURE)) == SIGNATURE
+    stream.seek(0)
+    header = check_png(stream.read(), trailing=True) if is_png else None
+    stream.seek(0)
+    return header
 
 
-def _read_png16(content: bytes) -> npt.NDArray[np.uint16]:
+def _read_png16(stream: BinaryIO) -> npt.NDArray[np.uint16]:
     """Return a 16-bit PNG with transparency or color, which Pillow reduces to 8 bits."""
     import png
 
-    width, height, rows, info = png.Reader(bytes=content).read()
+    stream.seek(0)
+    width, height, rows, info = png.Reader(file=stream).read()
     values = np.array([np.asarray(row, np.uint16) for row in rows])
     values = values.reshape(height, width, info["planes"])
     return values[..., 0] if info["planes"] == 2 else values[..., :3]
