@@ -109,8 +109,8 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
             size = file.width * file.height * len(file.getbands())
             check_claimed_size("the header", size, path.stat().st_size)
             if png is not None and png.depth == 16 and png.color_type != GRAYSCALE:
-                levels = _read_png16(stream)
-                return _upright(levels, file.getexif().get(_ORIENTATION, 1)), 65535.0
+                orientation = file.getexif().get(_ORIENTATION, 1)
+                return _upright(_read_png16(stream), orientation), 65535.0
             image = ImageOps.exif_transpose(file)
             if image.mode in ("I;16", "I;16B", "I"):
                 return np.asarray(image).astype(np.int32), 65535.0
