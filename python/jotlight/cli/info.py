@@ -14,7 +14,8 @@ from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.console import out, progress
 from jotlight.files import atomic_write, refuse_overwrite
 from jotlight.formats import open_capture
-from jotlight.formats.arrays import list_npz_arrays, read_npy, read_npz, read_npz_label
+from jotlight.formats.archives import list_npz_arrays, read_npz, read_npz_label
+from jotlight.formats.arrays import read_npy
 from jotlight.formats.capture import Capture, CountStack, is_single_image
 from jotlight.formats.detect import detect_format
 from jotlight.formats.labels import read_counts_label

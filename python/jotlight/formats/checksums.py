@@ -52,10 +52,15 @@ def check_file(path: Path, checksum: object) -> None:
         When the file cannot be read.
     """
     if file_checksum(path) != checksum:
-        raise ValueError(
-            f"{path}: is damaged or was changed: its SHA-256 is not the one that was stored when "
-            "jotlight wrote it; restore it from a copy"
-        )
+        raise differs_error(path)
+
+
+def differs_error(path: Path) -> ValueError:
+    """Return the error for a file that differs from its checksum."""
+    return ValueError(
+        f"{path}: is damaged or was changed: its SHA-256 is not the one that was stored when "
+        "jotlight wrote it; restore it from a copy"
+    )
 
 
 def seal(content: Mapping[str, Any]) -> str:

@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
-from jotlight.formats.arrays import read_npy, read_npz
+from jotlight.formats.archives import read_npz
+from jotlight.formats.arrays import read_npy
 from jotlight.images.io import read_image
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".npy")
