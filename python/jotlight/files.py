@@ -74,9 +74,9 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
             with _explained_failure(path, temporary):
                 yield temporary
                 temporary.chmod(_permissions(path))
-                _flush_to_disk(temporary)
+                flush_to_disk(temporary)
                 temporary.replace(path)
-                _flush_to_disk(path.parent)
+                flush_to_disk(path.parent)
         finally:
             _unfinished.discard(temporary)
 
@@ -102,10 +102,10 @@ def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
             temporary.chmod(0o777 & ~_umask())
             for folder, _, names in os.walk(temporary):
                 for name in names:
-                    _flush_to_disk(Path(folder, name))
-                _flush_to_disk(Path(folder))
+                    flush_to_disk(Path(folder, name))
+                flush_to_disk(Path(folder))
             temporary.rename(path)
-            _flush_to_disk(path.parent)
+            flush_to_disk(path.parent)
 
 
 @contextlib.contextmanager
@@ -116,7 +116,7 @@ def _reserved(path: Path) -> Iterator[Path]:
         yield temporary
 
 
-def _flush_to_disk(path: Path) -> None:
+def flush_to_disk(path: Path) -> None:
     """Wait until the content of a file, or the names in a folder, are on the disk."""
     on_windows = os.name == "nt"
     if on_windows and path.is_dir():
@@ -156,23 +156,23 @@ def _explained_failure(path: Path, temporary: Path) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        reason = _failed_write(error, temporary)
-        if reason is None:
+        cause = _failed_write(error, temporary)
+        if cause is None:
             raise
-        raise OSError(reason, f"cannot write {path}: {os.strerror(reason)}") from error
+        raise OSError(cause.errno, f"cannot write {path}: {cause.strerror}") from error
 
 
-def _failed_write(error: BaseException | None, temporary: Path) -> int | None:
-    """Return the error number of a failed write that caused an error, or None if none did."""
+def _failed_write(error: BaseException | None, temporary: Path) -> OSError | None:
+    """Return the error of a write to a temporary path that caused an error, or None if none did."""
     while error is not None:
         if isinstance(error, OSError) and error.errno is not None:
             if str(error.strerror).startswith("cannot write"):
                 return None  # It names another file.
             if not isinstance(error.filename, str | bytes | os.PathLike):
                 if error.errno in _FAILED_WRITE:
-                    return error.errno
+                    return error
             elif Path(os.fsdecode(error.filename)).is_relative_to(temporary):
-                return error.errno
+                return error
         error = error.__cause__ or error.__context__
     return None
 

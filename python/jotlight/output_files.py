@@ -1,7 +1,9 @@
 """Files that libraries write to. No failed write goes unnoticed."""
 
 import contextlib
+import errno
 import io
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -62,6 +64,20 @@ class OutputFile(io.BufferedRandom):
         view = memoryview(buffer).cast("B")
         view[size:] = bytes(len(view) - size)
         return size
+
+
+def described_error(text: str, path: Path) -> OSError:
+    """Return the error of a library or program that only states the reason in words.
+
+    Examples
+    --------
+    >>> described_error("cannot write pixels: No space left on device.", Path("a.exr"))
+    OSError(28, 'No space left on device')
+    """
+    for number in errno.errorcode:
+        if os.strerror(number) in text:
+            return OSError(number, os.strerror(number), str(path))
+    return OSError(errno.EIO, text.strip(), str(path))
 
 
 class _RawOutput(io.FileIO):

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy.typing as npt
 
-from jotlight.files import atomic_write
+from jotlight.files import write_file
 
 Tensors = dict[str, npt.NDArray[Any]]
 
@@ -24,8 +24,7 @@ def write_tensors(
     end = 8 + int.from_bytes(content[:8], "little")
     header = json.dumps(json.loads(content[8:end]), sort_keys=True).encode()
     header += b" " * (-len(header) % 8)
-    with atomic_write(path) as temporary:
-        temporary.write_bytes(len(header).to_bytes(8, "little") + header + content[end:])
+    write_file(path, len(header).to_bytes(8, "little") + header + content[end:])
 
 
 def stored_format(path: Path) -> str:

@@ -36,7 +36,7 @@ def test_a_label_of_another_type_is_ignored_with_a_warning(tmp_path, label):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["a"] = COUNTS[0]
         file["a"].attrs["jotlight"] = label  # h5py stores a str with variable length
-    with pytest.warns(jl.JotlightWarning, match="jotlight of /a is not a string of fixed length"):
+    with pytest.warns(jl.JotlightWarning, match="jotlight of a is not a string of fixed length"):
         counts = jl.open(tmp_path / "a.h5")
     np.testing.assert_array_equal(counts, COUNTS[0])
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from jotlight._engine import __version__
 from jotlight.calibration import Calibration
-from jotlight.files import atomic_write
+from jotlight.files import atomic_write, write_file
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
@@ -126,7 +126,7 @@ def recorded(applied: AppliedCalibration | None) -> Iterator[Callable[..., None]
 
         def record(sensor: Sensor, method: str, data: str, provenance: Provenance | None) -> None:
             description = applied.description(sensor, method, data, provenance)
-            temporary.write_text(json.dumps(description, indent=2) + "\n", encoding="utf-8")
+            write_file(temporary, json.dumps(description, indent=2) + "\n")
 
         yield record
 

@@ -1,5 +1,6 @@
 """``jotlight info``: the contents of a file."""
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -76,6 +77,7 @@ def _verify(file: Path, capture: CaptureOptions) -> str:
             key=capture.key,
             counts=capture.counts,
             unpacked=capture.unpacked,
+            isolate=capture.isolate,
         )
 
 
@@ -112,7 +114,7 @@ def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
         if stored_format(file) == CALIBRATION:
             return _calibration_facts(Calibration.load(file))
         return _network_facts(Network.load(file))
-    if capture == CaptureOptions() and file.is_file():
+    if dataclasses.replace(capture, isolate=True) == CaptureOptions() and file.is_file():
         if ending == ".npz" and read_npz_label(file) is None:
             facts = [("kind", "archive of arrays")]
             for name in list_npz_arrays(file):

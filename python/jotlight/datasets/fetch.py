@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from jotlight.errors import warn
+from jotlight.files import atomic_write
+from jotlight.output_files import open_output
 
 Progress = Callable[[float], object]
 """A function that takes the finished share of the work, from 0 to 1."""
@@ -77,22 +79,12 @@ def fetch(source: RemoteFiles, names: Iterable[str], progress: Progress | None =
     missing = [name for name in names if not _is_stored(folder / name, source.hashes[name])]
     if missing:
         _warn_about_download(source, missing, folder)
-        downloads = pooch.create(
-            path=folder, base_url="", registry=dict(source.hashes), urls=dict(source.urls)
-        )
-        # pooch's message for each file would interrupt the progress bar.
-        logger = pooch.get_logger()
-        level = logger.level
-        logger.setLevel("WARNING")
-        try:
-            for number, name in enumerate(missing):
-                bar = _Bar(progress, number, len(missing))
-                # The default chunks of 1 KiB are slow.
-                http = pooch.HTTPDownloader(progressbar=bar, chunk_size=1 << 16, timeout=30)
-                _fetch_file(downloads, source, name, http)
-                bar.update(bar.total)
-        finally:
-            logger.setLevel(level)
+        for number, name in enumerate(missing):
+            bar = _Bar(progress, number, len(missing))
+            # The default chunks of 1 KiB are slow.
+            http = pooch.HTTPDownloader(progressbar=bar, chunk_size=1 << 16, timeout=30)
+            _fetch_file(source, name, folder / name, http)
+            bar.update(bar.total)
     return folder
 
 
@@ -112,22 +104,28 @@ def _warn_about_download(source: RemoteFiles, missing: list[str], folder: Path) 
     )
 
 
-def _fetch_file(downloads: Any, source: RemoteFiles, name: str, http: object) -> None:
+def _fetch_file(source: RemoteFiles, name: str, path: Path, http: Any) -> None:
     # pooch depends on requests.
     from requests import RequestException
 
-    url, path = source.urls[name], downloads.path / name
+    url = source.urls[name]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        downloads.fetch(name, downloader=http)
+        with atomic_write(path) as temporary:
+            with open_output(temporary) as file:
+                http(url, file, None)
+            if not _is_stored(temporary, source.hashes[name]):
+                raise ValueError(f"{path}: another file")
     except RequestException as error:
         raise ConnectionError(
             f"{source.name}: could not fetch {url} ({_reason(error)}); try again later, {_INSTEAD}"
         ) from error
     except OSError as error:
+        reason = str(error.strerror or error)
+        if str(path) not in reason:
+            reason = f"cannot write {path}: {reason}"
         raise type(error)(
-            f"{source.name}: cannot store {path} ({error.strerror or error}); free some space "
-            f"or repair the folder, {_INSTEAD}"
+            f"{source.name}: {reason}; free some space or repair the folder, {_INSTEAD}"
         ) from error
     except ValueError as error:
         raise ValueError(

@@ -16,7 +16,7 @@ from typing import Any
 from jotlight.datasets.fetch import Progress
 from jotlight.experiments.experiment import Data, Experiment, Part, Row, RunContext
 from jotlight.experiments.tables import Facts
-from jotlight.files import atomic_write
+from jotlight.files import write_file
 
 BM3D = "bm3d"
 
@@ -91,7 +91,7 @@ def prepare(
                 "another folder with --output, or delete them with --restart"
             )
     else:
-        _write_text(kept, json.dumps(settings, indent=1))
+        write_file(kept, json.dumps(settings, indent=1))
     return RunContext(settings, parts, data, threads)
 
 
@@ -101,12 +101,11 @@ def run_part(experiment: Experiment, part: Part, folder: Folder, progress: Progr
     result = part.run(progress)
     seconds = time.perf_counter() - start
     for name, content in result.files.items():
-        with atomic_write(folder.parts(experiment.name) / name) as temporary:
-            temporary.write_bytes(content)
+        write_file(folder.parts(experiment.name) / name, content)
     # This file comes last, because it marks the part as finished.
     outcome = {"rows": [_rounded(row) for row in result.rows], "seconds": round(seconds, 3)}
     outcome |= {"date": dt.date.today().isoformat(), "machine": machine()}
-    _write_text(folder.part_file(experiment, part), json.dumps(outcome))
+    write_file(folder.part_file(experiment, part), json.dumps(outcome))
     return seconds
 
 
@@ -165,8 +164,3 @@ def _read_json(path: Path, *keys: str) -> dict[str, Any]:
     if not isinstance(content, dict) or not content.keys() >= set(keys):
         raise ValueError(f"{path}: damaged; delete these results with --restart")
     return content
-
-
-def _write_text(path: Path, text: str) -> None:
-    with atomic_write(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")

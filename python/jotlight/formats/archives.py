@@ -10,7 +10,7 @@ import re
 import zipfile
 from io import BufferedIOBase
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -61,7 +61,7 @@ def read_npz(path: str | os.PathLike[str], key: str | None = None) -> npt.NDArra
             # Not numpy.load, which returns the bytes of a member that is not an array.
             with archive.open(f"{key}.npy") as member:
                 array = np.asarray(np.lib.format.read_array(member, allow_pickle=False))
-                check_end(member)
+                check_end(cast(BufferedIOBase, member))
                 return array
     except (*HEADER_ERRORS, *ARCHIVE_ERRORS) as error:
         if "Object arrays" in str(error):
@@ -127,7 +127,7 @@ def stream_npz(path: Path, key: str | None, *, verified: bool = False) -> npt.ND
     key = select_npz_array(path, key)
 
     def reopen() -> BufferedIOBase:
-        return zipfile.ZipFile(path).open(f"{key}.npy")
+        return cast(BufferedIOBase, zipfile.ZipFile(path).open(f"{key}.npy"))
 
     try:
         return stream_npy(reopen, f"{path}: {key}", path.stat().st_size, verified=verified)
@@ -150,20 +150,20 @@ def read_npz_label(path: Path) -> str | None:
             return None
         with archive.open(_LABEL) as member:
             label = member.read(MAX_LABEL_BYTES).decode()
-            check_end(member)
+            check_end(cast(BufferedIOBase, member))
             return label
 
 
-def finish_npz(path: Path, label: str) -> None:
-    """Add a label, and the checksum of everything, to a `.npz` archive."""
-    with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive:
+def finish_npz(file: IO[bytes], label: str) -> None:
+    """Add a label, and the checksum of everything, to a `.npz` archive that is open for both."""
+    with zipfile.ZipFile(file, "a", zipfile.ZIP_DEFLATED) as archive:
         # A ZipInfo has a fixed time, so equal data yield equal files.
         archive.writestr(zipfile.ZipInfo(_LABEL), label)
         archive.comment = b"sha256:" + b"0" * _DIGITS
-    with path.open("r+b") as file:
-        content = file.read()[:-_DIGITS]
-        file.seek(-_DIGITS, os.SEEK_END)
-        file.write(hashlib.sha256(content).hexdigest().encode())
+    file.seek(0)
+    content = file.read()[:-_DIGITS]
+    file.seek(-_DIGITS, os.SEEK_END)
+    file.write(hashlib.sha256(content).hexdigest().encode())
 
 
 def verify_npz(path: Path) -> int:

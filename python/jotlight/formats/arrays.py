@@ -14,7 +14,7 @@ from typing import IO, Any
 
 import numpy as np
 import numpy.typing as npt
-from isal import isal_zlib
+from isal.igzip_lib import IsalError
 
 HEADER_ERRORS = (
     ValueError,
@@ -28,14 +28,14 @@ HEADER_ERRORS = (
 """Exceptions that NumPy raises when the header of a `.npy` file is damaged."""
 
 # RuntimeError: the member is encrypted, or Python does not support its compression.
-ARCHIVE_ERRORS = (
+ARCHIVE_ERRORS: tuple[type[Exception], ...] = (
     OSError,
     RuntimeError,
     MemoryError,
     zipfile.BadZipFile,
     zlib.error,
     lzma.LZMAError,
-    isal_zlib.error,
+    IsalError,
 )
 """Exceptions that Python raises when a zip archive or a gzip stream is damaged."""
 

@@ -23,8 +23,15 @@ _PLACEHOLDER = "0" * 64
 """Value of the checksum in the text of which the checksum is computed."""
 
 
-def file_checksum(path: Path) -> str:
-    """Return the SHA-256 of a file as 64 hexadecimal digits, as `sha256sum` prints it.
+def file_checksum(path: Path, start: int = 0) -> str:
+    """Return the SHA-256 of a file, as 64 hexadecimal digits, as `sha256sum` prints it.
+
+    Parameters
+    ----------
+    path : path
+        A file.
+    start : int
+        The number of bytes at the beginning of the file that are left out.
 
     Raises
     ------
@@ -40,6 +47,7 @@ def file_checksum(path: Path) -> str:
     'ba7816bf8f01cfea'
     """
     with path.open("rb") as file:
+        file.seek(start)
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

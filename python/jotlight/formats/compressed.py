@@ -20,6 +20,7 @@ from jotlight.formats.arrays import (
     read_header,
 )
 from jotlight.formats.limits import check_claimed_size
+from jotlight.output_files import open_output
 from jotlight.sensing.frames import Frames, read_in_chunks
 
 _CHUNK_BYTES = 1 << 20
@@ -92,7 +93,7 @@ class Stream:
                 self._file, self._position = self._reopen(), 0
             skip_bytes(self._file, position - self._position)
             data = np.empty(size, np.uint8)
-            view, done = memoryview(data), 0
+            view, done = data.data, 0
             while done < size and (count := self._file.readinto(view[done : done + _CHUNK_BYTES])):
                 done += count
             if done < size:
@@ -213,7 +214,7 @@ def write_npy_gz(path: Path, array: npt.NDArray[np.generic] | Frames) -> None:
     """Write an array as a `.npy.gz` file, some frames at a time."""
     header = {"descr": array.dtype.str, "fortran_order": False, "shape": array.shape}
     # The gzip header has no name and no time, so equal data yield equal files.
-    with path.open("wb") as raw, igzip.IGzipFile("", "wb", _LEVEL, raw, mtime=0) as file:
+    with open_output(path) as raw, igzip.IGzipFile("", "wb", _LEVEL, raw, mtime=0) as file:
         np.lib.format.write_array_header_1_0(file, header)
         for _, part in read_in_chunks(array, _CHUNK_BYTES):
             file.write(np.ascontiguousarray(part).tobytes())

@@ -1,7 +1,7 @@
 """Descriptions: a `.json` next to a `.npy` or `.npy.gz` with its metadata and its checksum.
 
-The description of bits states their width, sensor, and provenance. The maps of the sensor are `.npy`
-files of their own, which the description names. The description of counts is their label.
+The description of bits states their width, sensor, and provenance. The maps of the sensor are
+`.npy` files of their own, which the description names. The description of counts is their label.
 """
 
 import contextlib
@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
-from jotlight.files import atomic_write
+from jotlight.files import atomic_write, flush_to_disk, write_file
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.checksums import (
     check_file,
@@ -29,6 +29,7 @@ from jotlight.formats.checksums import (
 from jotlight.formats.compressed import open_gzip
 from jotlight.formats.labels import BITS, COUNTS, MAX_LABEL_BYTES, VERSION
 from jotlight.formats.safe_paths import resolve_sibling
+from jotlight.output_files import open_output
 from jotlight.sensing.maps import MAPS
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
@@ -296,12 +297,14 @@ def write_described(
         text = stack.enter_context(atomic_write(description))
         for name, map_ in maps.items():
             temporary = stack.enter_context(atomic_write(map_paths[name]))
-            with temporary.open("wb") as file:
+            with open_output(temporary) as file:
                 np.save(file, map_)
             entry = {"file": map_paths[name].name, "sha256": file_checksum(temporary)}
             content["maps"] = {**content.get("maps", {}), name: entry}
         yield cube
-        text.write_text(seal({**content, "sha256": file_checksum(cube)}))
+        # If this fails, the old description must still be there.
+        flush_to_disk(cube)
+        write_file(text, seal({**content, "sha256": file_checksum(cube)}))
     for stale in replaced_maps - set(map_paths.values()):
         stale.unlink(missing_ok=True)
 

@@ -21,6 +21,8 @@ class OpenOptions:
     """True width in jots."""
     packed: bool = False
     """Whether the caller states that bytes hold eight bits, which skips :func:`check_packed`."""
+    isolate: bool = False
+    """Whether a child process calls the HDF5 library, which crashes on some damaged files."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -2,9 +2,9 @@
 
 import contextlib
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -13,31 +13,53 @@ from jotlight.checks import Counts
 from jotlight.errors import MissingExtraError, warn
 from jotlight.files import atomic_write
 from jotlight.formats.capture import Capture
+from jotlight.formats.checksums import file_checksum
 from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.hdf5_library import DataSet, Hdf5Library
+from jotlight.formats.isolated import IsolatedLibrary
 from jotlight.formats.labeled import ATTRIBUTE, StoredArray, bits_label, open_stored_array
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import has_type
+from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_in_chunks
 from jotlight.sensing.provenance import Provenance
-
-_MAX_DATA_SETS = 1000
-"""Maximum number of data sets that are listed for a file."""
 
 _MAX_CHUNK_BYTES = 1 << 28
 """Maximum size of a chunk in bytes. The library decompresses a chunk as a whole."""
 
 _WRITTEN_CHUNK_BYTES = 1 << 20
 
+_USER_BLOCK_BYTES = 512
+"""Size of the part before the HDF5 data, which HDF5 leaves to applications."""
 
-def _import_h5py() -> Any:
-    try:
-        import h5py
-    except ImportError as error:
-        raise MissingExtraError(
-            "HDF5 and MATLAB 7.3 files need h5py: pip install 'jotlight[hdf5]'"
-        ) from error
-    return h5py
+_USER_BLOCK = (
+    "jotlight wrote this HDF5 file. This text holds the SHA-256 of all bytes after its 512 bytes, "
+    "as `tail -c +513 FILE | sha256sum` prints it:\n{}\n"
+    "If you changed the file, overwrite this text with zeros or remove it with h5repack.\n"
+)
+"""Text before the HDF5 data, in which the checksum is inserted."""
+
+_MARKS = (b"jotlight wrote", b"SHA-256")
+"""Parts of this text. One of them is there even if the other one is damaged."""
+
+
+class Library(Protocol):
+    """The calls of the HDF5 library, in this process or in a child process."""
+
+    def list_data_sets(self, path: str, attribute: str) -> list[DataSet]:
+        """Return the numeric data sets of a file, each with its label in an attribute."""
+
+    def read(self, data_set: DataSet, start: int, stop: int) -> npt.NDArray[Any]:
+        """Return a part of a data set, along its first dimension."""
+
+
+def load_library(isolate: bool) -> Library:
+    """Return the HDF5 library, in a child process if `isolate` is True.
+
+    Use one library for all files of a capture, so that they share the child process.
+    """
+    return IsolatedLibrary() if isolate else Hdf5Library()
 
 
 @contextlib.contextmanager
@@ -45,17 +67,19 @@ def _naming_file(path: Path) -> Iterator[None]:
     """Raise a ValueError that names the file for every error of the HDF5 library."""
     try:
         yield
-    except (MissingExtraError, FileNotFoundError, PermissionError):
+    except ImportError as error:
+        raise MissingExtraError(
+            "HDF5 and MATLAB 7.3 files need h5py: pip install 'jotlight[hdf5]'"
+        ) from error
+    except (FileNotFoundError, PermissionError):
         raise
-    except ValueError as error:
-        if str(path) in str(error):
+    except Exception as error:  # the library raises many exceptions for damaged files
+        if str(path) in str(error) and isinstance(error, ValueError):
             raise
         raise ValueError(f"{path}: the HDF5 file is damaged ({error})") from error
-    except Exception as error:  # the library raises many exceptions for damaged files
-        raise ValueError(f"{path}: the HDF5 file is damaged ({error})") from error
 
 
-def list_data_sets(path: Path) -> dict[str, StoredArray]:
+def list_data_sets(path: Path, library: Library) -> dict[str, StoredArray]:
     """Return the numeric data sets of an HDF5 file by name. They are read when needed.
 
     Raises
@@ -67,81 +91,110 @@ def list_data_sets(path: Path) -> dict[str, StoredArray]:
     MissingExtraError
         When h5py is not installed.
     """
-    h5py = _import_h5py()
-    arrays: dict[str, StoredArray] = {}
-
-    def visit(name: str, item: Any) -> bool | None:
-        if isinstance(item, h5py.Dataset) and item.dtype.kind in "biuf" and item.ndim > 0:
-            arrays[name] = _check_data_set(path, item)
-        return True if len(arrays) >= _MAX_DATA_SETS else None
-
     with _naming_file(path):
-        # visititems follows no links, so a file cannot lead to another file.
-        h5py.File(path, "r").visititems(visit)
-    return arrays
+        found = library.list_data_sets(str(path), ATTRIBUTE)
+    return {each.name: _check_data_set(path, each, library) for each in found}
 
 
-def _check_data_set(path: Path, item: Any) -> StoredArray:
-    if item.external or item.is_virtual:
-        raise ValueError(f"{path}: {item.name} is in other files, which are not opened")
-    size = math.prod(item.shape) * item.dtype.itemsize
-    check_claimed_size(f"{path}: {item.name}", size, path.stat().st_size)
-    if item.chunks and math.prod(item.chunks) * item.dtype.itemsize > _MAX_CHUNK_BYTES:
-        raise ValueError(f"{path}: {item.name} has chunks of more than {_MAX_CHUNK_BYTES} bytes")
-    label = _read_label(path, item)
+def _check_data_set(path: Path, data_set: DataSet, library: Library) -> StoredArray:
+    if data_set.elsewhere:
+        raise ValueError(f"{path}: {data_set.name} is in other files, which are not opened")
+    dtype = np.dtype(data_set.dtype)
+    size = math.prod(data_set.shape) * dtype.itemsize
+    check_claimed_size(f"{path}: {data_set.name}", size, path.stat().st_size)
+    if data_set.chunk_bytes > _MAX_CHUNK_BYTES:
+        raise ValueError(
+            f"{path}: {data_set.name} has chunks of more than {_MAX_CHUNK_BYTES} bytes"
+        )
+    if data_set.label_ignored:
+        warn(
+            f"{path}: the attribute {ATTRIBUTE} of {data_set.name} is not a string of fixed "
+            "length, so it is ignored"
+        )
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
         with _naming_file(path):
-            return np.asarray(item[start:stop])
+            return np.asarray(library.read(data_set, start, stop))
 
-    return StoredArray(Frames(item.shape, read, item.dtype), label)
-
-
-def _read_label(path: Path, item: Any) -> str | None:
-    """Return the label of a data set, which must be a string of fixed length.
-
-    Strings of variable length are stored in a heap. Such strings are not read, because reading a
-    damaged heap hangs the library.
-    """
-    with _naming_file(path):
-        if ATTRIBUTE not in item.attrs:
-            return None
-        if item.attrs.get_id(ATTRIBUTE).dtype.kind != "S":
-            warn(
-                f"{path}: the attribute jotlight of {item.name} is not a string of fixed length, "
-                "so it is ignored"
-            )
-            return None
-        return bytes(item.attrs[ATTRIBUTE]).decode()
+    return StoredArray(Frames(data_set.shape, read, dtype), data_set.label)
 
 
 def open_hdf5(path: Path, options: OpenOptions) -> Capture:
     """Return the capture in a data set of an HDF5 file."""
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
-    return open_stored_array(list_data_sets(path), Provenance("hdf5", path.name), options)
+    arrays = list_data_sets(path, load_library(options.isolate))
+    return open_stored_array(arrays, Provenance("hdf5", path.name), options)
+
+
+def _verify(path: Path) -> int:
+    """Check the SHA-256 of a file that jotlight wrote, and return the number of such files."""
+    with path.open("rb") as file:
+        start = file.read(_USER_BLOCK_BYTES)
+    if not any(mark in start for mark in _MARKS):
+        return 0
+    if start != _user_block(path):
+        raise ValueError(
+            f"{path}: is damaged or was changed: its SHA-256 is not the one that was stored when "
+            "jotlight wrote it; restore it from a copy, or if you changed it, overwrite its first "
+            f"{_USER_BLOCK_BYTES} bytes with zeros"
+        )
+    return 1
+
+
+def _user_block(path: Path) -> bytes:
+    """Return the text before the HDF5 data of a file that jotlight writes."""
+    text = _USER_BLOCK.format(file_checksum(path, _USER_BLOCK_BYTES))
+    return text.encode().ljust(_USER_BLOCK_BYTES)
+
+
+@contextlib.contextmanager
+def _create(path: Path) -> Iterator[tuple[Any, Callable[[], None]]]:
+    """Yield a new HDF5 file, and a function that raises the error of the first failed write.
+
+    When a write fails, the library keeps the data, and writing them again as the process ends
+    crashes it. So the library learns nothing of failed writes.
+    """
+    with _naming_file(path):
+        import h5py
+    with atomic_write(path) as temporary, open_output(temporary, postpone_errors=True) as output:
+        # The formats of HDF5 1.10 have checksums for metadata, and other software reads them.
+        with h5py.File(
+            output, "w", libver=("v110", "v110"), userblock_size=_USER_BLOCK_BYTES
+        ) as file:
+            yield file, output.check
+        output.flush()
+        output.check()
+        block = _user_block(temporary)
+        output.seek(0)
+        output.write(block)
 
 
 def _write_bits(bits: Bits, path: Path) -> None:
-    h5py = _import_h5py()
     shape = bits.packed.shape
     frame_bytes = math.prod(shape[1:])
     chunks = (max(1, min(shape[0], _WRITTEN_CHUNK_BYTES // frame_bytes)), *shape[1:])
-    with atomic_write(path) as temporary, h5py.File(temporary, "w") as file:
+    with _create(path) as (file, check):
         cube = file.create_dataset(
-            "bits", shape, np.uint8, chunks=chunks, compression="gzip", compression_opts=1
+            "bits",
+            shape,
+            np.uint8,
+            chunks=chunks,
+            compression="gzip",
+            compression_opts=1,
+            fletcher32=True,
         )
         for place, part in read_in_chunks(bits.packed):
             cube[place] = part
+            check()
         cube.attrs[ATTRIBUTE] = np.bytes_(bits_label(bits).encode())
         for name, map_ in (bits.sensor.maps() if bits.sensor else {}).items():
-            file.create_dataset(name, data=map_)
+            file.create_dataset(name, data=map_, fletcher32=True)
 
 
 def _write_counts(counts: Counts, path: Path, label: str | None) -> None:
-    h5py = _import_h5py()
-    with atomic_write(path) as temporary, h5py.File(temporary, "w") as file:
-        image = file.create_dataset("counts", data=counts)
+    with _create(path) as (file, _):
+        image = file.create_dataset("counts", data=counts, fletcher32=True)
         if label is not None:
             image.attrs[ATTRIBUTE] = np.bytes_(label.encode())
 
@@ -153,6 +206,7 @@ HDF5 = Format(
     matches=lambda path: has_type(path, "hdf5"),
     extensions=(".h5", ".hdf5"),
     has_keys=True,
+    verify=_verify,
     writer=Writer(
         bits=_write_bits,
         counts=_write_counts,

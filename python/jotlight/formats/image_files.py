@@ -20,6 +20,7 @@ from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import has_type
 from jotlight.formats.packing import pack_lazily
 from jotlight.formats.tiff_directories import open_checked_tiff
+from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, concatenate
 from jotlight.sensing.provenance import Provenance
@@ -207,11 +208,11 @@ def _smallest_type(counts: Counts) -> npt.NDArray[Any]:
 def _write_tiff(counts: Counts, path: Path, label: str | None) -> None:
     import tifffile
 
-    with atomic_write(path) as temporary:
+    with atomic_write(path) as temporary, open_output(temporary) as file:
         if counts.ndim == 3 and counts.shape[2] not in (3, 4):
             raise ValueError(f"tiff: expected 1 or 3 channels, got {counts.shape[2]}")
         tifffile.imwrite(
-            temporary,
+            file,
             _smallest_type(counts),
             photometric="minisblack" if counts.ndim == 2 else "rgb",
             metadata=None,
@@ -222,13 +223,13 @@ def _write_tiff(counts: Counts, path: Path, label: str | None) -> None:
 def _write_png(counts: Counts, path: Path, label: str | None) -> None:
     from PIL import Image
 
-    with atomic_write(path) as temporary:
+    with atomic_write(path) as temporary, open_output(temporary) as file:
         if counts.ndim != 2 or counts.max() >= 1 << 16:
             raise ValueError(
                 f"png: expected counts (H, W) below 65536, got {counts.shape} up to "
                 f"{counts.max()}; tiff holds more"
             )
-        Image.fromarray(_smallest_type(counts)).save(temporary, "PNG")
+        Image.fromarray(_smallest_type(counts)).save(file, "PNG")
 
 
 PNG = Format(

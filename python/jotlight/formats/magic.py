@@ -6,6 +6,12 @@ from typing import Literal
 ByteOrder = Literal["little", "big"]
 """The order of the bytes of a number in a file."""
 
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+"""Signature of HDF5. It may follow a block that HDF5 leaves to applications."""
+
+_USER_BLOCKS = range(9, 31)
+"""Binary logarithms of the sizes that such a block can have: 512, 1024, 2048, … bytes."""
+
 _SIGNATURES = (
     (b"\x93NUMPY", "npy"),
     (b"\x1f\x8b\x08", "gzip"),
@@ -13,7 +19,7 @@ _SIGNATURES = (
     (b"PK\x05\x06", "zip"),
     (b"MATLAB ", "matlab"),
     (b"\x89PNG\r\n\x1a\n", "png"),
-    (b"\x89HDF\r\n\x1a\n", "hdf5"),
+    (_HDF5, "hdf5"),
     (b"II*\0", "tiff"),
     (b"MM\0*", "tiff"),
     (b"II+\0", "tiff"),
@@ -35,7 +41,17 @@ def file_type(path: Path) -> str | None:
     """
     with path.open("rb") as file:
         start = file.read(16)
-    return next((name for first, name in _SIGNATURES if start.startswith(first)), None)
+        for first, name in _SIGNATURES:
+            if start.startswith(first):
+                return name
+        for exponent in _USER_BLOCKS:
+            file.seek(1 << exponent)
+            start = file.read(len(_HDF5))
+            if start == _HDF5:
+                return "hdf5"
+            if not start:
+                break
+    return None
 
 
 def has_type(path: Path, name: str) -> bool:

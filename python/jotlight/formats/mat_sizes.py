@@ -1,7 +1,13 @@
-"""Sizes stated in a `.mat` file of version 5, checked before SciPy allocates memory for them."""
+"""Checks of a `.mat` file of version 5 to 7, before SciPy reads it.
+
+The sizes that the file states are checked before SciPy allocates memory for them. The checksums of
+compressed variables are checked because SciPy ignores them.
+"""
 
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import ByteOrder
@@ -25,29 +31,65 @@ _MAX_VARIABLES = 10_000
 
 def check_sizes(path: Path) -> None:
     """Raise ValueError if a variable, or a part of it, claims more bytes than the file can hold."""
-    file_bytes = path.stat().st_size
     with path.open("rb") as file:
-        header = file.read(_HEADER_BYTES)
-        if not header.startswith(b"MATLAB 5.0") or header[126:128] not in (b"IM", b"MI"):
-            raise ValueError("it is not of version 5 or 7 (save with -v7 or -v7.3)")
-        order: ByteOrder = "little" if header[126:128] == b"IM" else "big"
-        position = _HEADER_BYTES
-        for _ in range(_MAX_VARIABLES):
-            file.seek(position)
-            tag = file.read(_TAG_BYTES)
-            if not tag:
-                return
-            kind, size = _word(tag, 0, order), _word(tag, 4, order)
-            available = file_bytes - position - _TAG_BYTES
-            if len(tag) < _TAG_BYTES or size > available or kind not in (_COMPRESSED, _MATRIX):
-                raise ValueError("it is truncated or damaged")
+        order = _byte_order(file.read(_HEADER_BYTES))
+        for kind, size in _read_tags(file, order, path.stat().st_size):
             prefix = file.read(min(size, _PREFIX_BYTES))
             if kind == _COMPRESSED:
                 _check_compressed(prefix, size, order)
             else:
                 _check_parts(prefix, size, order)
-            position += _TAG_BYTES + size
+
+
+def check_streams(path: Path) -> None:
+    """Raise ValueError unless all compressed variables are complete and fit their checksums."""
+    with path.open("rb") as file:
+        order = _byte_order(file.read(_HEADER_BYTES))
+        for kind, size in _read_tags(file, order, path.stat().st_size):
+            if kind == _COMPRESSED:
+                _check_stream(file, size, order)
+
+
+def _byte_order(header: bytes) -> ByteOrder:
+    if not header.startswith(b"MATLAB 5.0") or header[126:128] not in (b"IM", b"MI"):
+        raise ValueError("it is not of version 5 or 7 (save with -v7 or -v7.3)")
+    return "little" if header[126:128] == b"IM" else "big"
+
+
+def _read_tags(file: BinaryIO, order: ByteOrder, file_bytes: int) -> Iterator[tuple[int, int]]:
+    """Yield the type and the size of each variable, with the file at its first byte."""
+    position = _HEADER_BYTES
+    for _ in range(_MAX_VARIABLES):
+        file.seek(position)
+        tag = file.read(_TAG_BYTES)
+        if not tag:
+            return
+        kind, size = _word(tag, 0, order), _word(tag, 4, order)
+        position += _TAG_BYTES
+        available = file_bytes - position
+        if len(tag) < _TAG_BYTES or size > available or kind not in (_COMPRESSED, _MATRIX):
+            raise ValueError("it is truncated or damaged")
+        yield kind, size
+        position += size
     raise ValueError(f"it has more than {_MAX_VARIABLES} variables")
+
+
+def _check_stream(file: BinaryIO, size: int, order: ByteOrder) -> None:
+    """Decompress a variable to its end, where zlib checks its Adler-32, in little memory."""
+    stream, position, claimed = zlib.decompressobj(), 0, None
+    while not stream.eof:
+        data = stream.unconsumed_tail
+        if not data:
+            data = file.read(min(size, _PREFIX_BYTES))
+            size -= len(data)
+        part = stream.decompress(data, _PREFIX_BYTES)
+        if claimed is None and len(part) >= _TAG_BYTES:
+            claimed = _TAG_BYTES + _word(part, 4, order)
+        position += len(part)
+        if (not data and not part) or (claimed is not None and position > claimed):
+            raise ValueError("a variable is truncated, or longer than it states")
+    if position != claimed or stream.unused_data or size:
+        raise ValueError("a variable has another length than it states")
 
 
 def _check_compressed(prefix: bytes, compressed_bytes: int, order: ByteOrder) -> None:

@@ -31,6 +31,7 @@ from jotlight.formats.labels import BITS, COUNTS
 from jotlight.formats.magic import has_type
 from jotlight.formats.packing import pack_lazily
 from jotlight.formats.raw import EXTENSIONS as RAW_EXTENSIONS
+from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.provenance import Provenance
@@ -102,7 +103,7 @@ def _is_npy_gz(path: Path) -> bool:
 
 
 def _write_npy_counts(counts: Counts, path: Path, label: str) -> None:
-    with _describe_counts(counts, path, label) as temporary, temporary.open("wb") as file:
+    with _describe_counts(counts, path, label) as temporary, open_output(temporary) as file:
         np.save(file, counts)
 
 
@@ -124,10 +125,9 @@ def _describe_counts(
 
 
 def _write_npz_counts(counts: Counts, path: Path, label: str) -> None:
-    with atomic_write(path) as temporary:
-        with temporary.open("wb") as file:
-            np.savez_compressed(file, counts=counts)
-        finish_npz(temporary, label)
+    with atomic_write(path) as temporary, open_output(temporary) as file:
+        np.savez_compressed(file, counts=counts)
+        finish_npz(file, label)
 
 
 NPY = Format(

@@ -9,6 +9,7 @@ from jotlight.errors import warn
 from jotlight.files import atomic_folder, atomic_write
 from jotlight.formats.compressed import Stream, measure_gzip, naming_file, open_gzip
 from jotlight.formats.magic import file_type
+from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, Packed, concatenate, read_in_chunks
 
@@ -170,7 +171,7 @@ def write_raw(
 def _write_raw_file(
     path: Path, frames: Packed | Frames, encode: Callable[[Packed], Packed], trailer: bytes
 ) -> None:
-    with path.open("wb") as file:
+    with open_output(path) as file:
         for _, part in read_in_chunks(frames, _CHUNK_BYTES):
             file.write(encode(part).tobytes())
         file.write(trailer)

@@ -31,6 +31,7 @@ def open(
     key: str | None = None,
     counts: bool | None = None,
     unpacked: bool | None = None,
+    isolate: bool = False,
 ) -> Bits | npt.NDArray[np.int32]:
     """Return the bits, or the image of counts, in a file or folder of any size.
 
@@ -61,6 +62,10 @@ def open(
         Whether each number is one bit, as 0 and 1 or 0 and 255 (True), or each byte holds eight
         bits (False). Default: each byte holds eight bits, but frames that look unpacked are
         refused.
+    isolate : bool
+        Whether to read HDF5 and MATLAB 7.3 files in a child process, which takes 0.2 s. Damaged
+        files can crash the HDF5 library; then this function raises ValueError, and later reading
+        of the bits does.
 
     Returns
     -------
@@ -100,6 +105,7 @@ def open(
         key=key,
         counts=counts,
         unpacked=unpacked,
+        isolate=isolate,
     )
     if isinstance(capture, Bits):
         return capture
@@ -119,13 +125,14 @@ def open_capture(
     key: str | None = None,
     counts: bool | None = None,
     unpacked: bool | None = None,
+    isolate: bool = False,
 ) -> Capture:
     """Return a capture as :func:`open` does, but do not sum images of counts."""
     path = Path(path)
     if format is not None and format not in FORMATS:
         raise ValueError(f"format: expected one of {', '.join(FORMATS)}, got {format!r}")
     entry = FORMATS[format or detect_format(path)]
-    options = OpenOptions(key, counts, width, packed=unpacked is False)
+    options = OpenOptions(key, counts, width, packed=unpacked is False, isolate=isolate)
     _check_options(path, entry, options, unpacked)
     try:
         if unpacked:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import MissingExtraError
+from jotlight.output_files import described_error
 
 
 def check_exr() -> None:
@@ -32,4 +33,7 @@ def write_exr(path: Path, image: npt.NDArray[Any], note: Mapping[str, Any] | Non
     if note:
         header["comments"] = json.dumps(dict(note))
     values = np.ascontiguousarray(image, np.float32)
-    OpenEXR.File(header, {"Y" if values.ndim == 2 else "RGB": values}).write(str(path))
+    try:
+        OpenEXR.File(header, {"Y" if values.ndim == 2 else "RGB": values}).write(str(path))
+    except RuntimeError as error:
+        raise described_error(str(error), path) from error

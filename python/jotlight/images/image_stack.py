@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.output_files import open_output
+
 NamedImages = Mapping[str, npt.NDArray[Any]]
 
 ENDINGS = (".npz", ".npy", ".tif", ".tiff")
@@ -37,22 +39,23 @@ def stack_writer(
 
     def write(file: Path, images: NamedImages) -> None:
         if suffix == ".npz":
-            with file.open("wb") as handle:
+            with open_output(file) as handle:
                 np.savez_compressed(handle, **images)  # type: ignore[arg-type]
             return
         stack = np.stack([image.astype(np.float32) for image in images.values()])
         if suffix == ".npy":
-            with file.open("wb") as handle:
+            with open_output(file) as handle:
                 np.save(handle, stack)
             return
         import tifffile
 
-        tifffile.imwrite(
-            file,
-            stack,
-            photometric="rgb" if stack.ndim == 4 and stack.shape[3] == 3 else "minisblack",
-            description=json.dumps({**(note or {}), "pages": list(images)}),
-            metadata=None,
-        )
+        with open_output(file) as handle:
+            tifffile.imwrite(
+                handle,
+                stack,
+                photometric="rgb" if stack.ndim == 4 and stack.shape[3] == 3 else "minisblack",
+                description=json.dumps({**(note or {}), "pages": list(images)}),
+                metadata=None,
+            )
 
     return write

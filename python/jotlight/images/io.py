@@ -16,6 +16,7 @@ from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.tiff_directories import open_checked_tiff
 from jotlight.images.color import FloatImage, luma
 from jotlight.images.exr import check_exr, write_exr
+from jotlight.output_files import OutputFile, open_output
 
 DISPLAYED = (".png", ".jpg", ".jpeg")
 """Endings of images for display."""
@@ -217,9 +218,15 @@ def image_writer(
         )
 
     def write(file: Path, image: FloatImage) -> None:
+        if suffix == ".exr":
+            write_exr(file, image, note)
+            return
+        with open_output(file) as handle:
+            encode(handle, image)
+
+    def encode(handle: OutputFile, image: FloatImage) -> None:
         if suffix == ".npy":
-            with file.open("wb") as handle:
-                np.save(handle, image)
+            np.save(handle, image)
         elif suffix in (".tif", ".tiff"):
             import tifffile
 
@@ -227,17 +234,18 @@ def image_writer(
             description: dict[str, Any] = {}
             if note:
                 description = {"description": json.dumps(dict(note)), "metadata": None}
-            tifffile.imwrite(file, image.astype(np.float32), photometric=photometric, **description)
-        elif suffix == ".exr":
-            write_exr(file, image, note)
+            tifffile.imwrite(
+                handle, image.astype(np.float32), photometric=photometric, **description
+            )
         elif depth == 16:
-            _write_png16(file, display_levels(image, white, 65535).astype(np.uint16))
+            _write_png16(handle, display_levels(image, white, 65535).astype(np.uint16))
         else:
             from PIL import Image as PillowImage
 
             levels = display_levels(image, white, 255).astype(np.uint8)
             options = {"optimize": True} if suffix == ".png" else {"quality": 95}
-            PillowImage.fromarray(levels).save(file, **options)
+            kind = "PNG" if suffix == ".png" else "JPEG"
+            PillowImage.fromarray(levels).save(handle, kind, **options)
 
     return write
 
@@ -247,10 +255,9 @@ def display_levels(image: FloatImage, white: float, max_level: int) -> FloatImag
     return np.asarray(np.rint(np.clip(image / np.float64(white), 0, 1) * max_level))
 
 
-def _write_png16(file: Path, values: npt.NDArray[np.uint16]) -> None:
+def _write_png16(file: OutputFile, values: npt.NDArray[np.uint16]) -> None:
     # Pillow has no 16-bit color.
     import png
 
     rows = values.reshape(len(values), -1)
-    with file.open("wb") as handle:
-        png.from_array(rows, "L;16" if values.ndim == 2 else "RGB;16").write(handle)
+    png.from_array(rows, "L;16" if values.ndim == 2 else "RGB;16").write(file)

@@ -4,7 +4,6 @@ import contextlib
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +12,9 @@ from jotlight.errors import MissingExtraError
 from jotlight.files import atomic_folder, atomic_write
 from jotlight.images.color import FloatImage
 from jotlight.images.io import image_writer
+from jotlight.images.mp4 import mp4_writer
 from jotlight.images.tone import Tone
+from jotlight.output_files import OutputFile, open_output
 from jotlight.sensing.bits import Bits
 
 AddImage = Callable[[npt.NDArray[np.float32]], None]
@@ -99,10 +100,10 @@ def video_writer(
     """
     curve = tone or Tone("linear")
     if is_floats(path):
-        with atomic_write(path) as temporary, temporary.open("wb") as file:
+        with atomic_write(path) as temporary, open_output(temporary) as file:
             yield lambda image: _append(file, image, number)
     elif path.suffix:
-        with atomic_write(path) as temporary, _mp4(temporary, fps) as send:
+        with atomic_write(path) as temporary, mp4_writer(temporary, fps) as send:
             yield lambda image: send(curve(image))
     else:
         write = image_writer("a.png", depth=depth)
@@ -112,39 +113,9 @@ def video_writer(
             yield lambda image: write(next(names), curve(image))
 
 
-def _append(file: Any, image: FloatImage, number: int) -> None:
+def _append(file: OutputFile, image: FloatImage, number: int) -> None:
     # The pages of a memory map would stay in memory.
     if file.tell() == 0:
         header = {"descr": "<f4", "fortran_order": False, "shape": (number, *image.shape)}
         np.lib.format.write_array_header_1_0(file, header)
     file.write(image.astype("<f4").tobytes())
-
-
-@contextlib.contextmanager
-def _mp4(path: Path, fps: float) -> Iterator[Callable[[FloatImage], None]]:
-    import imageio_ffmpeg
-
-    if not 0 < fps < 1e4:
-        raise ValueError(f"fps: expected images per second above 0, got {fps}")
-    pipe: Any = None
-
-    def send(image: FloatImage) -> None:
-        nonlocal pipe
-        # H.264 stores color at half the height and width, so both must be even.
-        height, width = image.shape[:2]
-        margins = ((0, height % 2), (0, width % 2), (0, 0))[: image.ndim]
-        levels = np.pad(np.rint(image * 255).astype(np.uint8), margins, mode="edge")
-        if pipe is None:
-            size = (levels.shape[1], levels.shape[0])
-            pixels = "gray" if levels.ndim == 2 else "rgb24"
-            pipe = imageio_ffmpeg.write_frames(
-                str(path), size, pix_fmt_in=pixels, fps=fps, quality=8, macro_block_size=1
-            )
-            pipe.send(None)
-        pipe.send(np.ascontiguousarray(levels))
-
-    try:
-        yield send
-    finally:
-        if pipe is not None:
-            pipe.close()

@@ -16,7 +16,7 @@ from jotlight.experiments.report.overview import overview_section
 from jotlight.experiments.report.page import render_page
 from jotlight.experiments.runner import Folder
 from jotlight.experiments.tables import Facts, read_facts, read_results
-from jotlight.files import atomic_write
+from jotlight.files import write_file
 from jotlight.plots import Panel, comparison
 
 TITLE = "The paper, reproduced"
@@ -87,9 +87,9 @@ def write_report(folder: Folder) -> Report:
         if section.scenes:
             # A wide scene makes a figure that fits a page.
             widest = max(section.scenes, key=lambda scene: scene.size[1] / scene.size[0])
-            _write(folder.results / section.image_file, comparison_jpeg(widest))
+            write_file(folder.results / section.image_file, comparison_jpeg(widest))
     write_markdown(report, folder.results)
-    _write(folder.page, render_page(report).encode())
+    write_file(folder.page, render_page(report))
     return report
 
 
@@ -97,8 +97,8 @@ def write_markdown(report: Report, results: Path) -> None:
     """Write the page of Markdown and its curves into the folder of the tables."""
     for section in report.sections:
         for curve in section.curves:
-            _write(results / f"{curve.name}.svg", curve.svg.encode())
-    _write(results / "reproduction.md", render_markdown(report).encode())
+            write_file(results / f"{curve.name}.svg", curve.svg)
+    write_file(results / "reproduction.md", render_markdown(report))
 
 
 def comparison_jpeg(scene: Scene) -> bytes:
@@ -111,8 +111,3 @@ def comparison_jpeg(scene: Scene) -> bytes:
     file = io.BytesIO()
     comparison(panels, scene.title).savefig(file, format="jpg", dpi=60, pil_kwargs={"quality": 80})
     return file.getvalue()
-
-
-def _write(path: Path, content: bytes) -> None:
-    with atomic_write(path) as temporary:
-        temporary.write_bytes(content)

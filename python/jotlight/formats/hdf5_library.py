@@ -1,0 +1,203 @@
+"""The calls of the HDF5 library that jotlight needs, in this process or in a child process.
+
+A child process runs this file alone (see ``isolated``). It imports nothing of jotlight and neither
+NumPy nor h5py before it needs them, so that it starts fast.
+"""
+
+import dataclasses
+import json
+import math
+import os
+import signal
+import sys
+from typing import Any, BinaryIO
+
+_MAX_DATA_SETS = 1000
+"""Maximum number of data sets that are listed for a file."""
+
+_MAX_OPEN_FILES = 16
+"""Maximum number of files that stay open. A capture may consist of many."""
+
+_MAX_MESSAGE_BYTES = 1 << 26
+"""Maximum size of a message's header. The bytes of frames follow the header."""
+
+_MEMORY = 1 << 30
+"""Memory in bytes that a child process may use, besides twice the bytes that it is asked for."""
+
+SECONDS = 60
+"""Computing time that a request to a child process may take, besides that of its bytes."""
+
+_BYTES_PER_SECOND = 1 << 22
+"""Least number of bytes that a second of computing is expected to read."""
+
+
+@dataclasses.dataclass(frozen=True)
+class DataSet:
+    """What an HDF5 file states about one of its data sets. A hostile file may state anything."""
+
+    path: str
+    name: str
+    shape: tuple[int, ...]
+    dtype: str
+    chunk_bytes: int
+    elsewhere: bool
+    """Whether the data are in other files."""
+    label: str | None
+    """The text in the attribute that was asked for."""
+    label_ignored: bool
+    """Whether this attribute is not a string of fixed length. Others are stored in a heap, and
+    reading a damaged heap hangs the library."""
+
+
+class Hdf5Library:
+    """The HDF5 library. Any exception of its methods means that the file is damaged.
+
+    Exceptions are ImportError if h5py is not installed, FileNotFoundError, and PermissionError.
+    """
+
+    def __init__(self) -> None:
+        self._files: dict[str, dict[str, Any]] = {}
+
+    def list_data_sets(self, path: str, attribute: str) -> list[DataSet]:
+        """Return the numeric data sets of a file."""
+        return [
+            _describe(path, name, item, attribute) for name, item in self._data_sets(path).items()
+        ]
+
+    def read(self, data_set: DataSet, start: int, stop: int) -> Any:
+        """Return a part of a data set, along its first dimension, as an array."""
+        return self._data_sets(data_set.path)[data_set.name][start:stop]
+
+    def _data_sets(self, path: str) -> dict[str, Any]:
+        """Return the numeric data sets of a file, which stays open for the next call."""
+        import h5py
+
+        if path in self._files:
+            return self._files[path]
+        found: dict[str, Any] = {}
+
+        def visit(name: str, item: Any) -> bool | None:
+            if isinstance(item, h5py.Dataset) and item.dtype.kind in "biuf" and item.ndim > 0:
+                found[name] = item
+            return True if len(found) >= _MAX_DATA_SETS else None
+
+        # visititems follows no links, so a file cannot lead to another file.
+        h5py.File(path, "r").visititems(visit)
+        # HDF5 closes a file when nothing refers to its data sets.
+        while len(self._files) >= _MAX_OPEN_FILES:
+            del self._files[next(iter(self._files))]
+        self._files[path] = found
+        return found
+
+
+def _describe(path: str, name: str, item: Any, attribute: str) -> DataSet:
+    label, ignored = None, False
+    if attribute in item.attrs:
+        ignored = item.attrs.get_id(attribute).dtype.kind != "S"
+        label = None if ignored else bytes(item.attrs[attribute]).decode()
+    return DataSet(
+        path,
+        name,
+        tuple(map(int, item.shape)),
+        item.dtype.str,
+        math.prod(item.chunks or (0,)) * item.dtype.itemsize,
+        bool(item.external or item.is_virtual),
+        label,
+        ignored,
+    )
+
+
+def send(stream: BinaryIO, header: dict[str, Any], content: memoryview | None = None) -> None:
+    """Write a message: the length of its header, the header as JSON, and raw bytes."""
+    text = json.dumps(header).encode()
+    stream.write(len(text).to_bytes(4, "little") + text)
+    if content is not None:
+        stream.write(content)
+    stream.flush()
+
+
+def receive(stream: BinaryIO) -> dict[str, Any]:
+    """Return the header of the next message.
+
+    Raises
+    ------
+    EOFError
+        When the other process has ended.
+    """
+    length = stream.read(4)
+    size = int.from_bytes(length, "little")
+    if len(length) < 4 or size > _MAX_MESSAGE_BYTES:
+        raise EOFError
+    text = stream.read(size)
+    if len(text) < size:
+        raise EOFError
+    header = json.loads(text)
+    if not isinstance(header, dict):
+        raise EOFError
+    return header
+
+
+def _serve(requests: BinaryIO, replies: BinaryIO) -> None:
+    """Answer requests until the other process closes the stream or ends."""
+    library = Hdf5Library()
+    while True:
+        try:
+            request = receive(requests)
+        except EOFError:
+            return
+        reply: dict[str, Any] = {}
+        content = None
+        try:
+            _limit_resources(request.get("bytes", 0))
+            if "attribute" in request:
+                found = library.list_data_sets(request["path"], request["attribute"])
+                reply["data_sets"] = [dataclasses.asdict(each) for each in found]
+            else:
+                data_set = DataSet(**request["data_set"])
+                content = _raw_bytes(library.read(data_set, request["start"], request["stop"]))
+                reply["bytes"] = content.nbytes
+        except Exception as error:
+            reply, content = {"error": type(error).__name__, "message": str(error)}, None
+        send(replies, reply, content)
+
+
+def _raw_bytes(array: Any) -> memoryview:
+    import numpy as np
+
+    return np.ascontiguousarray(array).reshape(-1).view(np.uint8).data
+
+
+def _limit_resources(read_bytes: int) -> None:
+    """Limit the memory and the computing time of this process until the next request.
+
+    Time that a slow disk takes does not count. A process above a limit receives an error or ends.
+    """
+    if sys.platform == "win32":
+        return
+    import resource
+
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    seconds = int(used.ru_utime + used.ru_stime) + SECONDS + read_bytes // _BYTES_PER_SECOND
+    for kind, limit in (
+        (resource.RLIMIT_CPU, seconds),
+        (resource.RLIMIT_DATA, _MEMORY + 2 * read_bytes),
+        (resource.RLIMIT_CORE, 0),
+    ):
+        hard = resource.getrlimit(kind)[1]
+        soft = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
+        resource.setrlimit(kind, (soft, hard))
+
+
+def _main() -> None:
+    # Ctrl-C also reaches this process. The one that started it decides when it ends.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    requests = sys.stdin.buffer
+    # Output of the library must not mix with the replies.
+    replies = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    sys.path[:] = receive(requests)["sys_path"]
+    _serve(requests, replies)
+
+
+if __name__ == "__main__":
+    _main()

@@ -1,0 +1,124 @@
+"""Frames in one `.mat` file: versions 5 to 7, which SciPy reads, and 7.3, which is HDF5."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.formats.checksums import check_file
+from jotlight.formats.hdf5 import Library, list_data_sets
+from jotlight.formats.limits import check_claimed_size
+from jotlight.formats.magic import has_type
+from jotlight.formats.mat_sizes import check_sizes, check_streams
+from jotlight.sensing.frames import Frames
+
+VARIABLE = "OUTPUT"
+"""Name of the variable that the software of cameras and jotlight write."""
+
+_NUMERIC_CLASSES = {
+    *("logical", "uint8", "int8", "uint16", "int16", "uint32", "int32", "single", "double"),
+}
+"""Classes of variables that can contain frames."""
+
+
+def open_mat(path: Path, key: str | None, library: Library, checksum: str | None) -> Frames:
+    """Return the frames of one file, (T, H, W).
+
+    Parameters
+    ----------
+    path : path
+        A `.mat` file.
+    key : str, optional
+        Name of the variable.
+    library : Library
+        The HDF5 library, for version 7.3.
+    checksum : str, optional
+        SHA-256 of the file, which is checked when frames are read.
+    """
+    with path.open("rb") as file:
+        start = file.read(128)
+    if b"MATLAB 7.3" in start or has_type(path, "hdf5"):
+        if checksum is not None:
+            raise ValueError(f"{path}: expected the version that jotlight writes, got 7.3")
+        return _open_version_7_3(path, key, library)
+    return _open_version_5(path, key, checksum)
+
+
+def _open_version_5(path: Path, key: str | None, checksum: str | None) -> Frames:
+    """Return the frames of a file up to version 7, which SciPy can read only as a whole."""
+    from scipy.io import loadmat, whosmat
+
+    try:
+        check_sizes(path)
+        variables = {name: (shape, kind) for name, shape, kind in whosmat(path)}
+    except Exception as error:  # SciPy may raise any exception for a damaged file
+        raise ValueError(f"{path}: expected a MATLAB file ({error})") from error
+    numeric = {name: shape for name, (shape, kind) in variables.items() if kind in _NUMERIC_CLASSES}
+    name = _select_variable(path, numeric, key)
+    shape = tuple(int(size) for size in numeric[name])
+    shape = (*shape, 1) if len(shape) == 2 else shape
+    if len(shape) != 3 or min(shape) < 0:
+        raise ValueError(f"{path}: expected {name} of shape (H, W, T), got {shape}")
+    check_claimed_size(str(path), math.prod(shape), path.stat().st_size)
+    # The cache holds the array until the last frame is read, so reading in order loads it once.
+    cache: list[npt.NDArray[Any]] = []
+
+    def read(start: int, stop: int) -> npt.NDArray[Any]:
+        if not cache:
+            if checksum is not None:
+                check_file(path, checksum)
+            try:
+                check_streams(path)
+                array = loadmat(path, variable_names=[name], chars_as_strings=False)[name]
+            except Exception as error:
+                raise ValueError(f"{path}: {name} is damaged ({error})") from error
+            if not isinstance(array, np.ndarray) or array.size != math.prod(shape):
+                raise ValueError(f"{path}: {name} is damaged")
+            cache.append(_as_integers(path, np.moveaxis(array.reshape(shape), 2, 0)))
+        part = cache[0][start:stop]
+        if stop == shape[2]:
+            cache.clear()
+        return part
+
+    return Frames((shape[2], *shape[:2]), read, np.int64)
+
+
+def _open_version_7_3(path: Path, key: str | None, library: Library) -> Frames:
+    """Return the frames of a file of version 7.3, which is HDF5 with dimensions reversed."""
+    data_sets = list_data_sets(path, library)
+    name = _select_variable(
+        path, {name: array.frames.shape for name, array in data_sets.items()}, key
+    )
+    data = data_sets[name].frames
+    shape = data.shape if len(data.shape) == 3 else (1, *data.shape)
+    if len(shape) != 3:
+        raise ValueError(f"{path}: expected {name} of shape (H, W, T), got {data.shape[::-1]}")
+
+    def read(start: int, stop: int) -> npt.NDArray[Any]:
+        part = data.read(start, stop) if len(data.shape) == 3 else np.asarray(data)[None]
+        return _as_integers(path, part.swapaxes(1, 2))
+
+    return Frames((shape[0], shape[2], shape[1]), read, np.int64)
+
+
+def _select_variable(path: Path, variables: dict[str, Any], key: str | None) -> str:
+    if key is None and VARIABLE in variables:
+        return VARIABLE
+    if key is None and len(variables) == 1:
+        return next(iter(variables))
+    if key is None or key not in variables:
+        got = "" if key is None else f", got {key!r}"
+        names = ", ".join(map(str, variables)) or "it has no numeric variable"
+        raise ValueError(f"{path}: expected the name of a variable (--key): {names}{got}")
+    return key
+
+
+def _as_integers(path: Path, part: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
+    """Return whole numbers of any type as int64. MATLAB stores them as floats by default."""
+    with np.errstate(invalid="ignore"):
+        integers = part.astype(np.int64)
+    if part.dtype.kind not in "biuf" or (part.dtype.kind == "f" and (integers != part).any()):
+        raise ValueError(f"{path}: expected bits or counts in whole numbers, got {part.dtype}")
+    return integers
