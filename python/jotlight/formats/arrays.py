@@ -10,7 +10,7 @@ import zipfile
 import zlib
 from pathlib import Path
 from tokenize import TokenError
-from typing import IO, Any
+from typing import IO, Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -28,14 +28,14 @@ HEADER_ERRORS = (
 """Exceptions that NumPy raises when the header of a `.npy` file is damaged."""
 
 # RuntimeError: the member is encrypted, or Python does not support its compression.
-ARCHIVE_ERRORS: tuple[type[Exception], ...] = (
+ARCHIVE_ERRORS = (
     OSError,
     RuntimeError,
     MemoryError,
     zipfile.BadZipFile,
     zlib.error,
     lzma.LZMAError,
-    IsalError,
+    cast(type[Exception], IsalError),
 )
 """Exceptions that Python raises when a zip archive or a gzip stream is damaged."""
 
