@@ -75,6 +75,27 @@ def positive_number(name: str, value: Any) -> float:
     return number
 
 
+def number_in_range(name: str, value: Any, minimum: float, maximum: float) -> float:
+    """Return `value` as a float from `minimum` to `maximum`.
+
+    Raises
+    ------
+    ValueError
+        For anything else, text and bool included.
+
+    Examples
+    --------
+    >>> number_in_range("gain", 2, 1e-18, 1e18)
+    2.0
+    """
+    number = float(real_number(value))
+    if not minimum <= number <= maximum:
+        raise ValueError(
+            f"{name}: expected a number from {minimum:g} to {maximum:g}, got {value!r}"
+        )
+    return number
+
+
 def real_number(value: Any) -> float:
     """Return `value` if it is a single real number, and NaN otherwise, also for text and bool.
 

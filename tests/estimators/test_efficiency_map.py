@@ -168,13 +168,14 @@ def test_a_network_trained_for_a_map_gives_the_same_estimate_after_saving(tmp_pa
 @pytest.mark.parametrize(
     ("efficiency", "message"),
     [
-        (np.zeros((2, 2)), r"efficiency: expected numbers in \(0, 1\].*mask"),
+        (np.zeros((2, 2)), "efficiency: expected numbers from 1e-18 to 1; .*mask"),
         (np.full((2, 2), 1.5), r"relative to the mean.*gain"),
-        (np.full((2, 2), np.nan), r"\(0, 1\]"),
+        (np.full((2, 2), np.nan), "from 1e-18 to 1"),
+        (np.full((2, 2), 1e-19), "from 1e-18 to 1"),
         (np.ones((2, 2, 2)), "a map of numbers with one per jot"),
         (np.array([["a"]]), "a map of numbers"),
-        (0.0, "above 0"),
-        (1.5, r"\(0, 1\], got 1.5"),
+        (0.0, "from 1e-18 to 1, got 0.0"),
+        (1.5, "from 1e-18 to 1, got 1.5"),
     ],
 )
 def test_invalid_efficiencies_are_refused(efficiency, message):

@@ -7,7 +7,6 @@ import pytest
 
 import jotlight as jl
 from examples.arrays import random_bits, random_frames
-from jotlight.formats.cube import create_bits
 
 COUNTS = np.random.default_rng(0).integers(0, 300, (6, 9))
 SENSOR = jl.Sensor(oversampling=2, frames=3, mask=np.eye(4, 6, dtype=bool))
@@ -48,14 +47,6 @@ def test_impossible_counts_are_not_saved(tmp_path, data):
     with pytest.raises(ValueError, match="data: expected counts"):
         jl.save(data, tmp_path / "a.npy")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_cube_is_created_only_as_npy(tmp_path):
-    with (
-        pytest.raises(ValueError, match=r"ends in \.npy"),
-        create_bits(tmp_path / "cube.bin", (1, 2, 1), 8, None),
-    ):
-        pass
 
 
 def test_saved_bits_are_opened_with_their_width_and_sensor(tmp_path):

@@ -5,7 +5,7 @@ import pytest
 
 import jotlight as jl
 from reference import networks
-from reference.networks import random_bits, random_network
+from reference.networks import last_layer, random_bits, random_network
 
 
 def twin(network, bits, dead=None):
@@ -36,7 +36,7 @@ def test_the_estimate_equals_the_twins(channels, sizes, tied, height, width, mas
     if masked:
         dead = rng.random(bits.shape[1:]) < 0.4
         dead[1::3, 1::3] = False
-    estimate = network.reconstruct(jl.Bits.from_array(bits), sensor.replace(mask=dead))
+    estimate = last_layer(network, jl.Bits.from_array(bits), sensor.replace(mask=dead))
     assert (estimate.shape, estimate.dtype) == ((height, width), np.float32)
     np.testing.assert_allclose(estimate, twin(network, bits, dead), atol=2e-5)
 
@@ -53,7 +53,7 @@ def test_tiles_leave_no_seams(channels, sizes, tied, height, width):
     expected = twin(network, bits)
     packed = jl.Bits.from_array(bits)
     for threads in (1, 2, 64):
-        estimate = network.reconstruct(packed, threads=threads)
+        estimate = last_layer(network, packed, threads=threads)
         np.testing.assert_allclose(estimate, expected, atol=5e-5)
 
 
@@ -66,7 +66,7 @@ def test_splines_may_have_more_than_256_knots():
     network = jl.Network(layers, sensor)
     counts = rng.integers(0, 901, (40, 30))
     expected = networks.network(network.layers, counts[None].astype(float))
-    np.testing.assert_allclose(network.reconstruct(counts), expected, atol=2e-5)
+    np.testing.assert_allclose(last_layer(network, counts), expected, atol=2e-5)
 
 
 @pytest.mark.parametrize("oversampling", [1, 7, 9, 12])
@@ -75,7 +75,7 @@ def test_blocks_may_have_any_width(oversampling):
     sensor = jl.Sensor(oversampling=oversampling)
     network = random_network(rng, sensor, [1], [], tied=False)
     bits = random_bits(rng, sensor, 3, 5)
-    estimate = network.reconstruct(jl.Bits.from_array(bits))
+    estimate = last_layer(network, jl.Bits.from_array(bits))
     np.testing.assert_allclose(estimate, twin(network, bits), atol=2e-5)
 
 
@@ -84,14 +84,14 @@ def test_a_mask_without_dead_jots_changes_nothing():
     sensor = jl.Sensor(oversampling=3, frames=2)
     network = random_network(rng, sensor, [3, 1], [(3, 3)], tied=False)
     bits = jl.Bits.from_array(random_bits(rng, sensor, 6, 7))
-    masked = network.reconstruct(bits, sensor.replace(mask=np.zeros((18, 21), bool)))
-    np.testing.assert_array_equal(masked, network.reconstruct(bits))
+    masked = last_layer(network, bits, sensor.replace(mask=np.zeros((18, 21), bool)))
+    np.testing.assert_array_equal(masked, last_layer(network, bits))
 
 
 def test_splines_are_constant_outside_their_knots():
     coefficients = np.random.default_rng(3).normal(0, 1, (1, 9))
     layer = jl.Layer(np.ones((1, 1, 1, 1)), coefficients, 4.0, 1.0)
-    estimate = jl.Network([layer], jl.Sensor(frames=16)).reconstruct(np.arange(17)[None])[0]
+    estimate = last_layer(jl.Network([layer], jl.Sensor(frames=16)), np.arange(17)[None])[0]
     expected = networks.spline(np.arange(17.0), coefficients[0], 4.0, 1.0)
     np.testing.assert_allclose(estimate, expected, atol=1e-6)
     assert len(set(estimate[:5])) == len(set(estimate[10:])) == 1
@@ -104,8 +104,8 @@ def test_the_number_of_threads_does_not_change_the_estimate(threads):
     sensor = jl.Sensor(oversampling=2, frames=3)
     network = random_network(rng, sensor, [3, 2, 1], [(5, 4), (3, 3)], tied=False)
     bits = jl.Bits.from_array(random_bits(rng, sensor, 30, 90))
-    expected = network.reconstruct(bits)
-    np.testing.assert_array_equal(network.reconstruct(bits, threads=threads), expected)
+    expected = last_layer(network, bits)
+    np.testing.assert_array_equal(last_layer(network, bits, threads=threads), expected)
 
 
 @pytest.mark.parametrize(
@@ -124,7 +124,7 @@ def test_a_tile_with_a_border_of_the_halo_equals_the_whole(channels, sizes, halo
     network = random_network(rng, sensor, channels, sizes, tied=False)
     assert network.halo == halo
     bits = random_bits(rng, sensor, 40, 90)
-    whole = network.reconstruct(jl.Bits.from_array(bits))
+    whole = last_layer(network, jl.Bits.from_array(bits))
 
     def part(rows, columns, border):
         outer = [
@@ -132,8 +132,8 @@ def test_a_tile_with_a_border_of_the_halo_equals_the_whole(channels, sizes, halo
             for (low, high), most in zip((rows, columns), (40, 90), strict=True)
         ]
         (top, bottom), (left, right) = outer
-        tile = network.reconstruct(
-            jl.Bits.from_array(bits[:, 2 * top : 2 * bottom, 2 * left : 2 * right])
+        tile = last_layer(
+            network, jl.Bits.from_array(bits[:, 2 * top : 2 * bottom, 2 * left : 2 * right])
         )
         return tile[rows[0] - top : rows[1] - top, columns[0] - left : columns[1] - left]
 
@@ -152,9 +152,9 @@ def test_dead_pixels_are_inpainted(tied):
     mask[6:12, 6:12] = True
     bits = np.random.default_rng(12).random((1, 20, 20)) < 0.5
     with pytest.warns(jl.JotlightWarning, match="9 of 100 pixels"):
-        first = network.reconstruct(jl.Bits.from_array(bits), sensor.replace(mask=mask))
+        first = last_layer(network, jl.Bits.from_array(bits), sensor.replace(mask=mask))
     with pytest.warns(jl.JotlightWarning):
-        second = network.reconstruct(jl.Bits.from_array(bits ^ mask), sensor.replace(mask=mask))
+        second = last_layer(network, jl.Bits.from_array(bits ^ mask), sensor.replace(mask=mask))
     assert np.isfinite(first).all()
     np.testing.assert_array_equal(first, second)
 
@@ -168,7 +168,7 @@ def test_a_pixel_with_one_valid_jot_of_weight_0_is_not_dead():
     bits[0, 1] = 1, 1, 1, 0
     mask = np.zeros((2, 4), bool)
     mask[0, ::2] = True
-    estimate = network.reconstruct(jl.Bits.from_array(bits), network.sensor.replace(mask=mask))
+    estimate = last_layer(network, jl.Bits.from_array(bits), network.sensor.replace(mask=mask))
     np.testing.assert_allclose(estimate, [[2 / 3, 1 / 3]], rtol=1e-6)
 
 
@@ -178,6 +178,6 @@ def test_bands_of_an_untied_network_equal_the_whole(monkeypatch):
     network = random_network(rng, sensor, [2, 1], [(3, 3)], tied=False)
     # The engine tabulates all blocks for this many pixels, but not for the fewer of a band.
     bits = jl.Bits.from_array(random_bits(rng, sensor, 960, 140))
-    whole = network.reconstruct(bits)
+    whole = last_layer(network, bits)
     monkeypatch.setattr("jotlight.networks.inference.FLOPS_PER_BAND", 1)
-    np.testing.assert_array_equal(network.reconstruct(bits), whole)
+    np.testing.assert_array_equal(last_layer(network, bits), whole)

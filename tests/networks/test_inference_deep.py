@@ -9,7 +9,7 @@ from jotlight.networks import inference
 from jotlight.networks.graph import size_divisor
 from reference import deep, networks
 from reference.deep import random_counts, residual_network
-from reference.networks import random_bits
+from reference.networks import last_layer, random_bits
 
 SENSOR = jl.Sensor(oversampling=4)
 ARCHITECTURES = ("small", "medium")
@@ -28,20 +28,20 @@ def test_a_residual_network_equals_its_twin(name, size):
     network = residual_network(name)
     bits = random_bits(np.random.default_rng(1), SENSOR, *size)
     expected = twin(network, bits)
-    estimate = network.reconstruct(jl.Bits.from_array(bits))
+    estimate = last_layer(network, jl.Bits.from_array(bits))
     assert (estimate.shape, estimate.dtype) == (size, np.float32)
     np.testing.assert_allclose(estimate, expected, atol=1e-5)
     counts = bits.reshape(size[0], 4, size[1], 4).sum((1, 3))
-    np.testing.assert_array_equal(network.reconstruct(counts), estimate)
+    np.testing.assert_array_equal(last_layer(network, counts), estimate)
 
 
 @pytest.mark.slow
 def test_an_estimate_of_many_tiles_equals_the_twins():
     network, counts = residual_network("medium"), random_counts(SENSOR, 150, 1060)
     sums = network.layers[0].filters[:, 0] * counts[None]
-    estimate = network.reconstruct(counts, threads=1)
+    estimate = last_layer(network, counts, threads=1)
     np.testing.assert_allclose(estimate, deep.output(network.layers, sums, 4), atol=1e-5)
-    np.testing.assert_array_equal(network.reconstruct(counts, threads=3), estimate)
+    np.testing.assert_array_equal(last_layer(network, counts, threads=3), estimate)
 
 
 @pytest.mark.parametrize("tied", [True, False])
@@ -53,7 +53,7 @@ def test_any_graph_equals_its_twin(tied, size, seed):
     network = deep.random_graph(rng, sensor, tied=tied)
     assert (size_divisor(network.layers), network.halo % 6) == (6, 0)
     bits = random_bits(rng, sensor, *size)
-    estimate = network.reconstruct(jl.Bits.from_array(bits))
+    estimate = last_layer(network, jl.Bits.from_array(bits))
     np.testing.assert_allclose(estimate, twin(network, bits), atol=2e-5)
 
 
@@ -61,7 +61,7 @@ def test_filters_may_be_larger_than_a_multiple_of_the_stride():
     rng = np.random.default_rng(0)
     network = deep.random_graph(rng, SENSOR, odd=True)
     bits = random_bits(rng, SENSOR, 100, 70)
-    estimate = network.reconstruct(jl.Bits.from_array(bits))
+    estimate = last_layer(network, jl.Bits.from_array(bits))
     np.testing.assert_allclose(estimate, twin(network, bits), atol=2e-5)
 
 
@@ -80,10 +80,10 @@ def test_one_layer_may_have_a_stride_and_an_upsampling(stride, upsampling, step,
     assert size_divisor(layers) == step
     network = jl.Network(layers, SENSOR)
     counts = random_counts(SENSOR, *size)
-    estimate = network.reconstruct(counts, threads=1)
+    estimate = last_layer(network, counts, threads=1)
     expected = deep.output(layers, counts[None] / 16, step)
     np.testing.assert_allclose(estimate, expected, atol=1e-5)
-    np.testing.assert_array_equal(network.reconstruct(counts, threads=3), estimate)
+    np.testing.assert_array_equal(last_layer(network, counts, threads=3), estimate)
 
 
 @pytest.mark.parametrize("times", [2, 3, 5])
@@ -98,7 +98,7 @@ def test_tiles_need_not_be_multiples_of_the_upsampling(times):
         jl.Layer(depth, None, upsampling=times),
     ]
     counts = random_counts(SENSOR, 12, 2100)
-    estimate = jl.Network(layers, SENSOR).reconstruct(counts)
+    estimate = last_layer(jl.Network(layers, SENSOR), counts)
     np.testing.assert_allclose(estimate, deep.output(layers, counts[None] / 16, times), atol=1e-5)
 
 
@@ -114,8 +114,8 @@ def test_padded_rows_below_the_estimate_need_the_rows_above():
     counts = random_counts(SENSOR, 65, 9)
     prepared = [layer.engine_layer for layer in layers]
     top, bottom = engine.input_rows(prepared, 65, (64, 65))
-    part = network.reconstruct(counts[top:bottom])
-    np.testing.assert_array_equal(part[64 - top :], network.reconstruct(counts)[64:])
+    part = last_layer(network, counts[top:bottom])
+    np.testing.assert_array_equal(part[64 - top :], last_layer(network, counts)[64:])
 
 
 def test_layers_with_too_many_values_per_pixel_are_refused():
@@ -130,10 +130,10 @@ def test_layers_with_too_many_values_per_pixel_are_refused():
         jl.Layer(down, None, stride=16),
     ]
     with pytest.raises(ValueError, match="values per pixel times the combined stride"):
-        jl.Network(layers, SENSOR).reconstruct(random_counts(SENSOR, 5, 5))
+        last_layer(jl.Network(layers, SENSOR), random_counts(SENSOR, 5, 5))
     # The maximum number of channels fits into a tile of a few rows.
     layers[3], layers[4] = jl.Layer(one, None), jl.Layer(down, None, stride=16)
-    assert jl.Network(layers, SENSOR).reconstruct(random_counts(SENSOR, 5, 5)).shape == (5, 5)
+    assert last_layer(jl.Network(layers, SENSOR), random_counts(SENSOR, 5, 5)).shape == (5, 5)
 
 
 def test_an_untied_deep_network_leaves_out_dead_jots():
@@ -144,7 +144,7 @@ def test_an_untied_deep_network_leaves_out_dead_jots():
     dead = rng.random(bits.shape[1:]) < 0.4
     dead[1::3, 1::3] = False
     sums = networks.block_sums(network.layers[0].filters, bits, 3, dead)
-    estimate = network.reconstruct(jl.Bits.from_array(bits), sensor.replace(mask=dead))
+    estimate = last_layer(network, jl.Bits.from_array(bits), sensor.replace(mask=dead))
     expected = deep.output(network.layers, sums, 6)
     np.testing.assert_allclose(estimate, expected, atol=2e-5)
 
@@ -153,9 +153,9 @@ def test_an_untied_deep_network_leaves_out_dead_jots():
 @pytest.mark.parametrize("size", [(1, 7), (150, 300), (261, 130)])
 def test_the_number_of_threads_changes_nothing(name, size):
     network, counts = residual_network(name), random_counts(SENSOR, *size)
-    one = network.reconstruct(counts, threads=1)
+    one = last_layer(network, counts, threads=1)
     for threads in (2, 7, None):
-        np.testing.assert_array_equal(network.reconstruct(counts, threads=threads), one)
+        np.testing.assert_array_equal(last_layer(network, counts, threads=threads), one)
 
 
 @pytest.mark.parametrize("tied", [True, False])
@@ -166,12 +166,12 @@ def test_bands_equal_the_whole(monkeypatch, tied):
     sensor = network.sensor
     height = 65 * network.halo + 11
     bits = jl.Bits.from_array(random_bits(rng, sensor, height, 25))
-    whole = network.reconstruct(bits)
+    whole = last_layer(network, bits)
     monkeypatch.setattr(inference, "FLOPS_PER_BAND", 1)
-    np.testing.assert_array_equal(network.reconstruct(bits), whole)
+    np.testing.assert_array_equal(last_layer(network, bits), whole)
     if tied:
         counts = bits.counts(sensor.oversampling)
-        np.testing.assert_array_equal(network.reconstruct(counts), whole)
+        np.testing.assert_array_equal(last_layer(network, counts), whole)
 
 
 @pytest.mark.parametrize("name", ARCHITECTURES)
@@ -181,8 +181,8 @@ def test_input_rows_are_enough_and_not_many_more_than_the_halo(name, rows):
     counts = random_counts(SENSOR, 403, 20)
     layers = [layer.engine_layer for layer in network.layers]
     top, bottom = engine.input_rows(layers, 403, rows)
-    part = network.reconstruct(counts[top:bottom])[start - top : stop - top]
-    np.testing.assert_array_equal(part, network.reconstruct(counts)[start:stop])
+    part = last_layer(network, counts[top:bottom])[start - top : stop - top]
+    np.testing.assert_array_equal(part, last_layer(network, counts)[start:stop])
     # Few more rows than one pixel depends on.
     assert bottom - top < 8 * network.halo + stop - start
 
@@ -198,12 +198,12 @@ def test_a_tile_with_a_border_of_the_halo_equals_the_whole(make):
     halo, step = network.halo, size_divisor(network.layers)
     height, width = 4 * halo + 5 * step, 3 * halo + 7 * step
     counts = random_counts(SENSOR, height, width)
-    whole = network.reconstruct(counts)
+    whole = last_layer(network, counts)
     tops = [0, step, height // 2 // step * step]
     for top, left in zip(tops, reversed(tops), strict=True):
         bottom, right = top + 3 * step, left + 2 * step
         first, start = max(0, top - halo), max(0, left - halo)
-        part = network.reconstruct(counts[first : bottom + halo, start : right + halo])
+        part = last_layer(network, counts[first : bottom + halo, start : right + halo])
         np.testing.assert_allclose(
             part[top - first : bottom - first, left - start : right - start],
             whole[top:bottom, left:right],

@@ -307,11 +307,22 @@ def test_repr_names_the_parameters_that_differ_from_their_defaults(sensor, text)
     assert repr(sensor) == text
 
 
-def test_numbers_that_overflow_are_refused():
-    with pytest.raises(ValueError, match="dark_counts"):
-        jl.Sensor(dark_counts=np.full((2, 2), 1e39))
-    with pytest.raises(ValueError, match="gain"):
-        jl.Sensor(gain=1e308).replace(frames=100)
+@pytest.mark.parametrize("number", [5e-324, 9e-19, 1.1e18, 1e308, 10**400, np.nan, np.inf, -1.0])
+@pytest.mark.parametrize("name", ["gain", "max_intensity"])
+def test_numbers_out_of_the_range_of_physics_are_refused(name, number):
+    with pytest.raises(ValueError, match=rf"{name}: expected a number from 1e-18 to 1e[+]18, got"):
+        jl.Sensor(**{name: number})
+
+
+@pytest.mark.parametrize("dark_counts", [1.1e18, np.full((2, 2), 1e39), np.nan, -1e-9])
+def test_dark_counts_out_of_range_are_refused(dark_counts):
+    with pytest.raises(ValueError, match=r"dark_counts: expected numbers from 0 to 1e[+]18"):
+        jl.Sensor(dark_counts=dark_counts)
+
+
+def test_other_numbers_of_frames_do_not_lead_out_of_range():
+    with pytest.raises(ValueError, match="gain: expected a number from 1e-18"):
+        jl.Sensor(gain=1e18).replace(frames=100)
 
 
 @pytest.mark.parametrize("threads", [0, -1, 1025, 10**6])

@@ -168,10 +168,9 @@ def test_the_reconstructor_returns_the_output_of_the_engine():
     for network in (jl.Network.initial(SENSOR, sigma=1.0), jl.Network.conditional("small", rng=0)):
         with torch.no_grad():
             estimate = NetworkReconstructor(network)(y, physics)
-        if network.trials_range is None:
-            expected = network.reconstruct(y[0, 0].numpy().astype(int))
-        else:
-            expected = network.conditioned_on(SENSOR).reconstruct(y[0, 0].numpy().astype(int))
+        if network.trials_range is not None:
+            network = jl.Network(network.conditioned_layers(SENSOR.bits_per_pixel), SENSOR)
+        expected = network.reconstruct(y[0, 0].numpy().astype(int))
         np.testing.assert_allclose(estimate[0, 0], expected, atol=1e-5)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 import jotlight as jl
 from reference import deep
-from reference.networks import random_bits, random_network
+from reference.networks import last_layer, random_bits, random_network
 
 torch = pytest.importorskip("torch")
 from jotlight.torch import NetworkModule  # noqa: E402
@@ -71,7 +71,7 @@ def test_the_module_returns_the_estimate_of_the_engine(make, size):
     data, tensor = random_data(network, size)
     actual = estimate(NetworkModule(network), tensor)
     assert actual.shape == (1, 1, *size)
-    np.testing.assert_allclose(actual[0, 0], network.reconstruct(data), atol=1e-5)
+    np.testing.assert_allclose(actual[0, 0], last_layer(network, data), atol=1e-5)
 
 
 @pytest.mark.parametrize("make", CONDITIONAL.values(), ids=CONDITIONAL)
@@ -82,9 +82,9 @@ def test_a_conditional_module_returns_the_probabilities_of_the_engine(make, tria
     counts = np.random.default_rng(5).integers(0, trials + 1, (2, *size))
     with torch.no_grad():
         actual = NetworkModule(network)(torch.from_numpy(counts).float()[:, None], trials)
-    conditioned = network.conditioned_on(sensor)
+    conditioned = jl.Network(network.conditioned_layers(trials), sensor)
     for image, probability in zip(counts, actual[:, 0], strict=True):
-        np.testing.assert_allclose(probability, conditioned.reconstruct(image), atol=1e-5)
+        np.testing.assert_allclose(probability, last_layer(conditioned, image), atol=1e-5)
 
 
 def test_only_conditional_modules_take_the_number_of_trials():

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from jotlight.formats.archives import read_npz
 from jotlight.formats.arrays import ARCHIVE_ERRORS
 from jotlight.formats.compressed import measure_gzip, open_gzip
+from jotlight.formats.safe_paths import check_inside
 
 ARCHIVE = "cifar-10-binary.tar.gz"
 RECORDS = 10_000
@@ -41,16 +42,16 @@ def read_folder(folder: Path, split: str, names: Sequence[str]) -> Iterator[Leve
             paths = [place / f"{name}{ending}" for name in names]
             missing = [path.name for path in paths if not path.is_file()]
             if not missing:
-                return map(read, paths)
+                return map(read, [check_inside(path, folder) for path in paths])
             if place.is_dir() and (len(missing) < len(paths) or place.name == form):
                 raise FileNotFoundError(
                     f"{place}: expected the files {', '.join(path.name for path in paths)} of "
                     f"CIFAR-10, did not find {', '.join(missing)}; unpack the archive again"
                 )
     if (folder / ARCHIVE).is_file():
-        return read_archive(folder / ARCHIVE, names)
+        return read_archive(check_inside(folder / ARCHIVE, folder), names)
     if (folder / _GRAY).is_file():
-        return iter([_read_gray(folder / _GRAY, split)])
+        return iter([_read_gray(check_inside(folder / _GRAY, folder), split)])
     raise FileNotFoundError(
         f"{folder}: expected CIFAR-10 as {_BINARY}/{names[0]}.bin, {_PYTHON}/{names[0]}, {ARCHIVE} "
         f"or {_GRAY}, found none of these; pass the folder that contains one, or no folder to "

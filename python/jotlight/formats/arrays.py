@@ -5,6 +5,7 @@ for arrays that the file can fill, whatever its header claims.
 """
 
 import lzma
+import math
 import os
 import zipfile
 import zlib
@@ -15,6 +16,9 @@ from typing import IO, Any, cast
 import numpy as np
 import numpy.typing as npt
 from isal.igzip_lib import IsalError
+
+from jotlight.formats.file_reader import FileReader
+from jotlight.sensing.frames import Frames, read_in_chunks
 
 HEADER_ERRORS = (
     ValueError,
@@ -41,6 +45,9 @@ ARCHIVE_ERRORS = (
 
 _MAX_HEADER_BYTES = 1 << 16
 
+_MAX_SIZE = 1 << 63
+"""Upper limit of a dimension in NumPy. An array without elements could claim more."""
+
 
 def check_header(file: IO[bytes]) -> None:
     """Raise ValueError when a file has no `.npy` signature, or claims too long a header.
@@ -63,16 +70,18 @@ def read_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     Raises
     ------
     ValueError
-        When the stream has another signature, or a version other than 1 and 2.
+        When the stream has another signature, or a version other than 1, 2, and 3.
     """
     readers = {
         (1, 0): np.lib.format.read_array_header_1_0,
         (2, 0): np.lib.format.read_array_header_2_0,
+        # Only the encoding of field names differs from version 2, and arrays of numbers have none.
+        (3, 0): np.lib.format.read_array_header_2_0,
     }
     check_header(file)
     version = np.lib.format.read_magic(file)
     if version not in readers:
-        raise ValueError(f"expected version 1 or 2 of the .npy format, got {version}")
+        raise ValueError(f"expected version 1, 2, or 3 of the .npy format, got {version}")
     return readers[version](file)
 
 
@@ -85,7 +94,7 @@ def objects_error(name: str) -> ValueError:
 
 
 def read_npy(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
-    """Return the array of a `.npy` file as a read-only memory map.
+    """Return the array of a `.npy` file, read completely.
 
     Raises
     ------
@@ -102,24 +111,70 @@ def read_npy(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
     >>> read_npy(path).tolist()
     [0, 1, 2]
     """
+    return np.asarray(open_npy_array(path))
+
+
+def open_npy_array(path: str | os.PathLike[str]) -> npt.NDArray[Any] | Frames:
+    """Return the array of a `.npy` file as frames, which are read when they are needed.
+
+    A number, and an array in Fortran order, whose frames are not contiguous, are read completely.
+
+    Raises
+    ------
+    OSError, ValueError
+        As :func:`read_npy`. Frames raise OSError if the file has changed when they are read.
+    """
     path = Path(path)
     if path.is_dir():
         raise IsADirectoryError(f"{path}: expected a .npy file, got a folder")
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
+    reader = FileReader(path)
     try:
         with path.open("rb") as file:
             check_header(file)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     try:
-        return np.lib.format.open_memmap(path, mode="r")
-    except ValueError as error:
-        if "Python objects" in str(error):
-            raise objects_error(str(path)) from error
-        raise ValueError(
-            f"{path}: expected a complete .npy file, but its size does not fit its header "
-            f"or the header is damaged ({error})"
-        ) from error
+        with path.open("rb") as file:
+            shape, fortran_order, dtype = read_header(file)
+            start = file.tell()
     except HEADER_ERRORS as error:
         raise ValueError(f"{path}: the header of the .npy file is damaged ({error})") from error
+    if dtype.hasobject:
+        raise objects_error(str(path))
+    possible = all(0 <= size < _MAX_SIZE for size in shape)
+    if not possible or math.prod(shape) * dtype.itemsize > reader.size - start:
+        raise ValueError(
+            f"{path}: expected a complete .npy file, but its size does not fit its header, or the "
+            f"header is damaged (claims {dtype} of shape {shape}, has {reader.size} bytes)"
+        )
+    if fortran_order or not shape:
+        data = reader.read(start, math.prod(shape) * dtype.itemsize)
+        return np.ndarray(shape, dtype, data, order="F")
+    frame_bytes = math.prod(shape[1:]) * dtype.itemsize
+
+    def read(first: int, stop: int) -> npt.NDArray[Any]:
+        data = reader.read(start + first * frame_bytes, (stop - first) * frame_bytes)
+        return np.ndarray((stop - first, *shape[1:]), dtype, data)
+
+    return Frames(shape, read, dtype)
+
+
+def write_npy(
+    file: IO[bytes], array: npt.NDArray[Any] | Frames, shape: tuple[int, ...] | None = None
+) -> None:
+    """Write an array in the `.npy` format, some frames at a time.
+
+    Parameters
+    ----------
+    file : binary file
+    array : ndarray or Frames
+    shape : tuple of int, optional
+        The shape that the header states, with the same number of elements. Default: that of the
+        array.
+    """
+    header = {"descr": array.dtype.str, "fortran_order": False, "shape": shape or array.shape}
+    np.lib.format.write_array_header_1_0(file, header)
+    for _, part in read_in_chunks(array):
+        file.write(np.ascontiguousarray(part).data)

@@ -4,11 +4,12 @@ JSON files carry the checksums of other files, and their own (`seal`).
 """
 
 import hashlib
+import io
 import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 _KEY = "checksum"
 """Key of sealed JSON that holds its own checksum."""
@@ -49,6 +50,33 @@ def file_checksum(path: Path, start: int = 0) -> str:
     with path.open("rb") as file:
         file.seek(start)
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+class HashingWriter(io.BufferedIOBase):
+    """A file that computes its checksum while it is written from beginning to end.
+
+    Examples
+    --------
+    >>> writer = HashingWriter(io.BytesIO())
+    >>> writer.write(b"abc"), writer.checksum()[:16]
+    (3, 'ba7816bf8f01cfea')
+    """
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file, self._hash = file, hashlib.sha256()
+
+    def writable(self) -> bool:
+        """Return True."""
+        return True
+
+    def write(self, data: Any) -> int:
+        """Write bytes, and return their number."""
+        self._hash.update(data)
+        return self._file.write(data)
+
+    def checksum(self) -> str:
+        """Return the SHA-256 of everything that was written."""
+        return self._hash.hexdigest()
 
 
 def check_file(path: Path, checksum: object) -> None:

@@ -18,10 +18,10 @@ from jotlight.formats.arrays import (
     HEADER_ERRORS,
     objects_error,
     read_header,
+    write_npy,
 )
 from jotlight.formats.limits import check_claimed_size
-from jotlight.output_files import open_output
-from jotlight.sensing.frames import Frames, read_in_chunks
+from jotlight.sensing.frames import Frames
 
 _CHUNK_BYTES = 1 << 20
 """Number of bytes that are decompressed at once."""
@@ -210,11 +210,8 @@ def stream_npy_gz(path: Path, *, verified: bool = False) -> Frames:
     return stream_npy(lambda: open_gzip(path), str(path), path.stat().st_size, verified=verified)
 
 
-def write_npy_gz(path: Path, array: npt.NDArray[np.generic] | Frames) -> None:
+def write_npy_gz(file: IO[bytes], array: npt.NDArray[np.generic] | Frames) -> None:
     """Write an array as a `.npy.gz` file, some frames at a time."""
-    header = {"descr": array.dtype.str, "fortran_order": False, "shape": array.shape}
     # The gzip header has no name and no time, so equal data yield equal files.
-    with open_output(path) as raw, igzip.IGzipFile("", "wb", _LEVEL, raw, mtime=0) as file:
-        np.lib.format.write_array_header_1_0(file, header)
-        for _, part in read_in_chunks(array, _CHUNK_BYTES):
-            file.write(np.ascontiguousarray(part).tobytes())
+    with igzip.IGzipFile("", "wb", _LEVEL, file, mtime=0) as compressed:
+        write_npy(cast(IO[bytes], compressed), array)

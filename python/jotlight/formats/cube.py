@@ -1,10 +1,8 @@
 """Photon cubes: packed bits in a `.npy`, with a description next to it."""
 
 import contextlib
-import errno
-import os
-from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 import numpy.typing as npt
@@ -17,9 +15,8 @@ from jotlight.formats.description import (
 )
 from jotlight.formats.labels import make_bits_label
 from jotlight.formats.packing import check_packed
-from jotlight.memory_maps import release
-from jotlight.sensing.bits import Bits, SensorLike
-from jotlight.sensing.frames import Frames, read_in_chunks
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames
 from jotlight.sensing.provenance import Provenance
 
 
@@ -76,95 +73,14 @@ def open_cube(
         raise ValueError(f"{path}: {error}") from error
 
 
-def write_cube(bits: Bits, path: str | os.PathLike[str]) -> None:
-    """Write bits as a cube with its description, completely or not at all."""
-    shape = bits.packed.shape
-    with create_bits(path, shape, bits.width, bits.sensor, bits.provenance) as packed:
-        for place, part in read_in_chunks(bits.packed):
-            packed[place] = part
-            release(packed[place])
+def describe_bits(bits: Bits, path: Path) -> contextlib.AbstractContextManager[IO[bytes]]:
+    """Return a context that yields a file for packed bits.
 
-
-@contextlib.contextmanager
-def create_bits(
-    path: str | os.PathLike[str],
-    shape: tuple[int, ...],
-    width: int,
-    sensor: SensorLike | None,
-    provenance: Provenance | None = None,
-) -> Iterator[npt.NDArray[np.uint8]]:
-    """Yield a memory map for packed bits. The cube appears when the block ends.
-
-    Parameters
-    ----------
-    path : path
-        The path of the cube, which ends in `.npy`.
-    shape : tuple of int
-        Shape of the packed bits, (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C).
-    width : int
-        W, the true width in jots.
-    sensor : Sensor, optional
-        Sensor of the bits.
-    provenance : Provenance, optional
-        Provenance of the bits.
-
-    Raises
-    ------
-    OSError
-        When the files cannot be written.
-    ValueError
-        When the path has another extension.
-
-    Examples
-    --------
-    >>> import pathlib, tempfile
-    >>> path = pathlib.Path(tempfile.mkdtemp()) / "cube.npy"
-    >>> with create_bits(path, shape=(2, 3, 1), width=5, sensor=None) as packed:
-    ...     packed[:] = 255
-    >>> sorted(file.name for file in path.parent.iterdir())
-    ['cube.json', 'cube.npy']
+    The cube, its description, and its maps appear when the context ends. See
+    :func:`jotlight.formats.description.write_described`.
     """
-    path = Path(path)
-    if path.suffix != ".npy":
-        raise ValueError(f"{path}: expected a name that ends in .npy for packed bits")
-    with describe_cube(path, shape, width, sensor, provenance) as cube:
-        packed = np.lib.format.open_memmap(cube, mode="w+", dtype=np.uint8, shape=shape)
-        # On a full disk, writing to a memory map without allocated blocks would kill the process.
-        _allocate(cube)
-        yield packed
-        packed.flush()
-        del packed
-
-
-@contextlib.contextmanager
-def describe_cube(
-    path: Path,
-    shape: tuple[int, ...],
-    width: int,
-    sensor: SensorLike | None,
-    provenance: Provenance | None,
-) -> Iterator[Path]:
-    """Yield a temporary path for a cube, which appears with its description when the block ends.
-
-    See :func:`create_bits` for the parameters.
-
-    Raises
-    ------
-    FileExistsError
-        When a file that jotlight did not write for this cube would be overwritten.
-    """
-    content = {**make_bits_label(width, sensor, provenance), "shape": list(shape)}
-    with write_described(path, content, {} if sensor is None else sensor.maps()) as cube:
-        yield cube
-
-
-def _allocate(path: Path) -> None:
-    """Allocate all blocks of a file on disk, if the operating system supports it."""
-    if not hasattr(os, "posix_fallocate"):
-        return
-    try:
-        with path.open("r+b") as file:
-            os.posix_fallocate(file.fileno(), 0, path.stat().st_size)
-    except OSError as error:
-        if error.errno not in (errno.EOPNOTSUPP, errno.EINVAL):
-            raise
+    content = {
+        **make_bits_label(bits.width, bits.sensor, bits.provenance),
+        "shape": list(bits.packed.shape),
+    }
+    return write_described(path, content, {} if bits.sensor is None else bits.sensor.maps())

@@ -10,25 +10,24 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, cast
 
-import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
 from jotlight.files import atomic_write, flush_to_disk, write_file
-from jotlight.formats.arrays import read_npy
+from jotlight.formats.arrays import read_npy, write_npy
 from jotlight.formats.checksums import (
+    HashingWriter,
     check_file,
     check_seal,
     differs_error,
-    file_checksum,
     is_sealed,
     seal,
 )
 from jotlight.formats.compressed import open_gzip
 from jotlight.formats.labels import BITS, COUNTS, MAX_LABEL_BYTES, VERSION
-from jotlight.formats.safe_paths import resolve_sibling
+from jotlight.formats.safe_paths import check_inside, resolve_below
 from jotlight.output_files import open_output
 from jotlight.sensing.maps import MAPS
 from jotlight.sensing.provenance import Provenance
@@ -70,7 +69,7 @@ class Description:
                     f"{self.path}: maps: expected an object with file and sha256, got {entry!r}"
                 )
             try:
-                file = resolve_sibling(self.path, entry["file"])
+                file = resolve_below(self.path, entry["file"], "maps")
             except ValueError as error:
                 raise ValueError(f"{self.path}: {error}") from error
             files[name] = file, entry.get("sha256")
@@ -178,6 +177,7 @@ def find_description(cube: Path) -> Description | None:
     path = _existing_description(cube)
     if not path.is_file():
         return None
+    check_inside(path, cube.parent)
     description = _read_own_description(path)
     if description is None:
         warn(f"{path} does not describe bits or counts of jotlight and is not used")
@@ -255,7 +255,7 @@ def read_bits_description(
         maps = {}
         for name, (file, checksum) in description.map_files().items():
             _check_map(file, checksum)
-            maps[name] = np.array(read_npy(file))
+            maps[name] = read_npy(file)
         return width, Sensor.from_parts(content["sensor"], maps), provenance
     except FileNotFoundError as error:
         raise FileNotFoundError(f"{path}: {error}") from error
@@ -266,8 +266,8 @@ def read_bits_description(
 @contextlib.contextmanager
 def write_described(
     path: Path, content: Mapping[str, Any], maps: Mapping[str, npt.NDArray[Any]]
-) -> Iterator[Path]:
-    """Yield a temporary path for a cube.
+) -> Iterator[IO[bytes]]:
+    """Yield a file for a cube, which is written from beginning to end.
 
     The cube, its description, and its maps appear when the block ends. The maps of an overwritten
     cube are deleted.
@@ -297,16 +297,23 @@ def write_described(
         text = stack.enter_context(atomic_write(description))
         for name, map_ in maps.items():
             temporary = stack.enter_context(atomic_write(map_paths[name]))
-            with open_output(temporary) as file:
-                np.save(file, map_)
-            entry = {"file": map_paths[name].name, "sha256": file_checksum(temporary)}
+            with _open_hashed(temporary) as file:
+                write_npy(cast(IO[bytes], file), map_)
+            entry = {"file": map_paths[name].name, "sha256": file.checksum()}
             content["maps"] = {**content.get("maps", {}), name: entry}
-        yield cube
+        with _open_hashed(cube) as file:
+            yield cast(IO[bytes], file)
         # If this fails, the old description must still be there.
         flush_to_disk(cube)
-        write_file(text, seal({**content, "sha256": file_checksum(cube)}))
+        write_file(text, seal({**content, "sha256": file.checksum()}))
     for stale in replaced_maps - set(map_paths.values()):
         stale.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def _open_hashed(path: Path) -> Iterator[HashingWriter]:
+    with open_output(path) as file:
+        yield HashingWriter(file)
 
 
 def _refuse_foreign_files(cube: Path, description: Path, new_maps: set[Path]) -> None:

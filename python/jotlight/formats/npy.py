@@ -6,7 +6,7 @@ An array is a photon cube (packed bits), frames of booleans, or counts.
 import contextlib
 import json
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,10 +14,10 @@ import numpy.typing as npt
 from jotlight.checks import Counts
 from jotlight.files import atomic_write
 from jotlight.formats.archives import finish_npz, read_npz_label, stream_npz, verify_npz
-from jotlight.formats.arrays import read_npy
+from jotlight.formats.arrays import open_npy_array, write_npy
 from jotlight.formats.capture import Capture, as_count_stack
 from jotlight.formats.compressed import stream_npy_gz, write_npy_gz
-from jotlight.formats.cube import describe_cube, open_cube, write_cube
+from jotlight.formats.cube import describe_bits, open_cube
 from jotlight.formats.description import (
     Description,
     check_data,
@@ -38,11 +38,11 @@ from jotlight.sensing.provenance import Provenance
 
 
 def open_npy(path: Path, options: OpenOptions) -> Capture:
-    """Return the capture in a `.npy` file, which is mapped into memory."""
+    """Return the capture in a `.npy` file."""
     description = find_description(path)
     if description is not None and description.format == COUNTS:
         check_data(description, path)
-    return _open_array(read_npy(path), path, NPY.name, options, options.counts, description)
+    return _open_array(open_npy_array(path), path, NPY.name, options, options.counts, description)
 
 
 def open_npy_gz(path: Path, options: OpenOptions) -> Capture:
@@ -102,25 +102,29 @@ def _is_npy_gz(path: Path) -> bool:
     return has_type(path, "gzip") and not path.name.lower().endswith(RAW_EXTENSIONS)
 
 
+def _write_npy_bits(bits: Bits, path: Path) -> None:
+    with describe_bits(bits, path) as file:
+        write_npy(file, bits.packed)
+
+
 def _write_npy_counts(counts: Counts, path: Path, label: str) -> None:
-    with _describe_counts(counts, path, label) as temporary, open_output(temporary) as file:
-        np.save(file, counts)
+    with _describe_counts(counts, path, label) as file:
+        write_npy(file, counts)
 
 
 def _write_npy_gz_bits(bits: Bits, path: Path) -> None:
-    shape = bits.packed.shape
-    with describe_cube(path, shape, bits.width, bits.sensor, bits.provenance) as temporary:
-        write_npy_gz(temporary, bits.packed)
+    with describe_bits(bits, path) as file:
+        write_npy_gz(file, bits.packed)
 
 
 def _write_npy_gz_counts(counts: Counts, path: Path, label: str) -> None:
-    with _describe_counts(counts, path, label) as temporary:
-        write_npy_gz(temporary, counts)
+    with _describe_counts(counts, path, label) as file:
+        write_npy_gz(file, counts)
 
 
 def _describe_counts(
     counts: Counts, path: Path, label: str
-) -> contextlib.AbstractContextManager[Path]:
+) -> contextlib.AbstractContextManager[IO[bytes]]:
     return write_described(path, {**json.loads(label), "shape": list(counts.shape)}, {})
 
 
@@ -137,7 +141,7 @@ NPY = Format(
     matches=lambda path: has_type(path, "npy"),
     extensions=(".npy",),
     writer=Writer(
-        bits=write_cube,
+        bits=_write_npy_bits,
         counts=_write_npy_counts,
         extensions=(".npy",),
         keeps_sensor=True,

@@ -1,8 +1,8 @@
 """Reconstruction networks: linear filters, each followed by cubic B-splines (paper, section 3).
 
-In reading order: `layer` (one layer), `graph` (how layers are connected), `splines` and
-`conditioning` (the B-spline basis, and parameters that depend on K), `architectures` (networks at
-their initial parameters), `network` (the class that users meet), `inference` (how it computes an
-estimate), `network_files` (its file format), and `pretrained` (the trained networks in `weights/`,
-each with a model card).
+In reading order: `layer` (one layer), `graph` (how layers are connected), `bounds` (why no value
+overflows), `splines` and `conditioning` (the B-spline basis, and parameters that depend on K),
+`architectures` (networks at their initial parameters), `network` (the class that users meet),
+`inference` (how it computes an estimate), `network_files` (its file format), and `pretrained` (the
+trained networks in `weights/`, each with a model card).
 """

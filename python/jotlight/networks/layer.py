@@ -16,6 +16,9 @@ TRAINABLE = "all", "filters", "nothing"
 _MAX_STRIDE = 16
 """Largest stride and largest upsampling factor of a layer."""
 
+_MAX_COEFFICIENTS = 1 << 16
+"""Largest number of coefficients of a spline: float32 resolves positions between all its knots."""
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Layer:
@@ -34,7 +37,7 @@ class Layer:
         layers convolve with mirrored padding. A leading axis holds M sets of parameters for a
         K-conditioned network; :meth:`interpolate` reduces them to one.
     coefficients : ndarray of float32, shape (C / upsampling², N_w) or (M, C / upsampling², N_w)
-        Spline coefficients, at least 4 per channel. None: the layer has no splines.
+        Spline coefficients, 4 to 65,536 per channel. None: the layer has no splines.
     start, spacing : float
         First knot, and distance between knots. The spline φ(z) = Σ_k w_k β3((z - start)/spacing -
         (k - 1)) covers [start, start + (N_w - 3) spacing] and is constant outside.
@@ -107,12 +110,13 @@ class Layer:
                 f"filters: expected a multiple of {self.upsampling**2} filters for an upsampling "
                 f"of {self.upsampling}, got {outputs}"
             )
-        if self.coefficients is not None and (
-            self.coefficients.shape[-2] != self.channels or self.coefficients.shape[-1] < 4
-        ):
+        if self.coefficients is None:
+            return
+        rows, number = self.coefficients.shape[-2:]
+        if rows != self.channels or not 4 <= number <= _MAX_COEFFICIENTS:
             raise ValueError(
-                f"coefficients: expected {self.channels} rows, one per channel, of at least 4 "
-                f"coefficients, got shape {self.coefficients.shape}"
+                f"coefficients: expected {self.channels} rows, one per channel, of 4 to "
+                f"{_MAX_COEFFICIENTS} coefficients, got shape {self.coefficients.shape}"
             )
 
     @property

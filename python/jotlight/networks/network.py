@@ -17,6 +17,7 @@ from jotlight.networks.architectures import (
     build_two_layer,
     find_architecture,
 )
+from jotlight.networks.bounds import output_bounds
 from jotlight.networks.conditioning import conditioning_weights, count_sets
 from jotlight.networks.graph import halo_radius, size_divisor
 from jotlight.networks.inference import Inference
@@ -50,7 +51,8 @@ class Network:
     Raises
     ------
     ValueError
-        When the layers do not fit each other, the sensor, or `trials_range`.
+        When the layers do not fit each other, the sensor, or `trials_range`, or when data exist for
+        which a value in the network could overflow.
 
     Examples
     --------
@@ -75,6 +77,9 @@ class Network:
         # Cache for the windows of a video: K, layers, and conditioned layers of the last call.
         self._conditioned: tuple[int, tuple[Layer, ...], tuple[Layer, ...]] | None = None
         self._check_layers()
+        # A K-conditioned network divides the counts by K.
+        largest_input = sensor.bits_per_pixel if self.tied and trials_range is None else 1
+        self._output_bounds = output_bounds(self.layers, largest_input)[-1]
 
     def _check_layers(self) -> None:
         if not self.layers:
@@ -253,31 +258,37 @@ class Network:
         if sensor is None:
             sensor = carried_sensor(data) or self.sensor
         self.check_sensor(sensor)
+        efficiency, dark_counts = reference_jot(sensor)
         if self.trials_range is not None:
-            estimate = self.conditioned_on(sensor).reconstruct(data, sensor, threads=threads)
+            layers = self.conditioned_layers(sensor.bits_per_pixel)
+            inference = Inference(layers, sensor, (efficiency, dark_counts), threads)
+            estimate = map_channels(inference.run, data)
             # In place: memory may not hold the estimate twice.
             rows_at_once = max(1, _PIXELS_AT_ONCE * len(estimate) // estimate.size)
             for rows in pixel_chunks(len(estimate), rows_at_once):
                 estimate[rows] = intensity_from_probability(estimate[rows], sensor, threads)
             return estimate
         # The check has established that both sensors detect equal light at intensity 1.
-        reference = reference_jot(sensor)[0], reference_jot(self.sensor)[1]
-        inference = Inference(self.layers, sensor, reference, threads)
-        return map_channels(inference.run, data)
+        reference = efficiency, reference_jot(self.sensor)[1]
+        estimate = map_channels(Inference(self.layers, sensor, reference, threads).run, data)
+        (low, high), max_intensity = self._output_bounds, np.float32(sensor.max_intensity)
+        if low < 0 or high > max_intensity:
+            np.clip(estimate, 0, max_intensity, out=estimate)
+        return estimate
 
-    def conditioned_on(self, sensor: Sensor) -> "Network":
-        """Return the network with the parameters for the K of a sensor.
+    def conditioned_layers(self, trials: int) -> tuple[Layer, ...]:
+        """Return the layers of a K-conditioned network with the parameters for K = `trials`.
 
-        The output of the returned network is the detection probability P(b = 1).
+        They map counts to the detection probability P(b = 1), up to errors beyond [0, 1].
         """
         assert self.trials_range is not None, "a K-conditioned network"
-        trials, cached = sensor.bits_per_pixel, self._conditioned
+        cached = self._conditioned
         if cached is None or cached[0] != trials or cached[1] is not self.layers:
             weights = conditioning_weights(trials, self.trials_range, count_sets(self.layers))
             first, *others = (layer.interpolate(weights) for layer in self.layers)
             first = dataclasses.replace(first, filters=first.filters / np.float32(trials))
             self._conditioned = cached = trials, self.layers, (first, *others)
-        return Network(cached[2], sensor)
+        return cached[2]
 
     def check_sensor(self, sensor: Sensor) -> None:
         """Check that the network serves the data of a sensor.

@@ -5,7 +5,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import positive_number
+from jotlight.checks import number_in_range
+
+LIMITS = 1e-18, 1e18
+"""Range of a sensor's gain and largest intensity, and of its other numbers where they are not 0.
+
+float32 holds the product and the ratio of any two such numbers.
+"""
 
 MAPS = ("dark_counts", "efficiency", "mask")
 """The parameters of a sensor that may have a value for each jot."""
@@ -48,31 +54,29 @@ def _checked_dark_counts(dark_counts: npt.ArrayLike) -> float | npt.NDArray[np.f
             f"got {dark.dtype} of {dark.ndim} dimensions"
         )
     if dark.ndim == 2:
-        # A sensor stores float32, so numbers that overflow its range must fail the check below.
+        # A sensor stores float32, so numbers that overflow fail the check below.
         with np.errstate(over="ignore"):
             dark = dark.astype(np.float32)
-    if dark.size == 0 or not (np.isfinite(dark).all() and dark.min() >= 0):
-        raise ValueError("dark_counts: expected finite numbers, 0 or more, in range of float32")
+    if dark.size == 0 or not (dark.min() >= 0 and dark.max() <= LIMITS[1]):
+        raise ValueError(f"dark_counts: expected numbers from 0 to {LIMITS[1]:g}")
     return float(dark) if dark.ndim == 0 else _read_only_copy(dark, np.float32)
 
 
 def _checked_efficiency(efficiency: npt.ArrayLike) -> float | npt.NDArray[np.float32]:
     values = np.asarray(efficiency)
     if values.ndim == 0:
-        number = positive_number("efficiency", efficiency)
-        if number > 1:
-            raise ValueError(f"efficiency: expected a number in (0, 1], got {number}")
-        return number
+        return number_in_range("efficiency", efficiency, LIMITS[0], 1)
     if values.dtype.kind not in "iuf" or values.ndim != 2:
         raise ValueError(
             "efficiency: expected a number, or a map of numbers with one per jot, "
             f"got {values.dtype} of {values.ndim} dimensions"
         )
     values = values.astype(np.float32)
-    if values.size == 0 or not (values > 0).all() or values.max() > 1:
+    if values.size == 0 or not (values >= np.float32(LIMITS[0])).all() or values.max() > 1:
         raise ValueError(
-            "efficiency: expected numbers in (0, 1]; divide efficiencies relative to the mean by "
-            "their maximum, and multiply gain by it; mark jots that detect nothing in the mask"
+            f"efficiency: expected numbers from {LIMITS[0]:g} to 1; divide efficiencies relative "
+            "to the mean by their maximum, and multiply gain by it; mark jots that detect nothing "
+            "in the mask"
         )
     return _read_only_copy(values, np.float32)
 

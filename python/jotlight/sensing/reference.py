@@ -3,6 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.sensing.maps import LIMITS
 from jotlight.sensing.response import inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
 
@@ -44,7 +45,8 @@ def saturation_intensity(sensor: Sensor) -> float:
     half = 0.5 / sensor.bits_per_pixel
     rate = float(inverse_detection_probability(sensor.threshold, 1 - half, half))
     light = max(rate - dark, 0.0) / efficiency
-    return light / sensor.light_per_intensity or 1.0
+    intensity = light / sensor.light_per_intensity or 1.0
+    return min(max(intensity, LIMITS[0]), LIMITS[1])
 
 
 def _of_live_jots(map_: npt.NDArray[np.float32], sensor: Sensor) -> npt.NDArray[np.float32]:

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.checks import as_image, positive_number, whole_number_in_range
+from jotlight.checks import as_image, number_in_range, whole_number_in_range
 from jotlight.seeds import SeedLike, seed_bytes
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.maps import MAPS, checked_maps
+from jotlight.sensing.maps import LIMITS, MAPS, checked_maps
 from jotlight.sensing.simulate import Window, draw_bits, evaluate_on_jots, packed_output
 
 KERNELS = ("box", "linear", "quadratic", "cubic")
@@ -35,21 +35,21 @@ class Sensor:
     frames : int
         T: the number of binary frames of the same scene.
     gain : float, optional
-        α: the expected photons on a pixel of intensity 1, over all its jots and frames.
-        Default: K, the number of bits per pixel.
+        α: the expected photons on a pixel of intensity 1, over all its jots and frames, 1e-18 to
+        1e18. Default: K, the number of bits per pixel.
     threshold : int
         q: the minimum number of photons for which a jot reports 1.
     kernel : {"box", "linear", "quadratic", "cubic"}
         The B-spline that spreads a pixel's light. The box keeps it on the pixel's own jots.
     dark_counts : float or array_like of shape (H * K̂, W * K̂)
-        d: the expected detections per jot and frame without light, a number or a map.
+        d: the expected detections per jot and frame without light, 0 to 1e18, a number or a map.
     efficiency : float or array_like of shape (H * K̂, W * K̂)
-        η in (0, 1]: the fraction of the photons that a jot detects, a number or a map.
+        η: the fraction of the photons that a jot detects, 1e-18 to 1, a number or a map.
     mask : array_like of bool of shape (H * K̂, W * K̂), optional
         True marks a dead jot, as in `numpy.ma`. A dead jot always reports 0 in simulation, and
         reconstruction ignores it.
     max_intensity : float
-        S: the largest intensity that an estimate may have.
+        S: the largest intensity that an estimate may have, 1e-18 to 1e18.
 
     Raises
     ------
@@ -94,10 +94,9 @@ class Sensor:
             raise ValueError(f"kernel: expected one of {', '.join(KERNELS)}, got {self.kernel!r}")
         gain: float | None = self.gain
         gain = self.bits_per_pixel if gain is None else gain
-        object.__setattr__(self, "gain", positive_number("gain", gain))
-        object.__setattr__(
-            self, "max_intensity", positive_number("max_intensity", self.max_intensity)
-        )
+        object.__setattr__(self, "gain", number_in_range("gain", gain, *LIMITS))
+        largest = number_in_range("max_intensity", self.max_intensity, *LIMITS)
+        object.__setattr__(self, "max_intensity", largest)
         for name, map_ in checked_maps(self.dark_counts, self.efficiency, self.mask).items():
             object.__setattr__(self, name, map_)
 
@@ -127,7 +126,7 @@ class Sensor:
         new = dataclasses.replace(self, **{"gain": None, **changes})
         if "gain" not in changes:
             gain = self.light_per_intensity * new.bits_per_pixel
-            object.__setattr__(new, "gain", positive_number("gain", gain))
+            object.__setattr__(new, "gain", number_in_range("gain", gain, *LIMITS))
         return new
 
     def rate(self, image: npt.ArrayLike, *, threads: int | None = None) -> npt.NDArray[np.float32]:
@@ -197,7 +196,7 @@ class Sensor:
         frames : slice, optional
             A range of frames. Default: all.
         out : ndarray of uint8, optional
-            The array for the packed bits, of the shape of ``Bits.packed``. It may be a memory map.
+            The array for the packed bits, of the shape of ``Bits.packed``.
         threads : int, optional
             The number of threads. Default: all.
         progress : callable, optional

@@ -235,10 +235,11 @@ class BitSplitter:
         """
         total = bits = 0.0
         for split in self.held_out:
-            bound = network
+            layers, sensor = network.layers, network.sensor
             if self.conditional:
-                bound = network.conditioned_on(self.sensor_with_trials(split.input_trials))
-            inference = Inference(bound.layers, bound.sensor, self.reference, threads)
+                sensor = self.sensor_with_trials(split.input_trials)
+                layers = network.conditioned_layers(sensor.bits_per_pixel)
+            inference = Inference(layers, sensor, self.reference, threads)
             output = inference.run_counts(split.counts[0].numpy())
             estimate = torch.from_numpy(output).double()[None, None]
             total += split.target_bits * float(self.negative_log_likelihood(estimate, split))

@@ -196,10 +196,13 @@ class NetworkReconstructor(Reconstructor):  # type: ignore[misc, unused-ignore]
         self.module = NetworkModule(network)
 
     def forward(self, y: Tensor, physics: SensorPhysics, **_: Any) -> Tensor:
-        """Return intensities (N, 1, H, W), or P(b = 1) for a K-conditioned network."""
-        trials = physics.sensing.sensor.bits_per_pixel
-        estimates: Tensor = self.module(y, trials if self.module.origin.trials_range else None)
-        return estimates
+        """Return intensities (N, 1, H, W) in [0, S], or P(b = 1) for a K-conditioned network."""
+        origin, sensor = self.module.origin, physics.sensing.sensor
+        if origin.trials_range is None:
+            intensities: Tensor = self.module(y).clamp(0, origin.sensor.max_intensity)
+            return intensities
+        probabilities: Tensor = self.module(y, sensor.bits_per_pixel).clamp(0, 1)
+        return probabilities
 
 
 class NetworkDenoiser(Denoiser):  # type: ignore[misc, unused-ignore]

@@ -5,6 +5,14 @@ from scipy.interpolate import BSpline
 from scipy.ndimage import convolve
 
 import jotlight as jl
+from jotlight.networks.inference import Inference
+from jotlight.sensing.reference import reference_jot
+
+
+def last_layer(network, data, sensor=None, *, threads=None):
+    """Return the output of the last layer, which an estimate clips to [0, S]."""
+    sensor = sensor or network.sensor
+    return Inference(network.layers, sensor, reference_jot(network.sensor), threads).run(data)
 
 
 def random_layer(rng, filters, *, low=-2.0, high=3.0, number=11):
