@@ -59,12 +59,12 @@ def test_frames_can_lie_in_a_folder_below_but_not_elsewhere(tmp_path):
     (folder / "frames").rename(tmp_path / "frames")
     for target in (tmp_path / "frames", folder / "frames"):
         (folder / "frames").symlink_to(target)
-        with pytest.raises(ValueError, match="file in the same folder or below"):
+        with pytest.raises(ValueError, match=r"is outside of|lead nowhere"):
             jl.open(folder)
         (folder / "frames").unlink()
     (folder / "frames").mkdir()
     (folder / "frames" / "0000.npy").symlink_to(tmp_path / "frames" / "0000.npy")
-    with pytest.raises(ValueError, match="file in the same folder or below"):
+    with pytest.raises(ValueError, match="is outside of"):
         jl.open(folder)
 
 

@@ -1,14 +1,16 @@
 """Readers of the file formats of CIFAR-10, which never run code from a file."""
 
 import itertools
-import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.formats.arrays import read_npz
+from jotlight.formats.archives import read_npz
+from jotlight.formats.arrays import ARCHIVE_ERRORS
+from jotlight.formats.compressed import measure_gzip, open_gzip
+from jotlight.formats.safe_paths import check_inside
 
 ARCHIVE = "cifar-10-binary.tar.gz"
 RECORDS = 10_000
@@ -40,16 +42,16 @@ def read_folder(folder: Path, split: str, names: Sequence[str]) -> Iterator[Leve
             paths = [place / f"{name}{ending}" for name in names]
             missing = [path.name for path in paths if not path.is_file()]
             if not missing:
-                return map(read, paths)
+                return map(read, [check_inside(path, folder) for path in paths])
             if place.is_dir() and (len(missing) < len(paths) or place.name == form):
                 raise FileNotFoundError(
                     f"{place}: expected the files {', '.join(path.name for path in paths)} of "
                     f"CIFAR-10, did not find {', '.join(missing)}; unpack the archive again"
                 )
     if (folder / ARCHIVE).is_file():
-        return read_archive(folder / ARCHIVE, names)
+        return read_archive(check_inside(folder / ARCHIVE, folder), names)
     if (folder / _GRAY).is_file():
-        return iter([_read_gray(folder / _GRAY, split)])
+        return iter([_read_gray(check_inside(folder / _GRAY, folder), split)])
     raise FileNotFoundError(
         f"{folder}: expected CIFAR-10 as {_BINARY}/{names[0]}.bin, {_PYTHON}/{names[0]}, {ARCHIVE} "
         f"or {_GRAY}, found none of these; pass the folder that contains one, or no folder to "
@@ -124,21 +126,22 @@ def read_archive(path: Path, names: Sequence[str]) -> Iterator[Levels]:
     pending: dict[str, Levels] = {}
     yielded = 0
     try:
-        with tarfile.open(path, "r:gz") as archive:
+        measure_gzip(path)  # which compares the checksum before any image is returned
+        with open_gzip(path) as file, tarfile.open(fileobj=file, mode="r:") as archive:
             # Read in the order of the archive: seeking back would decompress it from the start.
             for member in archive:
                 if member.name not in expected[yielded:] or not member.isreg():
                     continue
                 _check_binary(f"{path}: {member.name}", member.size)
-                file = archive.extractfile(member)
-                assert file is not None  # a regular file has content
-                pending[member.name] = _decode_binary(file.read())
+                content = archive.extractfile(member)
+                assert content is not None  # a regular file has content
+                pending[member.name] = _decode_binary(content.read())
                 while yielded < len(expected) and expected[yielded] in pending:
                     yield pending.pop(expected[yielded])
                     yielded += 1
                 if yielded == len(expected):
                     return
-    except (tarfile.TarError, zlib.error, EOFError, OSError) as error:
+    except (tarfile.TarError, EOFError, *ARCHIVE_ERRORS) as error:
         raise ValueError(f"{path}: the archive is damaged ({error}); fetch it again") from error
     raise FileNotFoundError(f"{path}: expected {expected[yielded]} in the archive, found none")
 

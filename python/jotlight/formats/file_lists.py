@@ -3,6 +3,8 @@
 import re
 from pathlib import Path
 
+from jotlight.formats.safe_paths import list_below
+
 _MAX_FILES = 1_000_000
 """Maximum number of files in a capture."""
 
@@ -40,15 +42,15 @@ def list_files(path: Path, extensions: tuple[str, ...], kind: str) -> list[Path]
     FileNotFoundError
         When there is nothing at the path.
     ValueError
-        When a folder has no such file, or too many.
+        When a folder has no such file, or too many, or a link in it leads out of it.
     """
     if path.is_file():
         return [path]
     if not path.is_dir():
         raise FileNotFoundError(f"there is no file or folder {path}")
     found = []
-    for file in path.rglob("*"):
-        if file.name.lower().endswith(extensions) and file.is_file() and file.name[0] != ".":
+    for file in list_below(path, extensions):
+        if file.name[0] != ".":
             found.append(file)
         if len(found) > _MAX_FILES:
             raise ValueError(f"{path}: expected at most {_MAX_FILES} files, got more")

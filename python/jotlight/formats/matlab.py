@@ -17,6 +17,7 @@ from jotlight.formats.hdf5 import load_library
 from jotlight.formats.magic import has_type
 from jotlight.formats.mat_files import VARIABLE, open_mat
 from jotlight.formats.packing import pack_lazily
+from jotlight.formats.safe_paths import check_inside
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import concatenate
@@ -48,6 +49,7 @@ def open_matlab(path: Path, options: OpenOptions) -> Capture:
         files = sorted(path.glob("part_*.mat"), key=natural_sort_key)
         if not files:
             raise ValueError(f"{path}: expected part_1.mat and so on, got none")
+        files = [check_inside(file, path) for file in files]
         info = _read_info(path, [file.name for file in files])
         notes.append(f"{len(files)} parts in the natural order of their names")
     elif not path.is_file():
@@ -86,6 +88,7 @@ def _read_info(folder: Path, parts: list[str]) -> _Info | None:
     path = folder / _INFO
     if not path.is_file():
         return None
+    check_inside(path, folder)
     try:
         if path.stat().st_size > _MAX_INFO_BYTES:
             raise ValueError("it is too long")

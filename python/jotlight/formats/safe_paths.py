@@ -1,7 +1,76 @@
-"""File names that a description states, checked so that they cannot point elsewhere."""
+"""One rule for the files that jotlight opens although the user did not pass their paths.
 
-import contextlib
+The user passes the path of a file or folder, which may lead through symbolic links. jotlight opens
+other files only because a folder contains them or a file names them. Such a file must lie in the
+folder that was passed, or in the folder of the file that names it, or below. Symbolic links are
+followed before this is checked. So a capture from a stranger cannot lead to private files.
+"""
+
+import os
+from collections.abc import Iterator
 from pathlib import Path
+
+LINK_FOLDERS = "JOTLIGHT_LINK_FOLDERS"
+"""Environment variable: further folders to which links may lead, separated as in PATH."""
+
+
+def check_inside(file: Path, folder: Path) -> Path:
+    """Return a file or folder if it lies in `folder` or below, after links are followed.
+
+    Raises
+    ------
+    ValueError
+        When it lies elsewhere, unless :data:`LINK_FOLDERS` allows that place.
+
+    Examples
+    --------
+    >>> check_inside(Path("a/b.npy"), Path("a")).name
+    'b.npy'
+    """
+    try:
+        target = file.resolve()
+        allowed = [part for part in os.environ.get(LINK_FOLDERS, "").split(os.pathsep) if part]
+        if any(target.is_relative_to(place.resolve()) for place in (folder, *map(Path, allowed))):
+            return file
+    except (OSError, RuntimeError) as error:  # symbolic links can form a cycle
+        raise ValueError(f"{file}: its symbolic links lead nowhere ({error})") from error
+    raise ValueError(
+        f"{file}: leads to {target}, which is outside of the folder {folder}; copy it into the "
+        f"folder, or allow its place with the environment variable {LINK_FOLDERS}={target.parent}"
+    )
+
+
+def list_below(folder: Path, extensions: tuple[str, ...] = ("",)) -> Iterator[Path]:
+    """Yield the files with these extensions, in lower case, in a folder and below it.
+
+    Links to folders are followed. A folder that several paths lead to is listed once.
+
+    Raises
+    ------
+    OSError
+        When a folder cannot be read.
+    ValueError
+        When a link leads out of the folder.
+    """
+    status = folder.stat()
+    seen, waiting = {(status.st_dev, status.st_ino)}, [folder]
+    while waiting:
+        with os.scandir(waiting.pop()) as entries:
+            for entry in entries:
+                is_folder = entry.is_dir()
+                if not is_folder and not entry.name.lower().endswith(extensions):
+                    continue
+                path = Path(entry.path)
+                if entry.is_symlink():
+                    check_inside(path, folder)
+                if not is_folder:
+                    if entry.is_file():
+                        yield path
+                    continue
+                status = entry.stat()
+                if (status.st_dev, status.st_ino) not in seen:
+                    seen.add((status.st_dev, status.st_ino))
+                    waiting.append(path)
 
 
 def resolve_below(path: Path, name: object, parameter: str) -> Path:
@@ -13,31 +82,13 @@ def resolve_below(path: Path, name: object, parameter: str) -> Path:
         When `name` is not a relative path, or leads out of the folder, directly or by a symbolic
         link. The message begins with `parameter`.
     """
-    folder = path.parent
     if isinstance(name, str) and name not in ("", ".") and "\0" not in name:
-        relative, found = Path(name), folder / name
-        with contextlib.suppress(OSError, RuntimeError):  # symbolic links can form a cycle
-            within = found.resolve().is_relative_to(folder.resolve())
-            if within and not relative.anchor and ".." not in relative.parts:
-                return found
+        relative = Path(name)
+        if not relative.anchor and ".." not in relative.parts:
+            try:
+                return check_inside(path.parent / relative, path.parent)
+            except ValueError as error:
+                raise ValueError(f"{parameter}: {error}") from error
     raise ValueError(
         f"{parameter}: expected the name of a file in the same folder or below, got {name!r}"
     )
-
-
-def resolve_sibling(path: Path, name: object) -> Path:
-    """Return the file of this name in the folder of `path`.
-
-    Raises
-    ------
-    ValueError
-        When `name` is not a plain file name.
-    """
-    if (
-        not isinstance(name, str)
-        or Path(name).name != name
-        or name in ("", ".", "..")
-        or "\0" in name
-    ):
-        raise ValueError(f"maps: expected the name of a file in the same folder, got {name!r}")
-    return path.parent / name
