@@ -18,8 +18,9 @@ message; the table counts such refusals.
 All combinations would take weeks. So the sweep takes all combinations of pattern and method with
 
 - all of {gains} gains from {lowest:g} to {highest:g} and K, and all thresholds {thresholds};
-- all of {shapes} shapes from {first} to {last}, and all of {arrangements} numbers of jots and frames
-  per pixel, at {few} gains; images of {long} pixels at the default gain, for the first arrangement;
+- all of {shapes} shapes from {first} to {last}, and all of {arrangements} numbers of jots and
+  frames per pixel, at {few} gains; images of {long} pixels only with the first number of jots and
+  frames, at the default gain;
 - all of {sensors} kinds of sensors, at {few} gains and 2 thresholds: kernels, S from 1e-18 to 1e18,
   dark counts up to 1e6, dead jots, unequal jots, and color.
 
