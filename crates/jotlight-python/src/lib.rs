@@ -15,7 +15,8 @@ mod tv;
 mod vst;
 
 use jotlight::error::Error;
-use pyo3::exceptions::PyValueError;
+use jotlight::threads::install_interruptible;
+use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
 
 /// The compiled engine. It checks the shapes of arrays. The Python functions that call it check all
@@ -61,21 +62,35 @@ mod _engine {
 }
 
 fn to_python(error: Error) -> PyErr {
-    PyValueError::new_err(error.to_string())
+    match error {
+        Error::Memory { .. } => PyMemoryError::new_err(error.to_string()),
+        _ => PyValueError::new_err(error.to_string()),
+    }
 }
 
 /// Run `work` on `threads` threads without the GIL, and return its result.
+///
+/// Meanwhile the calling thread runs Python's signal handlers. If one of them raises an exception,
+/// as that of Ctrl-C does, the work ends early. Python runs them in its main thread only, so calls
+/// from other threads are not interrupted.
 fn run<R: Send>(
     py: Python<'_>,
     threads: Option<isize>,
     work: impl FnOnce() -> jotlight::error::Result<R> + Send,
 ) -> PyResult<R> {
-    if let Some(threads @ (..1 | 1025..)) = threads {
-        return Err(PyValueError::new_err(format!(
-            "threads: expected at least 1 and at most 1024, got {threads}"
-        )));
+    // A negative number becomes 0, which the engine refuses.
+    let threads = threads.map(|threads| threads.max(0).cast_unsigned());
+    let mut exception = None;
+    let is_interrupted = || {
+        // The method itself does not have the lifetimes that `try_attach` requires.
+        #[allow(clippy::redundant_closure_for_method_calls)]
+        let signals = Python::try_attach(|py| py.check_signals());
+        exception = signals.and_then(Result::err);
+        exception.is_some()
+    };
+    let result = py.detach(|| install_interruptible(threads, is_interrupted, work));
+    match exception {
+        Some(exception) => Err(exception),
+        None => result.map_err(to_python),
     }
-    let threads = threads.map(isize::cast_unsigned);
-    py.detach(|| jotlight::threads::install(threads, work).and_then(|result| result))
-        .map_err(to_python)
 }

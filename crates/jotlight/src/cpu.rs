@@ -113,14 +113,14 @@ impl Level {
 
 /// Return the x86-64-v4 instructions if they are the current level.
 #[cfg(target_arch = "x86_64")]
-pub fn v4() -> Option<pulp::x86::V4> {
+pub(crate) fn v4() -> Option<pulp::x86::V4> {
     (Level::current() == Level::V4)
         .then(pulp::x86::V4::try_new)
         .flatten()
 }
 
 /// Run `work` with the vector instructions of the current level, and return its result.
-pub fn run<W: WithSimd>(work: W) -> W::Output {
+pub(crate) fn run<W: WithSimd>(work: W) -> W::Output {
     match Level::current() {
         Level::Scalar => work.with_simd(Scalar::new()),
         #[cfg(target_arch = "x86_64")]

@@ -32,6 +32,17 @@ pub enum Error {
         /// The reason that the operating system states.
         reason: String,
     },
+    /// The memory for an array is not available.
+    #[error("{what}: not enough memory for an array of the shape {shape}; divide the image")]
+    Memory {
+        /// The name of the array.
+        what: &'static str,
+        /// The shape of the array.
+        shape: String,
+    },
+    /// The caller has interrupted the call, so its result is incomplete.
+    #[error("the call was interrupted, so it has no result")]
+    Interrupted,
 }
 
 impl Error {

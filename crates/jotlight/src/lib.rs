@@ -16,7 +16,7 @@
 //!
 //! 1. [`sensing`] computes the detection probability of each jot from an image, draws the bits,
 //!    and applies the linear operator G (section 2.1, equations (1) to (3)).
-//! 2. [`rng`] generates the random numbers of the simulated bits.
+//! 2. `rng` generates the random numbers of the simulated bits.
 //! 3. [`bits`] reads packed bits and counts the ones of each pixel.
 //!
 //! The estimators without training:
@@ -41,7 +41,7 @@
 //! 11. [`values`] defines parameters that are either one value or one value per element.
 //! 12. [`numbers`] defines the floating-point types and their SIMD vectors.
 //! 13. [`cpu`] selects the instruction set.
-//! 14. [`threads`] runs calls on a number of threads.
+//! 14. [`threads`] runs calls on a number of threads, and interrupts them.
 //! 15. [`roofline`] measures the peak speed of the processor for the benchmarks.
 //!
 //! # Example
@@ -59,11 +59,13 @@ pub mod admm;
 pub mod bits;
 pub mod cpu;
 pub mod error;
+mod interrupt;
 pub mod likelihood;
+mod memory;
 pub mod mle;
 pub mod network;
 pub mod numbers;
-pub mod rng;
+mod rng;
 pub mod roofline;
 pub mod sensing;
 pub mod threads;

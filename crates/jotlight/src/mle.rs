@@ -7,8 +7,15 @@ use num_integer::div_rem;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
+use crate::interrupt;
 use crate::likelihood::{Threshold, check_counts};
 use crate::values::Values;
+
+/// The number of pixels that a thread computes together.
+const PIXELS_PER_CHUNK: usize = 1 << 10;
+
+/// The number of pixels after which a thread asks whether the call is interrupted.
+const PIXELS_PER_QUESTION: usize = 1 << 6;
 
 /// The relation between the intensity c of a pixel and the rate η s + d of its jots, where
 /// s = α c / K.
@@ -83,8 +90,17 @@ impl PixelResponse {
     #[must_use]
     pub fn intensity(&self, probability: f64, jot: JotResponse) -> f64 {
         let rate = self.threshold.inverse_detection_probability(probability);
-        ((rate - jot.dark_counts) / (jot.efficiency * self.light_per_intensity))
-            .clamp(0.0, self.max_intensity)
+        let intensity = (rate - jot.dark_counts) / (jot.efficiency * self.light_per_intensity);
+        intensity.max(0.0).min(self.max_intensity)
+    }
+
+    /// Check that [0, S] is an interval.
+    fn check(&self) -> Result<()> {
+        if self.max_intensity >= 0.0 {
+            return Ok(());
+        }
+        let received = self.max_intensity;
+        Err(Error::range("maximum intensity", "0 or more", received))
     }
 
     /// Return the intensity of a pixel with L = `ones` among `trials` readings. It is NaN if there
@@ -131,7 +147,7 @@ impl PixelResponse {
         }
         // Newton's method could fail, because the score may be infinite at 0. Bisection needs few
         // steps for a float32 result.
-        while high - low > 1e-9 * high {
+        while high - low > 1e-9 * high && !interrupt::is_requested() {
             let middle = 0.5 * (low + high);
             if self.score(jots, middle) > 0.0 {
                 low = middle;
@@ -157,6 +173,7 @@ pub fn from_counts(
     jots: &JotResponses<'_>,
     out: &mut [f32],
 ) -> Result<()> {
+    response.check()?;
     check_pixels(counts, trials, jots, out)?;
     let intensities = match (trials, jots.efficiency, jots.dark_counts) {
         (Values::Same(trials), Values::Same(efficiency), Values::Same(dark_counts))
@@ -167,17 +184,20 @@ pub fn from_counts(
                 efficiency,
                 dark_counts,
             };
-            let intensity = |ones| response.intensity_from_count(ones, trials, jot);
-            Some((0..=trials).map(intensity).collect::<Vec<f32>>())
+            let mut intensities = vec![0.0; trials as usize + 1];
+            for_each_pixel(&mut intensities, |ones| {
+                response.intensity_from_count(ones as i32, trials, jot)
+            });
+            Some(intensities)
         }
         _ => None,
     };
-    out.par_iter_mut().enumerate().for_each(|(index, out)| {
+    for_each_pixel(out, |index| {
         let ones = counts[index];
-        *out = match &intensities {
+        match &intensities {
             Some(intensities) => intensities[ones as usize],
             None => response.intensity_from_count(ones, trials.get(index), jots.get(index)),
-        };
+        }
     });
     Ok(())
 }
@@ -196,11 +216,10 @@ pub fn from_probability(
     if probability.len() != out.len() {
         return Err(Error::shape("out", probability.len(), out.len()));
     }
-    out.par_iter_mut()
-        .zip(probability)
-        .for_each(|(out, &probability)| {
-            *out = response.intensity(f64::from(probability), jot) as f32;
-        });
+    response.check()?;
+    for_each_pixel(out, |index| {
+        response.intensity(f64::from(probability[index]), jot) as f32
+    });
     Ok(())
 }
 
@@ -226,10 +245,10 @@ pub fn equivalent_counts(
     check_pixels(counts, trials, jots, out)?;
     let reference_trials = f64::from(reference_trials);
     let threshold = response.threshold;
-    out.par_iter_mut().enumerate().for_each(|(index, out)| {
+    for_each_pixel(out, |index| {
         let (trials, jot) = (trials.get(index), jots.get(index));
         let fraction = f64::from(counts[index]) / f64::from(trials);
-        *out = if trials == 0 {
+        if trials == 0 {
             f32::NAN
         } else if jot == reference {
             (reference_trials * fraction) as f32
@@ -238,9 +257,22 @@ pub fn equivalent_counts(
             let light = (rate - jot.dark_counts).max(0.0) / jot.efficiency;
             let reference_rate = reference.efficiency * light + reference.dark_counts;
             (reference_trials * threshold.detection_probability(reference_rate)) as f32
-        };
+        }
     });
     Ok(())
+}
+
+/// Write the value of each pixel into `out`.
+fn for_each_pixel(out: &mut [f32], value: impl Fn(usize) -> f32 + Sync) {
+    let chunks = out.par_chunks_mut(PIXELS_PER_CHUNK).enumerate();
+    chunks.for_each(|(number, out)| {
+        for (index, out) in (number * PIXELS_PER_CHUNK..).zip(out) {
+            if index % PIXELS_PER_QUESTION == 0 && interrupt::is_requested() {
+                return;
+            }
+            *out = value(index);
+        }
+    });
 }
 
 /// Write the maximum-likelihood estimate of each pixel into `out`, where jots may differ in their
@@ -252,18 +284,34 @@ pub fn equivalent_counts(
 /// whose jots are all dead becomes NaN.
 ///
 /// # Errors
-/// [`Error::Shape`] if the lengths of the arrays do not match.
+/// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a count outside 0
+/// to the number of frames, or an oversampling of 0.
 pub fn from_jots(
     response: &PixelResponse,
     counts: &JotCounts<'_>,
     width: usize,
     out: &mut [f32],
 ) -> Result<()> {
+    response.check()?;
     let oversampling = counts.oversampling;
-    let jots = out.len() * oversampling * oversampling;
-    if counts.ones.len() != jots || !out.len().is_multiple_of(width.max(1)) {
-        return Err(Error::shape("ones", jots, counts.ones.len()));
+    if oversampling == 0 {
+        return Err(Error::range("oversampling", "at least 1", oversampling));
     }
+    let jots = oversampling.checked_mul(oversampling);
+    let jots = jots.and_then(|jots| jots.checked_mul(out.len()));
+    let jots = jots.filter(|&jots| jots == counts.ones.len());
+    let Some(jots) = jots else {
+        let expected = format!("{} x {oversampling} x {oversampling}", out.len());
+        return Err(Error::shape("ones", expected, counts.ones.len()));
+    };
+    if out.is_empty() {
+        return Ok(());
+    }
+    if width == 0 || !out.len().is_multiple_of(width) {
+        let expected = format!("a divisor of the {} pixels", out.len());
+        return Err(Error::range("width", expected, width));
+    }
+    check_counts(counts.ones, Values::Same(counts.frames))?;
     counts.responses.check_length(jots)?;
     if let Some(dead) = counts.dead
         && dead.len() != jots
@@ -273,6 +321,9 @@ pub fn from_jots(
     out.par_iter_mut()
         .enumerate()
         .for_each_init(Vec::new, |jots, (index, out)| {
+            if interrupt::is_requested() {
+                return;
+            }
             collect_valid_jots(counts, div_rem(index, width), width, jots);
             *out = if jots.is_empty() {
                 f32::NAN

@@ -78,7 +78,7 @@ pub fn check_size(channel: usize, frames: usize, rows: usize) -> Result<()> {
     for (what, value, limit, expected) in [
         ("rows of jots", rows, MAX_ROWS, "at most 2^24"),
         ("frames", frames, MAX_FRAMES, "at most 2^32"),
-        ("channel", channel + 1, MAX_CHANNELS, "at most 2^7"),
+        ("channel", channel, MAX_CHANNELS - 1, "less than 2^7"),
     ] {
         if value > limit {
             return Err(Error::range(what, expected, value));

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use crate::cpu::{self, Simd, WithSimd, levels};
+use crate::interrupt;
 use crate::numbers::Lanes;
 
 /// The number of independent sums. It exceeds the number of multiply-adds that a processor executes
@@ -19,7 +20,7 @@ pub fn multiply_adds(rounds: usize) -> u64 {
         .into_par_iter()
         .with_max_len(1)
         .map(|_| cpu::run(MultiplyAdds(rounds)))
-        .sum()
+        .reduce(|| 0, u64::saturating_add)
 }
 
 struct MultiplyAdds(usize);
@@ -31,13 +32,17 @@ impl WithSimd for MultiplyAdds {
     fn with_simd<S: Simd>(self, simd: S) -> u64 {
         let (factor, term) = (f32::splat(simd, 0.999_999), f32::splat(simd, 1e-7));
         let mut sums = [f32::splat(simd, 0.5); INDEPENDENT_SUMS];
-        for _ in 0..self.0 {
+        for round in 0..self.0 {
+            if round % (1 << 16) == 0 && interrupt::is_requested() {
+                break;
+            }
             for sum in &mut sums {
                 *sum = f32::multiply_add(simd, *sum, factor, term);
             }
         }
         std::hint::black_box(sums);
-        2 * (self.0 * INDEPENDENT_SUMS * f32::lanes::<S>()) as u64
+        let operations_per_round = 2 * INDEPENDENT_SUMS * f32::lanes::<S>();
+        self.0.saturating_mul(operations_per_round) as u64
     }
 }
 
@@ -49,6 +54,9 @@ pub fn read_words(words: &[u64]) -> u64 {
         .par_chunks(1 << 17)
         .map(|words| {
             let mut sum = 0;
+            if interrupt::is_requested() {
+                return sum;
+            }
             sum_words(words, &mut sum);
             sum
         })

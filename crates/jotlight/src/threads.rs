@@ -1,17 +1,26 @@
 //! The pools of threads on which calls run. Later calls reuse them.
 
 use std::sync::Mutex;
-use std::thread::available_parallelism;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{Thread, available_parallelism, current, park_timeout};
+use std::time::Duration;
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::error::{Error, Result};
+use crate::interrupt::Flag;
 
 /// The pools that wait for another call. They are kept because starting threads takes longer than
 /// the work on a small image.
 static IDLE_POOLS: Mutex<Vec<Pool>> = Mutex::new(Vec::new());
 
 const MAX_IDLE_POOLS: usize = 4;
+
+/// The maximum number of threads of a pool. It exceeds the number of cores of any processor.
+const MAX_THREADS: usize = 1024;
+
+/// The time between two questions whether a call should be interrupted.
+const TIME_BETWEEN_QUESTIONS: Duration = Duration::from_millis(50);
 
 /// A pool of threads.
 struct Pool {
@@ -20,6 +29,8 @@ struct Pool {
     process: u32,
     threads: usize,
     workers: ThreadPool,
+    /// The flag that interrupts the work of these threads.
+    interrupt: Flag,
     #[cfg(target_os = "linux")]
     ids: Vec<rustix::thread::Pid>,
 }
@@ -64,20 +75,37 @@ impl Pool {
 /// Concurrent calls use separate threads. `work` must not call this function.
 ///
 /// # Errors
-/// [`Error::Range`] for zero threads, [`Error::Threads`] if the system cannot start the threads.
+/// [`Error::Range`] for a number of threads that is not 1 to 1024, [`Error::Threads`] if the system
+/// cannot start the threads.
 pub fn install<R: Send>(threads: Option<usize>, work: impl FnOnce() -> R + Send) -> Result<R> {
-    let threads = match threads {
-        Some(0) => return Err(Error::range("threads", "at least 1", 0)),
-        Some(threads) => threads,
-        None => available_parallelism().map_or(1, usize::from),
-    };
+    install_interruptible(threads, || false, || Ok(work()))
+}
+
+/// Run `work` as [`install`] does, until `is_interrupted` returns true.
+///
+/// The calling thread asks `is_interrupted` every 50 ms while the other threads work. If it returns
+/// true, the functions of this crate end early. `work` should consist of calls of such functions.
+///
+/// # Errors
+/// [`Error::Interrupted`] if `is_interrupted` returned true, else the errors of [`install`] and of
+/// `work`.
+pub fn install_interruptible<R: Send>(
+    threads: Option<usize>,
+    is_interrupted: impl FnMut() -> bool,
+    work: impl FnOnce() -> Result<R> + Send,
+) -> Result<R> {
+    let threads = threads.unwrap_or_else(|| available_parallelism().map_or(1, usize::from));
+    if !(1..=MAX_THREADS).contains(&threads) {
+        let expected = format!("at least 1 and at most {MAX_THREADS}");
+        return Err(Error::range("threads", expected, threads));
+    }
     let pool = match take_idle_pool(threads) {
         Some(pool) => pool,
         None => start_pool(threads)?,
     };
     #[cfg(target_os = "linux")]
     pool.pin_to_cores();
-    let result = pool.workers.install(work);
+    let result = pool.run(is_interrupted, work);
     // Another call may hold the lock, and after a fork the child may never get it. In both cases
     // the pool is dropped, and its threads end.
     if let Ok(mut pools) = IDLE_POOLS.try_lock()
@@ -85,7 +113,47 @@ pub fn install<R: Send>(threads: Option<usize>, work: impl FnOnce() -> R + Send)
     {
         pools.push(pool);
     }
-    Ok(result)
+    result
+}
+
+impl Pool {
+    fn run<R: Send>(
+        &self,
+        mut is_interrupted: impl FnMut() -> bool,
+        work: impl FnOnce() -> Result<R> + Send,
+    ) -> Result<R> {
+        let is_done = AtomicBool::new(false);
+        let mut result = Err(Error::Interrupted);
+        self.workers.in_place_scope(|scope| {
+            let end = EndOfWork(&is_done, current());
+            scope.spawn(|_| {
+                let _end = end;
+                result = work();
+            });
+            let is_done = || is_done.load(Ordering::Acquire);
+            while !is_done() {
+                park_timeout(TIME_BETWEEN_QUESTIONS);
+                if !is_done() && is_interrupted() {
+                    self.interrupt.raise();
+                    break;
+                }
+            }
+        });
+        if self.interrupt.lower() {
+            return Err(Error::Interrupted);
+        }
+        result
+    }
+}
+
+/// A guard that wakes the calling thread at the end of the work, even if the work panics.
+struct EndOfWork<'a>(&'a AtomicBool, Thread);
+
+impl Drop for EndOfWork<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Release);
+        self.1.unpark();
+    }
 }
 
 /// Remove an idle pool of `threads` threads from the list and return it.
@@ -102,8 +170,11 @@ fn take_idle_pool(threads: usize) -> Option<Pool> {
 }
 
 fn start_pool(threads: usize) -> Result<Pool> {
+    let interrupt = Flag::default();
+    let flag = interrupt.clone();
     let workers = ThreadPoolBuilder::new()
         .num_threads(threads)
+        .start_handler(move |_| flag.attach())
         .build()
         .map_err(|reason| Error::Threads {
             threads,
@@ -115,5 +186,6 @@ fn start_pool(threads: usize) -> Result<Pool> {
         process: std::process::id(),
         threads,
         workers,
+        interrupt,
     })
 }

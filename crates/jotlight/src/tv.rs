@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use crate::admm::{AdmmStep, check_penalty};
 use crate::error::{Error, Result};
 use crate::values::Values;
+use crate::{interrupt, memory};
 
 /// The norm of the two differences of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,6 +67,9 @@ pub fn differences(image: ArrayView2<'_, f64>, mut out: ArrayViewMut3<'_, f64>) 
         .zip(right.axis_iter_mut(Axis(0)))
         .enumerate()
         .for_each(|(row, (mut down, mut right))| {
+            if interrupt::is_requested() {
+                return;
+            }
             let current = image.row(row);
             let below = image.row((row + 1).min(height - 1));
             Zip::from(&mut down)
@@ -91,6 +95,9 @@ pub fn adjoint(differences: ArrayView3<'_, f64>, mut out: ArrayViewMut2<'_, f64>
         .into_par_iter()
         .enumerate()
         .for_each(|(row, mut out)| {
+            if interrupt::is_requested() {
+                return;
+            }
             let down = differences.index_axis(Axis(0), 0);
             let right = differences.index_axis(Axis(0), 1);
             for column in 0..width {
@@ -134,6 +141,9 @@ pub fn shrink(
         .zip(right.axis_iter_mut(Axis(0)))
         .enumerate()
         .for_each(|(row, (mut down, mut right))| {
+            if interrupt::is_requested() {
+                return;
+            }
             for column in 0..width {
                 let threshold = threshold.get(row * width + column);
                 (down[column], right[column]) = norm.shrink(down[column], right[column], threshold);
@@ -175,6 +185,9 @@ pub fn admm_update(
     let squared_residuals: Vec<f64> = rows
         .map(
             |(row, (((mut x_down, mut x_right), mut dual_down), mut dual_right))| {
+                if interrupt::is_requested() {
+                    return 0.0;
+                }
                 let current = image.row(row);
                 let below = image.row((row + 1).min(height - 1));
                 let mut sum = 0.0;
@@ -214,9 +227,13 @@ pub fn total_variation(
     check_weights("weight", weight, height * width)?;
     // Each row has its own sum, and these sums are added in order, so that the result is the same
     // for any number of threads.
+    memory::check::<f64>("sums of the rows", &[height])?;
     let rows: Vec<f64> = (0..height)
         .into_par_iter()
         .map(|row| {
+            if interrupt::is_requested() {
+                return 0.0;
+            }
             let terms = (0..width).map(|column| {
                 let (down, right) = (differences[[0, row, column]], differences[[1, row, column]]);
                 weight.get(row * width + column) * norm.magnitude(down, right)

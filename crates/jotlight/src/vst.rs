@@ -4,10 +4,14 @@
 //! The noise of transformed counts is approximately normal. Its standard deviation is 1/2,
 //! whatever the light.
 
-use ndarray::{ArrayView1, ArrayViewMut1};
+use ndarray::{ArrayView1, ArrayViewMut1, Axis, Zip};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
+use crate::interrupt;
+
+/// The number of values that a thread maps before it asks whether the call is interrupted.
+const VALUES_PER_CHUNK: usize = 1 << 10;
 
 /// The Anscombe transform of the number of ones among K readings, and its algebraic inverse.
 #[derive(Clone, Copy, Debug)]
@@ -47,11 +51,12 @@ impl Anscombe {
         ((self.trials + 0.75) * angle.sin().powi(2) - 0.375).clamp(0.0, self.trials)
     }
 
-    /// Return E\[T(L)\] for L ~ Binomial(K, `probability`), where 0 < `probability` < 1.
+    /// Return E\[T(L)\] for L ~ Binomial(K, `probability`). A `probability` outside [0, 1] is clipped.
     #[must_use]
     pub fn expectation(&self, probability: f64) -> f64 {
         // The sum starts at the most likely count, whose weight is 1. The weights decrease on both
         // sides of this count, so nothing overflows for any K.
+        let probability = probability.clamp(0.0, 1.0);
         let mode = ((self.trials + 1.0) * probability).floor().min(self.trials);
         let odds = probability / (1.0 - probability);
         let (mut total, mut sum) = (1.0, self.transform(mode));
@@ -104,6 +109,7 @@ impl ExactInverse {
             .par_iter()
             .enumerate()
             .map(|(node, &p)| match node {
+                _ if interrupt::is_requested() => 0.0,
                 0 => anscombe.transform(0.0),
                 Self::INTERVALS => anscombe.transform(anscombe.trials),
                 _ => anscombe.expectation(p),
@@ -140,14 +146,23 @@ impl ExactInverse {
 /// [`Error::Shape`] if the lengths of the arrays do not match.
 pub fn map(
     values: ArrayView1<'_, f32>,
-    out: ArrayViewMut1<'_, f32>,
+    mut out: ArrayViewMut1<'_, f32>,
     function: impl Fn(f64) -> f64 + Sync,
 ) -> Result<()> {
     if values.len() != out.len() {
         return Err(Error::shape("out", values.len(), out.len()));
     }
-    ndarray::Zip::from(out)
-        .and(values)
-        .par_for_each(|out, &value| *out = function(f64::from(value)) as f32);
+    let values = values.axis_chunks_iter(Axis(0), VALUES_PER_CHUNK);
+    out.axis_chunks_iter_mut(Axis(0), VALUES_PER_CHUNK)
+        .into_par_iter()
+        .zip(values)
+        .for_each(|(out, values)| {
+            if interrupt::is_requested() {
+                return;
+            }
+            Zip::from(out)
+                .and(values)
+                .for_each(|out, &value| *out = function(f64::from(value)) as f32);
+        });
     Ok(())
 }

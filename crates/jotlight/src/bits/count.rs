@@ -1,6 +1,7 @@
 //! Counts L of the ones of each pixel, without unpacking the bits.
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use ndarray::{ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis, s};
 use rayon::prelude::*;
@@ -9,6 +10,7 @@ use super::bit_planes::{BitCounters, FRAMES_PER_GROUP};
 use super::{MAX_FIELD_BITS, PackedBits, bit_field, mask_row, packed_width};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
+use crate::interrupt;
 
 /// The minimum and the maximum number of bytes per frame that one task counts with bit planes.
 ///
@@ -29,7 +31,8 @@ const MIN_FRAMES_FOR_BIT_PLANES: usize = 2 * FRAMES_PER_GROUP;
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the oversampling
-/// K̂ is 0, or does not divide the height and the width.
+/// K̂ is 0 or does not divide the height and the width, or if a count could exceed the `i32`. After
+/// the latter error, the counts are incomplete.
 pub fn add_block_counts(
     bits: &PackedBits<'_>,
     oversampling: usize,
@@ -42,6 +45,10 @@ pub fn add_block_counts(
     }
     let (frames, rows, width) = bits.shape();
     check_mask(valid, rows, width)?;
+    if counts.is_empty() {
+        return Ok(());
+    }
+    let bits_per_pixel = bits_per_pixel(frames, oversampling)?;
     let use_bit_planes = oversampling == 1 || frames >= MIN_FRAMES_FOR_BIT_PLANES;
     let bytes_per_task = if use_bit_planes {
         let bytes_per_thread = packed_width(width) * rows / rayon::current_num_threads();
@@ -50,20 +57,52 @@ pub fn add_block_counts(
     } else {
         BYTES_PER_FRAME_TASK
     };
-    let pixel_rows = (bytes_per_task / (packed_width(width) * oversampling).max(1)).max(1);
+    let jot_rows = (bytes_per_task / packed_width(width)).max(1);
+    let pixel_rows = (jot_rows / oversampling).max(1);
     counts
         .axis_chunks_iter_mut(Axis(0), pixel_rows)
         .into_par_iter()
         .enumerate()
-        .for_each(|(chunk, counts)| {
-            let first = chunk * pixel_rows;
+        .try_for_each(|(chunk, mut counts)| {
+            check_sum(bits_per_pixel, counts.view())?;
+            let first = chunk * pixel_rows * oversampling;
             if use_bit_planes {
-                add_with_bit_planes(bits, frames, oversampling, first, valid, counts);
+                // One row of pixels may have more bytes than a task should count.
+                for row in (0..counts.nrows() * oversampling).step_by(jot_rows) {
+                    let rows = row..(row + jot_rows).min(counts.nrows() * oversampling);
+                    add_with_bit_planes(bits, oversampling, first, rows, valid, &mut counts);
+                }
             } else {
                 add_frame_by_frame(bits, frames, oversampling, first, valid, counts);
             }
-        });
-    Ok(())
+            Ok(())
+        })
+}
+
+/// Return K = T·K̂², the number of bits of a pixel.
+///
+/// # Errors
+/// [`Error::Range`] if K exceeds the `i32`.
+pub(crate) fn bits_per_pixel(frames: usize, oversampling: usize) -> Result<i32> {
+    let jots = oversampling.checked_mul(oversampling);
+    jots.and_then(|jots| i32::try_from(jots.checked_mul(frames)?).ok())
+        .ok_or_else(|| {
+            let received = format!("{frames} frames and an oversampling of {oversampling}");
+            Error::range("bits per pixel", "less than 2^31", received)
+        })
+}
+
+/// Check that counts cannot overflow if they increase by up to `increase`.
+fn check_sum(increase: i32, counts: ArrayView2<'_, i32>) -> Result<()> {
+    let max = counts.iter().copied().fold(0, i32::max);
+    match max.checked_add(increase) {
+        Some(_) => Ok(()),
+        None => Err(Error::range(
+            "counts",
+            "sums of less than 2^31",
+            format!("a count of {max} and {increase} more bits"),
+        )),
+    }
 }
 
 pub(crate) fn check_mask(
@@ -81,7 +120,7 @@ pub(crate) fn check_mask(
     }
 }
 
-/// Add the ones of few frames to `counts`, whose first row is the pixel row `first`.
+/// Add the ones of few frames to `counts`. Its first row of jots is the row `first`.
 fn add_frame_by_frame(
     bits: &PackedBits<'_>,
     frames: usize,
@@ -90,8 +129,11 @@ fn add_frame_by_frame(
     valid: Option<ArrayView2<'_, u8>>,
     mut counts: ArrayViewMut2<'_, i32>,
 ) {
-    let rows = first * oversampling..(first + counts.nrows()) * oversampling;
+    let rows = first..first + counts.nrows() * oversampling;
     for frame in 0..frames {
+        if interrupt::is_requested() {
+            return;
+        }
         let mut bytes = bits.rows(frame, rows.clone());
         if let Some(valid) = valid {
             let valid = valid.slice_move(s![rows.clone(), ..]);
@@ -172,27 +214,30 @@ fn add_pixels_of_bytes<const PIXELS: usize>(bytes: &[u8], counts: &mut [i32]) {
     }
 }
 
-/// Add the ones of many frames to `counts`, whose first row is the pixel row `first`.
+/// Add the ones of many frames to `counts`, but only those of a range of its rows of jots.
 ///
-/// Bit planes first count the ones of each jot over the frames. Then the counts of the jots of each
-/// pixel are added.
+/// The first row of jots of `counts` is the row `first` of the bits. Bit planes first count the
+/// ones of each jot over the frames. Then the counts of the jots of each pixel are added.
 fn add_with_bit_planes(
     bits: &PackedBits<'_>,
-    frames: usize,
     oversampling: usize,
     first: usize,
+    rows: Range<usize>,
     valid: Option<ArrayView2<'_, u8>>,
-    mut counts: ArrayViewMut2<'_, i32>,
+    counts: &mut ArrayViewMut2<'_, i32>,
 ) {
-    let (_, _, columns) = bits.shape();
+    let (frames, _, columns) = bits.shape();
     let width = packed_width(columns);
-    let rows = first * oversampling..(first + counts.nrows()) * oversampling;
+    let rows_of_bits = first + rows.start..first + rows.end;
     let mut counters = BitCounters::new(rows.len() * width);
     let no_ones = vec![0; rows.len() * width];
     for group in (0..frames).step_by(FRAMES_PER_GROUP) {
+        if interrupt::is_requested() {
+            return;
+        }
         let sequences: [Cow<'_, [u8]>; FRAMES_PER_GROUP] = std::array::from_fn(|index| {
             if group + index < frames {
-                bits.rows(group + index, rows.clone())
+                bits.rows(group + index, rows_of_bits.clone())
             } else {
                 Cow::Borrowed(&no_ones[..])
             }
@@ -200,11 +245,11 @@ fn add_with_bit_planes(
         counters.add(&sequences.each_ref().map(|bytes| &bytes[..]));
     }
     let mut jots = vec![0; columns];
-    for row in 0..rows.len() {
+    for (index, row) in rows.enumerate() {
         jots.fill(0);
-        counters.add_to_counts(row * width..(row + 1) * width, &mut jots);
+        counters.add_to_counts(index * width..(index + 1) * width, &mut jots);
         if let Some(valid) = valid {
-            let valid = mask_row(valid, rows.start + row);
+            let valid = mask_row(valid, first + row);
             for (column, jot) in jots.iter_mut().enumerate() {
                 *jot *= i32::from(valid[column / 8] >> (7 - column % 8) & 1);
             }

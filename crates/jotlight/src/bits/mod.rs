@@ -14,7 +14,7 @@ use ndarray::{ArrayView1, ArrayView2, ArrayView3, s};
 use crate::error::{Error, Result};
 
 pub use count::add_block_counts;
-pub(crate) use count::check_mask;
+pub(crate) use count::{bits_per_pixel, check_mask};
 
 /// Return the number of bytes of a packed row of `width` jots.
 #[must_use]

@@ -15,6 +15,7 @@ mod threshold;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
+use crate::interrupt;
 use crate::values::Values;
 use chunk::{Chunk, ELEMENTS_PER_CHUNK, Element};
 
@@ -84,6 +85,9 @@ impl<'a> Readings<'a> {
             .par_chunks(ELEMENTS_PER_CHUNK)
             .enumerate()
             .map(|(number, light)| {
+                if interrupt::is_requested() {
+                    return 0.0;
+                }
                 light
                     .iter()
                     .zip(number * ELEMENTS_PER_CHUNK..)
@@ -115,6 +119,9 @@ impl<'a> Readings<'a> {
             .for_each_init(
                 Chunk::default,
                 |chunk, (number, ((gradient, curvature), light))| {
+                    if interrupt::is_requested() {
+                        return;
+                    }
                     chunk.fill(self, number);
                     if self.threshold.photons() == 1 {
                         return one_photon::gradient_and_curvature(
@@ -138,18 +145,31 @@ impl<'a> Readings<'a> {
     pub fn information(&self, light: &[f64], information: &mut [f64]) -> Result<()> {
         self.check_length(light.len())?;
         self.check_length(information.len())?;
-        information.par_iter_mut().zip(light).enumerate().for_each(
-            |(index, (information, &light))| {
-                let efficiency = self.efficiency.get(index);
-                let rate = (efficiency * light + self.dark_counts.get(index)).max(MIN_RATE);
-                *information = f64::from(self.trials.get(index))
-                    * efficiency
-                    * efficiency
-                    * self.threshold.detection_score(rate)
-                    * self.threshold.non_detection_score(rate);
-            },
-        );
+        information
+            .par_chunks_mut(ELEMENTS_PER_CHUNK)
+            .zip(light.par_chunks(ELEMENTS_PER_CHUNK))
+            .enumerate()
+            .for_each(|(number, (information, light))| {
+                if interrupt::is_requested() {
+                    return;
+                }
+                let indices = number * ELEMENTS_PER_CHUNK..;
+                for ((information, &light), index) in information.iter_mut().zip(light).zip(indices)
+                {
+                    *information = self.element_information(index, light);
+                }
+            });
         Ok(())
+    }
+
+    fn element_information(&self, index: usize, light: f64) -> f64 {
+        let efficiency = self.efficiency.get(index);
+        let rate = (efficiency * light + self.dark_counts.get(index)).max(MIN_RATE);
+        f64::from(self.trials.get(index))
+            * efficiency
+            * efficiency
+            * self.threshold.detection_score(rate)
+            * self.threshold.non_detection_score(rate)
     }
 
     fn element(&self, index: usize) -> Element {

@@ -9,7 +9,8 @@ use rayon::prelude::*;
 use super::chunk::{Chunk, ELEMENTS_PER_CHUNK, Element};
 use super::{Readings, one_photon};
 use crate::admm::{AdmmStep, check_penalty};
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::interrupt;
 
 /// The maximum relative size of the last Newton step of the proximal map. The error of the result
 /// is then about the square of this size, 1e-10.
@@ -34,6 +35,19 @@ pub(super) struct ProximalProblem {
 }
 
 impl ProximalProblem {
+    fn new(penalty: f64, max_light: f64, tolerance: f64) -> Result<Self> {
+        check_penalty(penalty)?;
+        if !(max_light >= 0.0 && max_light.is_finite()) {
+            let expected = "a finite number of at least 0";
+            return Err(Error::range("maximum of the light", expected, max_light));
+        }
+        Ok(Self {
+            penalty,
+            max_light,
+            tolerance,
+        })
+    }
+
     /// Return the start of Newton's method. It is the guess, unless the guess is at a bound.
     ///
     /// Near 0 the derivative may be so steep that a Newton step only doubles x. Therefore the start
@@ -53,8 +67,8 @@ impl Readings<'_> {
     /// −ℓ(x) + ½ `penalty` (x − point)². The search starts at `guess`.
     ///
     /// # Errors
-    /// [`crate::error::Error::Shape`] if the lengths of the arrays do not match.
-    /// [`crate::error::Error::Range`] for a penalty that is not above 0.
+    /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a penalty
+    /// that is not above 0, or for a `max_light` below 0.
     pub fn proximal(
         &self,
         penalty: f64,
@@ -64,17 +78,15 @@ impl Readings<'_> {
     ) -> Result<()> {
         self.check_length(point.len())?;
         self.check_length(guess.len())?;
-        check_penalty(penalty)?;
-        let problem = ProximalProblem {
-            penalty,
-            max_light,
-            tolerance: PROXIMAL_TOLERANCE,
-        };
+        let problem = ProximalProblem::new(penalty, max_light, PROXIMAL_TOLERANCE)?;
         point
             .par_chunks_mut(ELEMENTS_PER_CHUNK)
             .zip(guess.par_chunks(ELEMENTS_PER_CHUNK))
             .enumerate()
             .for_each_init(Chunk::default, |chunk, (number, (point, guess))| {
+                if interrupt::is_requested() {
+                    return;
+                }
                 chunk.fill(self, number);
                 self.solve_chunk(chunk, &problem, guess, point);
             });
@@ -85,8 +97,8 @@ impl Readings<'_> {
     /// squared primal residual ‖light − x‖².
     ///
     /// # Errors
-    /// [`crate::error::Error::Shape`] if the lengths of the arrays do not match.
-    /// [`crate::error::Error::Range`] for a penalty that is not above 0.
+    /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a penalty
+    /// that is not above 0, or for a `max_light` below 0.
     pub fn admm_update(
         &self,
         step: &AdmmStep,
@@ -98,12 +110,7 @@ impl Readings<'_> {
         self.check_length(light.len())?;
         self.check_length(x.len())?;
         self.check_length(dual.len())?;
-        check_penalty(step.penalty)?;
-        let problem = ProximalProblem {
-            penalty: step.penalty,
-            max_light,
-            tolerance: ADMM_TOLERANCE,
-        };
+        let problem = ProximalProblem::new(step.penalty, max_light, ADMM_TOLERANCE)?;
         let squared_residuals: Vec<f64> = x
             .par_chunks_mut(ELEMENTS_PER_CHUNK)
             .zip(dual.par_chunks_mut(ELEMENTS_PER_CHUNK))
@@ -112,6 +119,9 @@ impl Readings<'_> {
             .map_init(
                 || (Chunk::default(), Vec::new()),
                 |(chunk, point), (number, ((x, dual), light))| {
+                    if interrupt::is_requested() {
+                        return 0.0;
+                    }
                     chunk.fill(self, number);
                     for ((x, dual), &light) in x.iter().zip(dual.iter_mut()).zip(light) {
                         *dual += step.relax(light, *x);
@@ -146,6 +156,9 @@ impl Readings<'_> {
             return one_photon::solve_proximal(chunk, problem, guess, point);
         }
         for (index, (point, &guess)) in point.iter_mut().zip(guess).enumerate() {
+            if interrupt::is_requested() {
+                return;
+            }
             *point = self.solve_element(&chunk.element(index), problem, *point, guess);
         }
     }

@@ -15,13 +15,19 @@ pub struct Threshold {
 }
 
 impl Threshold {
+    /// The maximum threshold. The series of this module converge quickly up to it, and rounding
+    /// errors of ln q! remain small.
+    pub const MAX_PHOTONS: u32 = 65_535;
+
     /// Return the threshold of `q` photons.
     ///
     /// # Errors
-    /// [`Error::Range`] for q = 0: such a jot would always report 1.
+    /// [`Error::Range`] for q = 0, because such a jot would always report 1, and for a q above
+    /// [`Threshold::MAX_PHOTONS`].
     pub fn new(q: u32) -> Result<Self> {
-        if q == 0 {
-            return Err(Error::range("threshold", "at least 1 photon", q));
+        if !(1..=Self::MAX_PHOTONS).contains(&q) {
+            let expected = format!("1 to {} photons", Self::MAX_PHOTONS);
+            return Err(Error::range("threshold", expected, q));
         }
         let q = f64::from(q);
         Ok(Self {

@@ -35,7 +35,7 @@ pub fn masked_sums<F: Real>(
     let pixels = pixel_grid(layer.filters(), bits)?;
     let (_, rows, columns) = bits.shape();
     check_mask(Some(valid), rows, columns)?;
-    Ok(filter_masked_bits(bits, valid, layer.filters(), pixels))
+    filter_masked_bits(bits, valid, layer.filters(), pixels)
 }
 
 /// Return the image that the network computes from the sums p of its first layer.
@@ -48,8 +48,8 @@ pub fn masked_sums<F: Real>(
 pub fn forward<F: Real>(layers: &[&Layer<F>], sums: ArrayView3<'_, F>) -> Result<Array2<F>> {
     let (channels, height, width) = sums.dim();
     let graph = checked_graph(layers, channels, (height, width))?;
-    let sums = contiguous_planes(sums);
-    Ok(evaluate_in_tiles(&graph, (height, width), |region, out| {
+    let sums = contiguous_planes("sums", sums)?;
+    evaluate_in_tiles(&graph, (height, width), |region, out| {
         let planes = sums.chunks_exact(height * width);
         for (out, sums) in out.chunks_exact_mut(region.pixels()).zip(planes) {
             for (out, sums) in rows_of_region(out, sums, region, width) {
@@ -57,7 +57,7 @@ pub fn forward<F: Real>(layers: &[&Layer<F>], sums: ArrayView3<'_, F>) -> Result
             }
         }
         layers[0].activate(out);
-    }))
+    })
 }
 
 /// Return the image that the network computes from counts.
@@ -75,7 +75,7 @@ pub fn forward_counts<F: Real>(
     let (channels, length) = sums.dim();
     let graph = checked_graph(layers, channels, counts.dim())?;
     let (height, width) = counts.dim();
-    let counts = contiguous_planes(counts);
+    let counts = contiguous_planes("counts", counts)?;
     // A negative count becomes a large unsigned number, so one comparison detects counts below 0
     // and above K.
     let max = |counts: &[i32]| {
@@ -90,16 +90,16 @@ pub fn forward_counts<F: Real>(
             "a count without a sum",
         ));
     }
-    let mut tables: Vec<F> = sums.iter().copied().collect();
+    let mut tables = contiguous_planes("sums", sums)?.into_owned();
     layers[0].activate(&mut tables);
     let tables: Vec<_> = tables.chunks_exact(length).map(CountTable::new).collect();
-    Ok(evaluate_in_tiles(&graph, (height, width), |region, out| {
+    evaluate_in_tiles(&graph, (height, width), |region, out| {
         for (out, table) in out.chunks_exact_mut(region.pixels()).zip(&tables) {
             for (out, counts) in rows_of_region(out, &counts, region, width) {
                 table.look_up(counts, out);
             }
         }
-    }))
+    })
 }
 
 /// Return the image that the network computes from bits.
@@ -109,17 +109,17 @@ pub fn forward_counts<F: Real>(
 /// # Errors
 /// [`Error::Shape`] and [`Error::Range`] if the layers and the bits do not match.
 pub fn forward_bits<F: Real>(layers: &[&Layer<F>], bits: &PackedBits<'_>) -> Result<Array2<F>> {
-    let graph = Graph::new(layers)?;
-    let first = layers[0];
+    let (graph, first) = (Graph::new(layers)?, layers[0]);
     let (height, width) = pixel_grid(first.filters(), bits)?;
+    check_planes(first.channels(), first.channels(), (height, width))?;
     let mut tables = BitTables::new(first.filters(), height * width);
     let activated = tables.activate(first.splines());
-    Ok(evaluate_in_tiles(&graph, (height, width), |region, out| {
+    evaluate_in_tiles(&graph, (height, width), |region, out| {
         tables.filter(bits, region, out);
         if !activated {
             first.activate(out);
         }
-    }))
+    })
 }
 
 /// Return pairs of rows: each row of a region, and the same row and columns of the whole plane.
@@ -140,17 +140,22 @@ fn rows_of_region<'a, A, B>(
 fn checked_graph<'a, F: Real>(
     layers: &[&'a Layer<F>],
     planes: usize,
-    (height, width): (usize, usize),
+    size: (usize, usize),
 ) -> Result<Graph<'a, F>> {
     let graph = Graph::new(layers)?;
-    let channels = layers[0].channels();
-    if planes != channels || height * width == 0 {
-        let received = (planes, height, width);
-        return Err(Error::shape(
-            "planes of the first layer",
-            channels,
-            received,
-        ));
-    }
+    check_planes(layers[0].channels(), planes, size)?;
     Ok(graph)
+}
+
+fn check_planes(channels: usize, planes: usize, (height, width): (usize, usize)) -> Result<()> {
+    if planes != channels || height == 0 || width == 0 {
+        let expected = format!("{channels} planes with at least one pixel");
+        let received = (planes, height, width);
+        return Err(Error::Shape {
+            what: "planes of the first layer",
+            expected,
+            received: format!("{received:?}"),
+        });
+    }
+    Ok(())
 }

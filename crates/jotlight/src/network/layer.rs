@@ -1,9 +1,8 @@
 //! A layer of the network: a bank of filters, one spline per channel, and its connections to other
 //! layers.
 
-use std::sync::OnceLock;
-
 use ndarray::{Array4, ArrayView2, ArrayView4};
+use once_cell::race::OnceBox;
 
 use super::convolution::adjoint::AdjointTaps;
 use super::convolution::filter_taps::FilterTaps;
@@ -25,10 +24,11 @@ pub struct Layer<F> {
     pub(super) splines: Vec<Spline<F>>,
     pub(super) wiring: Wiring,
     // Copies of the filters in the order in which the inner loops read them. Each copy is computed
-    // when it is first needed, because a layer usually needs only one of them.
-    filter_taps: OnceLock<FilterTaps<F>>,
-    adjoint_taps: OnceLock<AdjointTaps<F>>,
-    winograd: OnceLock<Option<Winograd<F>>>,
+    // when it is first needed, because a layer usually needs only one of them. Two threads may both
+    // compute it, but none waits for another: after a fork, a child process could wait forever.
+    filter_taps: OnceBox<FilterTaps<F>>,
+    adjoint_taps: OnceBox<AdjointTaps<F>>,
+    winograd: OnceBox<Option<Winograd<F>>>,
 }
 
 /// The connections of a layer to other layers, and its change of resolution.
@@ -77,8 +77,7 @@ impl<F: Real> Layer<F> {
         spacing: F,
         wiring: Wiring,
     ) -> Result<Self> {
-        check_filters(filters.view(), wiring)?;
-        let channels = filters.dim().0 / (wiring.upsampling * wiring.upsampling);
+        let channels = check_filters(filters.view(), wiring)?;
         let splines = match coefficients {
             None => Vec::new(),
             Some(coefficients) => build_splines(coefficients, start, spacing)?,
@@ -91,9 +90,9 @@ impl<F: Real> Layer<F> {
             filters,
             splines,
             wiring,
-            filter_taps: OnceLock::new(),
-            adjoint_taps: OnceLock::new(),
-            winograd: OnceLock::new(),
+            filter_taps: OnceBox::new(),
+            adjoint_taps: OnceBox::new(),
+            winograd: OnceBox::new(),
         })
     }
 
@@ -131,24 +130,25 @@ impl<F: Real> Layer<F> {
 
     pub(super) fn filter_taps(&self) -> &FilterTaps<F> {
         self.filter_taps
-            .get_or_init(|| FilterTaps::new(self.filters.view(), self.wiring.stride))
+            .get_or_init(|| Box::new(FilterTaps::new(self.filters.view(), self.wiring.stride)))
     }
 
     pub(super) fn adjoint_taps(&self) -> &AdjointTaps<F> {
         self.adjoint_taps
-            .get_or_init(|| AdjointTaps::new(self.filters.view()))
+            .get_or_init(|| Box::new(AdjointTaps::new(self.filters.view())))
     }
 
     /// Return the filters for Winograd convolution, or None where direct convolution is faster.
     pub(super) fn winograd(&self) -> Option<&Winograd<F>> {
         self.winograd
-            .get_or_init(|| Winograd::new(self.filters.view(), self.wiring.stride))
+            .get_or_init(|| Box::new(Winograd::new(self.filters.view(), self.wiring.stride)))
             .as_ref()
     }
 }
 
-/// Check that the filters are finite, and that their shape permits the stride and the upsampling.
-fn check_filters<F: Real>(filters: ArrayView4<'_, F>, wiring: Wiring) -> Result<()> {
+/// Return the number of output planes. Check that the filters are finite, and that their shape
+/// permits the stride and the upsampling.
+fn check_filters<F: Real>(filters: ArrayView4<'_, F>, wiring: Wiring) -> Result<usize> {
     let (outputs, _, height, width) = filters.dim();
     if filters.is_empty() {
         let shape = format!("{:?}", filters.dim());
@@ -164,9 +164,10 @@ fn check_filters<F: Real>(filters: ArrayView4<'_, F>, wiring: Wiring) -> Result<
         let expected = "1 to the size of the filters";
         return Err(Error::range("stride", expected, stride));
     }
-    if upsampling == 0 || !outputs.is_multiple_of(upsampling * upsampling) {
+    let planes = upsampling.checked_mul(upsampling);
+    let Some(planes) = planes.filter(|&planes| planes > 0 && outputs.is_multiple_of(planes)) else {
         let expected = "a number whose square divides the number of filters";
         return Err(Error::range("upsampling", expected, upsampling));
-    }
-    Ok(())
+    };
+    Ok(outputs / planes)
 }

@@ -1,7 +1,5 @@
 //! Random bits b = [Y ≥ q], drawn directly into packed words (paper, equation (3)).
 
-use std::sync::Arc;
-
 use ndarray::{ArrayViewMut1, ArrayViewMut3, Axis};
 use num_integer::{Integer, div_rem};
 use rayon::prelude::*;
@@ -12,6 +10,7 @@ use super::{Image, Sensor, Window};
 use crate::bits::packed_width;
 use crate::cpu::levels;
 use crate::error::{Error, Result};
+use crate::interrupt;
 use crate::likelihood::Threshold;
 use crate::rng::{ALIGNMENT, JotRandom, RowStream, check_size};
 
@@ -41,7 +40,7 @@ pub fn expose(
     sensor.check(&image)?;
     window.check(image.shape())?;
     let oversampling = sensor.kernel.oversampling();
-    check_size(channel, window.frames.end, image.shape().0 * oversampling)?;
+    check_size(channel, window.frames.end, sensor.jots(&image)?.0)?;
     let expected = (
         window.frames.len(),
         window.rows.len() * oversampling,
@@ -51,15 +50,19 @@ pub fn expose(
         return Err(Error::shape("out", expected, out.dim()));
     }
 
+    if out.is_empty() {
+        return Ok(());
+    }
     let exposure = Exposure { sensor, image };
-    let jots_per_row = window.frames.len() * oversampling * oversampling * window.columns.len();
+    let table = ProbabilityTable::shared(sensor.threshold);
+    let jots_per_row = out.len() / window.rows.len() * 8;
     // A task draws whole rows of pixels in all frames, so each probability is computed only once.
     out.axis_chunks_iter_mut(Axis(1), oversampling)
         .into_par_iter()
         .enumerate()
-        .with_min_len((MIN_JOTS_PER_TASK / jots_per_row.max(1)).max(1))
+        .with_min_len((MIN_JOTS_PER_TASK / jots_per_row).max(1))
         .for_each_init(
-            || RowSampler::new(seed, sensor.threshold),
+            || RowSampler::new(seed, &table),
             |sampler, (row, mut out)| {
                 let row = window.rows.start + row;
                 sampler.draw_pixel_row(&exposure, row, channel, window, &mut out);
@@ -69,9 +72,9 @@ pub fn expose(
 }
 
 /// The random numbers and the buffers of a thread, which draws rows in segments.
-struct RowSampler {
+struct RowSampler<'t> {
     random: JotRandom,
-    table: Arc<ProbabilityTable>,
+    table: &'t ProbabilityTable,
     /// The column of the first jot of the segment, a multiple of [`ALIGNMENT`].
     first_column: usize,
     /// The rates η s + d. Each belongs to `jots_per_rate` consecutive jots.
@@ -90,11 +93,11 @@ struct RowSampler {
     undecided: Vec<bool>,
 }
 
-impl RowSampler {
-    fn new(seed: [u8; 32], threshold: Threshold) -> Self {
+impl<'t> RowSampler<'t> {
+    fn new(seed: [u8; 32], table: &'t ProbabilityTable) -> Self {
         Self {
             random: JotRandom::new(seed),
-            table: ProbabilityTable::shared(threshold),
+            table,
             first_column: 0,
             rates: Vec::new(),
             jots_per_rate: 1,
@@ -132,6 +135,9 @@ impl RowSampler {
                 }
                 let mut out = out.index_axis_mut(Axis(1), jot_row);
                 for (frame, mut out) in window.frames.clone().zip(out.outer_iter_mut()) {
+                    if interrupt::is_requested() {
+                        return;
+                    }
                     let stream = RowStream::new(channel, frame, row);
                     self.draw_words(stream, &exposure.sensor.threshold);
                     let offset = start - self.first_column;

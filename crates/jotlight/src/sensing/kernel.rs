@@ -22,16 +22,21 @@ pub struct Kernel {
 }
 
 impl Kernel {
+    /// The maximum oversampling K̂. It exceeds that of any sensor.
+    pub const MAX_OVERSAMPLING: usize = 4096;
+
     /// Return the kernel for a degree of the B-spline and K̂ = `oversampling` jots per pixel.
     ///
     /// # Errors
-    /// [`Error::Range`] for a degree above 3 or K̂ = 0.
+    /// [`Error::Range`] for a degree above 3, and for a K̂ that is not 1 to
+    /// [`Kernel::MAX_OVERSAMPLING`].
     pub fn new(degree: usize, oversampling: usize) -> Result<Self> {
         if degree > 3 {
             return Err(Error::range("kernel degree", "0 to 3", degree));
         }
-        if oversampling == 0 {
-            return Err(Error::range("oversampling", "at least 1", oversampling));
+        if !(1..=Self::MAX_OVERSAMPLING).contains(&oversampling) {
+            let expected = format!("1 to {}", Self::MAX_OVERSAMPLING);
+            return Err(Error::range("oversampling", expected, oversampling));
         }
         let integral = |m: usize| spline_integral(degree, m as f64 / oversampling as f64);
         Ok(Self {

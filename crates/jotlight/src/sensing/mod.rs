@@ -90,8 +90,7 @@ impl Sensor<'_> {
                 format!("{height} x {width}"),
             ));
         }
-        let oversampling = self.kernel.oversampling();
-        let jots = (height * oversampling, width * oversampling);
+        let jots = self.jots(image)?;
         self.efficiency.check_shape("efficiency", jots)?;
         self.dark_counts.check_shape("dark counts", jots)?;
         if let Some(dead) = &self.dead
@@ -100,6 +99,11 @@ impl Sensor<'_> {
             return Err(Error::shape("mask", jots, dead.dim()));
         }
         Ok(())
+    }
+
+    /// Return the numbers of rows and of columns of jots.
+    fn jots(&self, image: &Image<'_>) -> Result<(usize, usize)> {
+        jots_of_pixels(image.shape(), &self.kernel, &self.kernel)
     }
 
     /// Return (η, d) if all jots of a pixel have the same rate for any image, or else `None`.
@@ -117,6 +121,20 @@ impl Sensor<'_> {
     fn is_dead(&self, row: usize, column: usize) -> bool {
         self.dead.is_some_and(|dead| dead[[row, column]])
     }
+}
+
+/// Return the numbers of rows and of columns of jots of an image.
+fn jots_of_pixels(
+    (height, width): (usize, usize),
+    vertical: &Kernel,
+    horizontal: &Kernel,
+) -> Result<(usize, usize)> {
+    let rows = height.checked_mul(vertical.oversampling());
+    let columns = width.checked_mul(horizontal.oversampling());
+    rows.zip(columns).ok_or_else(|| {
+        let received = format!("{height} x {width}");
+        Error::range("image", "jots whose number fits into memory", received)
+    })
 }
 
 /// A range of frames, rows of pixels, and columns of pixels.

@@ -3,7 +3,7 @@
 //! The table holds P(b = 1), rounded to 16 bits. The exact probability is computed only for the few
 //! draws that are close to the value of the table.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use crate::cpu::levels;
 use crate::likelihood::Threshold;
@@ -14,6 +14,9 @@ use crate::numbers::Real;
 pub(super) struct ProbabilityTable {
     /// The number of entries per unit of s.
     density: f64,
+    /// The number of entries that would precede the first one if the table began at s = 0. P is
+    /// nearly 0 there, so the first entry represents them.
+    first: f64,
     /// The index of the last entry that the table uses.
     last: f64,
     /// The [`ENTRIES`] entries.
@@ -22,7 +25,23 @@ pub(super) struct ProbabilityTable {
 
 /// The length of a table. No threshold needs more entries. The length is a power of 2, so that
 /// `index % ENTRIES` is a single operation, which makes a bounds check unnecessary.
-const ENTRIES: usize = 1 << 17;
+const ENTRIES: usize = 1 << 14;
+
+/// Tables with their thresholds.
+type Tables = Vec<(u32, Arc<ProbabilityTable>)>;
+
+/// The tables of the last thresholds.
+static TABLES: Mutex<Tables> = Mutex::new(Vec::new());
+
+const MAX_TABLES: usize = 8;
+
+/// Return the list of tables, unless another thread uses it now.
+///
+/// Nobody may wait for the list: if the process forks while a thread uses it, the child never gets
+/// it. The child then computes its tables itself.
+fn shared_tables() -> Option<MutexGuard<'static, Tables>> {
+    TABLES.try_lock().ok()
+}
 
 impl ProbabilityTable {
     /// The number of entries over which P would rise from 0 to 1 at its maximum slope.
@@ -33,29 +52,35 @@ impl ProbabilityTable {
     /// Rounding of the value and of the draw adds one unit each.
     pub const MARGIN: u16 = 34;
 
-    /// Return the table of a threshold. All callers share one table per threshold.
+    /// Return the table of a threshold. Later calls reuse it.
     pub fn shared(threshold: Threshold) -> Arc<Self> {
-        static TABLES: Mutex<Vec<(u32, Arc<ProbabilityTable>)>> = Mutex::new(Vec::new());
         let photons = threshold.photons();
-        let tables = || TABLES.lock().unwrap_or_else(PoisonError::into_inner);
-        let known = tables().iter().find(|(q, _)| *q == photons).cloned();
+        let is_known = |(q, _): &&(u32, Arc<Self>)| *q == photons;
+        let known = shared_tables().and_then(|tables| tables.iter().find(is_known).cloned());
         if let Some((_, table)) = known {
             return table;
         }
-        // The lock is not held here. Two threads may both compute the table, but none waits.
         let table = Arc::new(Self::new(threshold));
-        tables().push((photons, Arc::clone(&table)));
+        if let Some(mut tables) = shared_tables() {
+            if tables.len() == MAX_TABLES {
+                tables.remove(0);
+            }
+            tables.push((photons, Arc::clone(&table)));
+        }
         table
     }
 
     fn new(threshold: Threshold) -> Self {
+        let q = f64::from(threshold.photons());
         // The maximum of dP/ds is at s = q − 1.
-        let max_slope = threshold.detection_derivative(f64::from(threshold.photons() - 1));
+        let max_slope = threshold.detection_derivative(q - 1.0);
         let density = Self::ENTRIES_AT_MAX_SLOPE * max_slope;
+        // P is below 10⁻⁶ at rates that are five standard deviations below q.
+        let first = ((q - 5.0 * q.sqrt()).max(0.0) * density).floor();
         let mut entries = vec![0; ENTRIES];
         let mut last = 0.0;
         for entry in &mut entries {
-            let probability = threshold.detection_probability((last + 0.5) / density);
+            let probability = threshold.detection_probability((first + last + 0.5) / density);
             *entry = (probability * 65536.0).min(65535.0).round() as u32;
             // The last entry represents all higher rates.
             if 1.0 - probability < 1e-6 {
@@ -65,6 +90,7 @@ impl ProbabilityTable {
         }
         Self {
             density,
+            first,
             last,
             entries,
         }
@@ -86,10 +112,11 @@ impl ProbabilityTable {
         rates: &[f64; RATES_PER_GROUP],
     ) -> [u16; RATES_PER_GROUP] {
         let mut indices = [0; RATES_PER_GROUP];
+        let offset = self.first + 0.5;
         for (index, rate) in indices.iter_mut().zip(rates) {
             // Subtracting one half turns rounding to nearest into rounding down. On the edge
             // between two entries, either is accurate enough.
-            let entry = rate * self.density - 0.5;
+            let entry = rate * self.density - offset;
             let entry = if entry < self.last { entry } else { self.last };
             let entry = if entry > 0.0 { entry } else { 0.0 };
             *index = entry.nearest().1;
@@ -132,10 +159,13 @@ mod tests {
 
     #[test]
     fn the_error_of_the_table_is_within_the_margin() -> Result<()> {
-        for q in [1, 2, 5, 40, 3000] {
+        for q in [1, 2, 5, 26, 40, 3000, Threshold::MAX_PHOTONS] {
             let threshold = Threshold::new(q)?;
-            let step = 0.000_017_3 * f64::from(q + 100);
-            let mut rates: Vec<f64> = (0..200_000).map(|k| f64::from(k) * step).collect();
+            let step = 0.000_173 * f64::from(q + 100);
+            let mut rates: Vec<f64> = (0..20_000).map(|k| f64::from(k) * step).collect();
+            let fine_step = 0.001 * f64::from(q).sqrt();
+            let near_q = (-8000..8000).map(|k| f64::from(q) + f64::from(k) * fine_step);
+            rates.extend(near_q.filter(|&rate| rate > 0.0));
             rates.extend([0.0, 1e-300, 1e4, 1e300, f64::INFINITY]);
             let mut probabilities = Vec::new();
             ProbabilityTable::shared(threshold).look_up(&rates, &mut probabilities);

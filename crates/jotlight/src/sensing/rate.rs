@@ -9,7 +9,11 @@ use super::{Image, PerJot, Sensor};
 use crate::bits::contiguous;
 use crate::cpu::levels;
 use crate::error::{Error, Result};
+use crate::interrupt;
 use crate::sensing::kernel::{Kernel, mirror_index};
+
+/// The number of jots after which a long row asks whether the call is interrupted.
+const COLUMNS_PER_QUESTION: usize = 1 << 12;
 
 /// Write the rates η s + d of rows of jots into `out` `(rows, W·K̂)`, with s = (α/T)·(G c).
 ///
@@ -59,11 +63,10 @@ fn for_each_jot(
     value: impl Fn(f64, bool) -> f64 + Sync,
 ) -> Result<()> {
     sensor.check(&image)?;
-    let (height, width) = image.shape();
-    let oversampling = sensor.kernel.oversampling();
-    let (jot_rows, jot_columns) = (height * oversampling, width * oversampling);
+    let (jot_rows, jot_columns) = sensor.jots(&image)?;
     let (rows, columns) = out.dim();
-    if columns != jot_columns || first + rows > jot_rows {
+    let last = first.checked_add(rows);
+    if columns != jot_columns || last.is_none_or(|last| last > jot_rows) {
         return Err(Error::range(
             "out",
             format!("rows within {jot_rows} x {jot_columns} jots"),
@@ -75,9 +78,15 @@ fn for_each_jot(
         .into_par_iter()
         .enumerate()
         .for_each_init(Vec::new, |rates, (row, mut out)| {
+            if interrupt::is_requested() {
+                return;
+            }
             let row = first + row;
             exposure.jot_rates(row, 0..jot_columns, rates);
             for (column, (out, rate)) in out.iter_mut().zip(rates.iter()).enumerate() {
+                if column % COLUMNS_PER_QUESTION == 0 && interrupt::is_requested() {
+                    return;
+                }
                 *out = value(*rate, sensor.is_dead(row, column)) as f32;
             }
         });

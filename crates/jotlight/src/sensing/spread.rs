@@ -1,14 +1,16 @@
 //! The linear operator G, which maps intensities to the light of the jots, and its exact adjoint
 //! (paper, sections 2.1 and 2.2.1).
 
-use ndarray::{Array2, ArrayView2, ArrayViewMut2, Axis};
+use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 use num_integer::div_rem;
 use rayon::prelude::*;
 
+use super::jots_of_pixels;
 use super::kernel::{Kernel, mirror_index};
 use super::rate::filter_row;
 use crate::bits::contiguous;
 use crate::error::{Error, Result};
+use crate::{interrupt, memory};
 
 /// The operator G, which spreads the intensities of an image over the jots.
 ///
@@ -47,6 +49,9 @@ impl SpreadOperator {
             .into_par_iter()
             .enumerate()
             .for_each_init(Vec::new, |light, (row, mut out)| {
+                if interrupt::is_requested() {
+                    return;
+                }
                 filter_row(
                     &self.vertical,
                     &self.horizontal,
@@ -80,8 +85,7 @@ impl SpreadOperator {
         self.apply_adjoint(gain, out, |row, light| {
             light.clear();
             light.extend_from_slice(&contiguous(jots.row(row)));
-        });
-        Ok(())
+        })
     }
 
     /// Write gain² · Gᵀ diag(weights) G `image` into `out` `(H, W)`.
@@ -113,8 +117,7 @@ impl SpreadOperator {
             for (light, weight) in light.iter_mut().zip(weights.row(row)) {
                 *light *= weight;
             }
-        });
-        Ok(())
+        })
     }
 
     /// Write gain · Gᵀ y into `out`, where `fill_row` computes the rows of the array y over the
@@ -124,16 +127,19 @@ impl SpreadOperator {
         gain: f64,
         mut out: ArrayViewMut2<'_, f64>,
         fill_row: impl Fn(usize, &mut Vec<f64>) + Sync,
-    ) {
+    ) -> Result<()> {
         let (height, width) = out.dim();
         let jot_rows = height * self.vertical.oversampling();
-        let mut rows = Array2::<f64>::zeros((jot_rows, width));
+        let mut rows = memory::zeros("rows of jots", (jot_rows, width))?;
         rows.axis_iter_mut(Axis(0))
             .into_par_iter()
             .enumerate()
             .for_each_init(
                 || (Vec::new(), Vec::new()),
                 |(light, padded), (index, mut row)| {
+                    if interrupt::is_requested() {
+                        return;
+                    }
                     fill_row(index, light);
                     self.apply_horizontal_adjoint(
                         light,
@@ -157,9 +163,13 @@ impl SpreadOperator {
             .for_each(|(mut out, lit_rows)| {
                 out.fill(0.0);
                 for (row, weight) in lit_rows {
+                    if interrupt::is_requested() {
+                        return;
+                    }
                     out.scaled_add(weight, &rows.row(row));
                 }
             });
+        Ok(())
     }
 
     /// Write the horizontal part of Gᵀ into `row`. It maps a row of jots to a row of pixels, and is
@@ -190,10 +200,7 @@ impl SpreadOperator {
             let received = format!("{} x {}", image.0, image.1);
             return Err(Error::range("image", "at least one pixel", received));
         }
-        let expected = (
-            image.0 * self.vertical.oversampling(),
-            image.1 * self.horizontal.oversampling(),
-        );
+        let expected = jots_of_pixels(image, &self.vertical, &self.horizontal)?;
         if jots == expected {
             Ok(())
         } else {

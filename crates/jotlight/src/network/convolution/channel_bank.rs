@@ -6,6 +6,7 @@
 use super::PlanesView;
 use super::direct::store;
 use crate::cpu::{self, Simd, WithSimd};
+use crate::interrupt;
 use crate::numbers::Real;
 
 /// The number of outputs in a large group, which requires a processor with 32 vector registers or
@@ -147,6 +148,9 @@ impl<F: Real> WithSimd for BankCorrelation<'_, F> {
         // All outputs of a block of columns are computed while its source is in the cache.
         let block = WIDE_TILE * lanes;
         for row in 0..self.height {
+            if interrupt::is_requested() {
+                return;
+            }
             for column in (0..self.width).step_by(block) {
                 let columns = column..(column + block).min(self.width);
                 let mut first = 0;

@@ -7,6 +7,7 @@ use std::ops::Range;
 
 use super::PlanesView;
 use crate::cpu::{self, Simd, WithSimd};
+use crate::interrupt;
 use crate::numbers::{MAX_LANES, Real};
 
 /// The maximum number of rows beyond the last one that a tile reads. Their results are discarded.
@@ -120,6 +121,9 @@ impl<F: Real> DirectCorrelation<'_, F> {
         let block = DIRECT_BLOCK_COLUMNS.next_multiple_of(C * lanes);
         for start in (0..self.width).step_by(block) {
             for row in (0..rows).step_by(R) {
+                if interrupt::is_requested() {
+                    return;
+                }
                 let mut column = start;
                 let end = (start + block).min(self.width);
                 while column < end {

@@ -8,8 +8,9 @@ use super::direct::SPARE_ROWS;
 use super::filter_taps::{FilterTaps, TapOrder};
 use super::tap_gradient::SPARE_COLUMNS;
 use super::{PlanesView, leading_rows};
+use crate::interrupt;
 use crate::network::tiling::region::Region;
-use crate::network::tiling::strips::{StripedPlanes, contiguous_planes};
+use crate::network::tiling::strips::StripedPlanes;
 use crate::numbers::{MAX_LANES, Real};
 use crate::sensing::mirror_index;
 
@@ -39,8 +40,9 @@ impl<F: Real> Padded<F> {
     pub fn mirrored(planes: ArrayView3<'_, F>, filters: &FilterTaps<F>) -> Self {
         let (_, height, width) = planes.dim();
         let whole = Region::whole((height, width));
-        let planes = contiguous_planes(planes);
-        let source = StripedPlanes::single(&planes, whole.clone(), (height, width));
+        let planes = planes.as_standard_layout();
+        let planes = planes.as_slice().unwrap_or_default();
+        let source = StripedPlanes::single(planes, whole.clone(), (height, width));
         let mut padded = Self::default();
         padded.fill(&source, &whole, filters);
         padded
@@ -125,6 +127,9 @@ impl<F: Real> Padded<F> {
         let mut plane = Vec::with_capacity(self.height * self.width);
         for index in 0..channels * rows * columns {
             let channel = index / (rows * columns);
+            if interrupt::is_requested() {
+                return;
+            }
             let tap_row = rows - 1 - index / columns % rows;
             let tap_column = columns - 1 - index % columns;
             plane.clear();

@@ -5,6 +5,7 @@ use ndarray::{ArrayView3, ArrayViewMut4, Axis};
 use super::direct::SPARE_ROWS;
 use super::padded::Padded;
 use crate::cpu::{self, Simd, WithSimd};
+use crate::interrupt;
 use crate::numbers::{MAX_LANES, Real};
 
 /// The maximum number of columns beyond the last one that a tile of shifts reads.
@@ -32,6 +33,9 @@ impl<F: Real> Padded<F> {
             .zip(tap_gradient.axis_iter_mut(Axis(0)));
         for (gradient, mut tap_gradient) in outputs {
             for first in (0..height).step_by(BAND_ROWS) {
+                if interrupt::is_requested() {
+                    return;
+                }
                 let band = first..(first + BAND_ROWS).min(height);
                 weights.clear();
                 weights.resize((band.len() + 2 * SPARE_ROWS) * weight_stride, F::zero());

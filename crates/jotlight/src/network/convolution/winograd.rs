@@ -10,6 +10,7 @@ use super::channel_bank::ChannelBank;
 use super::winograd_transforms::{InputTransform, OutputTransform, TRANSFORMED_ROWS, filter_rows};
 use super::{PlanesView, leading_rows};
 use crate::cpu;
+use crate::interrupt;
 use crate::network::tiling::region::Region;
 use crate::network::tiling::strips::StripedPlanes;
 use crate::numbers::{MAX_LANES, Real};
@@ -89,6 +90,9 @@ impl<F: Real> Winograd<F> {
         let top = first(output.rows.start, FILTER_ROWS);
         let left = first(output.columns.start, self.columns);
         for row in (0..height).step_by(OUTPUT_ROWS) {
+            if interrupt::is_requested() {
+                return;
+            }
             for column in (0..width).step_by(WINOGRAD_BLOCK_COLUMNS) {
                 let length = WINOGRAD_BLOCK_COLUMNS.min(width - column);
                 cpu::run(InputTransform {

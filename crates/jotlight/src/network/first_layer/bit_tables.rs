@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use crate::bits::{PackedBits, bit_field};
 use crate::cpu::levels;
+use crate::interrupt;
 use crate::network::spline::evaluate::Spline;
 use crate::network::tiling::region::Region;
 use crate::numbers::Real;
@@ -102,6 +103,9 @@ impl<F: Real> BitTables<F> {
         let (skipped, width) = (region.columns.start - first, region.columns.len());
         out.fill(F::zero());
         for (out_row, row) in region.rows.clone().enumerate() {
+            if interrupt::is_requested() {
+                return;
+            }
             for table in &self.tables {
                 indices.fill(0);
                 for run in &table.runs {

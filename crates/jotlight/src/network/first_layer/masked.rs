@@ -4,7 +4,9 @@ use ndarray::{Array3, ArrayView2, ArrayView4, Axis};
 use rayon::prelude::*;
 
 use crate::bits::{PackedBits, bit_field, mask_row};
+use crate::error::Result;
 use crate::numbers::Real;
+use crate::{interrupt, memory};
 
 /// Return p of equation (11), one plane per filter.
 ///
@@ -15,8 +17,11 @@ pub(crate) fn filter_masked_bits<F: Real>(
     valid: ArrayView2<'_, u8>,
     filters: ArrayView4<'_, F>,
     (height, width): (usize, usize),
-) -> Array3<F> {
-    let mut planes = Array3::zeros((filters.dim().0, height, width));
+) -> Result<Array3<F>> {
+    let mut planes = memory::zeros("sums", (filters.dim().0, height, width))?;
+    if planes.is_empty() {
+        return Ok(planes);
+    }
     for (filter, mut plane) in filters.outer_iter().zip(planes.outer_iter_mut()) {
         let side = filter.dim().1;
         let rows = plane.axis_iter_mut(Axis(0)).into_par_iter().enumerate();
@@ -24,6 +29,9 @@ pub(crate) fn filter_masked_bits<F: Real>(
             let mut blocks = vec![BlockSums::<F>::default(); width];
             for (frame, taps) in filter.outer_iter().enumerate() {
                 for (jot_row, taps) in taps.outer_iter().enumerate() {
+                    if interrupt::is_requested() {
+                        return;
+                    }
                     let jots = bits.row(frame, row * side + jot_row);
                     let valid = mask_row(valid, row * side + jot_row);
                     for (pixel, (out, block)) in out.iter_mut().zip(&mut blocks).enumerate() {
@@ -46,7 +54,7 @@ pub(crate) fn filter_masked_bits<F: Real>(
             }
         });
     }
-    planes
+    Ok(planes)
 }
 
 /// The sums over the bits of a pixel that determine the contribution of its dead jots.

@@ -3,9 +3,10 @@
 use ndarray::{Array2, Array3, ArrayView3, ArrayView4, ArrayViewMut4};
 
 use super::bit_tables::filter_bits;
-use crate::bits::{PackedBits, add_block_counts, bit_field};
+use crate::bits::{PackedBits, add_block_counts, bit_field, bits_per_pixel};
 use crate::error::Result;
 use crate::numbers::Real;
+use crate::{interrupt, memory};
 
 /// The input of a first layer.
 pub(crate) enum FirstLayerData<'a> {
@@ -26,21 +27,26 @@ impl<'a> FirstLayerData<'a> {
         }
         let mut counts = Array2::zeros(pixels);
         add_block_counts(&bits, side, None, counts.view_mut())?;
-        Ok(Self::Counts(counts, bits.shape().0 * side * side))
+        let max = bits_per_pixel(bits.shape().0, side)?;
+        Ok(Self::Counts(counts, max as usize))
     }
 
     /// Return p, one plane per filter. A plane has one value per pixel, or one per count if the
     /// filters are tied.
-    pub fn filter<F: Real>(&self, filters: ArrayView4<'_, F>) -> Array3<F> {
-        match self {
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Memory`] if the memory for the planes is not available.
+    pub fn filter<F: Real>(&self, filters: ArrayView4<'_, F>) -> Result<Array3<F>> {
+        Ok(match self {
             Self::Counts(_, max) => {
+                memory::check::<F>("sums of the counts", &[filters.len(), max + 1])?;
                 let taps: Vec<F> = filters.iter().copied().collect();
                 Array3::from_shape_fn((taps.len(), 1, max + 1), |(channel, _, count)| {
                     taps[channel] * F::from_index(count)
                 })
             }
             Self::Bits(bits, pixels) => filter_bits(bits, filters, *pixels),
-        }
+        })
     }
 
     /// Return planes with one value per pixel from planes of the shape that
@@ -111,6 +117,9 @@ impl<'a> FirstLayerData<'a> {
             Self::Bits(bits, (height, width)) => {
                 let mut plane = vec![F::zero(); height * width];
                 for tap in ndarray::indices((frames, rows, columns)) {
+                    if interrupt::is_requested() {
+                        return;
+                    }
                     let (frame, tap_row, tap_column) = tap;
                     for (row, plane) in plane.chunks_exact_mut(*width).enumerate() {
                         let jots = bits.row(frame, row * rows + tap_row);

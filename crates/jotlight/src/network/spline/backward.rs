@@ -3,6 +3,7 @@
 
 use super::evaluate::{BASIS, Spline, dot};
 use crate::cpu::levels;
+use crate::interrupt;
 use crate::numbers::Real;
 
 /// The number of interleaved partial sums. With several, an addition need not wait for the previous
@@ -40,6 +41,9 @@ impl<F: Real> Spline<F> {
         let mut partial_sums = vec![[F::zero(); 4]; INTERLEAVED * self.cubics.len()];
         let gradients = gradient.chunks_mut(BLOCK_PIXELS);
         for (inputs, gradient) in inputs.chunks(BLOCK_PIXELS).zip(gradients) {
+            if interrupt::is_requested() {
+                return;
+            }
             for (pixel, (&z, gradient)) in inputs.iter().zip(gradient).enumerate() {
                 let (interval, f) = self.locate(z);
                 let interval = interval as usize;

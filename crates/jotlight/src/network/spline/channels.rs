@@ -3,10 +3,15 @@
 use ndarray::{Array2, Array3, ArrayView2, ArrayView3, Axis, Zip};
 use rayon::prelude::*;
 
-use super::evaluate::Spline;
+use super::evaluate::{Spline, TABLE};
 use crate::bits::contiguous;
 use crate::error::{Error, Result};
 use crate::numbers::Real;
+use crate::{interrupt, memory};
+
+/// The maximum number of coefficients of a spline. The index of a knot interval must fit into the
+/// mantissa of an `f32`.
+const MAX_COEFFICIENTS: usize = 1 << 20;
 
 /// Splines without filters, one per channel. PyTorch networks use them as their nonlinearities.
 pub struct Splines<F>(Vec<Spline<F>>);
@@ -27,11 +32,11 @@ impl<F: Real> Splines<F> {
     /// [`Error::Shape`] if the number of channels is not the number of splines.
     pub fn activate(&self, planes: ArrayView3<'_, F>) -> Result<Array3<F>> {
         self.check_channels(planes.dim())?;
-        let mut out = planes.to_owned();
+        memory::check::<F>("planes", planes.shape())?;
+        let mut out = planes.as_standard_layout().into_owned();
         Zip::indexed(out.lanes_mut(Axis(2))).par_for_each(|(_, channel), mut plane| {
-            if let Some(plane) = plane.as_slice_mut() {
-                self.0[channel].apply(plane);
-            }
+            let plane = plane.as_slice_mut().unwrap_or_default();
+            self.0[channel].apply(plane);
         });
         Ok(out)
     }
@@ -54,8 +59,13 @@ impl<F: Real> Splines<F> {
         }
         let (_, channels, _) = planes.dim();
         let coefficients = self.0.first().map_or(0, Spline::len);
+        memory::check::<F>("planes", planes.shape())?;
+        memory::check::<f64>(
+            "gradients of the coefficients",
+            &[planes.dim().0, channels, coefficients],
+        )?;
         let planes = planes.as_standard_layout();
-        let mut out = gradient.to_owned();
+        let mut out = gradient.as_standard_layout().into_owned();
         let sums_per_item: Vec<_> = out
             .outer_iter_mut()
             .into_par_iter()
@@ -66,6 +76,9 @@ impl<F: Real> Splines<F> {
                 for ((spline, (mut out, plane)), mut sums) in
                     self.0.iter().zip(rows).zip(sums.outer_iter_mut())
                 {
+                    if interrupt::is_requested() {
+                        break;
+                    }
                     if let (Some(out), Some(plane), Some(sums)) =
                         (out.as_slice_mut(), plane.to_slice(), sums.as_slice_mut())
                     {
@@ -98,9 +111,12 @@ pub(crate) fn build_splines<F: Real>(
     spacing: F,
 ) -> Result<Vec<Spline<F>>> {
     let what = "spline coefficients";
-    if coefficients.ncols() < 4 {
-        return Err(Error::range(what, "at least 4", coefficients.ncols()));
+    if !(4..=MAX_COEFFICIENTS).contains(&coefficients.ncols()) {
+        let expected = "4 to 2^20 per channel";
+        return Err(Error::range(what, expected, coefficients.ncols()));
     }
+    memory::check::<[[F; TABLE]; 4]>(what, &[coefficients.nrows()])?;
+    memory::check::<[F; 4]>(what, coefficients.shape())?;
     if !coefficients.iter().all(|x| x.is_finite()) {
         return Err(Error::range(what, "finite values", "infinity or NaN"));
     }

@@ -6,6 +6,7 @@ use super::registers::{MAX_INTERVALS, RegisterTable};
 #[cfg(target_arch = "x86_64")]
 use crate::cpu;
 use crate::cpu::levels;
+use crate::interrupt;
 use crate::numbers::Real;
 
 /// φ(z) = Σ_k w_k β3((z − start)/Δ − (k − 1)): equations (8) and (10).
@@ -27,11 +28,15 @@ pub struct Spline<F> {
     bounds: (F, F),
 }
 
+/// The number of values after which a long loop asks whether the call is interrupted. It is a
+/// multiple of the groups of the vectorized loops.
+const VALUES_PER_QUESTION: usize = 1 << 16;
+
 /// The number of pixels that the vectorized loops process together.
 const GROUP: usize = 64;
 
 /// The length of the table of polynomials. An index of one byte needs no bounds check.
-const TABLE: usize = 256;
+pub(super) const TABLE: usize = 256;
 
 impl<F: Real> Spline<F> {
     pub(crate) fn new(coefficients: &[F], start: F, spacing: F) -> Self {
@@ -113,6 +118,15 @@ impl<F: Real> Spline<F> {
 
     /// Replace each value z of a plane with φ(z).
     pub fn apply(&self, plane: &mut [F]) {
+        for part in plane.chunks_mut(VALUES_PER_QUESTION) {
+            if interrupt::is_requested() {
+                return;
+            }
+            self.apply_to_part(part);
+        }
+    }
+
+    fn apply_to_part(&self, plane: &mut [F]) {
         #[cfg(target_arch = "x86_64")]
         if self.cubics.len() <= MAX_INTERVALS
             && let Some(simd) = cpu::v4()

@@ -6,9 +6,11 @@ use rayon::prelude::*;
 use super::dependencies::required_regions;
 use super::region::Region;
 use super::workspace::{CachedWorkspace, TileColumn};
+use crate::error::Result;
 use crate::network::convolution::winograd::OUTPUT_ROWS;
 use crate::network::graph::Graph;
 use crate::numbers::Real;
+use crate::{interrupt, memory};
 
 /// The maximum number of pixels of a tile, or of each strip if threads share the tile. Its planes
 /// then fit into the cache.
@@ -34,9 +36,9 @@ pub(crate) fn evaluate_in_tiles<F: Real>(
     graph: &Graph<'_, F>,
     size: (usize, usize),
     first_layer: impl Fn(&Region, &mut [F]) + Sync,
-) -> Array2<F> {
+) -> Result<Array2<F>> {
     let (height, width) = size;
-    let mut image = Array2::zeros((height, width));
+    let mut image = memory::zeros("image", (height, width))?;
     let (bands, strips) = divide_among_threads(graph, height);
     let group = OUTPUT_ROWS * graph.size_divisor;
     let band_height = height.div_ceil(bands).next_multiple_of(group);
@@ -49,6 +51,9 @@ pub(crate) fn evaluate_in_tiles<F: Real>(
         |CachedWorkspace(workspace), (band, out)| {
             let rows = band * band_height..(band * band_height + band_height).min(height);
             for left in (0..width).step_by(tile_width) {
+                if interrupt::is_requested() {
+                    return;
+                }
                 let columns = left..(left + tile_width).min(width);
                 let tile_height = strips * pixels / columns.len().max(MIN_TILE_WIDTH);
                 let tile_height = tile_height.max(1).next_multiple_of(group);
@@ -67,7 +72,7 @@ pub(crate) fn evaluate_in_tiles<F: Real>(
             }
         },
     );
-    image
+    Ok(image)
 }
 
 /// Return the number of bands, and the number of strips per tile.

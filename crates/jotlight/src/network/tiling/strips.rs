@@ -6,6 +6,8 @@ use std::ops::Range;
 use ndarray::{ArrayView, Dimension};
 
 use super::region::Region;
+use crate::error::Result;
+use crate::memory;
 
 /// A strip: a range of rows of a stack of planes, `(channels, rows, columns)`.
 #[derive(Clone, Debug, Default)]
@@ -88,11 +90,16 @@ impl<'a, F> PlaneRow<'a, F> {
 }
 
 /// Return planes as a slice in row-major order. Planes that are not contiguous are copied.
-pub(crate) fn contiguous_planes<T: Copy, D: Dimension>(
-    planes: ArrayView<'_, T, D>,
-) -> Cow<'_, [T]> {
-    match planes.to_slice() {
-        Some(planes) => Cow::Borrowed(planes),
-        None => Cow::Owned(planes.iter().copied().collect()),
+///
+/// # Errors
+/// [`crate::error::Error::Memory`] if the memory for the copy is not available.
+pub(crate) fn contiguous_planes<'a, T: Copy, D: Dimension>(
+    what: &'static str,
+    planes: ArrayView<'a, T, D>,
+) -> Result<Cow<'a, [T]>> {
+    if let Some(planes) = planes.to_slice() {
+        return Ok(Cow::Borrowed(planes));
     }
+    memory::check::<T>(what, planes.shape())?;
+    Ok(Cow::Owned(planes.iter().copied().collect()))
 }

@@ -10,6 +10,7 @@ use super::dependencies::{required_regions, row_group};
 use super::region::Region;
 use super::strip_workspace::StripWorkspace;
 use super::strips::{LayerBuffer, Strip, StripedPlanes};
+use crate::interrupt;
 use crate::network::graph::Graph;
 use crate::numbers::Real;
 
@@ -133,6 +134,8 @@ impl<'a, F: Real, D: Fn(&Region, &mut [F]) + Sync> TileColumn<'a, F, D> {
     }
 
     /// Compute the tiles from top to bottom. Call `finish` with each tile and its planes.
+    ///
+    /// An interruption ends the computation before the next layer.
     pub fn evaluate(
         &self,
         workspace: &mut Workspace<F>,
@@ -160,6 +163,9 @@ impl<'a, F: Real, D: Fn(&Region, &mut [F]) + Sync> TileColumn<'a, F, D> {
                 |layer: usize| next.map_or(usize::MAX, |regions| regions[layer].rows.start);
             for (index, region) in regions.iter().enumerate() {
                 self.compute(workspace, index, region);
+                if interrupt::is_requested() {
+                    return;
+                }
                 for used in (0..index).filter(|&used| self.graph.last_use[used] == index) {
                     workspace.free_rows_above(used, next_start(used));
                 }
@@ -196,6 +202,9 @@ impl<'a, F: Real, D: Fn(&Region, &mut [F]) + Sync> TileColumn<'a, F, D> {
             .par_iter_mut()
             .zip(workspaces)
             .for_each(|(strip, workspace)| {
+                if interrupt::is_requested() {
+                    return;
+                }
                 let region = Region {
                     rows: strip.rows.clone(),
                     columns: region.columns.clone(),

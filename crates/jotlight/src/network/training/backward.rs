@@ -3,6 +3,8 @@
 
 use ndarray::{Array3, ArrayView2, ArrayViewMut4, Axis};
 
+use crate::error::{Error, Result};
+use crate::interrupt;
 use crate::network::convolution::padded::Padded;
 use crate::network::first_layer::training_data::FirstLayerData;
 use crate::network::layer::Layer;
@@ -23,13 +25,19 @@ pub(super) struct ForwardPass<'a, F> {
 impl<'a, F: Real> ForwardPass<'a, F> {
     /// Evaluate the layers, and keep the intermediate results. The layers must match each other and
     /// the data.
-    pub fn new(layers: &'a [Layer<F>], data: &'a FirstLayerData<'a>) -> Self {
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] and [`Error::Memory`].
+    pub fn new(layers: &'a [Layer<F>], data: &'a FirstLayerData<'a>) -> Result<Self> {
         let mut filter_inputs = Vec::with_capacity(layers.len());
         let mut spline_inputs = Vec::with_capacity(layers.len());
         let mut planes = Array3::default((0, 0, 0));
         for (index, layer) in layers.iter().enumerate() {
+            if interrupt::is_requested() {
+                return Err(Error::Interrupted);
+            }
             let filtered = if index == 0 {
-                data.filter(layer.filters())
+                data.filter(layer.filters())?
             } else {
                 let padded = Padded::mirrored(planes.view(), layer.filter_taps());
                 let filtered = padded.convolved(layer.filter_taps());
@@ -45,13 +53,13 @@ impl<'a, F: Real> ForwardPass<'a, F> {
             }
             spline_inputs.push(filtered);
         }
-        Self {
+        Ok(Self {
             layers,
             data,
             filter_inputs,
             spline_inputs,
             output: planes,
-        }
+        })
     }
 
     /// Add the gradient with respect to all parameters to `out`.
@@ -62,6 +70,9 @@ impl<'a, F: Real> ForwardPass<'a, F> {
         let mut gradient = output_gradient.insert_axis(Axis(0)).to_owned();
         let mut earlier_layers = out;
         for (index, layer) in self.layers.iter().enumerate().rev() {
+            if interrupt::is_requested() {
+                return;
+            }
             if index == 0 {
                 gradient = self.data.to_pixels_adjoint(gradient);
             }

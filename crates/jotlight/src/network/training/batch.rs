@@ -12,6 +12,7 @@ use crate::network::graph::check_sequential;
 use crate::network::layer::Layer;
 use crate::numbers::Real;
 use crate::sensing::{PerJot, Sensor};
+use crate::{interrupt, memory};
 
 /// The maximum number of matrices in memory. Each is a sum over a fixed part of the batch, so that
 /// the result does not depend on the number of threads.
@@ -100,6 +101,10 @@ impl Batch<'_> {
     pub fn gradient<F: Real>(&self, layers: &[Layer<F>]) -> Result<Gradient> {
         self.check(layers)?;
         let parameters = layers.iter().map(Layer::parameters).sum();
+        memory::check::<f64>(
+            "gradients of the patches",
+            &[self.patches.len(), parameters],
+        )?;
         let patches: Result<Vec<PatchGradient>> = (0..self.patches.len())
             .into_par_iter()
             .map(|index| {
@@ -124,6 +129,8 @@ impl Batch<'_> {
         let parameters = layers.iter().map(Layer::parameters).sum();
         let number = self.patches.len();
         let parts = MAX_MATRICES.min(number);
+        let matrices = "matrices of the normal equations";
+        memory::check::<f64>(matrices, &[parts + 1, parameters, parameters])?;
         let results: Result<Vec<_>> = (0..parts)
             .into_par_iter()
             .map(|part| {
@@ -144,6 +151,9 @@ impl Batch<'_> {
         let mut matrix = Array2::zeros((parameters, parameters));
         let mut patches = Vec::with_capacity(number);
         for (part, products) in results? {
+            if interrupt::is_requested() {
+                return Err(Error::Interrupted);
+            }
             patches.extend(part);
             matrix += &products;
         }

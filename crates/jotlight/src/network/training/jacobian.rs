@@ -6,6 +6,7 @@
 use ndarray::{Array3, Axis, s};
 
 use super::backward::ForwardPass;
+use crate::interrupt;
 use crate::network::convolution::padded::Padded;
 use crate::numbers::Real;
 
@@ -94,6 +95,9 @@ impl<F: Real> ForwardPass<'_, F> {
             let input = self.spline_inputs[depth].index_axis(Axis(0), channel);
             let weights_per_pixel: Vec<_> = input.iter().map(|&z| spline.weights(z)).collect();
             for coefficient in 0..spline.len() {
+                if interrupt::is_requested() {
+                    break;
+                }
                 let mut tangent = Array3::zeros(self.spline_inputs[depth].dim());
                 let mut is_used = false;
                 let mut plane = tangent.index_axis_mut(Axis(0), channel);
@@ -137,6 +141,9 @@ impl<F: Real> ForwardPass<'_, F> {
         }
         let later_layers = self.layers.iter().zip(&self.spline_inputs).skip(depth + 1);
         for (layer, inputs) in later_layers {
+            if interrupt::is_requested() {
+                break;
+            }
             let taps = layer.filter_taps();
             tangent = Padded::mirrored(tangent.view(), taps).convolved(taps);
             let channels = layer.splines.iter().zip(inputs.outer_iter());
@@ -185,7 +192,7 @@ mod tests {
 
     fn estimate(parameters: &[f64], packed: &Array3<u8>) -> Result<Array3<f64>> {
         let (layers, data) = (layers(parameters)?, first_layer_data(packed)?);
-        Ok(ForwardPass::new(&layers, &data).output)
+        Ok(ForwardPass::new(&layers, &data)?.output)
     }
 
     #[test]
@@ -199,7 +206,7 @@ mod tests {
             .collect();
         let pixels = [0, 5, 9, 27];
         let initial = layers(&parameters)?;
-        let rows = ForwardPass::new(&initial, &data).jacobian(&pixels);
+        let rows = ForwardPass::new(&initial, &data)?.jacobian(&pixels);
         let step = 1e-6;
         for parameter in 0..count {
             let value = parameters[parameter];

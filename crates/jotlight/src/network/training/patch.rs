@@ -13,6 +13,11 @@ use crate::network::first_layer::training_data::FirstLayerData;
 use crate::network::layer::Layer;
 use crate::numbers::Real;
 use crate::sensing::{self, Image, Window};
+use crate::{interrupt, memory};
+
+/// The maximum number of multiplications in a product of rows of the Jacobian. They take about 50
+/// milliseconds.
+const MAX_MULTIPLICATIONS: usize = 1 << 30;
 
 /// The evaluation of a network on one patch.
 pub(super) struct PatchEvaluation<'a, F> {
@@ -46,10 +51,18 @@ impl<F: Real> PatchEvaluation<'_, F> {
         let Ok(values) = ArrayView2::from_shape(shape, &rows.values) else {
             return;
         };
-        let products = values.dot(&values.t());
-        for (&row, products) in rows.parameters.iter().zip(products.outer_iter()) {
-            for (&column, value) in rows.parameters.iter().zip(products) {
-                matrix[[row, column]] += value.as_f64();
+        // A product of all rows at once would take too long to be interrupted.
+        let rows_per_product = (MAX_MULTIPLICATIONS / values.len().max(1)).max(1);
+        let parts = values.axis_chunks_iter(Axis(0), rows_per_product);
+        for (values_of_part, part) in parts.zip(rows.parameters.chunks(rows_per_product)) {
+            if interrupt::is_requested() {
+                return;
+            }
+            let products = values_of_part.dot(&values.t());
+            for (&row, products) in part.iter().zip(products.outer_iter()) {
+                for (&column, value) in rows.parameters.iter().zip(products) {
+                    matrix[[row, column]] += value.as_f64();
+                }
             }
         }
     }
@@ -71,7 +84,7 @@ impl Batch<'_> {
         let packed = self.expose_patch(index, image)?;
         let bits = PackedBits::new(packed.view(), width * side)?;
         let data = FirstLayerData::new(bits, side, is_tied(&layers[0]))?;
-        let forward_pass = ForwardPass::new(layers, &data);
+        let forward_pass = ForwardPass::new(layers, &data)?;
 
         let (rows, columns) = self.without_border(patch);
         let mut residual = Array2::zeros((height, width));
@@ -100,9 +113,9 @@ impl Batch<'_> {
         let (height, width) = image.dim();
         let side = self.sensor.kernel.oversampling();
         let shape = (self.frames, height * side, packed_width(width * side));
-        let mut packed = Array3::zeros(shape);
+        let mut packed = memory::zeros("bits of a patch", shape)?;
         let window = Window {
-            frames: index * self.frames..(index + 1) * self.frames,
+            frames: index.saturating_mul(self.frames)..(index + 1).saturating_mul(self.frames),
             rows: 0..height,
             columns: 0..width,
         };
