@@ -7,6 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from jotlight.formats.limits import check_claimed_size
+
 
 def encode_png(image: npt.NDArray[Any]) -> bytes:
     """Return an image in [0, 1] as a PNG with 8 bits, or a boolean array with one bit."""
@@ -27,7 +29,8 @@ def decode_png(file: bytes, name: str) -> npt.NDArray[np.float32]:
     """
     try:
         with Image.open(io.BytesIO(file)) as image:
+            check_claimed_size("the header", image.width * image.height, len(file))
             levels = np.asarray(image)
-    except OSError as error:
+    except Exception as error:  # any type: Pillow does not check everything it reads
         raise ValueError(f"{name}: damaged; delete these results with --restart") from error
     return levels.astype(np.float32) / np.float32(1 if levels.dtype == bool else 255)
