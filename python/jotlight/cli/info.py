@@ -15,7 +15,8 @@ from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.console import out, progress
 from jotlight.files import refuse_overwrite
 from jotlight.formats import open_capture
-from jotlight.formats.arrays import list_npz_arrays, open_npy_array, read_npz, read_npz_label
+from jotlight.formats.archives import list_npz_arrays, read_npz, read_npz_label
+from jotlight.formats.arrays import open_npy_array
 from jotlight.formats.capture import Capture, CountStack, is_single_image
 from jotlight.formats.detect import detect_format
 from jotlight.formats.labels import read_counts_label

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from PIL import Image
 
 from jotlight.formats.limits import check_claimed_size
+from jotlight.formats.png_chunks import check_png
 
 
 def encode_png(image: npt.NDArray[Any]) -> bytes:
@@ -28,6 +29,7 @@ def decode_png(file: bytes, name: str) -> npt.NDArray[np.float32]:
         If the file is damaged. The message begins with `name`.
     """
     try:
+        check_png(file)
         with Image.open(io.BytesIO(file)) as image:
             check_claimed_size("the header", image.width * image.height, len(file))
             levels = np.asarray(image)
