@@ -8,7 +8,7 @@ import numpy as np
 _MAX_JOTS = 1 << 26
 """Maximum number of jots in a chunk. The engine processes them in tens of milliseconds."""
 
-MAX_COUNTED_JOTS = 1 << 28
+MAX_COUNTED_JOTS = 1 << 27
 """Maximum number of jots in a chunk whose ones are only counted, which is faster."""
 
 _MAX_PIXELS = 1 << 18

@@ -29,12 +29,9 @@ def write_tensors(
 
 def stored_format(path: Path) -> str:
     """Return the format that a file states in its metadata, or "" if there is none."""
-    from safetensors import SafetensorError, safe_open
-
     try:
-        with safe_open(path, framework="numpy") as file:
-            return str((file.metadata() or {}).get("format", ""))
-    except (SafetensorError, OSError):
+        return _read_file(path)[1].get("format", "")
+    except (ValueError, OSError):
         return ""
 
 
@@ -48,17 +45,7 @@ def read_tensors(path: Path, format_: str, version: str) -> tuple[Tensors, dict[
     ValueError
         When the file is damaged, or has another format or version.
     """
-    from safetensors import SafetensorError, safe_open
-
-    try:
-        with safe_open(path, framework="numpy") as file:
-            metadata = file.metadata() or {}
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except (SafetensorError, TypeError, AttributeError) as error:
-        # safetensors raises TypeError or AttributeError for element types that NumPy lacks.
-        raise ValueError(
-            f"{path}: expected a safetensors file, but it is another file or damaged ({error})"
-        ) from error
+    tensors, metadata = _read_file(path)
     kind = metadata.get("format", "")
     if kind != format_:
         kind = kind if kind.startswith("jotlight") else "a safetensors file of another kind"
@@ -68,4 +55,27 @@ def read_tensors(path: Path, format_: str, version: str) -> tuple[Tensors, dict[
             f"{path}: expected format version {version}, got {metadata.get('version')}; "
             "a newer jotlight may read it"
         )
+    return tensors, metadata
+
+
+def _read_file(path: Path) -> tuple[Tensors, dict[str, str]]:
+    """Return the arrays and metadata of a safetensors file, which is not mapped into memory."""
+    from safetensors import SafetensorError
+    from safetensors.numpy import load
+
+    try:
+        with path.open("rb") as file:
+            header_bytes = int.from_bytes(file.read(8), "little")
+            # A large file of another kind is not read as a whole.
+            if header_bytes > os.fstat(file.fileno()).st_size:
+                raise ValueError("its header is longer than the file")
+            header = file.read(header_bytes)
+            file.seek(0)
+            tensors = load(file.read())
+        metadata = json.loads(header).get("__metadata__", {})
+    except (SafetensorError, ValueError, KeyError) as error:
+        # safetensors raises KeyError for element types that NumPy lacks.
+        raise ValueError(
+            f"{path}: expected a safetensors file, but it is another file or damaged ({error})"
+        ) from error
     return tensors, metadata

@@ -1,10 +1,7 @@
 """`jotlight simulate`."""
 
-import errno
-import os
-import re
-
 import numpy as np
+import pytest
 
 import jotlight as jl
 from jotlight.images.io import read_image
@@ -72,12 +69,28 @@ def test_simulate_does_not_delete_the_map_that_it_reads(run, tmp_path):
     assert (tmp_path / "a.dark_counts.npy").read_bytes() == before
 
 
-def test_a_full_disk_is_reported_and_leaves_no_files(run, photo, tmp_path, monkeypatch):
-    def full(*_):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(os, "posix_fallocate", full)
-    status, output = run("simulate", photo, "-o", "bits.npy")
+def test_a_failed_write_is_reported_and_leaves_no_files(run, photo, tmp_path):
+    resource = pytest.importorskip("resource")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 14, limits[1]))
+    try:
+        status, output = run("simulate", photo, "-o", "bits.npy", "-k", 1, "-t", 100)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert status == 1
-    assert re.search(r"cannot write bits.(npy|json): No space left", output)
+    assert "cannot write bits.npy: File too large" in output
     assert files(tmp_path) == ["photo.png"]
+
+
+@pytest.mark.parametrize("options", [[], ["--gray"]])
+def test_the_bits_do_not_depend_on_the_parts_in_which_they_are_written(
+    run, color, tmp_path, monkeypatch, options
+):
+    arguments = ["simulate", color, "-k", 2, "-t", 7, "--kernel", "cubic", *options]
+    assert run(*arguments, "-o", "whole.npy")[0] == 0
+    monkeypatch.setattr("jotlight.sensing.frames.read_in_chunks.__defaults__", (10_000,))
+    assert run(*arguments, "-o", "parts.npy")[0] == 0
+    assert (tmp_path / "parts.npy").read_bytes() == (tmp_path / "whole.npy").read_bytes()
+    sensor = jl.Sensor(oversampling=2, frames=7, kernel="cubic")
+    image = read_image(color, gray=bool(options))
+    np.testing.assert_array_equal(np.load("whole.npy"), sensor.expose(image, 0).packed)

@@ -5,8 +5,8 @@ import pytest
 
 import jotlight as jl
 from examples.arrays import file_names, random_bits
-from jotlight.formats.cube import create_bits
 from jotlight.formats.writing import write_capture
+from jotlight.sensing.frames import Frames
 
 
 @pytest.mark.parametrize("shape", [(3, 5, 16), (1, 1, 1), (2, 4, 13), (4, 3, 9, 3)])
@@ -58,7 +58,7 @@ def test_a_cube_and_its_companions_can_be_moved_together(tmp_path):
     assert jl.open(tmp_path / "b" / "cube.npy").sensor == sensor
 
 
-def test_bits_can_be_saved_over_the_file_they_are_mapped_from(tmp_path):
+def test_bits_can_be_saved_over_the_file_they_are_read_from(tmp_path):
     bits = random_bits((3, 4, 10))
     jl.save(bits, tmp_path / "cube.npy")
     jl.save(jl.open(tmp_path / "cube.npy")[:2], tmp_path / "cube.npy")
@@ -115,14 +115,13 @@ def test_an_interrupted_save_leaves_the_previous_files(tmp_path, before):
         jl.save(old, tmp_path / "cube.npy")
     there = file_names(tmp_path)
 
-    def interrupted():
-        sensor = jl.Sensor(mask=np.eye(4, 8, dtype=bool))
-        with create_bits(tmp_path / "cube.npy", (1, 4, 1), 8, sensor) as packed:
-            packed[...] = 255
-            raise KeyboardInterrupt
+    def read(start, stop):
+        assert any(path.name.startswith(".cube") for path in tmp_path.iterdir())
+        raise KeyboardInterrupt
 
+    bits = jl.Bits(Frames((1, 4, 1), read), 8, jl.Sensor(mask=np.eye(4, 8, dtype=bool)))
     with pytest.raises(KeyboardInterrupt):
-        interrupted()
+        jl.save(bits, tmp_path / "cube.npy")
     assert file_names(tmp_path) == there
     if before:
         np.testing.assert_array_equal(jl.open(tmp_path / "cube.npy").to_array(), old.to_array())

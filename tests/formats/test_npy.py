@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from examples.arrays import random_bits, random_frames
+from examples.arrays import random_frames
 
 COUNTS = np.random.default_rng(0).integers(0, 300, (5, 6, 7), np.uint16)
 
@@ -26,13 +26,6 @@ def test_every_version_of_npy_is_read(tmp_path, version):
     with (tmp_path / "cube.npy").open("wb") as file:
         np.lib.format.write_array(file, packed, version=version)
     np.testing.assert_array_equal(jl.open(tmp_path / "cube.npy").packed, packed)
-
-
-def test_a_file_is_memory_mapped_read_only(tmp_path):
-    jl.save(random_bits((2, 3, 16)), tmp_path / "cube.npy")
-    bits = jl.open(tmp_path / "cube.npy")
-    assert isinstance(bits.packed, np.memmap)
-    assert not bits.packed.flags.writeable
 
 
 def test_the_caller_can_state_the_width_of_a_cube_without_a_description(tmp_path):

@@ -7,7 +7,6 @@ import pytest
 
 import jotlight as jl
 from examples.arrays import random_bits, random_frames
-from jotlight.formats.cube import create_bits
 
 COUNTS = np.random.default_rng(0).integers(0, 300, (6, 9))
 SENSOR = jl.Sensor(oversampling=2, frames=3, mask=np.eye(4, 6, dtype=bool))
@@ -50,14 +49,6 @@ def test_impossible_counts_are_not_saved(tmp_path, data):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_cube_is_created_only_as_npy(tmp_path):
-    with (
-        pytest.raises(ValueError, match=r"ends in \.npy"),
-        create_bits(tmp_path / "cube.bin", (1, 2, 1), 8, None),
-    ):
-        pass
-
-
 def test_saved_bits_are_opened_with_their_width_and_sensor(tmp_path):
     jl.save(BITS, tmp_path / "capture.npy")
     opened = jl.open(tmp_path / "capture.npy")
@@ -70,7 +61,7 @@ def test_any_program_can_unpack_the_file(tmp_path):
     packed = np.load(tmp_path / "capture.npy")
     np.testing.assert_array_equal(np.unpackbits(packed, axis=2, count=6), BITS.to_array())
     description = json.loads((tmp_path / "capture.json").read_text())
-    assert description["maps"] == {"mask": "capture.mask.npy"}
+    assert description["maps"]["mask"]["file"] == "capture.mask.npy"
     np.testing.assert_array_equal(np.load(tmp_path / "capture.mask.npy"), SENSOR.mask)
 
 

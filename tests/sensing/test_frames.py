@@ -25,7 +25,9 @@ CUBE = np.random.default_rng(0).integers(0, 256, (20, 6, 3), np.uint8)
 COLOR = np.random.default_rng(0).integers(0, 256, (7, 6, 3, 3), np.uint8)
 
 
-@pytest.mark.parametrize("key", [slice(2, 9), slice(None), slice(-3, None), slice(1, 18, 4)])
+@pytest.mark.parametrize(
+    "key", [slice(2, 9), slice(None), slice(-3, None), slice(1, 18, 4), slice(None, None, -3)]
+)
 def test_a_range_of_frames_is_read_only_when_it_is_needed(key):
     requests = []
     part = lazy(CUBE, requests)[key]
@@ -41,7 +43,7 @@ def test_a_channel_is_read_only_when_it_is_needed():
     np.testing.assert_array_equal(part[2:5, ...], COLOR[2:5, ..., 1])
 
 
-@pytest.mark.parametrize("key", [3, (3,), None, (), [1, 2], slice(9, 2, -1), (slice(5, 1, -1),)])
+@pytest.mark.parametrize("key", [3, (3,), None, (), [1, 2]])
 def test_other_keys_are_refused(key):
     with pytest.raises((TypeError, ValueError), match="expected"):
         lazy(CUBE)[key]

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames
+from jotlight.sensing.frames import Frames, read_frames
 
 BLOCKS = 16
 """Number of blocks of frames whose counts are compared."""
@@ -129,9 +129,8 @@ def _successive_ones(bits: Bits) -> Bits:
     packed = bits.packed
 
     def read(start: int, stop: int) -> npt.NDArray[np.uint8]:
-        part = packed[start : stop + 1]
-        whole = part.read(0, len(part)) if isinstance(part, Frames) else part
-        return np.asarray(whole[:-1] & whole[1:])
+        part = read_frames(packed, start, stop + 1)
+        return np.asarray(part[:-1] & part[1:])
 
     return Bits(Frames((len(bits) - 1, *packed.shape[1:]), read), bits.width)
 

@@ -4,7 +4,6 @@ import dataclasses
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import numpy.typing as npt
 from cyclopts import Parameter
 
@@ -120,4 +119,4 @@ def _number_or_map(text: str) -> float | npt.NDArray[Any]:
     try:
         return float(text)
     except ValueError:
-        return np.array(read_npy(text))
+        return read_npy(text)

@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 from cyclopts import Parameter
 
 from jotlight.checks import as_image
@@ -11,9 +12,11 @@ from jotlight.cli.common_options import Gray, Photo, Seed, Threads, White
 from jotlight.cli.console import progress, report
 from jotlight.cli.sensor_options import ExposureOptions
 from jotlight.files import refuse_overwrite
-from jotlight.formats.cube import create_bits
 from jotlight.formats.description import companion_files
+from jotlight.formats.writing import choose_output_format, write_capture
 from jotlight.images.io import read_image
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames, Packed
 from jotlight.sensing.sensor import Sensor
 
 
@@ -41,8 +44,12 @@ def simulate(
     image = as_image(read_image(photo, white=white, gray=gray))
     height, width = (size * exposed.oversampling for size in image.shape[:2])
     shape = (exposed.frames, height, math.ceil(width / 8), *image.shape[2:])
-    with create_bits(output, shape, width, exposed) as packed, progress(1) as begin:
-        bits = exposed.expose(
-            image, seed, out=packed, threads=threads, progress=begin("drawing bits")
-        )
+
+    def draw(start: int, stop: int) -> Packed:
+        frames = slice(start, stop)
+        return np.asarray(exposed.expose(image, seed, frames=frames, threads=threads).packed)
+
+    bits = Bits(Frames(shape, draw), width, exposed)
+    with progress(1) as begin:
+        write_capture(bits, output, choose_output_format(output, "npy"), begin("drawing bits"))
     report(f"{output}: {bits!r}")

@@ -1,4 +1,4 @@
-"""NumPy arrays in `.npy` and `.npz` files from untrusted sources.
+"""NumPy arrays in `.npy` files from untrusted sources.
 
 Only complete arrays of numbers are read. Pickled objects are never loaded. Memory is allocated only
 for arrays that the file can fill, whatever its header claims.
@@ -11,10 +11,14 @@ import zipfile
 import zlib
 from pathlib import Path
 from tokenize import TokenError
-from typing import IO, Any
+from typing import IO, Any, cast
 
 import numpy as np
 import numpy.typing as npt
+from isal.igzip_lib import IsalError
+
+from jotlight.formats.file_reader import FileReader
+from jotlight.sensing.frames import Frames, read_in_chunks
 
 HEADER_ERRORS = (
     ValueError,
@@ -35,14 +39,14 @@ ARCHIVE_ERRORS = (
     zipfile.BadZipFile,
     zlib.error,
     lzma.LZMAError,
+    cast(type[Exception], IsalError),
 )
 """Exceptions that Python raises when a zip archive or a gzip stream is damaged."""
 
-LABEL_MEMBER = "jotlight.json"
-"""Name of the member of a `.npz` archive that holds the label of its counts."""
-
 _MAX_HEADER_BYTES = 1 << 16
-_MAX_LABEL_BYTES = 1 << 20
+
+_MAX_SIZE = 1 << 63
+"""Upper limit of a dimension in NumPy. An array without elements could claim more."""
 
 
 def check_header(file: IO[bytes]) -> None:
@@ -66,16 +70,18 @@ def read_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     Raises
     ------
     ValueError
-        When the stream has another signature, or a version other than 1 and 2.
+        When the stream has another signature, or a version other than 1, 2, and 3.
     """
     readers = {
         (1, 0): np.lib.format.read_array_header_1_0,
         (2, 0): np.lib.format.read_array_header_2_0,
+        # Only the encoding of field names differs from version 2, and arrays of numbers have none.
+        (3, 0): np.lib.format.read_array_header_2_0,
     }
     check_header(file)
     version = np.lib.format.read_magic(file)
     if version not in readers:
-        raise ValueError(f"expected version 1 or 2 of the .npy format, got {version}")
+        raise ValueError(f"expected version 1, 2, or 3 of the .npy format, got {version}")
     return readers[version](file)
 
 
@@ -88,7 +94,7 @@ def objects_error(name: str) -> ValueError:
 
 
 def read_npy(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
-    """Return the array of a `.npy` file as a read-only memory map.
+    """Return the array of a `.npy` file, read completely.
 
     Raises
     ------
@@ -105,121 +111,70 @@ def read_npy(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
     >>> read_npy(path).tolist()
     [0, 1, 2]
     """
+    return np.asarray(open_npy_array(path))
+
+
+def open_npy_array(path: str | os.PathLike[str]) -> npt.NDArray[Any] | Frames:
+    """Return the array of a `.npy` file as frames, which are read when they are needed.
+
+    A number, and an array in Fortran order, whose frames are not contiguous, are read completely.
+
+    Raises
+    ------
+    OSError, ValueError
+        As :func:`read_npy`. Frames raise OSError if the file has changed when they are read.
+    """
     path = Path(path)
     if path.is_dir():
         raise IsADirectoryError(f"{path}: expected a .npy file, got a folder")
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
+    reader = FileReader(path)
     try:
         with path.open("rb") as file:
             check_header(file)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     try:
-        return np.lib.format.open_memmap(path, mode="r")
-    except ValueError as error:
-        if "Python objects" in str(error):
-            raise objects_error(str(path)) from error
-        raise ValueError(
-            f"{path}: expected a complete .npy file, but its size does not fit its header "
-            f"or the header is damaged ({error})"
-        ) from error
+        with path.open("rb") as file:
+            shape, fortran_order, dtype = read_header(file)
+            start = file.tell()
     except HEADER_ERRORS as error:
         raise ValueError(f"{path}: the header of the .npy file is damaged ({error})") from error
+    if dtype.hasobject:
+        raise objects_error(str(path))
+    possible = all(0 <= size < _MAX_SIZE for size in shape)
+    if not possible or math.prod(shape) * dtype.itemsize > reader.size - start:
+        raise ValueError(
+            f"{path}: expected a complete .npy file, but its size does not fit its header, or the "
+            f"header is damaged (claims {dtype} of shape {shape}, has {reader.size} bytes)"
+        )
+    if fortran_order or not shape:
+        data = reader.read(start, math.prod(shape) * dtype.itemsize)
+        return np.ndarray(shape, dtype, data, order="F")
+    frame_bytes = math.prod(shape[1:]) * dtype.itemsize
+
+    def read(first: int, stop: int) -> npt.NDArray[Any]:
+        data = reader.read(start + first * frame_bytes, (stop - first) * frame_bytes)
+        return np.ndarray((stop - first, *shape[1:]), dtype, data)
+
+    return Frames(shape, read, dtype)
 
 
-def read_npz(path: str | os.PathLike[str], key: str | None = None) -> npt.NDArray[Any]:
-    """Return one array of a `.npz` archive.
+def write_npy(
+    file: IO[bytes], array: npt.NDArray[Any] | Frames, shape: tuple[int, ...] | None = None
+) -> None:
+    """Write an array in the `.npy` format, some frames at a time.
 
     Parameters
     ----------
-    path : path
-    key : str, optional
-        Name of the array. Default: the only array of the archive.
-
-    Raises
-    ------
-    OSError
-        When the file cannot be read.
-    ValueError
-        When the file is not such an archive, is damaged, holds Python objects, has no array
-        `key`, or has several arrays and `key` is None.
-
-    Examples
-    --------
-    >>> import pathlib, tempfile
-    >>> path = pathlib.Path(tempfile.mkdtemp()) / "counts.npz"
-    >>> np.savez(path, dark=np.arange(3), flat=np.ones(3))
-    >>> read_npz(path, "dark").tolist()
-    [0, 1, 2]
+    file : binary file
+    array : ndarray or Frames
+    shape : tuple of int, optional
+        The shape that the header states, with the same number of elements. Default: that of the
+        array.
     """
-    path = Path(path)
-    key = select_npz_array(path, key)
-    try:
-        with zipfile.ZipFile(path) as archive:
-            _check_member_size(archive, f"{key}.npy")
-            # Not numpy.load, which returns the bytes of a member that is not an array.
-            with archive.open(f"{key}.npy") as member:
-                return np.asarray(np.lib.format.read_array(member, allow_pickle=False))
-    except (*HEADER_ERRORS, *ARCHIVE_ERRORS) as error:
-        if "Object arrays" in str(error):
-            raise objects_error(f"{path}: {key}") from error
-        raise ValueError(f"{path}: the array {key} is damaged ({error})") from error
-
-
-def select_npz_array(path: Path, key: str | None) -> str:
-    """Return `key` if a `.npz` archive has this array; for None, the name of its only array.
-
-    Raises
-    ------
-    ValueError
-        When there is no such array, or `key` is None and there are several.
-    """
-    names = list_npz_arrays(path)
-    if key is None and len(names) == 1:
-        return names[0]
-    if key is None or key not in names:
-        got = "" if key is None else f", got {key!r}"
-        raise ValueError(f"{path}: expected the name of an array (--key): {', '.join(names)}{got}")
-    return key
-
-
-def _check_member_size(archive: zipfile.ZipFile, name: str) -> None:
-    """Raise ValueError when the header of a member claims more bytes than the member has."""
-    with archive.open(name) as member:
-        shape, _, dtype = read_header(member)
-    claimed, available = math.prod(shape) * dtype.itemsize, archive.getinfo(name).file_size
-    if not dtype.hasobject and not 0 <= claimed <= available:
-        raise ValueError(f"its header claims {claimed} bytes, but there are {available}")
-
-
-def read_npz_label(path: Path) -> str | None:
-    """Return the label that jotlight wrote into a `.npz` archive, or None if there is none."""
-    try:
-        with zipfile.ZipFile(path) as archive, archive.open(LABEL_MEMBER) as member:
-            return member.read(_MAX_LABEL_BYTES).decode()
-    except (KeyError, *HEADER_ERRORS, *ARCHIVE_ERRORS):
-        return None
-
-
-def list_npz_arrays(path: Path) -> list[str]:
-    """Return the names of the arrays in a `.npz` archive, in the order of the archive.
-
-    Raises
-    ------
-    FileNotFoundError
-        When there is no such file.
-    ValueError
-        When the file is not a zip archive, or has no arrays.
-    """
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no file {path}")
-    try:
-        with zipfile.ZipFile(path) as archive:
-            members = archive.namelist()
-    except ARCHIVE_ERRORS as error:
-        raise ValueError(f"{path}: expected a .npz archive ({error})") from error
-    names = [name.removesuffix(".npy") for name in members if name.endswith(".npy")]
-    if not names:
-        raise ValueError(f"{path}: expected a .npz archive of arrays, but it has none")
-    return names
+    header = {"descr": array.dtype.str, "fortran_order": False, "shape": shape or array.shape}
+    np.lib.format.write_array_header_1_0(file, header)
+    for _, part in read_in_chunks(array):
+        file.write(np.ascontiguousarray(part).data)

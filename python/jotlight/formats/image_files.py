@@ -155,7 +155,7 @@ def _load_png(path: Path) -> npt.NDArray[Any]:
     check_claimed_size("the header", width * height * max(1, depth // 8), path.stat().st_size)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with Image.open(path) as image:
+        with path.open("rb") as file, Image.open(file) as image:
             levels = np.asarray(image)
     if levels.shape != (height, width):
         raise ValueError(f"expected {height} x {width} levels, got {levels.shape}")
@@ -186,7 +186,7 @@ def read_mask(path: Path) -> npt.NDArray[np.bool_]:
     [[1, 0, 0], [0, 1, 0]]
     """
     if path.suffix.lower() != ".png":
-        mask = np.array(read_npy(path))
+        mask = read_npy(path)
     else:
         if not path.is_file():
             raise FileNotFoundError(f"there is no file {path}")

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.orientation import orient_image, orient_packed, parse_orientation
 from jotlight.sensing.bits import Bits, SensorLike
-from jotlight.sensing.frames import Frames, format_frame_range
+from jotlight.sensing.frames import Frames, format_frame_range, read_frames
 from jotlight.sensing.provenance import Provenance
 
 
@@ -81,9 +81,8 @@ def _orient_images(
     shape = (frames, *((width, height) if quarters % 2 else (height, width)), *channels)
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
-        part = images[start:stop]
-        whole = part.read(0, len(part)) if isinstance(part, Frames) else part
-        return np.stack([orient_image(image, quarters, flip) for image in whole])
+        part = read_frames(images, start, stop)
+        return np.stack([orient_image(image, quarters, flip) for image in part])
 
     return Frames(shape, read, images.dtype)
 

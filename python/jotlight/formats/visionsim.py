@@ -10,12 +10,12 @@ import numpy.typing as npt
 
 from jotlight.errors import warn
 from jotlight.files import atomic_folder
-from jotlight.formats.arrays import read_npy
+from jotlight.formats.arrays import open_npy_array, write_npy
 from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.orientation import transpose_packed
 from jotlight.formats.packing import pack_lazily
 from jotlight.formats.safe_paths import check_inside, resolve_below
-from jotlight.memory_maps import release
+from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, concatenate, read_in_chunks
 from jotlight.sensing.provenance import Provenance
@@ -76,7 +76,7 @@ def _read_json(path: Path) -> dict[str, Any]:
 def _open_frames(path: Path, content: dict[str, Any]) -> Bits:
     parts, widths = [], set()
     for run in _list_runs(content):
-        array = read_npy(resolve_below(path, run.file, "file_path"))
+        array = open_npy_array(resolve_below(path, run.file, "file_path"))
         if run.stop is not None and run.stop > len(array):
             raise ValueError(
                 f"file_path: expected {run.stop} frames in {run.file}, got {len(array)}"
@@ -120,7 +120,7 @@ def _list_runs(content: dict[str, Any]) -> list[_Run]:
 
 
 def _pack_along_width(
-    array: npt.NDArray[Any], axis: Any, content: dict[str, Any]
+    array: npt.NDArray[Any] | Frames, axis: Any, content: dict[str, Any]
 ) -> tuple[npt.NDArray[np.uint8] | Frames, int]:
     """Return the frames of one file, packed along the width, and their width in jots."""
     if array.ndim not in (3, 4) or array.dtype not in (np.uint8, np.bool_):
@@ -158,7 +158,7 @@ def _read_size(shape: tuple[int, ...], axis: Any, content: dict[str, Any]) -> tu
     return sizes[0], sizes[1]
 
 
-def _repack(array: npt.NDArray[np.uint8], height: int, width: int) -> Frames:
+def _repack(array: npt.NDArray[np.uint8] | Frames, height: int, width: int) -> Frames:
     """Return frames packed along the width, from frames packed along the height.
 
     The shape of `array` is (T, ceil(H / 8), W) or (T, ceil(H / 8), W, C).
@@ -185,13 +185,8 @@ def _write_bits(bits: Bits, path: Path) -> None:
     channel = channels[0] if channels else 1
     shape = (frames, height, (width + 7) // 8, channel)
     with atomic_folder(path) as folder:
-        cube = np.lib.format.open_memmap(
-            folder / "frames.npy", mode="w+", dtype=np.uint8, shape=shape
-        )
-        for place, part in read_in_chunks(bits.packed):
-            cube[place] = part.reshape(len(part), *shape[1:])
-            release(cube[place])
-        cube.flush()
+        with open_output(folder / "frames.npy") as file:
+            write_npy(file, bits.packed, shape)
         content = {
             "w": width,
             "h": height,

@@ -12,7 +12,7 @@ from jotlight.errors import warn
 from jotlight.formats.labels import make_counts_label
 from jotlight.formats.registry import WRITERS
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames
+from jotlight.sensing.frames import Frames, read_frames
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
@@ -202,8 +202,8 @@ def _report_reading(bits: Bits, progress: Callable[[float], object]) -> Bits:
     """Return the same bits, whose frames report their fraction to `progress` when they are read."""
 
     def read(start: int, stop: int) -> npt.NDArray[np.uint8]:
-        part = bits.packed[start:stop, ...]
+        part = read_frames(bits.packed, start, stop)
         progress(stop / len(bits))
-        return np.asarray(part)
+        return part
 
     return Bits(Frames(bits.packed.shape, read), bits.width, bits.sensor, bits.provenance)

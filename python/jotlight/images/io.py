@@ -65,7 +65,7 @@ def read_image(
     if not path.is_file():
         raise FileNotFoundError(f"there is no image file {path}")
     if path.suffix.lower() == ".npy":
-        array, scale = np.asarray(read_npy(path)), None
+        array, scale = read_npy(path), None
     elif path.suffix.lower() in (".tif", ".tiff"):
         array, scale = _read_tiff(path)
     else:
@@ -100,7 +100,8 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
     from PIL import Image, ImageOps, UnidentifiedImageError
 
     try:
-        with Image.open(path) as file:
+        # Pillow would map some files into memory if it opened them itself.
+        with path.open("rb") as stream, Image.open(stream) as file:
             size = file.width * file.height * len(file.getbands())
             check_claimed_size("the header", size, path.stat().st_size)
             if (levels := _read_png16(path)) is not None:

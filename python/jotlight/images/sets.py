@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
-from jotlight.formats.arrays import read_npy, read_npz
+from jotlight.formats.archives import read_npz
+from jotlight.formats.arrays import open_npy_array
 from jotlight.formats.safe_paths import check_inside
 from jotlight.images.io import read_image
 
@@ -92,7 +93,7 @@ def _read_stack(
         raise ValueError(f"{source}: expected a folder of images, a .npy, or a .npz")
     if suffix == ".npy" and key is not None:
         raise ValueError(f"key: names an array in a .npz, but {source} is a .npy")
-    array = read_npz(source, key) if suffix == ".npz" else read_npy(source)
+    array = read_npz(source, key) if suffix == ".npz" else open_npy_array(source)
     if array.ndim != 3 or array.size == 0 or array.dtype.kind not in "uif":
         raise ValueError(
             f"{source}: expected a numeric array of images (N, H, W), got {array.dtype} of "
@@ -108,7 +109,7 @@ def _read_stack(
         white = 255.0 if array.dtype == np.uint8 else 1.0
     elif not (np.isfinite(white) and white > 0):
         raise ValueError(f"white: expected a number above 0, got {white}")
-    stack = (array / np.float64(white)).astype(np.float32)
+    stack = (np.asarray(array) / np.float64(white)).astype(np.float32)
     _warn_about_scale(source, stack)
     digits = len(str(len(array) - 1))
     names = [f"{number:0{digits}d}" for number in range(len(array))]

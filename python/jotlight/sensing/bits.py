@@ -10,9 +10,8 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.checks import refuse_masked
 from jotlight.chunks import MAX_COUNTED_JOTS, frame_chunks
-from jotlight.memory_maps import release
 from jotlight.sensing.channels import channel_views
-from jotlight.sensing.frames import Frames, format_frame_range
+from jotlight.sensing.frames import Frames, format_frame_range, read_ahead
 from jotlight.sensing.provenance import Provenance
 
 
@@ -41,7 +40,7 @@ class Bits:
     ----------
     packed : ndarray of uint8 or Frames, shape (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C)
         The bits as ``numpy.packbits`` packs them along the width, the most significant bit first,
-        as in photon cubes. The array may be a memory map.
+        as in photon cubes.
         :class:`jotlight.sensing.frames.Frames` are read from files when they are needed. The bits
         are never unpacked as a whole.
     width : int, optional
@@ -213,11 +212,14 @@ class Bits:
         valid = None if mask is None else np.packbits(~mask, axis=1)
         counts = np.zeros((height // oversampling, width // oversampling, *channels), np.int32)
         chunks = list(frame_chunks(frames, counts.shape[0], width * oversampling, MAX_COUNTED_JOTS))
-        for index, (f, r) in enumerate(chunks):
+        # One reading of the files serves all rows and all channels.
+        parts = read_ahead(self.packed, [f for f, r in chunks if r.start == 0])
+        for index, (_, r) in enumerate(chunks):
+            if r.start == 0:
+                part = next(parts)
             jots = slice(r.start * oversampling, r.stop * oversampling)
-            # One reading of the files serves all channels.
-            part = self.packed[f.start : f.stop, jots]
-            for bits, ones in zip(channel_views(part, 3), channel_views(counts), strict=True):
+            views = channel_views(part[:, jots], 3), channel_views(counts)
+            for bits, ones in zip(*views, strict=True):
                 engine.add_block_counts(
                     bits,
                     width,
@@ -226,7 +228,6 @@ class Bits:
                     ones[r.start : r.stop],
                     threads,
                 )
-            release(part)
             if progress:
                 progress((index + 1) / len(chunks))
         return counts

@@ -3,13 +3,12 @@
 import bisect
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-
-from jotlight.memory_maps import release
 
 Packed = npt.NDArray[np.uint8]
 """Bits, eight in a byte."""
@@ -128,10 +127,12 @@ class Frames:
         array = self[:, ...]
         return np.asarray(array, dtype)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return the content for a copy, which must not depend on the files."""
+        return np.asarray, (np.asarray(self),)
+
     def _select_frames(self, key: slice) -> "Frames":
         start, stop, step = key.indices(len(self))
-        if step < 0:
-            raise ValueError(f"frames: expected a step of 1 or more, got {step}")
         number = len(range(start, stop, step))
         read = self.read
         if step == 1:
@@ -162,18 +163,39 @@ def read_in_chunks(
     """Yield all frames in order, as pairs of a slice and the array of these frames.
 
     An array has at least one frame. It has at most `max_bytes`, unless a single frame has more.
-    Pages of memory maps are released after use.
     """
     frame_bytes = max(1, frames.nbytes // max(1, len(frames)))
     step = max(1, max_bytes // frame_bytes)
     for start in range(0, len(frames), step):
         place = slice(start, min(start + step, len(frames)))
-        part = frames[place]
-        if isinstance(part, Frames):
-            yield place, part.read(0, len(part))
-        else:
-            yield place, part
-            release(part)
+        yield place, read_frames(frames, place.start, place.stop)
+
+
+def read_frames(frames: npt.NDArray[Any] | Frames, start: int, stop: int) -> npt.NDArray[Any]:
+    """Return the frames from `start` to `stop` as an array. For an array, it is a view."""
+    return frames.read(start, stop) if isinstance(frames, Frames) else frames[start:stop]
+
+
+def read_ahead(
+    frames: npt.NDArray[Any] | Frames, ranges: Iterable[range]
+) -> Iterator[npt.NDArray[Any]]:
+    """Yield the frames of each range as an array, while a thread reads those of the next range.
+
+    Examples
+    --------
+    >>> cube = Frames((5, 1, 2), lambda a, b: np.full((b - a, 1, 2), a, np.uint8))
+    >>> [part.tolist() for part in read_ahead(cube, [range(0, 1), range(3, 5)])]
+    [[[[0, 0]]], [[[3, 3]], [[3, 3]]]]
+    """
+    parts = (read_frames(frames, part.start, part.stop) for part in ranges)
+    if not isinstance(frames, Frames):
+        yield from parts
+        return
+    with ThreadPoolExecutor(1) as reader:
+        waiting = reader.submit(next, parts, None)
+        while (part := waiting.result()) is not None:
+            waiting = reader.submit(next, parts, None)
+            yield part
 
 
 def concatenate(parts: Sequence[npt.NDArray[Any] | Frames]) -> npt.NDArray[Any] | Frames:

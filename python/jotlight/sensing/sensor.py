@@ -196,7 +196,7 @@ class Sensor:
         frames : slice, optional
             A range of frames. Default: all.
         out : ndarray of uint8, optional
-            The array for the packed bits, of the shape of ``Bits.packed``. It may be a memory map.
+            The array for the packed bits, of the shape of ``Bits.packed``.
         threads : int, optional
             The number of threads. Default: all.
         progress : callable, optional

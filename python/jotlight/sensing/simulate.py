@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.chunks import frame_chunks
-from jotlight.memory_maps import release
 from jotlight.sensing.channels import channel_views
 
 EngineSensor = dict[str, Any]
@@ -120,7 +119,6 @@ def draw_bits(
                 part,
                 threads,
             )
-            release(part)
             if progress:
                 progress((channel + (index + 1) / len(chunks)) / len(channels))
 

@@ -1,0 +1,74 @@
+"""Reading of any part of a file, with an error if the file has changed since it was opened."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from jotlight.sensing.frames import Packed
+
+
+class FileReader:
+    """The bytes of a file, which are read when they are needed.
+
+    The file is not mapped into memory, because the operating system kills a process that uses the
+    map of a file that has become shorter. It is not kept open either, because a folder may have
+    more files than the system lets a process open at once.
+
+    Parameters
+    ----------
+    path : path
+
+    Raises
+    ------
+    OSError
+        When there is no such file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "frames.bin"
+    >>> _ = path.write_bytes(bytes(range(10)))
+    >>> file = FileReader(path)
+    >>> file.size, file.read(3, 2).tolist()
+    (10, [3, 4])
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        status = path.stat()
+        self.size = status.st_size
+        """Size of the file in bytes."""
+        self._version = _version(status)
+
+    def read(self, position: int, size: int) -> Packed:
+        """Return `size` bytes from `position` on.
+
+        Raises
+        ------
+        OSError
+            When the file has changed since it was opened, or ends before.
+        """
+        # The size is checked before memory is allocated.
+        if position + size > self.size:
+            raise OSError(
+                f"{self.path}: expected {position + size} bytes, got {self.size}; it is truncated"
+            )
+        data = np.empty(size, np.uint8)
+        with self.path.open("rb", buffering=0) as file:
+            file.seek(position)
+            left = data.data
+            while left and (number := file.readinto(left)):
+                left = left[number:]
+            # The check comes last, so it also finds changes during the reading.
+            if left or _version(os.fstat(file.fileno())) != self._version:
+                raise OSError(
+                    f"{self.path}: the file has changed since it was opened, so its bits are not "
+                    "reliable; open it again when no program writes it"
+                )
+        return data
+
+
+def _version(status: os.stat_result) -> tuple[int, ...]:
+    """Return numbers that change if a file is replaced, resized, or written."""
+    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
