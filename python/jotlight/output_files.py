@@ -69,6 +69,8 @@ class OutputFile(io.BufferedRandom):
 def described_error(text: str, path: Path) -> OSError:
     """Return the error of a library or program that only states the reason in words.
 
+    Without a reason of the operating system, it has the last line of the text.
+
     Examples
     --------
     >>> described_error("cannot write pixels: No space left on device.", Path("a.exr"))
@@ -77,7 +79,7 @@ def described_error(text: str, path: Path) -> OSError:
     for number in errno.errorcode:
         if os.strerror(number) in text:
             return OSError(number, os.strerror(number), str(path))
-    return OSError(errno.EIO, text.strip(), str(path))
+    return OSError(errno.EIO, text.strip().splitlines()[-1], str(path))
 
 
 class _RawOutput(io.FileIO):

@@ -12,8 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.planning import Plan
+from jotlight.files import atomic_write
 from jotlight.networks.layer import Layer
 from jotlight.networks.network import Network
+from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.training.history import History
 
@@ -39,6 +41,12 @@ def check_figure(path: Path) -> None:
     """Raise ValueError unless `path` has the extension of a figure."""
     if path.suffix.lower() not in FIGURES:
         raise ValueError(f"{path}: expected a name that ends in {', '.join(FIGURES)}")
+
+
+def save_figure(figure: "Figure", path: Path, *, dpi: float = 110) -> None:
+    """Write a figure in the format of its extension, completely or not at all."""
+    with atomic_write(path) as temporary, open_output(temporary) as file:
+        figure.savefig(file, format=path.suffix[1:].lower(), dpi=dpi)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -101,9 +101,9 @@ def test_folders_are_reconstructed_and_described(run, tmp_path):
         (["convert", "none.npy", "-o", "b.npy"], "there is no file"),
         (["convert", "counts.tif", "-o", "b", "--to", "visionsim"], "which counts cannot become"),
         (["convert", "a.npy", "-o", "none/b.npy"], "there is no folder"),
-        (["convert", "cut.npy.gz", "-o", "b.npy"], "damaged or truncated"),
-        (["convert", "cut.npy.gz", "-o", "b", "--to", "matlab"], "damaged or truncated"),
-        (["convert", "cut.npy.gz", "-o", "b.npy.gz"], "damaged or truncated"),
+        (["convert", "cut.npy.gz", "-o", "b.npy"], "cut.npy.gz: is damaged"),
+        (["convert", "cut.npy.gz", "-o", "b", "--to", "matlab"], "cut.npy.gz: is damaged"),
+        (["convert", "cut.npy.gz", "-o", "b.npy.gz"], "cut.npy.gz: is damaged"),
     ],
 )
 def test_an_impossible_conversion_gets_one_line_and_leaves_no_files(
@@ -178,4 +178,4 @@ def test_writing_counts_warns_when_the_orientation_is_lost(run, tmp_path, name):
     np.save(tmp_path / "counts.npy", np.arange(12).reshape(3, 4))
     status, output = run("convert", "counts.npy", "-o", path_for(tmp_path, name), "--rotate", 90)
     assert status == 0
-    assert (f"{name} has no place to record" in output) == (name in ("npy", "npy.gz", "png"))
+    assert (f"{name} has no place to record" in output) == (name == "png")

@@ -9,7 +9,8 @@ import pytest
 import jotlight as jl
 from examples.arrays import file_names
 from examples.encodings import npy_bytes
-from jotlight.formats.arrays import read_npy, read_npz
+from jotlight.formats.archives import read_npz
+from jotlight.formats.arrays import read_npy
 
 CUBE = npy_bytes(np.zeros((4, 8, 2), np.uint8))
 OBJECTS = npy_bytes(np.array([[[{}]]], object), allow_pickle=True)

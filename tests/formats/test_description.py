@@ -8,19 +8,20 @@ import pytest
 import jotlight as jl
 from examples.arrays import file_names, random_bits
 from examples.encodings import npy_bytes
+from jotlight.formats.description import description_path
+from jotlight.formats.verification import verify_capture
 
 OBJECTS = npy_bytes(np.array([[[{}]]], object), allow_pickle=True)
 
 
 def edit(path, **changes):
+    """Change a description, and delete its own checksum as a user would."""
     description = json.loads(path.read_text())
+    del description["checksum"]
     path.write_text(json.dumps(description | changes))
 
 
-OVERLONG = '{"format": "jotlight bits", "version": 1, "width": 16}' + " " * 2**20
-
-
-FOREIGN = ["{}", "[]", "nonsense", '{"format": "visionsim", "w": 8}', "[" * 100_000, OVERLONG]
+FOREIGN = ["{}", "[]", "nonsense", '{"format": "visionsim", "w": 8}', "[" * 100_000, " " * 2**21]
 
 
 def test_a_width_that_contradicts_the_description_is_refused(tmp_path):
@@ -34,7 +35,7 @@ def test_a_width_that_contradicts_the_description_is_refused(tmp_path):
 def test_a_foreign_description_is_ignored_with_a_warning(tmp_path, text):
     np.save(tmp_path / "cube.npy", np.zeros((2, 3, 2), np.uint8))
     (tmp_path / "cube.json").write_text(text)
-    with pytest.warns(jl.JotlightWarning, match=r"cube\.json does not describe bits") as caught:
+    with pytest.warns(jl.JotlightWarning, match=r"cube\.json does not describe") as caught:
         bits = jl.open(tmp_path / "cube.npy")
     assert (bits.shape, bits.sensor) == ((2, 3, 16), None)
     assert caught[0].filename == __file__
@@ -75,7 +76,7 @@ def saved(tmp_path):
 def test_a_description_cannot_point_out_of_its_folder(saved, name):
     if isinstance(name, str):
         name = name.format(parent=saved.parent.parent)
-    edit(saved.with_suffix(".json"), maps={"mask": name})
+    edit(saved.with_suffix(".json"), maps={"mask": {"file": name}})
     with pytest.raises(ValueError, match="the name of a file in the same folder"):
         jl.open(saved)
 
@@ -83,8 +84,12 @@ def test_a_description_cannot_point_out_of_its_folder(saved, name):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"version": 2}, "expected version 1 and a width, got version 2"),
-        ({"version": None}, "expected version 1"),
+        ({"version": 1}, "expected a description of version 2, got 1"),
+        ({"version": None}, "expected a description of version 2"),
+        ({"with": 4}, "unknown keys with"),
+        ({"trials": 4}, "unknown keys trials"),
+        ({"checksum": "sha-256"}, "unknown keys checksum"),
+        ({"format": "jotlight counts"}, "unknown keys maps, sensor, width"),
         ({"width": "4"}, "width '4'"),
         ({"width": 0}, "width 0"),
         ({"width": 9}, "width: expected 1 to 8"),
@@ -96,8 +101,12 @@ def test_a_description_cannot_point_out_of_its_folder(saved, name):
         ({"sensor": {"frames": 2}}, "expected the sensor's 2 frames"),
         ({"sensor": {"gain": -1}}, "gain: expected"),
         ({"sensor": {"oversampling": 3}, "maps": {}}, "multiples of the oversampling"),
-        ({"maps": {"gain": "cube.mask.npy"}}, "sensor|gain"),
-        ({"maps": {"mask": "cube.npy"}}, "mask: expected"),
+        ({"maps": {"gain": {"file": "cube.mask.npy"}}}, "gain"),
+        ({"maps": {"mask": {"file": "cube.npy"}}}, "mask: expected"),
+        ({"maps": {"mask": "cube.mask.npy"}}, "an object with file and sha256"),
+        ({"maps": {"mask": {"sha256": "0"}}}, "an object with file and sha256"),
+        ({"maps": {"mask": {"file": "cube.mask.npy", "a": 1}}}, "an object with file and sha256"),
+        ({"maps": {"mask": {"file": "cube.mask.npy", "sha256": 5}}}, r"mask\.npy: is damaged"),
         ({"maps": [1]}, r"cube\.json: "),
         ({"maps": 5}, r"cube\.json: "),
     ],
@@ -116,6 +125,7 @@ def test_a_missing_map_is_reported_by_name(saved):
 
 
 def test_a_map_of_objects_is_refused(saved):
+    edit(saved.with_suffix(".json"), maps={"mask": {"file": "cube.mask.npy"}})
     saved.with_suffix(".mask.npy").write_bytes(OBJECTS)
     with pytest.raises(ValueError, match="Python objects"):
         jl.open(saved)
@@ -124,7 +134,41 @@ def test_a_map_of_objects_is_refused(saved):
 @pytest.mark.parametrize("maps", ['{"kernel": "x.npy"}', "[1]", '"mask"', "7"])
 def test_unknown_maps_are_refused(tmp_path, maps):
     jl.save(jl.Bits.from_array(np.ones((1, 2, 8), bool), jl.Sensor()), tmp_path / "cube.npy")
-    description = tmp_path / "cube.json"
-    description.write_text(description.read_text().replace('"maps": {}', f'"maps": {maps}'))
+    edit(tmp_path / "cube.json", maps=json.loads(maps))
     with pytest.raises(ValueError, match=r"cube\.json: maps: expected files for dark"):
         jl.open(tmp_path / "cube.npy")
+
+
+@pytest.mark.parametrize("name", ["cube.npy", "cube.npy.gz"])
+def test_a_damaged_description_is_refused_and_never_ignored(tmp_path, name):
+    jl.save(random_bits((2, 3, 13), jl.Sensor(frames=2)), tmp_path / name)
+    path = description_path(tmp_path / name)
+    text = path.read_text()
+    beginning = text[: text.index("version")]
+    for damaged in (beginning, text + "}", text.replace("13", "14"), text + " " * 2**20):
+        path.write_text(damaged)
+        with pytest.raises(ValueError, match=r"\.json: .* damaged"):
+            jl.open(tmp_path / name)
+
+
+def test_a_damaged_description_is_replaced_by_a_new_one(tmp_path):
+    jl.save(random_bits((2, 3, 13)), tmp_path / "cube.npy")
+    (tmp_path / "cube.json").write_text((tmp_path / "cube.json").read_text()[:200])
+    jl.save(random_bits((2, 3, 12)), tmp_path / "cube.npy")
+    assert jl.open(tmp_path / "cube.npy").width == 12
+
+
+def test_a_changed_map_is_refused_until_its_checksum_is_deleted(saved):
+    np.save(saved.with_suffix(".mask.npy"), np.ones((4, 4), bool))
+    with pytest.raises(ValueError, match=r"mask\.npy: is damaged or was changed"):
+        jl.open(saved)
+    edit(saved.with_suffix(".json"), maps={"mask": {"file": "cube.mask.npy"}})
+    assert jl.open(saved).sensor.mask.all()
+
+
+def test_bits_whose_checksum_was_deleted_are_not_compared(saved):
+    np.save(saved, np.full((1, 4, 1), 128, np.uint8))
+    with pytest.raises(ValueError, match=r"cube\.npy: is damaged"):
+        verify_capture(saved)
+    edit(saved.with_suffix(".json"), sha256=None)
+    assert verify_capture(saved).startswith("1 file matches its checksum")  # the map

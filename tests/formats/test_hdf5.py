@@ -1,5 +1,6 @@
 """HDF5 files: data sets, labels, and hostile files."""
 
+import hashlib
 import sys
 
 import numpy as np
@@ -7,6 +8,8 @@ import pytest
 
 import jotlight as jl
 from examples.arrays import random_frames
+from examples.captures import BITS_WITH_MAPS
+from jotlight.formats.verification import verify_capture
 from reference import formats as twin
 
 COUNTS = np.random.default_rng(0).integers(0, 300, (5, 6, 7), np.uint16)
@@ -64,3 +67,51 @@ def test_a_missing_package_is_named_with_the_command_that_installs_it(tmp_path, 
         jl.open(tmp_path / "a.h5")
     with pytest.raises(jl.MissingExtraError, match=r"pip install 'jotlight\[zarr\]'"):
         jl.open(tmp_path / "a")
+
+
+@pytest.mark.parametrize("size", [512, 1024, 65536])
+def test_a_block_before_the_data_is_skipped(tmp_path, size):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.dat", "w", userblock_size=size) as file:
+        file["a"] = COUNTS[0]
+    np.testing.assert_array_equal(jl.open(tmp_path / "a.dat"), COUNTS[0])
+    content = (tmp_path / "a.dat").read_bytes()
+    for moved in (bytes(1) + content, content[:-1], content[1:]):
+        (tmp_path / "a.dat").write_bytes(moved)
+        with pytest.raises(ValueError, match=r"a\.dat"):
+            jl.open(tmp_path / "a.dat")
+
+
+def test_the_text_before_the_data_holds_their_sha256(tmp_path):
+    pytest.importorskip("h5py")
+    jl.save(COUNTS[0].astype(np.int32), tmp_path / "a.h5")
+    content = (tmp_path / "a.h5").read_bytes()
+    assert hashlib.sha256(content[512:]).hexdigest().encode() in content[:512]
+    assert verify_capture(tmp_path / "a.h5").startswith("1 file matches its checksum")
+
+
+def test_a_file_changed_by_its_user_is_accepted_without_this_text(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "a.h5"
+    jl.save(COUNTS[0].astype(np.int32), path)
+    with h5py.File(path, "r+") as file:
+        file["counts"][0, 0] = 7
+    assert jl.open(path)[0, 0] == 7
+    with pytest.raises(ValueError, match=r"a\.h5: is damaged or was changed.*512 bytes with zeros"):
+        verify_capture(path)
+    path.write_bytes(bytes(512) + path.read_bytes()[512:])
+    assert verify_capture(path).startswith("there is no checksum")
+
+
+def test_every_array_has_checksums_that_reading_compares(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    jl.save(BITS_WITH_MAPS, tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5") as file:
+        assert sorted(file) == ["bits", "dark_counts", "mask"]
+        for name, data_set in file.items():
+            assert data_set.fletcher32, name
+    content = (tmp_path / "a.h5").read_bytes()
+    dark_counts = BITS_WITH_MAPS.sensor.dark_counts.tobytes()
+    (tmp_path / "a.h5").write_bytes(content.replace(dark_counts, bytes(len(dark_counts))))
+    with pytest.raises(ValueError, match=r"a\.h5: the HDF5 file is damaged"):
+        jl.open(tmp_path / "a.h5")

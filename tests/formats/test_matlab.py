@@ -1,10 +1,14 @@
 """MATLAB files: parts, variables, and version 7.3."""
 
+import hashlib
+import json
+
 import numpy as np
 import pytest
 
 import jotlight as jl
-from examples.arrays import random_frames
+from examples import read_or_refused
+from examples.arrays import random_bits, random_frames
 
 COUNTS = np.random.default_rng(0).integers(0, 300, (5, 6, 7), np.uint16)
 
@@ -49,3 +53,81 @@ def test_version_7_3_is_hdf5_with_reversed_dimensions(tmp_path):
     with (tmp_path / "a.mat").open("r+b") as file:
         file.write(b"MATLAB 7.3 MAT-file")
     np.testing.assert_array_equal(jl.open(tmp_path / "a.mat").to_array(), array)
+
+
+def zipped_mat(path):
+    """Write a compressed `.mat` as other software does, and return its bytes."""
+    from scipy.io import savemat
+
+    savemat(path, {"OUTPUT": np.eye(12, dtype=np.uint8).reshape(3, 4, 12), "z": np.arange(9)},
+            do_compression=True)  # fmt: skip
+    return path.read_bytes()
+
+
+def test_compressed_variables_are_checked_to_their_end(tmp_path):
+    path = tmp_path / "a.mat"
+    content = zipped_mat(path)
+    expected = jl.open(path).to_array()
+    damaged = [content[:length] for length in range(129, len(content), 5)]
+    for bit in range(8 * 128, 8 * len(content), 9):
+        flipped = bytearray(content)
+        flipped[bit // 8] ^= 1 << bit % 8
+        damaged.append(bytes(flipped))
+    refused = 0
+    for each in damaged:
+        path.write_bytes(each)
+        frames = read_or_refused(lambda path: jl.open(path).to_array(), path)
+        refused += frames is None
+        # A few bits fill the last byte of a stream, and the file can end after its first variable.
+        assert frames is None or np.array_equal(frames, expected)
+    assert refused > 0.95 * len(damaged)
+
+
+def test_info_holds_checksums_and_the_numbers_that_other_software_reads(tmp_path):
+    jl.save(random_bits((300, 4, 9)), tmp_path / "a", format="matlab")
+    info = json.loads((tmp_path / "a" / "info.json").read_text())
+    assert (info["no_parts"], info["no_frames"]) == (2, 300)
+    for name, checksum in info["parts"].items():
+        assert hashlib.sha256((tmp_path / "a" / name).read_bytes()).hexdigest() == checksum
+
+
+def change(folder, **changes):
+    """Change entries of `info.json` as a user does, who deletes its checksum."""
+    info = json.loads((folder / "info.json").read_text())
+    del info["checksum"]
+    (folder / "info.json").write_text(json.dumps({**info, **changes}))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"no_frames": 299}, "expected 299 frames, got 300"),
+        ({"no_parts": 3}, "got 3 parts and a list of 2"),
+        ({"parts": {"part_1.mat": "0"}}, "expected the parts that it lists"),
+        ({"parts": {"part_1.mat": 0, "part_2.mat": 0}}, "expected checksums of all parts"),
+        ({"parts": {"part_1.mat": "0", "part_2.mat": "0"}}, "part_1.mat: is damaged"),
+        ({"extra": 1}, "unknown entries extra"),
+        ({"version": 2}, "version 1"),
+    ],
+)
+def test_an_info_that_does_not_fit_its_parts_is_refused(tmp_path, changes, message):
+    jl.save(random_bits((300, 4, 9)), tmp_path / "a", format="matlab")
+    change(tmp_path / "a")
+    assert jl.open(tmp_path / "a").counts(1).max() > 0
+    change_again = {**json.loads((tmp_path / "a" / "info.json").read_text()), **changes}
+    (tmp_path / "a" / "info.json").write_text(json.dumps(change_again))
+    with pytest.raises(ValueError, match=message):
+        jl.open(tmp_path / "a").counts(1)
+
+
+def test_a_missing_or_additional_part_is_refused(tmp_path):
+    folder = tmp_path / "a"
+    jl.save(random_bits((300, 4, 9)), folder, format="matlab")
+    content = (folder / "part_2.mat").read_bytes()
+    (folder / "part_3.mat").write_bytes(content)
+    with pytest.raises(ValueError, match=r"info\.json: .*expected the parts that it lists"):
+        jl.open(folder)
+    (folder / "part_3.mat").unlink()
+    (folder / "part_2.mat").unlink()
+    with pytest.raises(ValueError, match=r"info\.json: .*expected the parts that it lists"):
+        jl.open(folder)

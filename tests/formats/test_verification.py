@@ -1,6 +1,8 @@
 """Verification of captures: checksums are compared, and every frame is read."""
 
+import contextlib
 import dataclasses
+import warnings
 
 import numpy as np
 import pytest
@@ -51,3 +53,42 @@ def test_bits_of_a_file_that_differs_from_its_checksums_are_read_but_not_saved(r
         with pytest.raises(ValueError, match="is damaged"):
             jl.save(selected, tmp_path / "b.npy")
     assert file_names(tmp_path) == ["a.h5"]
+
+
+MAPPED = jl.Sensor(frames=2, mask=np.eye(3, 9, dtype=bool))
+
+
+def undetected_flips(path, file, step):
+    """Return the bits of a file that can be flipped so that verifying a capture does not notice.
+
+    Only every `step`-th bit is flipped.
+    """
+    content = file.read_bytes()
+    unnoticed = []
+    for bit in range(0, 8 * len(content), step):
+        damaged = bytearray(content)
+        damaged[bit // 8] ^= 1 << bit % 8
+        file.write_bytes(damaged)
+        with warnings.catch_warnings(), contextlib.suppress(ValueError, OSError):
+            warnings.simplefilter("ignore")
+            verify_capture(path)
+            unnoticed.append(bit)
+    file.write_bytes(content)
+    return unnoticed
+
+
+@pytest.mark.parametrize("step", [67, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["a.npy", "a.npy.gz", "a.npz"])
+def test_every_flipped_bit_in_every_file_is_detected(tmp_path, name, step):
+    bits = random_bits((2, 3, 9), MAPPED)
+    for data in (bits, bits.counts()):
+        folder = tmp_path / type(data).__name__
+        folder.mkdir()
+        if isinstance(data, jl.Bits) and name == "a.npz":
+            continue
+        jl.save(data, folder / name)
+        files = sorted(folder.iterdir())
+        expected = "1 file matches its checksum" if name == "a.npz" else f"{len(files)} files match"
+        assert verify_capture(folder / name).startswith(expected)
+        for file in files:
+            assert undetected_flips(folder / name, file, step) == [], file.name

@@ -61,7 +61,7 @@ def test_any_program_can_unpack_the_file(tmp_path):
     packed = np.load(tmp_path / "capture.npy")
     np.testing.assert_array_equal(np.unpackbits(packed, axis=2, count=6), BITS.to_array())
     description = json.loads((tmp_path / "capture.json").read_text())
-    assert description["maps"] == {"mask": "capture.mask.npy"}
+    assert description["maps"]["mask"]["file"] == "capture.mask.npy"
     np.testing.assert_array_equal(np.load(tmp_path / "capture.mask.npy"), SENSOR.mask)
 
 

@@ -130,9 +130,9 @@ def _check_outputs(captures: list[Path], output: Path, plot: Path | None) -> Non
 
 def _draw(calibration: Calibration, plot: Path) -> None:
     from jotlight.calibration.figure import page
+    from jotlight.plots import save_figure
 
-    with atomic_write(plot) as temporary:
-        page(calibration).savefig(temporary, dpi=110)
+    save_figure(page(calibration), plot)
 
 
 def _refuse_frames_of_bits(captures: list[Capture], options: CalibrationOptions) -> None:

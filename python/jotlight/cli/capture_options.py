@@ -64,8 +64,9 @@ class CaptureOptions:
     isolate: Annotated[
         bool,
         Parameter(
+            negative="--no-isolate",
             help="Read HDF5 and MATLAB 7.3 files in a child process, because damaged files can "
-            "crash the HDF5 library. --no-isolate saves 0.2 s for files that you trust."
+            "crash the HDF5 library. --no-isolate saves 0.2 s for files that you trust.",
         ),
     ] = True
 

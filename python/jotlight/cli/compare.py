@@ -125,7 +125,7 @@ def _draw(
         for result in results
     ]
     heading = f"{sensor.bits_per_pixel} bits per pixel   {sensor!r}"
-    plots.comparison(panels, heading, white=sensor.max_intensity).savefig(file, dpi=110)
+    plots.save_figure(plots.comparison(panels, heading, white=sensor.max_intensity), file)
 
 
 def _table(results: list[MethodResult], methods: Mapping[str, Method]) -> Table:

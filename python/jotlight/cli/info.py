@@ -13,9 +13,10 @@ from jotlight.calibration import Calibration
 from jotlight.calibration.result import FORMAT as CALIBRATION
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.console import out, progress
-from jotlight.files import atomic_write, refuse_overwrite
+from jotlight.files import refuse_overwrite
 from jotlight.formats import open_capture
-from jotlight.formats.arrays import list_npz_arrays, open_npy_array, read_npz, read_npz_label
+from jotlight.formats.archives import list_npz_arrays, read_npz, read_npz_label
+from jotlight.formats.arrays import open_npy_array
 from jotlight.formats.capture import Capture, CountStack, is_single_image
 from jotlight.formats.detect import detect_format
 from jotlight.formats.labels import read_counts_label
@@ -89,17 +90,14 @@ def _draw(file: Path, plot: Path) -> None:
 
         refuse_overwrite(plot, [file])
         calibration = Calibration.load(file)
-        with atomic_write(plot) as temporary:
-            page(calibration).savefig(temporary, dpi=110)
+        plots.save_figure(page(calibration), plot)
         return
     network = Network.load(file)
     last = network.history.get("fine tuning", network.history)
     if "records" not in last:
         raise ValueError(f"{file}: this network has no history of a training run to draw")
     refuse_overwrite(plot, [file])
-    with atomic_write(plot) as temporary:
-        history = History.from_json(last["records"])
-        plots.training(network, history).savefig(temporary, dpi=110)
+    plots.save_figure(plots.training(network, History.from_json(last["records"])), plot)
 
 
 _IMAGE_SUFFIXES = (".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".ppm", ".gif")

@@ -11,7 +11,7 @@ from jotlight.cli.console import out, report
 from jotlight.cli.sensor_options import CalibratedSensorOptions
 from jotlight.estimators.planning import Plan
 from jotlight.estimators.planning import plan as predict
-from jotlight.files import atomic_write, refuse_overwrite
+from jotlight.files import refuse_overwrite
 from jotlight.sensing.sensor import Sensor
 
 _ROWS = 13
@@ -71,10 +71,9 @@ def plan(
     out.print(_table(predicted, frame_rate))
     report(*_explanation(predicted, frame_rate))
     if plot is not None:
-        from jotlight.plots import expectation
+        from jotlight.plots import expectation, save_figure
 
-        with atomic_write(plot) as temporary:
-            expectation(predicted).savefig(temporary, dpi=150)
+        save_figure(expectation(predicted), plot, dpi=150)
         report(f"Figure: {plot}")
 
 

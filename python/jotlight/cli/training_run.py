@@ -83,7 +83,7 @@ def run_training(
         network.history.update(provenance)
         network.save(temporary)
         if figure is not None:
-            plots.training(network, history).savefig(figure, dpi=110)
+            plots.save_figure(plots.training(network, history), figure)
     checkpoint.unlink(missing_ok=True)
     return history, time.perf_counter() - start
 

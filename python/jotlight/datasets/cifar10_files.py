@@ -1,14 +1,15 @@
 """Readers of the file formats of CIFAR-10, which never run code from a file."""
 
 import itertools
-import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.formats.arrays import read_npz
+from jotlight.formats.archives import read_npz
+from jotlight.formats.arrays import ARCHIVE_ERRORS
+from jotlight.formats.compressed import measure_gzip, open_gzip
 from jotlight.formats.safe_paths import check_inside
 
 ARCHIVE = "cifar-10-binary.tar.gz"
@@ -125,21 +126,22 @@ def read_archive(path: Path, names: Sequence[str]) -> Iterator[Levels]:
     pending: dict[str, Levels] = {}
     yielded = 0
     try:
-        with tarfile.open(path, "r:gz") as archive:
+        measure_gzip(path)  # which compares the checksum before any image is returned
+        with open_gzip(path) as file, tarfile.open(fileobj=file, mode="r:") as archive:
             # Read in the order of the archive: seeking back would decompress it from the start.
             for member in archive:
                 if member.name not in expected[yielded:] or not member.isreg():
                     continue
                 _check_binary(f"{path}: {member.name}", member.size)
-                file = archive.extractfile(member)
-                assert file is not None  # a regular file has content
-                pending[member.name] = _decode_binary(file.read())
+                content = archive.extractfile(member)
+                assert content is not None  # a regular file has content
+                pending[member.name] = _decode_binary(content.read())
                 while yielded < len(expected) and expected[yielded] in pending:
                     yield pending.pop(expected[yielded])
                     yielded += 1
                 if yielded == len(expected):
                     return
-    except (tarfile.TarError, zlib.error, EOFError, OSError) as error:
+    except (tarfile.TarError, EOFError, *ARCHIVE_ERRORS) as error:
         raise ValueError(f"{path}: the archive is damaged ({error}); fetch it again") from error
     raise FileNotFoundError(f"{path}: expected {expected[yielded]} in the archive, found none")
 

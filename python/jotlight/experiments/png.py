@@ -7,6 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from jotlight.formats.png_chunks import check_png
+
 
 def encode_png(image: npt.NDArray[Any]) -> bytes:
     """Return an image in [0, 1] as a PNG with 8 bits, or a boolean array with one bit."""
@@ -26,8 +28,9 @@ def decode_png(file: bytes, name: str) -> npt.NDArray[np.float32]:
         If the file is damaged. The message begins with `name`.
     """
     try:
+        check_png(file)
         with Image.open(io.BytesIO(file)) as image:
             levels = np.asarray(image)
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise ValueError(f"{name}: damaged; delete these results with --restart") from error
     return levels.astype(np.float32) / np.float32(1 if levels.dtype == bool else 255)

@@ -1,4 +1,4 @@
-"""NumPy arrays in `.npy` and `.npz` files from untrusted sources.
+"""NumPy arrays in `.npy` files from untrusted sources.
 
 Only complete arrays of numbers are read. Pickled objects are never loaded. Memory is allocated only
 for arrays that the file can fill, whatever its header claims.
@@ -11,10 +11,11 @@ import zipfile
 import zlib
 from pathlib import Path
 from tokenize import TokenError
-from typing import IO, Any
+from typing import IO, Any, cast
 
 import numpy as np
 import numpy.typing as npt
+from isal.igzip_lib import IsalError
 
 from jotlight.formats.file_reader import FileReader
 from jotlight.sensing.frames import Frames, read_in_chunks
@@ -38,14 +39,11 @@ ARCHIVE_ERRORS = (
     zipfile.BadZipFile,
     zlib.error,
     lzma.LZMAError,
+    cast(type[Exception], IsalError),
 )
 """Exceptions that Python raises when a zip archive or a gzip stream is damaged."""
 
-LABEL_MEMBER = "jotlight.json"
-"""Name of the member of a `.npz` archive that holds the label of its counts."""
-
 _MAX_HEADER_BYTES = 1 << 16
-_MAX_LABEL_BYTES = 1 << 20
 
 _MAX_SIZE = 1 << 63
 """Upper limit of a dimension in NumPy. An array without elements could claim more."""
@@ -180,100 +178,3 @@ def write_npy(
     np.lib.format.write_array_header_1_0(file, header)
     for _, part in read_in_chunks(array):
         file.write(np.ascontiguousarray(part).data)
-
-
-def read_npz(path: str | os.PathLike[str], key: str | None = None) -> npt.NDArray[Any]:
-    """Return one array of a `.npz` archive.
-
-    Parameters
-    ----------
-    path : path
-    key : str, optional
-        Name of the array. Default: the only array of the archive.
-
-    Raises
-    ------
-    OSError
-        When the file cannot be read.
-    ValueError
-        When the file is not such an archive, is damaged, holds Python objects, has no array
-        `key`, or has several arrays and `key` is None.
-
-    Examples
-    --------
-    >>> import pathlib, tempfile
-    >>> path = pathlib.Path(tempfile.mkdtemp()) / "counts.npz"
-    >>> np.savez(path, dark=np.arange(3), flat=np.ones(3))
-    >>> read_npz(path, "dark").tolist()
-    [0, 1, 2]
-    """
-    path = Path(path)
-    key = select_npz_array(path, key)
-    try:
-        with zipfile.ZipFile(path) as archive:
-            _check_member_size(archive, f"{key}.npy")
-            # Not numpy.load, which returns the bytes of a member that is not an array.
-            with archive.open(f"{key}.npy") as member:
-                return np.asarray(np.lib.format.read_array(member, allow_pickle=False))
-    except (*HEADER_ERRORS, *ARCHIVE_ERRORS) as error:
-        if "Object arrays" in str(error):
-            raise objects_error(f"{path}: {key}") from error
-        raise ValueError(f"{path}: the array {key} is damaged ({error})") from error
-
-
-def select_npz_array(path: Path, key: str | None) -> str:
-    """Return `key` if a `.npz` archive has this array; for None, the name of its only array.
-
-    Raises
-    ------
-    ValueError
-        When there is no such array, or `key` is None and there are several.
-    """
-    names = list_npz_arrays(path)
-    if key is None and len(names) == 1:
-        return names[0]
-    if key is None or key not in names:
-        got = "" if key is None else f", got {key!r}"
-        raise ValueError(f"{path}: expected the name of an array (--key): {', '.join(names)}{got}")
-    return key
-
-
-def _check_member_size(archive: zipfile.ZipFile, name: str) -> None:
-    """Raise ValueError when the header of a member claims more bytes than the member has."""
-    with archive.open(name) as member:
-        shape, _, dtype = read_header(member)
-    claimed, available = math.prod(shape) * dtype.itemsize, archive.getinfo(name).file_size
-    if not dtype.hasobject and not 0 <= claimed <= available:
-        raise ValueError(f"its header claims {claimed} bytes, but there are {available}")
-
-
-def read_npz_label(path: Path) -> str | None:
-    """Return the label that jotlight wrote into a `.npz` archive, or None if there is none."""
-    try:
-        with zipfile.ZipFile(path) as archive, archive.open(LABEL_MEMBER) as member:
-            return member.read(_MAX_LABEL_BYTES).decode()
-    except (KeyError, *HEADER_ERRORS, *ARCHIVE_ERRORS):
-        return None
-
-
-def list_npz_arrays(path: Path) -> list[str]:
-    """Return the names of the arrays in a `.npz` archive, in the order of the archive.
-
-    Raises
-    ------
-    FileNotFoundError
-        When there is no such file.
-    ValueError
-        When the file is not a zip archive, or has no arrays.
-    """
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no file {path}")
-    try:
-        with zipfile.ZipFile(path) as archive:
-            members = archive.namelist()
-    except ARCHIVE_ERRORS as error:
-        raise ValueError(f"{path}: expected a .npz archive ({error})") from error
-    names = [name.removesuffix(".npy") for name in members if name.endswith(".npy")]
-    if not names:
-        raise ValueError(f"{path}: expected a .npz archive of arrays, but it has none")
-    return names

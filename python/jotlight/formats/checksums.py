@@ -4,11 +4,12 @@ JSON files carry the checksums of other files, and their own (`seal`).
 """
 
 import hashlib
+import io
 import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 _KEY = "checksum"
 """Key of sealed JSON that holds its own checksum."""
@@ -51,6 +52,33 @@ def file_checksum(path: Path, start: int = 0) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+class HashingWriter(io.BufferedIOBase):
+    """A file that computes its checksum while it is written from beginning to end.
+
+    Examples
+    --------
+    >>> writer = HashingWriter(io.BytesIO())
+    >>> writer.write(b"abc"), writer.checksum()[:16]
+    (3, 'ba7816bf8f01cfea')
+    """
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file, self._hash = file, hashlib.sha256()
+
+    def writable(self) -> bool:
+        """Return True."""
+        return True
+
+    def write(self, data: Any) -> int:
+        """Write bytes, and return their number."""
+        self._hash.update(data)
+        return self._file.write(data)
+
+    def checksum(self) -> str:
+        """Return the SHA-256 of everything that was written."""
+        return self._hash.hexdigest()
+
+
 def check_file(path: Path, checksum: object) -> None:
     """Raise ValueError unless a file has this SHA-256.
 
@@ -60,10 +88,15 @@ def check_file(path: Path, checksum: object) -> None:
         When the file cannot be read.
     """
     if file_checksum(path) != checksum:
-        raise ValueError(
-            f"{path}: is damaged or was changed: its SHA-256 is not the one that was stored when "
-            "jotlight wrote it; restore it from a copy"
-        )
+        raise differs_error(path)
+
+
+def differs_error(path: Path) -> ValueError:
+    """Return the error for a file that differs from its checksum."""
+    return ValueError(
+        f"{path}: is damaged or was changed: its SHA-256 is not the one that was stored when "
+        "jotlight wrote it; restore it from a copy"
+    )
 
 
 def seal(content: Mapping[str, Any]) -> str:

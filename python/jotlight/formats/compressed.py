@@ -1,30 +1,33 @@
-"""Arrays in gzip streams and zip archives, read from front to back in little memory."""
+"""Arrays in compressed streams, read from front to back in little memory."""
 
 import contextlib
-import gzip
 import math
-import zipfile
+import os
+import threading
 from collections.abc import Callable, Iterator
+from io import BufferedIOBase
 from pathlib import Path
 from typing import IO, Any, cast
 
 import numpy as np
 import numpy.typing as npt
+from isal import igzip
 
 from jotlight.formats.arrays import (
     ARCHIVE_ERRORS,
     HEADER_ERRORS,
     objects_error,
     read_header,
-    read_npz,
-    select_npz_array,
+    write_npy,
 )
 from jotlight.formats.limits import check_claimed_size
-from jotlight.output_files import open_output
-from jotlight.sensing.frames import Frames, read_in_chunks
+from jotlight.sensing.frames import Frames
 
 _CHUNK_BYTES = 1 << 20
 """Number of bytes that are decompressed at once."""
+
+_LEVEL = 2
+"""Level of compression, of 0 to 3. Level 3 is slower and compresses bits no better."""
 
 
 @contextlib.contextmanager
@@ -35,6 +38,8 @@ def naming_file(name: str) -> Iterator[None]:
     except FileNotFoundError:
         raise
     except (*HEADER_ERRORS, *ARCHIVE_ERRORS) as error:
+        if str(error).startswith(name):
+            raise
         raise ValueError(f"{name}: damaged or truncated ({error})") from error
 
 
@@ -45,47 +50,95 @@ class Stream:
     ----------
     reopen : callable
         A function that returns the stream at its beginning.
+    size : int
+        Number of decompressed bytes.
 
     Examples
     --------
     >>> import io
-    >>> stream = Stream(lambda: io.BytesIO(b"abcdef"))
-    >>> bytes(stream.read(4, 10)), bytes(stream.read(1, 2))
+    >>> stream = Stream(lambda: io.BytesIO(b"abcdef"), 6)
+    >>> stream.read(4, 2).tobytes(), stream.read(1, 2).tobytes()
     (b'ef', b'bc')
     """
 
-    def __init__(self, reopen: Callable[[], IO[bytes]]) -> None:
+    def __init__(self, reopen: Callable[[], BufferedIOBase], size: int) -> None:
         self._reopen = reopen
-        self._file: IO[bytes] | None = None
+        self._size = size
+        self._forget_file()
+
+    def _forget_file(self) -> None:
+        self._file: BufferedIOBase | None = None
         self._position = 0
+        self._lock = threading.Lock()
+        self._process = os.getpid()
 
-    def read(self, position: int, size: int) -> bytearray:
-        """Return `size` bytes from `position` on, or fewer if the stream ends."""
-        if self._file is None or position < self._position:
-            self.close()
-            self._file, self._position = self._reopen(), 0
-        while self._position < position:
-            skipped = len(self._file.read(min(_CHUNK_BYTES, position - self._position)))
-            if skipped == 0:
-                return bytearray()
-            self._position += skipped
-        data = bytearray()
-        while len(data) < size and (chunk := self._file.read(min(_CHUNK_BYTES, size - len(data)))):
-            data += chunk
-        self._position += len(data)
-        return data
+    def read(self, position: int, size: int) -> npt.NDArray[np.uint8]:
+        """Return `size` bytes from `position` on.
 
-    def close(self) -> None:
+        When the end of the stream is reached, its checksum is compared and the file is closed.
+
+        Raises
+        ------
+        ValueError
+            When the stream is shorter or longer than stated.
+        OSError or another one of ARCHIVE_ERRORS
+            When the stream is damaged.
+        """
+        if self._process != os.getpid():
+            # Forked processes share the position in the open file, and copy a lock that is held.
+            self._forget_file()
+        with self._lock:
+            if self._file is None or position < self._position:
+                self._close()
+                self._file, self._position = self._reopen(), 0
+            skip_bytes(self._file, position - self._position)
+            data = np.empty(size, np.uint8)
+            view, done = data.data, 0
+            while done < size and (count := self._file.readinto(view[done : done + _CHUNK_BYTES])):
+                done += count
+            if done < size:
+                raise ValueError(f"ends {size - done} bytes too early")
+            self._position = position + size
+            if self._position == self._size:
+                self._close(at_end=True)
+            return data
+
+    def finish(self) -> None:
+        """Read the rest of the stream if it is open, compare its checksum, and close the file."""
+        with self._lock:
+            if self._file is not None:
+                skip_bytes(self._file, self._size - self._position)
+                self._close(at_end=True)
+
+    def _close(self, *, at_end: bool = False) -> None:
         """Close the file. The next read reopens it."""
-        if self._file is not None:
-            self._file.close()
-        self._file = None
+        file, self._file = self._file, None
+        if file is not None:
+            with file:
+                if at_end:
+                    check_end(file)
 
     def __del__(self) -> None:
-        self.close()
+        self._close()
 
 
-def stream_npy(reopen: Callable[[], IO[bytes]], name: str, file_bytes: int) -> Frames:
+def skip_bytes(file: BufferedIOBase, size: int) -> None:
+    """Read `size` bytes of a stream. Raise ValueError when it is shorter."""
+    while size and (chunk := file.read(min(_CHUNK_BYTES, size))):
+        size -= len(chunk)
+    if size:
+        raise ValueError(f"ends {size} bytes too early")
+
+
+def check_end(file: BufferedIOBase) -> None:
+    """Raise ValueError when a stream continues. At its end, the stream compares its checksum."""
+    if file.read(1):
+        raise ValueError("more bytes follow than the header of the array states")
+
+
+def stream_npy(
+    reopen: Callable[[], BufferedIOBase], name: str, file_bytes: int, *, verified: bool = False
+) -> Frames:
     """Return the array of a compressed `.npy` stream as frames.
 
     Parameters
@@ -96,6 +149,9 @@ def stream_npy(reopen: Callable[[], IO[bytes]], name: str, file_bytes: int) -> F
         The file, for messages.
     file_bytes : int
         Size of the compressed file.
+    verified : bool
+        Whether the compressed file matches a stored checksum. Otherwise the whole stream is read
+        once to compare the checksum at its end, before any frame is returned.
 
     Raises
     ------
@@ -104,62 +160,58 @@ def stream_npy(reopen: Callable[[], IO[bytes]], name: str, file_bytes: int) -> F
         order.
     """
     with naming_file(name), reopen() as file:
-        shape, fortran_order, dtype = read_header(file)
+        shape, fortran_order, dtype = read_header(cast(IO[bytes], file))
         header_bytes = file.tell()
-    if dtype.hasobject:
-        raise objects_error(name)
-    if fortran_order and len(shape) > 1:
-        raise ValueError(f"{name}: expected an array in C order, got Fortran order")
-    if len(shape) == 0:
-        raise ValueError(f"{name}: expected an array, got a single number")
-    frame_bytes = math.prod(shape[1:]) * dtype.itemsize
-    check_claimed_size(name, frame_bytes * shape[0], file_bytes)
-    stream = Stream(reopen)
+        if dtype.hasobject:
+            raise objects_error(name)
+        if fortran_order and len(shape) > 1:
+            raise ValueError(f"{name}: expected an array in C order, got Fortran order")
+        if len(shape) == 0 or min(shape) < 0:
+            raise ValueError(f"{name}: expected an array, got shape {shape}")
+        frame_bytes = math.prod(shape[1:]) * dtype.itemsize
+        size = frame_bytes * shape[0]
+        check_claimed_size(name, size, file_bytes)
+        if not verified:
+            skip_bytes(file, size)
+            check_end(file)
+    stream = Stream(reopen, header_bytes + size)
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
-        size = (stop - start) * frame_bytes
         with naming_file(name):
-            data = stream.read(header_bytes + start * frame_bytes, size)
-        if len(data) != size:
-            raise ValueError(f"{name}: ends before the {shape[0]} frames that its header claims")
-        return np.frombuffer(data, dtype).reshape(stop - start, *shape[1:])
+            data = stream.read(header_bytes + start * frame_bytes, (stop - start) * frame_bytes)
+        return data.view(dtype).reshape(stop - start, *shape[1:])
 
     return Frames(shape, read, dtype)
 
 
-def open_gzip(path: Path) -> IO[bytes]:
+def open_gzip(path: Path) -> BufferedIOBase:
     """Return the decompressed stream of a gzip file, at its beginning."""
-    return cast(IO[bytes], gzip.open(path))
+    return igzip.IGzipFile(path, "rb")
 
 
-def stream_npy_gz(path: Path) -> Frames:
-    """Return the array of a `.npy.gz` file as frames."""
-    return stream_npy(lambda: open_gzip(path), str(path), path.stat().st_size)
+def measure_gzip(path: Path, end_bytes: int = 0) -> tuple[int, bytes]:
+    """Return the decompressed size of a gzip file whose checksum fits, and its last bytes.
 
-
-def stream_npz(path: Path, key: str | None) -> npt.NDArray[Any] | Frames:
-    """Return one array of a `.npz` archive as frames. `key` is optional for an only array.
-
-    An array in Fortran order cannot be streamed, so it is read into memory.
+    Raises
+    ------
+    OSError or another one of ARCHIVE_ERRORS
+        When the file is damaged.
     """
-    key = select_npz_array(path, key)
-
-    def reopen() -> IO[bytes]:
-        return zipfile.ZipFile(path).open(f"{key}.npy")
-
-    try:
-        return stream_npy(reopen, f"{path}: {key}", path.stat().st_size)
-    except ValueError as error:
-        if "Fortran" not in str(error):
-            raise
-        return read_npz(path, key)
+    size, end = 0, b""
+    with open_gzip(path) as file:
+        while chunk := file.read(_CHUNK_BYTES):
+            size += len(chunk)
+            end = (end + chunk)[-end_bytes:] if end_bytes else b""
+    return size, end
 
 
-def write_npy_gz(path: Path, array: npt.NDArray[np.generic] | Frames) -> None:
+def stream_npy_gz(path: Path, *, verified: bool = False) -> Frames:
+    """Return the array of a `.npy.gz` file as frames. See :func:`stream_npy` for `verified`."""
+    return stream_npy(lambda: open_gzip(path), str(path), path.stat().st_size, verified=verified)
+
+
+def write_npy_gz(file: IO[bytes], array: npt.NDArray[np.generic] | Frames) -> None:
     """Write an array as a `.npy.gz` file, some frames at a time."""
-    header = {"descr": array.dtype.str, "fortran_order": False, "shape": array.shape}
     # The gzip header has no name and no time, so equal data yield equal files.
-    with open_output(path) as raw, gzip.GzipFile("", "wb", 6, raw, mtime=0) as file:
-        np.lib.format.write_array_header_1_0(file, header)
-        for _, part in read_in_chunks(array, _CHUNK_BYTES):
-            file.write(np.ascontiguousarray(part).tobytes())
+    with igzip.IGzipFile("", "wb", _LEVEL, file, mtime=0) as compressed:
+        write_npy(cast(IO[bytes], compressed), array)

@@ -1,27 +1,21 @@
 """Photon cubes: packed bits in a `.npy`, with a description next to it."""
 
 import contextlib
-import json
-import os
-from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.files import atomic_write, flush_to_disk, write_file
-from jotlight.formats.arrays import write_npy
 from jotlight.formats.description import (
-    description_path,
-    map_path,
-    maps_in_description,
-    read_description,
-    read_own_description,
+    Description,
+    check_shape,
+    read_bits_description,
+    write_described,
 )
 from jotlight.formats.labels import make_bits_label
 from jotlight.formats.packing import check_packed
-from jotlight.output_files import open_output
-from jotlight.sensing.bits import Bits, SensorLike
+from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.provenance import Provenance
 
@@ -31,10 +25,11 @@ def open_cube(
     path: Path,
     format_: str,
     width: int | None,
+    description: Description | None = None,
     *,
     check: bool = True,
 ) -> Bits:
-    """Return the bits of a cube, with the metadata from the description next to it.
+    """Return the bits of a cube, with the metadata from its description.
 
     Parameters
     ----------
@@ -45,6 +40,8 @@ def open_cube(
         Name of the format, for the provenance.
     width : int, optional
         True width in jots. Default: the width in the description, or else a multiple of 8.
+    description : Description, optional
+        The description next to the cube.
     check : bool
         Whether frames without a description are refused if they look unpacked.
 
@@ -53,9 +50,12 @@ def open_cube(
     OSError, ValueError
         When the description is invalid, or the width or the frames do not fit.
     """
-    stated_width, sensor, origin = read_description(path, packed.shape)
-    provenance = Provenance(format_, path.name).converted_from(origin)
-    if stated_width is None:
+    stated_width, sensor, provenance = None, None, Provenance(format_, path.name)
+    if description is not None:
+        check_shape(description, path, packed.shape)
+        stated_width, sensor, origin = read_bits_description(description)
+        provenance = provenance.converted_from(origin)
+    else:
         if check:
             check_packed(packed, str(path))
         provenance = provenance.with_notes(
@@ -73,78 +73,14 @@ def open_cube(
         raise ValueError(f"{path}: {error}") from error
 
 
-def write_cube(bits: Bits, path: str | os.PathLike[str]) -> None:
-    """Write bits as a cube with its description, completely or not at all."""
-    path = Path(path)
-    shape = bits.packed.shape
-    with (
-        describe_cube(path, shape, bits.width, bits.sensor, bits.provenance) as cube,
-        open_output(cube) as file,
-    ):
-        write_npy(file, bits.packed)
+def describe_bits(bits: Bits, path: Path) -> contextlib.AbstractContextManager[IO[bytes]]:
+    """Return a context that yields a file for packed bits.
 
-
-@contextlib.contextmanager
-def describe_cube(
-    path: Path,
-    shape: tuple[int, ...],
-    width: int,
-    sensor: SensorLike | None,
-    provenance: Provenance | None,
-) -> Iterator[Path]:
-    """Yield a temporary path for a cube.
-
-    The cube, its description, and its maps appear when the block ends. The maps of an overwritten
-    cube are deleted.
-
-    Parameters
-    ----------
-    path : path
-        The path of the cube.
-    shape : tuple of int
-        Shape of the packed bits, (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C).
-    width : int
-        W, the true width in jots.
-    sensor : Sensor, optional
-        Sensor of the bits.
-    provenance : Provenance, optional
-        Provenance of the bits.
-
-    Raises
-    ------
-    FileExistsError
-        When a file that jotlight did not write for this cube would be overwritten.
+    The cube, its description, and its maps appear when the context ends. See
+    :func:`jotlight.formats.description.write_described`.
     """
-    description = description_path(path)
-    maps = {} if sensor is None else sensor.maps()
-    map_paths = {name: map_path(description, name) for name in maps}
-    replaced_maps = maps_in_description(description)
-    _refuse_foreign_files(path, description, set(map_paths.values()) - replaced_maps)
-    label = {**make_bits_label(width, sensor, provenance), "shape": list(shape)}
-    with contextlib.ExitStack() as stack:
-        # The stack renames in reverse order, so the cube appears after its description and maps.
-        cube = stack.enter_context(atomic_write(path))
-        text = stack.enter_context(atomic_write(description))
-        for name, map_ in maps.items():
-            with open_output(stack.enter_context(atomic_write(map_paths[name]))) as file:
-                np.save(file, map_)
-            label["maps"][name] = map_paths[name].name
-        write_file(text, json.dumps(label, indent=2) + "\n")
-        yield cube
-        # If this fails, the old description must still be there.
-        flush_to_disk(cube)
-    for stale in replaced_maps - set(map_paths.values()):
-        stale.unlink(missing_ok=True)
-
-
-def _refuse_foreign_files(cube: Path, description: Path, new_maps: set[Path]) -> None:
-    """Raise FileExistsError if writing a cube would overwrite files of other origin."""
-    foreign = []
-    if description.is_file() and read_own_description(description) is None:
-        foreign.append(description)
-    foreign += sorted(path for path in new_maps if path.is_file())
-    if foreign:
-        raise FileExistsError(
-            f"{foreign[0]} would be overwritten by a file that belongs to {cube.name}, but "
-            "jotlight did not write it for these bits; move it, or choose another name"
-        )
+    content = {
+        **make_bits_label(bits.width, bits.sensor, bits.provenance),
+        "shape": list(bits.packed.shape),
+    }
+    return write_described(path, content, {} if bits.sensor is None else bits.sensor.maps())

@@ -1,20 +1,79 @@
-"""The description of a photon cube: a `.json` next to it with its width, sensor, and provenance.
+"""Descriptions: a `.json` next to a `.npy` or `.npy.gz` with its metadata and its checksum.
 
-The maps of the sensor are `.npy` files of their own, which the description names.
+The description of bits states their width, sensor, and provenance. The maps of the sensor are
+`.npy` files of their own, which the description names. The description of counts is their label.
 """
 
+import contextlib
+import dataclasses
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, cast
 
-import numpy as np
+import numpy.typing as npt
 
 from jotlight.errors import warn
-from jotlight.formats.arrays import read_npy
-from jotlight.formats.labels import BITS, MAX_LABEL_BYTES, VERSION, parse_label
+from jotlight.files import atomic_write, flush_to_disk, write_file
+from jotlight.formats.arrays import read_npy, write_npy
+from jotlight.formats.checksums import (
+    HashingWriter,
+    check_file,
+    check_seal,
+    differs_error,
+    is_sealed,
+    seal,
+)
+from jotlight.formats.compressed import open_gzip
+from jotlight.formats.labels import BITS, COUNTS, MAX_LABEL_BYTES, VERSION
 from jotlight.formats.safe_paths import check_inside, resolve_below
+from jotlight.output_files import open_output
 from jotlight.sensing.maps import MAPS
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
+
+_KEYS = {
+    BITS: {"width", "sensor", "maps"},
+    COUNTS: {"trials"},
+}
+"""Keys of a description in addition to the common ones."""
+
+_COMMON_KEYS = {"format", "version", "provenance", "shape", "sha256"}
+
+
+@dataclasses.dataclass(frozen=True)
+class Description:
+    """A description that jotlight wrote, which is complete and unchanged."""
+
+    path: Path
+    text: str
+    content: dict[str, Any]
+
+    @property
+    def format(self) -> str:
+        """Return whether it describes :data:`BITS` or :data:`COUNTS`."""
+        return str(self.content["format"])
+
+    def map_files(self) -> dict[str, tuple[Path, object]]:
+        """Return the path and the checksum of each map. A missing checksum is None."""
+        maps = self.content.get("maps") or {}
+        if not isinstance(maps, dict) or not maps.keys() <= set(MAPS):
+            raise ValueError(
+                f"{self.path}: maps: expected files for {' and '.join(MAPS)}, got {maps!r}"
+            )
+        files = {}
+        for name, entry in maps.items():
+            if not isinstance(entry, dict) or not {"file"} <= entry.keys() <= {"file", "sha256"}:
+                raise ValueError(
+                    f"{self.path}: maps: expected an object with file and sha256, got {entry!r}"
+                )
+            try:
+                file = resolve_below(self.path, entry["file"], "maps")
+            except ValueError as error:
+                raise ValueError(f"{self.path}: {error}") from error
+            files[name] = file, entry.get("sha256")
+        return files
 
 
 def description_path(cube: Path) -> Path:
@@ -58,82 +117,213 @@ def companion_files(cube: Path) -> set[Path]:
     if cube.suffix.lower() not in (".npy", ".gz"):
         return set()
     descriptions = {description_path(cube), _existing_description(cube)}
-    return descriptions.union(*map(maps_in_description, descriptions))
+    return descriptions.union(*map(_maps_written_with, descriptions))
 
 
-def maps_in_description(description: Path) -> set[Path]:
-    """Return the paths of those maps named in a description that jotlight wrote with it."""
-    content = (read_own_description(description) or {}) if description.is_file() else {}
-    maps = content.get("maps")
-    names = maps.values() if isinstance(maps, dict) else ()
-    own = {map_path(description, name).name for name in MAPS}
-    return {description.parent / name for name in names if name in own}
+def _maps_written_with(description: Path) -> set[Path]:
+    """Return the paths of those maps named in a description that jotlight wrote with it.
 
-
-def read_own_description(path: Path) -> dict[str, Any] | None:
-    """Return the content of a description, or None when jotlight did not write the file."""
-    if path.stat().st_size > MAX_LABEL_BYTES:
-        return None
+    A damaged description names none.
+    """
     try:
-        return parse_label(path.read_text(encoding="utf-8"), BITS)
+        own = _read_own_description(description) if description.is_file() else None
+        files = {} if own is None else own.map_files()
     except ValueError:
+        files = {}
+    return {file for name, (file, _) in files.items() if file == map_path(description, name)}
+
+
+def _read_own_description(path: Path) -> Description | None:
+    """Return a description, or None when jotlight did not write the file.
+
+    Raises
+    ------
+    ValueError
+        When jotlight wrote the file, but it is damaged or was changed.
+    """
+    with path.open("rb") as file:
+        text = file.read(MAX_LABEL_BYTES + 1).decode("utf-8", "replace")
+    if is_sealed(text):
+        check_seal(text, str(path))
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError):
+        content = None
+    if not isinstance(content, dict) or content.get("format") not in list(_KEYS):
+        # A damaged description is not one that another program wrote.
+        if is_sealed(text) or any(f'"format": "{format_}"' in text for format_ in _KEYS):
+            raise ValueError(
+                f"{path}: expected a complete description by jotlight of at most "
+                f"{MAX_LABEL_BYTES} bytes, but it is damaged; restore it from a copy"
+            )
         return None
+    if is_sealed(text):
+        del content["checksum"]
+    unknown = sorted(content.keys() - _COMMON_KEYS - _KEYS[content["format"]])
+    if content.get("version") != VERSION or unknown:
+        got = f"unknown keys {', '.join(unknown)}" if unknown else repr(content.get("version"))
+        raise ValueError(f"{path}: expected a description of version {VERSION}, got {got}")
+    return Description(path, text, content)
 
 
-def read_description(
-    cube: Path, shape: tuple[int, ...]
-) -> tuple[int | None, Sensor | None, Provenance | None]:
-    """Return the width, the sensor, and the provenance from the description of a cube.
+def find_description(cube: Path) -> Description | None:
+    """Return the description of a cube, or None if there is no such file by jotlight.
 
-    All are None if there is no description, or if jotlight did not write that file.
+    Raises
+    ------
+    ValueError
+        When jotlight wrote the file, but it is damaged or was changed.
+    """
+    path = _existing_description(cube)
+    if not path.is_file():
+        return None
+    check_inside(path, cube.parent)
+    description = _read_own_description(path)
+    if description is None:
+        warn(f"{path} does not describe bits or counts of jotlight and is not used")
+    return description
 
-    Parameters
-    ----------
-    cube : path
-    shape : tuple of int
-        Shape of the packed bits, with which the description must agree.
+
+def check_shape(description: Description, cube: Path, shape: tuple[int, ...]) -> None:
+    """Raise ValueError when a description belongs to a cube of another shape."""
+    stated = description.content.get("shape", list(shape))
+    if stated != list(shape):
+        raise ValueError(
+            f"{description.path}: describes a cube of shape {stated}, but {cube.name} has "
+            f"{list(shape)}; it belongs to another cube, so move it away"
+        )
+
+
+def check_data(description: Description, cube: Path) -> bool:
+    """Raise ValueError when a cube differs from its checksum. Return whether it has one."""
+    checksum = description.content.get("sha256")
+    if checksum is None:
+        return False
+    if cube.suffix.lower() == ".gz" and description.path != description_path(cube):
+        # It describes the cube that another tool has compressed.
+        with open_gzip(cube) as file:
+            if hashlib.file_digest(file, "sha256").hexdigest() != checksum:
+                raise differs_error(cube)
+    else:
+        check_file(cube, checksum)
+    return True
+
+
+def verify_cube(cube: Path) -> int:
+    """Compare a cube, its description, and its maps with their checksums, and return how many.
+
+    Raises
+    ------
+    OSError
+        When a file cannot be read.
+    ValueError
+        When a file differs.
+    """
+    description = find_description(cube)
+    if description is None:
+        return 0
+    checked = int(is_sealed(description.text)) + check_data(description, cube)
+    return checked + sum(_check_map(*file) for file in description.map_files().values())
+
+
+def _check_map(path: Path, checksum: object) -> bool:
+    if checksum is not None:
+        check_file(path, checksum)
+    return checksum is not None
+
+
+def read_bits_description(
+    description: Description,
+) -> tuple[int, Sensor | None, Provenance | None]:
+    """Return the width, the sensor, and the provenance from a description of bits.
 
     Raises
     ------
     FileNotFoundError
         When a map is missing.
     ValueError
-        When the description is invalid, or belongs to another cube.
+        When the description is invalid, or a map differs from its checksum.
     """
-    path = _existing_description(cube)
-    if not path.is_file():
-        return None, None, None
-    check_inside(path, cube.parent)
-    content = read_own_description(path)
-    if content is None:
-        warn(f"{path} does not describe bits of jotlight and is not used")
-        return None, None, None
-    width = content.get("width")
-    if content.get("version") != VERSION or not isinstance(width, int) or width < 1:
-        raise ValueError(
-            f"{path}: expected version {VERSION} and a width, got version "
-            f"{content.get('version')!r} and width {width!r}"
-        )
-    if content.get("shape", list(shape)) != list(shape):
-        raise ValueError(
-            f"{path}: describes a cube of shape {content['shape']}, but {cube.name} has "
-            f"{list(shape)}; it belongs to another cube, so move it away"
-        )
+    path, content = description.path, description.content
+    width, origin = content.get("width"), content.get("provenance")
+    if type(width) is not int or width < 1:
+        raise ValueError(f"{path}: expected a width in jots, got width {width!r}")
     try:
-        origin = content.get("provenance")
         provenance = None if origin is None else Provenance.from_json(origin)
         if content.get("sensor") is None:
             return width, None, provenance
-        maps = _read_maps(cube, content.get("maps") or {})
+        maps = {}
+        for name, (file, checksum) in description.map_files().items():
+            _check_map(file, checksum)
+            maps[name] = read_npy(file)
         return width, Sensor.from_parts(content["sensor"], maps), provenance
     except FileNotFoundError as error:
         raise FileNotFoundError(f"{path}: {error}") from error
     except (TypeError, ValueError) as error:
-        raise ValueError(f"{path}: {error}") from error
+        raise ValueError(str(error) if str(path) in str(error) else f"{path}: {error}") from error
 
 
-def _read_maps(cube: Path, names: Any) -> dict[str, np.ndarray]:
-    if not isinstance(names, dict) or not names.keys() <= set(MAPS):
-        raise ValueError(f"maps: expected files for {' and '.join(MAPS)}, got {names!r}")
-    paths = {map_: resolve_below(cube, name, "maps") for map_, name in names.items()}
-    return {map_: read_npy(path) for map_, path in paths.items()}
+@contextlib.contextmanager
+def write_described(
+    path: Path, content: Mapping[str, Any], maps: Mapping[str, npt.NDArray[Any]]
+) -> Iterator[IO[bytes]]:
+    """Yield a file for a cube, which is written from beginning to end.
+
+    The cube, its description, and its maps appear when the block ends. The maps of an overwritten
+    cube are deleted.
+
+    Parameters
+    ----------
+    path : path
+        The path of the cube.
+    content : mapping
+        The description, without checksums and the files of maps.
+    maps : mapping
+        The maps of the sensor by name.
+
+    Raises
+    ------
+    FileExistsError
+        When a file that jotlight did not write for this cube would be overwritten.
+    """
+    description = description_path(path)
+    map_paths = {name: map_path(description, name) for name in maps}
+    replaced_maps = _maps_written_with(description)
+    _refuse_foreign_files(path, description, set(map_paths.values()) - replaced_maps)
+    content = dict(content)
+    with contextlib.ExitStack() as stack:
+        # The stack renames in reverse order, so the cube appears after its description and maps.
+        cube = stack.enter_context(atomic_write(path))
+        text = stack.enter_context(atomic_write(description))
+        for name, map_ in maps.items():
+            temporary = stack.enter_context(atomic_write(map_paths[name]))
+            with _open_hashed(temporary) as file:
+                write_npy(cast(IO[bytes], file), map_)
+            entry = {"file": map_paths[name].name, "sha256": file.checksum()}
+            content["maps"] = {**content.get("maps", {}), name: entry}
+        with _open_hashed(cube) as file:
+            yield cast(IO[bytes], file)
+        # If this fails, the old description must still be there.
+        flush_to_disk(cube)
+        write_file(text, seal({**content, "sha256": file.checksum()}))
+    for stale in replaced_maps - set(map_paths.values()):
+        stale.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def _open_hashed(path: Path) -> Iterator[HashingWriter]:
+    with open_output(path) as file:
+        yield HashingWriter(file)
+
+
+def _refuse_foreign_files(cube: Path, description: Path, new_maps: set[Path]) -> None:
+    """Raise FileExistsError if writing a cube would overwrite files of other origin."""
+    foreign = sorted(path for path in new_maps if path.is_file())
+    with contextlib.suppress(ValueError):  # a damaged description is replaced
+        if description.is_file() and _read_own_description(description) is None:
+            foreign.insert(0, description)
+    if foreign:
+        raise FileExistsError(
+            f"{foreign[0]} would be overwritten by a file that belongs to {cube.name}, but "
+            "jotlight did not write it for these data; move it, or choose another name"
+        )

@@ -35,7 +35,7 @@ class Writer:
 
     bits: Callable[[Bits, Path], None] | None = None
     """A function that writes packed bits. None: the format stores only counts, the sums of bits."""
-    counts: Callable[[Counts, Path, str | None], None] | None = None
+    counts: Callable[[Counts, Path, str], None] | None = None
     """A function that writes counts and their JSON label. None: the format stores only bits."""
     extensions: tuple[str, ...] = ()
     """Extensions of a file, the preferred one first. Empty: the format is always a folder."""

@@ -1,5 +1,6 @@
 """Counts in TIFF or grayscale PNG files, or in folders of them, and masks of dead jots."""
 
+import io
 import math
 import warnings
 from collections.abc import Callable
@@ -19,6 +20,7 @@ from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import has_type
 from jotlight.formats.packing import pack_lazily
+from jotlight.formats.png_chunks import GRAYSCALE, PALETTE, check_png
 from jotlight.formats.tiff_directories import open_checked_tiff
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
@@ -27,9 +29,6 @@ from jotlight.sensing.provenance import Provenance
 
 _TIFF_EXTENSIONS = (".tif", ".tiff")
 _PNG_EXTENSIONS = (".png",)
-
-_GRAYSCALE, _PALETTE = 0, 3
-"""Color types of a PNG that are accepted. Palette indices are gray levels with assigned colors."""
 
 _PILLOW_SCALE = {2: 85, 4: 17}
 """Factor by which Pillow scales gray levels to 8 bits, for each depth in bits."""
@@ -144,23 +143,20 @@ def _load_png(path: Path) -> npt.NDArray[Any]:
     """Return the levels of a PNG as the file stores them, (H, W)."""
     from PIL import Image
 
-    with path.open("rb") as file:
-        header = file.read(26)
-    if header[:8] != b"\x89PNG\r\n\x1a\n" or len(header) < 26:
-        raise ValueError("it does not begin like a PNG")
-    width, height = int.from_bytes(header[16:20], "big"), int.from_bytes(header[20:24], "big")
-    depth, color_type = header[24], header[25]
-    if color_type not in (_GRAYSCALE, _PALETTE):
+    content = path.read_bytes()
+    header = check_png(content)
+    if header.color_type not in (GRAYSCALE, PALETTE):
         raise ValueError("expected gray levels, got color or transparency")
-    check_claimed_size("the header", width * height * max(1, depth // 8), path.stat().st_size)
+    shape = header.height, header.width
+    check_claimed_size("the header", math.prod(shape) * max(1, header.depth // 8), len(content))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with path.open("rb") as file, Image.open(file) as image:
+        with Image.open(io.BytesIO(content), formats=("PNG",)) as image:
             levels = np.asarray(image)
-    if levels.shape != (height, width):
-        raise ValueError(f"expected {height} x {width} levels, got {levels.shape}")
-    if color_type == _GRAYSCALE and depth in _PILLOW_SCALE:
-        levels = levels // _PILLOW_SCALE[depth]
+    if levels.shape != shape:
+        raise ValueError(f"expected levels of shape {shape}, got {levels.shape}")
+    if header.color_type == GRAYSCALE and header.depth in _PILLOW_SCALE:
+        levels = levels // _PILLOW_SCALE[header.depth]
     return levels
 
 

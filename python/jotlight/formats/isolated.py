@@ -40,6 +40,11 @@ class IsolatedLibrary:
         self._failure: str | None = None
         _LIBRARIES.add(self)
 
+    @property
+    def process_id(self) -> int | None:
+        """Return the number of the child process, or None if there is none."""
+        return None if self._process is None else self._process.pid
+
     def list_data_sets(self, path: str, attribute: str) -> list[DataSet]:
         """Return the numeric data sets of a file."""
         with self._lock:
@@ -159,6 +164,8 @@ def _checked_data_set(path: str, fields: dict[str, Any]) -> DataSet:
         raise TypeError(f"a shape of {data_set.shape}")
     if not isinstance(data_set.name, str) or np.dtype(data_set.dtype).kind not in "biuf":
         raise TypeError(f"an array {data_set.name!r} of {data_set.dtype!r}")
+    if not isinstance(data_set.label, str | None):
+        raise TypeError(f"a label {data_set.label!r}")
     return data_set
 
 
@@ -174,7 +181,5 @@ def _describe_end(path: str, status: int | None) -> str:
             f"{path}: the HDF5 library crashed while reading it ({name}); "
             "the file is damaged or hostile"
         )
-    return (
-        f"{path}: the process that reads it ended with status {status}; "
-        "the file is damaged or hostile"
-    )
+    end = "stopped answering" if status is None else f"ended with status {status}"
+    return f"{path}: the process that reads it {end}; the file is damaged or hostile"

@@ -12,7 +12,7 @@ BITS = "jotlight bits"
 COUNTS = "jotlight counts"
 """Value of "format" in a label of counts."""
 
-VERSION = 1
+VERSION = 2
 """Value of "version" in a label."""
 
 MAX_LABEL_BYTES = 1 << 20
@@ -49,10 +49,8 @@ def make_bits_label(
     return label
 
 
-def make_counts_label(trials: int | None, provenance: Provenance | None) -> str | None:
-    """Return the label of an image of counts as JSON, or None if there is nothing to state."""
-    if trials is None and provenance is None:
-        return None
+def make_counts_label(trials: int | None, provenance: Provenance | None) -> str:
+    """Return the label of an image of counts as JSON."""
     label: dict[str, Any] = {"format": COUNTS, "version": VERSION, "trials": trials}
     return json.dumps({**label, "provenance": None if provenance is None else provenance.to_json()})
 

@@ -3,20 +3,31 @@
 An array is a photon cube (packed bits), frames of booleans, or counts.
 """
 
-import zipfile
+import contextlib
+import json
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import Counts
 from jotlight.files import atomic_write
-from jotlight.formats.arrays import LABEL_MEMBER, open_npy_array, read_npz_label
+from jotlight.formats.archives import finish_npz, read_npz_label, stream_npz, verify_npz
+from jotlight.formats.arrays import open_npy_array, write_npy
 from jotlight.formats.capture import Capture, as_count_stack
-from jotlight.formats.compressed import stream_npy_gz, stream_npz, write_npy_gz
-from jotlight.formats.cube import describe_cube, open_cube, write_cube
+from jotlight.formats.compressed import stream_npy_gz, write_npy_gz
+from jotlight.formats.cube import describe_bits, open_cube
+from jotlight.formats.description import (
+    Description,
+    check_data,
+    check_shape,
+    find_description,
+    verify_cube,
+    write_described,
+)
 from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.labels import BITS, COUNTS
 from jotlight.formats.magic import has_type
 from jotlight.formats.packing import pack_lazily
 from jotlight.formats.raw import EXTENSIONS as RAW_EXTENSIONS
@@ -28,21 +39,28 @@ from jotlight.sensing.provenance import Provenance
 
 def open_npy(path: Path, options: OpenOptions) -> Capture:
     """Return the capture in a `.npy` file."""
-    return _open_array(open_npy_array(path), path, NPY.name, options, options.counts)
+    description = find_description(path)
+    if description is not None and description.format == COUNTS:
+        check_data(description, path)
+    return _open_array(open_npy_array(path), path, NPY.name, options, options.counts, description)
 
 
 def open_npy_gz(path: Path, options: OpenOptions) -> Capture:
     """Return the capture in a `.npy.gz` file, which is decompressed as it is read."""
-    return _open_array(stream_npy_gz(path), path, NPY_GZ.name, options, options.counts)
+    description = find_description(path)
+    verified = description is not None and check_data(description, path)
+    frames = stream_npy_gz(path, verified=verified)
+    return _open_array(frames, path, NPY_GZ.name, options, options.counts, description)
 
 
 def open_npz(path: Path, options: OpenOptions) -> Capture:
     """Return the capture in one array of a `.npz` archive: counts, unless they are booleans."""
-    array, label = stream_npz(path, options.key), read_npz_label(path)
+    verified = verify_npz(path) > 0
+    array, label = stream_npz(path, options.key, verified=verified), read_npz_label(path)
     counts = options.counts
     if counts is None and array.dtype != np.bool_:
         counts = True
-    return _open_array(array, path, NPZ.name, options, counts, label)
+    return _open_array(array, path, NPZ.name, options, counts, label=label)
 
 
 def _open_array(
@@ -51,21 +69,32 @@ def _open_array(
     name: str,
     options: OpenOptions,
     counts: bool | None,
+    description: Description | None = None,
     label: str | None = None,
 ) -> Capture:
     """Return the bits or counts in an array. If `counts` is None, its type and shape decide."""
     dimensions = len(array.shape)
+    is_cube = array.dtype == np.uint8 and dimensions in (3, 4)
+    if description is not None:
+        check_shape(description, path, array.shape)
+        if description.format == COUNTS:
+            label, counts = description.text, counts is not False
+        if (description.format == BITS) != (is_cube and not counts):
+            content = "packed bits" if is_cube and not counts else f"an array of {array.dtype}"
+            raise ValueError(
+                f"{description.path}: is the description of {description.format}, but {path.name} "
+                f"is read as {content}; leave the options out, or move the description away"
+            )
     if array.dtype == np.bool_ and dimensions in (3, 4) and not counts and 0 not in array.shape:
         provenance = Provenance(name, path.name, ("frames of bool, one bit each",))
         return Bits(pack_lazily(array, path.name), array.shape[2], provenance=provenance)
-    is_cube = array.dtype == np.uint8 and dimensions in (3, 4)
     if counts is False and not is_cube:
         raise ValueError(
             f"{path}: expected packed bits, uint8 of shape (T, H, W/8) or (T, H, W/8, C), "
             f"got {array.dtype} of shape {array.shape}"
         )
     if not counts and is_cube:
-        return open_cube(array, path, name, options.width, check=not options.packed)
+        return open_cube(array, path, name, options.width, description, check=not options.packed)
     return as_count_stack(array, Provenance(name, path.name), label)
 
 
@@ -73,29 +102,36 @@ def _is_npy_gz(path: Path) -> bool:
     return has_type(path, "gzip") and not path.name.lower().endswith(RAW_EXTENSIONS)
 
 
-def _write_npy_counts(counts: Counts, path: Path, label: str | None) -> None:
-    with atomic_write(path) as temporary, open_output(temporary) as file:
-        np.save(file, counts)
+def _write_npy_bits(bits: Bits, path: Path) -> None:
+    with describe_bits(bits, path) as file:
+        write_npy(file, bits.packed)
+
+
+def _write_npy_counts(counts: Counts, path: Path, label: str) -> None:
+    with _describe_counts(counts, path, label) as file:
+        write_npy(file, counts)
 
 
 def _write_npy_gz_bits(bits: Bits, path: Path) -> None:
-    shape = bits.packed.shape
-    with describe_cube(path, shape, bits.width, bits.sensor, bits.provenance) as temporary:
-        write_npy_gz(temporary, bits.packed)
+    with describe_bits(bits, path) as file:
+        write_npy_gz(file, bits.packed)
 
 
-def _write_npy_gz_counts(counts: Counts, path: Path, label: str | None) -> None:
-    with atomic_write(path) as temporary:
-        write_npy_gz(temporary, counts)
+def _write_npy_gz_counts(counts: Counts, path: Path, label: str) -> None:
+    with _describe_counts(counts, path, label) as file:
+        write_npy_gz(file, counts)
 
 
-def _write_npz_counts(counts: Counts, path: Path, label: str | None) -> None:
+def _describe_counts(
+    counts: Counts, path: Path, label: str
+) -> contextlib.AbstractContextManager[IO[bytes]]:
+    return write_described(path, {**json.loads(label), "shape": list(counts.shape)}, {})
+
+
+def _write_npz_counts(counts: Counts, path: Path, label: str) -> None:
     with atomic_write(path) as temporary, open_output(temporary) as file:
         np.savez_compressed(file, counts=counts)
-        if label is not None:
-            with zipfile.ZipFile(file, "a", zipfile.ZIP_DEFLATED) as archive:
-                # A ZipInfo has a fixed time, so equal data yield equal files.
-                archive.writestr(zipfile.ZipInfo(LABEL_MEMBER), label)
+        finish_npz(file, label)
 
 
 NPY = Format(
@@ -105,8 +141,13 @@ NPY = Format(
     matches=lambda path: has_type(path, "npy"),
     extensions=(".npy",),
     writer=Writer(
-        bits=write_cube, counts=_write_npy_counts, extensions=(".npy",), keeps_sensor=True
+        bits=_write_npy_bits,
+        counts=_write_npy_counts,
+        extensions=(".npy",),
+        keeps_sensor=True,
+        keeps_label=True,
     ),
+    verify=verify_cube,
 )
 
 NPY_GZ = Format(
@@ -120,7 +161,9 @@ NPY_GZ = Format(
         counts=_write_npy_gz_counts,
         extensions=(".npy.gz",),
         keeps_sensor=True,
+        keeps_label=True,
     ),
+    verify=verify_cube,
 )
 
 NPZ = Format(
@@ -131,4 +174,5 @@ NPZ = Format(
     extensions=(".npz",),
     has_keys=True,
     writer=Writer(counts=_write_npz_counts, extensions=(".npz",), keeps_label=True),
+    verify=verify_npz,
 )

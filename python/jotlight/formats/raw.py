@@ -3,11 +3,9 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from jotlight.errors import warn
 from jotlight.files import atomic_folder, atomic_write
-from jotlight.formats.compressed import Stream, naming_file, open_gzip
+from jotlight.formats.compressed import Stream, measure_gzip, naming_file, open_gzip
 from jotlight.formats.file_reader import FileReader
 from jotlight.formats.magic import file_type
 from jotlight.output_files import open_output
@@ -18,7 +16,7 @@ EXTENSIONS = (".bin", ".bin.gz")
 """Extensions of files with raw frames."""
 
 _CHUNK_BYTES = 1 << 20
-"""Number of bytes that are decompressed or written at once."""
+"""Number of bytes that are written at once."""
 
 
 class RawFile:
@@ -41,8 +39,9 @@ class RawFile:
         kind = file_type(path)
         self._stream: Stream | None = None
         if kind == "gzip" and path.suffix.lower() == ".gz":
-            self._stream = Stream(lambda: open_gzip(path))
-            size, end = _decompressed_size(path, len(trailer))
+            with naming_file(str(path)):
+                size, end = measure_gzip(path, len(trailer))
+            self._stream = Stream(lambda: open_gzip(path), size)
         elif kind is not None:
             raise ValueError(
                 f"{path}: expected raw frames, but its first bytes are those of {kind}"
@@ -60,23 +59,13 @@ class RawFile:
         if self._stream is None:
             return self._file.read(position, size)
         with naming_file(str(self.path)):
-            data = np.frombuffer(self._stream.read(position, size), np.uint8)
-        if position + size == self.size:
-            # A folder may have more files than the system lets a process open at once.
-            self._stream.close()
+            data = self._stream.read(position, size)
+            if position + size == self.size:
+                # A folder may have more files than the system lets a process open at once.
+                self._stream.finish()
         if len(data) != size:
             raise OSError(f"{self.path} has become shorter since it was opened")
         return data
-
-
-def _decompressed_size(path: Path, end_bytes: int) -> tuple[int, bytes]:
-    """Return the decompressed size of a gzip file, and its last `end_bytes` bytes."""
-    size, end = 0, b""
-    with naming_file(str(path)), open_gzip(path) as file:
-        while chunk := file.read(_CHUNK_BYTES):
-            size += len(chunk)
-            end = (end + chunk)[-end_bytes:] if end_bytes else b""
-    return size, end
 
 
 def read_raw(

@@ -1,18 +1,19 @@
 """Read photographs as intensities, and write images."""
 
+import contextlib
 import json
 import math
 import os
-import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.limits import check_claimed_size
+from jotlight.formats.png_chunks import GRAYSCALE, SIGNATURE, PngHeader, check_png
 from jotlight.formats.tiff_directories import open_checked_tiff
 from jotlight.images.color import FloatImage, luma
 from jotlight.images.exr import check_exr, write_exr
@@ -100,12 +101,16 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
     from PIL import Image, ImageOps, UnidentifiedImageError
 
     try:
-        # Pillow would map some files into memory if it opened them itself.
-        with path.open("rb") as stream, Image.open(stream) as file:
+        with contextlib.ExitStack() as stack:
+            # Pillow would map some files into memory if it opened them itself.
+            stream = stack.enter_context(path.open("rb"))
+            png = _checked_png(stream)
+            file = stack.enter_context(Image.open(stream))
             size = file.width * file.height * len(file.getbands())
             check_claimed_size("the header", size, path.stat().st_size)
-            if (levels := _read_png16(path)) is not None:
-                return _upright(levels, file.getexif().get(_ORIENTATION, 1)), 65535.0
+            if png is not None and png.depth == 16 and png.color_type != GRAYSCALE:
+                orientation = file.getexif().get(_ORIENTATION, 1)
+                return _upright(_read_png16(stream), orientation), 65535.0
             image = ImageOps.exif_transpose(file)
             if image.mode in ("I;16", "I;16B", "I"):
                 return np.asarray(image).astype(np.int32), 65535.0
@@ -124,23 +129,27 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
         raise ValueError(f"{path}: the image is damaged or truncated ({error})") from error
 
 
-def _read_png16(path: Path) -> npt.NDArray[np.uint16] | None:
-    """Return a 16-bit PNG with transparency or color, which Pillow reduces to 8 bits, or None."""
+def _checked_png(stream: BinaryIO) -> PngHeader | None:
+    """Return the header of a PNG after checking all of its bytes, or None for other files.
+
+    Some programs append data to a PNG. Such photographs are read, because the PNG is complete.
+    """
+    is_png = stream.read(len(SIGNATURE)) == SIGNATURE
+    stream.seek(0)
+    header = check_png(stream.read(), trailing=True) if is_png else None
+    stream.seek(0)
+    return header
+
+
+def _read_png16(stream: BinaryIO) -> npt.NDArray[np.uint16]:
+    """Return a 16-bit PNG with transparency or color, which Pillow reduces to 8 bits."""
     import png
 
-    with path.open("rb") as file:
-        start = file.read(26)
-    # The header has the bit depth and the color type at fixed positions.
-    depth, color_type = start[24:25], start[25:26]
-    if start[:4] != b"\x89PNG" or depth != b"\x10" or color_type not in (b"\2", b"\4", b"\6"):
-        return None
-    try:
-        width, height, rows, info = png.Reader(bytes=path.read_bytes()).read()
-        values = np.array([np.asarray(row, np.uint16) for row in rows])
-    except (png.Error, zlib.error, EOFError) as error:
-        raise ValueError(f"{path}: the image is damaged or truncated ({error})") from error
+    stream.seek(0)
+    width, height, rows, info = png.Reader(file=stream).read()
+    values = np.array([np.asarray(row, np.uint16) for row in rows])
     values = values.reshape(height, width, info["planes"])
-    return values[..., 0] if color_type == b"\4" else values[..., :3]
+    return values[..., 0] if info["planes"] == 2 else values[..., :3]
 
 
 def _upright(array: npt.NDArray[Any], orientation: int) -> npt.NDArray[Any]:

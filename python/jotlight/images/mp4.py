@@ -1,11 +1,11 @@
 """Videos in H.264, which the program ffmpeg of the package imageio-ffmpeg encodes."""
 
+import collections
 import contextlib
 import subprocess
-import tempfile
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 import numpy.typing as npt
@@ -30,29 +30,21 @@ def mp4_writer(path: Path, fps: float) -> Iterator[Callable[[FloatImage], None]]
     """
     if not 0 < fps < 1e4:
         raise ValueError(f"fps: expected images per second above 0, got {fps}")
-    # ffmpeg must never wait for a reader of its messages, so they go to a file.
-    with tempfile.TemporaryFile() as messages:
-        process: subprocess.Popen[bytes] | None = None
+    ffmpeg: _Encoder | None = None
 
-        def send(image: FloatImage) -> None:
-            nonlocal process
-            levels = _even_levels(image)
-            process = process or _start(path, levels.shape, fps, messages)
-            assert process.stdin is not None
-            with contextlib.suppress(BrokenPipeError):
-                process.stdin.write(levels.data)
-                return
-            _finish(process, path, messages)
+    def send(image: FloatImage) -> None:
+        nonlocal ffmpeg
+        levels = _even_levels(image)
+        ffmpeg = ffmpeg or _Encoder(path, levels.shape, fps)
+        ffmpeg.write(levels)
 
-        try:
-            yield send
-            if process is not None:
-                _finish(process, path, messages)
-        finally:
-            if process is not None:
-                process.kill()
-                _close_input(process)
-                process.wait()
+    try:
+        yield send
+        if ffmpeg is not None:
+            ffmpeg.finish()
+    finally:
+        if ffmpeg is not None:
+            ffmpeg.stop()
 
 
 def _even_levels(image: FloatImage) -> npt.NDArray[np.uint8]:
@@ -63,37 +55,58 @@ def _even_levels(image: FloatImage) -> npt.NDArray[np.uint8]:
     return np.ascontiguousarray(levels)
 
 
-def _start(
-    path: Path, shape: tuple[int, ...], fps: float, messages: IO[bytes]
-) -> subprocess.Popen[bytes]:
-    import imageio_ffmpeg
+class _Encoder:
+    """A process that encodes raw images."""
 
-    pixels = "gray" if len(shape) == 2 else "rgb24"
-    source = ["-f", "rawvideo", "-pix_fmt", pixels, "-s", f"{shape[1]}x{shape[0]}", "-r", str(fps)]
-    codec = ["-c:v", "libx264", "-crf", str(_QUALITY), "-pix_fmt", "yuv420p"]
-    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", *source, "-i", "-", *codec, "-v", "error"]
-    return subprocess.Popen(  # noqa: S603
-        [*command, f"file:{path}"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        stderr=messages,
-        # Ctrl-C must not reach ffmpeg, and a limit of the file's size must not kill it.
-        start_new_session=True,
-        restore_signals=False,
-    )
+    def __init__(self, path: Path, shape: tuple[int, ...], fps: float) -> None:
+        import imageio_ffmpeg
 
+        pixels = "gray" if len(shape) == 2 else "rgb24"
+        size = f"{shape[1]}x{shape[0]}"
+        source = ["-f", "rawvideo", "-pix_fmt", pixels, "-s", size, "-r", str(fps), "-i", "-"]
+        codec = ["-c:v", "libx264", "-crf", str(_QUALITY), "-pix_fmt", "yuv420p", "-v", "error"]
+        self._path = path
+        self._process = subprocess.Popen(  # noqa: S603
+            [imageio_ffmpeg.get_ffmpeg_exe(), "-y", *source, *codec, f"file:{path}"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            # Ctrl-C must not reach ffmpeg, and a limit of the file's size must not kill it.
+            start_new_session=True,
+            restore_signals=False,
+        )
+        assert self._process.stdin is not None
+        assert self._process.stderr is not None
+        self._input, self._messages = self._process.stdin, self._process.stderr
+        self._lines: collections.deque[bytes] = collections.deque(maxlen=100)
+        # Without a reader of its messages, ffmpeg would wait for one.
+        self._reader = threading.Thread(target=self._lines.extend, args=(self._messages,))
+        self._reader.start()
 
-def _finish(process: subprocess.Popen[bytes], path: Path, messages: IO[bytes]) -> None:
-    """Wait for ffmpeg to end. Raise OSError with its message if it failed."""
-    _close_input(process)
-    if process.wait() != 0:
-        messages.seek(0)
-        text = messages.read().decode(errors="replace").strip()
-        last = text.splitlines()[-1] if text else f"it ended with status {process.returncode}"
-        raise described_error(f"ffmpeg: {last}", path)
+    def write(self, levels: npt.NDArray[np.uint8]) -> None:
+        """Pass an image on. Raise OSError if ffmpeg has failed."""
+        try:
+            self._input.write(levels.data)
+        except BrokenPipeError:
+            self.finish()
 
+    def finish(self) -> None:
+        """Wait until the file is complete. Raise OSError if ffmpeg has failed."""
+        self._close_input()
+        status = self._process.wait()
+        self._reader.join()
+        if status != 0:
+            text = b"".join(self._lines).decode(errors="replace")
+            raise described_error(f"ffmpeg ended with status {status}\n{text}", self._path)
 
-def _close_input(process: subprocess.Popen[bytes]) -> None:
-    assert process.stdin is not None
-    with contextlib.suppress(BrokenPipeError):
-        process.stdin.close()
+    def stop(self) -> None:
+        """End ffmpeg, unless it has ended."""
+        self._process.kill()
+        self._close_input()
+        self._process.wait()
+        self._reader.join()
+        self._messages.close()
+
+    def _close_input(self) -> None:
+        with contextlib.suppress(BrokenPipeError):
+            self._input.close()

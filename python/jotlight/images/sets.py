@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
-from jotlight.formats.arrays import open_npy_array, read_npz
+from jotlight.formats.archives import read_npz
+from jotlight.formats.arrays import open_npy_array
 from jotlight.formats.safe_paths import check_inside
 from jotlight.images.io import read_image
 

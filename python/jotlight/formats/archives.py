@@ -1,0 +1,197 @@
+"""Archives of arrays, `.npz`. Those that jotlight writes have a label and a checksum.
+
+The checksum is the comment of the zip archive, which ends the file. It covers all bytes before it.
+"""
+
+import hashlib
+import math
+import os
+import re
+import zipfile
+from io import BufferedIOBase
+from pathlib import Path
+from typing import IO, Any, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.formats.arrays import ARCHIVE_ERRORS, HEADER_ERRORS, objects_error, read_header
+from jotlight.formats.checksums import differs_error
+from jotlight.formats.compressed import check_end, naming_file, stream_npy
+from jotlight.formats.labels import MAX_LABEL_BYTES
+from jotlight.sensing.frames import Frames
+
+_LABEL = "jotlight.json"
+"""Name of the member that holds the label of counts."""
+
+_COMMENT = re.compile(rb"sha256:([0-9a-f]{64})")
+_DIGITS = 64
+
+
+def read_npz(path: str | os.PathLike[str], key: str | None = None) -> npt.NDArray[Any]:
+    """Return one array of a `.npz` archive.
+
+    Parameters
+    ----------
+    path : path
+    key : str, optional
+        Name of the array. Default: the only array of the archive.
+
+    Raises
+    ------
+    OSError
+        When the file cannot be read.
+    ValueError
+        When the file is not such an archive, is damaged, holds Python objects, has no array
+        `key`, or has several arrays and `key` is None.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "counts.npz"
+    >>> np.savez(path, dark=np.arange(3), flat=np.ones(3))
+    >>> read_npz(path, "dark").tolist()
+    [0, 1, 2]
+    """
+    path = Path(path)
+    key = select_npz_array(path, key)
+    try:
+        with zipfile.ZipFile(path) as archive:
+            _check_member_size(archive, f"{key}.npy")
+            # Not numpy.load, which returns the bytes of a member that is not an array.
+            with archive.open(f"{key}.npy") as member:
+                array = np.asarray(np.lib.format.read_array(member, allow_pickle=False))
+                check_end(cast(BufferedIOBase, member))
+                return array
+    except (*HEADER_ERRORS, *ARCHIVE_ERRORS) as error:
+        if "Object arrays" in str(error):
+            raise objects_error(f"{path}: {key}") from error
+        raise ValueError(f"{path}: the array {key} is damaged ({error})") from error
+
+
+def select_npz_array(path: Path, key: str | None) -> str:
+    """Return `key` if a `.npz` archive has this array; for None, the name of its only array.
+
+    Raises
+    ------
+    ValueError
+        When there is no such array, or `key` is None and there are several.
+    """
+    names = list_npz_arrays(path)
+    if key is None and len(names) == 1:
+        return names[0]
+    if key is None or key not in names:
+        got = "" if key is None else f", got {key!r}"
+        raise ValueError(f"{path}: expected the name of an array (--key): {', '.join(names)}{got}")
+    return key
+
+
+def _check_member_size(archive: zipfile.ZipFile, name: str) -> None:
+    """Raise ValueError when the header of a member claims more bytes than the member has."""
+    with archive.open(name) as member:
+        shape, _, dtype = read_header(member)
+    claimed, available = math.prod(shape) * dtype.itemsize, archive.getinfo(name).file_size
+    if not dtype.hasobject and not 0 <= claimed <= available:
+        raise ValueError(f"its header claims {claimed} bytes, but there are {available}")
+
+
+def list_npz_arrays(path: Path) -> list[str]:
+    """Return the names of the arrays in a `.npz` archive, in the order of the archive.
+
+    Raises
+    ------
+    FileNotFoundError
+        When there is no such file.
+    ValueError
+        When the file is not a zip archive, or has no arrays.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {path}")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = archive.namelist()
+    except ARCHIVE_ERRORS as error:
+        raise ValueError(f"{path}: expected a .npz archive ({error})") from error
+    names = [name.removesuffix(".npy") for name in members if name.endswith(".npy")]
+    if not names:
+        raise ValueError(f"{path}: expected a .npz archive of arrays, but it has none")
+    return names
+
+
+def stream_npz(path: Path, key: str | None, *, verified: bool = False) -> npt.NDArray[Any] | Frames:
+    """Return one array of a `.npz` archive as frames. `key` is optional for an only array.
+
+    An array in Fortran order cannot be streamed, so it is read into memory. See
+    :func:`jotlight.formats.compressed.stream_npy` for `verified`.
+    """
+    key = select_npz_array(path, key)
+
+    def reopen() -> BufferedIOBase:
+        return cast(BufferedIOBase, zipfile.ZipFile(path).open(f"{key}.npy"))
+
+    try:
+        return stream_npy(reopen, f"{path}: {key}", path.stat().st_size, verified=verified)
+    except ValueError as error:
+        if "Fortran" not in str(error):
+            raise
+        return read_npz(path, key)
+
+
+def read_npz_label(path: Path) -> str | None:
+    """Return the label that jotlight wrote into a `.npz` archive, or None if there is none.
+
+    Raises
+    ------
+    ValueError
+        When the label is damaged.
+    """
+    with naming_file(f"{path}: {_LABEL}"), zipfile.ZipFile(path) as archive:
+        if _LABEL not in archive.namelist():
+            return None
+        with archive.open(_LABEL) as member:
+            label = member.read(MAX_LABEL_BYTES).decode()
+            check_end(cast(BufferedIOBase, member))
+            return label
+
+
+def finish_npz(file: IO[bytes], label: str) -> None:
+    """Add a label, and the checksum of everything, to a `.npz` archive that is open for both."""
+    with zipfile.ZipFile(file, "a", zipfile.ZIP_DEFLATED) as archive:
+        # A ZipInfo has a fixed time, so equal data yield equal files.
+        archive.writestr(zipfile.ZipInfo(_LABEL), label)
+        archive.comment = b"sha256:" + b"0" * _DIGITS
+    file.seek(0)
+    content = file.read()[:-_DIGITS]
+    file.seek(-_DIGITS, os.SEEK_END)
+    file.write(hashlib.sha256(content).hexdigest().encode())
+
+
+def verify_npz(path: Path) -> int:
+    """Compare a `.npz` archive with its checksum. Return 1, or 0 if jotlight did not write it.
+
+    Raises
+    ------
+    OSError
+        When the file cannot be read.
+    ValueError
+        When the archive differs from its checksum, or has a label but no checksum.
+    """
+    before = path.stat().st_size - _DIGITS
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        file.seek(max(0, before - len(b"sha256:")))
+        found = _COMMENT.fullmatch(file.read())
+        if found is None:
+            if read_npz_label(path) is not None:
+                raise ValueError(
+                    f"{path}: its checksum, the comment of the archive, is damaged or missing; "
+                    "restore the file from a copy"
+                )
+            return 0
+        file.seek(0)
+        while before and (chunk := file.read(min(1 << 20, before))):
+            digest.update(chunk)
+            before -= len(chunk)
+    if digest.hexdigest().encode() != found[1]:
+        raise differs_error(path)
+    return 1

@@ -1,0 +1,131 @@
+"""Every command that writes files, when a write fails: one line, and everything is as before."""
+
+import contextlib
+import importlib.util
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import jotlight as jl
+from conversions import BITS, COUNTS, NEEDS, path_for
+
+resource = pytest.importorskip("resource", reason="needs limits of the operating system")
+
+pytestmark = pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
+
+RECONSTRUCT = "reconstruct IN/bits.npy --method mle -o"
+TRAIN = "train IN/photos --steps 2 --batch 2 --patch 16 --restart -o out.safetensors"
+
+CONVERSIONS = {
+    f"{kind} to {name}": f"convert IN/{source} -o {path_for(Path(), name)} --to {name}"
+    for kind, source, names in (("bits", "bits.npy", BITS), ("counts", "counts.tif", COUNTS))
+    for name in names
+}
+
+COMMANDS = CONVERSIONS | {
+    "simulate": "simulate IN/photo.png --frames 40 --dark-counts IN/dark.npy -o out.npy",
+    "png of 8 bits": f"{RECONSTRUCT} out.png",
+    "png of 16 bits": f"{RECONSTRUCT} out.png --depth 16",
+    "jpg": f"{RECONSTRUCT} out.jpg",
+    "tif": f"{RECONSTRUCT} out.tif",
+    "exr": f"{RECONSTRUCT} out.exr",
+    "npy": f"{RECONSTRUCT} out.npy",
+    "preview": f"{RECONSTRUCT} out.jpg --preview preview.jpg",
+    "uncertainty npz": f"{RECONSTRUCT} out.jpg --uncertainty u.npz",
+    "uncertainty npy": f"{RECONSTRUCT} out.jpg --uncertainty u.npy",
+    "uncertainty tif": f"{RECONSTRUCT} out.jpg --uncertainty u.tif",
+    "video npy": f"{RECONSTRUCT} out.npy --window 2",
+    "video mp4": f"{RECONSTRUCT} out.mp4 --window 1",
+    "video folder": f"{RECONSTRUCT} out --window 2",
+    "calibrate": "calibrate IN/bits.npy -o out.safetensors",
+    "calibrate --plot": "calibrate IN/bits.npy -o out.safetensors --plot out.png",
+    "record of a calibration": f"{RECONSTRUCT} out.png --calibration IN/calibration.safetensors",
+    "train": TRAIN,
+    "train --plot png": f"{TRAIN} --plot out.png",
+    "train --plot pdf": f"{TRAIN} --plot out.pdf",
+    "train --plot svg": f"{TRAIN} --plot out.svg",
+    "evaluate": "evaluate IN/photos --method mle -o out.csv",
+    "compare": "compare IN/photo.png --methods mle -o out.jpg",
+    "plan": "plan 0.1:1 --frames 100 --plot out.png",
+    "info --plot": "info IN/calibration.safetensors --plot out.png",
+}
+
+FAST = (*CONVERSIONS, "simulate", "jpg", "exr", "evaluate")
+
+PACKAGES = {"exr": "OpenEXR", "video mp4": "imageio_ffmpeg"} | {
+    f"{kind} to {name}": package for name, package in NEEDS.items() for kind in ("bits", "counts")
+}
+
+
+@pytest.fixture(scope="module")
+def material(tmp_path_factory):
+    """Return a folder with the files that the commands read."""
+    folder = tmp_path_factory.mktemp("material")
+    rng = np.random.default_rng(0)
+    bits = jl.Bits.from_array(rng.random((4, 512, 512)) < 0.3)
+    jl.save(bits, folder / "bits.npy")
+    jl.save(jl.Bits(bits.packed[:, :256], bits.width), folder / "half.npy")
+    jl.save(rng.integers(0, 9, (50, 60), np.int32), folder / "counts.tif")
+    np.save(folder / "dark.npy", np.full((96, 128), 0.01, np.float32))
+    jl.calibrate(bits.counts(1), frames=4).save(folder / "calibration.safetensors")
+    (folder / "photos").mkdir()
+    for path in (folder / "photo.png", folder / "photos/1.png", folder / "photos/2.png"):
+        Image.fromarray(rng.integers(0, 256, (24, 32), np.uint8)).save(path)
+    return folder
+
+
+@contextlib.contextmanager
+def size_limit(size):
+    """Let every write past this size of a file fail, as on a full disk."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def snapshot(folder):
+    """Return the inode and the content of every file below a folder."""
+    return {
+        path.relative_to(folder): (path.stat().st_ino, path.is_file() and path.read_bytes())
+        for path in folder.rglob("*")
+    }
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[] if name in FAST else pytest.mark.slow) for name in COMMANDS],
+)
+def test_a_failed_write_is_one_line_and_changes_nothing(name, run, material, tmp_path):
+    package = PACKAGES.get(name)
+    if package and importlib.util.find_spec(package) is None:
+        pytest.skip(f"needs {package}")
+    command = COMMANDS[name].replace("IN/", f"{material}/")
+    if name == "bits to swissspad2":
+        command = command.replace("bits.npy", "half.npy")
+    status, output = run(*command.split())
+    assert status == 0, output
+    # A run of training also writes a checkpoint, which it deletes at its end.
+    outputs = {*tmp_path.iterdir(), tmp_path / "out.checkpoint.safetensors"}
+    sizes = {path: path.stat().st_size for path in tmp_path.rglob("*") if path.is_file()}
+    for path in tmp_path.iterdir():
+        if path.is_dir():
+            # Folders are never overwritten.
+            shutil.rmtree(path)
+    before = snapshot(tmp_path)
+    largest = max(sizes.values())
+    for limit in (largest - 1, largest // 2, 1):
+        with size_limit(limit):
+            status, output = run(*command.split())
+        assert status == 1, (limit, output)
+        errors = [line for line in output.splitlines() if "File too large" in line]
+        assert len(errors) == 1, output
+        assert "Traceback" not in output
+        assert ".jotlight-" not in output
+        failed = errors[0].partition("cannot write ")[2].removesuffix(": File too large")
+        assert (tmp_path / failed) in outputs, output
+        assert snapshot(tmp_path) == before
