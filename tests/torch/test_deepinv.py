@@ -180,7 +180,8 @@ def test_the_reconstructor_clips_to_the_largest_intensity():
         layers = [jl.Layer(one, None), jl.Layer(np.float32(tap) * one, None)]
         network = jl.Network(layers, SENSOR.replace(max_intensity=0.7))
         y = torch.arange(9.0).reshape(1, 1, 3, 3)
-        estimate = NetworkReconstructor(network)(y, SensorPhysics(network.sensor))[0, 0].numpy()
+        with torch.no_grad():
+            estimate = NetworkReconstructor(network)(y, SensorPhysics(network.sensor))[0, 0].numpy()
         np.testing.assert_array_equal(estimate, network.reconstruct(y[0, 0].int().numpy()))
         assert estimate.min() == 0
         assert estimate.max() == np.float32(0.7 if tap > 0 else 0)
