@@ -14,9 +14,9 @@ the child process refuses the file with an error: the run then continues.
 
 import argparse
 import dataclasses
-import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -35,10 +35,11 @@ MAX_MIB = 2048
 MIN_INPUT_BYTES = 2048
 """Half of the maximum length of inputs. Readers with a longer example use its length instead."""
 MEMORY = Path("/dev/shm")  # noqa: S108
-"""Folder in memory, where there is one. Writing each input to a disk would take most of the time."""
+"""Folder in memory, where there is one. Writing to a disk would take most of the time."""
 
-sys.path.insert(0, str(HERE.parent / "tests" / "support"))
+sys.path += [str(HERE.parent / "tests" / "support"), str(HERE.parent / "tools" / "robustness")]
 
+from damage.record import add_row, facts  # noqa: E402
 from examples import READERS, Reader, read_or_refused  # noqa: E402
 
 
@@ -86,15 +87,16 @@ def main() -> None:
         options.seconds = 60
     names = list(READERS) if options.name == "all" else [options.name]
     FOUND.mkdir(exist_ok=True)
-    findings = 0
+    findings, begin = 0, time.monotonic()
     with ThreadPoolExecutor(options.jobs) as pool:
         for result in pool.map(lambda name: fuzz(name, options), names):
             print(result, flush=True)
             findings += result.findings
             if options.output:
-                with options.output.open("a", encoding="utf-8") as file:
-                    row = {"part": "readers", **dataclasses.asdict(result)}
-                    file.write(json.dumps({**row, "seconds": round(result.seconds, 1)}) + "\n")
+                add_row(options.output, {"part": "readers", **dataclasses.asdict(result)})
+    if options.output and options.name == "all":
+        run = facts(f"python fuzz/readers.py {shlex.join(sys.argv[1:])}")
+        add_row(options.output, {**run, "of": "readers", "seconds": time.monotonic() - begin})
     print(f"{len(names)} readers, {findings} findings")
     sys.exit(bool(findings))
 

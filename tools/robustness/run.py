@@ -1,10 +1,11 @@
-"""Kill jotlight, fill its disk, flip bits of its files, and record what happens.
+"""Kill jotlight, fill its disk, flip bits of its files, expose it to extreme bits, and record it.
 
-    python tools/robustness/run.py kills|disks|flips|all [--output FOLDER] [--quick] [--only WORD]
-    python tools/robustness/run.py page [--output FOLDER]
+    python tools/robustness/run.py kills|disks|flips|sweep|all [--quick] [--only WORD]
+    python tools/robustness/run.py page
 
-The results are lines of JSON in FOLDER/robustness, from which `page` makes FOLDER/robustness.md.
-The exit status is 1 if a file was damaged, a message was wrong, or a flip was not detected.
+The results are lines of JSON in FOLDER/robustness (--output FOLDER), from which `page` makes
+FOLDER/robustness.md. The exit status is 1 if a file was damaged, a message was wrong, a flip was
+not detected, or an estimate left its range. `fuzz/readers.py --output` adds lines to that folder.
 """
 
 import argparse
@@ -14,10 +15,16 @@ import time
 from pathlib import Path
 
 from damage import disks, flips, kills
-from damage.page import PAGE_FILE, build_report
+from damage.page import PAGE_FILE, build_page
 from damage.record import ROOT, Row, facts, read_rows, report, write_rows
+from sweep.measure import measure as measure_sweep
 
-PARTS = {"kills": kills.measure, "disks": disks.measure, "flips": flips.measure}
+PARTS = {
+    "kills": kills.measure,
+    "disks": disks.measure,
+    "flips": flips.measure,
+    "sweep": measure_sweep,
+}
 COMMAND = "python tools/robustness/run.py"
 
 
@@ -49,7 +56,7 @@ def main() -> None:
 
 def write_page(folder: Path) -> Path:
     """Write the page from the results in a folder, and return its path."""
-    (folder / PAGE_FILE).write_text(build_report(read_rows(folder / "robustness")), "utf-8")
+    (folder / PAGE_FILE).write_text(build_page(read_rows(folder / "robustness")), "utf-8")
     return folder / PAGE_FILE
 
 

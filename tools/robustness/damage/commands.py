@@ -91,10 +91,13 @@ def reconstructions() -> Iterator[Command]:
     yield command("reconstruct: .png, 16 bits", f"{line}.png --depth 16")
     yield command("reconstruct: .tif and preview", f"{line}.tif --preview out/b.png")
     for ending in (".npz", ".npy", ".tif"):
-        yield command(f"reconstruct: uncertainty {ending}", f"{line}.png --uncertainty out/b{ending}")
+        yield command(
+            f"reconstruct: uncertainty {ending}", f"{line}.png --uncertainty out/b{ending}"
+        )
     yield command(
         "reconstruct: record of the calibration",
-        "reconstruct in/calibrated.npy -m mle -o out/a.npy --calibration in/calibration.safetensors",
+        "reconstruct in/calibrated.npy -m mle -o out/a.npy "
+        "--calibration in/calibration.safetensors",
     )
     yield command("reconstruct: video, folder", f"{line} --window 2", replaces=False)
     yield command("reconstruct: video, .npy", f"{line}.npy --window 2")

@@ -32,7 +32,7 @@ REASON = os.strerror(errno.ENOSPC)
 NAMESPACE = "JOTLIGHT_ROBUSTNESS_NAMESPACE"
 """Environment variable that shows that mounts of this process are its own."""
 
-QUICK = ("simulate: .npy", "convert to hdf5: .h5 of counts", "convert to visionsim")
+QUICK = ("convert to hdf5: .h5 of counts", "convert to visionsim", "reconstruct: .exr")
 
 
 def measure(*, quick: bool = False, only: str = "") -> list[Row]:
@@ -123,7 +123,7 @@ def _run_on_disk(
     if done.returncode == 0:
         content = read_outputs(place.out)
         return None if content == expected.new else ["status 0, but the output is incomplete"]
-    violations = _check_message(command, done.returncode, done.stderr, expected)
+    violations = check_message(command, done.returncode, done.stderr, expected)
     after = read_tree(place.out)
     if command.resumes:
         finished = read_outputs(place.out).items() <= expected.new.items()
@@ -138,7 +138,7 @@ def _run_on_disk(
     return violations + place.damage()
 
 
-def _check_message(command: Command, status: int, text: str, expected: Expected) -> list[str]:
+def check_message(command: Command, status: int, text: str, expected: Expected) -> list[str]:
     """Return what is wrong with the status and the message of a command whose disk is full."""
     violations = [] if status == 1 else [f"ended with status {status}"]
     lines = text.strip().splitlines()

@@ -52,7 +52,7 @@ def measure(*, quick: bool = False, only: str = "") -> list[Row]:
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         for number, (name, needs, write) in enumerate(_captures()):
-            if only not in name or (quick and name.split(":")[0] not in QUICK):
+            if only not in name or (quick and not only and not name.startswith(QUICK)):
                 continue
             if find_spec(needs) is None:
                 rows.append({"part": "flips", "name": name, "flips": 0, "outcomes": {}})

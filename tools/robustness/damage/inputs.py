@@ -9,6 +9,7 @@ import skimage.data
 import jotlight as jl
 from jotlight.images.io import image_writer
 
+
 def make_inputs(folder: Path, seed: int, frames: int) -> None:
     """Write inputs into a new folder: captures, a photograph, and a network.
 

@@ -20,6 +20,12 @@ from damage.workplace import Expected, Workplace
 
 SEED = 20
 FRAMES = 256
+QUICK_STRIDE = 5
+"""Distance of the changes before which a quick run kills."""
+
+BETWEEN = "some files of the output are old, and some are new"
+"""What is wrong after a kill between the renames of two files, which no system does at once."""
+
 SHARES = {
     "simulate": 14,
     "convert": 46,
@@ -37,7 +43,7 @@ def measure(*, quick: bool = False, only: str = "") -> list[Row]:
     Parameters
     ----------
     quick : bool
-        Kill two commands only.
+        Kill one command a few times.
     only : str
         Kill only commands whose name contains this word.
     """
@@ -51,9 +57,9 @@ def measure(*, quick: bool = False, only: str = "") -> list[Row]:
                 rows.append(_row(each, 0, [f"{each.needs} is not installed"]))
                 continue
             expected = Expected.of(each, place, Path(folder, f"before-{number}"))
-            rows.append(_kill_at_random(each, place, expected, kills))
+            rows.append(kill_at_random(each, place, expected, kills))
             if not each.resumes:
-                rows.append(_kill_at_steps(each, place, expected))
+                rows.append(kill_at_changes(each, place, expected, QUICK_STRIDE if quick else 1))
             shutil.rmtree(expected.before)
     return rows
 
@@ -68,8 +74,8 @@ def _plan(quick: bool) -> list[tuple[Command, int]]:
         if word == "reconstruct":  # Some of its outputs are enough for the others.
             found = [each for each in found if "png" in each.name or "video" in each.name]
         if quick:
-            found = found[:1] if word in ("simulate", "convert") else []
-            share = 2 * len(found)
+            found = found[:1] if word == "simulate" else []
+            share = 2
         for index, each in enumerate(found):
             kills = len(range(index, share, len(found)))
             if kills:
@@ -86,7 +92,7 @@ def _row(command: Command, kills: int, violations: Sequence[str], **more: int | 
     return row
 
 
-def _kill_at_random(command: Command, place: Workplace, expected: Expected, kills: int) -> Row:
+def kill_at_random(command: Command, place: Workplace, expected: Expected, kills: int) -> Row:
     """Return the row of kills at moments that are uniform over the duration of a command."""
     rng = random.Random(f"{SEED} {command.name}")
     duration = _duration(command, place, expected)
@@ -108,14 +114,15 @@ def _kill_at_random(command: Command, place: Workplace, expected: Expected, kill
     return _row(command, kills, violations, seconds=round(duration, 2), old=intact)
 
 
-def _kill_at_steps(command: Command, place: Workplace, expected: Expected) -> Row:
-    """Return the row of kills right before each change to the output folder."""
+def kill_at_changes(command: Command, place: Workplace, expected: Expected, stride: int = 1) -> Row:
+    """Return the row of kills right before every change to the output folder, or some of them."""
     killer = str(Path(__file__).with_name("killed.py"))
     place.reset(expected.before)
     done = run(command.arguments, place.folder, place.scratch, [killer, "-1"])
     steps = int(done.stdout.split()[-1])
-    intact, violations = 0, []
-    for step in range(steps):
+    chosen = range(steps - 1, -1, -stride)
+    intact, between, violations = 0, 0, []
+    for step in chosen:
         place.reset(expected.before)
         done = run(command.arguments, place.folder, place.scratch, [killer, str(step)])
         if done.returncode != -signal.SIGKILL:
@@ -123,8 +130,12 @@ def _kill_at_steps(command: Command, place: Workplace, expected: Expected) -> Ro
             continue
         state, found = _check(command, place, expected)
         intact += state == "old"
+        if found[:1] == [BETWEEN]:
+            between += 1
+            del found[0]
         violations += [f"killed before change {step} of {steps}: {text}" for text in found]
-    return {**_row(command, steps, violations, old=intact), "part": "kills at changes"}
+    row = _row(command, len(chosen), violations, old=intact, between=between)
+    return {**row, "part": "kills at changes"}
 
 
 def _duration(command: Command, place: Workplace, expected: Expected) -> float:
@@ -174,14 +185,10 @@ def _state(command: Command, found: Content, expected: Expected) -> str:
 
 
 def _difference(found: Content, expected: Expected) -> str:
-    """Return which files of an output are old, new, or something else."""
-    words = []
-    for name in sorted({*found, *expected.old, *expected.new}):
-        digest = found.get(name)
-        same = [
-            word
-            for word, content in (("old", expected.old), ("new", expected.new))
-            if content.get(name) == digest
-        ]
-        words.append(f"{name} is {'the same' if len(same) == 2 else (same or ['damaged'])[0]}")
-    return "neither the old nor the new output: " + ", ".join(words)
+    """Return what is wrong with an output that is neither the old nor the new one."""
+    damaged = [
+        name
+        for name in sorted({*found, *expected.old, *expected.new})
+        if found.get(name) not in (expected.old.get(name), expected.new.get(name))
+    ]
+    return f"damaged: {', '.join(damaged)}" if damaged else BETWEEN

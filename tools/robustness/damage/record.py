@@ -36,6 +36,13 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     path.write_text("".join(f"{json.dumps(row)}\n" for row in rows), "utf-8")
 
 
+def add_row(path: Path, row: Mapping[str, Any]) -> None:
+    """Add a row to a file of lines of JSON, with its seconds rounded."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a", encoding="utf-8") as file:
+        file.write(f"{json.dumps({**row, 'seconds': round(row['seconds'], 1)})}\n")
+
+
 def read_rows(folder: Path) -> list[Row]:
     """Return the rows of all files of results in a folder."""
     return [
