@@ -32,6 +32,13 @@ def write_file(path: str | os.PathLike[str], content: bytes | str) -> None:
         file.write(content.encode() if isinstance(content, str) else content)
 
 
+def delete_file(path: Path) -> None:
+    """Delete a file, and what killed processes left of it."""
+    path.unlink(missing_ok=True)
+    with reserve_temporary(path):
+        pass
+
+
 @contextlib.contextmanager
 def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path in the same folder. When the block ends, it is renamed to `path`.
@@ -159,7 +166,10 @@ def _explained_failure(path: Path, temporary: Path) -> Iterator[None]:
         cause = _failed_write(error, temporary)
         if cause is None:
             raise
-        raise OSError(cause.errno, f"cannot write {path}: {cause.strerror}") from error
+        # Libraries describe some of these errors in many lines.
+        known = cause.errno in _FAILED_WRITE
+        reason = os.strerror(cause.errno or 0) if known else cause.strerror
+        raise OSError(cause.errno, f"cannot write {path}: {reason}") from error
 
 
 def _failed_write(error: BaseException | None, temporary: Path) -> OSError | None:

@@ -40,6 +40,7 @@ def reserve_temporary(path: Path) -> Iterator[Path]:
             temporary = _lock_first_free(path, locks)
         except _NoLocksError:
             temporary = _name(path, secrets.token_hex(4))
+            locks.callback(_remove, temporary)
         yield temporary
 
 

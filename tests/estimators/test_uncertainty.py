@@ -128,6 +128,12 @@ def test_flags_mark_unlit_saturated_and_dead_pixels():
     assert np.isfinite(result.standard_error[0, :3]).all()
 
 
+def test_bits_that_tell_nothing_have_an_infinite_standard_error():
+    result = jl.uncertainty(np.array([[0, 6, 12]]), jl.Sensor(frames=12, gain=1e-6, threshold=16))
+    assert np.isinf(result.standard_error).all()
+    assert (result.low.tolist(), result.high.tolist()) == ([[0, 1, 1]], [[1, 1, 1]])
+
+
 def test_color_channels_are_independent():
     sensor = jl.Sensor(frames=9)
     counts = np.random.default_rng(0).integers(0, 10, (3, 4, 3))

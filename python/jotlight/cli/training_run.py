@@ -8,7 +8,7 @@ from pathlib import Path
 import jotlight.plots as plots
 from jotlight.cli.console import err, live_training, report
 from jotlight.cli.training_options import TrainingOptions
-from jotlight.files import atomic_write
+from jotlight.files import atomic_write, delete_file
 from jotlight.networks.network import Network
 from jotlight.training import History
 
@@ -84,7 +84,7 @@ def run_training(
         network.save(temporary)
         if figure is not None:
             plots.save_figure(plots.training(network, history), figure)
-    checkpoint.unlink(missing_ok=True)
+    delete_file(checkpoint)
     return history, time.perf_counter() - start
 
 

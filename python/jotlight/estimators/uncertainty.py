@@ -34,7 +34,10 @@ class Uncertainty:
     """The uncertainty of each pixel's intensity. All arrays have the shape of the estimate."""
 
     standard_error: npt.NDArray[np.float32]
-    """The standard error of the estimate in units of intensity; inf for a dead pixel."""
+    """The standard error of the estimate in units of intensity.
+
+    It is inf for a dead pixel, and where the bits tell practically nothing about the intensity.
+    """
     low: npt.NDArray[np.float32]
     """The lower end of the confidence interval, in units of intensity."""
     high: npt.NDArray[np.float32]
@@ -156,7 +159,7 @@ def _channel_uncertainty(
     low[dead], high[dead | saturated] = 0, max_intensity
     light = _regular_light(data, pixels, unique, invert, threads)
     return Uncertainty(
-        standard_error=_standard_error(pixels, trials, light, threads).astype(np.float32),
+        standard_error=_standard_error(pixels, trials, light, threads),
         low=low.astype(np.float32),
         high=high.astype(np.float32),
         unlit=(low <= 0) & ~dead,
@@ -211,7 +214,7 @@ def _regular_light(
 
 def _standard_error(
     pixels: PixelCounts, trials: npt.NDArray[np.int64], light: Array, threads: int | None
-) -> Array:
+) -> Estimate:
     """Return (K/α) I^(-1/2) at the light (H, W). I is summed over the jots if they differ."""
     sensor = pixels.sensor
     side = sensor.oversampling if pixels.varies_within_pixels else 1
@@ -231,8 +234,9 @@ def _standard_error(
         threads=threads,
     ).information(light.repeat(side, 0).repeat(side, 1))
     pixel_information = information.reshape(height, side, width, side).sum(axis=(1, 3))
-    with np.errstate(divide="ignore"):
-        return np.asarray(1 / (np.sqrt(pixel_information) * sensor.light_per_intensity))
+    with np.errstate(divide="ignore", over="ignore"):
+        error = 1 / (np.sqrt(pixel_information) * sensor.light_per_intensity)
+        return np.asarray(error.astype(np.float32))
 
 
 def _silent_mle(

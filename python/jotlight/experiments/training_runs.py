@@ -5,6 +5,7 @@ from typing import Any
 
 from jotlight.datasets.fetch import Progress
 from jotlight.experiments.experiment import RunContext
+from jotlight.files import delete_file
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import GaussNewton, History, ProjectedGradient, train
@@ -80,7 +81,7 @@ def _train(
         threads=context.threads,
         **options,
     )
-    checkpoint.unlink()
+    delete_file(checkpoint)
     return result
 
 
