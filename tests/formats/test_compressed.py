@@ -190,3 +190,14 @@ def test_a_forked_process_does_not_disturb_the_stream(long_stream):
         os._exit(0 if correct else 1)
     assert os.waitpid(child, 0)[1] == 0
     np.testing.assert_array_equal(frames.read(1, 7), expected[1:7])
+
+
+@pytest.mark.parametrize("name", ["a.npy.gz", "a.npz"])
+def test_a_file_that_changes_after_it_was_opened_is_not_read(tmp_path, name):
+    (tmp_path / name).write_bytes(STREAMS[name])
+    frames = jl.open(tmp_path / name).packed
+    frames.read(0, 1)
+    other = zip_bytes(~FRAMES[:, :5, :13]) if name == "a.npz" else gzip_bytes(npy_bytes(~PACKED))
+    (tmp_path / name).write_bytes(other)
+    with pytest.raises((OSError, ValueError), match=r"changed since it was opened|damaged"):
+        frames.read(0, 1)

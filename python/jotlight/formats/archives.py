@@ -130,7 +130,7 @@ def stream_npz(path: Path, key: str | None, *, verified: bool = False) -> npt.ND
         return cast(BufferedIOBase, zipfile.ZipFile(path).open(f"{key}.npy"))
 
     try:
-        return stream_npy(reopen, f"{path}: {key}", path.stat().st_size, verified=verified)
+        return stream_npy(reopen, path, f"{path}: {key}", verified=verified)
     except ValueError as error:
         if "Fortran" not in str(error):
             raise
