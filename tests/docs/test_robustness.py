@@ -15,8 +15,8 @@ PARTS = {"readers", "engine", "kills", "disks", "flips", "sweep"}
 
 @pytest.fixture(scope="module")
 def rows():
-    if not (RESULTS / "robustness").is_dir():
-        pytest.skip("there are no results of a full run")
+    if not (RESULTS / PAGE_FILE).exists():
+        pytest.skip("there is no page of a full run")
     return read_rows(RESULTS / "robustness")
 
 
