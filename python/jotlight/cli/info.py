@@ -19,7 +19,7 @@ from jotlight.formats.archives import list_npz_arrays, read_npz, read_npz_label
 from jotlight.formats.arrays import open_npy_array
 from jotlight.formats.capture import Capture, CountStack, is_single_image
 from jotlight.formats.detect import detect_format
-from jotlight.formats.labels import read_counts_label
+from jotlight.formats.labels import COUNTS, parse_label
 from jotlight.formats.tiff_directories import open_checked_tiff
 from jotlight.formats.verification import verify_capture
 from jotlight.images.io import read_image
@@ -152,7 +152,7 @@ def _is_image(file: Path) -> bool:
         try:
             with open_checked_tiff(file) as tiff:
                 shape, dtype = tiff.series[0].shape, tiff.series[0].dtype
-                if read_counts_label(tiff.pages[0].description) != (None, None):
+                if parse_label(tiff.pages[0].description, COUNTS) is not None:
                     return False
                 return bool(dtype.kind == "f" or (dtype == np.uint8 and is_single_image(shape)))
         except Exception:  # reading the file reports the error
