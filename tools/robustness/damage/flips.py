@@ -40,7 +40,6 @@ NO_CHECKSUM = {
         ("swissspad2", "swissspad2-full", "spad512s", "spad512s-sparse"),
         "raw frames in the layout of the camera, without checksums",
     ),
-    "tiff": "the format has no checksums",
     ".tif, .exr, .npy, .jpg (images)": "the formats have no checksums",
     ".safetensors (networks, calibrations, checkpoints)": "the format has no checksums",
 }
