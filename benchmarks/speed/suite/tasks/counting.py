@@ -40,9 +40,8 @@ def cases(quick: bool) -> Iterator[Case]:
             name="counting",
             title="Counting",
             description=f"The ones of each jot in {frames:,} frames of {HEIGHT} × {WIDTH}, a "
-            "photon cube "
-            "in a file that the operating system keeps in memory. photoncube writes means of frames to files as "
-            "images of 8 bits. These agree with jotlight's.",
+            "photon cube in a file that the operating system keeps in memory. photoncube writes "
+            "means of frames to files as images of 8 bits. These agree with jotlight's.",
             items=frames,
             unit="frames",
             run=lambda threads: bits.counts(threads=threads),
