@@ -163,10 +163,20 @@ class TestArchive:
         path = tmp_path / cifar10_files.ARCHIVE
         as_archive(path, pixels)
         whole = path.read_bytes()
-        for size in (0, 5, len(whole) // 2, len(whole) - 3000):
+        for size in (0, 5, len(whole) // 2, len(whole) - 3000, len(whole) - 1):
             path.write_bytes(whole[:size])
             with pytest.raises(ValueError, match="the archive is damaged"):
                 datasets.cifar10("test", tmp_path)
+
+    def test_one_whose_checksum_differs_is_refused_before_an_image_is_returned(
+        self, tmp_path, pixels
+    ):
+        path = tmp_path / cifar10_files.ARCHIVE
+        as_archive(path, pixels)
+        whole = path.read_bytes()
+        path.write_bytes(whole[:-8] + bytes([whole[-8] ^ 1]) + whole[-7:])
+        with pytest.raises(ValueError, match="the archive is damaged"):
+            next(cifar10_files.read_archive(path, ["test_batch"]))
 
     def test_one_without_the_files_is_refused(self, tmp_path, pixels):
         as_archive(tmp_path / cifar10_files.ARCHIVE, pixels, ending=".txt")

@@ -1,12 +1,10 @@
 """Archives of arrays, `.npz`. Those that jotlight writes have a label and a checksum.
 
-The checksum is the comment of the zip archive, which ends the file. It covers all bytes before it.
+The checksum is the comment of the zip archive, which ends the file.
 """
 
-import hashlib
 import math
 import os
-import re
 import zipfile
 from io import BufferedIOBase
 from pathlib import Path
@@ -16,7 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.formats.arrays import ARCHIVE_ERRORS, HEADER_ERRORS, objects_error, read_header
-from jotlight.formats.checksums import differs_error
+from jotlight.formats.checksums import (
+    END_PLACEHOLDER,
+    append_checksum,
+    check_appended,
+    missing_error,
+)
 from jotlight.formats.compressed import check_end, naming_file, stream_npy
 from jotlight.formats.labels import MAX_LABEL_BYTES
 from jotlight.formats.limits import check_claimed_size
@@ -24,9 +27,6 @@ from jotlight.sensing.frames import Frames
 
 _LABEL = "jotlight.json"
 """Name of the member that holds the label of counts."""
-
-_COMMENT = re.compile(rb"sha256:([0-9a-f]{64})")
-_DIGITS = 64
 
 
 def read_npz(path: str | os.PathLike[str], key: str | None = None) -> npt.NDArray[Any]:
@@ -171,11 +171,8 @@ def finish_npz(file: IO[bytes], label: str) -> None:
     with zipfile.ZipFile(file, "a", zipfile.ZIP_DEFLATED) as archive:
         # A ZipInfo has a fixed time, so equal data yield equal files.
         archive.writestr(zipfile.ZipInfo(_LABEL), label)
-        archive.comment = b"sha256:" + b"0" * _DIGITS
-    file.seek(0)
-    content = file.read()[:-_DIGITS]
-    file.seek(-_DIGITS, os.SEEK_END)
-    file.write(hashlib.sha256(content).hexdigest().encode())
+        archive.comment = END_PLACEHOLDER
+    append_checksum(file, placeholder=False)
 
 
 def verify_npz(path: Path) -> int:
@@ -188,22 +185,7 @@ def verify_npz(path: Path) -> int:
     ValueError
         When the archive differs from its checksum, or has a label but no checksum.
     """
-    before = path.stat().st_size - _DIGITS
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        file.seek(max(0, before - len(b"sha256:")))
-        found = _COMMENT.fullmatch(file.read())
-        if found is None:
-            if read_npz_label(path) is not None:
-                raise ValueError(
-                    f"{path}: its checksum, the comment of the archive, is damaged or missing; "
-                    "restore the file from a copy"
-                )
-            return 0
-        file.seek(0)
-        while before and (chunk := file.read(min(1 << 20, before))):
-            digest.update(chunk)
-            before -= len(chunk)
-    if digest.hexdigest().encode() != found[1]:
-        raise differs_error(path)
-    return 1
+    verified = check_appended(path)
+    if not verified and read_npz_label(path) is not None:
+        raise missing_error(path)
+    return int(verified)

@@ -15,8 +15,10 @@ from jotlight.errors import warn
 from jotlight.files import atomic_write
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.capture import Capture, as_count_stack, is_single_image
+from jotlight.formats.checksums import append_checksum, check_appended, missing_error
 from jotlight.formats.file_lists import list_files
 from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.labels import COUNTS, parse_label
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import has_type
 from jotlight.formats.packing import pack_lazily
@@ -80,6 +82,7 @@ def _open_images(
 
 def _read_tiff(path: Path) -> tuple[Frames, str | None]:
     """Return the images of a TIFF file, (T, H, W) or (T, H, W, C), and its description."""
+    verified = check_appended(path)
     try:
         with open_checked_tiff(path) as file:
             series = file.series[0]
@@ -92,6 +95,8 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None]:
             check_claimed_size("the header", size, path.stat().st_size, frame_bytes=frame_bytes)
     except Exception as error:  # tifffile may raise any exception for a damaged file
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error
+    if not verified and parse_label(description, COUNTS) is not None:
+        raise missing_error(path)
     if len(shape) not in (2, 3, 4) or dtype.kind not in "biu":
         raise ValueError(
             f"{path}: expected counts in whole numbers, (H, W) or (T, H, W), got {dtype} of "
@@ -118,6 +123,11 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None]:
             raise ValueError(f"{path}: the TIFF file is damaged ({error})") from error
 
     return Frames(stack_shape, read, dtype.newbyteorder("=")), description
+
+
+def _verify_tiff(path: Path) -> int:
+    """Return how many TIFF files end with their checksum. Raise ValueError if one differs."""
+    return sum(map(check_appended, list_files(path, _TIFF_EXTENSIONS, "TIFF")))
 
 
 def _check_page(page: Any, shape: tuple[int, ...], path: Path) -> None:
@@ -220,6 +230,7 @@ def _write_tiff(counts: Counts, path: Path, label: str | None) -> None:
             metadata=None,
             description=label,
         )
+        append_checksum(file)
 
 
 def _write_png(counts: Counts, path: Path, label: str | None) -> None:
@@ -250,4 +261,5 @@ TIFF = Format(
     matches=lambda path: _matches(path, "tiff", _TIFF_EXTENSIONS),
     extensions=_TIFF_EXTENSIONS,
     writer=Writer(counts=_write_tiff, extensions=_TIFF_EXTENSIONS, keeps_label=True),
+    verify=_verify_tiff,
 )
