@@ -27,12 +27,12 @@ def write_strip(path, strip, compression, width=100, height=60):
 @pytest.mark.parametrize("compression", [ZLIB, LZMA])
 @pytest.mark.parametrize("read", [jl.open, lambda path: read_image(path, white=1)])
 def test_a_strip_that_inflates_is_refused(read, compression, size, tmp_path):
-    content = np.random.default_rng(0).bytes(5000) + bytes(size - 5000)
+    content = np.random.default_rng(0).bytes(4500) + bytes(size - 4500)
     strip = zlib.compress(content) if compression == ZLIB else lzma.compress(content, preset=0)
     write_strip(tmp_path / "a.tif", strip, compression)
     tracemalloc.start()
     try:
-        with pytest.raises(ValueError, match=r"a\.tif: .*strip or tile has more than"):
+        with pytest.raises(ValueError, match=r"a\.tif: .*strip or tile"):
             read(tmp_path / "a.tif")
         assert tracemalloc.get_traced_memory()[1] < 16 << 20
     finally:
