@@ -19,9 +19,13 @@ MIB_PER_INPUT = 512
 INSTRUMENTED = {"tiff": ("tifffile",), "png": ("PIL", "png"), "image": ("PIL",)}
 """Packages that are instrumented in addition to jotlight, by a part of the reader's name."""
 
+NESTED = "nested"
+"""Value that becomes 1500 lists in each other, deeper than Python's limit of recursion."""
+
 ODD_VALUES: tuple[Any, ...] = (
     *(None, True, 0, -1, 1, 3, 2**31, 2**70, 0.5, 1e308, math.nan, math.inf),
     *("", "0", "a\0", "..", "a.npy", [], {}, [[]], [1, 2]),
+    NESTED,
 )
 """Values with which the mutator replaces values of JSON."""
 
@@ -85,7 +89,7 @@ def _change_value(text: str, rng: random.Random) -> str:
         container[key] = value + rng.choice((-1, 1, 8, value))
     else:
         container[key] = rng.choice(ODD_VALUES)
-    return json.dumps(root[0])
+    return json.dumps(root[0]).replace(f'"{NESTED}"', 1500 * "[" + 1500 * "]")
 
 
 def _list_places(value: Any) -> Iterator[tuple[Any, Any]]:

@@ -72,7 +72,7 @@ def _read_file(path: Path) -> tuple[Tensors, dict[str, str]]:
             header = file.read(header_bytes)
             file.seek(0)
             tensors = load(file.read())
-        metadata = json.loads(header).get("__metadata__", {})
+        metadata = json.loads(header).get("__metadata__") or {}
     except (SafetensorError, ValueError, KeyError) as error:
         # safetensors raises KeyError for element types that NumPy lacks.
         raise ValueError(

@@ -179,3 +179,16 @@ def test_writing_counts_warns_when_the_orientation_is_lost(run, tmp_path, name):
     status, output = run("convert", "counts.npy", "-o", path_for(tmp_path, name), "--rotate", 90)
     assert status == 0
     assert (f"{name} has no place to record" in output) == (name == "png")
+
+
+@pytest.mark.parametrize("frames", [[], ["--frame-range", "0:1"]])
+def test_a_capture_that_differs_from_its_checksum_is_not_converted(run, tmp_path, frames):
+    jl.save(jl.Bits.from_array(random_frames(4, 6, 8)), tmp_path / "a.npy")
+    content = bytearray((tmp_path / "a.npy").read_bytes())
+    content[-1] ^= 1
+    (tmp_path / "a.npy").write_bytes(content)
+    for output in ("b.npy", "b.npy.gz", "b.tif"):
+        status, printed = run("convert", "a.npy", "-o", output, *frames)
+        assert status == 1
+        assert printed.startswith("error: a.npy: is damaged or was changed")
+    assert sorted(files(tmp_path)) == ["a.json", "a.npy"]

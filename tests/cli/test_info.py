@@ -10,6 +10,7 @@ import jotlight as jl
 from jotlight.formats.writing import write_capture
 from jotlight.sensing.provenance import Provenance
 
+COLUMNS = "step", "loss", "gradient_norm", "test_psnr", "held_out"
 COUNTS = np.random.default_rng(0).integers(0, 5, (6, 9), np.uint8)
 COUNTS[0, :2] = 0, 4
 
@@ -114,3 +115,33 @@ def test_a_damaged_capture_and_a_file_of_another_kind_are_not_verified(run, tmp_
         assert status == 1
         assert output.startswith(f"error: {name}: ")
         assert output.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "history",
+    [
+        {"run": 5, "records": {}},
+        {"run": {}, "records": [1]},
+        {"run": 5, "records": {name: [0] for name in COLUMNS}},
+        {"run": {}, "records": {name: [] for name in COLUMNS}},
+        {"run": {}, "records": {name: ["a"] for name in COLUMNS}},
+        {"run": {}, "records": {name: [10**400] for name in COLUMNS}},
+        {"fine tuning": {"run": [], "records": None}},
+    ],
+    ids=str,
+)
+def test_a_network_with_a_damaged_history_is_refused(run, history):
+    jl.Network(jl.Network.initial(jl.Sensor()).layers, jl.Sensor(), history).save("a.safetensors")
+    for options in ([], ["--plot", "b.png"]):
+        status, output = run("info", "a.safetensors", *options)
+        assert status == 1
+        assert output.startswith("error: a.safetensors: history: expected")
+        assert output.count("\n") == 1
+
+
+@pytest.mark.parametrize("history", [{"fine tuning": 3}, {"run": {}}, {"records": 1}], ids=str)
+def test_a_network_without_records_of_a_run_has_no_plot(run, history):
+    jl.Network(jl.Network.initial(jl.Sensor()).layers, jl.Sensor(), history).save("a.safetensors")
+    assert run("info", "a.safetensors")[0] == 0
+    status, output = run("info", "a.safetensors", "--plot", "b.png")
+    assert (status, "no history of a training run" in output) == (1, True)

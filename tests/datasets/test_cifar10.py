@@ -163,10 +163,28 @@ class TestArchive:
         path = tmp_path / cifar10_files.ARCHIVE
         as_archive(path, pixels)
         whole = path.read_bytes()
-        for size in (0, 5, len(whole) // 2, len(whole) - 3000):
+        for size in (0, 5, len(whole) // 2, len(whole) - 3000, len(whole) - 1):
             path.write_bytes(whole[:size])
             with pytest.raises(ValueError, match="the archive is damaged"):
                 datasets.cifar10("test", tmp_path)
+
+    def test_one_whose_checksum_differs_is_refused_before_an_image_is_returned(
+        self, tmp_path, pixels
+    ):
+        path = tmp_path / cifar10_files.ARCHIVE
+        name, batch = next(iter(batches(pixels)))
+        # The second file is longer than a buffer, so the first is read without the end.
+        files = {name: binary(batch), "other": np.random.default_rng(0).bytes(1 << 21)}
+        with tarfile.open(path, "w:gz") as archive:
+            for stem, content in files.items():
+                member = tarfile.TarInfo(f"cifar-10-batches-bin/{stem}.bin")
+                member.size = len(content)
+                archive.addfile(member, io.BytesIO(content))
+        assert len(next(cifar10_files.read_archive(path, [name]))) == len(batch)
+        whole = path.read_bytes()
+        path.write_bytes(whole[:-8] + bytes([whole[-8] ^ 1]) + whole[-7:])
+        with pytest.raises(ValueError, match="the archive is damaged"):
+            next(cifar10_files.read_archive(path, [name]))
 
     def test_one_without_the_files_is_refused(self, tmp_path, pixels):
         as_archive(tmp_path / cifar10_files.ARCHIVE, pixels, ending=".txt")

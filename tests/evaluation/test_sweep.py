@@ -6,7 +6,16 @@ import re
 import numpy as np
 import pytest
 
-from sweep.cases import GAINS, LONG, PATTERNS, SHAPES, THRESHOLDS, Case, build_cases
+from sweep.cases import (
+    GAINS,
+    LONG,
+    PATTERNS,
+    SENSORS,
+    SHAPES,
+    THRESHOLDS,
+    Case,
+    build_cases,
+)
 from sweep.measure import check, measure
 from sweep.methods import SweptMethod, build_methods
 
@@ -26,6 +35,12 @@ def assert_no_violations(name, stride, *, first=0):
 @pytest.mark.parametrize("name", [name for name in METHODS if METHODS[name].stride == 1])
 def test_adversarial_bits_lead_to_estimates_between_0_and_the_largest_intensity(name):
     assert_no_violations(name, 499)
+
+
+@pytest.mark.parametrize("pattern", ["all", "alternating", "half"])
+def test_steps_that_overflow_between_unequal_jots_lead_to_no_warning(pattern):
+    sensor = {"oversampling": 2, "frames": 3, "gain": 1e6, **SENSORS["all maps"]}
+    assert check(METHODS["uncertainty (low)"], Case(sensor, (7, 11), pattern)) == ("", False)
 
 
 @pytest.mark.slow

@@ -1,10 +1,15 @@
 """Reading `.npy` and `.npz` captures: photon cubes, booleans, and counts."""
 
+import json
+
 import numpy as np
 import pytest
 
 import jotlight as jl
-from examples.arrays import random_frames
+from examples.arrays import file_names, random_bits, random_frames
+from jotlight.formats.reading import open_capture
+from jotlight.formats.writing import write_capture
+from jotlight.sensing.provenance import Provenance
 
 COUNTS = np.random.default_rng(0).integers(0, 300, (5, 6, 7), np.uint16)
 
@@ -74,3 +79,44 @@ def test_impossible_counts_are_refused(tmp_path):
     np.save(tmp_path / "a.npy", np.array([[0, 255], [510, 0]]))
     with pytest.warns(jl.JotlightWarning, match="multiples of 255"):
         jl.open(tmp_path / "a.npy")
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.npy.gz"])
+def test_counts_keep_their_trials_and_provenance_in_a_description(tmp_path, name):
+    counts, provenance = COUNTS[0].astype(np.int32), Provenance("tiff", "first.tif")
+    write_capture(counts, tmp_path / name, name[2:], trials=400, provenance=provenance)
+    capture = open_capture(tmp_path / name)
+    assert (capture.trials, capture.provenance.origin) == (400, provenance)
+    np.testing.assert_array_equal(capture.images[0], counts)
+    assert len(file_names(tmp_path)) == 2
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.npy.gz"])
+def test_changed_counts_are_refused(tmp_path, name):
+    jl.save(COUNTS[0].astype(np.int32), tmp_path / name)
+    content = bytearray((tmp_path / name).read_bytes())
+    content[-9 if name.endswith("gz") else -1] ^= 1
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(ValueError, match=rf"{name}: is damaged or was changed"):
+        jl.open(tmp_path / name)
+
+
+def test_counts_replace_bits_and_their_maps(tmp_path):
+    jl.save(random_bits((1, 3, 9), jl.Sensor(mask=np.eye(3, 9) > 0)), tmp_path / "a.npy")
+    jl.save(COUNTS[0].astype(np.int32), tmp_path / "a.npy")
+    assert file_names(tmp_path) == ["a.json", "a.npy"]
+    np.testing.assert_array_equal(jl.open(tmp_path / "a.npy"), COUNTS[0])
+
+
+def test_a_description_of_something_else_is_refused(tmp_path):
+    jl.save(random_bits((2, 3, 9)), tmp_path / "a.npy")
+    with pytest.raises(ValueError, match=r"description of jotlight bits, but a\.npy is read as"):
+        jl.open(tmp_path / "a.npy", counts=True)
+    bits = (tmp_path / "a.npy").read_bytes()
+    jl.save(COUNTS[0].astype(np.int32), tmp_path / "a.npy")
+    (tmp_path / "a.npy").write_bytes(bits)
+    description = json.loads((tmp_path / "a.json").read_text())
+    del description["checksum"], description["sha256"]
+    (tmp_path / "a.json").write_text(json.dumps({**description, "shape": [2, 3, 2]}))
+    with pytest.raises(ValueError, match=r"description of jotlight counts, but a\.npy is read as"):
+        jl.open(tmp_path / "a.npy", counts=False)

@@ -1,5 +1,6 @@
 """Checks of a whole PNG."""
 
+import functools
 import io
 import zlib
 
@@ -17,11 +18,10 @@ from jotlight.images.io import read_image
 RNG = np.random.default_rng(0)
 
 
-def png_bytes(width, height, **options):
-    """Return a PNG that pypng writes."""
+def png_bytes(writer):
+    """Return a PNG of random levels that a writer of pypng makes."""
     file = io.BytesIO()
-    writer = png.Writer(width, height, **options)
-    rows = RNG.integers(0, 2**writer.bitdepth, (height, width * writer.planes))
+    rows = RNG.integers(0, 2**writer.bitdepth, (writer.height, writer.width * writer.planes))
     writer.write(file, rows.tolist())
     return file.getvalue()
 
@@ -37,33 +37,35 @@ def split(content):
     return content[:start], content[start + 8 : start + 8 + size], content[start + 12 + size :]
 
 
-@pytest.mark.parametrize("interlace", [False, True])
-@pytest.mark.parametrize(
-    "options",
-    [
-        *({"greyscale": True, "bitdepth": depth} for depth in (1, 2, 4, 8, 16)),
-        *({"greyscale": False, "alpha": alpha, "bitdepth": 16} for alpha in (False, True)),
-        {"greyscale": True, "alpha": True},
-        {"palette": [(0, 0, 0), (9, 9, 9)], "bitdepth": 1},
-    ],
+WRITERS = (
+    *(functools.partial(png.Writer, greyscale=True, bitdepth=depth) for depth in (1, 2, 4, 8, 16)),
+    functools.partial(png.Writer, greyscale=False, bitdepth=16),
+    functools.partial(png.Writer, greyscale=False, alpha=True, bitdepth=16),
+    functools.partial(png.Writer, greyscale=True, alpha=True),
+    functools.partial(png.Writer, palette=[(0, 0, 0), (9, 9, 9)], bitdepth=1),
 )
-def test_every_kind_of_png_is_accepted(options, interlace):
+"""Writers of every kind of PNG."""
+
+
+@pytest.mark.parametrize("interlace", [False, True])
+@pytest.mark.parametrize("writer", WRITERS)
+def test_every_kind_of_png_is_accepted(writer, interlace):
     for width, height in [(1, 1), (1, 9), (3, 2), (13, 7), (64, 33)]:
-        content = png_bytes(width, height, interlace=interlace, **options)
+        content = png_bytes(writer(width, height, interlace=interlace))
         header = check_png(content)
         assert (header.width, header.height) == (width, height)
         assert header.data_bytes() == len(zlib.decompress(split(content)[1]))
 
 
 def test_levels_in_many_chunks_are_one_stream():
-    before, levels, after = split(png_bytes(64, 33, greyscale=True))
+    before, levels, after = split(png_bytes(png.Writer(64, 33, greyscale=True)))
     parts = [chunk(b"IDAT", levels[place : place + 100]) for place in range(0, len(levels), 100)]
     check_png(before + b"".join(parts) + after)
     with pytest.raises(ValueError, match="compressed levels"):
         check_png(before + b"".join(parts[:-1]) + after)
 
 
-WHOLE = png_bytes(13, 7, greyscale=True)
+WHOLE = png_bytes(png.Writer(13, 7, greyscale=True))
 BEFORE, LEVELS, AFTER = split(WHOLE)
 RAW = zlib.decompress(LEVELS)
 

@@ -68,6 +68,10 @@ CAPTURES = {
         "a/1.png",
     ),
     "a file of CIFAR-10": (write_cifar, read_cifar, "a/test_batch.bin"),
+    "the description of a zarr folder": (write_folder("zarr", BITS), jl.open, "a/zarr.json"),
+    "a chunk of a zarr folder": (write_folder("zarr", BITS), jl.open, "a/c/0/0/0"),
+    "the chunks of a zarr folder": (write_folder("zarr", BITS), jl.open, "a/c"),
+    "an array of a zarr folder": (write_folder("zarr", BITS_WITH_MAPS), jl.open, "a/mask"),
 }
 """What is replaced by a link: a writer, a reader, and the file or folder."""
 
@@ -95,6 +99,8 @@ def test_a_link_may_lead_only_where_the_user_allows_it(what, tmp_path, monkeypat
     monkeypatch.setenv(LINK_FOLDERS, os.pathsep.join(["/nowhere", str(tmp_path / "private")]))
     np.testing.assert_array_equal(numbers(read(path)), expected)
     monkeypatch.delenv(LINK_FOLDERS)
+    if what == "an array of a zarr folder":
+        return  # Its new name in the same folder would not be in the list of files.
     # A link may lead to another place in the same folder. The whole folder may be linked, too.
     replaced.unlink()
     shutil.move(target, replaced.with_name(".moved"))
@@ -122,17 +128,28 @@ def test_links_that_lead_nowhere_are_refused(tmp_path):
         jl.open(path)
 
 
-def test_folders_are_listed_once_although_links_form_loops(tmp_path):
+def test_files_below_a_folder_are_listed_for_each_path_that_leads_to_them(tmp_path):
     (tmp_path / "a" / "b").mkdir(parents=True)
-    for name in ("1.bin", "2.TIF", "a/3.bin", "a/b/4.bin"):
+    for name in ("1.bin", "2.TIF", "a/3.BIN", "a/b/4.bin"):
         (tmp_path / name).touch()
-    (tmp_path / "a" / "loop").symlink_to(tmp_path)
     (tmp_path / "other").symlink_to("a")
     (tmp_path / "5.bin").symlink_to("1.bin")
     (tmp_path / "6.bin").mkdir()
-    assert sorted(path.name for path in list_below(tmp_path, (".bin",))) == [
-        *("1.bin", "3.bin", "4.bin", "5.bin")
-    ]
+    (tmp_path / "7.bin").symlink_to("nowhere")
+    found = {path.relative_to(tmp_path).as_posix() for path in list_below(tmp_path, (".bin",))}
+    below = {f"{folder}/{name}" for folder in ("a", "other") for name in ("3.BIN", "b/4.bin")}
+    assert found == {"1.bin", "5.bin"} | below
+
+
+@pytest.mark.parametrize("links", [{"loop": "."}, {"a/x": "../b", "a/y": "../b", "b/z": "../a"}])
+def test_folders_with_links_in_a_loop_are_refused(tmp_path, links):
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "1.bin").touch()
+    for name, target in links.items():
+        (tmp_path / name).symlink_to(target)
+    with pytest.raises((OSError, ValueError), match=r"loop|levels of symbolic links"):
+        list(list_below(tmp_path))
 
 
 def test_the_soft_links_of_hdf5_stay_in_the_file(tmp_path):

@@ -204,3 +204,18 @@ def test_the_error_of_a_truncated_16_bit_png_names_it(tmp_path, length):
     path.write_bytes(path.read_bytes()[:length])
     with pytest.raises(ValueError, match=r"a\.png"):
         read_image(path)
+
+
+@pytest.mark.parametrize("ending", ["bmp", "pgm", "tif", "png", "npy"])
+def test_no_image_is_mapped_into_memory(tmp_path, monkeypatch, ending):
+    levels = np.random.default_rng(0).integers(0, 256, (300, 400), np.uint8)
+    path = tmp_path / f"photo.{ending}"
+    if ending == "npy":
+        np.save(path, levels)
+    else:
+        Image.fromarray(levels).save(path)
+    maps = []
+    monkeypatch.setattr("mmap.mmap", lambda *args, **_: maps.append(args))
+    image = read_image(path, white=255)
+    np.testing.assert_allclose(image * 255, levels, atol=1e-3)
+    assert maps == []

@@ -1,10 +1,12 @@
 """Frames in files, and bits made of them."""
 
+import threading
+
 import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.sensing.frames import Frames, concatenate, read_in_chunks
+from jotlight.sensing.frames import Frames, concatenate, map_in_thread, read_in_chunks
 from jotlight.sensing.provenance import Provenance
 
 
@@ -60,6 +62,29 @@ def test_chunks_have_a_bounded_size():
     parts = list(read_in_chunks(lazy(CUBE, requests), 18 * 7))
     assert requests == [(0, 7), (7, 14), (14, 20)]
     np.testing.assert_array_equal(np.concatenate([part for _, part in parts]), CUBE)
+
+
+def test_a_function_runs_while_the_next_item_is_made():
+    running, made = threading.Event(), threading.Event()
+
+    def items():
+        yield "first"
+        assert running.wait(20)
+        made.set()
+        yield "second"
+
+    def function(item):
+        running.set()
+        assert made.wait(20)
+        return item.upper()
+
+    assert list(map_in_thread(function, items())) == ["FIRST", "SECOND"]
+
+
+@pytest.mark.parametrize("number", [0, 2])
+def test_the_error_of_a_function_in_a_thread_is_raised(number):
+    with pytest.raises(ZeroDivisionError):
+        list(map_in_thread(lambda item: 1 / (item - number), range(3)))
 
 
 @pytest.mark.parametrize("cuts", [[], [5], [0, 5, 5, 19, 20]])

@@ -174,6 +174,19 @@ def test_the_reconstructor_returns_the_output_of_the_engine():
         np.testing.assert_allclose(estimate[0, 0], expected, atol=1e-5)
 
 
+def test_the_reconstructor_clips_to_the_largest_intensity():
+    one = np.ones((1, 1, 1, 1), np.float32)
+    for tap in (1.0, -1.0):
+        layers = [jl.Layer(one, None), jl.Layer(np.float32(tap) * one, None)]
+        network = jl.Network(layers, SENSOR.replace(max_intensity=0.7))
+        y = torch.arange(9.0).reshape(1, 1, 3, 3)
+        with torch.no_grad():
+            estimate = NetworkReconstructor(network)(y, SensorPhysics(network.sensor))[0, 0].numpy()
+        np.testing.assert_array_equal(estimate, network.reconstruct(y[0, 0].int().numpy()))
+        assert estimate.min() == 0
+        assert estimate.max() == np.float32(0.7 if tap > 0 else 0)
+
+
 def test_an_unfolded_solver_has_gradients_of_its_step_size():
     physics, y = physics_and_data(SENSOR)
     solver = deepinv.optim.PGD(

@@ -19,7 +19,7 @@ from jotlight.formats.archives import list_npz_arrays, read_npz, read_npz_label
 from jotlight.formats.arrays import open_npy_array
 from jotlight.formats.capture import Capture, CountStack, is_single_image
 from jotlight.formats.detect import detect_format
-from jotlight.formats.labels import read_counts_label
+from jotlight.formats.labels import COUNTS, parse_label
 from jotlight.formats.tiff_directories import open_checked_tiff
 from jotlight.formats.verification import verify_capture
 from jotlight.images.io import read_image
@@ -93,11 +93,11 @@ def _draw(file: Path, plot: Path) -> None:
         plots.save_figure(page(calibration), plot)
         return
     network = Network.load(file)
-    last = network.history.get("fine tuning", network.history)
-    if "records" not in last:
+    runs = _training_runs(file, network)
+    if not runs:
         raise ValueError(f"{file}: this network has no history of a training run to draw")
     refuse_overwrite(plot, [file])
-    plots.save_figure(plots.training(network, History.from_json(last["records"])), plot)
+    plots.save_figure(plots.training(network, runs[-1][2]), plot)
 
 
 _IMAGE_SUFFIXES = (".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".ppm", ".gif")
@@ -110,7 +110,7 @@ def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
     if ending == ".safetensors":
         if stored_format(file) == CALIBRATION:
             return _calibration_facts(Calibration.load(file))
-        return _network_facts(Network.load(file))
+        return _network_facts(file, Network.load(file))
     if dataclasses.replace(capture, isolate=True) == CaptureOptions() and file.is_file():
         if ending == ".npz" and read_npz_label(file) is None:
             facts = [("kind", "archive of arrays")]
@@ -152,7 +152,7 @@ def _is_image(file: Path) -> bool:
         try:
             with open_checked_tiff(file) as tiff:
                 shape, dtype = tiff.series[0].shape, tiff.series[0].dtype
-                if read_counts_label(tiff.pages[0].description) != (None, None):
+                if parse_label(tiff.pages[0].description, COUNTS) is not None:
                     return False
                 return bool(dtype.kind == "f" or (dtype == np.uint8 and is_single_image(shape)))
         except Exception:  # reading the file reports the error
@@ -212,7 +212,7 @@ def _calibration_facts(calibration: Calibration) -> list[tuple[str, str]]:
     return [("kind", "calibration"), *captures, *facts(calibration)]
 
 
-def _network_facts(network: Network) -> list[tuple[str, str]]:
+def _network_facts(file: Path, network: Network) -> list[tuple[str, str]]:
     layers, history = network.layers, network.history
     if network.trials_range is None:
         sensor = repr(network.sensor)
@@ -228,10 +228,33 @@ def _network_facts(network: Network) -> list[tuple[str, str]]:
     ]
     origins = [name for name in ("start", "trained on", "fine-tuned on") if name in history]
     facts += [(name, str(history[name])) for name in origins]
-    for name, part in (("trained", history), ("fine-tuned", history.get("fine tuning", {}))):
-        if "run" in part and "records" in part:
-            facts.append((name, _describe_run(part["run"], History.from_json(part["records"]))))
+    facts += [
+        (name, _describe_run(run, records)) for name, run, records in _training_runs(file, network)
+    ]
     return facts
+
+
+def _training_runs(file: Path, network: Network) -> list[tuple[str, dict[str, Any], History]]:
+    """Return the verb, the settings, and the records of each training run in a network's history.
+
+    Raises
+    ------
+    ValueError
+        When the history has entries of these names that are not those of a run.
+    """
+    history = network.history
+    runs = []
+    for verb, part in (("trained", history), ("fine-tuned", history.get("fine tuning"))):
+        if not (isinstance(part, dict) and {"run", "records"} <= part.keys()):
+            continue
+        try:
+            records = History.from_json(part["records"])
+        except ValueError as error:
+            raise ValueError(f"{file}: {error}") from error
+        if not (isinstance(part["run"], dict) and records.records):
+            raise ValueError(f"{file}: history: expected the settings and the records of a run")
+        runs.append((verb, part["run"], records))
+    return runs
 
 
 def _layers(layers: Sequence[Layer]) -> Table:

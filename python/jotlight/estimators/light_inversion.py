@@ -133,7 +133,8 @@ class _UnequalJots:
             value, slope = self._mean_probability(light)
             below = value < probability
             low, high = np.where(below, light, low), np.where(below, high, light)
-            with np.errstate(divide="ignore", invalid="ignore"):
+            # A slope of nearly 0 leads far outside the bounds, where bisection replaces the step.
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 newton = light + (probability - value) / slope
             converged = np.abs(newton - light) <= 1e-8 * light + 1e-12 * max_light
             if converged.all():

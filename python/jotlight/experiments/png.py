@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.png_chunks import check_png
 
 
@@ -30,7 +31,8 @@ def decode_png(file: bytes, name: str) -> npt.NDArray[np.float32]:
     try:
         check_png(file)
         with Image.open(io.BytesIO(file)) as image:
+            check_claimed_size("the header", image.width * image.height, len(file))
             levels = np.asarray(image)
-    except (OSError, ValueError) as error:
+    except Exception as error:  # any type: Pillow does not check everything it reads
         raise ValueError(f"{name}: damaged; delete these results with --restart") from error
     return levels.astype(np.float32) / np.float32(1 if levels.dtype == bool else 255)

@@ -3,6 +3,7 @@
 import dataclasses
 import datetime as dt
 import json
+import math
 import os
 import platform
 import re
@@ -116,7 +117,7 @@ def collect(experiment: Experiment, context: RunContext, folder: Folder) -> tupl
     last: dict[str, Any] = {}
     for part in experiment.parts(context):
         path = folder.part_file(experiment, part)
-        last = _read_json(path, "rows", "seconds", "date", "machine")
+        last = _read_outcome(path)
         rows += last["rows"]
         seconds += last["seconds"]
     facts = {
@@ -156,10 +157,24 @@ def _rounded(row: Row) -> Row:
     }
 
 
+def _read_outcome(path: Path) -> dict[str, Any]:
+    """Return what :func:`run_part` wrote."""
+    outcome = _read_json(path, "rows", "seconds", "date", "machine")
+    rows = outcome["rows"]
+    if (
+        not (isinstance(rows, list) and all(isinstance(row, dict) for row in rows))
+        or type(outcome["seconds"]) not in (int, float)
+        or not math.isfinite(outcome["seconds"])
+        or not all(isinstance(outcome[key], str) for key in ("date", "machine"))
+    ):
+        raise ValueError(f"{path}: damaged; delete these results with --restart")
+    return outcome
+
+
 def _read_json(path: Path, *keys: str) -> dict[str, Any]:
     try:
         content = json.loads(path.read_text("utf-8"))
-    except ValueError:
+    except (ValueError, RecursionError):
         content = None
     if not isinstance(content, dict) or not content.keys() >= set(keys):
         raise ValueError(f"{path}: damaged; delete these results with --restart")

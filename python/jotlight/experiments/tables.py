@@ -124,7 +124,7 @@ def read_results(folder: Path, files: Callable[[str], Path | None]) -> dict[str,
         try:
             rows = read_table(folder / f"{name}.csv")
             settings = json.loads(facts["settings"])
-        except (OSError, ValueError, KeyError) as error:
+        except (OSError, ValueError, KeyError, RecursionError) as error:
             warn(f"{name} is left out: {error}; run it again")
             continue
         results[name] = Results(settings, rows, files(name), results)

@@ -1,12 +1,10 @@
 """Archives of arrays, `.npz`. Those that jotlight writes have a label and a checksum.
 
-The checksum is the comment of the zip archive, which ends the file. It covers all bytes before it.
+The checksum is the comment of the zip archive, which ends the file.
 """
 
-import hashlib
 import math
 import os
-import re
 import zipfile
 from io import BufferedIOBase
 from pathlib import Path
@@ -16,16 +14,19 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.formats.arrays import ARCHIVE_ERRORS, HEADER_ERRORS, objects_error, read_header
-from jotlight.formats.checksums import differs_error
+from jotlight.formats.checksums import (
+    END_PLACEHOLDER,
+    append_checksum,
+    check_appended,
+    missing_error,
+)
 from jotlight.formats.compressed import check_end, naming_file, stream_npy
 from jotlight.formats.labels import MAX_LABEL_BYTES
+from jotlight.formats.limits import check_claimed_size
 from jotlight.sensing.frames import Frames
 
 _LABEL = "jotlight.json"
 """Name of the member that holds the label of counts."""
-
-_COMMENT = re.compile(rb"sha256:([0-9a-f]{64})")
-_DIGITS = 64
 
 
 def read_npz(path: str | os.PathLike[str], key: str | None = None) -> npt.NDArray[Any]:
@@ -93,6 +94,17 @@ def _check_member_size(archive: zipfile.ZipFile, name: str) -> None:
     claimed, available = math.prod(shape) * dtype.itemsize, archive.getinfo(name).file_size
     if not dtype.hasobject and not 0 <= claimed <= available:
         raise ValueError(f"its header claims {claimed} bytes, but there are {available}")
+    check_claimed_size(name, claimed, archive.getinfo(name).compress_size, frame_bytes=claimed)
+
+
+def _check_compression(member: zipfile.ZipInfo) -> zipfile.ZipInfo:
+    """Return a member, or raise ValueError if Python would decompress it without a limit."""
+    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise ValueError(
+            f"its member {member.filename} is compressed by a method that numpy does not use; "
+            "save it with numpy.savez_compressed"
+        )
+    return member
 
 
 def list_npz_arrays(path: Path) -> list[str]:
@@ -109,8 +121,8 @@ def list_npz_arrays(path: Path) -> list[str]:
         raise FileNotFoundError(f"there is no file {path}")
     try:
         with zipfile.ZipFile(path) as archive:
-            members = archive.namelist()
-    except ARCHIVE_ERRORS as error:
+            members = [member.filename for member in map(_check_compression, archive.infolist())]
+    except (ValueError, *ARCHIVE_ERRORS) as error:
         raise ValueError(f"{path}: expected a .npz archive ({error})") from error
     names = [name.removesuffix(".npy") for name in members if name.endswith(".npy")]
     if not names:
@@ -130,7 +142,7 @@ def stream_npz(path: Path, key: str | None, *, verified: bool = False) -> npt.ND
         return cast(BufferedIOBase, zipfile.ZipFile(path).open(f"{key}.npy"))
 
     try:
-        return stream_npy(reopen, f"{path}: {key}", path.stat().st_size, verified=verified)
+        return stream_npy(reopen, path, f"{path}: {key}", verified=verified)
     except ValueError as error:
         if "Fortran" not in str(error):
             raise
@@ -159,11 +171,8 @@ def finish_npz(file: IO[bytes], label: str) -> None:
     with zipfile.ZipFile(file, "a", zipfile.ZIP_DEFLATED) as archive:
         # A ZipInfo has a fixed time, so equal data yield equal files.
         archive.writestr(zipfile.ZipInfo(_LABEL), label)
-        archive.comment = b"sha256:" + b"0" * _DIGITS
-    file.seek(0)
-    content = file.read()[:-_DIGITS]
-    file.seek(-_DIGITS, os.SEEK_END)
-    file.write(hashlib.sha256(content).hexdigest().encode())
+        archive.comment = END_PLACEHOLDER
+    append_checksum(file, placeholder=False)
 
 
 def verify_npz(path: Path) -> int:
@@ -176,22 +185,7 @@ def verify_npz(path: Path) -> int:
     ValueError
         When the archive differs from its checksum, or has a label but no checksum.
     """
-    before = path.stat().st_size - _DIGITS
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        file.seek(max(0, before - len(b"sha256:")))
-        found = _COMMENT.fullmatch(file.read())
-        if found is None:
-            if read_npz_label(path) is not None:
-                raise ValueError(
-                    f"{path}: its checksum, the comment of the archive, is damaged or missing; "
-                    "restore the file from a copy"
-                )
-            return 0
-        file.seek(0)
-        while before and (chunk := file.read(min(1 << 20, before))):
-            digest.update(chunk)
-            before -= len(chunk)
-    if digest.hexdigest().encode() != found[1]:
-        raise differs_error(path)
-    return 1
+    verified = check_appended(path)
+    if not verified and read_npz_label(path) is not None:
+        raise missing_error(path)
+    return int(verified)

@@ -45,6 +45,9 @@ ARCHIVE_ERRORS = (
 
 _MAX_HEADER_BYTES = 1 << 16
 
+_WRITTEN_BYTES = 1 << 24
+"""Number of bytes that are written at once. Drawing simulated frames has a cost for each part."""
+
 _MAX_SIZE = 1 << 63
 """Upper limit of a dimension in NumPy. An array without elements could claim more."""
 
@@ -176,5 +179,6 @@ def write_npy(
     """
     header = {"descr": array.dtype.str, "fortran_order": False, "shape": shape or array.shape}
     np.lib.format.write_array_header_1_0(file, header)
-    for _, part in read_in_chunks(array):
+    for _, part in read_in_chunks(array, _WRITTEN_BYTES):
         file.write(np.ascontiguousarray(part).data)
+        del part  # before the next part needs memory

@@ -53,7 +53,7 @@ class CountStack:
             When a count is negative or above the number of trials, or the sum exceeds int32.
         """
         name = self.provenance.name
-        total = np.zeros(self.images.shape[1:], np.int64)
+        total, bound = np.zeros(self.images.shape[1:], np.uint32), 0
         for place, part in read_in_chunks(self.images):
             low, high = part.min(), part.max()
             if low < 0 or high >= 2**31:
@@ -64,17 +64,20 @@ class CountStack:
                 raise ValueError(
                     f"{name}: its label states counts out of {self.trials}, but one is {high}"
                 )
-            total += part.sum(axis=0, dtype=np.int64)
+            for image in part:
+                # Neither of two values below 2**31 nor their sum exceeds the type.
+                np.add(total, image, out=total, dtype=np.uint32, casting="unsafe")
+                bound += int(high)
+                if bound >= 2**31 and total.max() >= 2**31:
+                    raise ValueError(f"{name}: the sum of its counts is 2**31 or more")
             if progress:
                 progress(place.stop / len(self.images))
-        if total.max() >= 2**31:
-            raise ValueError(f"{name}: the sum of its counts is 2**31 or more")
-        if total.any() and not (total % 255).any():
+        if total.any() and not any((row % 255).any() for row in total):
             warn(
                 f"{name}: all of its counts are multiples of 255, as in a black-and-white image "
                 "where 255 stands for a count of 1"
             )
-        return total.astype(np.int32)
+        return total.view(np.int32)
 
 
 Capture = Bits | CountStack

@@ -1,11 +1,13 @@
 """Checksums of the files that jotlight writes: SHA-256, so that other tools can compute them too.
 
-JSON files carry the checksums of other files, and their own (`seal`).
+JSON files carry the checksums of other files, and their own (`seal`). Binary files whose format
+ignores bytes at their end carry their own there (`append_checksum`).
 """
 
 import hashlib
 import io
 import json
+import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -22,6 +24,11 @@ _VALUE = re.compile(rf'(?<=^{{\n  {re.escape(_MARK)})[0-9a-f]{{64}}(?=",\n)')
 
 _PLACEHOLDER = "0" * 64
 """Value of the checksum in the text of which the checksum is computed."""
+
+END_PLACEHOLDER = b"sha256:" + _PLACEHOLDER.encode()
+"""End of a file before :func:`append_checksum` replaces the digits."""
+
+_END = re.compile(rb"sha256:(.{64})", re.DOTALL)
 
 
 def file_checksum(path: Path, start: int = 0) -> str:
@@ -97,6 +104,73 @@ def differs_error(path: Path) -> ValueError:
         f"{path}: is damaged or was changed: its SHA-256 is not the one that was stored when "
         "jotlight wrote it; restore it from a copy"
     )
+
+
+def missing_error(path: Path) -> ValueError:
+    """Return the error for a file by jotlight that must end with its checksum, but does not."""
+    return ValueError(
+        f"{path}: expected the checksum with which jotlight ends such files, but it is damaged or "
+        "another program removed it; restore the file from a copy"
+    )
+
+
+def append_checksum(file: IO[bytes], *, placeholder: bool = True) -> None:
+    """Append the checksum of the whole content to a file that is open for reading and writing.
+
+    Parameters
+    ----------
+    file : binary file
+    placeholder : bool
+        Whether to append :data:`END_PLACEHOLDER` first. Otherwise the file already ends with it.
+    """
+    file.seek(0, os.SEEK_END)
+    if placeholder:
+        file.write(END_PLACEHOLDER)
+    covered = file.tell() - len(_PLACEHOLDER)
+    checksum = _hash_beginning(file, covered)
+    file.seek(covered)
+    file.write(checksum.encode())
+
+
+def check_appended(path: Path) -> bool:
+    """Return whether a file ends with the checksum of its content. Raise ValueError if it differs.
+
+    Raises
+    ------
+    OSError
+        When the file cannot be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "a.bin"
+    >>> _ = path.write_bytes(b"abc")
+    >>> check_appended(path)
+    False
+    >>> with path.open("r+b") as file:
+    ...     append_checksum(file)
+    >>> check_appended(path)
+    True
+    """
+    covered = path.stat().st_size - len(_PLACEHOLDER)
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - len(END_PLACEHOLDER)))
+        found = _END.fullmatch(file.read())
+        if found is None:
+            return False
+        if _hash_beginning(file, covered).encode() != found[1]:
+            raise differs_error(path)
+    return True
+
+
+def _hash_beginning(file: IO[bytes], size: int) -> str:
+    """Return the SHA-256 of the first `size` bytes of a file."""
+    file.seek(0)
+    hash_ = hashlib.sha256()
+    while size and (chunk := file.read(min(1 << 20, size))):
+        hash_.update(chunk)
+        size -= len(chunk)
+    return hash_.hexdigest()
 
 
 def seal(content: Mapping[str, Any]) -> str:

@@ -20,6 +20,7 @@ from jotlight.formats.arrays import (
     read_header,
     write_npy,
 )
+from jotlight.formats.file_reader import FileReader
 from jotlight.formats.limits import check_claimed_size
 from jotlight.sensing.frames import Frames
 
@@ -52,18 +53,26 @@ class Stream:
         A function that returns the stream at its beginning.
     size : int
         Number of decompressed bytes.
+    check_unchanged : callable
+        A function that raises OSError when the file has changed since it was opened.
 
     Examples
     --------
     >>> import io
-    >>> stream = Stream(lambda: io.BytesIO(b"abcdef"), 6)
+    >>> stream = Stream(lambda: io.BytesIO(b"abcdef"), 6, lambda: None)
     >>> stream.read(4, 2).tobytes(), stream.read(1, 2).tobytes()
     (b'ef', b'bc')
     """
 
-    def __init__(self, reopen: Callable[[], BufferedIOBase], size: int) -> None:
+    def __init__(
+        self,
+        reopen: Callable[[], BufferedIOBase],
+        size: int,
+        check_unchanged: Callable[[], object],
+    ) -> None:
         self._reopen = reopen
         self._size = size
+        self._check_unchanged = check_unchanged
         self._forget_file()
 
     def _forget_file(self) -> None:
@@ -82,7 +91,7 @@ class Stream:
         ValueError
             When the stream is shorter or longer than stated.
         OSError or another one of ARCHIVE_ERRORS
-            When the stream is damaged.
+            When the stream is damaged, or its file has changed.
         """
         if self._process != os.getpid():
             # Forked processes share the position in the open file, and copy a lock that is held.
@@ -101,7 +110,8 @@ class Stream:
             self._position = position + size
             if self._position == self._size:
                 self._close(at_end=True)
-            return data
+        self._check_unchanged()
+        return data
 
     def finish(self) -> None:
         """Read the rest of the stream if it is open, compare its checksum, and close the file."""
@@ -137,7 +147,7 @@ def check_end(file: BufferedIOBase) -> None:
 
 
 def stream_npy(
-    reopen: Callable[[], BufferedIOBase], name: str, file_bytes: int, *, verified: bool = False
+    reopen: Callable[[], BufferedIOBase], path: Path, name: str, *, verified: bool = False
 ) -> Frames:
     """Return the array of a compressed `.npy` stream as frames.
 
@@ -145,10 +155,10 @@ def stream_npy(
     ----------
     reopen : callable
         A function that returns the decompressed stream at its beginning.
+    path : path
+        The compressed file.
     name : str
-        The file, for messages.
-    file_bytes : int
-        Size of the compressed file.
+        The path, and the array if the file has several, for messages.
     verified : bool
         Whether the compressed file matches a stored checksum. Otherwise the whole stream is read
         once to compare the checksum at its end, before any frame is returned.
@@ -159,6 +169,7 @@ def stream_npy(
         When the stream is not a `.npy` file, is damaged, holds Python objects, or is in Fortran
         order.
     """
+    source = FileReader(path)
     with naming_file(name), reopen() as file:
         shape, fortran_order, dtype = read_header(cast(IO[bytes], file))
         header_bytes = file.tell()
@@ -170,11 +181,12 @@ def stream_npy(
             raise ValueError(f"{name}: expected an array, got shape {shape}")
         frame_bytes = math.prod(shape[1:]) * dtype.itemsize
         size = frame_bytes * shape[0]
-        check_claimed_size(name, size, file_bytes)
+        image_bytes = size if len(shape) == 2 else frame_bytes
+        check_claimed_size(name, size, source.size, frame_bytes=image_bytes)
         if not verified:
             skip_bytes(file, size)
             check_end(file)
-    stream = Stream(reopen, header_bytes + size)
+    stream = Stream(reopen, header_bytes + size, source.check_unchanged)
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
         with naming_file(name):
@@ -207,7 +219,7 @@ def measure_gzip(path: Path, end_bytes: int = 0) -> tuple[int, bytes]:
 
 def stream_npy_gz(path: Path, *, verified: bool = False) -> Frames:
     """Return the array of a `.npy.gz` file as frames. See :func:`stream_npy` for `verified`."""
-    return stream_npy(lambda: open_gzip(path), str(path), path.stat().st_size, verified=verified)
+    return stream_npy(lambda: open_gzip(path), path, str(path), verified=verified)
 
 
 def write_npy_gz(file: IO[bytes], array: npt.NDArray[np.generic] | Frames) -> None:

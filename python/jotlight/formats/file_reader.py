@@ -61,12 +61,19 @@ class FileReader:
             while left and (number := file.readinto(left)):
                 left = left[number:]
             # The check comes last, so it also finds changes during the reading.
-            if left or _version(os.fstat(file.fileno())) != self._version:
-                raise OSError(
-                    f"{self.path}: the file has changed since it was opened, so its bits are not "
-                    "reliable; open it again when no program writes it"
-                )
+            self._check(os.fstat(file.fileno()), complete=not left)
         return data
+
+    def check_unchanged(self) -> None:
+        """Raise OSError when the file has changed since it was opened, or is missing."""
+        self._check(self.path.stat())
+
+    def _check(self, status: os.stat_result, *, complete: bool = True) -> None:
+        if not complete or _version(status) != self._version:
+            raise OSError(
+                f"{self.path}: the file has changed since it was opened, so its bits are not "
+                "reliable; open it again when no program writes it"
+            )
 
 
 def _version(status: os.stat_result) -> tuple[int, ...]:

@@ -15,13 +15,16 @@ from jotlight.errors import warn
 from jotlight.files import atomic_write
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.capture import Capture, as_count_stack, is_single_image
+from jotlight.formats.checksums import append_checksum, check_appended, missing_error
 from jotlight.formats.file_lists import list_files
 from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.labels import COUNTS, parse_label
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import has_type
 from jotlight.formats.packing import pack_lazily
 from jotlight.formats.png_chunks import GRAYSCALE, PALETTE, check_png
 from jotlight.formats.tiff_directories import open_checked_tiff
+from jotlight.formats.tiff_segments import check_segments
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, concatenate
@@ -79,16 +82,21 @@ def _open_images(
 
 def _read_tiff(path: Path) -> tuple[Frames, str | None]:
     """Return the images of a TIFF file, (T, H, W) or (T, H, W, C), and its description."""
+    verified = check_appended(path)
     try:
         with open_checked_tiff(path) as file:
             series = file.series[0]
             shape, dtype = series.shape, series.dtype
             description = file.pages[0].description
-            check_claimed_size("the header", series.size * dtype.itemsize, path.stat().st_size)
             single = is_single_image(shape)
             paged = not single and len(series.pages) == shape[0]
+            size = series.size * dtype.itemsize
+            frame_bytes = size // shape[0] if paged else size
+            check_claimed_size("the header", size, path.stat().st_size, frame_bytes=frame_bytes)
     except Exception as error:  # tifffile may raise any exception for a damaged file
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error
+    if not verified and parse_label(description, COUNTS) is not None:
+        raise missing_error(path)
     if len(shape) not in (2, 3, 4) or dtype.kind not in "biu":
         raise ValueError(
             f"{path}: expected counts in whole numbers, (H, W) or (T, H, W), got {dtype} of "
@@ -101,17 +109,25 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None]:
             with open_checked_tiff(path) as file:
                 series = file.series[0]
                 if not paged:
+                    for part in filter(None, series.pages):
+                        check_segments(file, part)
                     return np.asarray(series.asarray().reshape(stack_shape)[start:stop])
                 images = np.empty((stop - start, *shape[1:]), dtype)
                 for index in range(start, stop):
                     page: Any = series.pages[index]
                     _check_page(page, shape[1:], path)
+                    check_segments(file, page)
                     images[index - start] = page.asarray()
                 return images
         except Exception as error:
             raise ValueError(f"{path}: the TIFF file is damaged ({error})") from error
 
     return Frames(stack_shape, read, dtype.newbyteorder("=")), description
+
+
+def _verify_tiff(path: Path) -> int:
+    """Return how many TIFF files end with their checksum. Raise ValueError if one differs."""
+    return sum(map(check_appended, list_files(path, _TIFF_EXTENSIONS, "TIFF")))
 
 
 def _check_page(page: Any, shape: tuple[int, ...], path: Path) -> None:
@@ -214,6 +230,7 @@ def _write_tiff(counts: Counts, path: Path, label: str | None) -> None:
             metadata=None,
             description=label,
         )
+        append_checksum(file)
 
 
 def _write_png(counts: Counts, path: Path, label: str | None) -> None:
@@ -244,4 +261,5 @@ TIFF = Format(
     matches=lambda path: _matches(path, "tiff", _TIFF_EXTENSIONS),
     extensions=_TIFF_EXTENSIONS,
     writer=Writer(counts=_write_tiff, extensions=_TIFF_EXTENSIONS, keeps_label=True),
+    verify=_verify_tiff,
 )

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from jotlight.errors import warn
 from jotlight.formats.capture import Capture, as_count_stack
 from jotlight.formats.format import OpenOptions
 from jotlight.formats.labels import BITS, make_bits_label, parse_label
@@ -26,6 +27,8 @@ class StoredArray:
 
     frames: Frames
     label: str | None
+    warning: str | None = None
+    """What to warn about if the array is read."""
 
 
 def bits_label(bits: Bits) -> str:
@@ -57,6 +60,8 @@ def open_stored_array(
     """
     key, name = _select_key(arrays, provenance.name, options.key), provenance.name
     frames, text, counts = arrays[key].frames, arrays[key].label, options.counts
+    if (warning := arrays[key].warning) is not None:
+        warn(warning)
     try:
         label = None if text is None or counts else parse_label(text, BITS)
         if label is not None:
@@ -76,7 +81,7 @@ def open_stored_array(
         )
         return Bits(frames, options.width, provenance=provenance)
     except (TypeError, ValueError) as error:
-        if str(error).startswith(name):
+        if name in str(error):
             raise
         raise ValueError(f"{name}: {key}: {error}") from error
 

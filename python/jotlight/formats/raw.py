@@ -37,17 +37,17 @@ class RawFile:
     def __init__(self, path: Path, trailer: bytes = b"") -> None:
         self.path = path
         kind = file_type(path)
+        self._file = FileReader(path)
         self._stream: Stream | None = None
         if kind == "gzip" and path.suffix.lower() == ".gz":
             with naming_file(str(path)):
                 size, end = measure_gzip(path, len(trailer))
-            self._stream = Stream(lambda: open_gzip(path), size)
+            self._stream = Stream(lambda: open_gzip(path), size, self._file.check_unchanged)
         elif kind is not None:
             raise ValueError(
                 f"{path}: expected raw frames, but its first bytes are those of {kind}"
             )
         else:
-            self._file = FileReader(path)
             size = self._file.size
             end_bytes = min(size, len(trailer))
             end = self._file.read(size - end_bytes, end_bytes).tobytes()
@@ -63,9 +63,7 @@ class RawFile:
             if position + size == self.size:
                 # A folder may have more files than the system lets a process open at once.
                 self._stream.finish()
-        if len(data) != size:
-            raise OSError(f"{self.path} has become shorter since it was opened")
-        return data
+            return data
 
 
 def read_raw(

@@ -13,6 +13,9 @@ from pathlib import Path
 LINK_FOLDERS = "JOTLIGHT_LINK_FOLDERS"
 """Environment variable: further folders to which links may lead, separated as in PATH."""
 
+_MAX_FOLDER_LINKS = 1000
+"""Maximum number of links to folders in a capture."""
+
 
 def check_inside(file: Path, folder: Path) -> Path:
     """Return a file or folder if it lies in `folder` or below, after links are followed.
@@ -43,17 +46,16 @@ def check_inside(file: Path, folder: Path) -> Path:
 def list_below(folder: Path, extensions: tuple[str, ...] = ("",)) -> Iterator[Path]:
     """Yield the files with these extensions, in lower case, in a folder and below it.
 
-    Links to folders are followed. A folder that several paths lead to is listed once.
+    Links are followed. A file that several paths lead to is yielded for each path.
 
     Raises
     ------
     OSError
         When a folder cannot be read.
     ValueError
-        When a link leads out of the folder.
+        When a link leads out of the folder, or links form a loop.
     """
-    status = folder.stat()
-    seen, waiting = {(status.st_dev, status.st_ino)}, [folder]
+    waiting, links = [folder], 0
     while waiting:
         with os.scandir(waiting.pop()) as entries:
             for entry in entries:
@@ -63,14 +65,16 @@ def list_below(folder: Path, extensions: tuple[str, ...] = ("",)) -> Iterator[Pa
                 path = Path(entry.path)
                 if entry.is_symlink():
                     check_inside(path, folder)
-                if not is_folder:
-                    if entry.is_file():
-                        yield path
-                    continue
-                status = entry.stat()
-                if (status.st_dev, status.st_ino) not in seen:
-                    seen.add((status.st_dev, status.st_ino))
+                    links += is_folder
+                    if links > _MAX_FOLDER_LINKS:
+                        raise ValueError(
+                            f"{path}: expected at most {_MAX_FOLDER_LINKS} links to folders; "
+                            "remove links that form a loop"
+                        )
+                if is_folder:
                     waiting.append(path)
+                elif entry.is_file():
+                    yield path
 
 
 def resolve_below(path: Path, name: object, parameter: str) -> Path:

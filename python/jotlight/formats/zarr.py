@@ -1,8 +1,11 @@
 """zarr folders: an array of packed bits, of booleans, or of counts. Requires the extra `zarr`."""
 
+import dataclasses
 import json
 import math
-import os
+import operator
+import re
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,31 +18,34 @@ from jotlight.files import atomic_folder
 from jotlight.formats.capture import Capture
 from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.labeled import ATTRIBUTE, StoredArray, bits_label, open_stored_array
+from jotlight.formats.labels import COUNTS, VERSION
 from jotlight.formats.limits import check_claimed_size
+from jotlight.formats.safe_paths import list_below
+from jotlight.formats.zarr_manifest import (
+    BITS_ARRAY,
+    MANIFEST,
+    MANIFESTS,
+    MAX_METADATA_BYTES,
+    METADATA_FILES,
+    read_manifest,
+    verify_chunks,
+    write_manifest,
+)
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.maps import MAPS
 from jotlight.sensing.provenance import Provenance
 
-_METADATA_FILES = ("zarr.json", ".zarray", ".zgroup")
-"""Names of the files that describe an array or a group, in versions 3 and 2 of zarr."""
-
 _MAX_ARRAYS = 1000
-"""Maximum number of arrays that are listed for a folder."""
-
-_MAX_METADATA_BYTES = 1 << 22
-
-_MAX_CHUNK_BYTES = 1 << 28
-"""Maximum size of a chunk in bytes. The library decompresses a chunk as a whole."""
+"""Maximum number of files that describe arrays and groups."""
 
 _WRITTEN_CHUNK_BYTES = 1 << 23
 
-_SAFE_CODECS = {
-    *("blosc", "bz2", "gzip", "lz4", "lzma", "zlib", "zstd", "crc32", "crc32c", "adler32"),
-    *("bytes", "transpose", "delta", "shuffle", "packbits", "sharding_indexed"),
-    *("default", "regular", "v2"),
-}
-"""Names of the codecs that are allowed. Others, such as pickle, can run code."""
+_MAX_READ_BYTES, _MAX_READ_CHUNKS = 1 << 26, 1 << 12
+"""Maximum size and number of the chunks that are read at once, unless it is a single one."""
+
+_MAX_MISSING = 1000
+"""Maximum ratio of the number of chunks to that of their files, of which ten more are assumed."""
 
 
 def _import_zarr() -> Any:
@@ -51,129 +57,240 @@ def _import_zarr() -> Any:
 
 
 def _is_zarr(path: Path) -> bool:
-    return any((path / name).is_file() for name in _METADATA_FILES)
+    return any((path / name).is_file() for name in (*METADATA_FILES, *MANIFESTS))
 
 
 def open_zarr(path: Path, options: OpenOptions) -> Capture:
     """Return the capture in an array of a zarr folder."""
-    zarr = _import_zarr()
+    _import_zarr()
     if not path.is_dir():
         raise FileNotFoundError(f"there is no folder {path}")
-    folders = {str(folder.relative_to(path)): folder for folder in _list_arrays(path)}
-    if options.key in folders:
+    folder = _list_folder(path)
+    names = folder.arrays()
+    if options.key in names:
         # Other arrays are opened only if they may be maps of the sensor.
-        folders = {name: folders[name] for name in (options.key, *MAPS) if name in folders}
-    arrays = {name: _check_array(zarr, folder) for name, folder in folders.items()}
+        names = [name for name in (options.key, *MAPS) if name in names]
+    arrays = {name: _open_array(folder, name) for name in names}
     return open_stored_array(arrays, Provenance("zarr", path.name), options)
 
 
-def _list_arrays(path: Path) -> list[Path]:
-    """Return the folders of all arrays. The chunks of an array are not listed."""
-    found: list[Path] = []
-    waiting = [path]
-    while waiting and len(found) < _MAX_ARRAYS:
-        folder = waiting.pop()
-        metadata = [
-            _read_metadata(folder / name) for name in _METADATA_FILES if (folder / name).is_file()
-        ]
-        if any("shape" in each for each in metadata):
-            found.append(folder)
-        elif metadata:
-            waiting += [inner for inner in folder.iterdir() if inner.is_dir()]
-    if not found:
-        raise ValueError(f"{path}: expected a zarr folder with an array in it")
-    return sorted(found)
+@dataclasses.dataclass(frozen=True)
+class _Folder:
+    """A zarr folder, with the sizes of its files by name."""
+
+    path: Path
+    files: Mapping[str, int]
+    checksums: Mapping[str, str] | None
+    """The stored CRC-32C of each chunk, or None if jotlight did not write the folder."""
+
+    def arrays(self) -> list[str]:
+        """Return the names of the arrays; the name of an array in the root is `.`."""
+        described = sorted(
+            Path(name) for name in self.files if name.rpartition("/")[2] in METADATA_FILES
+        )
+        if len(described) > _MAX_ARRAYS:
+            raise ValueError(f"{self.path}: expected at most {_MAX_ARRAYS} arrays, got more")
+        found = {file.parent.as_posix() for file in described if self._describes_array(file)}
+        if not found:
+            raise ValueError(f"{self.path}: expected a zarr folder with an array in it")
+        return sorted(found)
+
+    def files_of(self, array: str) -> dict[str, int]:
+        """Return the sizes of the files of an array, with names relative to its folder."""
+        prefix = "" if array == "." else f"{array}/"
+        return {
+            name.removeprefix(prefix): size
+            for name, size in self.files.items()
+            if name.startswith(prefix)
+        }
+
+    def checksums_of(self, array: str) -> dict[str, str] | None:
+        """Return the checksums of the chunks of an array, with names relative to its folder."""
+        prefix = "" if array == "." else f"{array}/"
+        if self.checksums is None:
+            return None
+        return {
+            name.removeprefix(prefix): checksum
+            for name, checksum in self.checksums.items()
+            if name.startswith(prefix)
+        }
+
+    def _describes_array(self, name: Path) -> bool:
+        from jotlight.formats.zarr_codecs import check_codec_names
+
+        path = self.path / name
+        try:
+            if self.files[name.as_posix()] > MAX_METADATA_BYTES:
+                raise ValueError("it is too long")
+            metadata = json.loads(path.read_text(encoding="utf-8"))
+            if not isinstance(metadata, dict):
+                raise ValueError("expected an object")
+            is_array = path.name != ".zattrs" and "shape" in metadata
+            if is_array:
+                check_codec_names(metadata)
+        except (ValueError, RecursionError) as error:
+            raise ValueError(
+                f"{path}: the description of the array is damaged ({error})"
+            ) from error
+        return is_array
 
 
-def _read_metadata(path: Path) -> dict[str, Any]:
+def _list_folder(path: Path) -> _Folder:
+    """Return a folder whose links do not lead out of it, and whose files fit its manifest."""
+    found = list_below(path)
+    files = {file.relative_to(path).as_posix(): file.stat().st_size for file in found}
+    return _Folder(path, files, read_manifest(path, files))
+
+
+def _open_array(folder: _Folder, name: str) -> StoredArray:
+    from jotlight.formats.zarr_store import open_bounded_array
+
+    path, files = folder.path / name, folder.files_of(name)
     try:
-        if path.stat().st_size > _MAX_METADATA_BYTES:
-            raise ValueError("it is too long")
-        metadata = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(metadata, dict):
-            raise ValueError("expected an object")
-        if "shape" in metadata:
-            _check_codecs(metadata)
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"{path}: the description of the array is damaged ({error})") from error
-    return metadata
-
-
-def _check_codecs(metadata: Any) -> None:
-    """Raise ValueError if the metadata name a codec, at any depth, that is not known to be safe."""
-    if isinstance(metadata, dict):
-        for name, value in metadata.items():
-            if name in ("name", "id") and not (isinstance(value, str) and value in _SAFE_CODECS):
-                raise ValueError(f"codecs: expected only known safe codecs, got {value!r}")
-            if name != "attributes":
-                _check_codecs(value)
-    if isinstance(metadata, list):
-        for value in metadata:
-            _check_codecs(value)
-
-
-def _check_array(zarr: Any, folder: Path) -> StoredArray:
-    try:
-        array = zarr.open_array(str(folder), mode="r")
-        shape, dtype, chunks = tuple(array.shape), np.dtype(array.dtype), tuple(array.chunks)
+        array, sizes = open_bounded_array(path, folder.path, folder.checksums_of(name))
+        shape, dtype = tuple(array.shape), np.dtype(array.dtype)
         label = array.attrs.get(ATTRIBUTE)
     except Exception as error:  # the library raises many exceptions for damaged folders
-        raise ValueError(f"{folder}: the array is damaged ({error})") from error
+        raise ValueError(f"{path}: the array is damaged ({error})") from error
     if dtype.kind not in "biuf" or not shape or min(shape) < 0:
-        raise ValueError(f"{folder}: expected an array of numbers, got {dtype} of shape {shape}")
-    folder_bytes = sum(
-        (Path(place) / name).stat().st_size for place, _, names in os.walk(folder) for name in names
+        raise ValueError(f"{path}: expected an array of numbers, got {dtype} of shape {shape}")
+    if label is not None and folder.checksums is None:
+        raise ValueError(
+            f"{path}: jotlight wrote this array, but its list of files {MANIFEST} is missing; open "
+            "the zarr folder that contains it, or restore it from a copy"
+        )
+    check_claimed_size(
+        str(path),
+        math.prod(shape) * dtype.itemsize,
+        sum(files.values()),
+        frame_bytes=math.prod(shape[1:] if len(shape) > 2 else shape) * dtype.itemsize,
     )
-    check_claimed_size(str(folder), math.prod(shape) * dtype.itemsize, folder_bytes)
-    if math.prod(chunks) * dtype.itemsize > _MAX_CHUNK_BYTES:
-        raise ValueError(f"{folder}: has chunks of more than {_MAX_CHUNK_BYTES} bytes")
+    warning = _describe_missing_chunks(path, array, files)
+    max_chunks = min(max(1, _MAX_READ_BYTES // sizes.chunk), _MAX_READ_CHUNKS)
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
+        part = np.empty((stop - start, *shape[1:]), dtype)
+        region = (slice(start, stop), *(slice(0, length) for length in shape[1:]))
         try:
-            return np.asarray(array[start:stop])
+            for block in _split(region, tuple(array.chunks), max_chunks):
+                rows = slice(block[0].start - start, block[0].stop - start)
+                part[(rows, *block[1:])] = array[block]
         except Exception as error:
-            raise ValueError(f"{folder}: a chunk is damaged ({error})") from error
+            raise ValueError(f"{path}: a chunk is damaged ({error})") from error
+        return part
 
-    return StoredArray(Frames(shape, read, dtype), label if isinstance(label, str) else None)
+    frames = Frames(shape, read, dtype)
+    return StoredArray(frames, label if isinstance(label, str) else None, warning)
+
+
+def _split(
+    region: tuple[slice, ...], chunks: tuple[int, ...], max_chunks: int
+) -> Iterator[tuple[slice, ...]]:
+    """Yield parts of a region that touch at most `max_chunks` chunks of this shape each."""
+    pairs = list(zip(region, chunks, strict=True))
+    first = [place.start // size for place, size in pairs]
+    number = [-(-place.stop // size) - low for (place, size), low in zip(pairs, first, strict=True)]
+    if math.prod(number) <= max_chunks:
+        yield region
+        return
+    axis = next(axis for axis, touched in enumerate(number) if touched > 1)
+    middle = (first[axis] + number[axis] // 2) * chunks[axis]
+    for half in (slice(region[axis].start, middle), slice(middle, region[axis].stop)):
+        yield from _split((*region[:axis], half, *region[axis + 1 :]), chunks, max_chunks)
+
+
+def _describe_missing_chunks(path: Path, array: Any, files: Mapping[str, int]) -> str | None:
+    """Return a warning about chunks that are not in the folder, or None if there are all.
+
+    Raises
+    ------
+    ValueError
+        When nearly all are missing. Reading them would take time without end.
+    """
+    shape = array.shards or array.chunks
+    grid = [-(-length // size) for length, size in zip(array.shape, shape, strict=True)]
+
+    def is_chunk(name: str) -> bool:
+        place = tuple(map(int, re.findall("[0-9]+", name)))[-len(grid) :]
+        inside = len(place) == len(grid) and all(map(operator.lt, place, grid))
+        return inside and array.metadata.encode_chunk_key(place) == name
+
+    total, found = math.prod(grid), sum(map(is_chunk, files))
+    if total - found > _MAX_MISSING * (found + 10):
+        raise ValueError(f"{path}: only {found} of its {total} chunks exist; it is damaged")
+    if found == total:
+        return None
+    kind, fill_value = "shards" if array.shards else "chunks", array.metadata.fill_value or 0
+    return (
+        f"{path}: {total - found} of its {total} {kind} are missing and are read as "
+        f"{fill_value}; zarr omits {kind} that hold nothing else, so check whether this is expected"
+    )
 
 
 def _write_bits(bits: Bits, path: Path) -> None:
     """Write bits as an array, or as a group of arrays if the sensor has maps."""
     zarr = _import_zarr()
     maps = bits.sensor.maps() if bits.sensor is not None else {}
-    shape = bits.packed.shape
-    chunk_frames = max(1, min(shape[0], _WRITTEN_CHUNK_BYTES // math.prod(shape[1:])))
     with atomic_folder(path) as folder:
         if maps:
-            zarr.open_group(str(folder), mode="w")
-            for name, map_ in maps.items():
-                inner = zarr.open_array(
-                    str(folder / name), mode="w", shape=map_.shape, dtype=map_.dtype
-                )
-                inner[...] = map_
-        array = zarr.open_array(
-            str(folder / "bits" if maps else folder),
-            mode="w",
-            shape=shape,
-            chunks=(chunk_frames, *shape[1:]),
-            dtype=np.uint8,
+            zarr.create_group(str(folder))
+        for name, map_ in maps.items():
+            _create_array(folder, name, map_.shape, map_.dtype)[...] = map_
+        array = _create_array(
+            folder, BITS_ARRAY if maps else None, bits.packed.shape, np.uint8, bits_label(bits)
         )
         # Each write covers complete chunks, so no chunk is written twice.
-        for start in range(0, shape[0], chunk_frames):
-            place = slice(start, min(start + chunk_frames, shape[0]))
+        for start in range(0, array.shape[0], array.chunks[0]):
+            place = slice(start, min(start + array.chunks[0], array.shape[0]))
             array[place] = np.asarray(bits.packed[place, ...])
-        array.attrs[ATTRIBUTE] = bits_label(bits)
+        write_manifest(folder, folder / BITS_ARRAY if maps else folder)
 
 
 def _write_counts(counts: Counts, path: Path, label: str | None) -> None:
-    zarr = _import_zarr()
+    # Every array has a label, so that jotlight can notice that the manifest is missing.
+    label = label or json.dumps({"format": COUNTS, "version": VERSION})
     with atomic_folder(path) as folder:
-        array = zarr.open_array(
-            str(folder), mode="w", shape=counts.shape, chunks=counts.shape, dtype=np.int32
-        )
-        array[...] = counts
-        if label is not None:
-            array.attrs[ATTRIBUTE] = label
+        _create_array(folder, None, counts.shape, np.int32, label)[...] = counts
+        write_manifest(folder, folder)
+
+
+def _create_array(
+    folder: Path,
+    name: str | None,
+    shape: tuple[int, ...],
+    dtype: npt.DTypeLike,
+    label: str | None = None,
+) -> Any:
+    """Return a new array, all of whose chunks are written and end in a checksum."""
+    zarr = _import_zarr()
+    return zarr.create_array(
+        str(folder),
+        name=name,
+        shape=shape,
+        chunks=_written_chunks(shape, np.dtype(dtype).itemsize),
+        dtype=dtype,
+        compressors=[zarr.codecs.ZstdCodec(), zarr.codecs.Crc32cCodec()],
+        attributes={} if label is None else {ATTRIBUTE: label},
+        config={"write_empty_chunks": True},
+    )
+
+
+def _written_chunks(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:
+    """Return the shape of chunks of about 8 MiB: as many whole frames, rows, and so on as fit."""
+    chunks, size = [], itemsize
+    for length in reversed(shape):
+        chunks.append(max(1, min(length, _WRITTEN_CHUNK_BYTES // size)))
+        size *= chunks[-1]
+    return tuple(reversed(chunks))
+
+
+def _verify(path: Path) -> int:
+    """Compare all files with the manifest, and return their number, or 0 without a manifest."""
+    folder = _list_folder(path)
+    if folder.checksums is None:
+        return 0
+    metadata = sum(name.rpartition("/")[2] in METADATA_FILES for name in folder.files)
+    return metadata + verify_chunks(path, folder.checksums)
 
 
 ZARR = Format(
@@ -182,6 +299,7 @@ ZARR = Format(
     open=open_zarr,
     matches=_is_zarr,
     has_keys=True,
+    verify=_verify,
     writer=Writer(
         bits=_write_bits,
         counts=_write_counts,

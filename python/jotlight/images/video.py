@@ -114,7 +114,6 @@ def video_writer(
 
 
 def _append(file: OutputFile, image: FloatImage, number: int) -> None:
-    # The pages of a memory map would stay in memory.
     if file.tell() == 0:
         header = {"descr": "<f4", "fortran_order": False, "shape": (number, *image.shape)}
         np.lib.format.write_array_header_1_0(file, header)

@@ -64,7 +64,7 @@ class Inference:
 
     def _run_by_table(self, data: Data) -> npt.NDArray[np.float32]:
         """Return the output of a tied network for pixels alike. A table maps each count L to p."""
-        sensor, side = self.sensor, self.sensor.oversampling
+        sensor = self.sensor
         all_counts = PixelCounts(
             sensor,
             np.arange(sensor.bits_per_pixel + 1, dtype=np.int32),
@@ -73,22 +73,13 @@ class Inference:
             varies_within_pixels=False,
         )
         table = self._tied_weights * equivalent_counts(all_counts, self.reference, self.threads)
-        if isinstance(data, Bits):
-            check_fits(data, sensor)
-            shape = tuple(size // side for size in data.shape[1:3])
-        else:
-            data = count_pixels(data, sensor, self.threads).counts
-            shape = data.shape
-
-        def run_rows(rows: slice) -> npt.NDArray[np.float32]:
-            if isinstance(data, Bits):
-                part = Bits(data.packed[:, rows.start * side : rows.stop * side], data.width)
-                counts = part.counts(side, threads=self.threads)
-            else:
-                counts = data[rows]
-            return engine.forward_counts(self._engine_layers, counts, table, self.threads)
-
-        return self._run_bands(shape, run_rows)
+        counts = count_pixels(data, sensor, self.threads).counts
+        return self._run_bands(
+            counts.shape,
+            lambda rows: engine.forward_counts(
+                self._engine_layers, counts[rows], table, self.threads
+            ),
+        )
 
     def _run_untied(self, data: Data) -> npt.NDArray[np.float32]:
         """Return the output of a network whose first layer has one weight per jot and frame."""

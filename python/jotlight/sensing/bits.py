@@ -1,7 +1,7 @@
 """Bits of a single-photon camera, in packed form."""
 
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -11,7 +11,13 @@ import jotlight._engine as engine
 from jotlight.checks import refuse_masked
 from jotlight.chunks import MAX_COUNTED_JOTS, frame_chunks
 from jotlight.sensing.channels import channel_views
-from jotlight.sensing.frames import Frames, format_frame_range, read_ahead
+from jotlight.sensing.frames import (
+    Frames,
+    Packed,
+    format_frame_range,
+    map_in_thread,
+    read_frames,
+)
 from jotlight.sensing.provenance import Provenance
 
 
@@ -40,9 +46,8 @@ class Bits:
     ----------
     packed : ndarray of uint8 or Frames, shape (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C)
         The bits as ``numpy.packbits`` packs them along the width, the most significant bit first,
-        as in photon cubes.
-        :class:`jotlight.sensing.frames.Frames` are read from files when they are needed. The bits
-        are never unpacked as a whole.
+        as in photon cubes. :class:`jotlight.sensing.frames.Frames` are read from files when they
+        are needed. The bits are never unpacked as a whole.
     width : int, optional
         W: the true width in jots. Default: ``8 * packed.shape[2]``.
     sensor : Sensor, optional
@@ -212,12 +217,10 @@ class Bits:
         valid = None if mask is None else np.packbits(~mask, axis=1)
         counts = np.zeros((height // oversampling, width // oversampling, *channels), np.int32)
         chunks = list(frame_chunks(frames, counts.shape[0], width * oversampling, MAX_COUNTED_JOTS))
-        # One reading of the files serves all rows and all channels.
-        parts = read_ahead(self.packed, [f for f, r in chunks if r.start == 0])
-        for index, (_, r) in enumerate(chunks):
-            if r.start == 0:
-                part = next(parts)
-            jots = slice(r.start * oversampling, r.stop * oversampling)
+
+        def add(chunk: tuple[range, Packed]) -> None:
+            rows, part = chunk
+            jots = slice(rows.start * oversampling, rows.stop * oversampling)
             views = channel_views(part[:, jots], 3), channel_views(counts)
             for bits, ones in zip(*views, strict=True):
                 engine.add_block_counts(
@@ -225,9 +228,13 @@ class Bits:
                     width,
                     oversampling,
                     None if valid is None else valid[jots],
-                    ones[r.start : r.stop],
+                    ones[rows.start : rows.stop],
                     threads,
                 )
+
+        # Reading a file takes as long as counting, and the two overlap.
+        run = map_in_thread if isinstance(self.packed, Frames) else map
+        for index, _ in enumerate(run(add, _read_chunks(self.packed, chunks))):
             if progress:
                 progress((index + 1) / len(chunks))
         return counts
@@ -244,6 +251,16 @@ class Bits:
         plural = "" if frames == 1 else "s"
         sensor = f", {self.sensor!r}" if self.sensor else ""
         return f"<Bits: {frames} frame{plural} of {height} x {width} jots{color}{sensor}>"
+
+
+def _read_chunks(
+    packed: Packed | Frames, chunks: Iterable[tuple[range, range]]
+) -> Iterator[tuple[range, Packed]]:
+    """Yield the rows of each chunk, and its frames with all rows, which are read only once."""
+    for frames, rows in chunks:
+        if rows.start == 0:
+            part = read_frames(packed, frames.start, frames.stop)
+        yield rows, part
 
 
 def check_fits(bits: Bits, sensor: SensorLike) -> None:

@@ -4,11 +4,14 @@ import bisect
 import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+
+S = TypeVar("S")
+T = TypeVar("T")
 
 Packed = npt.NDArray[np.uint8]
 """Bits, eight in a byte."""
@@ -176,26 +179,24 @@ def read_frames(frames: npt.NDArray[Any] | Frames, start: int, stop: int) -> npt
     return frames.read(start, stop) if isinstance(frames, Frames) else frames[start:stop]
 
 
-def read_ahead(
-    frames: npt.NDArray[Any] | Frames, ranges: Iterable[range]
-) -> Iterator[npt.NDArray[Any]]:
-    """Yield the frames of each range as an array, while a thread reads those of the next range.
+def map_in_thread(function: Callable[[S], T], items: Iterable[S]) -> Iterator[T]:
+    """Yield `function` of each item, computed in a thread while this thread makes the next item.
+
+    Ctrl-C stops the making of an item, but it waits for the function.
 
     Examples
     --------
-    >>> cube = Frames((5, 1, 2), lambda a, b: np.full((b - a, 1, 2), a, np.uint8))
-    >>> [part.tolist() for part in read_ahead(cube, [range(0, 1), range(3, 5)])]
-    [[[[0, 0]]], [[[3, 3]], [[3, 3]]]]
+    >>> list(map_in_thread(len, ["a", "bc"]))
+    [1, 2]
     """
-    parts = (read_frames(frames, part.start, part.stop) for part in ranges)
-    if not isinstance(frames, Frames):
-        yield from parts
-        return
-    with ThreadPoolExecutor(1) as reader:
-        waiting = reader.submit(next, parts, None)
-        while (part := waiting.result()) is not None:
-            waiting = reader.submit(next, parts, None)
-            yield part
+    with ThreadPoolExecutor(1) as thread:
+        running: Future[T] | None = None
+        for item in items:
+            if running is not None:
+                yield running.result()
+            running = thread.submit(function, item)
+        if running is not None:
+            yield running.result()
 
 
 def concatenate(parts: Sequence[npt.NDArray[Any] | Frames]) -> npt.NDArray[Any] | Frames:

@@ -101,8 +101,9 @@ class History:
                     for step, loss, norm, *optional in rows
                 ]
             )
-        except (KeyError, TypeError, ValueError) as error:
-            raise ValueError(f"history: expected the records of a run, got {columns!r}") from error
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            names = ", ".join(_COLUMNS)
+            raise ValueError(f"history: expected lists of {names} of a run: {error!r}") from error
 
     def subsample(self, max_records: int = 500) -> Self:
         """Return a history of about `max_records` records at equal distances.

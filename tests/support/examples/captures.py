@@ -8,11 +8,19 @@ import tifffile
 from PIL import Image
 
 import jotlight as jl
-from examples.encodings import INSIDE_GZIP, INSIDE_NPZ, PNG_CHECKSUMS, array_makers
+from examples.encodings import (
+    INSIDE_GZIP,
+    INSIDE_NPZ,
+    PNG_CHECKSUMS,
+    SEALED,
+    array_makers,
+    gzip_bytes,
+)
 from examples.reader import Reader
 from jotlight.formats.description import description_path
 from jotlight.formats.image_files import read_mask
 from jotlight.formats.writing import write_capture
+from jotlight.formats.zarr_manifest import MANIFEST
 
 RNG = np.random.default_rng(0)
 BITS = jl.Bits.from_array(RNG.random((3, 6, 13)) < 0.4)
@@ -85,11 +93,26 @@ def _mat_7_3(path):
         file.write(b"MATLAB 7.3 MAT-file".ljust(512))
 
 
-def _hdf5(path):
+def _hdf5(path, libver="latest"):
     import h5py
 
-    with h5py.File(path, "w", libver="latest") as file:
+    with h5py.File(path, "w", libver=libver) as file:
         file.create_dataset("b", data=np.eye(5, dtype=bool)[None], chunks=(1, 3, 3), shuffle=True)
+
+
+def _matlab_folder(path):
+    write_capture(BITS, path, "matlab")
+    # Without the checksum of the part, which would refuse all damage at once.
+    (path / "info.json").unlink()
+
+
+def _without_extension(name, extension):
+    def make(path):
+        file = path.with_name(f"made{extension}")
+        write_capture(COUNTS, file, name)
+        file.rename(path)
+
+    return make
 
 
 def _zarr(path, **options):
@@ -97,6 +120,11 @@ def _zarr(path, **options):
 
     array = zarr.open_array(str(path), mode="w", shape=COUNTS.shape, dtype="i4", **options)
     array[...] = COUNTS
+
+
+def _raw_gzip(path):
+    write_capture(HALF_FRAMES, path.with_name("made.bin"), "swissspad2")
+    path.write_bytes(gzip_bytes(path.with_name("made.bin").read_bytes()))
 
 
 def tiff(array, **options):
@@ -123,8 +151,9 @@ CAPTURES = {
         ),
     ),
     "npy-description": Reader(
-        "a.npy", open_counts, written("npy", BITS_WITH_MAPS), file="a.json", json=True
+        "a.npy", open_counts, written("npy", BITS_WITH_MAPS), file="a.json", **SEALED
     ),
+    "npy-seal": Reader("a.npy", open_counts, written("npy", BITS_WITH_MAPS), file="a.json"),
     "npy-map": Reader(
         "a.npy",
         open_counts,
@@ -140,6 +169,20 @@ CAPTURES = {
     "visionsim": Reader(
         "a", open_counts, written("visionsim", BITS, COLOR), file="a/transforms.json", json=True
     ),
+    "visionsim-frames": Reader(
+        "a", open_counts, written("visionsim", BITS, COLOR), file="a/frames.npy"
+    ),
+    "any-format": Reader(
+        "a",
+        open_counts,
+        tuple(
+            _without_extension(name, extension)
+            for name, extension in (("npy", ".npy"), ("npz", ".npz"), ("png", ".png"))
+        ),
+    ),
+    "swissspad2-gzip": Reader(
+        "a.bin.gz", functools.partial(open_counts, format="swissspad2"), (_raw_gzip,)
+    ),
     **{
         name: Reader("a.bin", functools.partial(open_counts, format=name), written(name, bits))
         for name, bits in RAW.items()
@@ -154,9 +197,16 @@ CAPTURES = {
         ),
     ),
     "matlab-description": Reader(
-        "a", open_counts, written("matlab", BITS), file="a/info.json", json=True
+        "a", open_counts, written("matlab", BITS), file="a/info.json", **SEALED
     ),
-    "matlab-7.3": Reader("a.mat", open_counts, (_mat_7_3,), needs="h5py"),
+    "matlab-part": Reader("a", open_counts, (_matlab_folder,), file="a/part_1.mat"),
+    "matlab-7.3": Reader(
+        "a.mat",
+        open_counts,
+        (_mat_7_3,),
+        needs="h5py",
+        read_isolated=functools.partial(open_counts, isolate=True),
+    ),
     "tiff": Reader(
         "a.tif",
         open_counts,
@@ -180,14 +230,26 @@ CAPTURES = {
         (*written("png", COUNTS, COUNTS % 256), black_and_white, palette),
         **PNG_CHECKSUMS,
     ),
-    "hdf5": Reader("a.h5", open_counts, (*written("hdf5", BITS, COUNTS), _hdf5), needs="h5py"),
-    "zarr": Reader(
+    "hdf5": Reader(
+        "a.h5",
+        open_counts,
+        (
+            *written("hdf5", BITS, COUNTS),
+            _hdf5,
+            # The oldest versions of the structures in the file have no checksums.
+            functools.partial(_hdf5, libver="earliest"),
+        ),
+        needs="h5py",
+        read_isolated=functools.partial(open_counts, isolate=True),
+    ),
+    "zarr": Reader("a", open_counts, (_zarr,), file="a/zarr.json", json=True, needs="zarr"),
+    "zarr-manifest": Reader(
         "a",
         open_counts,
-        written("zarr", BITS, COUNTS),
-        file="a/zarr.json",
-        json=True,
+        written("zarr", BITS_WITH_MAPS, COUNTS),
+        file=f"a/{MANIFEST}",
         needs="zarr",
+        **SEALED,
     ),
     "zarr-2": Reader(
         "a",

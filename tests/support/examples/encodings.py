@@ -3,12 +3,15 @@
 import functools
 import gzip
 import io
+import json
 import tempfile
 import zipfile
 import zlib
 from pathlib import Path
 
 import numpy as np
+
+from jotlight.formats.checksums import is_sealed, seal
 
 
 def npy_bytes(array, **options):
@@ -49,6 +52,18 @@ def with_png_checksums(content):
     return bytes(png)
 
 
+def with_seal(content):
+    """Return sealed JSON with its checksum corrected. Other bytes stay as they are."""
+    try:
+        if is_sealed(content.decode()):
+            object_ = json.loads(content)
+            del object_["checksum"]
+            return seal(object_).encode()
+    except (ValueError, TypeError, KeyError, RecursionError):
+        pass  # They are no JSON, which the reader finds out.
+    return content
+
+
 def safetensors_header(content):
     """Return the JSON header of a `.safetensors` file."""
     return content[8 : 8 + int.from_bytes(content[:8], "little")]
@@ -82,6 +97,9 @@ def array_makers(*arrays):
 
 INSIDE_GZIP = {"wrap": functools.partial(gzip.compress, compresslevel=1), "unwrap": gzip.decompress}
 """Options of a Reader whose decompressed bytes are damaged."""
+
+SEALED = {"wrap": with_seal, "json": True}
+"""Options of a Reader of sealed JSON, which would refuse damage with a wrong checksum at once."""
 
 INSIDE_NPZ = {"wrap": npz_bytes, "unwrap": npz_member}
 

@@ -2,7 +2,9 @@
 
 import functools
 import io
+import pickle
 import tarfile
+from unittest import mock
 
 import numpy as np
 from PIL import Image
@@ -10,7 +12,7 @@ from PIL import Image
 from examples.captures import COUNTS, palette, tiff, written
 from examples.encodings import INSIDE_GZIP, INSIDE_NPZ, PNG_CHECKSUMS, array_makers
 from examples.reader import Reader
-from jotlight.datasets.cifar10_files import read_archive
+from jotlight.datasets import cifar10_files
 from jotlight.images.io import image_writer, read_image
 from jotlight.images.sets import read_image_set
 
@@ -31,6 +33,30 @@ def _cifar_archive(path):
         member = tarfile.TarInfo("cifar-10-batches-bin/test_batch.bin")
         member.size = 3073
         archive.addfile(member, io.BytesIO(bytes(3073)))
+
+
+def _cifar_pickle(path):
+    path.mkdir()
+    levels = np.arange(3072).astype(np.uint8).reshape(1, 3072)
+    batch = {"data": levels.tobytes(), "labels": [3], "filenames": ["a.png" * 8]}
+    (path / "test_batch").write_bytes(pickle.dumps(batch))
+
+
+def _cifar_binary(path):
+    path.mkdir()
+    (path / "test_batch.bin").write_bytes(bytes(3073))
+
+
+def _cifar_gray(path):
+    path.mkdir()
+    images = np.ones((2, 32, 32), np.uint8)
+    np.savez(path / "cifar10_gray.npz", x_test=images, test_lossless=np.array([True, False]))
+
+
+def _read_cifar(path):
+    # The original files have 10,000 images, which would take a second to read.
+    with mock.patch.object(cifar10_files, "RECORDS", 1):
+        return list(cifar10_files.read_folder(path, "test", ["test_batch"]))
 
 
 IMAGES = {
@@ -56,9 +82,12 @@ IMAGES = {
         (functools.partial(np.savez, a=np.ones((2, 5, 9), np.uint8)),),
         **INSIDE_NPZ,
     ),
+    "cifar-pickle": Reader("a", _read_cifar, (_cifar_pickle,), file="a/test_batch"),
+    "cifar-binary": Reader("a", _read_cifar, (_cifar_binary,), file="a/test_batch.bin"),
+    "cifar-gray": Reader("a", _read_cifar, (_cifar_gray,), file="a/cifar10_gray.npz"),
     "cifar-archive": Reader(
         "a.tar.gz",
-        lambda path: list(read_archive(path, ["test_batch"])),
+        lambda path: list(cifar10_files.read_archive(path, ["test_batch"])),
         (_cifar_archive,),
         **INSIDE_GZIP,
     ),

@@ -29,7 +29,8 @@ def _calibrate():
     return jl.calibrate(dark, jl.Bits.from_array(rng.random((400, 32, 32)) < rates), frames=4000)
 
 
-def _calibration(path):
+def save_calibration(path):
+    """Write a calibration."""
     _calibrate().save(path)
 
 
@@ -56,9 +57,9 @@ def _use_calibration(path):
 MODELS = {
     "network": Reader("a.safetensors", _use_network, (_network,)),
     "network-header": Reader("a.safetensors", _use_network, (_network,), **around_header(_network)),
-    "calibration": Reader("a.safetensors", _use_calibration, (_calibration,)),
+    "calibration": Reader("a.safetensors", _use_calibration, (save_calibration,)),
     "calibration-header": Reader(
-        "a.safetensors", _use_calibration, (_calibration,), **around_header(_calibration)
+        "a.safetensors", _use_calibration, (save_calibration,), **around_header(save_calibration)
     ),
     "checkpoint": Reader(
         "a.safetensors",

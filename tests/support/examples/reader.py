@@ -28,6 +28,9 @@ class Reader:
     """Whether the bytes to damage are JSON."""
     needs: str = "numpy"
     """Package that the reader requires."""
+    read_isolated: Callable[[Path], object] | None = None
+    """Read the file in a child process, where a C library reads it that a damaged file may
+    crash."""
 
     def example(self, folder: Path, number: int = 0) -> tuple[Path, Path, bytes]:
         """Return an example that this function makes in a folder.

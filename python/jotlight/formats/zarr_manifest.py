@@ -1,0 +1,129 @@
+"""The manifest of a zarr folder that jotlight wrote: the files that it must contain.
+
+Each chunk ends in its CRC-32C, which the zarr library checks. The manifest lists these checksums,
+so that a chunk which is missing or has changed places is noticed, and the SHA-256 of all metadata.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from jotlight.formats.checksums import check_file, check_seal, file_checksum, seal
+from jotlight.formats.safe_paths import check_inside
+
+METADATA_FILES = ("zarr.json", ".zarray", ".zgroup", ".zattrs")
+"""Names of the files that describe an array or a group, in versions 3 and 2 of zarr."""
+
+MAX_METADATA_BYTES = 1 << 22
+"""Maximum size in bytes of such a file."""
+
+BITS_ARRAY = "bits"
+"""Name of the array of bits in a group."""
+
+MANIFEST = "jotlight.json"
+"""Name of the manifest. It lies beside the chunks of the bits or counts.
+
+The zarr library warns about files beside the metadata of a group that it does not know.
+"""
+
+MANIFESTS = (MANIFEST, f"{BITS_ARRAY}/{MANIFEST}")
+"""Names under which a manifest is found in a zarr folder: beside an array, or in a group."""
+
+_FORMAT, _VERSION = "jotlight zarr", 1
+
+_MAX_MANIFEST_BYTES = 1 << 27
+"""Maximum size of the manifest in bytes. A chunk takes about 40, so this suffices for 20 TB."""
+
+_CHECKSUM_BYTES = 4
+
+
+def write_manifest(folder: Path, array: Path) -> None:
+    """Write the manifest of a zarr folder whose arrays are complete into the folder of an array."""
+    metadata, chunks = {}, {}
+    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+        name = path.relative_to(folder).as_posix()
+        if path.name in METADATA_FILES:
+            metadata[name] = file_checksum(path)
+        else:
+            with path.open("rb") as file:
+                file.seek(path.stat().st_size - _CHECKSUM_BYTES)
+                chunks[name] = file.read().hex()
+    content = {"format": _FORMAT, "version": _VERSION, "metadata": metadata, "chunks": chunks}
+    (array / MANIFEST).write_text(seal(content), encoding="utf-8")
+
+
+def read_manifest(folder: Path, files: Mapping[str, int]) -> dict[str, str] | None:
+    """Return the checksums of the chunks by name, or None if there is no manifest.
+
+    Parameters
+    ----------
+    folder : path
+        The root of a zarr folder.
+    files : mapping
+        The names of all files in the folder.
+
+    Raises
+    ------
+    ValueError
+        When the manifest is damaged, a file that it lists is missing, or metadata have changed.
+        Files that it does not list are ignored, except for metadata: they change the content.
+    """
+    name = next((name for name in MANIFESTS if name in files), None)
+    if name is None:
+        return None
+    path = check_inside(folder / name, folder)
+    if files[name] > _MAX_MANIFEST_BYTES:
+        raise ValueError(f"{path}: expected at most {_MAX_MANIFEST_BYTES} bytes; it is damaged")
+    try:
+        text = path.read_bytes().decode()
+        check_seal(text, str(path))
+        content = json.loads(text)
+        metadata, chunks = _parse(content)
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
+        if str(error).startswith(str(path)):
+            raise
+        raise ValueError(f"{path}: the list of the files is damaged ({error})") from error
+    missing = [name for name in (*metadata, *chunks) if name not in files]
+    if missing:
+        raise ValueError(
+            f"{folder}: {len(missing)} of its {len(metadata) + len(chunks)} files are missing, "
+            f"such as {missing[0]}; open the whole zarr folder, or restore them from a copy"
+        )
+    for name in files:
+        if name.rpartition("/")[2] in METADATA_FILES and name not in metadata:
+            raise ValueError(f"{folder / name}: is not listed in {MANIFEST}; move it elsewhere")
+    for name, checksum in metadata.items():
+        check_file(folder / name, checksum)
+    return chunks
+
+
+def verify_chunks(folder: Path, checksums: Mapping[str, str]) -> int:
+    """Return the number of chunks, of which every byte has been compared with its checksum.
+
+    Raises
+    ------
+    ValueError
+        When a chunk is damaged.
+    """
+    import google_crc32c
+
+    for name, checksum in checksums.items():
+        content = (folder / name).read_bytes()
+        data, stored = content[:-_CHECKSUM_BYTES], content[-_CHECKSUM_BYTES:]
+        computed = google_crc32c.value(data).to_bytes(_CHECKSUM_BYTES, "little")
+        if not computed == stored == bytes.fromhex(checksum):
+            raise ValueError(f"{folder / name}: is damaged; restore it from a copy")
+    return len(checksums)
+
+
+def _parse(content: Any) -> tuple[dict[str, str], dict[str, str]]:
+    if content["format"] != _FORMAT or content["version"] != _VERSION:
+        raise ValueError(f"expected format {_FORMAT!r}, version {_VERSION}")
+    unknown = content.keys() - {"checksum", "format", "version", "metadata", "chunks"}
+    if unknown:
+        raise ValueError(f"got unknown entries {', '.join(sorted(unknown))}")
+    metadata, chunks = content["metadata"], content["chunks"]
+    if not isinstance(metadata, dict) or not isinstance(chunks, dict):
+        raise ValueError("expected metadata and chunks by name")
+    return metadata, chunks

@@ -1,0 +1,53 @@
+"""docs/results/robustness.md follows from the lines of JSON beside it, which are of full runs."""
+
+from pathlib import Path
+
+import pytest
+
+from damage.commands import COMMANDS
+from damage.page import PAGE_FILE, build_page
+from damage.record import read_rows
+from examples import READERS
+
+RESULTS = Path(__file__).parents[2] / "docs/results"
+PARTS = {"readers", "engine", "kills", "disks", "flips", "sweep"}
+
+
+@pytest.fixture(scope="module")
+def rows():
+    if not (RESULTS / PAGE_FILE).exists():
+        pytest.skip("there is no page of a full run")
+    return read_rows(RESULTS / "robustness")
+
+
+def test_the_page_follows_from_the_json(rows):
+    assert build_page(rows) == (RESULTS / PAGE_FILE).read_text("utf-8")
+
+
+def test_every_part_ran_in_full(rows):
+    runs = {row["of"]: row["command"] for row in rows if row["part"] == "run"}
+    assert runs.keys() == PARTS
+    assert [
+        command for command in runs.values() if "--quick" in command or "--only" in command
+    ] == []
+
+
+def test_the_fuzzers_tried_at_least_a_hundred_thousand_inputs_each(rows):
+    fuzzed = [row for row in rows if row["part"] in ("readers", "engine")]
+    assert {row["name"] for row in fuzzed if row["part"] == "readers"} >= READERS.keys()
+    inputs = {(row["part"], row["name"]): row["inputs"] for row in fuzzed}
+    assert min(inputs.values()) >= 10**5
+    assert sum(inputs.values()) >= 10**7
+
+
+def test_100_processes_were_killed_and_every_writer_met_full_disks(rows):
+    assert sum(row["kills"] for row in rows if row["part"] == "kills") >= 100
+    disks = {row["name"]: row["free"] for row in rows if row["part"] == "disks"}
+    assert disks.keys() == {each.name for each in COMMANDS}
+    assert all(disks.values())
+
+
+def test_nothing_was_damaged(rows):
+    assert [row["name"] for row in rows if row.get("violations") or row.get("findings")] == []
+    flips = [row for row in rows if row["part"] == "flips"]
+    assert all(row["outcomes"] == {"refused": 400} for row in flips)

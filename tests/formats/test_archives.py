@@ -1,0 +1,61 @@
+"""Archives of arrays that jotlight writes: their label and their checksum."""
+
+import io
+import zipfile
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.formats.archives import read_npz, read_npz_label, verify_npz
+
+COUNTS = np.random.default_rng(0).integers(0, 300, (6, 7), np.int32)
+
+
+@pytest.fixture
+def saved(tmp_path):
+    jl.save(COUNTS, tmp_path / "a.npz")
+    return tmp_path / "a.npz"
+
+
+def test_numpy_opens_an_archive_with_a_checksum(saved):
+    with np.load(saved, allow_pickle=False) as archive:
+        np.testing.assert_array_equal(archive["counts"], COUNTS)
+    assert verify_npz(saved) == 1
+    assert "jotlight counts" in read_npz_label(saved)
+
+
+def test_equal_counts_yield_equal_archives(saved, tmp_path):
+    jl.save(COUNTS, tmp_path / "b.npz")
+    assert saved.read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_an_archive_of_another_program_has_no_checksum(tmp_path):
+    np.savez(tmp_path / "a.npz", a=COUNTS)
+    assert verify_npz(tmp_path / "a.npz") == 0
+    assert read_npz_label(tmp_path / "a.npz") is None
+
+
+def test_an_archive_whose_checksum_was_removed_is_refused(saved):
+    with zipfile.ZipFile(saved, "a") as archive:
+        archive.comment = b""
+    with pytest.raises(ValueError, match=r"a\.npz: expected the checksum with which"):
+        jl.open(saved)
+
+
+def test_an_archive_that_another_program_extended_is_refused(saved):
+    with zipfile.ZipFile(saved, "a") as archive:
+        archive.writestr("more", b"1")
+    with pytest.raises(ValueError, match=r"a\.npz: is damaged or was changed"):
+        jl.open(saved)
+
+
+def test_an_array_that_ends_before_its_member_is_refused(tmp_path):
+    file = io.BytesIO()
+    np.save(file, COUNTS)
+    content = file.getvalue().replace(b"(6, 7)", b"(5, 7)")
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        archive.writestr("a.npy", content)
+    for read in (read_npz, jl.open):
+        with pytest.raises(ValueError, match="more bytes follow than the header"):
+            read(tmp_path / "a.npz")

@@ -1,0 +1,85 @@
+"""Checks of the compressed variables of a `.mat` file."""
+
+import io
+import zlib
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+import jotlight as jl
+from jotlight.formats.mat_sizes import check_streams
+
+HEADER = 128
+
+
+def mat_bytes():
+    """Return a `.mat` with two compressed variables."""
+    file = io.BytesIO()
+    frames = np.random.default_rng(0).integers(0, 2, (5, 7, 9), np.uint8)
+    savemat(file, {"OUTPUT": frames, "z": np.arange(9)}, do_compression=True)
+    return file.getvalue()
+
+
+CONTENT = mat_bytes()
+END = HEADER + 8 + int.from_bytes(CONTENT[HEADER + 4 : HEADER + 8], "little")
+"""Where the first variable ends."""
+STREAM = CONTENT[HEADER + 8 : END]
+MATRIX = zlib.decompress(STREAM)
+
+
+def with_stream(stream):
+    """Return a `.mat` with this compressed variable."""
+    return CONTENT[: HEADER + 4] + len(stream).to_bytes(4, "little") + stream
+
+
+def is_valid(stream):
+    """Return whether zlib accepts a stream, and its length is the one that it states."""
+    try:
+        matrix = zlib.decompress(stream)
+    except zlib.error:
+        return False
+    return len(matrix) == 8 + int.from_bytes(matrix[4:8], "little")
+
+
+def test_flips_in_a_stream_are_refused_if_its_checksum_detects_them(tmp_path):
+    path, refused, bits = tmp_path / "a.mat", 0, range(0, 8 * len(STREAM), 7)
+    for bit in bits:
+        flipped = bytearray(STREAM)
+        flipped[bit // 8] ^= 1 << bit % 8
+        path.write_bytes(with_stream(flipped))
+        if is_valid(flipped):  # Adler-32 is weak for few bytes of 0 and 1
+            check_streams(path)
+        else:
+            with pytest.raises((ValueError, zlib.error)):
+                check_streams(path)
+            refused += 1
+    assert refused >= 0.98 * len(bits)
+
+
+@pytest.mark.parametrize(
+    "stream",
+    [
+        *(STREAM[:-1], STREAM[:-4], STREAM + b"\0", STREAM[:-4] + bytes(4)),
+        *(zlib.compress(MATRIX[:-1]), zlib.compress(MATRIX + b"\0"), zlib.compress(b"")),
+        zlib.compress(MATRIX + bytes(10**6)),
+    ],
+)
+def test_a_stream_of_another_length_or_checksum_is_refused(tmp_path, stream):
+    path = tmp_path / "a.mat"
+    path.write_bytes(with_stream(STREAM))
+    check_streams(path)
+    path.write_bytes(with_stream(stream))
+    with pytest.raises((ValueError, zlib.error)):
+        check_streams(path)
+    with pytest.raises(ValueError, match=r"a\.mat"):
+        jl.open(path).to_array()
+
+
+def test_a_damaged_variable_is_refused_also_if_another_one_is_read(tmp_path):
+    path = tmp_path / "a.mat"
+    path.write_bytes(CONTENT)
+    assert jl.open(path).shape == (9, 5, 7)
+    path.write_bytes(CONTENT[:-1] + bytes([CONTENT[-1] ^ 1]))
+    with pytest.raises(ValueError, match=r"a\.mat"):
+        jl.open(path).to_array()

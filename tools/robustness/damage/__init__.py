@@ -1,0 +1,1 @@
+"""Damage that captures and processes suffer: kills, full disks, and flipped bits."""

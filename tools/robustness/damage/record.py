@@ -1,0 +1,78 @@
+"""Results of a run, as lines of JSON."""
+
+import datetime as dt
+import json
+import platform
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[3]
+
+LIBRARIES = ("numpy", "h5py", "zarr", "numcodecs", "scipy", "pillow", "pypng", "tifffile")
+"""Libraries that read and write files for jotlight."""
+
+Row = dict[str, Any]
+
+
+def facts(command: str) -> Row:
+    """Return what a run was made on, and with what."""
+    return {
+        "part": "run",
+        "command": command,
+        "date": dt.datetime.now(dt.UTC).date().isoformat(),
+        "commit": _commit(),
+        "system": f"{platform.system()} {platform.release()}",
+        "python": platform.python_version(),
+        "libraries": {name: _version(name) for name in (*LIBRARIES, "torch")},
+    }
+
+
+def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows as lines of JSON."""
+    path.write_text("".join(f"{json.dumps(row)}\n" for row in rows), "utf-8")
+
+
+def add_row(path: Path, row: Mapping[str, Any]) -> None:
+    """Add a row to a file of lines of JSON, with its seconds rounded."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a", encoding="utf-8") as file:
+        file.write(f"{json.dumps({**row, 'seconds': round(row['seconds'], 1)})}\n")
+
+
+def read_rows(folder: Path) -> list[Row]:
+    """Return the rows of all files of results in a folder."""
+    return [
+        json.loads(line)
+        for path in sorted(folder.glob("*.jsonl"))
+        for line in path.read_text("utf-8").splitlines()
+    ]
+
+
+def _commit() -> str:
+    """Return the commit, with a plus if files differ from it, or "" outside of a checkout."""
+    try:
+        changed = _git("status", "--porcelain", "--untracked-files=no")
+        return _git("rev-parse", "--short=12", "HEAD") + ("+" if changed else "")
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+
+
+def _git(*words: str) -> str:
+    command = ["git", "-C", str(ROOT), *words]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def report(text: str) -> None:
+    """Show progress."""
+    print(text, file=sys.stderr, flush=True)
