@@ -65,21 +65,22 @@ def build(target: Path) -> Path:
 
     The engine has no unsafe code of its own, so the program needs no sanitizer.
     """
-    command = ["cargo", "fuzz", "build", "--fuzz-dir", HERE / "engine", "--sanitizer", "none"]
-    triple = subprocess.run(
-        ["rustc", "--print", "host-tuple"], check=True, capture_output=True, text=True
-    ).stdout.strip()
-    subprocess.run(
-        [*command, "--target", triple, "--target-dir", target, "entry_point"],
-        check=True,
-        cwd=HERE.parent,
-    )
+    triple = call("rustc", "--print", "host-tuple").stdout.strip()
+    folder = ["--fuzz-dir", HERE / "engine", "--target-dir", target, "--target", triple]
+    call("cargo", "fuzz", "build", *folder, "--sanitizer", "none", "entry_point")
     return target / triple / "release" / "entry_point"
+
+
+def call(*command: object) -> subprocess.CompletedProcess[str]:
+    """Run a command, which must succeed. Its messages appear on the terminal."""
+    return subprocess.run(  # noqa: S603
+        [*map(str, command)], check=True, stdout=subprocess.PIPE, text=True, cwd=HERE.parent
+    )
 
 
 def run(program: Path, name: str, arguments: list[object]) -> subprocess.CompletedProcess[str]:
     """Run the program for an entry point, and return its status and its messages."""
-    return subprocess.run(
+    return subprocess.run(  # noqa: S603
         [program, *map(str, arguments)],
         env={**os.environ, "JOTLIGHT_ENTRY_POINT": name},
         capture_output=True,

@@ -23,7 +23,6 @@ __all__ = [
     "forward_bits",
     "forward_counts",
     "gradient",
-    "input_rows",
     "inverse_anscombe_algebraic",
     "inverse_anscombe_exact",
     "inverse_detection_probability",
@@ -187,7 +186,6 @@ def normal_equations(
 def forward(
     layers: list[Layer], sums: npt.NDArray[np.float32], threads: int | None
 ) -> npt.NDArray[np.float32]: ...
-def input_rows(layers: list[Layer], height: int, rows: _Span) -> _Span: ...
 def forward_bits(
     layers: list[Layer], packed: npt.NDArray[np.uint8], width: int, threads: int | None
 ) -> npt.NDArray[np.float32]: ...

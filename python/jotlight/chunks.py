@@ -1,18 +1,12 @@
-"""Ranges of frames, rows, and pixels, short enough for Ctrl-C and progress bars to respond."""
+"""Ranges of frames and rows, short enough for progress bars to respond."""
 
 from collections.abc import Iterator
-from typing import Any
-
-import numpy as np
 
 _MAX_JOTS = 1 << 26
 """Maximum number of jots in a chunk. The engine processes them in tens of milliseconds."""
 
 MAX_COUNTED_JOTS = 1 << 27
 """Maximum number of jots in a chunk whose ones are only counted, which is faster."""
-
-_MAX_PIXELS = 1 << 18
-"""Maximum number of pixels in a chunk, if each pixel takes a few microseconds."""
 
 _MIN_ROW_COST = 1 << 9
 """Minimum cost of a row of pixels, in jots. Each row has a fixed overhead of about this cost."""
@@ -48,35 +42,3 @@ def frame_chunks(
                 range(frame, min(frame + frames_per_chunk, frames)),
                 range(row, min(row + rows_per_chunk, rows)),
             )
-
-
-def pixel_chunks(pixels: int, max_pixels: int | None = None) -> Iterator[slice]:
-    """Yield slices that together cover all pixels.
-
-    Parameters
-    ----------
-    pixels : int
-        The number of pixels.
-    max_pixels : int, optional
-        The maximum number of pixels in a slice. The default suits pixels that take a few
-        microseconds each.
-
-    Examples
-    --------
-    >>> list(pixel_chunks(5, 2))
-    [slice(0, 2, None), slice(2, 4, None), slice(4, 5, None)]
-    """
-    max_pixels = max_pixels or _MAX_PIXELS
-    for start in range(0, pixels, max_pixels):
-        yield slice(start, min(start + max_pixels, pixels))
-
-
-def take_pixels(value: Any, chunk: slice) -> Any:
-    """Return a flat view of the pixels of `chunk` in a map. A number is returned unchanged.
-
-    Examples
-    --------
-    >>> take_pixels(np.arange(6).reshape(2, 3), slice(2, 4)), take_pixels(0.5, slice(2, 4))
-    (array([2, 3]), 0.5)
-    """
-    return value.reshape(-1)[chunk] if isinstance(value, np.ndarray) else value

@@ -1,6 +1,5 @@
 import importlib.util
 import sys
-import warnings
 
 import numpy as np
 import pytest
@@ -87,25 +86,3 @@ def test_a_denoiser_in_a_thread_raises_its_errors_and_uses_the_callers_numpy_set
         jl.denoise.gaussian(np.ones((8, 8), np.float32), sigma=[1, 2, 3])
     with np.errstate(all="raise"):
         jl.denoise.gaussian(np.ones((8, 8), np.float32))
-
-
-def test_the_chunk_size_does_not_change_the_estimates(monkeypatch):
-    rng = np.random.default_rng(0)
-    sensor = jl.Sensor(frames=9, dark_counts=rng.random((30, 40)), mask=rng.random((30, 40)) < 0.1)
-    counts = rng.integers(0, 10, (30, 40))
-    network = jl.Network.initial(jl.Sensor(frames=9), taps=7)
-
-    def estimates():
-        return [
-            jl.mle(counts, sensor),
-            jl.noniterative(counts, sensor, denoiser="gaussian"),
-            network.reconstruct(counts),
-        ]
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", jl.JotlightWarning)
-        expected = estimates()
-        monkeypatch.setattr("jotlight.chunks._MAX_PIXELS", 7)
-        monkeypatch.setattr("jotlight.networks.inference.FLOPS_PER_BAND", 1)
-        for one, other in zip(estimates(), expected, strict=True):
-            np.testing.assert_array_equal(one, other)

@@ -170,14 +170,3 @@ def test_a_pixel_with_one_valid_jot_of_weight_0_is_not_dead():
     mask[0, ::2] = True
     estimate = last_layer(network, jl.Bits.from_array(bits), network.sensor.replace(mask=mask))
     np.testing.assert_allclose(estimate, [[2 / 3, 1 / 3]], rtol=1e-6)
-
-
-def test_bands_of_an_untied_network_equal_the_whole(monkeypatch):
-    rng = np.random.default_rng(9)
-    sensor = jl.Sensor(oversampling=4)
-    network = random_network(rng, sensor, [2, 1], [(3, 3)], tied=False)
-    # The engine tabulates all blocks for this many pixels, but not for the fewer of a band.
-    bits = jl.Bits.from_array(random_bits(rng, sensor, 960, 140))
-    whole = last_layer(network, bits)
-    monkeypatch.setattr("jotlight.networks.inference.FLOPS_PER_BAND", 1)
-    np.testing.assert_array_equal(last_layer(network, bits), whole)

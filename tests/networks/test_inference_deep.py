@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-import jotlight._engine as engine
-from jotlight.networks import inference
 from jotlight.networks.graph import size_divisor
 from reference import deep, networks
 from reference.deep import random_counts, residual_network
@@ -102,22 +100,6 @@ def test_tiles_need_not_be_multiples_of_the_upsampling(times):
     np.testing.assert_allclose(estimate, deep.output(layers, counts[None] / 16, times), atol=1e-5)
 
 
-def test_padded_rows_below_the_estimate_need_the_rows_above():
-    rng = np.random.default_rng(9)
-    one = np.ones((1, 1, 1, 1), np.float32)
-    layers = [
-        jl.Layer(one / 16, None),
-        jl.Layer(rng.normal(0, 0.3, (16, 1, 4, 4)).astype(np.float32), None, stride=4),
-        jl.Layer(rng.normal(0, 0.3, (16, 16, 1, 1)).astype(np.float32), None, upsampling=4),
-    ]
-    network = jl.Network(layers, SENSOR)
-    counts = random_counts(SENSOR, 65, 9)
-    prepared = [layer.engine_layer for layer in layers]
-    top, bottom = engine.input_rows(prepared, 65, (64, 65))
-    part = last_layer(network, counts[top:bottom])
-    np.testing.assert_array_equal(part[64 - top :], last_layer(network, counts)[64:])
-
-
 def test_layers_with_too_many_values_per_pixel_are_refused():
     one = np.ones((1, 1, 1, 1), np.float32)
     up, down = np.ones((256, 1, 1, 1), np.float32), np.ones((1, 1, 16, 16), np.float32)
@@ -156,35 +138,6 @@ def test_the_number_of_threads_changes_nothing(name, size):
     one = last_layer(network, counts, threads=1)
     for threads in (2, 7, None):
         np.testing.assert_array_equal(last_layer(network, counts, threads=threads), one)
-
-
-@pytest.mark.parametrize("tied", [True, False])
-def test_bands_equal_the_whole(monkeypatch, tied):
-    rng = np.random.default_rng(2)
-    sensor = jl.Sensor(oversampling=3)
-    network = deep.random_graph(rng, sensor, tied=tied) if not tied else residual_network("small")
-    sensor = network.sensor
-    height = 65 * network.halo + 11
-    bits = jl.Bits.from_array(random_bits(rng, sensor, height, 25))
-    whole = last_layer(network, bits)
-    monkeypatch.setattr(inference, "FLOPS_PER_BAND", 1)
-    np.testing.assert_array_equal(last_layer(network, bits), whole)
-    if tied:
-        counts = bits.counts(sensor.oversampling)
-        np.testing.assert_array_equal(last_layer(network, counts), whole)
-
-
-@pytest.mark.parametrize("name", ARCHITECTURES)
-@pytest.mark.parametrize("rows", [(0, 1), (3, 4), (199, 200), (200, 207), (402, 403)])
-def test_input_rows_are_enough_and_not_many_more_than_the_halo(name, rows):
-    network, (start, stop) = residual_network(name), rows
-    counts = random_counts(SENSOR, 403, 20)
-    layers = [layer.engine_layer for layer in network.layers]
-    top, bottom = engine.input_rows(layers, 403, rows)
-    part = last_layer(network, counts[top:bottom])[start - top : stop - top]
-    np.testing.assert_array_equal(part, last_layer(network, counts)[start:stop])
-    # Few more rows than one pixel depends on.
-    assert bottom - top < 8 * network.halo + stop - start
 
 
 RNG = np.random.default_rng(9)

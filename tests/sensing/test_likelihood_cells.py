@@ -161,25 +161,6 @@ def test_the_result_does_not_depend_on_the_number_of_threads(threshold):
     assert results[0] == results[1] == results[2]
 
 
-@pytest.mark.parametrize("threshold", [1, 3])
-def test_the_result_does_not_depend_on_the_size_of_the_chunks(threshold, monkeypatch):
-    cells, light = make_cells(20_000, threshold)
-    whole = [
-        *cells.gradient_and_curvature(light),
-        cells.information(light),
-        cells.proximal(light, 2.0, max_light=5.0),
-    ]
-    value = cells.value(light)
-    monkeypatch.setattr("jotlight.sensing.likelihood._MAX_CELLS", 7001)
-    parts = [
-        *cells.gradient_and_curvature(light),
-        cells.information(light),
-        cells.proximal(light, 2.0, max_light=5.0),
-    ]
-    np.testing.assert_array_equal(parts, whole)
-    assert cells.value(light) == pytest.approx(value, rel=1e-13)
-
-
 @pytest.mark.parametrize(
     ("ones", "options", "error", "message"),
     [

@@ -41,7 +41,7 @@ mod _engine {
     #[pymodule_export]
     use super::network::{
         PreparedLayer, activate, activate_backward, forward, forward_bits, forward_counts,
-        gradient, input_rows, masked_sums, normal_equations, squared_errors,
+        gradient, masked_sums, normal_equations, squared_errors,
     };
     #[pymodule_export]
     use super::sensing::{

@@ -5,11 +5,10 @@ use jotlight::bits::PackedBits;
 use jotlight::error::{Error, Result};
 use jotlight::likelihood::Threshold;
 use jotlight::network::{
-    Batch, Layer, Patch, Splines, Wiring, forward, forward_bits, forward_counts, input_rows,
-    masked_sums,
+    Batch, Layer, Patch, Splines, Wiring, forward, forward_bits, forward_counts, masked_sums,
 };
 use jotlight::sensing::{Kernel, PerJot, Sensor};
-use ndarray::{Array1, Array2, Array3, Array4, ArrayView3, Axis, s};
+use ndarray::{Array1, Array2, Array3, Array4, ArrayView3, Axis};
 
 const START: f64 = -5.0;
 const COEFFICIENTS: usize = 9;
@@ -128,23 +127,6 @@ fn the_forward_pass_agrees_with_its_definition() -> Result<()> {
         let expected = naive_forward(&layers, &wiring, &sums);
         let found = forward(&references, sums.view())?;
         assert!(largest_difference(&found, &expected) < 1e-9);
-    }
-    Ok(())
-}
-
-#[test]
-fn the_input_rows_determine_the_rows_of_the_image() -> Result<()> {
-    let mut random = Random(2);
-    let (layers, _) = connected_layers(&mut random)?;
-    let layers: Vec<&Layer<f64>> = layers.iter().collect();
-    let sums = Array3::from_shape_simple_fn((3, 301, 10), || 8.0 * random.next());
-    let whole = forward(&layers, sums.view())?;
-    for rows in [0..1, 40..43, 148..200, 300..301] {
-        let input = input_rows(&layers, 301, rows.clone())?;
-        assert!(input.len() < 200);
-        let part = forward(&layers, sums.slice(s![.., input.clone(), ..]))?;
-        let found = part.slice(s![rows.start - input.start..rows.end - input.start, ..]);
-        assert_eq!(found, whole.slice(s![rows, ..]));
     }
     Ok(())
 }

@@ -2,9 +2,7 @@
 
 use jotlight::bits::{PackedBits, packed_width};
 use jotlight::error::Result;
-use jotlight::network::{
-    Layer, Wiring, forward, forward_bits, forward_counts, input_rows, masked_sums,
-};
+use jotlight::network::{Layer, Wiring, forward, forward_bits, forward_counts, masked_sums};
 use ndarray::Ix3;
 
 use crate::Check;
@@ -17,7 +15,6 @@ pub const CHECKS: &[(&str, Check)] = &[
     ("forward_counts", check_forward_counts),
     ("forward_bits", check_forward_bits),
     ("masked_sums", check_masked_sums),
-    ("input_rows", check_input_rows),
 ];
 
 /// Return a network whose first layer has filters of the shape `(C, frames, side, side)`.
@@ -203,27 +200,4 @@ fn check_masked_sums(input: &mut Input<'_>) -> Option<()> {
         Ok(sums.iter().copied().collect::<Vec<f32>>())
     })
     .map(|_| ())
-}
-
-fn check_input_rows(input: &mut Input<'_>) -> Option<()> {
-    let layers = network(input, 2, (1, 1));
-    let layers: Result<Vec<_>> = layers.iter().map(|layer| layer.build(true)).collect();
-    let layers = layers.ok()?;
-    let height = if input.rarely(4) {
-        input.number()
-    } else {
-        100 * input.size()
-    };
-    let start = if input.rarely(4) {
-        input.number()
-    } else {
-        input.below(height.clamp(1, 256))
-    };
-    let end = start.saturating_add(input.size());
-    let rows = input_rows(&layers.iter().collect::<Vec<_>>(), height, start..end).ok()?;
-    assert!(
-        rows.start <= start && rows.end <= height && rows.end >= end.min(height),
-        "{rows:?}"
-    );
-    Some(())
 }

@@ -4,11 +4,11 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.chunks import pixel_chunks, take_pixels
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.reference import Jot, reference_jot
 from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.values import flatten
 
 
 def equivalent_counts(
@@ -48,17 +48,16 @@ def equivalent_counts(
     if pixels.uniform and (pixels.efficiency, pixels.dark_counts) == reference:
         return pixels.counts.astype(np.float32)
     out = np.empty(pixels.counts.shape, np.float32)
-    for chunk in pixel_chunks(out.size):
-        engine.equivalent_counts(
-            pixels.sensor.pixel_response(),
-            take_pixels(pixels.counts, chunk),
-            take_pixels(pixels.trials, chunk),
-            (take_pixels(pixels.efficiency, chunk), take_pixels(pixels.dark_counts, chunk)),
-            pixels.sensor.bits_per_pixel,
-            reference,
-            take_pixels(out, chunk),
-            threads,
-        )
+    engine.equivalent_counts(
+        pixels.sensor.pixel_response(),
+        flatten(pixels.counts),
+        flatten(pixels.trials),
+        (flatten(pixels.efficiency), flatten(pixels.dark_counts)),
+        pixels.sensor.bits_per_pixel,
+        reference,
+        out.reshape(-1),
+        threads,
+    )
     return inpaint_dead_pixels(out, pixels.dead_pixels)
 
 
@@ -91,12 +90,7 @@ def intensity_from_probability(
     """
     reference = reference_jot(sensor)
     out = np.empty(probability.shape, np.float32)
-    for chunk in pixel_chunks(out.size):
-        engine.mle_from_probability(
-            sensor.pixel_response(),
-            take_pixels(probability, chunk),
-            reference,
-            take_pixels(out, chunk),
-            threads,
-        )
+    engine.mle_from_probability(
+        sensor.pixel_response(), flatten(probability), reference, out.reshape(-1), threads
+    )
     return out

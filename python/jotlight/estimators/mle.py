@@ -6,7 +6,6 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.chunks import pixel_chunks, take_pixels
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.pixel_counts import (
@@ -17,6 +16,7 @@ from jotlight.sensing.pixel_counts import (
     warn_about_smooth_kernel,
 )
 from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.values import flatten
 
 _ROWS_PER_CHUNK = 64
 """Number of rows of pixels that the engine solves before Python can handle Ctrl-C."""
@@ -72,15 +72,14 @@ def mle(data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = Non
         if pixels.varies_within_pixels:
             _solve_jots(require_bits(data), pixels, out, threads)
         else:
-            for chunk in pixel_chunks(out.size):
-                engine.mle_from_counts(
-                    sensor.pixel_response(),
-                    take_pixels(pixels.counts, chunk),
-                    take_pixels(pixels.trials, chunk),
-                    (take_pixels(pixels.efficiency, chunk), take_pixels(pixels.dark_counts, chunk)),
-                    take_pixels(out, chunk),
-                    threads,
-                )
+            engine.mle_from_counts(
+                sensor.pixel_response(),
+                flatten(pixels.counts),
+                flatten(pixels.trials),
+                (flatten(pixels.efficiency), flatten(pixels.dark_counts)),
+                out.reshape(-1),
+                threads,
+            )
         return inpaint_dead_pixels(out, pixels.dead_pixels)
 
     return map_channels(estimate_channel, data)

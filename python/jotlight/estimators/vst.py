@@ -10,16 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.chunks import pixel_chunks
 
 NOISE = 0.5
 """The standard deviation of the noise after :func:`anscombe`."""
 
 INVERSES = ("exact", "algebraic")
 """The names of the inverses in :func:`inverse_anscombe`."""
-
-_CHUNK = 1 << 22
-"""Number of pixels per call of the engine. The exact inverse computes a table in each call."""
 
 
 def anscombe(
@@ -120,7 +116,5 @@ def _apply(
     threads: int | None,
 ) -> npt.NDArray[np.float32]:
     out = np.empty(values.shape, np.float32)
-    flat, result = values.reshape(-1), out.reshape(-1)
-    for chunk in pixel_chunks(flat.size, _CHUNK):
-        function(flat[chunk], bits_per_pixel, result[chunk], threads)
+    function(values.reshape(-1), bits_per_pixel, out.reshape(-1), threads)
     return out

@@ -1,8 +1,8 @@
-"""The output of a network for bits or counts, in bands of rows that bound time and memory."""
+"""The output of a network for bits or counts."""
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,6 @@ import jotlight._engine as engine
 from jotlight.chunks import frame_chunks
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.estimators.inverse_response import equivalent_counts
-from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
 from jotlight.sensing.bits import Bits, check_fits
 from jotlight.sensing.pixel_counts import PixelCounts, count_pixels
@@ -74,12 +73,7 @@ class Inference:
         )
         table = self._tied_weights * equivalent_counts(all_counts, self.reference, self.threads)
         counts = count_pixels(data, sensor, self.threads).counts
-        return self._run_bands(
-            counts.shape,
-            lambda rows: engine.forward_counts(
-                self._engine_layers, counts[rows], table, self.threads
-            ),
-        )
+        return engine.forward_counts(self._engine_layers, counts, table, self.threads)
 
     def _run_untied(self, data: Data) -> npt.NDArray[np.float32]:
         """Return the output of a network whose first layer has one weight per jot and frame."""
@@ -88,7 +82,7 @@ class Inference:
                 "data: expected Bits, because this network weighs each jot of a pixel; "
                 "a tied network takes counts"
             )
-        sensor, side = self.sensor, self.sensor.oversampling
+        sensor = self.sensor
         check_fits(data, sensor)
         jots = sensor.efficiency, sensor.dark_counts
         if any(np.any(a != b) for a, b in zip(jots, self.reference, strict=True)):
@@ -98,16 +92,9 @@ class Inference:
             )
         if sensor.mask is not None and sensor.mask.any():
             return self._run_sums(self._masked_sums(data, sensor.mask))
-        height, width = (size // side for size in data.shape[1:3])
-        return self._run_bands(
-            (height, width),
-            lambda rows: engine.forward_bits(
-                self._engine_layers,
-                data.packed[:, rows.start * side : rows.stop * side],
-                data.width,
-                self.threads,
-            ),
-        )
+        # Frames that are read from files become an array here.
+        packed = data.packed[:, : data.shape[1]]
+        return engine.forward_bits(self._engine_layers, packed, data.width, self.threads)
 
     def _masked_sums(self, data: Bits, mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.float32]:
         """Return p, shape (C, H, W), from the valid jots only. Dead pixels are inpainted."""
@@ -128,28 +115,7 @@ class Inference:
 
     def _run_sums(self, sums: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         """Return the output for p, shape (C, H, W): the first layer's values before its splines."""
-        return self._run_bands(
-            sums.shape[1:],
-            lambda rows: engine.forward(self._engine_layers, sums[:, rows], self.threads),
-        )
-
-    def _run_bands(
-        self, shape: tuple[int, ...], run_rows: Callable[[slice], npt.NDArray[np.float32]]
-    ) -> npt.NDArray[np.float32]:
-        """Return the output, computed in bands of rows. Each band reads the rows around it, too."""
-        height, width = shape
-        top, bottom = engine.input_rows(self._engine_layers, height, (height // 2, height // 2 + 1))
-        rows_per_call = int(FLOPS_PER_BAND / (flops_per_pixel(self.layers) * width))
-        band = max(_MIN_BAND * (bottom - top), rows_per_call)
-        if band >= height:
-            return run_rows(slice(0, height))
-        output = np.empty((height, width), np.float32)
-        for start in range(0, height, band):
-            stop = min(start + band, height)
-            top, bottom = engine.input_rows(self._engine_layers, height, (start, stop))
-            part = run_rows(slice(top, bottom))
-            output[start:stop] = part[start - top : stop - top]
-        return output
+        return engine.forward(self._engine_layers, sums, self.threads)
 
     @property
     def _tied_weights(self) -> npt.NDArray[np.float32]:

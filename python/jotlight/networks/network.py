@@ -9,7 +9,6 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.chunks import pixel_chunks
 from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.networks.architectures import (
     build_conditional,
@@ -265,8 +264,9 @@ class Network:
             estimate = map_channels(inference.run, data)
             # In place: memory may not hold the estimate twice.
             rows_at_once = max(1, _PIXELS_AT_ONCE * len(estimate) // estimate.size)
-            for rows in pixel_chunks(len(estimate), rows_at_once):
-                estimate[rows] = intensity_from_probability(estimate[rows], sensor, threads)
+            for start in range(0, len(estimate), rows_at_once):
+                rows = estimate[start : start + rows_at_once]
+                rows[:] = intensity_from_probability(rows, sensor, threads)
             return estimate
         # The check has established that both sensors detect equal light at intensity 1.
         reference = efficiency, reference_jot(self.sensor)[1]

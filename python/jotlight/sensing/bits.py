@@ -209,6 +209,11 @@ class Bits:
                 f"bits: expected rows and columns of jots that are multiples of the oversampling "
                 f"{oversampling}, got {height} x {width}"
             )
+        if frames * oversampling**2 >= 2**31:
+            raise ValueError(
+                f"bits: expected less than 2**31 bits per pixel, got {frames} frames of "
+                f"{oversampling} x {oversampling} jots; count parts of the frames: bits[a:b]"
+            )
         if mask is not None and (mask.dtype != np.bool_ or mask.shape != (height, width)):
             raise ValueError(
                 f"mask: expected bool of shape {(height, width)}, "

@@ -8,12 +8,9 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.checks import positive_number, refuse_masked, whole_number_in_range, whole_numbers
-from jotlight.chunks import pixel_chunks, take_pixels
 from jotlight.sensing.operators import Operator
 from jotlight.sensing.response import Array
-
-_MAX_CELLS = 1 << 21
-"""Maximum number of cells that the engine handles without a check for Ctrl-C."""
+from jotlight.sensing.values import flatten
 
 
 class Likelihood:
@@ -104,19 +101,15 @@ class Likelihood:
         `light` is a number or an array of the cells' shape, 0 or more, here and in other methods.
         """
         flat = self._light(light).reshape(-1)
-        return sum(
-            engine.log_likelihood(self._readings(part), flat[part], self._threads)
-            for part in pixel_chunks(flat.size, _MAX_CELLS)
-        )
+        return engine.log_likelihood(self._readings, flat, self._threads)
 
     def gradient_and_curvature(self, light: npt.ArrayLike) -> tuple[Array, Array]:
         """Return the gradient ∂ℓ/∂s and the curvature -∂²ℓ/∂s² ≥ 0 of each cell."""
         flat = self._light(light).reshape(-1)
         gradient, curvature = np.empty(flat.size), np.empty(flat.size)
-        for part in pixel_chunks(flat.size, _MAX_CELLS):
-            engine.likelihood_gradient_and_curvature(
-                self._readings(part), flat[part], gradient[part], curvature[part], self._threads
-            )
+        engine.likelihood_gradient_and_curvature(
+            self._readings, flat, gradient, curvature, self._threads
+        )
         return gradient.reshape(self.shape), curvature.reshape(self.shape)
 
     def information(self, light: npt.ArrayLike) -> Array:
@@ -132,10 +125,7 @@ class Likelihood:
         """
         flat = self._light(light).reshape(-1)
         information = np.empty(flat.size)
-        for part in pixel_chunks(flat.size, _MAX_CELLS):
-            engine.likelihood_information(
-                self._readings(part), flat[part], information[part], self._threads
-            )
+        engine.likelihood_information(self._readings, flat, information, self._threads)
         return information.reshape(self.shape)
 
     def proximal(
@@ -180,10 +170,7 @@ class Likelihood:
         if np.isnan(flat).any():
             raise ValueError("point: expected numbers, got NaN")
         start = flat.copy() if guess is None else self._light(guess, "guess").reshape(-1)
-        for part in pixel_chunks(flat.size, _MAX_CELLS):
-            engine.likelihood_proximal(
-                self._readings(part), penalty, max_light, start[part], flat[part], self._threads
-            )
+        engine.likelihood_proximal(self._readings, penalty, max_light, start, flat, self._threads)
         return flat.reshape(self.shape)
 
     def admm_update(
@@ -194,17 +181,8 @@ class Likelihood:
         `step` is (penalty, relaxation). `x` lies in [0, `max_light`].
         """
         x, dual = x.reshape(-1), dual.reshape(-1)
-        return sum(
-            engine.likelihood_admm_update(
-                self._readings(part),
-                step,
-                max_light,
-                light[part],
-                x[part],
-                dual[part],
-                self._threads,
-            )
-            for part in pixel_chunks(x.size, _MAX_CELLS)
+        return engine.likelihood_admm_update(
+            self._readings, step, max_light, light, x, dual, self._threads
         )
 
     def _light(self, light: npt.ArrayLike, name: str = "light") -> Array:
@@ -222,14 +200,15 @@ class Likelihood:
             ) from None
         return np.require(array, np.float64, ["C", "ALIGNED"])
 
-    def _readings(self, part: slice) -> tuple[int, Any, Any, Any, Any]:
-        """Return (q, L, n, η, d) of a slice of the cells, as the engine expects them."""
+    @property
+    def _readings(self) -> tuple[int, Any, Any, Any, Any]:
+        """(q, L, n, η, d), as the engine expects them."""
         return (
             self.threshold,
-            take_pixels(self.ones, part),
-            take_pixels(self.trials, part),
-            take_pixels(self.efficiency, part),
-            take_pixels(self.dark_counts, part),
+            flatten(self.ones),
+            flatten(self.trials),
+            flatten(self.efficiency),
+            flatten(self.dark_counts),
         )
 
 

@@ -130,9 +130,7 @@ def evaluate_on_jots(
     height, width = (size * sensor["oversampling"] for size in image.shape[:2])
     out = np.empty((height, width, *image.shape[2:]), np.float32)
     for plane, jots in zip(channel_views(image), channel_views(out), strict=True):
-        # Computing the probability of a jot takes about ten times as long as drawing its bit.
-        for _, rows in frame_chunks(1, height, 10 * width):
-            function(sensor, plane, rows.start, jots[rows.start : rows.stop], threads)
+        function(sensor, plane, 0, jots, threads)
     return out
 
 

@@ -8,7 +8,7 @@ use numpy::{IntoPyArray, PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyArray3}
 use pyo3::prelude::*;
 
 use super::layers::{PreparedLayer, engine_layers};
-use crate::{run, to_python};
+use crate::run;
 
 /// Return the sums p of the first layer from bits with dead jots.
 #[pyfunction]
@@ -85,17 +85,4 @@ fn compute_image<'py>(
     let layers = engine_layers(layers);
     let image = run(py, threads, || evaluate(&layers))?;
     Ok(image.into_pyarray(py))
-}
-
-/// Return the range of input rows on which a range of rows of the image depends.
-#[pyfunction]
-#[pyo3(signature = (layers, height, rows))]
-pub fn input_rows(
-    layers: Vec<Py<PreparedLayer>>,
-    height: usize,
-    rows: (usize, usize),
-) -> PyResult<(usize, usize)> {
-    let rows = network::input_rows(&engine_layers(&layers), height, rows.0..rows.1);
-    let rows = rows.map_err(to_python)?;
-    Ok((rows.start, rows.end))
 }

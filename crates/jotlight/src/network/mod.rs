@@ -28,5 +28,4 @@ pub use forward::{forward, forward_bits, forward_counts, masked_sums};
 pub use layer::{Layer, Wiring};
 pub use spline::channels::Splines;
 pub use spline::evaluate::Spline;
-pub use tiling::dependencies::input_rows;
 pub use training::batch::{Batch, Gradient, NormalEquations, Patch};
