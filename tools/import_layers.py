@@ -19,7 +19,7 @@ FOLDER = Path(__file__).parents[1] / "python" / "jotlight"
 ENGINE = "_engine"
 
 ORDER = (
-    "errors seeds checks chunks output_files temporary_names files tensors metrics "
+    "errors seeds checks chunks interrupts output_files temporary_names files tensors metrics "
     "< sensing < calibration formats < estimators images < datasets networks < training "
     "< torch plots < evaluation < experiments < cli < jotlight"
 )

@@ -95,6 +95,16 @@ fn counts_are_right_for_any_oversampling_and_mask() -> Result<()> {
 }
 
 #[test]
+fn pixels_of_many_jots_are_counted_in_parts() -> Result<()> {
+    let bytes = random_bytes(17, 96, 19_200);
+    let bits = PackedBits::new(bytes.view(), 19_200)?;
+    let mut counts = Array2::zeros((2, 400));
+    add_block_counts(&bits, 48, None, counts.view_mut())?;
+    assert_eq!(counts, naive_counts(&bytes, 19_200, 48, |_, _| true));
+    Ok(())
+}
+
+#[test]
 fn counts_are_added_to_the_previous_ones() -> Result<()> {
     for oversampling in [1, 4] {
         let bytes = Array3::from_elem((300, 40, 2), 0xff);
@@ -176,7 +186,7 @@ fn invalid_arguments_are_errors() -> Result<()> {
     assert_eq!(add(2, Some(mask.view())), "packed mask");
     assert_eq!(
         threads::install(Some(0), || ()).map_err(|error| error.to_string()),
-        Err("threads: expected at least 1, got 0".into())
+        Err("threads: expected at least 1 and at most 1024, got 0".into())
     );
     Ok(())
 }

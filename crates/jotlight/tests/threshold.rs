@@ -168,12 +168,73 @@ fn infinite_light_is_always_detected() -> Result<()> {
 }
 
 #[test]
+fn probabilities_at_high_thresholds_are_those_of_mpmath() -> Result<()> {
+    for (q, s, detection, non_detection) in [
+        (
+            1000,
+            872.0,
+            0.000_012_004_111_086_692_406,
+            0.999_987_995_888_913_3,
+        ),
+        (
+            1000,
+            1000.0,
+            0.504_205_244_180_215_5,
+            0.495_794_755_819_784_5,
+        ),
+        (
+            1000,
+            1128.0,
+            0.999_951_363_385_932_2,
+            0.000_048_636_614_067_846_21,
+        ),
+        (
+            65_535,
+            64_511.0,
+            0.000_029_129_654_608_435_818,
+            0.999_970_870_345_391_6,
+        ),
+        (
+            65_535,
+            65_279.0,
+            0.158_652_785_921_546_6,
+            0.841_347_214_078_453_4,
+        ),
+        (
+            65_535,
+            65_535.0,
+            0.500_519_460_101_487_9,
+            0.499_480_539_898_512_1,
+        ),
+        (
+            65_535,
+            66_559.0,
+            0.999_965_641_515_386_3,
+            0.000_034_358_484_613_666_21,
+        ),
+    ] {
+        let threshold = Threshold::new(q)?;
+        let what = format!("q = {q}, s = {s}");
+        assert_close(threshold.detection_probability(s), detection, 1e-9, &what);
+        assert_close(
+            threshold.non_detection_probability(s),
+            non_detection,
+            1e-9,
+            &what,
+        );
+        let rate = threshold.inverse_detection_probability(detection);
+        assert_close(rate, s, 1e-9, &what);
+    }
+    Ok(())
+}
+
+#[test]
 fn a_threshold_of_zero_photons_is_an_error() {
     assert_eq!(
         Threshold::new(0),
         Err(Error::Range {
             what: "threshold",
-            expected: "at least 1 photon".into(),
+            expected: "1 to 65535 photons".into(),
             received: "0".into()
         })
     );

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from jotlight.calibration.rates import Rates, detections, variance
 from jotlight.checks import Counts
+from jotlight.interrupts import interruptible
 from jotlight.sensing.response import detection_probability
 
 WINDOW = 15
@@ -144,5 +145,6 @@ def _local_median(light: Rates, bad: npt.NDArray[np.bool_]) -> Rates:
 
     side = tuple(min(WINDOW, size - 1 + size % 2) for size in light.shape)
     first = np.where(bad, np.median(light[~bad]), light)
-    first = median_filter(first, size=side, mode="reflect")
-    return np.asarray(median_filter(np.where(bad, first, light), size=side, mode="reflect"))
+    median = interruptible(median_filter)
+    first = median(first, size=side, mode="reflect")
+    return np.asarray(median(np.where(bad, first, light), size=side, mode="reflect"))

@@ -5,6 +5,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.checks import Counts
+from jotlight.interrupts import interruptible
 from jotlight.sensing.response import detection_density, detection_probability
 
 Rates = npt.NDArray[np.float64]
@@ -20,7 +21,7 @@ def detections(ones: Counts, frames: int, threshold: int) -> Rates:
     >>> detections(np.array([[0, 5, 10]], np.int32), 10, 1).round(3).tolist()
     [[0.0, 0.693, 2.996]]
     """
-    unique, index = np.unique(ones, return_inverse=True)
+    unique, index = interruptible(np.unique)(ones, return_inverse=True)
     fractions = np.minimum(unique, frames - 0.5) / frames
     rates = [
         engine.inverse_detection_probability(threshold, float(fraction)) for fraction in fractions

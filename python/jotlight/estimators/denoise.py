@@ -5,18 +5,14 @@ library. The default strengths were chosen on the BSDS training images at K = 16
 (``python benchmarks/studies/denoiser_strengths.py``).
 """
 
-import contextvars
-import functools
-import queue
-import threading
 from collections.abc import Callable
-from typing import ParamSpec
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import MissingExtraError
 from jotlight.estimators.vst import NOISE
+from jotlight.interrupts import interruptible
 
 Float32Image = npt.NDArray[np.float32]
 """An image of float32."""
@@ -24,41 +20,8 @@ Float32Image = npt.NDArray[np.float32]
 Denoiser = Callable[[Float32Image], npt.ArrayLike]
 """A function from an image (H, W) with white noise of standard deviation 1/2 to a denoised one."""
 
-P = ParamSpec("P")
 
-
-def _interruptible(denoise: Callable[P, Float32Image]) -> Callable[P, Float32Image]:
-    """Return a denoiser that runs in a thread, so that Ctrl-C works while the library computes.
-
-    Ctrl-C ends only the wait for the thread. The thread ends when the library returns.
-    """
-
-    @functools.wraps(denoise)
-    def run(*arguments: P.args, **options: P.kwargs) -> Float32Image:
-        context = contextvars.copy_context()
-        outcome: queue.SimpleQueue[Float32Image | BaseException] = queue.SimpleQueue()
-
-        def work() -> None:
-            try:
-                outcome.put(context.run(denoise, *arguments, **options))
-            except BaseException as error:
-                outcome.put(error)
-
-        # A daemon thread does not delay the end of the program.
-        threading.Thread(target=work, daemon=True).start()
-        while True:
-            try:
-                result = outcome.get(timeout=0.1)
-            except queue.Empty:
-                continue
-            if isinstance(result, BaseException):
-                raise result
-            return result
-
-    return run
-
-
-@_interruptible
+@interruptible
 def gaussian(image: Float32Image, sigma: float = 1.5) -> Float32Image:
     """Return the image smoothed by a Gaussian (SciPy).
 
@@ -100,7 +63,7 @@ def tv(image: Float32Image, weight: float = 0.5) -> Float32Image:
     return np.asarray(denoise_tv_chambolle(image, weight=weight, max_num_iter=200), np.float32)
 
 
-@_interruptible
+@interruptible
 def nlm(image: Float32Image, strength: float = 0.7) -> Float32Image:
     """Return the image denoised by non-local means, averages of similar patches (scikit-image).
 
@@ -131,7 +94,7 @@ def nlm(image: Float32Image, strength: float = 0.7) -> Float32Image:
     return np.asarray(denoised, np.float32).reshape(image.shape)
 
 
-@_interruptible
+@interruptible
 def bm3d(image: Float32Image) -> Float32Image:
     """Return the image denoised by block matching and 3D filtering, with its authors' package.
 

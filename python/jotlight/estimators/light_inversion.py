@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.interrupts import interruptible
 from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.response import (
     Array,
@@ -42,7 +43,7 @@ class UniqueCounts:
             return
         bits = np.broadcast_to(np.asarray(pixels.trials, np.int64), counts.shape)
         # Both numbers are below 2**31, so that one integer holds the pair.
-        keys, indices = np.unique((bits << 31) | counts, return_inverse=True)
+        keys, indices = interruptible(np.unique)((bits << 31) | counts, return_inverse=True)
         self.ones, self.bits = keys & (2**31 - 1), keys >> 31
         self._indices = indices.reshape(counts.shape)
 

@@ -9,8 +9,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from jotlight.interrupts import interruptible
 from jotlight.sensing.operators import Operator, Scaling, Spread, differences, dot, spread
 from jotlight.sensing.response import Array
+
+_LARGE = 1 << 20
+"""Number of values from which a cosine transform takes long enough for Ctrl-C to matter."""
 
 _MAX_CG_STEPS = 50
 """The maximum number of steps of conjugate gradients."""
@@ -98,6 +102,8 @@ class NormalEquations:
     def _divide(self, right: Array, eigenvalues: Array) -> Array:
         from scipy.fft import dctn, idctn
 
+        if right.size > _LARGE:
+            dctn, idctn = interruptible(dctn), interruptible(idctn)
         spectrum = dctn(right, norm="ortho", workers=self._workers)
         spectrum /= eigenvalues
         return np.asarray(idctn(spectrum, norm="ortho", workers=self._workers, overwrite_x=True))

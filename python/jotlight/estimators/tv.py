@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.interrupts import interruptible
 from jotlight.sensing.likelihood import Likelihood, Problem
 from jotlight.sensing.operators import differences
 from jotlight.sensing.response import Array, inverse_detection_probability
@@ -226,7 +227,7 @@ def local_information(problem: Problem, light_of_ones: Array) -> Array:
     operator, likelihood = problem.operator, problem.likelihood
     trials = np.broadcast_to(np.asarray(likelihood.trials, np.float64), likelihood.shape)
     ones, valid = (
-        gaussian_filter(operator.adjoint(array), _BLUR, mode="reflect")
+        interruptible(gaussian_filter)(operator.adjoint(array), _BLUR, mode="reflect")
         for array in (likelihood.ones.astype(np.float64), trials)
     )
     overall = likelihood.ones.sum() / trials.sum()

@@ -15,6 +15,7 @@ from jotlight.estimators.light_inversion import (
     jot_maps,
 )
 from jotlight.estimators.mle import mle, require_bits
+from jotlight.interrupts import interruptible
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import stack_channels
 from jotlight.sensing.likelihood import Likelihood
@@ -177,11 +178,12 @@ def _clopper_pearson(
 
     ones, bits = unique.ones, unique.bits
     zeros = bits - ones
+    inverse, complement = interruptible(betaincinv), interruptible(betainccinv)
     with np.errstate(all="ignore"):
-        low = np.where(ones > 0, betaincinv(np.maximum(ones, 1), zeros + 1, tail), 0.0)
-        above_low = np.where(ones > 0, betainccinv(zeros + 1, np.maximum(ones, 1), tail), 1.0)
-        above_high = np.where(zeros > 0, betaincinv(np.maximum(zeros, 1), ones + 1, tail), 0.0)
-        high = np.where(zeros > 0, betainccinv(ones + 1, np.maximum(zeros, 1), tail), 1.0)
+        low = np.where(ones > 0, inverse(np.maximum(ones, 1), zeros + 1, tail), 0.0)
+        above_low = np.where(ones > 0, complement(zeros + 1, np.maximum(ones, 1), tail), 1.0)
+        above_high = np.where(zeros > 0, inverse(np.maximum(zeros, 1), ones + 1, tail), 0.0)
+        high = np.where(zeros > 0, complement(ones + 1, np.maximum(zeros, 1), tail), 1.0)
     if jots_differ:
         # For a single 1 (or 0) among unequal bits the binomial tail does not bound the true tail.
         # The sum of the probabilities does.

@@ -10,6 +10,8 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.interrupts import interruptible
+
 Array = npt.NDArray[np.float64]
 """Numbers in double precision."""
 
@@ -93,8 +95,8 @@ def inverse_detection_probability(
     return np.asarray(
         np.where(
             p < rest,
-            gammaincinv(threshold, np.minimum(p, 0.5)),
-            gammainccinv(threshold, np.minimum(rest, 0.5)),
+            interruptible(gammaincinv)(threshold, np.minimum(p, 0.5)),
+            interruptible(gammainccinv)(threshold, np.minimum(rest, 0.5)),
         )
     )
 
@@ -103,4 +105,4 @@ def _gammainc(order: int, x: Array) -> Array:
     # The import of SciPy takes long, so it is postponed until it is needed.
     from scipy.special import gammainc
 
-    return np.asarray(gammainc(order, x))
+    return np.asarray(interruptible(gammainc)(order, x))

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import positive_number
+from jotlight.interrupts import interruptible
 from jotlight.networks.network import Network
 from jotlight.training.cost import Cost
 from jotlight.training.optimizer import State, Step
@@ -107,7 +108,7 @@ def constrained_minimum(matrix: Matrix, gradient: Vector, start: Vector, cost: C
     penalty = np.empty_like(start)
     for group, _ in _parameter_groups(cost.network):
         penalty[group] = _PENALTY * _mean_curvature(matrix, group)
-    factor = cho_factor(matrix + np.diag(penalty))
+    factor = interruptible(cho_factor)(matrix + np.diag(penalty))
     target = matrix @ start - gradient
     inside, dual = start, np.zeros_like(start)
     for _ in range(_MAX_ROUNDS):
