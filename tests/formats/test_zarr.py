@@ -38,3 +38,48 @@ def test_unknown_codecs_are_refused(tmp_path, zarr_format):
     description.write_text(json.dumps(metadata))
     with pytest.raises(ValueError, match="known safe codecs"):
         jl.open(path)
+
+
+def count_chunks(folder):
+    return sum(path.is_file() and path.name[0] not in ".z" for path in folder.rglob("*"))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"zarr_format": 2},
+        {"zarr_format": 2, "chunk_key_encoding": {"name": "v2", "separator": "/"}},
+        {"zarr_format": 3},
+        {"zarr_format": 3, "chunk_key_encoding": {"name": "default", "separator": "."}},
+        {"zarr_format": 3, "chunk_key_encoding": {"name": "v2", "separator": "."}},
+        {"zarr_format": 3, "chunk_key_encoding": {"name": "v2", "separator": "/"}},
+        {"zarr_format": 3, "shards": (4, 6, 4)},
+    ],
+)
+def test_missing_chunks_are_the_fill_value_and_are_reported_once(tmp_path, options):
+    zarr = pytest.importorskip("zarr")
+    array = zarr.create_array(
+        str(tmp_path / "a.zarr"), shape=(5, 6, 7), chunks=(2, 3, 4), dtype="u2", fill_value=7,
+        **options,
+    )  # fmt: skip
+    expected = np.full((5, 6, 7), 7)
+    array[:3, :, :4] = expected[:3, :, :4] = COUNTS[:3, :, :4]
+    kind, total = ("shards", 4) if "shards" in options else ("chunks", 12)
+    stored = count_chunks(tmp_path / "a.zarr")
+    message = rf"a\.zarr: {total - stored} of its {total} {kind} are missing and are read as 7"
+    with pytest.warns(jl.JotlightWarning, match=message) as warnings:
+        counts = jl.open(tmp_path / "a.zarr", frames=slice(0, 5))
+    assert len(warnings) == 1
+    np.testing.assert_array_equal(counts, expected.sum(0))
+    array[...] = COUNTS
+    jl.open(tmp_path / "a.zarr", frames=slice(0, 5))
+
+
+def test_only_the_array_that_is_read_is_reported(tmp_path):
+    zarr = pytest.importorskip("zarr")
+    group = zarr.open_group(str(tmp_path / "a.zarr"), mode="w")
+    group.create_array("counts", shape=COUNTS.shape, dtype="u2")[...] = COUNTS
+    group.create_array("empty", shape=COUNTS.shape, dtype="u2")
+    jl.open(tmp_path / "a.zarr", key="counts", frames=slice(0, 1))
+    with pytest.warns(jl.JotlightWarning, match="empty: 1 of its 1 chunks are missing"):
+        jl.open(tmp_path / "a.zarr", key="empty", frames=slice(0, 1))

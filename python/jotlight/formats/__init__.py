@@ -10,8 +10,9 @@
 * ``cube``, ``description``, ``labels``, and ``labeled`` keep the width, sensor, and provenance;
 * ``hdf5_library`` calls the HDF5 library, in a child process if ``isolated`` starts it;
 * ``arrays``, ``compressed``, ``raw``, ``file_lists``, ``magic``, ``limits``, ``safe_paths``,
-  ``mat_files``, ``mat_sizes``, ``png_chunks``, and ``tiff_directories`` read bytes, and check files
-  from untrusted sources.
+  ``mat_files``, ``mat_sizes``, ``png_chunks``, ``tiff_directories``, ``tiff_segments``,
+  ``zarr_codecs``, ``zarr_manifest``, and ``zarr_store`` read bytes, and check files from untrusted
+  sources.
 """
 
 from jotlight.formats.reading import open, open_capture

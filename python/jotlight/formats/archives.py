@@ -22,6 +22,7 @@ from jotlight.formats.checksums import (
 )
 from jotlight.formats.compressed import check_end, naming_file, stream_npy
 from jotlight.formats.labels import MAX_LABEL_BYTES
+from jotlight.formats.limits import check_claimed_size
 from jotlight.sensing.frames import Frames
 
 _LABEL = "jotlight.json"
@@ -93,6 +94,17 @@ def _check_member_size(archive: zipfile.ZipFile, name: str) -> None:
     claimed, available = math.prod(shape) * dtype.itemsize, archive.getinfo(name).file_size
     if not dtype.hasobject and not 0 <= claimed <= available:
         raise ValueError(f"its header claims {claimed} bytes, but there are {available}")
+    check_claimed_size(name, claimed, archive.getinfo(name).compress_size, frame_bytes=claimed)
+
+
+def _check_compression(member: zipfile.ZipInfo) -> zipfile.ZipInfo:
+    """Return a member, or raise ValueError if Python would decompress it without a limit."""
+    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise ValueError(
+            f"its member {member.filename} is compressed by a method that numpy does not use; "
+            "save it with numpy.savez_compressed"
+        )
+    return member
 
 
 def list_npz_arrays(path: Path) -> list[str]:
@@ -109,8 +121,8 @@ def list_npz_arrays(path: Path) -> list[str]:
         raise FileNotFoundError(f"there is no file {path}")
     try:
         with zipfile.ZipFile(path) as archive:
-            members = archive.namelist()
-    except ARCHIVE_ERRORS as error:
+            members = [member.filename for member in map(_check_compression, archive.infolist())]
+    except (ValueError, *ARCHIVE_ERRORS) as error:
         raise ValueError(f"{path}: expected a .npz archive ({error})") from error
     names = [name.removesuffix(".npy") for name in members if name.endswith(".npy")]
     if not names:

@@ -181,7 +181,8 @@ def stream_npy(
             raise ValueError(f"{name}: expected an array, got shape {shape}")
         frame_bytes = math.prod(shape[1:]) * dtype.itemsize
         size = frame_bytes * shape[0]
-        check_claimed_size(name, size, source.size)
+        image_bytes = size if len(shape) == 2 else frame_bytes
+        check_claimed_size(name, size, source.size, frame_bytes=image_bytes)
         if not verified:
             skip_bytes(file, size)
             check_end(file)

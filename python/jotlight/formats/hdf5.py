@@ -101,7 +101,10 @@ def _check_data_set(path: Path, data_set: DataSet, library: Library) -> StoredAr
         raise ValueError(f"{path}: {data_set.name} is in other files, which are not opened")
     dtype = np.dtype(data_set.dtype)
     size = math.prod(data_set.shape) * dtype.itemsize
-    check_claimed_size(f"{path}: {data_set.name}", size, path.stat().st_size)
+    frame_bytes = size // max(1, data_set.shape[0]) if len(data_set.shape) > 2 else size
+    check_claimed_size(
+        f"{path}: {data_set.name}", size, path.stat().st_size, frame_bytes=frame_bytes
+    )
     if data_set.chunk_bytes > _MAX_CHUNK_BYTES:
         raise ValueError(
             f"{path}: {data_set.name} has chunks of more than {_MAX_CHUNK_BYTES} bytes"

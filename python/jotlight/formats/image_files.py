@@ -24,6 +24,7 @@ from jotlight.formats.magic import has_type
 from jotlight.formats.packing import pack_lazily
 from jotlight.formats.png_chunks import GRAYSCALE, PALETTE, check_png
 from jotlight.formats.tiff_directories import open_checked_tiff
+from jotlight.formats.tiff_segments import check_segments
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, concatenate
@@ -87,9 +88,11 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None]:
             series = file.series[0]
             shape, dtype = series.shape, series.dtype
             description = file.pages[0].description
-            check_claimed_size("the header", series.size * dtype.itemsize, path.stat().st_size)
             single = is_single_image(shape)
             paged = not single and len(series.pages) == shape[0]
+            size = series.size * dtype.itemsize
+            frame_bytes = size // shape[0] if paged else size
+            check_claimed_size("the header", size, path.stat().st_size, frame_bytes=frame_bytes)
     except Exception as error:  # tifffile may raise any exception for a damaged file
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error
     if not verified and parse_label(description, COUNTS) is not None:
@@ -106,11 +109,14 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None]:
             with open_checked_tiff(path) as file:
                 series = file.series[0]
                 if not paged:
+                    for part in filter(None, series.pages):
+                        check_segments(file, part)
                     return np.asarray(series.asarray().reshape(stack_shape)[start:stop])
                 images = np.empty((stop - start, *shape[1:]), dtype)
                 for index in range(start, stop):
                     page: Any = series.pages[index]
                     _check_page(page, shape[1:], path)
+                    check_segments(file, page)
                     images[index - start] = page.asarray()
                 return images
         except Exception as error:

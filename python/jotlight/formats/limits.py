@@ -1,4 +1,4 @@
-"""A limit on the size of the array that a file claims, checked before memory is allocated."""
+"""Limits on the sizes that a file claims, checked before memory is allocated."""
 
 _MAX_EXPANSION = 1100
 """Maximum ratio of decompressed to compressed bytes. That of DEFLATE is below 1033."""
@@ -6,9 +6,25 @@ _MAX_EXPANSION = 1100
 _FREE_BYTES = 1 << 24
 """Number of bytes that even the smallest file may claim."""
 
+_MAX_FRAME_EXPANSION = 100
+"""Maximum ratio of the bytes of a frame, all of which are in memory at once, to those of a file."""
 
-def check_claimed_size(name: str, claimed: int, file_bytes: int) -> None:
+_FREE_FRAME_BYTES = 1 << 26
+"""Number of bytes that one frame of even the smallest file may have."""
+
+
+def check_claimed_size(name: str, claimed: int, file_bytes: int, *, frame_bytes: int = 0) -> None:
     """Raise ValueError when a file of `file_bytes` bytes cannot hold an array of `claimed` bytes.
+
+    Parameters
+    ----------
+    name : str
+        The file, for messages.
+    claimed, file_bytes : int
+        Sizes of the array and of the file in bytes.
+    frame_bytes : int
+        Size of one frame. Other than the array, it must fit in memory. A large frame that is
+        compressed very well is refused: it is empty, or made to exhaust the memory.
 
     Examples
     --------
@@ -21,4 +37,10 @@ def check_claimed_size(name: str, claimed: int, file_bytes: int) -> None:
         raise ValueError(
             f"{name}: claims {claimed} bytes, more than a file of {file_bytes} can hold; "
             "it is damaged"
+        )
+    if frame_bytes > _MAX_FRAME_EXPANSION * file_bytes + _FREE_FRAME_BYTES:
+        raise ValueError(
+            f"{name}: expected frames of at most {_FREE_FRAME_BYTES} bytes, or "
+            f"{_MAX_FRAME_EXPANSION} times the {file_bytes} of the file, got {frame_bytes}; if it "
+            "is not damaged, store it uncompressed"
         )

@@ -22,7 +22,9 @@ from jotlight.formats.labels import COUNTS, VERSION
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.safe_paths import list_below
 from jotlight.formats.zarr_manifest import (
+    BITS_ARRAY,
     MANIFEST,
+    MANIFESTS,
     MAX_METADATA_BYTES,
     METADATA_FILES,
     read_manifest,
@@ -55,7 +57,7 @@ def _import_zarr() -> Any:
 
 
 def _is_zarr(path: Path) -> bool:
-    return any((path / name).is_file() for name in (*METADATA_FILES, MANIFEST))
+    return any((path / name).is_file() for name in (*METADATA_FILES, *MANIFESTS))
 
 
 def open_zarr(path: Path, options: OpenOptions) -> Capture:
@@ -157,7 +159,12 @@ def _open_array(folder: _Folder, name: str) -> StoredArray:
             f"{path}: jotlight wrote this array, but its list of files {MANIFEST} is missing; open "
             "the zarr folder that contains it, or restore it from a copy"
         )
-    check_claimed_size(str(path), math.prod(shape) * dtype.itemsize, sum(files.values()))
+    check_claimed_size(
+        str(path),
+        math.prod(shape) * dtype.itemsize,
+        sum(files.values()),
+        frame_bytes=math.prod(shape[1:] if len(shape) > 2 else shape) * dtype.itemsize,
+    )
     warning = _describe_missing_chunks(path, array, files)
     max_chunks = min(max(1, _MAX_READ_BYTES // sizes.chunk), _MAX_READ_CHUNKS)
 
@@ -230,13 +237,13 @@ def _write_bits(bits: Bits, path: Path) -> None:
         for name, map_ in maps.items():
             _create_array(folder, name, map_.shape, map_.dtype)[...] = map_
         array = _create_array(
-            folder, "bits" if maps else None, bits.packed.shape, np.uint8, bits_label(bits)
+            folder, BITS_ARRAY if maps else None, bits.packed.shape, np.uint8, bits_label(bits)
         )
         # Each write covers complete chunks, so no chunk is written twice.
         for start in range(0, array.shape[0], array.chunks[0]):
             place = slice(start, min(start + array.chunks[0], array.shape[0]))
             array[place] = np.asarray(bits.packed[place, ...])
-        write_manifest(folder)
+        write_manifest(folder, folder / BITS_ARRAY if maps else folder)
 
 
 def _write_counts(counts: Counts, path: Path, label: str | None) -> None:
@@ -244,7 +251,7 @@ def _write_counts(counts: Counts, path: Path, label: str | None) -> None:
     label = label or json.dumps({"format": COUNTS, "version": VERSION})
     with atomic_folder(path) as folder:
         _create_array(folder, None, counts.shape, np.int32, label)[...] = counts
-        write_manifest(folder)
+        write_manifest(folder, folder)
 
 
 def _create_array(

@@ -34,10 +34,10 @@ _STREAMS: dict[str, Callable[[], Any]] = {
 }
 """Compressors of the standard library, which can stop after a number of bytes."""
 
-_STATED_SIZES = {"lz4": slice(0, 4), "blosc": slice(4, 8)}
-"""Compressors whose data state the size of the result: the bytes that hold it."""
+_ZSTD_SIZE_BYTES = {0: 0, 1: 2, 2: 4, 3: 8}
+"""Number of bytes of the size in the header of a zstd frame, by two bits of its descriptor."""
 
-_COMPRESSORS = {*_STREAMS, *_STATED_SIZES, "zstd"}
+_COMPRESSORS = {*_STREAMS, "zstd", "blosc", "lz4"}
 
 _CHECKSUMS = {"crc32", "crc32c", "adler32"}
 """Codecs that append a checksum of four bytes."""
@@ -98,14 +98,33 @@ def decode_exactly(codec: Codec, data: npt.ArrayLike, size: int) -> npt.NDArray[
         if len(decoded) != size or not stream.eof or stream.unused_data:
             raise ValueError(f"{name}: does not hold exactly the {size} bytes that were expected")
         return np.frombuffer(decoded, np.uint8)
-    if name in _STATED_SIZES:
-        stated = int.from_bytes(content[_STATED_SIZES[name]], "little")
-        if stated != size:
-            raise ValueError(f"{name}: expected {size} bytes, but it states {stated}")
-    # zstd need not state a size. It refuses an output that is too short or too long.
+    stated = _stated_size(name, content)
+    if stated not in (None, size):
+        raise ValueError(f"{name}: expected {size} bytes, but it states {stated}")
+    # If zstd states no size, it refuses an output that is too short or too long.
     result = np.empty(size, np.uint8)
     codec.decode(content, out=result)
     return result
+
+
+def _stated_size(name: str, content: memoryview) -> int | None:
+    """Return the number of bytes that compressed data state, or None if they state none."""
+    if name == "lz4":
+        return int.from_bytes(content[:4], "little")
+    if name == "blosc":
+        # The library trusts this number, and would read beyond the end of the data.
+        if int.from_bytes(content[12:16], "little") != len(content):
+            raise ValueError("blosc: truncated")
+        return int.from_bytes(content[4:8], "little")
+    # RFC 8878, section 3.1.1.1: magic number, descriptor, window, dictionary, and size.
+    if len(content) < 6:
+        raise ValueError("zstd: truncated")
+    descriptor = content[4]
+    has_window, dictionary = not descriptor & 32, (0, 1, 2, 4)[descriptor & 3]
+    length = _ZSTD_SIZE_BYTES[descriptor >> 6] or (0 if has_window else 1)
+    start = 5 + has_window + dictionary
+    stated = int.from_bytes(content[start : start + length], "little")
+    return None if length == 0 else stated + 256 * (length == 2)
 
 
 class _ExactCodec(Codec):  # type: ignore[misc]
@@ -227,9 +246,8 @@ def _bound_chain(
         Maximum size of an encoded chunk.
     """
     bounded, is_compressed = [], False
+    _check_chunk_bytes(size)
     for name, codec in codecs:
-        if size > MAX_CHUNK_BYTES:
-            raise ValueError(f"expected chunks of at most {MAX_CHUNK_BYTES} bytes, got {size}")
         if name in _CHECKSUMS:
             size += 4
         elif is_compressed:
@@ -241,9 +259,15 @@ def _bound_chain(
             continue
         elif name == "delta" and codec.dtype.kind in "biuf" and codec.astype.kind in "biuf":
             size = size // codec.dtype.itemsize * codec.astype.itemsize
+            _check_chunk_bytes(size)
         elif name == "packbits":
             size = 1 + (size + 7) // 8
         elif name not in _SAME_SIZE:
             raise ValueError(f"codecs: the size of a chunk after {name} is unknown")
         bounded.append(codec)
     return bounded, size
+
+
+def _check_chunk_bytes(size: int) -> None:
+    if size > MAX_CHUNK_BYTES:
+        raise ValueError(f"expected chunks of at most {MAX_CHUNK_BYTES} bytes, got {size}")

@@ -18,8 +18,17 @@ METADATA_FILES = ("zarr.json", ".zarray", ".zgroup", ".zattrs")
 MAX_METADATA_BYTES = 1 << 22
 """Maximum size in bytes of such a file."""
 
+BITS_ARRAY = "bits"
+"""Name of the array of bits in a group."""
+
 MANIFEST = "jotlight.json"
-"""Name of the manifest in the root of the folder."""
+"""Name of the manifest. It lies beside the chunks of the bits or counts.
+
+The zarr library warns about files beside the metadata of a group that it does not know.
+"""
+
+MANIFESTS = (MANIFEST, f"{BITS_ARRAY}/{MANIFEST}")
+"""Names under which a manifest is found in a zarr folder: beside an array, or in a group."""
 
 _FORMAT, _VERSION = "jotlight zarr", 1
 
@@ -29,8 +38,8 @@ _MAX_MANIFEST_BYTES = 1 << 27
 _CHECKSUM_BYTES = 4
 
 
-def write_manifest(folder: Path) -> None:
-    """Write the manifest of a zarr folder whose arrays are complete."""
+def write_manifest(folder: Path, array: Path) -> None:
+    """Write the manifest of a zarr folder whose arrays are complete into the folder of an array."""
     metadata, chunks = {}, {}
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
         name = path.relative_to(folder).as_posix()
@@ -41,7 +50,7 @@ def write_manifest(folder: Path) -> None:
                 file.seek(path.stat().st_size - _CHECKSUM_BYTES)
                 chunks[name] = file.read().hex()
     content = {"format": _FORMAT, "version": _VERSION, "metadata": metadata, "chunks": chunks}
-    (folder / MANIFEST).write_text(seal(content), encoding="utf-8")
+    (array / MANIFEST).write_text(seal(content), encoding="utf-8")
 
 
 def read_manifest(folder: Path, files: Mapping[str, int]) -> dict[str, str] | None:
@@ -60,10 +69,11 @@ def read_manifest(folder: Path, files: Mapping[str, int]) -> dict[str, str] | No
         When the manifest is damaged, a file that it lists is missing, or metadata have changed.
         Files that it does not list are ignored, except for metadata: they change the content.
     """
-    if MANIFEST not in files:
+    name = next((name for name in MANIFESTS if name in files), None)
+    if name is None:
         return None
-    path = check_inside(folder / MANIFEST, folder)
-    if files[MANIFEST] > _MAX_MANIFEST_BYTES:
+    path = check_inside(folder / name, folder)
+    if files[name] > _MAX_MANIFEST_BYTES:
         raise ValueError(f"{path}: expected at most {_MAX_MANIFEST_BYTES} bytes; it is damaged")
     try:
         text = path.read_bytes().decode()
@@ -78,7 +88,7 @@ def read_manifest(folder: Path, files: Mapping[str, int]) -> dict[str, str] | No
     if missing:
         raise ValueError(
             f"{folder}: {len(missing)} of its {len(metadata) + len(chunks)} files are missing, "
-            f"such as {missing[0]}; restore them from a copy"
+            f"such as {missing[0]}; open the whole zarr folder, or restore them from a copy"
         )
     for name in files:
         if name.rpartition("/")[2] in METADATA_FILES and name not in metadata:

@@ -15,6 +15,7 @@ from jotlight.formats.arrays import read_npy
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.png_chunks import GRAYSCALE, SIGNATURE, PngHeader, check_png
 from jotlight.formats.tiff_directories import open_checked_tiff
+from jotlight.formats.tiff_segments import check_segments
 from jotlight.images.color import FloatImage, luma
 from jotlight.images.exr import check_exr, write_exr
 from jotlight.output_files import OutputFile, open_output
@@ -107,7 +108,7 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
             png = _checked_png(stream)
             file = stack.enter_context(Image.open(stream))
             size = file.width * file.height * len(file.getbands())
-            check_claimed_size("the header", size, path.stat().st_size)
+            check_claimed_size("the header", size, path.stat().st_size, frame_bytes=size)
             if png is not None and png.depth == 16 and png.color_type != GRAYSCALE:
                 orientation = file.getexif().get(_ORIENTATION, 1)
                 return _upright(_read_png16(stream), orientation), 65535.0
@@ -169,7 +170,9 @@ def _read_tiff(path: Path) -> tuple[npt.NDArray[Any], float | None]:
         with open_checked_tiff(path) as file:
             series = file.series[0]
             size = series.size * series.dtype.itemsize
-            check_claimed_size("the header", size, path.stat().st_size)
+            check_claimed_size("the header", size, path.stat().st_size, frame_bytes=size)
+            for page in filter(None, series.pages):
+                check_segments(file, page)
             array = np.asarray(series.asarray())
     except Exception as error:  # any type: tifffile does not check what it reads
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error

@@ -1,0 +1,50 @@
+"""Compressed strips and tiles of a TIFF file, checked before a library decodes them as a whole."""
+
+import lzma
+import zlib
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+_STREAMS: dict[int, Callable[[], Any]] = {
+    8: zlib.decompressobj,
+    32946: zlib.decompressobj,
+    34925: lambda: lzma.LZMADecompressor(memlimit=1 << 28),
+}
+"""Compressions of the standard library by their number. tifffile decodes them without a limit."""
+
+_SMALL_BYTES = 1 << 12
+"""Size of a segment that is not checked: decoded by DEFLATE or LZMA, it has less than 64 MiB."""
+
+
+def check_segments(file: Any, page: Any) -> None:
+    """Raise ValueError if a strip or tile of a page decodes into more bytes than the page holds.
+
+    Parameters
+    ----------
+    file : TiffFile
+        The file of tifffile.
+    page : TiffPage or TiffFrame
+        One of its pages.
+    """
+    keyframe = page.keyframe
+    expected = int(np.prod(keyframe.chunks, dtype=np.int64)) * max(1, keyframe.dtype.itemsize)
+    # Data that cannot be compressed become a little longer.
+    max_stored = 2 * expected + _SMALL_BYTES
+    for offset, stored in zip(page.dataoffsets, page.databytecounts, strict=True):
+        if stored > max_stored and int(keyframe.compression) != 1:
+            raise ValueError(
+                f"expected a strip or tile of at most {max_stored} bytes, got {stored}"
+            )
+        if int(keyframe.compression) not in _STREAMS or stored <= _SMALL_BYTES:
+            continue
+        file.filehandle.seek(offset)
+        stream, data, size = _STREAMS[int(keyframe.compression)](), file.filehandle.read(stored), 0
+        while data or not getattr(stream, "needs_input", True):
+            size += len(stream.decompress(data, max_length=1 << 20))
+            data = getattr(stream, "unconsumed_tail", b"")
+            if size > expected:
+                raise ValueError(f"a strip or tile has more than the expected {expected} bytes")
+            if stream.eof:
+                break

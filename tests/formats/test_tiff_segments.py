@@ -1,0 +1,60 @@
+"""Strips and tiles of TIFF files that decode into more than they should."""
+
+import lzma
+import struct
+import tracemalloc
+import zlib
+
+import numpy as np
+import pytest
+import tifffile
+
+import jotlight as jl
+from jotlight.images.io import read_image
+
+ZLIB, LZMA, PACKBITS = 8, 34925, 32773
+
+
+def write_strip(path, strip, compression, width=100, height=60):
+    """Write a TIFF file with one strip."""
+    tags = [(256, width), (257, height), (258, 8), (259, compression), (262, 1), (273, 110)]
+    tags += [(278, height), (279, len(strip))]
+    entries = b"".join(struct.pack("<HHII", tag, 4, 1, value) for tag, value in tags)
+    path.write_bytes(b"II*\0" + struct.pack("<IH", 8, len(tags)) + entries + bytes(4) + strip)
+
+
+@pytest.mark.parametrize("size", [6001, 1 << 25])
+@pytest.mark.parametrize("compression", [ZLIB, LZMA])
+@pytest.mark.parametrize("read", [jl.open, lambda path: read_image(path, white=1)])
+def test_a_strip_that_inflates_is_refused(read, compression, size, tmp_path):
+    content = np.random.default_rng(0).bytes(4500) + bytes(size - 4500)
+    strip = zlib.compress(content) if compression == ZLIB else lzma.compress(content, preset=0)
+    write_strip(tmp_path / "a.tif", strip, compression)
+    tracemalloc.start()
+    try:
+        with pytest.raises(ValueError, match=r"a\.tif: .*strip or tile"):
+            read(tmp_path / "a.tif")
+        assert tracemalloc.get_traced_memory()[1] < 16 << 20
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_strip_that_is_too_long_is_not_decoded(tmp_path):
+    write_strip(tmp_path / "a.tif", b"\x81\x00" * 10**5, PACKBITS)
+    with pytest.raises(
+        ValueError, match=r"a\.tif: .*strip or tile of at most 16096 bytes, got 200000"
+    ):
+        jl.open(tmp_path / "a.tif")
+
+
+@pytest.mark.parametrize("compression", ["zlib", "lzma"])
+@pytest.mark.parametrize("tile", [None, (32, 16)])
+@pytest.mark.parametrize("shape", [(3, 90, 130), (90, 130, 3)])
+def test_honest_strips_and_tiles_are_read(tmp_path, compression, tile, shape):
+    counts = np.random.default_rng(0).integers(0, 60000, shape, np.uint16)
+    photometric = "rgb" if shape[-1] == 3 else "minisblack"
+    tifffile.imwrite(
+        tmp_path / "a.tif", counts, compression=compression, tile=tile, photometric=photometric
+    )
+    expected = counts if photometric == "rgb" else counts.sum(0, dtype=np.int32)
+    np.testing.assert_array_equal(jl.open(tmp_path / "a.tif", frames=slice(0, 9)), expected)

@@ -1,0 +1,178 @@
+"""zarr folders that jotlight wrote: every file is protected, and zarr can read them."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from examples.captures import BITS, BITS_WITH_MAPS, COUNTS, open_counts
+from jotlight.formats import zarr as module
+from jotlight.formats.checksums import seal
+from jotlight.formats.verification import verify_capture
+from jotlight.formats.writing import write_capture
+
+zarr = pytest.importorskip("zarr")
+CAPTURES = {"bits": BITS, "maps": BITS_WITH_MAPS, "counts": COUNTS}
+
+
+@pytest.fixture(params=CAPTURES)
+def folder(request, tmp_path):
+    write_capture(CAPTURES[request.param], tmp_path / "a", name="zarr")
+    return tmp_path / "a"
+
+
+def files_in(folder):
+    return sorted(path for path in folder.rglob("*") if path.is_file())
+
+
+def assert_refused(folder, match=None):
+    for read in (open_counts, verify_capture):
+        with pytest.raises(ValueError, match=match):
+            read(folder)
+
+
+def flips_are_refused(folder, step):
+    """Flip every `step`-th bit of all files. Return the number of flips."""
+    number = 0
+    for path in files_in(folder):
+        content = path.read_bytes()
+        for bit in range(number % step, 8 * len(content), step):
+            changed = bytearray(content)
+            changed[bit // 8] ^= 1 << bit % 8
+            path.write_bytes(changed)
+            assert_refused(folder)
+            number += 1
+        path.write_bytes(content)
+    jl.open(folder)
+    return number
+
+
+def test_some_flipped_bits_are_refused(folder):
+    assert flips_are_refused(folder, 997) > 8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("data", [COUNTS[:1, :1], BITS_WITH_MAPS], ids=["counts", "maps"])
+def test_every_flipped_bit_is_refused(tmp_path, data):
+    write_capture(data, tmp_path / "a", name="zarr")
+    assert flips_are_refused(tmp_path / "a", 1) > 8000
+
+
+def test_every_missing_or_emptied_file_is_refused(folder):
+    for path in files_in(folder):
+        content = path.read_bytes()
+        path.unlink()
+        assert_refused(folder, match=r"missing")
+        path.write_bytes(b"")
+        assert_refused(folder)
+        path.write_bytes(content)
+    jl.open(folder)
+
+
+def test_chunks_that_changed_places_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "_WRITTEN_CHUNK_BYTES", 12)
+    write_capture(BITS, tmp_path / "a", name="zarr")
+    (tmp_path / "a" / "c/0/0/0").rename(tmp_path / "b")
+    (tmp_path / "a" / "c/1/0/0").rename(tmp_path / "a" / "c/0/0/0")
+    (tmp_path / "b").rename(tmp_path / "a" / "c/1/0/0")
+    with pytest.raises(ValueError, match="is not the chunk that jotlight wrote"):
+        jl.open(tmp_path / "a").to_array()
+    with pytest.raises(ValueError, match="is damaged; restore it from a copy"):
+        verify_capture(tmp_path / "a")
+
+
+@pytest.mark.parametrize("data", [BITS, COUNTS], ids=["bits", "counts"])
+def test_every_chunk_is_written_and_small(tmp_path, monkeypatch, data):
+    monkeypatch.setattr(module, "_WRITTEN_CHUNK_BYTES", 8)
+    empty = jl.Bits(np.zeros_like(BITS.packed), 13) if data is BITS else np.zeros_like(COUNTS)
+    for number, capture in enumerate([data, empty]):
+        path = tmp_path / str(number)
+        write_capture(capture, path, name="zarr")
+        array = zarr.open_array(str(path), mode="r")
+        assert array.nchunks_initialized == array.nchunks > 3
+        assert np.prod(array.chunks) * array.dtype.itemsize <= 8
+        assert [codec.to_dict()["name"] for codec in array.metadata.codecs][-1] == "crc32c"
+        expected = capture.packed if data is BITS else capture
+        np.testing.assert_array_equal(array[...], expected)
+        found = jl.open(path)
+        np.testing.assert_array_equal(found.packed if data is BITS else found, expected)
+
+
+@pytest.mark.parametrize(
+    ("shape", "itemsize", "chunks"),
+    [
+        ((1000, 512, 64), 1, (256, 512, 64)),
+        ((3, 4, 5), 1, (3, 4, 5)),
+        ((9, 10**5, 10**5), 1, (1, 83, 10**5)),
+        ((20_000, 20_000), 4, (104, 20_000)),
+        ((2, 3, 10**8), 4, (1, 1, 2**21)),
+    ],
+)
+def test_chunks_have_at_most_8_mib(shape, itemsize, chunks):
+    assert module._written_chunks(shape, itemsize) == chunks
+
+
+def test_zarr_itself_reads_the_folder_without_a_complaint(tmp_path):
+    write_capture(BITS_WITH_MAPS, tmp_path / "a", name="zarr")
+    group = zarr.open(str(tmp_path / "a"), mode="r")
+    assert sorted(group.array_keys()) == ["bits", "dark_counts", "mask"]
+    np.testing.assert_array_equal(group["mask"][...], BITS_WITH_MAPS.sensor.mask)
+    np.testing.assert_array_equal(group["bits"][...], BITS.packed)
+
+
+def test_files_that_the_list_does_not_name_are_ignored_unless_they_are_metadata(folder):
+    expected = verify_capture(folder)
+    for name in (".DS_Store", "c/notes.txt"):
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text("x")
+    assert verify_capture(folder) == expected
+    shutil.copytree(folder, folder / "more")
+    assert_refused(folder, match=r"more/.*zarr\.json: is not listed in jotlight\.json")
+
+
+def test_metadata_that_zarr_consolidates_are_refused_as_changed(tmp_path):
+    write_capture(BITS_WITH_MAPS, tmp_path / "a", name="zarr")
+    with pytest.warns(UserWarning, match="Consolidated metadata"):
+        zarr.consolidate_metadata(str(tmp_path / "a"))
+    assert_refused(tmp_path / "a", match=r"zarr\.json: is damaged or was changed")
+
+
+def test_an_array_without_its_list_of_files_is_refused(tmp_path):
+    write_capture(BITS_WITH_MAPS, tmp_path / "a", name="zarr")
+    with pytest.raises(ValueError, match="open the whole zarr folder"):
+        jl.open(tmp_path / "a" / "bits")
+    (tmp_path / "a" / "bits" / "jotlight.json").unlink()
+    with pytest.raises(ValueError, match=r"its list of files jotlight\.json is missing"):
+        jl.open(tmp_path / "a")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"version": 2}, "expected format 'jotlight zarr', version 1"),
+        ({"format": "other"}, "expected format 'jotlight zarr', version 1"),
+        ({"more": 1}, "unknown entries more"),
+        ({"chunks": []}, "expected metadata and chunks by name"),
+        ({"chunks": {"c/0/0": 3}}, "damaged"),
+        ({"chunks": {"c/0/0": "00"}}, "damaged|not the chunk"),
+        ({"chunks": {"../b": "00"}}, "missing, such as ../b"),
+        ({"chunks": {}}, "not the chunk|is missing"),
+        ({"metadata": {}}, "is not listed"),
+    ],
+)
+def test_invalid_lists_of_files_are_refused(tmp_path, changes, message):
+    write_capture(COUNTS, tmp_path / "a", name="zarr")
+    (tmp_path / "b").touch()
+    path = tmp_path / "a" / "jotlight.json"
+    content = json.loads(path.read_text())
+    del content["checksum"]
+    path.write_text(seal({**content, **changes}))
+    with pytest.raises(ValueError, match=message):
+        jl.open(tmp_path / "a")
+
+
+def test_verification_counts_the_files(tmp_path):
+    write_capture(BITS_WITH_MAPS, tmp_path / "a", name="zarr")
+    assert verify_capture(tmp_path / "a").startswith("7 files match their checksums; all 3 frames")
