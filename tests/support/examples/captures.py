@@ -20,6 +20,7 @@ from examples.reader import Reader
 from jotlight.formats.description import description_path
 from jotlight.formats.image_files import read_mask
 from jotlight.formats.writing import write_capture
+from jotlight.formats.zarr_manifest import MANIFEST
 
 RNG = np.random.default_rng(0)
 BITS = jl.Bits.from_array(RNG.random((3, 6, 13)) < 0.4)
@@ -241,13 +242,14 @@ CAPTURES = {
         needs="h5py",
         read_isolated=functools.partial(open_counts, isolate=True),
     ),
-    "zarr": Reader(
+    "zarr": Reader("a", open_counts, (_zarr,), file="a/zarr.json", json=True, needs="zarr"),
+    "zarr-manifest": Reader(
         "a",
         open_counts,
-        written("zarr", BITS, COUNTS),
-        file="a/zarr.json",
-        json=True,
+        written("zarr", BITS_WITH_MAPS, COUNTS),
+        file=f"a/{MANIFEST}",
         needs="zarr",
+        **SEALED,
     ),
     "zarr-2": Reader(
         "a",
