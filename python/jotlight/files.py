@@ -3,7 +3,7 @@
 import contextlib
 import errno
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from jotlight.output_files import open_output
@@ -68,6 +68,38 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     if path in _unfinished:
         yield path
         return
+    with atomic_write_together([path]) as (temporary,):
+        yield temporary
+
+
+@contextlib.contextmanager
+def atomic_write_together(paths: Sequence[Path]) -> Iterator[list[Path]]:
+    """Yield a temporary path for each path. When the block ends, all of them are renamed, in order.
+
+    No file is renamed before the contents of all files are on the disk. So a process that is killed
+    while the files appear, which takes microseconds, is the only one that leaves some old files
+    beside new ones. Otherwise the files are written as by :func:`atomic_write`.
+
+    Raises
+    ------
+    OSError
+        See :func:`atomic_write`.
+    """
+    with contextlib.ExitStack() as stack:
+        temporaries = [stack.enter_context(_temporary_file(path)) for path in paths]
+        yield temporaries
+        for path, temporary in zip(paths, temporaries, strict=True):
+            temporary.chmod(_permissions(path))
+            flush_to_disk(temporary)
+        for path, temporary in zip(paths, temporaries, strict=True):
+            temporary.replace(path)
+        for folder in {path.parent for path in paths}:
+            flush_to_disk(folder)
+
+
+@contextlib.contextmanager
+def _temporary_file(path: Path) -> Iterator[Path]:
+    """Yield a new temporary file for a path. It is deleted at the end, if it still exists."""
     if path.is_dir():
         raise IsADirectoryError(f"cannot write {path}: it is a folder; pass the name of a file")
     _check_parent(path)
@@ -80,10 +112,6 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
         try:
             with _explained_failure(path, temporary):
                 yield temporary
-                temporary.chmod(_permissions(path))
-                flush_to_disk(temporary)
-                temporary.replace(path)
-                flush_to_disk(path.parent)
         finally:
             _unfinished.discard(temporary)
 

@@ -53,7 +53,8 @@ COMMANDS = CONVERSIONS | {
     "info --plot": "info IN/calibration.safetensors --plot out.png",
 }
 
-FAST = (*CONVERSIONS, "simulate", "jpg", "exr", "evaluate")
+FAST = ("bits to npy", "bits to hdf5", "bits to visionsim", "counts to zarr", "jpg", "exr")
+"""Commands whose libraries crash or lie if they are used carelessly. The others take longer."""
 
 PACKAGES = {"exr": "OpenEXR", "video mp4": "imageio_ffmpeg"} | {
     f"{kind} to {name}": package for name, package in NEEDS.items() for kind in ("bits", "counts")

@@ -240,3 +240,16 @@ def test_large_reads_are_split_at_chunks(tmp_path, monkeypatch):
         for first, last in ((0, 7), (1, 2), (3, 7)):
             found = jl.open(tmp_path / "a", frames=slice(first, last))
             np.testing.assert_array_equal(found, frames[first:last].sum(0, dtype=np.int32))
+
+
+def test_a_part_of_a_shard_that_is_too_long_is_not_read(tmp_path):
+    array = zarr.create_array(
+        str(tmp_path / "a"), shape=(4, 10, 10), chunks=(1, 10, 10), shards=(4, 10, 10), dtype="u1",
+        compressors=None,
+    )  # fmt: skip
+    array[...] = 1
+    entries = struct.pack("<8Q", *(number for start in range(4) for number in (start, 300)))
+    checksum = struct.pack("<I", numcodecs.checksum32.crc32c_checksum(entries, 0))
+    (tmp_path / "a" / "c/0/0/0").write_bytes(bytes(400) + entries + checksum)
+    with pytest.raises(ValueError, match="a chunk in it has 300 bytes, more than expected"):
+        jl.open(tmp_path / "a", frames=slice(1, 2))

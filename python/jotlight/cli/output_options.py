@@ -15,7 +15,7 @@ from jotlight.cli.captured import Captured
 from jotlight.cli.common_options import OUTPUT_PANEL
 from jotlight.estimators.brightness import detected_photons
 from jotlight.estimators.uncertainty import uncertainty
-from jotlight.files import atomic_write
+from jotlight.files import atomic_write_together
 from jotlight.images.image_stack import stack_writer
 from jotlight.images.io import DISPLAYED, FLOATS, image_writer
 from jotlight.images.tone import CURVES, Tone, check_curve
@@ -115,8 +115,8 @@ class OutputOptions:
         list of Path
             A temporary file for each of :meth:`paths`.
         """
-        with contextlib.ExitStack() as stack:
-            yield [stack.enter_context(atomic_write(path)) for path in self.paths()]
+        with atomic_write_together(self.paths()) as temporaries:
+            yield temporaries
 
     def write(
         self,

@@ -15,7 +15,7 @@ from typing import IO, Any, cast
 import numpy.typing as npt
 
 from jotlight.errors import warn
-from jotlight.files import atomic_write, flush_to_disk, write_file
+from jotlight.files import atomic_write_together, write_file
 from jotlight.formats.arrays import read_npy, write_npy
 from jotlight.formats.checksums import (
     HashingWriter,
@@ -291,20 +291,16 @@ def write_described(
     replaced_maps = _maps_written_with(description)
     _refuse_foreign_files(path, description, set(map_paths.values()) - replaced_maps)
     content = dict(content)
-    with contextlib.ExitStack() as stack:
-        # The stack renames in reverse order, so the cube appears after its description and maps.
-        cube = stack.enter_context(atomic_write(path))
-        text = stack.enter_context(atomic_write(description))
-        for name, map_ in maps.items():
-            temporary = stack.enter_context(atomic_write(map_paths[name]))
+    # The cube appears last.
+    with atomic_write_together([*map_paths.values(), description, path]) as temporaries:
+        *map_files, text, cube = temporaries
+        for (name, map_), temporary in zip(maps.items(), map_files, strict=True):
             with _open_hashed(temporary) as file:
                 write_npy(cast(IO[bytes], file), map_)
             entry = {"file": map_paths[name].name, "sha256": file.checksum()}
             content["maps"] = {**content.get("maps", {}), name: entry}
         with _open_hashed(cube) as file:
             yield cast(IO[bytes], file)
-        # If this fails, the old description must still be there.
-        flush_to_disk(cube)
         write_file(text, seal({**content, "sha256": file.checksum()}))
     for stale in replaced_maps - set(map_paths.values()):
         stale.unlink(missing_ok=True)

@@ -21,8 +21,8 @@ _MAX_OPEN_FILES = 16
 _MAX_MESSAGE_BYTES = 1 << 26
 """Maximum size of a message's header. The bytes of frames follow the header."""
 
-_MEMORY = 1 << 30
-"""Memory in bytes that a child process may use, besides twice the bytes that it is asked for."""
+_MEMORY = 1 << 28
+"""Memory in bytes that a child process may use, besides the bytes that it is asked for."""
 
 SECONDS = 60
 """Computing time that a request to a child process may take, besides that of its bytes."""
@@ -148,7 +148,7 @@ def _serve(requests: BinaryIO, replies: BinaryIO) -> None:
         reply: dict[str, Any] = {}
         content = None
         try:
-            _limit_resources(request.get("bytes", 0))
+            _limit_resources(request)
             if "attribute" in request:
                 found = library.list_data_sets(request["path"], request["attribute"])
                 reply["data_sets"] = [dataclasses.asdict(each) for each in found]
@@ -167,8 +167,8 @@ def _raw_bytes(array: Any) -> memoryview:
     return np.ascontiguousarray(array).reshape(-1).view(np.uint8).data
 
 
-def _limit_resources(read_bytes: int) -> None:
-    """Limit the memory and the computing time of this process until the next request.
+def _limit_resources(request: dict[str, Any]) -> None:
+    """Limit the memory and the computing time that this process may use for a request.
 
     Time that a slow disk takes does not count. A process above a limit receives an error or ends.
     """
@@ -176,11 +176,14 @@ def _limit_resources(read_bytes: int) -> None:
         return
     import resource
 
+    read_bytes = request.get("bytes", 0)
+    chunk_bytes = request.get("data_set", {}).get("chunk_bytes", 0)
     used = resource.getrusage(resource.RUSAGE_SELF)
     seconds = int(used.ru_utime + used.ru_stime) + SECONDS + read_bytes // _BYTES_PER_SECOND
     for kind, limit in (
         (resource.RLIMIT_CPU, seconds),
-        (resource.RLIMIT_DATA, _MEMORY + 2 * read_bytes),
+        # The library decompresses a whole chunk, and doubles its buffer until the chunk fits.
+        (resource.RLIMIT_DATA, _MEMORY + 2 * read_bytes + 4 * chunk_bytes),
         (resource.RLIMIT_CORE, 0),
     ):
         hard = resource.getrlimit(kind)[1]
