@@ -1,7 +1,7 @@
 //! The pools of threads on which calls run. Later calls reuse them.
 
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 use std::thread::{Thread, available_parallelism, current, park_timeout};
 use std::time::Duration;
 
@@ -122,10 +122,10 @@ impl Pool {
         mut is_interrupted: impl FnMut() -> bool,
         work: impl FnOnce() -> Result<R> + Send,
     ) -> Result<R> {
-        let is_done = AtomicBool::new(false);
+        let is_done = Arc::new(AtomicBool::new(false));
         let mut result = Err(Error::Interrupted);
         self.workers.in_place_scope(|scope| {
-            let end = EndOfWork(&is_done, current());
+            let end = EndOfWork(Arc::clone(&is_done), current());
             scope.spawn(|_| {
                 let _end = end;
                 result = work();
@@ -146,13 +146,19 @@ impl Pool {
     }
 }
 
-/// A guard that wakes the calling thread at the end of the work, even if the work panics.
-struct EndOfWork<'a>(&'a AtomicBool, Thread);
+/// A guard that wakes the calling thread after the work, even if the work panics.
+struct EndOfWork(Arc<AtomicBool>, Thread);
 
-impl Drop for EndOfWork<'_> {
+impl Drop for EndOfWork {
     fn drop(&mut self) {
-        self.0.store(true, Ordering::Release);
-        self.1.unpark();
+        let Self(is_done, caller) = self;
+        let (is_done, caller) = (Arc::clone(is_done), caller.clone());
+        // This runs after the scope has ended. An earlier wake-up would let the caller run on the
+        // core of this thread, wait for the end of the scope, and switch threads twice more.
+        rayon::spawn(move || {
+            is_done.store(true, Ordering::Release);
+            caller.unpark();
+        });
     }
 }
 

@@ -7,7 +7,7 @@ use ndarray::{ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis, s};
 use rayon::prelude::*;
 
 use super::bit_planes::{BitCounters, FRAMES_PER_GROUP};
-use super::{MAX_FIELD_BITS, PackedBits, bit_field, mask_row, packed_width};
+use super::{MAX_FIELD_BITS, PackedBits, bit_field, contiguous, mask_row, packed_width};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
 use crate::interrupt;
@@ -94,7 +94,10 @@ pub(crate) fn bits_per_pixel(frames: usize, oversampling: usize) -> Result<i32> 
 
 /// Check that counts cannot overflow if they increase by up to `increase`.
 fn check_sum(increase: i32, counts: ArrayView2<'_, i32>) -> Result<()> {
-    let max = counts.iter().copied().fold(0, i32::max);
+    let mut max = 0;
+    for row in counts.rows() {
+        include_max(&contiguous(row), &mut max);
+    }
     match max.checked_add(increase) {
         Some(_) => Ok(()),
         None => Err(Error::range(
@@ -146,10 +149,17 @@ fn add_frame_by_frame(
 }
 
 levels! {
+    /// Replace `max` with the maximum of `max` and all counts.
+    fn include_max(counts: &[i32], max: &mut i32) = include_max_inlined;
     /// Add the ones of each pixel in consecutive rows of jots.
     fn add_rows(
         bytes: &[u8], oversampling: usize, counts: &mut ArrayViewMut2<'_, i32>,
     ) = add_rows_inlined;
+}
+
+#[inline(always)]
+fn include_max_inlined(counts: &[i32], max: &mut i32) {
+    *max = counts.iter().copied().fold(*max, i32::max);
 }
 
 #[inline(always)]
