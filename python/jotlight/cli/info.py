@@ -240,7 +240,7 @@ def _training_runs(file: Path, network: Network) -> list[tuple[str, dict[str, An
     Raises
     ------
     ValueError
-        When the history has entries of these names that are not those of a run.
+        When the entries of a run are damaged.
     """
     history = network.history
     runs = []
