@@ -58,7 +58,7 @@ class OutputFile(io.BufferedRandom):
         self.raw.check()
 
     def readinto(self, buffer: Any) -> int:
-        """Read into a buffer, fill its rest with zeros if the file ends, and return the size."""
+        """Return the number of bytes read into a buffer. The rest of the buffer becomes zeros."""
         size = super().readinto(buffer)
         # HDF5 would take the old content of the buffer for data.
         view = memoryview(buffer).cast("B")

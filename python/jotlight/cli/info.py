@@ -111,6 +111,7 @@ def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
         if stored_format(file) == CALIBRATION:
             return _calibration_facts(Calibration.load(file))
         return _network_facts(file, Network.load(file))
+    # With an option that only captures have, the file is a capture.
     if dataclasses.replace(capture, isolate=True) == CaptureOptions() and file.is_file():
         if ending == ".npz" and read_npz_label(file) is None:
             facts = [("kind", "archive of arrays")]
