@@ -97,6 +97,20 @@ FOUND = {
     "a type that SciPy crashes on": ("matlab", 0, b"\2\0\0\0\x10\0\0\0", b"\xf9\0\0\0\x10\0\0\0"),
     "the name of a codec is a list": ("zarr", 0, b'"name": "bytes"', b'"name": []'),
     "the id of a codec is a list": ("zarr-2", 0, b'"id": "zstd"', b'"id": []'),
+    "chunks are empty": ("zarr-2", 0, b'"chunks": [\n    6,\n    9\n  ]', b'"chunks": 0'),
+    "metadata are null": (
+        "network-header",
+        0,
+        b'"__metadata__": {',
+        b'"__metadata__": null, "a": {',
+    ),
+    "rows are no list": ("results-part", 0, b'[{"cost": 1.5, "step": 2}]', b"1"),
+    "an image is larger than its file": (
+        "results-image",
+        0,
+        b"\0\0\5\0\0\0\5\x08",
+        b"\0\0\5\2\0\0\5\x08",
+    ),
     "one of three numbers is missing": ("calibration-header", 0, b"flat_noise", b"prnu"),
     "the width is no number": ("image", 1, b"9 6", b"9 x"),
     "the size exceeds any file": ("image", 4, b"\x09\0\x06\0", b"\x09\x21\x21\x21"),
@@ -115,6 +129,13 @@ def test_files_that_fuzzing_found_are_refused(name, number, old, new, tmp_path):
     assert old in content
     file.write_bytes(reader.wrap(content.replace(old, new, 1)))
     assert read_in_little_memory(path, reader.read) is None
+
+
+def test_a_result_whose_settings_are_nested_too_deep_is_left_out(tmp_path):
+    path, file, content = READERS["results-facts"].example(tmp_path)
+    file.write_bytes(content.replace(b",{}", b"," + 1500 * b"[" + 1500 * b"]"))
+    with pytest.warns(jl.JotlightWarning, match="fig5 is left out"):
+        assert READERS["results-facts"].read(path) == {}
 
 
 @given(st.tuples(*[st.integers(-(2**65), 2**65) | st.integers(0, 9)] * 3), st.booleans())

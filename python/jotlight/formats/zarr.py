@@ -155,6 +155,8 @@ def _open_array(folder: _Folder, name: str) -> StoredArray:
         raise ValueError(f"{path}: the array is damaged ({error})") from error
     if dtype.kind not in "biuf" or not shape or min(shape) < 0:
         raise ValueError(f"{path}: expected an array of numbers, got {dtype} of shape {shape}")
+    if min(*array.chunks, *(array.shards or array.chunks)) < 1:
+        raise ValueError(f"{path}: expected chunks of 1 or more numbers, got {array.chunks}")
     if label is not None and folder.checksums is None:
         raise ValueError(
             f"{path}: jotlight wrote this array, but its list of files {MANIFEST} is missing; open "

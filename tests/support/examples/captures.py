@@ -20,7 +20,7 @@ from examples.reader import Reader
 from jotlight.formats.description import description_path
 from jotlight.formats.image_files import read_mask
 from jotlight.formats.writing import write_capture
-from jotlight.formats.zarr_manifest import MANIFEST
+from jotlight.formats.zarr_manifest import BITS_ARRAY, MANIFEST
 
 RNG = np.random.default_rng(0)
 BITS = jl.Bits.from_array(RNG.random((3, 6, 13)) < 0.4)
@@ -246,8 +246,8 @@ CAPTURES = {
     "zarr-manifest": Reader(
         "a",
         open_counts,
-        written("zarr", BITS_WITH_MAPS, COUNTS),
-        file=f"a/{MANIFEST}",
+        written("zarr", BITS_WITH_MAPS),
+        file=f"a/{BITS_ARRAY}/{MANIFEST}",
         needs="zarr",
         **SEALED,
     ),

@@ -156,8 +156,9 @@ def _check(command: Command, place: Workplace, expected: Expected) -> tuple[str,
         found = read_outputs(place.out)
     except Exception as error:  # any type: the readers of outputs do not expect damage
         return "", [f"an output is damaged: {error}"]
-    stopped = [name for name in found if name.endswith(CHECKPOINT)]
-    rest = {name: digest for name, digest in found.items() if name not in stopped}
+    rest = {name: digest for name, digest in found.items() if not name.endswith(CHECKPOINT)}
+    # Experiments continue by themselves, while training asks for an option.
+    resume = ["--resume"] * (len(rest) < len(found) and not command.resumes)
     state = _state(command, rest, expected)
     violations = [] if state else [_difference(rest, expected)]
     violations += place.damage()
@@ -165,7 +166,7 @@ def _check(command: Command, place: Workplace, expected: Expected) -> tuple[str,
         shutil.rmtree(place.out)  # It is complete, and the command would refuse to replace it.
         place.out.mkdir()
     launcher, arguments = command.launch()
-    again = run(arguments + ["--resume"] * bool(stopped), place.folder, place.scratch, launcher)
+    again = run(arguments + resume, place.folder, place.scratch, launcher)
     if again.returncode:
         return state, [*violations, f"the next run failed: {again.stderr.strip()}"]
     if read_outputs(place.out) != expected.new:
