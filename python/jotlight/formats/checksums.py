@@ -202,7 +202,7 @@ def is_sealed(text: str) -> bool:
     return _MARK in text
 
 
-def check_seal(text: str, name: str) -> None:
+def check_seal(text: str, name: str, *, editable: bool = True) -> None:
     """Raise ValueError when sealed JSON has changed since :func:`seal` returned it.
 
     Parameters
@@ -211,6 +211,8 @@ def check_seal(text: str, name: str) -> None:
         Sealed JSON.
     name : str
         The file, for messages.
+    editable : bool
+        Whether users may change the file, after which they delete its checksum.
 
     Examples
     --------
@@ -222,9 +224,8 @@ def check_seal(text: str, name: str) -> None:
     found = _VALUE.search(text)
     blank = _VALUE.sub(_PLACEHOLDER, text)
     if found is None or found[0] != _text_checksum(blank):
-        raise ValueError(
-            f'{name}: is damaged or was changed; if you changed it, delete its line "{_KEY}"'
-        )
+        remedy = f'if you changed it, delete its line "{_KEY}"' if editable else "restore a copy"
+        raise ValueError(f"{name}: is damaged or was changed; {remedy}")
 
 
 def _text_checksum(text: str) -> str:

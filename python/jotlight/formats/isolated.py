@@ -173,7 +173,7 @@ def _checked_data_set(path: str, fields: dict[str, Any]) -> DataSet:
 def _describe_end(path: str, status: int | None) -> str:
     if status is not None and status == -getattr(signal, "SIGXCPU", 0):
         return (
-            f"{path}: the HDF5 library computed for over {SECONDS} s without an end; "
+            f"{path}: the HDF5 library computed for {SECONDS} s or more without an end; "
             "the file is damaged or hostile"
         )
     if status is not None and status < 0:

@@ -78,7 +78,7 @@ def read_manifest(folder: Path, files: Mapping[str, int]) -> dict[str, str] | No
         raise ValueError(f"{path}: expected at most {_MAX_MANIFEST_BYTES} bytes; it is damaged")
     try:
         text = path.read_bytes().decode()
-        check_seal(text, str(path))
+        check_seal(text, str(path), editable=False)
         content = json.loads(text)
         metadata, chunks = _parse(content)
     except (KeyError, TypeError, ValueError, RecursionError) as error:
