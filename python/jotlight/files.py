@@ -10,10 +10,13 @@ from jotlight.output_files import open_output
 from jotlight.temporary_names import reserve_temporary
 
 _FAILED_WRITE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""Error numbers that only a failed write causes: a full disk, a quota, or a limit of sizes."""
+"""Error numbers of a full disk, an exceeded quota, and a file above the size limit.
+
+Only a failed write causes them.
+"""
 
 _unfinished: set[Path] = set()
-"""Temporary files that :func:`atomic_write` has yielded."""
+"""Temporary files of blocks that have not ended."""
 
 
 def refuse_overwrite(output: str | os.PathLike[str], inputs: Iterable[Path | None]) -> None:
@@ -33,7 +36,7 @@ def write_file(path: str | os.PathLike[str], content: bytes | str) -> None:
 
 
 def delete_file(path: Path) -> None:
-    """Delete a file, and what killed processes left of it."""
+    """Delete a file, and the temporary files for it that killed processes left."""
     path.unlink(missing_ok=True)
     with reserve_temporary(path):
         pass
@@ -41,9 +44,9 @@ def delete_file(path: Path) -> None:
 
 @contextlib.contextmanager
 def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary path in the same folder. When the block ends, it is renamed to `path`.
+    """Yield a temporary path in the folder of `path`, and rename it to `path` when the block ends.
 
-    The temporary file is created on entry. A folder without write permission therefore raises
+    The temporary file is created on entry. So if the folder is not writable, an error is raised
     before any work is done. If the block raises, also because of Ctrl-C, the temporary file is
     deleted, and an existing file at `path` stays unchanged. The content is on the disk before the
     file is renamed, so it also survives a power failure. If `path` is itself a temporary path of a
@@ -74,11 +77,11 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def atomic_write_together(paths: Sequence[Path]) -> Iterator[list[Path]]:
-    """Yield a temporary path for each path. When the block ends, all of them are renamed, in order.
+    """Yield a temporary path for each path, and rename all of them in order when the block ends.
 
-    No file is renamed before the contents of all files are on the disk. So a process that is killed
-    while the files appear, which takes microseconds, is the only one that leaves some old files
-    beside new ones. Otherwise the files are written as by :func:`atomic_write`.
+    No file is renamed before the contents of all files are on the disk. So the renames together
+    take microseconds. Only a process that is killed during this time leaves old files beside new
+    ones. In all other respects, this function is like :func:`atomic_write`.
 
     Raises
     ------
@@ -118,7 +121,7 @@ def _temporary_file(path: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary folder next to `path`. When the block ends, it is renamed to `path`.
+    """Yield a temporary folder next to `path`, and rename it to `path` when the block ends.
 
     Raises
     ------
@@ -145,6 +148,7 @@ def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _reserved(path: Path) -> Iterator[Path]:
+    """Yield a temporary path. Errors of its reservation name `path`."""
     with contextlib.ExitStack() as stack:
         with _explained_creation(path):
             temporary = stack.enter_context(reserve_temporary(path))
@@ -152,7 +156,7 @@ def _reserved(path: Path) -> Iterator[Path]:
 
 
 def flush_to_disk(path: Path) -> None:
-    """Wait until the content of a file, or the names in a folder, are on the disk."""
+    """Wait until the content of a file, or the list of the names in a folder, is on the disk."""
     on_windows = os.name == "nt"
     if on_windows and path.is_dir():
         return  # Windows has no such function for folders.
@@ -201,11 +205,11 @@ def _explained_failure(path: Path, temporary: Path) -> Iterator[None]:
 
 
 def _failed_write(error: BaseException | None, temporary: Path) -> OSError | None:
-    """Return the error of a write to a temporary path that caused an error, or None if none did."""
+    """Return the failed write to a temporary path that led to an error, or None without one."""
     while error is not None:
         if isinstance(error, OSError) and error.errno is not None:
             if str(error.strerror).startswith("cannot write"):
-                return None  # It names another file.
+                return None  # A block for another file has already explained this error.
             if not isinstance(error.filename, str | bytes | os.PathLike):
                 if error.errno in _FAILED_WRITE:
                     return error

@@ -1,4 +1,4 @@
-"""Files that libraries write to. No failed write goes unnoticed."""
+"""Files for libraries to write to, which report every failed write."""
 
 import contextlib
 import errno
@@ -11,19 +11,19 @@ from typing import Any
 
 @contextlib.contextmanager
 def open_output(path: Path, *, postpone_errors: bool = False) -> Iterator["OutputFile"]:
-    """Open a new file for a library that writes to a file object.
+    """Yield a new file for a library that writes to a file object.
 
     Parameters
     ----------
     path : path
     postpone_errors : bool
-        Whether a failed write raises only at the end of the block, or in :meth:`OutputFile.check`.
-        This is for libraries that crash when a write fails.
+        Whether a failed write raises its error only at the end of the block, or in
+        :meth:`OutputFile.check`. Libraries that crash when a write fails need this.
 
     Raises
     ------
     OSError
-        When a write failed, whatever the library made of it. The error names the file.
+        When a write failed, even if the library ignored it. The error names the file.
 
     Examples
     --------
@@ -47,8 +47,8 @@ def open_output(path: Path, *, postpone_errors: bool = False) -> Iterator["Outpu
 class OutputFile(io.BufferedRandom):
     """A file that does not reveal its descriptor.
 
-    With the descriptor, C code in libraries would write on its own. Some of it loses the reason of
-    a failed write, and some ignores that only a part was written.
+    With the descriptor, C code in libraries would write to the file directly. Some libraries then
+    lose the reason of a failed write, and some ignore that only a part was written.
     """
 
     raw: "_RawOutput"
@@ -58,18 +58,18 @@ class OutputFile(io.BufferedRandom):
         self.raw.check()
 
     def readinto(self, buffer: Any) -> int:
-        """Read into a buffer, and fill its rest with zeros if the file ends."""
+        """Return the number of bytes read into a buffer. The rest of the buffer becomes zeros."""
         size = super().readinto(buffer)
-        # HDF5 would take the rest for data.
+        # HDF5 would take the old content of the buffer for data.
         view = memoryview(buffer).cast("B")
         view[size:] = bytes(len(view) - size)
         return size
 
 
 def described_error(text: str, path: Path) -> OSError:
-    """Return the error of a library or program that only states the reason in words.
+    """Return an OSError for a library or program that states the reason of a failure only as text.
 
-    Without a reason of the operating system, it has the last line of the text.
+    If the text contains no message of the operating system, the error has its last line.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Names of temporary files and folders, and the removal of those that killed processes left."""
+"""Names of temporary files and folders, and the removal of what killed processes left."""
 
 import contextlib
 import errno
@@ -24,11 +24,11 @@ _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)
 def reserve_temporary(path: Path) -> Iterator[Path]:
     """Yield a path beside `path` at which nothing exists. No other process gets the same path.
 
-    A locked file beside the temporary path shows that its process exists: the operating system
-    unlocks it when the process ends, however it ends. What lies at a temporary path for `path`
-    without a lock was left by a killed process, so it is removed. Processes on other hosts use
-    other names, because some network file systems keep locks to themselves. Where locks do not
-    exist, the name is random, and nothing is removed.
+    A locked file beside the temporary path shows that its process is still running: the operating
+    system unlocks the file when the process ends in any way. If the lock of a temporary path for
+    `path` is free, a killed process left what lies there, so it is removed. Processes on other
+    hosts use other names, because on some network file systems they do not see the locks. Where
+    locks do not exist, the name is random, and nothing is removed.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def reserve_temporary(path: Path) -> Iterator[Path]:
         try:
             temporary = _lock_first_free(path, locks)
         except _NoLocksError:
-            temporary = _name(path, secrets.token_hex(4))
+            temporary = _temporary_path(path, secrets.token_hex(4))
             locks.callback(_remove, temporary)
         yield temporary
 
@@ -49,11 +49,11 @@ class _NoLocksError(Exception):
 
 
 def _lock_first_free(path: Path, locks: contextlib.ExitStack) -> Path:
-    """Return the first name without a living process, and keep it locked until `locks` closes."""
-    names = (_name(path, str(number)) for number in itertools.count())
-    temporary = next(name for name in names if locks.enter_context(_locked(name)))
-    # Processes that wrote the same file at the same time may have left the next names.
-    for leftover in itertools.takewhile(lambda name: os.path.lexists(_lock_file(name)), names):
+    """Return the first temporary path whose lock is free, locked until `locks` closes."""
+    paths = (_temporary_path(path, str(number)) for number in itertools.count())
+    temporary = next(each for each in paths if locks.enter_context(_locked(each)))
+    # Several killed processes may have left files at the next paths.
+    for leftover in itertools.takewhile(lambda each: os.path.lexists(_lock_file(each)), paths):
         with _locked(leftover):
             pass
     return temporary
@@ -61,7 +61,7 @@ def _lock_first_free(path: Path, locks: contextlib.ExitStack) -> Path:
 
 @contextlib.contextmanager
 def _locked(temporary: Path) -> Iterator[bool]:
-    """Lock a name and remove what lies there, before and after. Yield whether it was possible."""
+    """Yield whether a temporary path could be locked. Remove what lies there, before and after."""
     lock = _lock_file(temporary)
     handle = _acquire(lock)
     if handle is None:
@@ -77,7 +77,7 @@ def _locked(temporary: Path) -> Iterator[bool]:
 
 
 def _acquire(lock: Path) -> int | None:
-    """Return the handle of a locked file, or None if another process has it."""
+    """Return the handle of a file that was locked, or None if this is not possible."""
     if fcntl is None:
         raise _NoLocksError
     while True:
@@ -90,7 +90,7 @@ def _acquire(lock: Path) -> int | None:
             raise
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            # The previous holder may have deleted the file after it was opened here.
+            # The previous holder may have deleted the file after this process opened it.
             if lock.exists() and os.path.samestat(os.fstat(handle), lock.lstat()):
                 return handle
         except OSError as error:
@@ -110,7 +110,7 @@ def _remove(temporary: Path) -> None:
             temporary.unlink()
 
 
-def _name(path: Path, number: str) -> Path:
+def _temporary_path(path: Path, number: str) -> Path:
     host = re.sub(r"\W", "_", platform.node())[:24]
     return path.with_name(f".{path.stem[:32]}.jotlight-{host}-{number}{path.suffix}")
 

@@ -1,4 +1,4 @@
-"""Arrays with metadata in `.safetensors` files: networks, checkpoints and calibrations."""
+"""Arrays with metadata in `.safetensors` files: networks, checkpoints, and calibrations."""
 
 import json
 import os
@@ -66,7 +66,7 @@ def _read_file(path: Path) -> tuple[Tensors, dict[str, str]]:
     try:
         with path.open("rb") as file:
             header_bytes = int.from_bytes(file.read(8), "little")
-            # A large file of another kind is not read as a whole.
+            # Without this check, a large file of another kind would be read completely.
             if header_bytes > os.fstat(file.fileno()).st_size:
                 raise ValueError("its header is longer than the file")
             header = file.read(header_bytes)

@@ -33,6 +33,7 @@ def small_workplace(folder):
     return Workplace(folder / "work", {"in": "folder", "old": "folder"})
 
 
+@pytest.mark.slow
 def test_kills_find_incomplete_outputs(tmp_path):
     place = small_workplace(tmp_path)
     command = Command("slow", ("out/a.txt",), script=SLOW_WRITER)
@@ -42,6 +43,7 @@ def test_kills_find_incomplete_outputs(tmp_path):
     assert any("damaged: a.txt" in text for text in row["violations"])
 
 
+@pytest.mark.slow
 def test_kills_find_remaining_files_and_changed_inputs(tmp_path):
     place = small_workplace(tmp_path)
     script = (

@@ -1,11 +1,12 @@
-"""Kill jotlight, fill its disk, flip bits of its files, expose it to extreme bits, and record it.
+"""Kill jotlight, fill its disk, flip bits of its files, pass it extreme bits, and record results.
 
     python tools/robustness/run.py kills|disks|flips|sweep|all [--quick] [--only WORD]
     python tools/robustness/run.py page
 
 The results are lines of JSON in FOLDER/robustness (--output FOLDER), from which `page` makes
 FOLDER/robustness.md. The exit status is 1 if a file was damaged, a message was wrong, a flip was
-not detected, or an estimate left its range. `fuzz/readers.py --output` adds lines to that folder.
+not detected, or an estimate left its range. `fuzz/readers.py --output FILE` adds its results to a
+file in the same folder.
 """
 
 import argparse

@@ -27,14 +27,15 @@ def convert(
     to: Annotated[
         str | None,
         Parameter(
-            help=f"Format to write: {', '.join(WRITERS)}. Default: the one of the output's name."
+            help=f"Format to write: {', '.join(WRITERS)}. Default: the one that the output's name "
+            "implies."
         ),
     ] = None,
     capture: CaptureOptions = CaptureOptions(),
 ) -> None:
-    """Convert a capture to another format, in constant memory, if it matches its checksums.
+    """Convert a capture that matches its checksums to another format, in constant memory.
 
-    Bits stay bits in formats that hold bits. Other formats receive the counts, their sum.
+    Bits stay bits in formats that hold bits. Other formats receive the counts, the sum of the bits.
     """
     name = choose_output_format(output, to)
     outputs = {output}

@@ -111,6 +111,7 @@ def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
         if stored_format(file) == CALIBRATION:
             return _calibration_facts(Calibration.load(file))
         return _network_facts(file, Network.load(file))
+    # With an option that only captures have, the file is a capture.
     if dataclasses.replace(capture, isolate=True) == CaptureOptions() and file.is_file():
         if ending == ".npz" and read_npz_label(file) is None:
             facts = [("kind", "archive of arrays")]
@@ -240,7 +241,7 @@ def _training_runs(file: Path, network: Network) -> list[tuple[str, dict[str, An
     Raises
     ------
     ValueError
-        When the history has entries of these names that are not those of a run.
+        When the entries of a run are damaged.
     """
     history = network.history
     runs = []

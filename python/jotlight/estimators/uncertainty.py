@@ -37,7 +37,8 @@ class Uncertainty:
     standard_error: npt.NDArray[np.float32]
     """The standard error of the estimate in units of intensity.
 
-    It is inf for a dead pixel, and where the bits tell practically nothing about the intensity.
+    It is inf for a dead pixel, and where the bits contain practically no information about the
+    intensity.
     """
     low: npt.NDArray[np.float32]
     """The lower end of the confidence interval, in units of intensity."""

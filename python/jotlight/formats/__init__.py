@@ -8,11 +8,11 @@
 * ``checksums`` and ``verification`` detect changes of a file since jotlight wrote it;
 * ``capture``, ``selection``, ``orientation``, and ``packing`` handle what was read;
 * ``cube``, ``description``, ``labels``, and ``labeled`` keep the width, sensor, and provenance;
-* ``hdf5_library`` calls the HDF5 library, in a child process if ``isolated`` starts it;
-* ``arrays``, ``compressed``, ``raw``, ``file_lists``, ``magic``, ``limits``, ``safe_paths``,
-  ``mat_files``, ``mat_sizes``, ``png_chunks``, ``tiff_directories``, ``tiff_segments``,
-  ``zarr_codecs``, ``zarr_manifest``, and ``zarr_store`` read bytes, and check files from untrusted
-  sources.
+* ``hdf5_library`` calls the HDF5 library, and ``isolated`` runs it in a child process;
+* ``arrays``, ``archives``, ``compressed``, ``file_reader``, ``raw``, ``file_lists``, ``magic``,
+  ``limits``, ``safe_paths``, ``mat_files``, ``mat_sizes``, ``png_chunks``, ``tiff_directories``,
+  ``tiff_segments``, ``zarr_codecs``, ``zarr_manifest``, and ``zarr_store`` read bytes, and check
+  files from untrusted sources.
 """
 
 from jotlight.formats.reading import open, open_capture

@@ -131,7 +131,7 @@ def list_npz_arrays(path: Path) -> list[str]:
 
 
 def stream_npz(path: Path, key: str | None, *, verified: bool = False) -> npt.NDArray[Any] | Frames:
-    """Return one array of a `.npz` archive as frames. `key` is optional for an only array.
+    """Return one array of a `.npz` archive as frames. If it is the only one, `key` can be None.
 
     An array in Fortran order cannot be streamed, so it is read into memory. See
     :func:`jotlight.formats.compressed.stream_npy` for `verified`.
@@ -167,7 +167,10 @@ def read_npz_label(path: Path) -> str | None:
 
 
 def finish_npz(file: IO[bytes], label: str) -> None:
-    """Add a label, and the checksum of everything, to a `.npz` archive that is open for both."""
+    """Add a label and the checksum of the whole file to a `.npz` archive.
+
+    The file must be open for reading and writing.
+    """
     with zipfile.ZipFile(file, "a", zipfile.ZIP_DEFLATED) as archive:
         # A ZipInfo has a fixed time, so equal data yield equal files.
         archive.writestr(zipfile.ZipInfo(_LABEL), label)
@@ -176,7 +179,7 @@ def finish_npz(file: IO[bytes], label: str) -> None:
 
 
 def verify_npz(path: Path) -> int:
-    """Compare a `.npz` archive with its checksum. Return 1, or 0 if jotlight did not write it.
+    """Return 1 if a `.npz` archive matches its checksum, or 0 if jotlight did not write it.
 
     Raises
     ------

@@ -44,12 +44,13 @@ ARCHIVE_ERRORS = (
 """Exceptions that Python raises when a zip archive or a gzip stream is damaged."""
 
 _MAX_HEADER_BYTES = 1 << 16
+"""Maximum length in bytes of a header."""
 
 _WRITTEN_BYTES = 1 << 24
-"""Number of bytes that are written at once. Drawing simulated frames has a cost for each part."""
+"""Number of bytes that are written at once. Simulated frames cost additional time for each part."""
 
 _MAX_SIZE = 1 << 63
-"""Upper limit of a dimension in NumPy. An array without elements could claim more."""
+"""NumPy's limit on each dimension. The header of an array without elements could claim more."""
 
 
 def check_header(file: IO[bytes]) -> None:
@@ -120,12 +121,13 @@ def read_npy(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
 def open_npy_array(path: str | os.PathLike[str]) -> npt.NDArray[Any] | Frames:
     """Return the array of a `.npy` file as frames, which are read when they are needed.
 
-    A number, and an array in Fortran order, whose frames are not contiguous, are read completely.
+    An array without dimensions is read completely, and so is an array in Fortran order, because its
+    frames are not contiguous.
 
     Raises
     ------
     OSError, ValueError
-        As :func:`read_npy`. Frames raise OSError if the file has changed when they are read.
+        As for :func:`read_npy`. If the file has changed, reading the frames raises OSError.
     """
     path = Path(path)
     if path.is_dir():

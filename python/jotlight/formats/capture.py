@@ -14,8 +14,6 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_in_chunks
 from jotlight.sensing.provenance import Provenance
 
-"""An image of counts, (H, W) or (H, W, C)."""
-
 
 @dataclasses.dataclass(frozen=True)
 class CountStack:

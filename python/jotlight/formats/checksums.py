@@ -1,7 +1,7 @@
 """Checksums of the files that jotlight writes: SHA-256, so that other tools can compute them too.
 
-JSON files carry the checksums of other files, and their own (`seal`). Binary files whose format
-ignores bytes at their end carry their own there (`append_checksum`).
+JSON files contain the checksums of other files, and their own (`seal`). Binary files end with their
+own checksum if their format ignores bytes at the end (`append_checksum`).
 """
 
 import hashlib
@@ -14,21 +14,25 @@ from pathlib import Path
 from typing import IO, Any
 
 _KEY = "checksum"
-"""Key of sealed JSON that holds its own checksum."""
+"""Key of the checksum in sealed JSON, which is JSON with a checksum of itself."""
 
 _MARK = f'"{_KEY}": "sha256:'
-"""Text by which sealed JSON is recognized, also if it is damaged elsewhere."""
+"""Text that identifies sealed JSON, also if the rest of it is damaged."""
 
 _VALUE = re.compile(rf'(?<=^{{\n  {re.escape(_MARK)})[0-9a-f]{{64}}(?=",\n)')
-"""Pattern of the checksum, which has the first line of the object, so that users can delete it."""
+"""Pattern of the checksum, which is alone in the first line of the object.
+
+So users can delete this line.
+"""
 
 _PLACEHOLDER = "0" * 64
-"""Value of the checksum in the text of which the checksum is computed."""
+"""Digits that stand for the checksum while it is computed."""
 
 END_PLACEHOLDER = b"sha256:" + _PLACEHOLDER.encode()
 """End of a file before :func:`append_checksum` replaces the digits."""
 
 _END = re.compile(rb"sha256:(.{64})", re.DOTALL)
+"""Pattern of the end of a file that has an appended checksum, which may be damaged."""
 
 
 def file_checksum(path: Path, start: int = 0) -> str:
@@ -39,7 +43,7 @@ def file_checksum(path: Path, start: int = 0) -> str:
     path : path
         A file.
     start : int
-        The number of bytes at the beginning of the file that are left out.
+        Number of bytes to skip at the beginning of the file.
 
     Raises
     ------
@@ -109,7 +113,7 @@ def differs_error(path: Path) -> ValueError:
 def missing_error(path: Path) -> ValueError:
     """Return the error for a file by jotlight that must end with its checksum, but does not."""
     return ValueError(
-        f"{path}: expected the checksum with which jotlight ends such files, but it is damaged or "
+        f"{path}: expected a checksum at its end, where jotlight writes it, but it is damaged or "
         "another program removed it; restore the file from a copy"
     )
 
@@ -174,7 +178,7 @@ def _hash_beginning(file: IO[bytes], size: int) -> str:
 
 
 def seal(content: Mapping[str, Any]) -> str:
-    """Return an object, which must not be empty, as JSON text that begins with its own checksum.
+    """Return JSON text of an object, which must not be empty. The text begins with its checksum.
 
     Examples
     --------
@@ -198,7 +202,7 @@ def is_sealed(text: str) -> bool:
     return _MARK in text
 
 
-def check_seal(text: str, name: str) -> None:
+def check_seal(text: str, name: str, *, editable: bool = True) -> None:
     """Raise ValueError when sealed JSON has changed since :func:`seal` returned it.
 
     Parameters
@@ -207,6 +211,8 @@ def check_seal(text: str, name: str) -> None:
         Sealed JSON.
     name : str
         The file, for messages.
+    editable : bool
+        Whether users may change the file, after which they delete its checksum.
 
     Examples
     --------
@@ -218,9 +224,8 @@ def check_seal(text: str, name: str) -> None:
     found = _VALUE.search(text)
     blank = _VALUE.sub(_PLACEHOLDER, text)
     if found is None or found[0] != _text_checksum(blank):
-        raise ValueError(
-            f'{name}: is damaged or was changed; if you changed it, delete its line "{_KEY}"'
-        )
+        remedy = f'if you changed it, delete its line "{_KEY}"' if editable else "restore a copy"
+        raise ValueError(f"{name}: is damaged or was changed; {remedy}")
 
 
 def _text_checksum(text: str) -> str:

@@ -28,7 +28,7 @@ _CHUNK_BYTES = 1 << 20
 """Number of bytes that are decompressed at once."""
 
 _LEVEL = 2
-"""Level of compression, of 0 to 3. Level 3 is slower and compresses bits no better."""
+"""Compression level, from 0 to 3. Level 3 is slower and does not compress bits better."""
 
 
 @contextlib.contextmanager
@@ -94,7 +94,8 @@ class Stream:
             When the stream is damaged, or its file has changed.
         """
         if self._process != os.getpid():
-            # Forked processes share the position in the open file, and copy a lock that is held.
+            # This process is a fork: its parent moves the position in the open file too, and may
+            # have held the lock.
             self._forget_file()
         with self._lock:
             if self._file is None or position < self._position:
@@ -141,7 +142,7 @@ def skip_bytes(file: BufferedIOBase, size: int) -> None:
 
 
 def check_end(file: BufferedIOBase) -> None:
-    """Raise ValueError when a stream continues. At its end, the stream compares its checksum."""
+    """Raise ValueError when a stream has more bytes. Reading its end compares its checksum."""
     if file.read(1):
         raise ValueError("more bytes follow than the header of the array states")
 
@@ -160,8 +161,8 @@ def stream_npy(
     name : str
         The path, and the array if the file has several, for messages.
     verified : bool
-        Whether the compressed file matches a stored checksum. Otherwise the whole stream is read
-        once to compare the checksum at its end, before any frame is returned.
+        Whether the compressed file has been compared with a stored checksum. Otherwise the whole
+        stream is read once to compare the checksum at its end, before any frame is returned.
 
     Raises
     ------
@@ -202,7 +203,7 @@ def open_gzip(path: Path) -> BufferedIOBase:
 
 
 def measure_gzip(path: Path, end_bytes: int = 0) -> tuple[int, bytes]:
-    """Return the decompressed size of a gzip file whose checksum fits, and its last bytes.
+    """Return the decompressed size of a gzip file and its last bytes, and compare its checksum.
 
     Raises
     ------

@@ -37,9 +37,10 @@ _KEYS = {
     BITS: {"width", "sensor", "maps"},
     COUNTS: {"trials"},
 }
-"""Keys of a description in addition to the common ones."""
+"""Keys of a description for each format, in addition to the common keys."""
 
 _COMMON_KEYS = {"format", "version", "provenance", "shape", "sha256"}
+"""Keys of the descriptions of both formats."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,7 +53,7 @@ class Description:
 
     @property
     def format(self) -> str:
-        """Return whether it describes :data:`BITS` or :data:`COUNTS`."""
+        """Return what it describes: :data:`BITS` or :data:`COUNTS`."""
         return str(self.content["format"])
 
     def map_files(self) -> dict[str, tuple[Path, object]]:
@@ -121,9 +122,9 @@ def companion_files(cube: Path) -> set[Path]:
 
 
 def _maps_written_with(description: Path) -> set[Path]:
-    """Return the paths of those maps named in a description that jotlight wrote with it.
+    """Return the paths of the maps that jotlight wrote together with a description.
 
-    A damaged description names none.
+    The description may name further maps. If it is damaged, the result is empty.
     """
     try:
         own = _read_own_description(description) if description.is_file() else None
@@ -150,7 +151,7 @@ def _read_own_description(path: Path) -> Description | None:
     except (ValueError, RecursionError):
         content = None
     if not isinstance(content, dict) or content.get("format") not in list(_KEYS):
-        # A damaged description is not one that another program wrote.
+        # jotlight wrote this text. To ignore it because it is damaged would change the capture.
         if is_sealed(text) or any(f'"format": "{format_}"' in text for format_ in _KEYS):
             raise ValueError(
                 f"{path}: expected a complete description by jotlight of at most "
@@ -195,12 +196,12 @@ def check_shape(description: Description, cube: Path, shape: tuple[int, ...]) ->
 
 
 def check_data(description: Description, cube: Path) -> bool:
-    """Raise ValueError when a cube differs from its checksum. Return whether it has one."""
+    """Return whether a cube has a checksum. Raise ValueError when the cube differs from it."""
     checksum = description.content.get("sha256")
     if checksum is None:
         return False
     if cube.suffix.lower() == ".gz" and description.path != description_path(cube):
-        # It describes the cube that another tool has compressed.
+        # The checksum is that of the uncompressed cube, which another tool has compressed.
         with open_gzip(cube) as file:
             if hashlib.file_digest(file, "sha256").hexdigest() != checksum:
                 raise differs_error(cube)
@@ -210,7 +211,7 @@ def check_data(description: Description, cube: Path) -> bool:
 
 
 def verify_cube(cube: Path) -> int:
-    """Compare a cube, its description, and its maps with their checksums, and return how many.
+    """Return how many files match their checksums: a cube, its description, and its maps.
 
     Raises
     ------
@@ -267,7 +268,7 @@ def read_bits_description(
 def write_described(
     path: Path, content: Mapping[str, Any], maps: Mapping[str, npt.NDArray[Any]]
 ) -> Iterator[IO[bytes]]:
-    """Yield a file for a cube, which is written from beginning to end.
+    """Yield a file to which a cube is written from beginning to end.
 
     The cube, its description, and its maps appear when the block ends. The maps of an overwritten
     cube are deleted.

@@ -47,9 +47,9 @@ class FileReader:
         Raises
         ------
         OSError
-            When the file has changed since it was opened, or ends before.
+            When the file has changed since it was opened, or is too short.
         """
-        # The size is checked before memory is allocated.
+        # This check comes before memory is allocated.
         if position + size > self.size:
             raise OSError(
                 f"{self.path}: expected {position + size} bytes, got {self.size}; it is truncated"
@@ -60,7 +60,7 @@ class FileReader:
             left = data.data
             while left and (number := file.readinto(left)):
                 left = left[number:]
-            # The check comes last, so it also finds changes during the reading.
+            # This check comes last, so it also finds changes during the reading.
             self._check(os.fstat(file.fileno()), complete=not left)
         return data
 
@@ -72,7 +72,7 @@ class FileReader:
         if not complete or _version(status) != self._version:
             raise OSError(
                 f"{self.path}: the file has changed since it was opened, so its bits are not "
-                "reliable; open it again when no program writes it"
+                "reliable; open it again when no program writes to it"
             )
 
 

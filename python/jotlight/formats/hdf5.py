@@ -29,6 +29,7 @@ _MAX_CHUNK_BYTES = 1 << 28
 """Maximum size of a chunk in bytes. The library decompresses a chunk as a whole."""
 
 _WRITTEN_CHUNK_BYTES = 1 << 20
+"""Maximum size in bytes of the chunks that jotlight writes, unless one frame has more."""
 
 _USER_BLOCK_BYTES = 512
 """Size of the part before the HDF5 data, which HDF5 leaves to applications."""
@@ -41,11 +42,11 @@ _USER_BLOCK = (
 """Text before the HDF5 data, in which the checksum is inserted."""
 
 _MARKS = (b"jotlight wrote", b"SHA-256")
-"""Parts of this text. One of them is there even if the other one is damaged."""
+"""Parts of this text that identify it. One flipped bit cannot damage both."""
 
 
 class Library(Protocol):
-    """The calls of the HDF5 library, in this process or in a child process."""
+    """The calls of the HDF5 library that jotlight needs, in this process or in a child process."""
 
     def list_data_sets(self, path: str, attribute: str) -> list[DataSet]:
         """Return the numeric data sets of a file, each with its label in an attribute."""
@@ -131,7 +132,7 @@ def open_hdf5(path: Path, options: OpenOptions) -> Capture:
 
 
 def _verify(path: Path) -> int:
-    """Check the SHA-256 of a file that jotlight wrote, and return the number of such files."""
+    """Return 1 if a file matches its SHA-256, or 0 if jotlight did not write the file."""
     with path.open("rb") as file:
         start = file.read(_USER_BLOCK_BYTES)
     if not any(mark in start for mark in _MARKS):
@@ -146,7 +147,7 @@ def _verify(path: Path) -> int:
 
 
 def _user_block(path: Path) -> bytes:
-    """Return the text before the HDF5 data of a file that jotlight writes."""
+    """Return the text that belongs before the HDF5 data in a file."""
     text = _USER_BLOCK.format(file_checksum(path, _USER_BLOCK_BYTES))
     return text.encode().ljust(_USER_BLOCK_BYTES)
 
@@ -155,8 +156,8 @@ def _user_block(path: Path) -> bytes:
 def _create(path: Path) -> Iterator[tuple[Any, Callable[[], None]]]:
     """Yield a new HDF5 file, and a function that raises the error of the first failed write.
 
-    When a write fails, the library keeps the data, and writing them again as the process ends
-    crashes it. So the library learns nothing of failed writes.
+    After a failed write, the library keeps the data, tries again when the process ends, and
+    crashes. So the file hides failed writes from the library.
     """
     with _naming_file(path):
         import h5py

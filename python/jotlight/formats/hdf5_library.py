@@ -1,7 +1,7 @@
 """The calls of the HDF5 library that jotlight needs, in this process or in a child process.
 
-A child process runs this file alone (see ``isolated``). It imports nothing of jotlight and neither
-NumPy nor h5py before it needs them, so that it starts fast.
+A child process runs this file as a script (see ``isolated``). To start fast, the file imports
+nothing of jotlight, and it imports NumPy and h5py only when it needs them.
 """
 
 import dataclasses
@@ -16,19 +16,19 @@ _MAX_DATA_SETS = 1000
 """Maximum number of data sets that are listed for a file."""
 
 _MAX_OPEN_FILES = 16
-"""Maximum number of files that stay open. A capture may consist of many."""
+"""Maximum number of files that stay open. A capture may have more files."""
 
 _MAX_MESSAGE_BYTES = 1 << 26
 """Maximum size of a message's header. The bytes of frames follow the header."""
 
 _MEMORY = 1 << 28
-"""Memory in bytes that a child process may use, besides the bytes that it is asked for."""
+"""Memory in bytes that a child process may use, plus that for the requested frames and chunks."""
 
 SECONDS = 60
-"""Computing time that a request to a child process may take, besides that of its bytes."""
+"""Processor time in seconds that a request may take, plus the time for the requested bytes."""
 
 _BYTES_PER_SECOND = 1 << 22
-"""Least number of bytes that a second of computing is expected to read."""
+"""Minimum number of requested bytes that a second of processor time must suffice for."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,16 +43,17 @@ class DataSet:
     elsewhere: bool
     """Whether the data are in other files."""
     label: str | None
-    """The text in the attribute that was asked for."""
+    """The text in the requested attribute, or None."""
     label_ignored: bool
-    """Whether this attribute is not a string of fixed length. Others are stored in a heap, and
-    reading a damaged heap hangs the library."""
+    """Whether the attribute exists, but is not a string of fixed length. HDF5 stores other
+    attributes in a heap, and the library hangs when it reads a damaged heap."""
 
 
 class Hdf5Library:
-    """The HDF5 library. Any exception of its methods means that the file is damaged.
+    """The HDF5 library. Its methods raise any exception when a file is damaged.
 
-    Exceptions are ImportError if h5py is not installed, FileNotFoundError, and PermissionError.
+    Three exceptions have another cause: ImportError means that h5py is not installed, and
+    FileNotFoundError and PermissionError mean that the file cannot be opened.
     """
 
     def __init__(self) -> None:
@@ -83,7 +84,7 @@ class Hdf5Library:
 
         # visititems follows no links, so a file cannot lead to another file.
         h5py.File(path, "r").visititems(visit)
-        # HDF5 closes a file when nothing refers to its data sets.
+        # HDF5 closes a file when nothing refers to its data sets any more.
         while len(self._files) >= _MAX_OPEN_FILES:
             del self._files[next(iter(self._files))]
         self._files[path] = found
@@ -170,7 +171,8 @@ def _raw_bytes(array: Any) -> memoryview:
 def _limit_resources(request: dict[str, Any]) -> None:
     """Limit the memory and the computing time that this process may use for a request.
 
-    Time that a slow disk takes does not count. A process above a limit receives an error or ends.
+    The time to wait for a slow disk does not count. A process that exceeds a limit receives an
+    error or ends.
     """
     if sys.platform == "win32":
         return

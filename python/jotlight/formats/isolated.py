@@ -91,7 +91,7 @@ class IsolatedLibrary:
             self.close()
             raise ValueError(self._failure) from None
         except BaseException:
-            # The rest of the reply, which nobody reads, would be taken for the next one.
+            # Otherwise, the next call would read the rest of this reply.
             self.close()
             raise
         if "error" in reply:
@@ -109,7 +109,7 @@ class IsolatedLibrary:
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
                 pipesize=_PIPE_BYTES,
-                # Memory for threads that a child process never uses would count against its limit.
+                # OpenBLAS would allocate memory for threads, which counts against the limit.
                 env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
             )
         except OSError as error:
@@ -129,7 +129,7 @@ class IsolatedLibrary:
         self._process = self._end = None
 
     def forget(self) -> None:
-        """Leave the child process to the process that started it, of which this is a fork."""
+        """Forget the child process in a fork, because it belongs to the process that started it."""
         if self._process is not None and self._end is not None:
             self._end.detach()
             self._process.returncode = 0  # so that Python does not wait for it
@@ -137,6 +137,7 @@ class IsolatedLibrary:
 
 
 _LIBRARIES: weakref.WeakSet[IsolatedLibrary] = weakref.WeakSet()
+"""All libraries of this process, which a fork of the process must forget."""
 
 
 def _forget_all() -> None:
@@ -153,7 +154,7 @@ def _end(process: "subprocess.Popen[bytes]") -> None:
     process.kill()
     process.wait()
     for stream in (process.stdin, process.stdout):
-        # Closing writes what is left in a buffer, which nobody reads.
+        # Closing writes the rest of the buffer, and fails because nobody reads it.
         with contextlib.suppress(OSError):
             cast(BinaryIO, stream).close()
 
@@ -172,7 +173,7 @@ def _checked_data_set(path: str, fields: dict[str, Any]) -> DataSet:
 def _describe_end(path: str, status: int | None) -> str:
     if status is not None and status == -getattr(signal, "SIGXCPU", 0):
         return (
-            f"{path}: the HDF5 library computed for over {SECONDS} s without an end; "
+            f"{path}: the HDF5 library computed for {SECONDS} s or more without an end; "
             "the file is damaged or hostile"
         )
     if status is not None and status < 0:

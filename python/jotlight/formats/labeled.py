@@ -28,7 +28,7 @@ class StoredArray:
     frames: Frames
     label: str | None
     warning: str | None = None
-    """What to warn about if the array is read."""
+    """The text of a warning for the case that the array is selected, or None."""
 
 
 def bits_label(bits: Bits) -> str:

@@ -7,7 +7,7 @@ _FREE_BYTES = 1 << 24
 """Number of bytes that even the smallest file may claim."""
 
 _MAX_FRAME_EXPANSION = 100
-"""Maximum ratio of the bytes of a frame, all of which are in memory at once, to those of a file."""
+"""Maximum ratio of the bytes of a frame to those of its file. A frame is in memory as a whole."""
 
 _FREE_FRAME_BYTES = 1 << 26
 """Number of bytes that one frame of even the smallest file may have."""
@@ -23,8 +23,9 @@ def check_claimed_size(name: str, claimed: int, file_bytes: int, *, frame_bytes:
     claimed, file_bytes : int
         Sizes of the array and of the file in bytes.
     frame_bytes : int
-        Size of one frame. Other than the array, it must fit in memory. A large frame that is
-        compressed very well is refused: it is empty, or made to exhaust the memory.
+        Size of one frame in bytes. A frame must fit in memory, but the array need not. A large
+        frame that is compressed very well is refused: either it is empty, or somebody made it to
+        exhaust the memory.
 
     Examples
     --------
@@ -41,6 +42,6 @@ def check_claimed_size(name: str, claimed: int, file_bytes: int, *, frame_bytes:
     if frame_bytes > _MAX_FRAME_EXPANSION * file_bytes + _FREE_FRAME_BYTES:
         raise ValueError(
             f"{name}: expected frames of at most {_FREE_FRAME_BYTES} bytes, or "
-            f"{_MAX_FRAME_EXPANSION} times the {file_bytes} of the file, got {frame_bytes}; if it "
-            "is not damaged, store it uncompressed"
+            f"{_MAX_FRAME_EXPANSION} times the {file_bytes} bytes of the file, got {frame_bytes}; "
+            "if it is not damaged, store it uncompressed"
         )

@@ -15,11 +15,11 @@ from jotlight.formats.magic import ByteOrder
 _COMPRESSED = 15
 """Type of a compressed variable."""
 _MATRIX = 14
-"""Type of a variable."""
+"""Type of an uncompressed variable."""
 _NUMBER_TYPES = (1, 2, 3, 4, 5, 6, 7, 9, 12, 13)
 """Types in which numbers are stored. SciPy crashes on an unknown type."""
 _NUMERIC_CLASSES = range(6, 16)
-"""Classes of variables that hold numbers. jotlight reads only the name of others."""
+"""Classes of variables that hold numbers. Of other variables, jotlight reads only the name."""
 _COMPLEX = 0x0800
 """Flag of a variable with complex numbers."""
 _HEADER_BYTES = 128

@@ -150,7 +150,7 @@ def _write_bits(bits: Bits, path: Path) -> None:
             with open_output(file) as output:
                 savemat(output, {VARIABLE: np.moveaxis(unpacked, 0, 2)}, do_compression=True)
             checksums[file.name] = file_checksum(file)
-        # Other software reads the numbers.
+        # Other software reads no_parts and no_frames.
         info = {
             "format": _FORMAT,
             "version": _VERSION,

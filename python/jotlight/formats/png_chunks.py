@@ -36,7 +36,7 @@ class PngHeader:
     interlaced: bool
 
     def data_bytes(self) -> int:
-        """Return the number of decompressed bytes: rows of levels, each after a byte."""
+        """Return the number of decompressed bytes: for each row, a filter type and its levels."""
         passes = _ADAM7 if self.interlaced else ((0, 1, 0, 1),)
         total = 0
         for row, row_step, column, column_step in passes:
@@ -94,7 +94,7 @@ def check_png(content: bytes, *, trailing: bool = False) -> PngHeader:
 
 
 def _read_chunks(content: bytes) -> Iterator[tuple[bytes, int, int]]:
-    """Yield the type of each chunk, and the start and end of its data, after its checksum."""
+    """Yield the type of each chunk and the start and end of its data, if its checksum matches."""
     kind, position = b"", len(SIGNATURE)
     while kind != b"IEND":
         start = position + 8

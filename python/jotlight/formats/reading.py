@@ -64,8 +64,8 @@ def open(
         refused.
     isolate : bool
         Whether to read HDF5 and MATLAB 7.3 files in a child process, which takes 0.2 s. Damaged
-        files can crash the HDF5 library; then this function raises ValueError, and later reading
-        of the bits does.
+        files can crash the HDF5 library. With a child process, the crash becomes a ValueError, of
+        this function or when the bits are read later.
 
     Returns
     -------
@@ -159,7 +159,7 @@ def open_capture(
 
 
 def _verifiable(capture: Capture, path: Path, verify: Callable[[Path], int]) -> Capture:
-    """Return the same capture, whose frames know how to compare the checksums of their file."""
+    """Return the same capture with frames that can compare the checksums of their file."""
 
     def attach(frames: npt.NDArray[Any] | Frames) -> npt.NDArray[Any] | Frames:
         if not isinstance(frames, Frames):

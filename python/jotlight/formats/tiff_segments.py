@@ -12,10 +12,10 @@ _STREAMS: dict[int, Callable[[], Any]] = {
     32946: zlib.decompressobj,
     34925: lambda: lzma.LZMADecompressor(memlimit=1 << 28),
 }
-"""Compressions of the standard library by their number. tifffile decodes them without a limit."""
+"""Decompressors of Python by TIFF's number of the compression. tifffile sets no limit for them."""
 
 _SMALL_BYTES = 1 << 12
-"""Size of a segment that is not checked: decoded by DEFLATE or LZMA, it has less than 64 MiB."""
+"""Maximum size of a segment that is not checked, because it decodes into less than 64 MiB."""
 
 
 def check_segments(file: Any, page: Any) -> None:
@@ -30,7 +30,7 @@ def check_segments(file: Any, page: Any) -> None:
     """
     keyframe = page.keyframe
     expected = int(np.prod(keyframe.chunks, dtype=np.int64)) * max(1, keyframe.dtype.itemsize)
-    # Data that cannot be compressed become a little longer.
+    # Compression makes random data a little longer.
     max_stored = 2 * expected + _SMALL_BYTES
     for offset, stored in zip(page.dataoffsets, page.databytecounts, strict=True):
         if stored > max_stored and int(keyframe.compression) != 1:

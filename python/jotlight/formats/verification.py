@@ -19,7 +19,7 @@ def verify_capture(
     progress: Callable[[float], object] = lambda fraction: None,
     **options: Any,
 ) -> str:
-    """Return a sentence about the checksums of an undamaged capture, of which all frames are read.
+    """Return a sentence about the checksums of a capture, after reading all of its frames.
 
     Parameters
     ----------

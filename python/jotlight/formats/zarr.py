@@ -40,12 +40,13 @@ _MAX_ARRAYS = 1000
 """Maximum number of files that describe arrays and groups."""
 
 _WRITTEN_CHUNK_BYTES = 1 << 23
+"""Approximate size in bytes of the chunks that jotlight writes."""
 
 _MAX_READ_BYTES, _MAX_READ_CHUNKS = 1 << 26, 1 << 12
-"""Maximum size and number of the chunks that are read at once, unless it is a single one."""
+"""Maximum size and number of the chunks that are read at once. A single chunk may be larger."""
 
 _MAX_MISSING = 1000
-"""Maximum ratio of the number of chunks to that of their files, of which ten more are assumed."""
+"""Maximum number of missing chunks for each existing one. Ten more are assumed to exist."""
 
 
 def _import_zarr() -> Any:
@@ -202,12 +203,12 @@ def _split(
 
 
 def _describe_missing_chunks(path: Path, array: Any, files: Mapping[str, int]) -> str | None:
-    """Return a warning about chunks that are not in the folder, or None if there are all.
+    """Return a warning about chunks that are not in the folder, or None if all are there.
 
     Raises
     ------
     ValueError
-        When nearly all are missing. Reading them would take time without end.
+        When nearly all are missing. Reading such an array would take hours.
     """
     shape = array.shards or array.chunks
     grid = [-(-length // size) for length, size in zip(array.shape, shape, strict=True)]

@@ -2,7 +2,7 @@
 
 A compressor of the zarr library decodes whatever a chunk contains. A chunk of some kilobytes can
 thus take gigabytes of memory. The size of a decoded chunk follows from the metadata. So each
-compressor is replaced by one that refuses any other size, before memory is taken for it.
+compressor is replaced by one that refuses any other size before it allocates memory.
 """
 
 import asyncio
@@ -38,17 +38,19 @@ _ZSTD_SIZE_BYTES = {0: 0, 1: 2, 2: 4, 3: 8}
 """Number of bytes of the size in the header of a zstd frame, by two bits of its descriptor."""
 
 _COMPRESSORS = {*_STREAMS, "zstd", "blosc", "lz4"}
+"""All compressors that are accepted."""
 
 _CHECKSUMS = {"crc32", "crc32c", "adler32"}
 """Codecs that append a checksum of four bytes."""
 
 _SAME_SIZE = {"bytes", "transpose", "shuffle"}
+"""Codecs that do not change the size of a chunk."""
 
 _SAFE_NAMES = {
     *(*_COMPRESSORS, *_CHECKSUMS, *_SAME_SIZE, "delta", "packbits", "sharding_indexed"),
     *("regular", "default", "v2"),
 }
-"""Names in metadata that are known: codecs, chunk grids, and encodings of the names of chunks."""
+"""Names that metadata may contain: codecs, chunk grids, and encodings of the names of chunks."""
 
 
 def check_codec_names(metadata: Any) -> None:
@@ -227,7 +229,7 @@ def _name(codec: Any) -> str:
 def _bound_chain(
     codecs: list[tuple[str, Any]], size: int, make_exact: Callable[[Any, int], Any]
 ) -> tuple[list[Any], int]:
-    """Return the codecs, in the order of encoding, with an exact compressor in place of another.
+    """Return codecs in the order of encoding, with each compressor replaced by an exact one.
 
     Parameters
     ----------
@@ -236,7 +238,7 @@ def _bound_chain(
     size : int
         Size of a decoded chunk in bytes.
     make_exact : callable
-        A function that returns a compressor that decodes exactly a number of bytes.
+        ``make_exact(codec, size)`` returns the compressor that decodes exactly `size` bytes.
 
     Returns
     -------
@@ -253,7 +255,7 @@ def _bound_chain(
         elif is_compressed:
             raise ValueError(f"codecs: expected only checksums after a compressor, got {name}")
         elif name in _COMPRESSORS:
-            # Data that cannot be compressed become a little longer.
+            # Compression makes random data a little longer.
             bounded.append(make_exact(codec, size))
             size, is_compressed = 2 * size + 1024, True
             continue

@@ -1,7 +1,7 @@
 """The manifest of a zarr folder that jotlight wrote: the files that it must contain.
 
 Each chunk ends in its CRC-32C, which the zarr library checks. The manifest lists these checksums,
-so that a chunk which is missing or has changed places is noticed, and the SHA-256 of all metadata.
+which reveals missing and exchanged chunks. It also lists the SHA-256 of all metadata.
 """
 
 import json
@@ -24,7 +24,7 @@ BITS_ARRAY = "bits"
 MANIFEST = "jotlight.json"
 """Name of the manifest. It lies beside the chunks of the bits or counts.
 
-The zarr library warns about files beside the metadata of a group that it does not know.
+Beside the metadata of a group, the zarr library would warn about a file that it does not know.
 """
 
 MANIFESTS = (MANIFEST, f"{BITS_ARRAY}/{MANIFEST}")
@@ -33,13 +33,14 @@ MANIFESTS = (MANIFEST, f"{BITS_ARRAY}/{MANIFEST}")
 _FORMAT, _VERSION = "jotlight zarr", 1
 
 _MAX_MANIFEST_BYTES = 1 << 27
-"""Maximum size of the manifest in bytes. A chunk takes about 40, so this suffices for 20 TB."""
+"""Maximum size of the manifest in bytes. It has about 40 bytes per chunk, enough for 20 TB."""
 
 _CHECKSUM_BYTES = 4
+"""Size of the CRC-32C at the end of a chunk."""
 
 
 def write_manifest(folder: Path, array: Path) -> None:
-    """Write the manifest of a zarr folder whose arrays are complete into the folder of an array."""
+    """Write the manifest of a complete zarr folder into the folder of one of its arrays."""
     metadata, chunks = {}, {}
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
         name = path.relative_to(folder).as_posix()
@@ -77,7 +78,7 @@ def read_manifest(folder: Path, files: Mapping[str, int]) -> dict[str, str] | No
         raise ValueError(f"{path}: expected at most {_MAX_MANIFEST_BYTES} bytes; it is damaged")
     try:
         text = path.read_bytes().decode()
-        check_seal(text, str(path))
+        check_seal(text, str(path), editable=False)
         content = json.loads(text)
         metadata, chunks = _parse(content)
     except (KeyError, TypeError, ValueError, RecursionError) as error:
@@ -99,7 +100,7 @@ def read_manifest(folder: Path, files: Mapping[str, int]) -> dict[str, str] | No
 
 
 def verify_chunks(folder: Path, checksums: Mapping[str, str]) -> int:
-    """Return the number of chunks, of which every byte has been compared with its checksum.
+    """Return the number of chunks after comparing each of them with its checksum.
 
     Raises
     ------

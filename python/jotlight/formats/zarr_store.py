@@ -1,4 +1,4 @@
-"""The files of a zarr folder, read only within their limits, and compared with their manifest."""
+"""Reading of the files of a zarr folder, with limits on their sizes and a check of the manifest."""
 
 import asyncio
 from collections.abc import Mapping
@@ -15,10 +15,11 @@ from jotlight.formats.zarr_codecs import ChunkSizes, bound_codecs
 from jotlight.formats.zarr_manifest import MAX_METADATA_BYTES, METADATA_FILES
 
 _NO_CHUNKS = ChunkSizes(0, 0, 0)
+"""Limits of a store that can only read metadata."""
 
 
 class BoundedStore(LocalStore):
-    """The files of one array.
+    """The files of one array, which are read only if they have the expected sizes and checksums.
 
     Parameters
     ----------

@@ -133,7 +133,7 @@ def _read_with_pillow(path: Path) -> tuple[npt.NDArray[Any], float | None]:
 def _checked_png(stream: BinaryIO) -> PngHeader | None:
     """Return the header of a PNG after checking all of its bytes, or None for other files.
 
-    Some programs append data to a PNG. Such photographs are read, because the PNG is complete.
+    Some programs append data to a photograph. It is accepted, because the PNG itself is complete.
     """
     is_png = stream.read(len(SIGNATURE)) == SIGNATURE
     stream.seek(0)

@@ -14,7 +14,7 @@ from jotlight.images.color import FloatImage
 from jotlight.output_files import described_error
 
 _QUALITY = 10
-"""The constant rate factor of x264. Up to 17, the eye sees no loss."""
+"""Constant rate factor of x264. Smaller is better, and viewers see no loss up to 17."""
 
 
 @contextlib.contextmanager
@@ -48,7 +48,7 @@ def mp4_writer(path: Path, fps: float) -> Iterator[Callable[[FloatImage], None]]
 
 
 def _even_levels(image: FloatImage) -> npt.NDArray[np.uint8]:
-    """Return gray levels with an even height and width: H.264 stores color at half of both."""
+    """Return 8-bit levels of even height and width, because H.264 stores color at half of both."""
     height, width = image.shape[:2]
     margins = ((0, height % 2), (0, width % 2), (0, 0))[: image.ndim]
     levels = np.pad(np.rint(image * 255).astype(np.uint8), margins, mode="edge")
@@ -56,7 +56,7 @@ def _even_levels(image: FloatImage) -> npt.NDArray[np.uint8]:
 
 
 class _Encoder:
-    """A process that encodes raw images."""
+    """A process of ffmpeg, which encodes raw images."""
 
     def __init__(self, path: Path, shape: tuple[int, ...], fps: float) -> None:
         import imageio_ffmpeg
@@ -71,7 +71,8 @@ class _Encoder:
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
-            # Ctrl-C must not reach ffmpeg, and a limit of the file's size must not kill it.
+            # Ctrl-C must not reach ffmpeg. Python ignores SIGXFSZ, and ffmpeg must ignore it too,
+            # so that a limit on file sizes does not kill it.
             start_new_session=True,
             restore_signals=False,
         )
@@ -79,12 +80,12 @@ class _Encoder:
         assert self._process.stderr is not None
         self._input, self._messages = self._process.stdin, self._process.stderr
         self._lines: collections.deque[bytes] = collections.deque(maxlen=100)
-        # Without a reader of its messages, ffmpeg would wait for one.
+        # If nobody read its messages, ffmpeg would wait as soon as the pipe is full.
         self._reader = threading.Thread(target=self._lines.extend, args=(self._messages,))
         self._reader.start()
 
     def write(self, levels: npt.NDArray[np.uint8]) -> None:
-        """Pass an image on. Raise OSError if ffmpeg has failed."""
+        """Send an image to ffmpeg. Raise OSError if ffmpeg has failed."""
         try:
             self._input.write(levels.data)
         except BrokenPipeError:

@@ -1,4 +1,4 @@
-"""Bounds of the values in a network for any data, which show that none of them overflows."""
+"""Bounds of all values in a network, for any data. They show that no value overflows."""
 
 from collections.abc import Sequence
 
@@ -8,10 +8,11 @@ from jotlight.networks.graph import sources
 from jotlight.networks.layer import Layer
 
 MAX_VALUE = 1e30
-"""Largest absolute value that the layers of a network may have.
+"""Largest absolute value that a layer may have.
 
-The convolutions multiply it by up to 190 in Winograd's transforms, and the splines by up to 6 in
-their polynomials. Both stay far below the largest float32, 3.4e38, in any order of the sums.
+Intermediate values can be larger: 190 times in the Winograd transforms of convolutions, and 6 times
+in the polynomials of splines. They are far below the largest float32, 3.4e38, in any order of
+summation.
 """
 
 Interval = tuple[float, float]
@@ -22,8 +23,9 @@ def output_bounds(layers: Sequence[Layer], max_input: float) -> list[Interval]:
     """Return bounds of the output of each layer, for all data.
 
     A filter multiplies the largest absolute value of its input by at most the sum of its absolute
-    taps. A spline lies between its extreme coefficients. Weighted sums of parameter sets are means,
-    so the set with the largest values bounds them.
+    taps. The values of a spline lie between its smallest and its largest coefficient. The
+    parameters of a K-conditioned layer are weighted means of its sets of parameters, so the extreme
+    values of all sets bound them.
 
     Parameters
     ----------
@@ -44,11 +46,11 @@ def output_bounds(layers: Sequence[Layer], max_input: float) -> list[Interval]:
     >>> [(round(low, 6), round(high, 6)) for low, high in output_bounds([mean, sign], 4.0)]
     [(-4.0, 4.0), (-1.0, 2.0)]
     """
-    found: list[Interval] = []
+    bounds: list[Interval] = []
     for index, (layer, source) in enumerate(zip(layers, sources(layers), strict=True)):
-        largest = _largest_sum(layer) * (max(map(abs, found[source])) if index else max_input)
+        largest = _largest_sum(layer) * (max(map(abs, bounds[source])) if index else max_input)
         if layer.skip is not None:
-            largest += max(map(abs, found[layer.skip]))
+            largest += max(map(abs, bounds[layer.skip]))
         interval = -largest, largest
         if layer.coefficients is not None:
             interval = float(layer.coefficients.min()), float(layer.coefficients.max())
@@ -58,8 +60,8 @@ def output_bounds(layers: Sequence[Layer], max_input: float) -> list[Interval]:
                 f"layers: expected taps and coefficients that keep the values of layer {index} "
                 f"within {MAX_VALUE:g}, got values of up to {largest:.3g}; train the network again"
             )
-        found.append(interval)
-    return found
+        bounds.append(interval)
+    return bounds
 
 
 def _largest_sum(layer: Layer) -> float:

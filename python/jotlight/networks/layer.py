@@ -17,7 +17,10 @@ _MAX_STRIDE = 16
 """Largest stride and largest upsampling factor of a layer."""
 
 _MAX_COEFFICIENTS = 1 << 16
-"""Largest number of coefficients of a spline: float32 resolves positions between all its knots."""
+"""Maximum number of coefficients of a spline.
+
+Up to this number, float32 resolves positions between all knots.
+"""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

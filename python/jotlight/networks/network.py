@@ -279,7 +279,8 @@ class Network:
     def conditioned_layers(self, trials: int) -> tuple[Layer, ...]:
         """Return the layers of a K-conditioned network with the parameters for K = `trials`.
 
-        They map counts to the detection probability P(b = 1), up to errors beyond [0, 1].
+        They map counts to the detection probability P(b = 1), which can lie slightly outside of
+        [0, 1].
         """
         assert self.trials_range is not None, "a K-conditioned network"
         cached = self._conditioned

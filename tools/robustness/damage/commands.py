@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from jotlight.formats.registry import WRITERS
 
 RAW_INPUTS = {"swissspad2": "half.npy", "spad512s-sparse": "dark.npy"}
-"""Captures that formats need whose frames have another size, or few ones."""
+"""Inputs for formats that need frames of another size, or frames with few ones."""
 
 CHECKPOINT = """
 import sys
@@ -21,6 +21,7 @@ try:
 except OSError as error:
     sys.exit(f"error: {{error}}")
 """
+"""Script that writes a checkpoint without training."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -151,4 +152,4 @@ def others() -> Iterator[Command]:
 
 
 COMMANDS: tuple[Command, ...] = (*others(), *conversions(), *reconstructions(), *figures())
-"""All commands, by which every writer writes."""
+"""All commands. Each writer of jotlight serves at least one of them."""

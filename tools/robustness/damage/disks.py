@@ -23,16 +23,17 @@ FRAMES = 8
 DISK_BYTES = 64 << 20
 PAGE_BYTES = 4096
 SHARES = (0.25, 0.5, 0.75)
-"""Free space of the disk, as shares of what the output takes."""
+"""Free space of the disk, as fractions of the size of the output."""
 
 FILLER = "filler"
 """Name of the file that fills the disk."""
 
 REASON = os.strerror(errno.ENOSPC)
 NAMESPACE = "JOTLIGHT_ROBUSTNESS_NAMESPACE"
-"""Environment variable that shows that mounts of this process are its own."""
+"""Environment variable that is set if the mounts of this process are its own."""
 
 QUICK = ("convert to hdf5: .h5 of counts", "convert to visionsim", "reconstruct: .exr")
+"""First words of the names of the commands that a quick run tests."""
 
 
 def measure(*, quick: bool = False, only: str = "") -> list[Row]:
@@ -41,7 +42,7 @@ def measure(*, quick: bool = False, only: str = "") -> list[Row]:
     Raises
     ------
     RuntimeError
-        When small disks cannot be made here.
+        When this system does not let the script make small disks.
     """
     rows = []
     with tempfile.TemporaryDirectory() as folder:
@@ -66,7 +67,7 @@ def measure(*, quick: bool = False, only: str = "") -> list[Row]:
 
 
 def enter_namespace() -> None:
-    """Run this program again where its mounts are invisible to others and vanish with it."""
+    """Restart this program where its mounts are invisible to others and vanish with it."""
     if NAMESPACE in os.environ:
         return
     environment = {**os.environ, NAMESPACE: "1"}
@@ -87,7 +88,7 @@ def _levels(out: Path) -> Iterator[int]:
 def _fill(
     command: Command, place: Workplace, expected: Expected, levels: list[int]
 ) -> tuple[int, list[str]]:
-    """Return how often the output did fit after all, and what was wrong."""
+    """Return how often the output fit on the disk, and what was wrong."""
     fits, violations = 0, []
     for free in levels:
         shutil.rmtree(place.out, ignore_errors=True)
@@ -110,7 +111,7 @@ def _fill(
 def _run_on_disk(
     command: Command, place: Workplace, expected: Expected, free: int
 ) -> list[str] | None:
-    """Return what was wrong on a disk with little space, or None if the output did fit."""
+    """Return what was wrong on a disk with little space, or None if the output fit."""
     shutil.copytree(expected.before, place.out, dirs_exist_ok=True)
     with (place.out / FILLER).open("wb") as file:
         space = os.statvfs(place.out)

@@ -29,10 +29,10 @@ QUICK = ("npy.gz", "zarr", "png")
 NEEDS = {"hdf5": "h5py", "zarr": "zarr"}
 
 REFUSED, SAME, OTHER = "refused", "same content", "other content"
+"""Outcomes of reading a damaged capture. A crash or another exception has its own name."""
 
 ONLY_VERIFIED = "npy:"
-"""Captures whose data only verification compares with a checksum: the data lie in memory as in the
-file, so that reading takes no time."""
+"""First letters of the names of captures whose data only verification compares with a checksum."""
 
 NO_CHECKSUM = {
     "visionsim": "the layout of other software, without checksums",
@@ -43,7 +43,7 @@ NO_CHECKSUM = {
     ".tif, .exr, .npy, .jpg (images)": "the formats have no checksums",
     ".safetensors (networks, calibrations, checkpoints)": "the format has no checksums",
 }
-"""What jotlight writes without a checksum, and why. Captures of these formats are not damaged."""
+"""Formats that jotlight writes without a checksum, and the reason. Their files are not tested."""
 
 
 def measure(*, quick: bool = False, only: str = "") -> list[Row]:
@@ -114,7 +114,7 @@ def _image_writer(image: np.ndarray, depth: int) -> Callable[[Path], Path]:
 
 
 def _flip(name: str, path: Path, flips: int) -> Row:
-    """Return how many flips of bits in files beside or below a path were refused."""
+    """Return the row of flips in all files of a capture, which are alone in their folder."""
     files = sorted(file for file in path.parent.rglob("*") if file.is_file())
     sizes = [file.stat().st_size for file in files]
     verify_capture(path) if path.name != "image.png" else None
@@ -155,7 +155,7 @@ def _new_pool() -> ProcessPoolExecutor:
 
 
 def _locate(files: list[Path], sizes: list[int], offset: int) -> tuple[Path, int]:
-    """Return the file and the offset in it of a byte of all files."""
+    """Return the file that contains a byte, and its offset there, from its offset in all files."""
     for file, size in zip(files, sizes, strict=True):
         if offset < size:
             return file, offset
@@ -176,7 +176,7 @@ def _content(path: Path) -> object:
 
 
 def _outcomes(path: Path, original: object) -> tuple[str, str]:
-    """Return what verification and reading make of a damaged capture."""
+    """Return the outcomes of verifying and of reading a damaged capture."""
     read = _outcome(lambda: _content(path), original)
     if path.name == "image.png":
         return read, read

@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 CHANGES = {"open", "os.rename", "os.remove", "os.rmdir", "os.mkdir", "os.chmod", "os.link"}
-"""Events of Python that change a folder."""
+"""Audit events that Python raises right before it changes a folder or opens a file."""
 
 
 def main() -> None:

@@ -21,10 +21,10 @@ from damage.workplace import Expected, Workplace
 SEED = 20
 FRAMES = 256
 QUICK_STRIDE = 5
-"""Distance of the changes before which a quick run kills."""
+"""A quick run kills only before every 5th change."""
 
 BETWEEN = "some files of the output are old, and some are new"
-"""What is wrong after a kill between the renames of two files, which no system does at once."""
+"""The finding after a kill between the renames of two files, which no system can do at once."""
 
 SHARES = {
     "simulate": 14,
@@ -43,9 +43,9 @@ def measure(*, quick: bool = False, only: str = "") -> list[Row]:
     Parameters
     ----------
     quick : bool
-        Kill one command a few times.
+        Whether to kill only one command, a few times.
     only : str
-        Kill only commands whose name contains this word.
+        Part of the names of the commands to kill; "" selects all.
     """
     rows = []
     with tempfile.TemporaryDirectory() as folder:
@@ -71,7 +71,7 @@ def _plan(quick: bool) -> list[tuple[Command, int]]:
         found = [
             each for each in COMMANDS if each.arguments[0] == word and "figure" not in each.name
         ]
-        if word == "reconstruct":  # Some of its outputs are enough for the others.
+        if word == "reconstruct":  # A few kinds of its output represent all of them.
             found = [each for each in found if "png" in each.name or "video" in each.name]
         if quick:
             found = found[:1] if word == "simulate" else []
@@ -115,7 +115,7 @@ def kill_at_random(command: Command, place: Workplace, expected: Expected, kills
 
 
 def kill_at_changes(command: Command, place: Workplace, expected: Expected, stride: int = 1) -> Row:
-    """Return the row of kills right before every change to the output folder, or some of them."""
+    """Return the row of kills right before every `stride`-th change to the output folder."""
     killer = str(Path(__file__).with_name("killed.py"))
     place.reset(expected.before)
     done = run(command.arguments, place.folder, place.scratch, [killer, "-1"])
@@ -139,7 +139,7 @@ def kill_at_changes(command: Command, place: Workplace, expected: Expected, stri
 
 
 def _duration(command: Command, place: Workplace, expected: Expected) -> float:
-    """Return the shorter of two durations, because the first one may load caches."""
+    """Return the duration of the faster of two runs, because the first one may fill caches."""
     seconds = []
     for _ in range(2):
         place.reset(expected.before)

@@ -10,10 +10,10 @@ from safetensors.numpy import load
 from damage.processes import is_hidden
 
 Content = Mapping[str, str]
-"""A digest of what each visible file contains, by its relative path."""
+"""Digests of the contents of all visible files, by their relative paths."""
 
 CHECKPOINT = ".checkpoint.safetensors"
-"""End of the name of a stopped run, which stays so that the run can continue."""
+"""End of the name of a checkpoint. A stopped run leaves it so that the run can continue."""
 
 
 def read_outputs(folder: Path) -> Content:

@@ -12,13 +12,13 @@ TIMEOUT = 300
 """Maximum time of a command in seconds."""
 
 Tree = Mapping[str, str]
-"""The SHA-256 of each file below a folder by its relative path; "folder" for a folder."""
+"""SHA-256 of the files below a folder by their relative paths; "folder" for folders."""
 
 
 def environment(scratch: Path) -> dict[str, str]:
-    """Return the environment of a command, whose temporary files lie in a folder of their own."""
+    """Return the environment of a command that writes its temporary files to a folder."""
     scratch.mkdir(parents=True, exist_ok=True)
-    # Matplotlib would make a folder of its own in each run.
+    # Otherwise, Matplotlib would make a temporary folder in each run.
     cache = Path(os.environ.get("MPLCONFIGDIR", Path.home() / ".cache" / "matplotlib"))
     return {**os.environ, "TMPDIR": str(scratch), "MPLCONFIGDIR": str(cache), "COLUMNS": "400"}
 
@@ -61,7 +61,7 @@ def run_checked(arguments: Sequence[str], folder: Path, scratch: Path) -> None:
 
 
 def read_tree(folder: Path) -> Tree:
-    """Return what lies below a folder."""
+    """Return the digests of all files and folders below a folder."""
     return {
         str(path.relative_to(folder)): (
             hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else "folder"

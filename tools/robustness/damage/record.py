@@ -19,7 +19,7 @@ Row = dict[str, Any]
 
 
 def facts(command: str) -> Row:
-    """Return what a run was made on, and with what."""
+    """Return the command, date, commit, system, and versions of software of a run."""
     return {
         "part": "run",
         "command": command,
@@ -53,7 +53,7 @@ def read_rows(folder: Path) -> list[Row]:
 
 
 def _commit() -> str:
-    """Return the commit, with a plus if files differ from it, or "" outside of a checkout."""
+    """Return the commit, followed by "+" if files differ from it, or "" outside of a checkout."""
     try:
         changed = _git("status", "--porcelain", "--untracked-files=no")
         return _git("rev-parse", "--short=12", "HEAD") + ("+" if changed else "")

@@ -1,4 +1,4 @@
-"""The folder in which a command runs, and what its output was before and has to be afterward."""
+"""The folder in which a command runs, and its expected outputs."""
 
 import dataclasses
 import shutil
@@ -10,12 +10,12 @@ from damage.outputs import Content, read_outputs
 from damage.processes import Tree, copy_tree, is_hidden, read_tree, run
 
 NEW, OLD = "in", "old"
-"""Folders of the inputs of the command, and of the earlier one whose output it replaces."""
+"""Folders of the inputs of the command, and of the earlier command whose output it replaces."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Workplace:
-    """A folder with inputs, in which one command after the other runs."""
+    """A folder with inputs in which commands run, one after the other."""
 
     folder: Path
     inputs: Tree
@@ -35,7 +35,7 @@ class Workplace:
 
     @property
     def scratch(self) -> Path:
-        """Return the folder of the files that commands write to the folder of temporary files."""
+        """Return the folder of the temporary files of commands."""
         return self.folder.with_name("scratch")
 
     def reset(self, before: Path) -> None:
@@ -59,12 +59,15 @@ class Expected:
     """The outputs of a command before it runs, and when it is complete."""
 
     before: Path
+    """Folder with the outputs before the command runs."""
     old: Content
+    """Contents of these outputs."""
     new: Content
+    """Contents of the outputs of the complete command."""
 
     @classmethod
     def of(cls, command: Command, place: Workplace, before: Path) -> "Expected":
-        """Return the outputs of a command. `before` becomes a folder of those that it replaces."""
+        """Return the outputs of a command, and write those that it replaces to `before`."""
         contents = []
         before.mkdir(parents=True)
         for inputs in ([OLD] if command.replaces else []) + [NEW]:

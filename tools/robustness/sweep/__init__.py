@@ -1,4 +1,4 @@
 """Every method and every shipped network on adversarial bits, at all exposures and shapes.
 
-`methods` lists what runs, `cases` lists on which sensors and bits, and `measure` runs it.
+`methods` lists the methods, `cases` lists the sensors and bits, and `measure` runs all of them.
 """

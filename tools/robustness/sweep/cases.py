@@ -27,9 +27,9 @@ SHAPES = (
     *((1, 65_536), (65_536, 1)),
 )
 LONG = 65_536
-"""Number of pixels from which on an image is long."""
+"""Minimum number of pixels of a long image."""
 ARRANGEMENTS = (1, 1), (4, 1), (1, 2), (1, 100), (2, 3)
-"""Oversampling and number of frames."""
+"""Pairs of the oversampling and the number of frames."""
 
 Array = npt.NDArray[Any]
 
@@ -71,7 +71,7 @@ def _blocks(shape: tuple[int, ...], side: int) -> Array:
     return np.broadcast_to((rows + columns) % 2 == 0, shape)
 
 
-def _one(shape: tuple[int, ...], side: int) -> Array:
+def _single(shape: tuple[int, ...], side: int) -> Array:
     bits = np.zeros(shape, bool)
     bits.flat[bits.size // 2] = True
     return bits
@@ -92,12 +92,12 @@ PATTERNS: dict[str, Callable[[tuple[int, ...], int], Array]] = {
     "all": lambda shape, side: np.ones(shape, bool),
     "alternating": _checkerboard,
     "block": _blocks,
-    "single": _one,
+    "single": _single,
     "row": _row,
     "half": _random(0.5),
     "sparse": _random(0.01),
 }
-"""Functions of the shape (T, H·K̂, W·K̂) and of K̂."""
+"""Functions that return bits for their shape (T, H·K̂, W·K̂) and for K̂."""
 
 
 def _one_live(jots: tuple[int, int]) -> Array:
@@ -150,8 +150,8 @@ def build_cases(trials: int | None) -> Iterator[Case]:
     """Yield all cases for a method; `trials` is the only K that the method serves, or None."""
     arrangements, base = ARRANGEMENTS, (2, 3)
     if trials is not None:
-        side = round(trials**0.5)
-        arrangements = base, _ = (side, 1), (1, trials)
+        base = round(trials**0.5), 1
+        arrangements = base, (1, trials)
     yield from _exposures(base)
     yield from _shapes(arrangements)
     yield from _sensors(base)
@@ -171,7 +171,7 @@ def _exposures(arrangement: tuple[int, int]) -> Iterator[Case]:
 def _shapes(arrangements: tuple[tuple[int, int], ...]) -> Iterator[Case]:
     for shape, arrangement, pattern in itertools.product(SHAPES, arrangements, PATTERNS):
         for gain in FEW_GAINS:
-            # Fewer long images, because they take seconds.
+            # Long images take seconds, so there are few of them.
             if shape[0] * shape[1] < LONG or (gain is None and arrangement == arrangements[0]):
                 yield Case(_sensor(arrangement, gain, 1), shape, pattern)
 

@@ -67,7 +67,7 @@ def measure(*, quick: bool, only: str) -> list[Row]:
 
 
 def run_task(name: str, stride: int, part: int) -> Row:
-    """Return the row of some of a method's cases."""
+    """Return the row for one part of a method's cases."""
     row, method = _empty_row(name), _method(name)
     for case in _cases(name, stride)[part * CASES_PER_TASK : (part + 1) * CASES_PER_TASK]:
         began = time.perf_counter()
@@ -91,7 +91,7 @@ def check(method: SweptMethod, case: Case) -> tuple[str, bool]:
             warnings.simplefilter("ignore", jl.JotlightWarning)
             estimate = method.run(bits, sensor)
     except Exception as error:
-        # The message of a refusal names the argument that a network does not serve.
+        # The message of a refusal begins with the argument that the network does not serve.
         if isinstance(error, ValueError) and str(error).startswith("sensor: "):
             return "", True
         return f"{type(error).__name__}: {error}", False

@@ -33,7 +33,7 @@ class SweptMethod:
 
     @property
     def trials(self) -> int | None:
-        """The only K that a network serves; None if there are others."""
+        """Return the only K that the network serves, or None if the method serves any K."""
         if self.network is None or (network := load(self.network)).trials_range is not None:
             return None
         return network.sensor.bits_per_pixel
