@@ -73,5 +73,5 @@ def test_the_inverse_of_0_and_1_is_0_and_infinity(threshold):
 
 @pytest.mark.parametrize("function", [detection_probability, inverse_detection_probability])
 def test_a_threshold_of_0_is_refused(function):
-    with pytest.raises(ValueError, match="threshold: expected at least 1 photon, got 0"):
+    with pytest.raises(ValueError, match="threshold: expected 1 to 65535 photons, got 0"):
         function(0, 0.5)
