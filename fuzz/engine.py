@@ -1,6 +1,6 @@
 """Fuzz the entry points of the engine's Rust crate with cargo-fuzz, which is based on libFuzzer.
 
-    python fuzz/engine.py NAME|all [--runs N] [--output FILE] [--target-dir DIR]
+    python fuzz/engine.py NAME|all [--runs N] [--jobs N] [--output FILE] [--target-dir DIR]
     python fuzz/engine.py NAME --replay FILE
 
 Each entry point is called with hostile arguments: sizes of 0 and near the maximum, NaN and other
@@ -13,13 +13,15 @@ The program needs `cargo install cargo-fuzz`.
 """
 
 import argparse
-import json
+import dataclasses
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
@@ -32,6 +34,28 @@ MAX_MIB = 2048
 MAX_INPUT_BYTES = 96
 """Maximum length of inputs. They hold sizes and choices; a generator fills the arrays."""
 
+sys.path.insert(0, str(HERE.parent / "tools" / "robustness"))
+
+from damage.record import add_row, facts  # noqa: E402
+
+
+@dataclasses.dataclass
+class Result:
+    """What fuzzing one entry point did."""
+
+    name: str
+    inputs: int
+    seconds: float
+    findings: int
+    branches: int
+    """Number of branches and comparisons that were reached."""
+
+    def __str__(self) -> str:
+        return (
+            f"{self.name}: {self.inputs} inputs in {self.seconds:.0f} s, {self.branches} branches, "
+            f"{self.findings} findings"
+        )
+
 
 def main() -> None:
     """Parse the command line, and fuzz entry points or replay a saved input."""
@@ -40,24 +64,34 @@ def main() -> None:
     )
     parser.add_argument("name", metavar="NAME")
     parser.add_argument("--runs", type=int, default=1000, help="inputs per entry point")
-    parser.add_argument("--output", type=Path, help="file to which results are appended as JSON")
+    parser.add_argument("--jobs", type=int, default=1, help="entry points at a time")
+    parser.add_argument("--output", type=Path, help="file to which results are added, as JSON")
     parser.add_argument("--target-dir", type=Path, help="folder of cargo's files")
     parser.add_argument("--replay", type=Path, help="a saved input to run again")
     options = parser.parse_args()
     if shutil.which("cargo-fuzz") is None:
         sys.exit("cargo-fuzz is not installed, so NOTHING was fuzzed: cargo install cargo-fuzz")
     program = build(options.target_dir or HERE / "engine" / "target")
-    known = run(program, "", []).stdout.split()
+    known = run(program, "").stdout.split()
     if options.name not in ["all", *known]:
         sys.exit(f"NAME: expected all or one of {', '.join(known)}, got {options.name}")
     if options.replay:
-        result = run(program, options.name, [options.replay])
+        result = run(program, options.name, options.replay)
         sys.exit(f"{result.stderr}\nexit status {result.returncode}")
     names = known if options.name == "all" else [options.name]
-    results = [fuzz(program, name, options.runs, options.output) for name in names]
-    failed = [result["name"] for result in results if result["findings"]]
-    print(f"{len(names) - len(failed)} of {len(names)} entry points without a finding", *failed)
-    sys.exit(bool(failed))
+    FOUND.mkdir(exist_ok=True)
+    findings, begin = 0, time.monotonic()
+    with ThreadPoolExecutor(options.jobs) as pool:
+        for result in pool.map(lambda name: fuzz(program, name, options.runs), names):
+            print(result, flush=True)
+            findings += result.findings
+            if options.output:
+                add_row(options.output, {"part": "engine", **dataclasses.asdict(result)})
+    if options.output and options.name == "all":
+        run_facts = facts(f"python fuzz/engine.py {shlex.join(sys.argv[1:])}")
+        add_row(options.output, {**run_facts, "of": "engine", "seconds": time.monotonic() - begin})
+    print(f"{len(names)} entry points, {findings} findings")
+    sys.exit(bool(findings))
 
 
 def build(target: Path) -> Path:
@@ -66,8 +100,8 @@ def build(target: Path) -> Path:
     The engine has no unsafe code of its own, so the program needs no sanitizer.
     """
     triple = call("rustc", "--print", "host-tuple").stdout.strip()
-    folder = ["--fuzz-dir", HERE / "engine", "--target-dir", target, "--target", triple]
-    call("cargo", "fuzz", "build", *folder, "--sanitizer", "none", "entry_point")
+    folders = ["--fuzz-dir", HERE / "engine", "--target-dir", target, "--target", triple]
+    call("cargo", "fuzz", "build", *folders, "--sanitizer", "none", "entry_point")
     return target / triple / "release" / "entry_point"
 
 
@@ -78,7 +112,7 @@ def call(*command: object) -> subprocess.CompletedProcess[str]:
     )
 
 
-def run(program: Path, name: str, arguments: list[object]) -> subprocess.CompletedProcess[str]:
+def run(program: Path, name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
     """Run the program for an entry point, and return its status and its messages."""
     return subprocess.run(  # noqa: S603
         [program, *map(str, arguments)],
@@ -89,10 +123,12 @@ def run(program: Path, name: str, arguments: list[object]) -> subprocess.Complet
     )
 
 
-def fuzz(program: Path, name: str, runs: int, output: Path | None) -> dict[str, object]:
-    """Fuzz an entry point, report and append the result, and return it."""
-    FOUND.mkdir(exist_ok=True)
-    arguments = [
+def fuzz(program: Path, name: str, runs: int) -> Result:
+    """Return the result of fuzzing one entry point in a process of its own."""
+    begin = time.monotonic()
+    done = run(
+        program,
+        name,
         f"-runs={runs}",
         f"-max_len={MAX_INPUT_BYTES}",
         "-len_control=0",
@@ -100,25 +136,18 @@ def fuzz(program: Path, name: str, runs: int, output: Path | None) -> dict[str, 
         f"-rss_limit_mb={MAX_MIB}",
         f"-artifact_prefix={FOUND}/{name}-",
         "-print_final_stats=1",
-    ]
-    start = time.monotonic()
-    process = run(program, name, arguments)
-    seconds = time.monotonic() - start
-    executed = re.search(r"stat::number_of_executed_units: (\d+)", process.stderr)
-    result = {
-        "part": "engine",
-        "name": name,
-        "inputs": int(executed[1]) if executed else 0,
-        "seconds": round(seconds, 1),
-        "findings": int(process.returncode != 0),
-    }
-    print(f"{name}: {result['inputs']} inputs in {seconds:.1f} s, {result['findings']} findings")
-    if process.returncode:
-        print(process.stderr[-3000:])
-    if output is not None:
-        with output.open("a") as file:
-            print(json.dumps(result), file=file)
-    return result
+    )
+    if done.returncode:
+        print(done.stderr[-3000:], file=sys.stderr)
+    inputs = re.findall(r"^#(\d+)|number_of_executed_units: (\d+)", done.stderr, re.MULTILINE)
+    covered = re.findall(r" cov: (\d+)", done.stderr)
+    return Result(
+        name,
+        inputs=max((int(a or b) for a, b in inputs), default=0),
+        seconds=time.monotonic() - begin,
+        findings=int(done.returncode != 0),
+        branches=int(covered[-1]) if covered else 0,
+    )
 
 
 if __name__ == "__main__":

@@ -33,14 +33,10 @@ struct Pixels {
 }
 
 impl Pixels {
-    fn new(input: &mut Input<'_>, length: usize) -> Self {
+    fn new(input: &mut Input<'_>, threshold: u32, length: usize) -> Self {
         let (trials, ones) = trials_and_ones(input, length);
         Self {
-            threshold: if input.rarely(2) {
-                1
-            } else {
-                input.number() as u32
-            },
+            threshold,
             light_per_intensity: input.float(),
             max_intensity: input.float(),
             ones,
@@ -84,7 +80,8 @@ impl Pixels {
 }
 
 fn check_intensity(input: &mut Input<'_>) -> Option<()> {
-    let pixels = Pixels::new(input, 0);
+    let (threshold, _) = input.threshold_and_length(0);
+    let pixels = Pixels::new(input, threshold, 0);
     let intensity = pixels.response().ok()?.intensity(input.float(), pixels.jot);
     assert!(intensity <= pixels.max_intensity || pixels.max_intensity.is_nan());
     assert!(intensity >= 0.0 || pixels.max_intensity < 0.0);
@@ -93,7 +90,8 @@ fn check_intensity(input: &mut Input<'_>) -> Option<()> {
 
 fn check_from_counts(input: &mut Input<'_>) -> Option<()> {
     let length = input.size() * input.size();
-    let pixels = Pixels::new(input, length);
+    let (threshold, length) = input.threshold_and_length(length);
+    let pixels = Pixels::new(input, threshold, length);
     let estimates = consistent(|_| {
         let (mut out, trials) = (pixels.out.clone(), pixels.trials.get());
         from_counts(
@@ -111,7 +109,8 @@ fn check_from_counts(input: &mut Input<'_>) -> Option<()> {
 
 fn check_from_probability(input: &mut Input<'_>) -> Option<()> {
     let length = input.size() * input.size();
-    let pixels = Pixels::new(input, length);
+    let (threshold, length) = input.threshold_and_length(length);
+    let pixels = Pixels::new(input, threshold, length);
     let probability: Vec<f32> = input
         .floats(length)
         .into_iter()
@@ -128,7 +127,8 @@ fn check_from_probability(input: &mut Input<'_>) -> Option<()> {
 
 fn check_equivalent_counts(input: &mut Input<'_>) -> Option<()> {
     let length = input.size() * input.size();
-    let pixels = Pixels::new(input, length);
+    let (threshold, length) = input.threshold_and_length(length);
+    let pixels = Pixels::new(input, threshold, length);
     let reference_trials = input.count();
     consistent(|_| {
         let (mut out, trials) = (pixels.out.clone(), pixels.trials.get());
@@ -150,8 +150,14 @@ fn check_equivalent_counts(input: &mut Input<'_>) -> Option<()> {
 
 fn check_from_jots(input: &mut Input<'_>) -> Option<()> {
     let (height, width, side) = (input.size(), input.size(), input.size().min(4));
+    let (threshold, height) = input.threshold_and_length(height);
+    let (width, side) = if threshold > 20 {
+        (1, 1)
+    } else {
+        (width, side)
+    };
     let jots = height * width * side * side;
-    let pixels = Pixels::new(input, jots);
+    let pixels = Pixels::new(input, threshold, jots);
     let dead_length = input.almost(jots);
     let dead: Option<Vec<bool>> = input
         .rarely(3)

@@ -67,6 +67,16 @@ impl<'a> Input<'a> {
         }
     }
 
+    /// Return a threshold q, mostly a small one, and a length for its array of values. The time of a
+    /// value grows with the square root of q.
+    pub fn threshold_and_length(&mut self, length: usize) -> (u32, usize) {
+        match self.below(16) {
+            0..8 => (1, length),
+            8..15 => (self.size() as u32, length),
+            _ => (self.number() as u32, length.min(6)),
+        }
+    }
+
     pub fn count(&mut self) -> i32 {
         match self.below(16) {
             0 => i32::MAX,

@@ -73,13 +73,10 @@ struct Elements {
 impl Elements {
     fn new(input: &mut Input<'_>) -> Self {
         let length = input.size() * input.size();
+        let (threshold, length) = input.threshold_and_length(length);
         let (trials, ones) = trials_and_ones(input, length);
         Self {
-            threshold: if input.rarely(2) {
-                1
-            } else {
-                input.number() as u32
-            },
+            threshold,
             ones,
             trials,
             efficiency: one_or_each(input, length),

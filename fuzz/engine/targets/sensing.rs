@@ -66,11 +66,7 @@ impl Scene {
             numbers: (input.float(), input.float()),
             maps,
             dead,
-            threshold: if input.rarely(2) {
-                1
-            } else {
-                input.number() as u32
-            },
+            threshold: input.threshold_and_length(0).0,
         }
     }
 

@@ -135,11 +135,11 @@ fn check_map(input: &mut Input<'_>) -> Option<()> {
 fn check_install(input: &mut Input<'_>) -> Option<()> {
     // A pool of a thousand threads takes long to start.
     let threads = match input.number() {
-        large @ 9..1025 => large % 9,
+        large @ 4..1025 => large % 4,
         other => other,
     };
     let is_interrupted = input.rarely(2);
-    let (is_long, fails) = (input.rarely(256), input.rarely(4));
+    let (is_long, fails) = (input.rarely(64) && input.rarely(64), input.rarely(4));
     let work = || {
         if is_long {
             std::thread::sleep(Duration::from_millis(70));

@@ -3,13 +3,16 @@
 //! `Differs from the paper:` the threshold q may exceed 1, jots have a quantum efficiency and dark
 //! counts, and dead jots are left out.
 
-use num_integer::div_rem;
+mod jots;
+
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::likelihood::{Threshold, check_counts};
 use crate::values::Values;
+
+pub use jots::{JotCounts, from_jots};
 
 /// The number of pixels that a thread computes together.
 const PIXELS_PER_CHUNK: usize = 1 << 10;
@@ -61,29 +64,6 @@ impl JotResponses<'_> {
     }
 }
 
-/// The number of ones of each jot over all frames. Arrays hold `(H·K̂) × (W·K̂)` values in
-/// row-major order.
-#[derive(Clone, Copy, Debug)]
-pub struct JotCounts<'a> {
-    /// The number of ones of each jot.
-    pub ones: &'a [i32],
-    /// The response of each jot.
-    pub responses: JotResponses<'a>,
-    /// Whether each jot is dead.
-    pub dead: Option<&'a [bool]>,
-    /// The number of frames T.
-    pub frames: i32,
-    /// The oversampling K̂.
-    pub oversampling: usize,
-}
-
-/// The counts of one jot and its response.
-struct Jot {
-    ones: f64,
-    zeros: f64,
-    response: JotResponse,
-}
-
 impl PixelResponse {
     /// Return ĉ = (K/α)(P⁻¹(q, p) − d)/η, clipped to [0, S]: equation (5) for any q, η, and d. Here
     /// p is the detection probability.
@@ -111,51 +91,6 @@ impl PixelResponse {
         } else {
             self.intensity(f64::from(ones) / f64::from(trials), jot) as f32
         }
-    }
-
-    /// Return dℓ/dc of a pixel, without the factor α / K. It decreases with c, because ℓ is
-    /// concave.
-    fn score(&self, jots: &[Jot], intensity: f64) -> f64 {
-        jots.iter()
-            .map(|jot| {
-                let JotResponse {
-                    efficiency,
-                    dark_counts,
-                } = jot.response;
-                let rate = efficiency * self.light_per_intensity * intensity + dark_counts;
-                let mut score = 0.0;
-                if jot.ones > 0.0 {
-                    score += jot.ones * self.threshold.detection_score(rate);
-                }
-                if jot.zeros > 0.0 {
-                    score -= jot.zeros * self.threshold.non_detection_score(rate);
-                }
-                efficiency * score
-            })
-            .sum()
-    }
-
-    /// Return the intensity in [0, S] that maximizes the likelihood of the jots of a pixel.
-    fn maximize_likelihood(&self, jots: &[Jot]) -> f64 {
-        let (mut low, mut high) = (0.0, self.max_intensity);
-        // The score of a one is infinite at rate 0, so a tiny positive intensity replaces 0.
-        if self.score(jots, f64::MIN_POSITIVE.sqrt()) <= 0.0 {
-            return 0.0;
-        }
-        if self.score(jots, high) >= 0.0 {
-            return high;
-        }
-        // Newton's method could fail, because the score may be infinite at 0. Bisection needs few
-        // steps for a float32 result.
-        while high - low > 1e-9 * high && !interrupt::is_requested() {
-            let middle = 0.5 * (low + high);
-            if self.score(jots, middle) > 0.0 {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        0.5 * (low + high)
     }
 }
 
@@ -273,89 +208,6 @@ fn for_each_pixel(out: &mut [f32], value: impl Fn(usize) -> f32 + Sync) {
             *out = value(index);
         }
     });
-}
-
-/// Write the maximum-likelihood estimate of each pixel into `out`, where jots may differ in their
-/// responses. `width` is the number of pixels per row.
-///
-/// This problem has no closed-form solution. The estimate maximizes the concave function
-/// `Σ L_j log P(q, x_j) + (T − L_j) log(1 − P(q, x_j))` over c in [0, S]. The sum is over the jots
-/// j of the pixel that are not dead, and `x_j = η_j α c / K + d_j` is the rate of jot j. A pixel
-/// whose jots are all dead becomes NaN.
-///
-/// # Errors
-/// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a count outside 0
-/// to the number of frames, or an oversampling of 0.
-pub fn from_jots(
-    response: &PixelResponse,
-    counts: &JotCounts<'_>,
-    width: usize,
-    out: &mut [f32],
-) -> Result<()> {
-    response.check()?;
-    let oversampling = counts.oversampling;
-    if oversampling == 0 {
-        return Err(Error::range("oversampling", "at least 1", oversampling));
-    }
-    let jots = oversampling.checked_mul(oversampling);
-    let jots = jots.and_then(|jots| jots.checked_mul(out.len()));
-    let jots = jots.filter(|&jots| jots == counts.ones.len());
-    let Some(jots) = jots else {
-        let expected = format!("{} x {oversampling} x {oversampling}", out.len());
-        return Err(Error::shape("ones", expected, counts.ones.len()));
-    };
-    if out.is_empty() {
-        return Ok(());
-    }
-    if width == 0 || !out.len().is_multiple_of(width) {
-        let expected = format!("a divisor of the {} pixels", out.len());
-        return Err(Error::range("width", expected, width));
-    }
-    check_counts(counts.ones, Values::Same(counts.frames))?;
-    counts.responses.check_length(jots)?;
-    if let Some(dead) = counts.dead
-        && dead.len() != jots
-    {
-        return Err(Error::shape("mask", jots, dead.len()));
-    }
-    out.par_iter_mut()
-        .enumerate()
-        .for_each_init(Vec::new, |jots, (index, out)| {
-            if interrupt::is_requested() {
-                return;
-            }
-            collect_valid_jots(counts, div_rem(index, width), width, jots);
-            *out = if jots.is_empty() {
-                f32::NAN
-            } else {
-                response.maximize_likelihood(jots) as f32
-            };
-        });
-    Ok(())
-}
-
-/// Replace `jots` with the valid jots of the pixel at `(row, column)`: those that are not dead.
-fn collect_valid_jots(
-    counts: &JotCounts<'_>,
-    (row, column): (usize, usize),
-    width: usize,
-    jots: &mut Vec<Jot>,
-) {
-    let oversampling = counts.oversampling;
-    jots.clear();
-    for jot_row in row * oversampling..(row + 1) * oversampling {
-        let start = jot_row * width * oversampling + column * oversampling;
-        for index in start..start + oversampling {
-            if counts.dead.is_none_or(|dead| !dead[index]) {
-                let ones = f64::from(counts.ones[index]);
-                jots.push(Jot {
-                    ones,
-                    zeros: f64::from(counts.frames) - ones,
-                    response: counts.responses.get(index),
-                });
-            }
-        }
-    }
 }
 
 fn check_pixels(

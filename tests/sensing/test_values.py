@@ -1,0 +1,19 @@
+"""Numbers and maps as the engine expects them."""
+
+import numpy as np
+
+from jotlight.sensing.values import flatten
+
+
+def test_a_contiguous_map_is_flattened_without_a_copy():
+    map_ = np.arange(6.0).reshape(2, 3)
+    np.testing.assert_array_equal(flatten(map_), np.arange(6))
+    assert flatten(map_).base is map_.base
+
+
+def test_a_strided_map_is_flattened_in_row_major_order():
+    np.testing.assert_array_equal(flatten(np.arange(6).reshape(3, 2).T), [0, 2, 4, 1, 3, 5])
+
+
+def test_a_number_stays_a_number():
+    assert flatten(0.5) == 0.5
