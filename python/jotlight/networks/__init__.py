@@ -3,6 +3,6 @@
 In reading order: `layer` (one layer), `graph` (how layers are connected), `bounds` (why no value
 overflows), `splines` and `conditioning` (the B-spline basis, and parameters that depend on K),
 `architectures` (networks at their initial parameters), `network` (the class that users meet),
-`inference` (how it computes an estimate), `network_files` (its file format), and `pretrained` (the
-trained networks in `weights/`, each with a model card).
+`served_sensors` (whose data it serves), `inference` (how it computes an estimate), `network_files`
+(its file format), and `pretrained` (the trained networks in `weights/`, each with a model card).
 """

@@ -1,7 +1,6 @@
 """A reconstruction network: its layers, and the sensor that it is for."""
 
 import dataclasses
-import math
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any, Self
@@ -22,6 +21,7 @@ from jotlight.networks.graph import halo_radius, size_divisor
 from jotlight.networks.inference import Inference
 from jotlight.networks.layer import Layer
 from jotlight.networks.network_files import read_network, write_network
+from jotlight.networks.served_sensors import check_served
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.pixel_counts import carried_sensor, map_channels
 from jotlight.sensing.reference import reference_jot
@@ -301,33 +301,7 @@ class Network:
         ValueError
             When the network is for other sensors; the message says how they differ.
         """
-        own, trials = self.sensor, sensor.bits_per_pixel
-        if self.trials_range is not None:
-            low, high = self.trials_range
-            if not low <= trials <= high:
-                raise ValueError(
-                    f"sensor: the network is for {low} to {high} bits per pixel, got {trials}"
-                )
-        if not self.tied and (own.oversampling, own.frames) != (sensor.oversampling, sensor.frames):
-            raise ValueError(
-                f"sensor: the network is for {own.frames} frames of {own.oversampling} x "
-                f"{own.oversampling} jots per pixel, got {sensor.frames} frames of "
-                f"{sensor.oversampling} x {sensor.oversampling}"
-            )
-        if own.kernel != sensor.kernel:
-            raise ValueError(
-                f"sensor: the network is for the {own.kernel} kernel, got {sensor.kernel}"
-            )
-        if self.trials_range is not None:
-            return
-        pairs = zip(_response_to_light(own), _response_to_light(sensor), strict=True)
-        if own.bits_per_pixel != trials or not all(
-            math.isclose(a, b, rel_tol=1e-9) for a, b in pairs
-        ):
-            raise ValueError(
-                "sensor: the network needs data with its own bits per pixel, threshold, "
-                f"efficiency * gain / bits and max_intensity: it is for {own!r}, got {sensor!r}"
-            )
+        check_served(self.sensor, sensor, self.trials_range, tied=self.tied)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the network to a `.safetensors` file, with its sensor and history as metadata."""
@@ -353,9 +327,3 @@ class Network:
         if self.trials_range is not None:
             purpose = f"{self.trials_range[0]} to {self.trials_range[1]} bits per pixel"
         return f"<Network: channels {channels}, {parameters} parameters, for {purpose}>"
-
-
-def _response_to_light(sensor: Sensor) -> tuple[int, float, float]:
-    """Return q, the detections per jot and frame at intensity 1, and S."""
-    threshold, light, max_intensity = sensor.pixel_response()
-    return threshold, reference_jot(sensor)[0] * light, max_intensity
