@@ -138,7 +138,9 @@ def fuzz(program: Path, name: str, runs: int) -> Result:
         "-print_final_stats=1",
     )
     if done.returncode:
-        print(done.stderr[-3000:], file=sys.stderr)
+        reason = re.search(r"panicked at .*\n.*|ERROR: libFuzzer: .*", done.stderr)
+        artifact = re.search(r"Test unit written to .*", done.stderr)
+        print(name, *(match[0] for match in (reason, artifact) if match), file=sys.stderr)
     inputs = re.findall(r"^#(\d+)|number_of_executed_units: (\d+)", done.stderr, re.MULTILINE)
     covered = re.findall(r" cov: (\d+)", done.stderr)
     return Result(

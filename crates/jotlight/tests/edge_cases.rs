@@ -210,6 +210,20 @@ fn numbers_that_are_not_intervals_are_errors() -> Result<()> {
         assert_eq!(argument(estimate), "maximum intensity");
         assert!(response(max)?.intensity(0.5, JOT).is_finite());
     }
+    // The middle of an interval is finite, even if the sum of its ends is not.
+    for threshold in [1, 2] {
+        let (threshold, trials) = (Threshold::new(threshold)?, Values::Same(3));
+        let readings = Readings::new(
+            threshold,
+            &[3],
+            trials,
+            Values::Same(1.0),
+            Values::Same(0.0),
+        )?;
+        let mut point = [f64::MAX];
+        readings.proximal(1e-300, f64::MAX, &[f64::MAX], &mut point)?;
+        assert!(point[0].is_finite());
+    }
     let anscombe = Anscombe::new(100)?;
     let ends = [anscombe.expectation(0.0), anscombe.expectation(1.0)];
     for (probability, end) in [(-1e18, ends[0]), (1e18, ends[1])] {

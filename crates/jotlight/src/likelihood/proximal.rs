@@ -209,7 +209,7 @@ impl Readings<'_> {
             }
             let is_newton = next > low && next < high || next.to_bits() == x.to_bits();
             if !is_newton {
-                next = 0.5 * (low + high);
+                next = 0.5 * low + 0.5 * high;
             }
             let is_close = (next - x).abs() <= tolerance * next;
             if is_close && is_newton || high - low <= f64::EPSILON * high {
