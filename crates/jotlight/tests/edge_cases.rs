@@ -203,15 +203,18 @@ fn numbers_that_are_not_intervals_are_errors() -> Result<()> {
         Values::Same(1.0),
         Values::Same(0.0),
     )?;
-    for max in [-1.0, f64::NAN] {
+    for max in [-1.0, f64::NAN, f64::MAX] {
         let proximal = readings.proximal(1.0, max, &[0.0], &mut [0.0]);
         assert_eq!(argument(proximal), "maximum of the light");
+        if max > 0.0 {
+            continue;
+        }
         let estimate = from_probability(&response(max)?, &[0.5], JOT, &mut [0.0]);
         assert_eq!(argument(estimate), "maximum intensity");
         assert!(response(max)?.intensity(0.5, JOT).is_finite());
     }
-    // The middle of an interval is finite, even if the sum of its ends is not.
-    for threshold in [1, 2] {
+    // A bisection stays within the interval, however large or small its numbers are.
+    for (threshold, max) in [(1, 1e300), (2, 1e300), (1, 3e-322), (2, 3e-322)] {
         let (threshold, trials) = (Threshold::new(threshold)?, Values::Same(3));
         let readings = Readings::new(
             threshold,
@@ -220,9 +223,11 @@ fn numbers_that_are_not_intervals_are_errors() -> Result<()> {
             Values::Same(1.0),
             Values::Same(0.0),
         )?;
-        let mut point = [f64::MAX];
-        readings.proximal(1e-300, f64::MAX, &[f64::MAX], &mut point)?;
-        assert!(point[0].is_finite());
+        for penalty in [1e-300, 1.0, 1e300] {
+            let mut point = [max];
+            readings.proximal(penalty, max, &[max], &mut point)?;
+            assert!((0.0..=max).contains(&point[0]));
+        }
     }
     let anscombe = Anscombe::new(100)?;
     let ends = [anscombe.expectation(0.0), anscombe.expectation(1.0)];

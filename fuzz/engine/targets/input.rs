@@ -73,7 +73,7 @@ impl<'a> Input<'a> {
         match self.below(16) {
             0..8 => (1, length),
             8..15 => (self.size() as u32, length),
-            _ => (self.number() as u32, length.min(6)),
+            _ => (self.number() as u32, length.min(2)),
         }
     }
 

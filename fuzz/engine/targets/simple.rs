@@ -1,7 +1,5 @@
 //! Functions without arrays, and calls with numbers of threads.
 
-use std::time::Duration;
-
 use jotlight::bits::packed_width;
 use jotlight::cpu::Level;
 use jotlight::error::Error;
@@ -139,11 +137,8 @@ fn check_install(input: &mut Input<'_>) -> Option<()> {
         other => other,
     };
     let is_interrupted = input.rarely(2);
-    let (is_long, fails) = (input.rarely(64) && input.rarely(64), input.rarely(4));
+    let fails = input.rarely(4);
     let work = || {
-        if is_long {
-            std::thread::sleep(Duration::from_millis(70));
-        }
         if fails {
             return Err(Error::Interrupted);
         }

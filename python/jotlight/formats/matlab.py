@@ -18,6 +18,7 @@ from jotlight.formats.magic import has_type
 from jotlight.formats.mat_files import VARIABLE, open_mat
 from jotlight.formats.packing import pack_lazily
 from jotlight.formats.safe_paths import check_inside
+from jotlight.interrupts import interruptible
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import concatenate
@@ -148,7 +149,8 @@ def _write_bits(bits: Bits, path: Path) -> None:
             file = folder / f"part_{index + 1}.mat"
             # SciPy keeps a third dimension of 1, which MATLAB itself would drop.
             with open_output(file) as output:
-                savemat(output, {VARIABLE: np.moveaxis(unpacked, 0, 2)}, do_compression=True)
+                content = {VARIABLE: np.moveaxis(unpacked, 0, 2)}
+                interruptible(savemat)(output, content, do_compression=True)
             checksums[file.name] = file_checksum(file)
         # Other software reads no_parts and no_frames.
         info = {

@@ -132,7 +132,7 @@ impl Elements {
                 let next = if is_newton {
                     step
                 } else {
-                    0.5 * low[lane] + 0.5 * high[lane]
+                    0.5 * (low[lane] + high[lane])
                 };
                 let is_close = is_newton && (next - x[lane]).abs() <= tolerance * next
                     || high[lane] - low[lane] <= f64::EPSILON * high[lane];

@@ -20,6 +20,9 @@ const PROXIMAL_TOLERANCE: f64 = 1e-5;
 /// about the square of this size, and thus far smaller than the change of x in the update.
 const ADMM_TOLERANCE: f64 = 1e-3;
 
+/// The maximum of the upper bound of x. A bisection adds two values of x, and the sum must be finite.
+const MAX_LIGHT: f64 = 1e300;
+
 /// The maximum number of steps. It suffices even if every step is a bisection.
 pub(super) const MAX_ITERATIONS: usize = 200;
 
@@ -37,9 +40,12 @@ pub(super) struct ProximalProblem {
 impl ProximalProblem {
     fn new(penalty: f64, max_light: f64, tolerance: f64) -> Result<Self> {
         check_penalty(penalty)?;
-        if !(max_light >= 0.0 && max_light.is_finite()) {
-            let expected = "a finite number of at least 0";
-            return Err(Error::range("maximum of the light", expected, max_light));
+        if !(0.0..=MAX_LIGHT).contains(&max_light) {
+            return Err(Error::range(
+                "maximum of the light",
+                "0 to 1e300",
+                max_light,
+            ));
         }
         Ok(Self {
             penalty,
@@ -68,7 +74,7 @@ impl Readings<'_> {
     ///
     /// # Errors
     /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a penalty
-    /// that is not above 0, or for a `max_light` below 0.
+    /// that is not above 0, or for a `max_light` outside 0 to 10³⁰⁰.
     pub fn proximal(
         &self,
         penalty: f64,
@@ -98,7 +104,7 @@ impl Readings<'_> {
     ///
     /// # Errors
     /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a penalty
-    /// that is not above 0, or for a `max_light` below 0.
+    /// that is not above 0, or for a `max_light` outside 0 to 10³⁰⁰.
     pub fn admm_update(
         &self,
         step: &AdmmStep,
@@ -209,7 +215,7 @@ impl Readings<'_> {
             }
             let is_newton = next > low && next < high || next.to_bits() == x.to_bits();
             if !is_newton {
-                next = 0.5 * low + 0.5 * high;
+                next = 0.5 * (low + high);
             }
             let is_close = (next - x).abs() <= tolerance * next;
             if is_close && is_newton || high - low <= f64::EPSILON * high {

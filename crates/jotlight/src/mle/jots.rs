@@ -68,14 +68,14 @@ impl PixelResponse {
         // Newton's method could fail, because the score may be infinite at 0. Bisection needs few
         // steps for a float32 result.
         while high - low > 1e-9 * high && !interrupt::is_requested() {
-            let middle = 0.5 * low + 0.5 * high;
+            let middle = f64::midpoint(low, high);
             if self.score(jots, middle) > 0.0 {
                 low = middle;
             } else {
                 high = middle;
             }
         }
-        0.5 * low + 0.5 * high
+        f64::midpoint(low, high)
     }
 }
 
