@@ -150,7 +150,7 @@ def test_a_new_spline_is_nearly_relu_and_keeps_its_values_in_a_copy():
 def test_splines_refuse_fewer_than_four_coefficients_and_other_channels():
     with pytest.raises(ValueError, match="coefficients: expected at least 4, got 3"):
         Spline(2, coefficients=3)
-    with pytest.raises(ValueError, match="coefficients: expected 4 to .* got 3"):
+    with pytest.raises(ValueError, match=r"coefficients: expected 4 to .* got 3"):
         spline(torch.zeros(2, 3, 4), torch.zeros(3, 3), 0.0, 1.0)
     with pytest.raises(ValueError, match="channels: expected 2, got 3"):
         spline(torch.zeros(2, 3, 4), torch.zeros(2, 5), 0.0, 1.0)
