@@ -4,9 +4,13 @@ import json
 import signal
 import subprocess
 import sys
+import threading
 import time
 
+import numpy as np
 import pytest
+
+import jotlight as jl
 
 pytestmark = [
     pytest.mark.slow,
@@ -129,3 +133,31 @@ def interrupt(call):
 def test_ctrl_c_interrupts_a_long_call(name):
     processor_seconds, _ = interrupt(CALLS[name])
     assert processor_seconds < MAX_SECONDS
+
+
+def long_call():
+    """Return the sum of bits that the engine draws in about half a second."""
+    return jl.Sensor(frames=2000).expose(np.full((256, 256), 0.5), rng=0, threads=1).counts().sum()
+
+
+def test_handlers_run_during_a_call_and_do_not_change_its_result():
+    expected, calls = long_call(), []
+    previous = signal.signal(signal.SIGALRM, lambda *_: calls.append(1))
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.02, 0.02)
+        assert long_call() == expected
+        during = len(calls)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, previous)
+    assert during > 0
+
+
+def test_ctrl_c_does_not_interrupt_calls_of_other_threads():
+    expected, results = long_call(), []
+    thread = threading.Thread(target=lambda: results.append(long_call()))
+    thread.start()
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+    thread.join()
+    assert results == [expected]

@@ -298,3 +298,10 @@ def test_a_mask_that_does_not_fit_is_refused(mask):
 )
 def test_repr_shows_the_true_shape(shape, text):
     assert repr(jl.Bits.from_array(random_bits(*shape))) == text
+
+
+@pytest.mark.parametrize(("frames", "oversampling"), [(2**31, 1), (2**29, 2)])
+def test_counts_that_could_exceed_their_type_are_refused(frames, oversampling):
+    bits = jl.Bits(np.broadcast_to(np.uint8(255), (frames, oversampling, 1)))
+    with pytest.raises(ValueError, match=r"bits: expected less than 2\*\*31 bits per pixel"):
+        bits.counts(oversampling)
