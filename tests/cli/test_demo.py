@@ -1,10 +1,13 @@
 """`jotlight demo`."""
 
+import pytest
+
 
 def files(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
+@pytest.mark.slow
 def test_demo_shows_at_least_three_methods(run, tmp_path):
     status, output = run("demo", "-o", "demo.png")
     assert status == 0

@@ -6,6 +6,7 @@ import pytest
 import jotlight as jl
 
 
+@pytest.mark.slow
 def test_the_command_prints_the_required_frames_and_draws_the_figure(run, tmp_path):
     expected = jl.plan(jl.Sensor(threshold=2), (0.1, 2.0), target_psnr=20.0)
     arguments = [
@@ -35,6 +36,7 @@ def test_the_command_prints_the_required_frames_and_draws_the_figure(run, tmp_pa
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_calibration_is_replaced_by_its_median_jot(run):
     rng = np.random.default_rng(0)
     dark = rng.gamma(4, 0.01, (32, 32))

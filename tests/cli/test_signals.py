@@ -75,6 +75,7 @@ time.sleep(20)
     assert time.monotonic() - start < 15
 
 
+@pytest.mark.slow
 def test_a_command_that_ignores_sighup_survives_it(large_capture):
     before = "import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN)"
     with start_conversion(large_capture, "out.npy.gz", before) as child:
@@ -123,6 +124,7 @@ def test_ctrl_c_stops_promptly_and_leaves_no_files(tmp_path):
     assert files(tmp_path) == ["large.npy"]
 
 
+@pytest.mark.slow
 def test_a_terminated_command_leaves_no_files(tmp_path):
     with long_command(tmp_path) as child:
         child.terminate()

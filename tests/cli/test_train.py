@@ -182,6 +182,7 @@ def test_progress_goes_to_stderr_and_the_result_to_stdout(photo_folder, tmp_path
     assert "step 3/3" not in done.stdout
 
 
+@pytest.mark.slow
 def test_on_a_terminal_a_live_line_shows_the_run(photo_folder, tmp_path):
     """The terminal is a pseudo-terminal."""
     leader, follower = os.openpty()

@@ -85,6 +85,7 @@ def test_a_run_stopped_by_ctrl_c_resumes_to_the_same_network(run, photo_folder, 
     assert_same(NETWORK, "uninterrupted.safetensors")
 
 
+@pytest.mark.slow
 def test_a_terminated_run_leaves_only_its_checkpoint(photo_folder, tmp_path):
     with long_run(tmp_path) as child:
         child.terminate()
@@ -292,6 +293,7 @@ def test_training_for_a_capture_has_a_time_limit_unless_steps_are_set(
     assert found == [seconds]
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_full_from_the_start_is_reported(photo_folder, tmp_path):
     pytest.importorskip("resource")
     code = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000));"

@@ -3,6 +3,7 @@ import io
 import pickle
 import struct
 import tarfile
+import tracemalloc
 from fractions import Fraction
 
 import numpy as np
@@ -230,6 +231,19 @@ class TestPickle:
             with pytest.raises(ValueError, match="string of 12288 bytes in it, found none"):
                 datasets.cifar10("test", tmp_path)
         assert not marker.exists()
+
+    @pytest.mark.usefixtures("small")
+    def test_no_memory_is_taken_for_bytes_that_only_an_opcode_claims(self, tmp_path):
+        (tmp_path / "test_batch").write_bytes(
+            b"B" + (1 << 28).to_bytes(4, "little") + bytes(13_000)
+        )
+        tracemalloc.start()
+        try:
+            with pytest.raises(ValueError, match="expected 268435456 bytes"):
+                datasets.cifar10("test", tmp_path)
+            assert tracemalloc.get_traced_memory()[1] < 1 << 20
+        finally:
+            tracemalloc.stop()
 
     @pytest.mark.parametrize("size", [0, 4 * 3072, 4 * 4096 + 1])
     @pytest.mark.usefixtures("small")

@@ -49,9 +49,9 @@ def test_every_public_name_is_documented(name):
 
 
 def page_cases() -> Iterator[object]:
-    """Yield a test case per page. The pages that run commands are slow."""
+    """Yield a test case per page. The pages that run commands, and the long README, are slow."""
     for page in PAGES:
-        is_slow = blocks(page, "sh") and page.name != "README.md"
+        is_slow = bool(blocks(page, "sh"))
         name = str(page.relative_to(ROOT))
         yield pytest.param(page, id=name, marks=[pytest.mark.slow] if is_slow else [])
 

@@ -152,6 +152,7 @@ def test_saved_bits_and_tiles_keep_the_map(tmp_path, capsys):
     np.testing.assert_array_equal(part.sensor.efficiency, JOTS[2:6, 4:10])
 
 
+@pytest.mark.slow
 def test_a_network_trained_for_a_map_gives_the_same_estimate_after_saving(tmp_path):
     sensor = jl.Sensor(frames=9, efficiency=PIXELS)
     start = jl.Network.initial(sensor)

@@ -25,7 +25,13 @@ def captures(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize(("first", "second"), [*itertools.product(BITS, BITS)])
+PAIRS = [
+    pytest.param(*pair, marks=[] if "npy" in pair else [pytest.mark.slow])
+    for pair in itertools.product(BITS, BITS)
+]
+
+
+@pytest.mark.parametrize(("first", "second"), PAIRS)
 def test_bits_survive_every_pair_of_formats(captures, tmp_path, first, second):
     for name in (first, second):
         pytest.importorskip(NEEDS.get(name, "numpy"))

@@ -9,7 +9,7 @@ import numpy as np
 import png
 import pytest
 import tifffile
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import jotlight as jl
@@ -84,6 +84,8 @@ def test_a_damaged_file_is_read_or_refused(name, tmp_path_factory):
         for number in range(len(reader.makers))
     ]
 
+    # fuzz/readers.py tries many more.
+    @settings(max_examples=30)
     @given(damage(), st.sampled_from(examples))
     def check(change, example):
         path, file, content = example

@@ -1,5 +1,6 @@
 """Readers of the file formats of CIFAR-10, which never run code from a file."""
 
+import io
 import itertools
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -100,13 +101,15 @@ def _read_pickle(path: Path) -> Levels:
             f"{size}; the file is truncated or a different one; fetch it again"
         )
     try:
+        # A file would allocate as many bytes as an opcode claims to have; this buffer does not.
         with path.open("rb") as file:
-            for _, argument, _ in itertools.islice(pickletools.genops(file), _MAX_OPCODES):
-                # Python 2 wrote text where Python 3 writes bytes.
-                if isinstance(argument, str) and len(argument) == expected:
-                    argument = argument.encode("latin-1")
-                if isinstance(argument, bytes | bytearray) and len(argument) == expected:
-                    return gray_levels(np.frombuffer(argument, np.uint8).reshape(-1, _PIXELS))
+            content = io.BytesIO(file.read(size))
+        for _, argument, _ in itertools.islice(pickletools.genops(content), _MAX_OPCODES):
+            # Python 2 wrote text where Python 3 writes bytes.
+            if isinstance(argument, str) and len(argument) == expected:
+                argument = argument.encode("latin-1")
+            if isinstance(argument, bytes | bytearray) and len(argument) == expected:
+                return gray_levels(np.frombuffer(argument, np.uint8).reshape(-1, _PIXELS))
     except (ValueError, OverflowError) as error:
         raise ValueError(
             f"{path}: expected a batch of CIFAR-10's Python version, but it is damaged or a "
