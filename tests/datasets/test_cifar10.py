@@ -234,9 +234,8 @@ class TestPickle:
 
     @pytest.mark.usefixtures("small")
     def test_no_memory_is_taken_for_bytes_that_only_an_opcode_claims(self, tmp_path):
-        (tmp_path / "test_batch").write_bytes(
-            b"B" + (1 << 28).to_bytes(4, "little") + bytes(13_000)
-        )
+        claim = b"B" + (1 << 28).to_bytes(4, "little")
+        (tmp_path / "test_batch").write_bytes(claim + bytes(13_000))
         tracemalloc.start()
         try:
             with pytest.raises(ValueError, match="expected 268435456 bytes"):

@@ -57,10 +57,10 @@ DISKS = """## Full disks
 
 Each command wrote to small disks with a given free space, from 0 bytes to 4096 bytes less than the
 output. It must end with status 1 and one line that names the file and the reason, keep the old
-output intact, and leave nothing behind. Some outputs did fit, because smaller files replaced
-larger ones.
+output intact, and leave nothing behind. Some outputs fit on the disk
+nevertheless, because smaller files replaced larger ones.
 
-| command and output | disks | free space (KiB) | did fit | violations |
+| command and output | disks | free space (KiB) | fit | violations |
 | --- | ---: | --- | ---: | ---: |
 {rows}
 {violations}"""
