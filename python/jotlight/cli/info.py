@@ -19,8 +19,8 @@ from jotlight.formats.archives import list_npz_arrays, read_npz, read_npz_label
 from jotlight.formats.arrays import open_npy_array
 from jotlight.formats.capture import Capture, CountStack, is_single_image
 from jotlight.formats.detect import detect_format
+from jotlight.formats.images.tiff_directories import open_checked_tiff
 from jotlight.formats.labels import COUNTS, parse_label
-from jotlight.formats.tiff_directories import open_checked_tiff
 from jotlight.formats.verification import verify_capture
 from jotlight.images.io import read_image
 from jotlight.networks.graph import flops_per_pixel

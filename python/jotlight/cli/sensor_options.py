@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from jotlight.cli.common_options import SENSOR_PANEL
 from jotlight.formats.arrays import read_npy
-from jotlight.formats.image_files import read_mask
+from jotlight.formats.images.captures import read_mask
 from jotlight.sensing.maps import MAPS
 from jotlight.sensing.sensor import KERNELS
 

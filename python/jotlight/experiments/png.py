@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from jotlight.formats.images.png_chunks import check_png
 from jotlight.formats.limits import check_claimed_size
-from jotlight.formats.png_chunks import check_png
 
 
 def encode_png(image: npt.NDArray[Any]) -> bytes:

@@ -1,14 +1,14 @@
-"""The list of all formats. A new format is one file in this folder and one line here."""
+"""The list of all formats. A new format is one file or folder here, and one line below."""
 
 from jotlight.formats.format import Format, Writer
-from jotlight.formats.hdf5 import HDF5
-from jotlight.formats.image_files import PNG, TIFF
-from jotlight.formats.matlab import MATLAB
+from jotlight.formats.hdf5.captures import HDF5
+from jotlight.formats.images.captures import PNG, TIFF
+from jotlight.formats.matlab.captures import MATLAB
 from jotlight.formats.npy import NPY, NPY_GZ, NPZ
 from jotlight.formats.spad512s import SPAD512S, SPAD512S_SPARSE
 from jotlight.formats.swissspad import SWISSSPAD2, SWISSSPAD2_FULL
 from jotlight.formats.visionsim import VISIONSIM
-from jotlight.formats.zarr import ZARR
+from jotlight.formats.zarr.captures import ZARR
 
 # Detection tries the formats in this order.
 _ALL = (

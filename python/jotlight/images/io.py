@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.formats.arrays import read_npy
+from jotlight.formats.images.png_chunks import GRAYSCALE, SIGNATURE, PngHeader, check_png
+from jotlight.formats.images.tiff_directories import open_checked_tiff
+from jotlight.formats.images.tiff_segments import check_segments
 from jotlight.formats.limits import check_claimed_size
-from jotlight.formats.png_chunks import GRAYSCALE, SIGNATURE, PngHeader, check_png
-from jotlight.formats.tiff_directories import open_checked_tiff
-from jotlight.formats.tiff_segments import check_segments
 from jotlight.images.color import FloatImage, luma
 from jotlight.images.exr import check_exr, write_exr
 from jotlight.output_files import OutputFile, open_output

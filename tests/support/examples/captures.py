@@ -18,9 +18,9 @@ from examples.encodings import (
 )
 from examples.reader import Reader
 from jotlight.formats.description import description_path
-from jotlight.formats.image_files import read_mask
+from jotlight.formats.images.captures import read_mask
 from jotlight.formats.writing import write_capture
-from jotlight.formats.zarr_manifest import BITS_ARRAY, MANIFEST
+from jotlight.formats.zarr.manifest import BITS_ARRAY, MANIFEST
 
 RNG = np.random.default_rng(0)
 BITS = jl.Bits.from_array(RNG.random((3, 6, 13)) < 0.4)

@@ -12,35 +12,26 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import Counts
-from jotlight.errors import MissingExtraError
-from jotlight.files import atomic_folder
 from jotlight.formats.capture import Capture
 from jotlight.formats.format import Format, OpenOptions, Writer
-from jotlight.formats.labeled import ATTRIBUTE, StoredArray, bits_label, open_stored_array
-from jotlight.formats.labels import COUNTS, VERSION
+from jotlight.formats.labeled import ATTRIBUTE, StoredArray, open_stored_array
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.safe_paths import list_below
-from jotlight.formats.zarr_manifest import (
-    BITS_ARRAY,
+from jotlight.formats.zarr.manifest import (
     MANIFEST,
     MANIFESTS,
     MAX_METADATA_BYTES,
     METADATA_FILES,
     read_manifest,
     verify_chunks,
-    write_manifest,
 )
-from jotlight.sensing.bits import Bits
+from jotlight.formats.zarr.writing import import_zarr, write_bits, write_counts
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.maps import MAPS
 from jotlight.sensing.provenance import Provenance
 
 _MAX_ARRAYS = 1000
 """Maximum number of files that describe arrays and groups."""
-
-_WRITTEN_CHUNK_BYTES = 1 << 23
-"""Approximate size in bytes of the chunks that jotlight writes."""
 
 _MAX_READ_BYTES, _MAX_READ_CHUNKS = 1 << 26, 1 << 12
 """Maximum size and number of the chunks that are read at once. A single chunk may be larger."""
@@ -49,21 +40,13 @@ _MAX_MISSING = 1000
 """Maximum number of missing chunks for each existing one. Ten more are assumed to exist."""
 
 
-def _import_zarr() -> Any:
-    try:
-        import zarr
-    except ImportError as error:
-        raise MissingExtraError("zarr folders need zarr: pip install 'jotlight[zarr]'") from error
-    return zarr
-
-
 def _is_zarr(path: Path) -> bool:
     return any((path / name).is_file() for name in (*METADATA_FILES, *MANIFESTS))
 
 
 def open_zarr(path: Path, options: OpenOptions) -> Capture:
     """Return the capture in an array of a zarr folder."""
-    _import_zarr()
+    import_zarr()
     if not path.is_dir():
         raise FileNotFoundError(f"there is no folder {path}")
     folder = _list_folder(path)
@@ -117,7 +100,7 @@ class _Folder:
         }
 
     def _describes_array(self, name: Path) -> bool:
-        from jotlight.formats.zarr_codecs import check_codec_names
+        from jotlight.formats.zarr.codecs import check_codec_names
 
         path = self.path / name
         try:
@@ -144,7 +127,7 @@ def _list_folder(path: Path) -> _Folder:
 
 
 def _open_array(folder: _Folder, name: str) -> StoredArray:
-    from jotlight.formats.zarr_store import open_bounded_array
+    from jotlight.formats.zarr.store import open_bounded_array
 
     path, files = folder.path / name, folder.files_of(name)
     try:
@@ -230,63 +213,6 @@ def _describe_missing_chunks(path: Path, array: Any, files: Mapping[str, int]) -
     )
 
 
-def _write_bits(bits: Bits, path: Path) -> None:
-    """Write bits as an array, or as a group of arrays if the sensor has maps."""
-    zarr = _import_zarr()
-    maps = bits.sensor.maps() if bits.sensor is not None else {}
-    with atomic_folder(path) as folder:
-        if maps:
-            zarr.create_group(str(folder))
-        for name, map_ in maps.items():
-            _create_array(folder, name, map_.shape, map_.dtype)[...] = map_
-        array = _create_array(
-            folder, BITS_ARRAY if maps else None, bits.packed.shape, np.uint8, bits_label(bits)
-        )
-        # Each write covers complete chunks, so no chunk is written twice.
-        for start in range(0, array.shape[0], array.chunks[0]):
-            place = slice(start, min(start + array.chunks[0], array.shape[0]))
-            array[place] = np.asarray(bits.packed[place, ...])
-        write_manifest(folder, folder / BITS_ARRAY if maps else folder)
-
-
-def _write_counts(counts: Counts, path: Path, label: str | None) -> None:
-    # Every array has a label, so that jotlight can notice that the manifest is missing.
-    label = label or json.dumps({"format": COUNTS, "version": VERSION})
-    with atomic_folder(path) as folder:
-        _create_array(folder, None, counts.shape, np.int32, label)[...] = counts
-        write_manifest(folder, folder)
-
-
-def _create_array(
-    folder: Path,
-    name: str | None,
-    shape: tuple[int, ...],
-    dtype: npt.DTypeLike,
-    label: str | None = None,
-) -> Any:
-    """Return a new array, all of whose chunks are written and end in a checksum."""
-    zarr = _import_zarr()
-    return zarr.create_array(
-        str(folder),
-        name=name,
-        shape=shape,
-        chunks=_written_chunks(shape, np.dtype(dtype).itemsize),
-        dtype=dtype,
-        compressors=[zarr.codecs.ZstdCodec(), zarr.codecs.Crc32cCodec()],
-        attributes={} if label is None else {ATTRIBUTE: label},
-        config={"write_empty_chunks": True},
-    )
-
-
-def _written_chunks(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:
-    """Return the shape of chunks of about 8 MiB: as many whole frames, rows, and so on as fit."""
-    chunks, size = [], itemsize
-    for length in reversed(shape):
-        chunks.append(max(1, min(length, _WRITTEN_CHUNK_BYTES // size)))
-        size *= chunks[-1]
-    return tuple(reversed(chunks))
-
-
 def _verify(path: Path) -> int:
     """Compare all files with the manifest, and return their number, or 0 without a manifest."""
     folder = _list_folder(path)
@@ -304,8 +230,8 @@ ZARR = Format(
     has_keys=True,
     verify=_verify,
     writer=Writer(
-        bits=_write_bits,
-        counts=_write_counts,
+        bits=write_bits,
+        counts=write_counts,
         extensions=(".zarr",),
         folder=True,
         keeps_sensor=True,

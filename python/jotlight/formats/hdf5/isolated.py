@@ -14,8 +14,8 @@ from typing import Any, BinaryIO, cast
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.formats import hdf5_library
-from jotlight.formats.hdf5_library import SECONDS, DataSet, receive, send
+from jotlight.formats.hdf5 import library
+from jotlight.formats.hdf5.library import SECONDS, DataSet, receive, send
 
 _ERRORS = {
     each.__name__: each for each in (ImportError, FileNotFoundError, PermissionError, ValueError)
@@ -27,7 +27,7 @@ _PIPE_BYTES = 1 << 20
 
 
 class IsolatedLibrary:
-    """The same methods as :class:`~jotlight.formats.hdf5_library.Hdf5Library`, in a child process.
+    """The same methods as :class:`~jotlight.formats.hdf5.library.Hdf5Library`, in a child process.
 
     The child process starts with the first call, and ends with this object or with this process.
     After it has crashed, every call raises the same error.
@@ -100,7 +100,7 @@ class IsolatedLibrary:
         return reply
 
     def _start(self, path: str) -> None:
-        script = str(Path(hdf5_library.__file__))
+        script = str(Path(library.__file__))
         try:
             # Without the module `site`, the child process starts faster. It uses our `sys.path`.
             process = subprocess.Popen(  # noqa: S603 - our own file
@@ -141,8 +141,8 @@ _LIBRARIES: weakref.WeakSet[IsolatedLibrary] = weakref.WeakSet()
 
 
 def _forget_all() -> None:
-    for library in list(_LIBRARIES):
-        library.forget()
+    for each in list(_LIBRARIES):
+        each.forget()
 
 
 if hasattr(os, "register_at_fork"):

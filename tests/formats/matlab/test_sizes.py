@@ -8,7 +8,7 @@ import pytest
 from scipy.io import savemat
 
 import jotlight as jl
-from jotlight.formats.mat_sizes import check_streams
+from jotlight.formats.matlab.sizes import check_streams
 
 HEADER = 128
 

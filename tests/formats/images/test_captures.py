@@ -7,7 +7,7 @@ import tifffile
 from PIL import Image
 
 import jotlight as jl
-from jotlight.formats.image_files import read_mask
+from jotlight.formats.images.captures import read_mask
 
 COUNTS = np.random.default_rng(0).integers(0, 300, (5, 6, 7), np.uint16)
 

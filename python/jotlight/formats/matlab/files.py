@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.formats.checksums import check_file
-from jotlight.formats.hdf5 import Library, list_data_sets
+from jotlight.formats.hdf5.captures import Library, list_data_sets
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import has_type
-from jotlight.formats.mat_sizes import check_sizes, check_streams
+from jotlight.formats.matlab.sizes import check_sizes, check_streams
 from jotlight.sensing.frames import Frames
 
 VARIABLE = "OUTPUT"

@@ -11,8 +11,8 @@ from zarr.abc.store import RangeByteRequest, SuffixByteRequest
 from zarr.storage import LocalStore, StorePath
 
 from jotlight.formats.safe_paths import check_inside
-from jotlight.formats.zarr_codecs import ChunkSizes, bound_codecs
-from jotlight.formats.zarr_manifest import MAX_METADATA_BYTES, METADATA_FILES
+from jotlight.formats.zarr.codecs import ChunkSizes, bound_codecs
+from jotlight.formats.zarr.manifest import MAX_METADATA_BYTES, METADATA_FILES
 
 _NO_CHUNKS = ChunkSizes(0, 0, 0)
 """Limits of a store that can only read metadata."""

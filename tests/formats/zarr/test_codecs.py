@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.formats import zarr as module
+from jotlight.formats.zarr import captures as module
 
 zarr = pytest.importorskip("zarr")
 numcodecs = pytest.importorskip("numcodecs")

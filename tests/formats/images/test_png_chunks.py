@@ -11,8 +11,8 @@ from PIL import Image
 
 import jotlight as jl
 from examples.encodings import with_png_checksums
-from jotlight.formats.image_files import read_mask
-from jotlight.formats.png_chunks import check_png
+from jotlight.formats.images.captures import read_mask
+from jotlight.formats.images.png_chunks import check_png
 from jotlight.images.io import read_image
 
 RNG = np.random.default_rng(0)

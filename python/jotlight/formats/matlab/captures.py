@@ -13,9 +13,9 @@ from jotlight.formats.capture import Capture, as_count_stack
 from jotlight.formats.checksums import check_seal, file_checksum, is_sealed, seal
 from jotlight.formats.file_lists import natural_sort_key
 from jotlight.formats.format import Format, OpenOptions, Writer
-from jotlight.formats.hdf5 import load_library
+from jotlight.formats.hdf5.captures import load_library
 from jotlight.formats.magic import has_type
-from jotlight.formats.mat_files import VARIABLE, open_mat
+from jotlight.formats.matlab.files import VARIABLE, open_mat
 from jotlight.formats.packing import pack_lazily
 from jotlight.formats.safe_paths import check_inside
 from jotlight.interrupts import interruptible

@@ -8,10 +8,10 @@ import pytest
 
 import jotlight as jl
 from examples.captures import BITS, BITS_WITH_MAPS, COUNTS, open_counts
-from jotlight.formats import zarr as module
 from jotlight.formats.checksums import seal
 from jotlight.formats.verification import verify_capture
 from jotlight.formats.writing import write_capture
+from jotlight.formats.zarr import writing as module
 
 zarr = pytest.importorskip("zarr")
 CAPTURES = {"bits": BITS, "maps": BITS_WITH_MAPS, "counts": COUNTS}
@@ -73,7 +73,7 @@ def test_every_missing_or_emptied_file_is_refused(folder):
 
 
 def test_chunks_that_changed_places_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "_WRITTEN_CHUNK_BYTES", 12)
+    monkeypatch.setattr(module, "_CHUNK_BYTES", 12)
     write_capture(BITS, tmp_path / "a", name="zarr")
     (tmp_path / "a" / "c/0/0/0").rename(tmp_path / "b")
     (tmp_path / "a" / "c/1/0/0").rename(tmp_path / "a" / "c/0/0/0")
@@ -86,7 +86,7 @@ def test_chunks_that_changed_places_are_refused(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("data", [BITS, COUNTS], ids=["bits", "counts"])
 def test_every_chunk_is_written_and_small(tmp_path, monkeypatch, data):
-    monkeypatch.setattr(module, "_WRITTEN_CHUNK_BYTES", 8)
+    monkeypatch.setattr(module, "_CHUNK_BYTES", 8)
     empty = jl.Bits(np.zeros_like(BITS.packed), 13) if data is BITS else np.zeros_like(COUNTS)
     for number, capture in enumerate([data, empty]):
         path = tmp_path / str(number)
@@ -112,7 +112,7 @@ def test_every_chunk_is_written_and_small(tmp_path, monkeypatch, data):
     ],
 )
 def test_chunks_have_at_most_8_mib(shape, itemsize, chunks):
-    assert module._written_chunks(shape, itemsize) == chunks
+    assert module._chunk_shape(shape, itemsize) == chunks
 
 
 def test_zarr_itself_reads_the_folder_without_a_complaint(tmp_path):

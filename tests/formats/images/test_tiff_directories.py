@@ -9,7 +9,7 @@ import pytest
 import tifffile
 
 import jotlight as jl
-from jotlight.formats.tiff_directories import check_directories
+from jotlight.formats.images.tiff_directories import check_directories
 from jotlight.images.io import read_image
 
 COUNTS = np.random.default_rng(0).integers(0, 2, (5, 17, 21), np.uint8)

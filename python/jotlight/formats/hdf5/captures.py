@@ -15,8 +15,8 @@ from jotlight.files import atomic_write
 from jotlight.formats.capture import Capture
 from jotlight.formats.checksums import file_checksum
 from jotlight.formats.format import Format, OpenOptions, Writer
-from jotlight.formats.hdf5_library import DataSet, Hdf5Library
-from jotlight.formats.isolated import IsolatedLibrary
+from jotlight.formats.hdf5.isolated import IsolatedLibrary
+from jotlight.formats.hdf5.library import DataSet, Hdf5Library
 from jotlight.formats.labeled import ATTRIBUTE, StoredArray, bits_label, open_stored_array
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import has_type

@@ -18,13 +18,13 @@ from jotlight.formats.capture import Capture, as_count_stack, is_single_image
 from jotlight.formats.checksums import append_checksum, check_appended, missing_error
 from jotlight.formats.file_lists import list_files
 from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.images.png_chunks import GRAYSCALE, PALETTE, check_png
+from jotlight.formats.images.tiff_directories import open_checked_tiff
+from jotlight.formats.images.tiff_segments import check_segments
 from jotlight.formats.labels import COUNTS, parse_label
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import has_type
 from jotlight.formats.packing import pack_lazily
-from jotlight.formats.png_chunks import GRAYSCALE, PALETTE, check_png
-from jotlight.formats.tiff_directories import open_checked_tiff
-from jotlight.formats.tiff_segments import check_segments
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, concatenate

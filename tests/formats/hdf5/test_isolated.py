@@ -15,9 +15,9 @@ import pytest
 
 import jotlight as jl
 from examples.captures import BITS_WITH_MAPS
-from jotlight.formats.hdf5 import list_data_sets
-from jotlight.formats.hdf5_library import receive, send
-from jotlight.formats.isolated import IsolatedLibrary
+from jotlight.formats.hdf5.captures import list_data_sets
+from jotlight.formats.hdf5.isolated import IsolatedLibrary
+from jotlight.formats.hdf5.library import receive, send
 
 h5py = pytest.importorskip("h5py")
 needs_posix = pytest.mark.skipif(os.name == "nt", reason="Windows has no such signals")
@@ -137,7 +137,7 @@ def test_the_child_process_ends_with_the_capture(tmp_path):
 def test_the_child_process_ends_with_its_parent(tmp_path):
     path = write_example(tmp_path / "a.h5")
     script = (
-        "import os, sys; from jotlight.formats.isolated import IsolatedLibrary\n"
+        "import os, sys; from jotlight.formats.hdf5.isolated import IsolatedLibrary\n"
         "library = IsolatedLibrary(); library.list_data_sets(sys.argv[1], 'jotlight')\n"
         "print(library.process_id, flush=True); os.kill(os.getpid(), 9)"
     )

@@ -1,0 +1,1 @@
+"""zarr folders: arrays of packed bits, of booleans, or of counts."""
