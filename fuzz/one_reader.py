@@ -44,7 +44,7 @@ def main(name: str) -> None:
     max_mib = _peak_mib() + MIB_PER_INPUT
 
     def test_input(data: bytes) -> None:
-        # The file is deleted first: truncating it could crash the process if it is still mapped.
+        # The file is deleted first, so that a file that is still open keeps its content.
         damaged.unlink(missing_ok=True)
         damaged.write_bytes(reader.wrap(data))
         read_or_refused(reader.read, path)

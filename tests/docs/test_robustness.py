@@ -1,5 +1,6 @@
 """docs/results/robustness.md follows from the lines of JSON beside it, which are of full runs."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,8 @@ from damage.page import PAGE_FILE, build_page
 from damage.record import read_rows
 from examples import READERS
 
-RESULTS = Path(__file__).parents[2] / "docs/results"
+ROOT = Path(__file__).parents[2]
+RESULTS = ROOT / "docs/results"
 PARTS = {"readers", "engine", "kills", "disks", "flips", "sweep"}
 
 
@@ -18,6 +20,12 @@ def rows():
     if not (RESULTS / PAGE_FILE).exists():
         pytest.skip("there is no page of a full run")
     return read_rows(RESULTS / "robustness")
+
+
+def entry_points():
+    """Return the names of the engine's entry points that can be fuzzed."""
+    sources = (path.read_text("utf-8") for path in (ROOT / "fuzz/engine/targets").glob("*.rs"))
+    return {name for text in sources for name in re.findall(r'\(\s*"(\w+)",\s*check_', text)}
 
 
 def test_the_page_follows_from_the_json(rows):
@@ -34,7 +42,9 @@ def test_every_part_ran_in_full(rows):
 
 def test_the_fuzzers_tried_at_least_a_hundred_thousand_inputs_each(rows):
     fuzzed = [row for row in rows if row["part"] in ("readers", "engine")]
-    assert {row["name"] for row in fuzzed if row["part"] == "readers"} >= READERS.keys()
+    names = {part: {row["name"] for row in fuzzed if row["part"] == part} for part in PARTS}
+    assert names["readers"] >= READERS.keys()
+    assert names["engine"] == entry_points()
     inputs = {(row["part"], row["name"]): row["inputs"] for row in fuzzed}
     assert min(inputs.values()) >= 10**5
     assert sum(inputs.values()) >= 10**7

@@ -5,8 +5,8 @@
 
 The results are lines of JSON in FOLDER/robustness (--output FOLDER), from which `page` makes
 FOLDER/robustness.md. The exit status is 1 if a file was damaged, a message was wrong, a flip was
-not detected, or an estimate left its range. `fuzz/readers.py --output FILE` adds its results to a
-file in the same folder.
+not detected, or an estimate left its range. `fuzz/readers.py --output FILE` and
+`fuzz/engine.py --output FILE` add their results to files in the same folder.
 """
 
 import argparse

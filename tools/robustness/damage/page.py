@@ -22,7 +22,7 @@ files](../guide/files.md) explains how the files are protected. A program made t
 {rows}
 """
 
-FUZZING = """## Damaged and hostile files
+FUZZING = """## Hostile files and arguments
 
 A fuzzer changes the bytes of valid files and keeps the changes that reach new code. Each reader
 reads the result, or refuses it with an error that names the file. Anything else is a finding: any
@@ -30,6 +30,12 @@ other exception, a crash, more than 10 s, or more than 512 MiB. atheris fuzzes t
 which include the readers inside an archive and behind a checksum. A library that is written in C
 may crash. Where jotlight can read in a child process, it must turn the crash into an error, and the
 last column counts such inputs.
+
+cargo-fuzz calls the entry points of the engine, which is written in Rust, with hostile arguments:
+sizes of 0 and near the maximum, NaN and other extreme floats, shapes that do not match, and
+reversed or strided arrays. Each entry point returns a result or an error. Anything else is a
+finding: a panic, an overflow, more than 10 s, more than 2 GiB, or a result that depends on the
+memory layout or on the number of threads.
 
 | reader or entry point | inputs | time (s) | inputs/s | branches | findings | library crashes |
 | --- | ---: | ---: | ---: | ---: | ---: | ---: |
@@ -157,7 +163,7 @@ def _fuzz_rows(rows: Rows) -> Iterable[Iterable[object]]:
             f"{row['inputs']:,}",
             f"{row['seconds']:,.0f}",
             f"{rate:,.0f}",
-            row.get("branches", "–"),
+            row["branches"],
             row["findings"],
             row.get("library_crashes", "–"),
         )

@@ -69,6 +69,9 @@ impl PixelResponse {
         // steps for a float32 result.
         while high - low > 1e-9 * high && !interrupt::is_requested() {
             let middle = f64::midpoint(low, high);
+            if middle <= low || middle >= high {
+                break; // no float lies between them, as between 0 and the smallest one
+            }
             if self.score(jots, middle) > 0.0 {
                 low = middle;
             } else {
