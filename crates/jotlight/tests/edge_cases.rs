@@ -330,3 +330,23 @@ fn splines_of_planes_do_not_depend_on_the_memory_layout() -> Result<()> {
     }
     Ok(())
 }
+
+#[test]
+fn estimates_from_jots_end_for_any_response() -> Result<()> {
+    for (efficiency, dark_counts) in [(0.0, 0.0), (f64::NAN, 0.0), (-1.0, 0.0), (1.0, f64::NAN)] {
+        let counts = JotCounts {
+            ones: &[2, 1, 0, 3],
+            responses: JotResponses {
+                efficiency: Values::Each(&[1.0, 1.0, 1.0, efficiency]),
+                dark_counts: Values::Same(dark_counts),
+            },
+            dead: None,
+            frames: 3,
+            oversampling: 2,
+        };
+        let mut out = [-1.0];
+        from_jots(&response(1.0)?, &counts, 1, &mut out)?;
+        assert!((0.0..=1.0).contains(&out[0]));
+    }
+    Ok(())
+}
