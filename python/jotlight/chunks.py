@@ -5,9 +5,6 @@ from collections.abc import Iterator
 _MAX_JOTS = 1 << 26
 """Maximum number of jots in a chunk. The engine processes them in tens of milliseconds."""
 
-MAX_COUNTED_JOTS = 1 << 27
-"""Maximum number of jots in a chunk whose ones are only counted, which is faster."""
-
 _MIN_ROW_COST = 1 << 9
 """Minimum cost of a row of pixels, in jots. Each row has a fixed overhead of about this cost."""
 

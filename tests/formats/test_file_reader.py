@@ -101,8 +101,8 @@ except (OSError, ValueError) as error:
 """
 
 SHRINK_WHILE_COUNTING = """
-import jotlight.sensing.bits
-jotlight.sensing.bits.MAX_COUNTED_JOTS = 1 << 19
+import jotlight.chunks
+jotlight.chunks._MAX_JOTS = 1 << 19
 done = []
 def progress(fraction):
     done.append(fraction)

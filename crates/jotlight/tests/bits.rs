@@ -1,9 +1,10 @@
 //! Comparisons of counts of packed bits with counts of one jot after the other.
 
 use jotlight::bits::{PackedBits, add_block_counts, packed_width};
+use jotlight::cpu::Level;
 use jotlight::error::{Error, Result};
 use jotlight::threads;
-use ndarray::{Array2, Array3, s};
+use ndarray::{Array2, Array3, Axis, s};
 
 /// Return pseudorandom bytes. Their padding bits are random too.
 fn random_bytes(frames: usize, rows: usize, width: usize) -> Array3<u8> {
@@ -102,6 +103,29 @@ fn pixels_of_many_jots_are_counted_in_parts() -> Result<()> {
     add_block_counts(&bits, 48, None, counts.view_mut())?;
     assert_eq!(counts, naive_counts(&bytes, 19_200, 48, |_, _| true));
     Ok(())
+}
+
+#[test]
+fn counts_of_parts_add_up_for_every_instruction_set() -> Result<()> {
+    let frames = 3001;
+    for (rows, width) in [(3, 77), (2, 64), (1, 200)] {
+        let mut bytes = random_bytes(frames, rows, width);
+        // The first jots are always one, so all their digits carry.
+        bytes.slice_mut(s![.., .., ..2]).fill(0xff);
+        let expected = naive_counts(&bytes, width, 1, |_, _| true);
+        for level in Level::supported() {
+            Level::choose(Some(level.name()))?;
+            for part in [1, 16, 23, 247, 1024, frames] {
+                let mut counts = Array2::zeros((rows, width));
+                for part in bytes.axis_chunks_iter(Axis(0), part) {
+                    let bits = PackedBits::new(part, width)?;
+                    add_block_counts(&bits, 1, None, counts.view_mut())?;
+                }
+                assert_eq!(counts, expected, "{level:?}, parts of {part} frames");
+            }
+        }
+    }
+    Level::choose(None)
 }
 
 #[test]

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.checks import refuse_masked
-from jotlight.chunks import MAX_COUNTED_JOTS, frame_chunks
+from jotlight.chunks import frame_chunks
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import (
     Frames,
@@ -221,7 +221,7 @@ class Bits:
             )
         valid = None if mask is None else np.packbits(~mask, axis=1)
         counts = np.zeros((height // oversampling, width // oversampling, *channels), np.int32)
-        chunks = list(frame_chunks(frames, counts.shape[0], width * oversampling, MAX_COUNTED_JOTS))
+        chunks = list(frame_chunks(frames, counts.shape[0], width * oversampling))
 
         def add(chunk: tuple[range, Packed]) -> None:
             rows, part = chunk

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use ndarray::{ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis, s};
+use ndarray::{ArrayView1, ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis, s};
 use rayon::prelude::*;
 
 use super::bit_planes::{BitCounters, FRAMES_PER_GROUP};
@@ -265,6 +265,11 @@ fn add_with_bit_planes(
             }
         }
         let mut counts = counts.row_mut(row / oversampling);
+        if oversampling == 1 {
+            // The compiler vectorizes this addition.
+            counts += &ArrayView1::from(&jots);
+            continue;
+        }
         for (count, jots) in counts.iter_mut().zip(jots.chunks_exact(oversampling)) {
             *count += jots.iter().sum::<i32>();
         }
