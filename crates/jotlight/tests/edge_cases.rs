@@ -333,7 +333,28 @@ fn splines_of_planes_do_not_depend_on_the_memory_layout() -> Result<()> {
 
 #[test]
 fn estimates_from_jots_end_for_any_response() -> Result<()> {
-    for (efficiency, dark_counts) in [(0.0, 0.0), (f64::NAN, 0.0), (-1.0, 0.0), (1.0, f64::NAN)] {
+    let light = [
+        1.0,
+        1e-300,
+        1e160,
+        1e300,
+        f64::INFINITY,
+        f64::NAN,
+        -1.0,
+        -1e210,
+    ];
+    let jots = [
+        (1.0, 0.0),
+        (0.0, 0.0),
+        (f64::NAN, 0.0),
+        (-1.0, 0.0),
+        (1.0, f64::NAN),
+    ];
+    let cases = jots
+        .into_iter()
+        .flat_map(|jot| light.map(|light| (jot, light)));
+    let cases = cases.flat_map(|case| [5e-324, 1e-162, 1.0, f64::MAX].map(|max| (case, max)));
+    for (((efficiency, dark_counts), light_per_intensity), max_intensity) in cases {
         let counts = JotCounts {
             ones: &[2, 1, 0, 3],
             responses: JotResponses {
@@ -344,9 +365,13 @@ fn estimates_from_jots_end_for_any_response() -> Result<()> {
             frames: 3,
             oversampling: 2,
         };
+        let response = PixelResponse {
+            light_per_intensity,
+            ..response(max_intensity)?
+        };
         let mut out = [-1.0];
-        from_jots(&response(1.0)?, &counts, 1, &mut out)?;
-        assert!((0.0..=1.0).contains(&out[0]));
+        from_jots(&response, &counts, 1, &mut out)?;
+        assert!((0.0..=max_intensity as f32).contains(&out[0]));
     }
     Ok(())
 }
