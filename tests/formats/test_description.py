@@ -8,8 +8,8 @@ import pytest
 import jotlight as jl
 from examples.arrays import file_names, random_bits
 from examples.encodings import npy_bytes
+from jotlight.formats import verify_capture
 from jotlight.formats.description import description_path
-from jotlight.formats.verification import verify_capture
 
 OBJECTS = npy_bytes(np.array([[[{}]]], object), allow_pickle=True)
 
@@ -29,6 +29,17 @@ def test_a_width_that_contradicts_the_description_is_refused(tmp_path):
     assert jl.open(tmp_path / "cube.npy", width=13).width == 13
     with pytest.raises(ValueError, match="states a width of 13, not 12"):
         jl.open(tmp_path / "cube.npy", width=12)
+
+
+@pytest.mark.parametrize("size", [0, 1, 3, 12, 20, 40])
+@pytest.mark.parametrize("zeros", [0, 100])
+def test_the_beginning_of_a_description_is_refused(tmp_path, size, zeros):
+    jl.save(random_bits((2, 3, 13)), tmp_path / "cube.npy")
+    path = tmp_path / "cube.json"
+    path.write_bytes(path.read_bytes()[:size] + bytes(zeros))
+    for read in (jl.open, verify_capture):
+        with pytest.raises(ValueError, match=r"cube\.json: is damaged"):
+            read(tmp_path / "cube.npy")
 
 
 @pytest.mark.parametrize("text", FOREIGN, ids=lambda text: text[:12])

@@ -192,14 +192,15 @@ def seal(content: Mapping[str, Any]) -> str:
 
 
 def is_sealed(text: str) -> bool:
-    """Return whether a text is sealed JSON, which may be damaged.
+    """Return whether a text is sealed JSON, which may be damaged. An empty text may be its rest.
 
     Examples
     --------
     >>> is_sealed(seal({"width": 13})), is_sealed('{"width": 13}')
     (True, False)
     """
-    return _MARK in text
+    beginning = text.rstrip("\0")  # some disks leave zeros after a power failure
+    return _MARK in text or f"{{\n  {_MARK}".startswith(beginning)
 
 
 def check_seal(text: str, name: str, *, editable: bool = True) -> None:

@@ -34,6 +34,9 @@ class FileReader:
     (10, [3, 4])
     """
 
+    # A folder may have millions of files.
+    __slots__ = ("_version", "path", "size")
+
     def __init__(self, path: Path) -> None:
         self.path = path
         status = path.stat()

@@ -1,6 +1,8 @@
 """zarr folders: arrays and codecs."""
 
 import json
+import os
+import shutil
 
 import numpy as np
 import pytest
@@ -83,3 +85,51 @@ def test_only_the_array_that_is_read_is_reported(tmp_path):
     jl.open(tmp_path / "a.zarr", key="counts", frames=slice(0, 1))
     with pytest.warns(jl.JotlightWarning, match="empty: 1 of its 1 chunks are missing"):
         jl.open(tmp_path / "a.zarr", key="empty", frames=slice(0, 1))
+
+
+def delete(folder):
+    (folder / "c/1/0/0").unlink()
+
+
+def replace(folder):
+    (folder / "c/0/0/0").replace(folder / "c/1/0/0")
+
+
+def add(folder):
+    (folder / "c/2/0").mkdir(parents=True)
+    shutil.copy(folder / "c/0/0/0", folder / "c/2/0/0")
+
+
+def rewrite(folder):
+    content = (folder / "c/0/0/0").read_bytes()
+    (folder / "c/1/0/0").write_bytes(content)
+    os.utime(folder / "c/1/0/0", (1, 1))
+
+
+@pytest.mark.parametrize("change", [delete, replace, add, rewrite])
+def test_chunks_that_change_after_opening_are_errors(tmp_path, change):
+    array = random_frames((6, 5, 16))
+    array[4:] = 0  # zarr omits this chunk
+    zarr = pytest.importorskip("zarr")
+    path = str(tmp_path / "a.zarr")
+    stored = zarr.create_array(path, shape=array.shape, chunks=(2, 5, 16), dtype=array.dtype)
+    stored[...] = array
+    with pytest.warns(jl.JotlightWarning, match="1 of its 3 chunks are missing"):
+        bits = jl.open(path)
+    np.testing.assert_array_equal(bits.to_array(), array)
+    change(tmp_path / "a.zarr")
+    with pytest.raises(ValueError, match=r"c/[012]/0/0"):
+        bits.to_array()
+    with pytest.raises(ValueError, match=r"c/[012]/0/0"):
+        jl.save(bits, tmp_path / "copy.npy")
+
+
+def test_an_empty_shard_is_an_error(tmp_path):
+    zarr = pytest.importorskip("zarr")
+    array = random_frames((12, 8, 8))
+    path = tmp_path / "a.zarr"
+    shapes = {"chunks": (2, 8, 8), "shards": (4, 8, 8)}
+    zarr.create_array(str(path), shape=array.shape, dtype=array.dtype, **shapes)[...] = array
+    (path / "c/1/0/0").write_bytes(b"")
+    with pytest.raises(ValueError, match="c/1/0/0 has 0 bytes"):
+        jl.open(path).to_array()

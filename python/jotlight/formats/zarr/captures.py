@@ -5,7 +5,7 @@ import json
 import math
 import operator
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.formats.capture import Capture
+from jotlight.formats.file_reader import FileReader
 from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.labeled import ATTRIBUTE, StoredArray, open_stored_array
 from jotlight.formats.limits import check_claimed_size
@@ -60,10 +61,10 @@ def open_zarr(path: Path, options: OpenOptions) -> Capture:
 
 @dataclasses.dataclass(frozen=True)
 class _Folder:
-    """A zarr folder, with the sizes of its files by name."""
+    """A zarr folder, with its files by name."""
 
     path: Path
-    files: Mapping[str, int]
+    files: Mapping[str, FileReader]
     checksums: Mapping[str, str] | None
     """The stored CRC-32C of each chunk, or None if jotlight did not write the folder."""
 
@@ -79,12 +80,12 @@ class _Folder:
             raise ValueError(f"{self.path}: expected a zarr folder with an array in it")
         return sorted(found)
 
-    def files_of(self, array: str) -> dict[str, int]:
-        """Return the sizes of the files of an array, with names relative to its folder."""
+    def files_of(self, array: str) -> dict[str, FileReader]:
+        """Return the files of an array, with names relative to its folder."""
         prefix = "" if array == "." else f"{array}/"
         return {
-            name.removeprefix(prefix): size
-            for name, size in self.files.items()
+            name.removeprefix(prefix): file
+            for name, file in self.files.items()
             if name.startswith(prefix)
         }
 
@@ -104,7 +105,7 @@ class _Folder:
 
         path = self.path / name
         try:
-            if self.files[name.as_posix()] > MAX_METADATA_BYTES:
+            if self.files[name.as_posix()].size > MAX_METADATA_BYTES:
                 raise ValueError("it is too long")
             metadata = json.loads(path.read_text(encoding="utf-8"))
             if not isinstance(metadata, dict):
@@ -122,7 +123,7 @@ class _Folder:
 def _list_folder(path: Path) -> _Folder:
     """Return a folder whose links do not lead out of it, and whose files fit its manifest."""
     found = list_below(path)
-    files = {file.relative_to(path).as_posix(): file.stat().st_size for file in found}
+    files = {file.relative_to(path).as_posix(): FileReader(file) for file in found}
     return _Folder(path, files, read_manifest(path, files))
 
 
@@ -131,7 +132,7 @@ def _open_array(folder: _Folder, name: str) -> StoredArray:
 
     path, files = folder.path / name, folder.files_of(name)
     try:
-        array, sizes = open_bounded_array(path, folder.path, folder.checksums_of(name))
+        array, sizes = open_bounded_array(path, files, folder.checksums_of(name))
         shape, dtype = tuple(array.shape), np.dtype(array.dtype)
         label = array.attrs.get(ATTRIBUTE)
     except Exception as error:  # the library raises many exceptions for damaged folders
@@ -148,7 +149,7 @@ def _open_array(folder: _Folder, name: str) -> StoredArray:
     check_claimed_size(
         str(path),
         math.prod(shape) * dtype.itemsize,
-        sum(files.values()),
+        sum(file.size for file in files.values()),
         frame_bytes=math.prod(shape[1:] if len(shape) > 2 else shape) * dtype.itemsize,
     )
     warning = _describe_missing_chunks(path, array, files)
@@ -185,7 +186,7 @@ def _split(
         yield from _split((*region[:axis], half, *region[axis + 1 :]), chunks, max_chunks)
 
 
-def _describe_missing_chunks(path: Path, array: Any, files: Mapping[str, int]) -> str | None:
+def _describe_missing_chunks(path: Path, array: Any, files: Iterable[str]) -> str | None:
     """Return a warning about chunks that are not in the folder, or None if all are there.
 
     Raises

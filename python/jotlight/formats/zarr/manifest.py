@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from jotlight.formats.checksums import check_file, check_seal, file_checksum, seal
+from jotlight.formats.file_reader import FileReader
 from jotlight.formats.safe_paths import check_inside
 
 METADATA_FILES = ("zarr.json", ".zarray", ".zgroup", ".zattrs")
@@ -54,7 +55,7 @@ def write_manifest(folder: Path, array: Path) -> None:
     (array / MANIFEST).write_text(seal(content), encoding="utf-8")
 
 
-def read_manifest(folder: Path, files: Mapping[str, int]) -> dict[str, str] | None:
+def read_manifest(folder: Path, files: Mapping[str, FileReader]) -> dict[str, str] | None:
     """Return the checksums of the chunks by name, or None if there is no manifest.
 
     Parameters
@@ -62,7 +63,7 @@ def read_manifest(folder: Path, files: Mapping[str, int]) -> dict[str, str] | No
     folder : path
         The root of a zarr folder.
     files : mapping
-        The names of all files in the folder.
+        All files in the folder by name.
 
     Raises
     ------
@@ -74,7 +75,7 @@ def read_manifest(folder: Path, files: Mapping[str, int]) -> dict[str, str] | No
     if name is None:
         return None
     path = check_inside(folder / name, folder)
-    if files[name] > _MAX_MANIFEST_BYTES:
+    if files[name].size > _MAX_MANIFEST_BYTES:
         raise ValueError(f"{path}: expected at most {_MAX_MANIFEST_BYTES} bytes; it is damaged")
     try:
         text = path.read_bytes().decode()

@@ -10,7 +10,7 @@ import zarr
 from zarr.abc.store import RangeByteRequest, SuffixByteRequest
 from zarr.storage import LocalStore, StorePath
 
-from jotlight.formats.safe_paths import check_inside
+from jotlight.formats.file_reader import FileReader
 from jotlight.formats.zarr.codecs import ChunkSizes, bound_codecs
 from jotlight.formats.zarr.manifest import MAX_METADATA_BYTES, METADATA_FILES
 
@@ -25,8 +25,8 @@ class BoundedStore(LocalStore):
     ----------
     root : path
         The folder of the array.
-    folder : path
-        The folder that the user passed. Links may not lead out of it.
+    files : mapping
+        The files in that folder by name, as they were when it was opened.
     sizes : ChunkSizes, optional
         Limits on the files of chunks. Default: only metadata can be read.
     checksums : mapping, optional
@@ -36,13 +36,13 @@ class BoundedStore(LocalStore):
     def __init__(
         self,
         root: Path,
-        folder: Path,
+        files: Mapping[str, FileReader],
         *,
         sizes: ChunkSizes = _NO_CHUNKS,
         checksums: Mapping[str, str] | None = None,
     ) -> None:
         super().__init__(root, read_only=True)
-        self._folder = folder
+        self._files = files
         self._sizes, self._checksums = sizes, checksums
 
     async def get(self, key: str, prototype: Any = None, byte_range: Any = None) -> Any:
@@ -50,31 +50,37 @@ class BoundedStore(LocalStore):
 
         Raises
         ------
+        OSError
+            When the file has changed since the folder was opened.
         ValueError
-            When the file is too large, or a link leads out of the folder, or a chunk is not the
-            one that the manifest lists.
+            When the file is empty or too large, or is not the chunk that the manifest lists.
         """
         await asyncio.to_thread(self._check, key, byte_range)
         value = await super().get(key, prototype, byte_range)
-        if self._checksums is not None and not self._is_metadata(key):
+        await asyncio.to_thread(self._check_unchanged, key)
+        if self._checksums is not None and key not in METADATA_FILES:
             if value is None:
                 raise ValueError(f"{key} is missing")
             if value.as_numpy_array()[-4:].tobytes().hex() != self._checksums.get(key):
                 raise ValueError(f"{key} is not the chunk that jotlight wrote")
         return value
 
-    def _is_metadata(self, key: str) -> bool:
-        return key in METADATA_FILES
+    def _check_unchanged(self, key: str) -> None:
+        if key in self._files:
+            self._files[key].check_unchanged()
+        elif (self.root / key).exists():
+            raise OSError(f"{key} was added after the folder was opened; open it again")
 
     def _check(self, key: str, byte_range: Any) -> None:
-        path = self.root / key
-        if not path.exists():
+        self._check_unchanged(key)
+        if key not in self._files:
             return
-        size, limit = check_inside(path, self._folder).stat().st_size, self._sizes.file
-        if self._is_metadata(key):
+        size, limit = self._files[key].size, self._sizes.file
+        if key in METADATA_FILES:
             limit = MAX_METADATA_BYTES
-        if size > limit:
-            raise ValueError(f"{key} has {size} bytes, expected at most {limit}")
+        # The zarr library reads an empty shard as if it were missing.
+        if not 0 < size <= limit:
+            raise ValueError(f"{key} has {size} bytes, expected 1 to {limit}")
         if isinstance(byte_range, RangeByteRequest):
             size = byte_range.end - byte_range.start
         elif isinstance(byte_range, SuffixByteRequest):
@@ -84,14 +90,14 @@ class BoundedStore(LocalStore):
 
 
 def open_bounded_array(
-    root: Path, folder: Path, checksums: Mapping[str, str] | None
+    root: Path, files: Mapping[str, FileReader], checksums: Mapping[str, str] | None
 ) -> tuple[Any, ChunkSizes]:
     """Return the ``zarr.Array`` in a folder, which takes limited memory when it is read.
 
     See :class:`BoundedStore` for the parameters. Damaged metadata raise any exception.
     """
-    array = zarr.open_array(BoundedStore(root, folder), mode="r")
+    array = zarr.open_array(BoundedStore(root, files), mode="r")
     metadata, sizes = bound_codecs(array.metadata, np.dtype(array.dtype).itemsize)
-    store = BoundedStore(root, folder, sizes=sizes, checksums=checksums)
+    store = BoundedStore(root, files, sizes=sizes, checksums=checksums)
     bounded = zarr.AsyncArray(metadata=metadata, store_path=StorePath(store))
     return zarr.Array(bounded), sizes
