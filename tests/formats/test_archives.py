@@ -59,3 +59,30 @@ def test_an_array_that_ends_before_its_member_is_refused(tmp_path):
     for read in (read_npz, jl.open):
         with pytest.raises(ValueError, match="more bytes follow than the header"):
             read(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize("excess", [1, 2_000_000_000])
+def test_a_member_that_claims_more_bytes_than_its_file_is_refused(tmp_path, excess):
+    path = tmp_path / "a.npz"
+    np.savez_compressed(path, a=COUNTS)
+    content = bytearray(path.read_bytes())
+    place = content.rindex(b"PK\1\2") + 20
+    content[place : place + 4] = (len(content) + excess).to_bytes(4, "little")
+    path.write_bytes(content)
+    for read in (read_npz, jl.open):
+        with pytest.raises(
+            ValueError, match=r"a\.npz: .*claims \d+ compressed bytes"
+        ):
+            read(path)
+
+
+def test_a_member_that_goes_beyond_the_end_of_its_file_is_an_error_with_a_reason(tmp_path):
+    path = tmp_path / "a.npz"
+    np.savez(path, a=COUNTS)
+    content = bytearray(path.read_bytes().replace(b"(6, 7)", b"(9, 9)"))
+    place = content.rindex(b"PK\1\2") + 20
+    content[place : place + 8] = 2 * len(content).to_bytes(4, "little")
+    path.write_bytes(content)
+    for read in (read_npz, jl.open):
+        with pytest.raises(ValueError, match=r"a\.npz: .*\(it ends too early\)"):
+            read(path)

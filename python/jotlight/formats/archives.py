@@ -13,7 +13,13 @@ from typing import IO, Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.formats.arrays import ARCHIVE_ERRORS, HEADER_ERRORS, objects_error, read_header
+from jotlight.formats.arrays import (
+    ARCHIVE_ERRORS,
+    HEADER_ERRORS,
+    objects_error,
+    read_header,
+    reason,
+)
 from jotlight.formats.checksums import (
     END_PLACEHOLDER,
     append_checksum,
@@ -67,7 +73,7 @@ def read_npz(path: str | os.PathLike[str], key: str | None = None) -> npt.NDArra
     except (*HEADER_ERRORS, *ARCHIVE_ERRORS) as error:
         if "Object arrays" in str(error):
             raise objects_error(f"{path}: {key}") from error
-        raise ValueError(f"{path}: the array {key} is damaged ({error})") from error
+        raise ValueError(f"{path}: the array {key} is damaged ({reason(error)})") from error
 
 
 def select_npz_array(path: Path, key: str | None) -> str:
@@ -97,8 +103,20 @@ def _check_member_size(archive: zipfile.ZipFile, name: str) -> None:
     check_claimed_size(name, claimed, archive.getinfo(name).compress_size, frame_bytes=claimed)
 
 
-def _check_compression(member: zipfile.ZipInfo) -> zipfile.ZipInfo:
-    """Return a member, or raise ValueError if Python would decompress it without a limit."""
+def _check_member(member: zipfile.ZipInfo, file_bytes: int) -> zipfile.ZipInfo:
+    """Return a member of a file of `file_bytes` bytes if it is safe to read.
+
+    Raises
+    ------
+    ValueError
+        When the member claims to be larger than the file, or Python would decompress it without a
+        limit.
+    """
+    if member.compress_size > file_bytes:
+        raise ValueError(
+            f"its member {member.filename} claims {member.compress_size} compressed bytes, but the "
+            f"file has {file_bytes}"
+        )
     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise ValueError(
             f"its member {member.filename} is compressed by a method that numpy does not use; "
@@ -121,9 +139,10 @@ def list_npz_arrays(path: Path) -> list[str]:
         raise FileNotFoundError(f"there is no file {path}")
     try:
         with zipfile.ZipFile(path) as archive:
-            members = [member.filename for member in map(_check_compression, archive.infolist())]
+            size = path.stat().st_size
+            members = [_check_member(member, size).filename for member in archive.infolist()]
     except (ValueError, *ARCHIVE_ERRORS) as error:
-        raise ValueError(f"{path}: expected a .npz archive ({error})") from error
+        raise ValueError(f"{path}: expected a .npz archive ({reason(error)})") from error
     names = [name.removesuffix(".npy") for name in members if name.endswith(".npy")]
     if not names:
         raise ValueError(f"{path}: expected a .npz archive of arrays, but it has none")

@@ -53,6 +53,11 @@ _MAX_SIZE = 1 << 63
 """NumPy's limit on each dimension. The header of an array without elements could claim more."""
 
 
+def reason(error: Exception) -> str:
+    """Return the message of an exception. zipfile raises EOFError without one."""
+    return str(error) or ("it ends too early" if isinstance(error, EOFError) else repr(error))
+
+
 def check_header(file: IO[bytes]) -> None:
     """Raise ValueError when a file has no `.npy` signature, or claims too long a header.
 

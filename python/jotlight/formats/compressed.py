@@ -18,6 +18,7 @@ from jotlight.formats.arrays import (
     HEADER_ERRORS,
     objects_error,
     read_header,
+    reason,
     write_npy,
 )
 from jotlight.formats.file_reader import FileReader
@@ -41,7 +42,7 @@ def naming_file(name: str) -> Iterator[None]:
     except (*HEADER_ERRORS, *ARCHIVE_ERRORS) as error:
         if str(error).startswith(name):
             raise
-        raise ValueError(f"{name}: damaged or truncated ({error})") from error
+        raise ValueError(f"{name}: damaged or truncated ({reason(error)})") from error
 
 
 class Stream:
