@@ -98,6 +98,22 @@ def test_info_lists_the_arrays_of_an_archive(run):
     assert "uint8, 5 x 6" in output
 
 
+def test_an_archive_of_one_capture_is_described_as_it_is_opened(run):
+    dark = np.zeros((300, 512, 512), bool)  # more bytes than one compressed image may have
+    dark[::100, 7, 7] = True
+    np.savez_compressed("dark.npz", a=dark)
+    lines = lines_of(run, "dark.npz")
+    assert {"kind bits", "format npz", "frames 300", "jots 512 x 512"} <= set(lines)
+    np.savez("float.npz", a=np.ones((3, 4, 5), np.float32))
+    assert lines_of(run, "float.npz") == ["kind archive of arrays", "a float32, 3 x 4 x 5"]
+
+
+def test_arrays_of_an_archive_are_listed_from_their_headers(run):
+    np.savez_compressed("a.npz", dark=np.zeros((300, 512, 512), bool), flat=np.ones((2, 3)))
+    lines = lines_of(run, "a.npz")
+    assert lines == ["kind archive of arrays", "dark bool, 300 x 512 x 512", "flat float64, 2 x 3"]
+
+
 def test_verify_prints_its_result_after_the_facts(run, tmp_path):
     np.save(tmp_path / "a.npy", np.full((4, 2, 3), 7, np.uint8))
     lines = lines_of(run, "a.npy", "--verify", "--frame-range", "0:2")

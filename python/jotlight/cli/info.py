@@ -15,7 +15,7 @@ from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.console import out, progress
 from jotlight.files import refuse_overwrite
 from jotlight.formats import open_capture
-from jotlight.formats.archives import list_npz_arrays, read_npz, read_npz_label
+from jotlight.formats.archives import describe_npz_arrays, read_npz_label
 from jotlight.formats.arrays import open_npy_array
 from jotlight.formats.capture import Capture, CountStack, is_single_image
 from jotlight.formats.detect import detect_format
@@ -114,16 +114,22 @@ def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
     # With an option that only captures have, the file is a capture.
     if dataclasses.replace(capture, isolate=True) == CaptureOptions() and file.is_file():
         if ending == ".npz" and read_npz_label(file) is None:
-            facts = [("kind", "archive of arrays")]
-            for name in list_npz_arrays(file):
-                array = read_npz(file, name)
-                facts.append((name, f"{array.dtype}, {_by(array.shape)}"))
-            return facts
+            arrays = describe_npz_arrays(file)
+            if len(arrays) > 1 or not _may_be_capture(*next(iter(arrays.values()))):
+                facts = [
+                    (name, f"{dtype}, {_by(shape)}") for name, (shape, dtype) in arrays.items()
+                ]
+                return [("kind", "archive of arrays"), *facts]
         if ending == ".npy" and (stored := open_npy_array(file)).dtype.kind not in "biu":
             return [("kind", "array"), ("shape", _by(stored.shape)), *_range(np.asarray(stored))]
         if _is_image(file):
             return _image_facts(file)
     return _capture_facts(capture.open(file))
+
+
+def _may_be_capture(shape: tuple[int, ...], dtype: np.dtype[Any]) -> bool:
+    """Return whether an array may hold bits or counts, (H, W) to (T, H, W, C)."""
+    return dtype.kind in "biu" and len(shape) in (2, 3, 4)
 
 
 def _image_facts(file: Path) -> list[tuple[str, str]]:

@@ -64,7 +64,9 @@ def read_npz(path: str | os.PathLike[str], key: str | None = None) -> npt.NDArra
     key = select_npz_array(path, key)
     try:
         with zipfile.ZipFile(path) as archive:
-            _check_member_size(archive, f"{key}.npy")
+            shape, dtype = _read_member_header(archive, f"{key}.npy")
+            size, stored = math.prod(shape) * dtype.itemsize, archive.getinfo(f"{key}.npy")
+            check_claimed_size(key, size, stored.compress_size, frame_bytes=size)
             # Not numpy.load, which returns the bytes of a member that is not an array.
             with archive.open(f"{key}.npy") as member:
                 array = np.asarray(np.lib.format.read_array(member, allow_pickle=False))
@@ -93,14 +95,34 @@ def select_npz_array(path: Path, key: str | None) -> str:
     return key
 
 
-def _check_member_size(archive: zipfile.ZipFile, name: str) -> None:
-    """Raise ValueError when the header of a member claims more bytes than the member has."""
+def describe_npz_arrays(path: Path) -> dict[str, tuple[tuple[int, ...], np.dtype[Any]]]:
+    """Return the shape and the type of each array in a `.npz` archive, from its header.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As for :func:`list_npz_arrays`, and ValueError when a header is damaged, or an array holds
+        Python objects.
+    """
+    described = {}
+    for name in list_npz_arrays(path):
+        with naming_file(f"{path}: {name}"), zipfile.ZipFile(path) as archive:
+            described[name] = _read_member_header(archive, f"{name}.npy")
+        if described[name][1].hasobject:
+            raise objects_error(f"{path}: {name}")
+    return described
+
+
+def _read_member_header(
+    archive: zipfile.ZipFile, name: str
+) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Return a shape and a type. Raise ValueError when they claim more bytes than there are."""
     with archive.open(name) as member:
         shape, _, dtype = read_header(member)
     claimed, available = math.prod(shape) * dtype.itemsize, archive.getinfo(name).file_size
     if not dtype.hasobject and not 0 <= claimed <= available:
         raise ValueError(f"its header claims {claimed} bytes, but there are {available}")
-    check_claimed_size(name, claimed, archive.getinfo(name).compress_size, frame_bytes=claimed)
+    return shape, dtype
 
 
 def _check_member(member: zipfile.ZipInfo, file_bytes: int) -> zipfile.ZipInfo:
