@@ -70,9 +70,7 @@ def test_a_member_that_claims_more_bytes_than_its_file_is_refused(tmp_path, exce
     content[place : place + 4] = (len(content) + excess).to_bytes(4, "little")
     path.write_bytes(content)
     for read in (read_npz, jl.open):
-        with pytest.raises(
-            ValueError, match=r"a\.npz: .*claims \d+ compressed bytes"
-        ):
+        with pytest.raises(ValueError, match=r"a\.npz: .*claims \d+ compressed bytes"):
             read(path)
 
 

@@ -133,3 +133,16 @@ def test_an_empty_shard_is_an_error(tmp_path):
     (path / "c/1/0/0").write_bytes(b"")
     with pytest.raises(ValueError, match="c/1/0/0 has 0 bytes"):
         jl.open(path).to_array()
+
+
+@pytest.mark.parametrize("name", ["pad", "c/9/9/9", "0.0.0", "c/0/0/00"])
+def test_files_that_are_no_chunks_do_not_raise_the_limit_of_sizes(tmp_path, name):
+    zarr = pytest.importorskip("zarr")
+    path = tmp_path / "a.zarr"
+    array = zarr.create_array(str(path), shape=(2, 9000, 9000), chunks=(1, 900, 900), dtype="u1")
+    array[0, :900, :900] = 1
+    (path / name).parent.mkdir(parents=True, exist_ok=True)
+    (path / name).touch()
+    os.truncate(path / name, 1 << 24)
+    with pytest.raises(ValueError, match="claims 162000000 bytes, more than"):
+        jl.open(path)

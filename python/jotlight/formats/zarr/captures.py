@@ -146,13 +146,14 @@ def _open_array(folder: _Folder, name: str) -> StoredArray:
             f"{path}: jotlight wrote this array, but its list of files {MANIFEST} is missing; open "
             "the zarr folder that contains it, or restore it from a copy"
         )
+    chunks = _find_chunks(array, files)
     check_claimed_size(
         str(path),
         math.prod(shape) * dtype.itemsize,
-        sum(file.size for file in files.values()),
+        sum(files[name].size for name in chunks),
         frame_bytes=math.prod(shape[1:] if len(shape) > 2 else shape) * dtype.itemsize,
     )
-    warning = _describe_missing_chunks(path, array, files)
+    warning = _describe_missing_chunks(path, array, len(chunks))
     max_chunks = min(max(1, _MAX_READ_BYTES // sizes.chunk), _MAX_READ_CHUNKS)
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
@@ -186,23 +187,33 @@ def _split(
         yield from _split((*region[:axis], half, *region[axis + 1 :]), chunks, max_chunks)
 
 
-def _describe_missing_chunks(path: Path, array: Any, files: Iterable[str]) -> str | None:
-    """Return a warning about chunks that are not in the folder, or None if all are there.
-
-    Raises
-    ------
-    ValueError
-        When nearly all are missing. Reading such an array would take hours.
-    """
+def _chunk_grid(array: Any) -> list[int]:
+    """Return the number of files of chunks or shards along each dimension."""
     shape = array.shards or array.chunks
-    grid = [-(-length // size) for length, size in zip(array.shape, shape, strict=True)]
+    return [-(-length // size) for length, size in zip(array.shape, shape, strict=True)]
+
+
+def _find_chunks(array: Any, files: Iterable[str]) -> list[str]:
+    """Return the names of those files that are chunks or shards of an array."""
+    grid = _chunk_grid(array)
 
     def is_chunk(name: str) -> bool:
         place = tuple(map(int, re.findall("[0-9]+", name)))[-len(grid) :]
         inside = len(place) == len(grid) and all(map(operator.lt, place, grid))
         return inside and array.metadata.encode_chunk_key(place) == name
 
-    total, found = math.prod(grid), sum(map(is_chunk, files))
+    return list(filter(is_chunk, files))
+
+
+def _describe_missing_chunks(path: Path, array: Any, found: int) -> str | None:
+    """Return a warning if only `found` chunks are in the folder, or None if all are there.
+
+    Raises
+    ------
+    ValueError
+        When nearly all are missing. Reading such an array would take hours.
+    """
+    total = math.prod(_chunk_grid(array))
     if total - found > _MAX_MISSING * (found + 10):
         raise ValueError(f"{path}: only {found} of its {total} chunks exist; it is damaged")
     if found == total:
