@@ -146,3 +146,23 @@ def test_files_that_are_no_chunks_do_not_raise_the_limit_of_sizes(tmp_path, name
     os.truncate(path / name, 1 << 24)
     with pytest.raises(ValueError, match="claims 162000000 bytes, more than"):
         jl.open(path)
+
+
+@pytest.mark.parametrize("shards", [None, (10, 8, 8)])
+def test_each_chunk_is_decoded_once_when_frames_are_read_in_order(tmp_path, shards, monkeypatch):
+    zarr = pytest.importorskip("zarr")
+    from jotlight.formats.zarr import codecs
+
+    array = random_frames((12, 8, 8))
+    path = str(tmp_path / "a.zarr")
+    shapes = {"chunks": (5, 8, 8), "shards": shards}
+    zarr.create_array(path, shape=array.shape, dtype=array.dtype, **shapes)[...] = array
+    decode, sizes = codecs.decode_exactly, []
+    monkeypatch.setattr(
+        codecs, "decode_exactly", lambda *given: (sizes.append(given[2]), decode(*given))[1]
+    )
+    packed = jl.open(path).packed
+    for start in range(12):
+        part = np.unpackbits(packed.read(start, start + 1), axis=2)
+        np.testing.assert_array_equal(part[0], array[start])
+    assert sizes == [5 * 8 * 8] * 3

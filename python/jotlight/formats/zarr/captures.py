@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.formats.blocks import read_by_blocks
 from jotlight.formats.capture import Capture
 from jotlight.formats.file_reader import FileReader
 from jotlight.formats.format import Format, OpenOptions, Writer
@@ -128,6 +129,7 @@ def _list_folder(path: Path) -> _Folder:
 
 
 def _open_array(folder: _Folder, name: str) -> StoredArray:
+    from jotlight.formats.zarr.codecs import MAX_CHUNK_BYTES
     from jotlight.formats.zarr.store import open_bounded_array
 
     path, files = folder.path / name, folder.files_of(name)
@@ -167,7 +169,7 @@ def _open_array(folder: _Folder, name: str) -> StoredArray:
             raise ValueError(f"{path}: a chunk is damaged ({error})") from error
         return part
 
-    frames = Frames(shape, read, dtype)
+    frames = read_by_blocks(Frames(shape, read, dtype), array.chunks[0], MAX_CHUNK_BYTES)
     return StoredArray(frames, label if isinstance(label, str) else None, warning)
 
 
