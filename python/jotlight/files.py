@@ -38,6 +38,11 @@ def write_file(path: str | os.PathLike[str], content: bytes | str) -> None:
 def delete_file(path: Path) -> None:
     """Delete a file, and the temporary files for it that killed processes left."""
     path.unlink(missing_ok=True)
+    remove_leftovers(path)
+
+
+def remove_leftovers(path: Path) -> None:
+    """Delete the temporary files for a path that killed processes left."""
     with reserve_temporary(path):
         pass
 

@@ -64,6 +64,19 @@ def long_run(folder):
             child.kill()
 
 
+def test_the_same_command_removes_what_a_killed_run_left(run, photo_folder, tmp_path, monkeypatch):
+    assert stop(monkeypatch, run, photo_folder)[0] == 130
+    leftovers = [".net.jotlight-vm-0.safetensors", ".figure.jotlight-vm-0.svg"]
+    monkeypatch.setattr("platform.node", lambda: "vm")
+    for name in leftovers:
+        (tmp_path / name).touch()
+        (tmp_path / f"{name}.lock").touch()
+    status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, "--plot", "figure.svg")
+    assert status == 1
+    assert "add --resume to continue it" in output
+    assert files(tmp_path) == [CHECKPOINT, "photos"]
+
+
 @pytest.mark.slow
 def test_a_run_stopped_by_ctrl_c_resumes_to_the_same_network(run, photo_folder, tmp_path):
     with long_run(tmp_path) as child:
@@ -253,6 +266,7 @@ def test_a_full_disk_at_the_end_keeps_the_run(run, photo_folder, tmp_path, monke
         status, output = run("train", photo_folder, "-o", NETWORK, *SMALL)
     assert status == 1
     assert f"error: cannot write {NETWORK}: No space left on device" in output
+    assert f"The run so far is kept in {CHECKPOINT}" in output
     assert files(tmp_path) == ["net.checkpoint.safetensors", "photos"]
     assert run("train", photo_folder, "-o", NETWORK, *SMALL, "--resume")[0] == 0
     assert run("train", photo_folder, "-o", "uninterrupted.safetensors", *SMALL)[0] == 0

@@ -63,3 +63,51 @@ def test_a_child_does_not_wait_for_locks_of_the_parents_threads():
         [sys.executable, "-W", "ignore", "-c", PROGRAM], capture_output=True, text=True
     )
     assert done.stdout == "[]\n", done.stderr
+
+
+# SciPy's transforms in ADMM use a pool of threads, which a fork stops and starts again.
+ADMM = """
+import os, signal, threading
+import numpy as np
+import jotlight as jl
+
+sensor = jl.Sensor(2, frames=4)
+bits = sensor.expose(np.full((60, 60), 0.5, np.float32), rng=0)
+stop = threading.Event()
+errors = []
+
+def use():
+    return jl.admm_tv(bits, sensor, max_iter=3, threads=2)
+
+def work():
+    try:
+        while not stop.is_set():
+            use()
+    except BaseException as error:
+        errors.append(repr(error))
+
+threads = [threading.Thread(target=work) for _ in range(4)]
+for thread in threads:
+    thread.start()
+for round in range(60):
+    stop.wait(0.002 * (round % 10))
+    child = os.fork()
+    if child == 0:
+        signal.alarm(30)
+        use()
+        os._exit(0)
+    _, status = os.waitpid(child, 0)
+    if status:
+        errors.append((round, status))
+        break
+stop.set()
+print(errors, flush=True)
+os._exit(0)
+"""
+
+
+def test_admm_survives_forks_in_the_parent_and_the_child():
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", ADMM], capture_output=True, text=True
+    )
+    assert done.stdout == "[]\n", done.stderr

@@ -8,7 +8,7 @@ from pathlib import Path
 import jotlight.plots as plots
 from jotlight.cli.console import err, live_training, report
 from jotlight.cli.training_options import TrainingOptions
-from jotlight.files import atomic_write, delete_file
+from jotlight.files import atomic_write, delete_file, remove_leftovers
 from jotlight.networks.network import Network
 from jotlight.training import History
 
@@ -32,6 +32,9 @@ def checkpoint_path(output: Path) -> Path:
 def check_checkpoint(options: TrainingOptions) -> None:
     """Raise ValueError or OSError when a stopped run and the options do not fit together."""
     checkpoint = checkpoint_path(options.output)
+    for path in filter(None, (options.output, checkpoint, options.plot)):
+        if path.parent.is_dir():
+            remove_leftovers(path)
     if options.resume and options.restart:
         raise ValueError("--resume and --restart: expected one of them, got both")
     if checkpoint.exists() and not (options.resume or options.restart):
@@ -78,12 +81,13 @@ def run_training(
     with contextlib.ExitStack() as files:
         temporary = files.enter_context(atomic_write(options.output))
         figure = None if options.plot is None else files.enter_context(atomic_write(options.plot))
-        with _explain_stop(checkpoint, remedy), live_training(steps) as show:
-            network, history = train(callback=show)
-        network.history.update(provenance)
-        network.save(temporary)
-        if figure is not None:
-            plots.save_figure(plots.training(network, history), figure)
+        with _explain_stop(checkpoint, remedy):
+            with live_training(steps) as show:
+                network, history = train(callback=show)
+            network.history.update(provenance)
+            network.save(temporary)
+            if figure is not None:
+                plots.save_figure(plots.training(network, history), figure)
     delete_file(checkpoint)
     return history, time.perf_counter() - start
 

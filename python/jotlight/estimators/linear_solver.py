@@ -4,8 +4,10 @@ The image is mirrored at its border. The discrete cosine transform therefore
 diagonalizes DᵀD exactly, and AᵀA wherever the kernel is symmetric about its pixel.
 """
 
+import contextlib
 import os
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -18,6 +20,13 @@ _LARGE = 1 << 20
 
 _MAX_CG_STEPS = 50
 """The maximum number of steps of conjugate gradients."""
+
+_POOL = threading.RLock()
+"""Lock for SciPy's pool of threads. A fork stops the pool, which breaks transforms that use it."""
+
+if hasattr(os, "register_at_fork"):
+    release = _POOL.release
+    os.register_at_fork(before=_POOL.acquire, after_in_parent=release, after_in_child=release)
 
 
 class NormalEquations:
@@ -102,11 +111,17 @@ class NormalEquations:
     def _divide(self, right: Array, eigenvalues: Array) -> Array:
         from scipy.fft import dctn, idctn
 
-        if right.size > _LARGE:
-            dctn, idctn = interruptible(dctn), interruptible(idctn)
-        spectrum = dctn(right, norm="ortho", workers=self._workers)
+        spectrum = self._transform(dctn, right)
         spectrum /= eigenvalues
-        return np.asarray(idctn(spectrum, norm="ortho", workers=self._workers, overwrite_x=True))
+        return self._transform(idctn, spectrum, overwrite_x=True)
+
+    def _transform(self, function: Callable[..., Array], array: Array, **options: bool) -> Array:
+        def use_library() -> Array:
+            # A single worker does not use the pool.
+            with contextlib.nullcontext() if self._workers == 1 else _POOL:
+                return function(array, norm="ortho", workers=self._workers, **options)
+
+        return interruptible(use_library)() if array.size > _LARGE else use_library()
 
 
 def _gram_eigenvalues(operator: Operator) -> Array:

@@ -1,6 +1,8 @@
 """Reading of any part of a file, with an error if the file has changed since it was opened."""
 
+import contextlib
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -70,6 +72,16 @@ class FileReader:
     def check_unchanged(self) -> None:
         """Raise OSError when the file has changed since it was opened, or is missing."""
         self._check(self.path.stat())
+
+    @contextlib.contextmanager
+    def expect_unchanged(self) -> Iterator[None]:
+        """Raise OSError when the file has changed before or while a library reads it.
+
+        A change during the reading may also cause an error of the library.
+        """
+        self.check_unchanged()
+        yield
+        self.check_unchanged()
 
     def _check(self, status: os.stat_result, *, complete: bool = True) -> None:
         if not complete or _version(status) != self._version:

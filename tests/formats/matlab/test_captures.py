@@ -131,3 +131,12 @@ def test_a_missing_or_additional_part_is_refused(tmp_path):
     (folder / "part_2.mat").unlink()
     with pytest.raises(ValueError, match=r"info\.json: .*expected the parts that it lists"):
         jl.open(folder)
+
+
+@pytest.mark.parametrize(("bytes_", "parts"), [(1, 7), (2 * 3 * 13, 4), (1 << 26, 1)])
+def test_the_parts_of_large_frames_have_fewer_frames(tmp_path, monkeypatch, bytes_, parts):
+    monkeypatch.setattr("jotlight.formats.matlab.captures._BYTES_PER_PART", bytes_)
+    bits = random_bits((7, 3, 13))
+    jl.save(bits, tmp_path / "a", format="matlab")
+    assert len(list((tmp_path / "a").glob("part_*.mat"))) == parts
+    np.testing.assert_array_equal(jl.open(tmp_path / "a").to_array(), bits.to_array())

@@ -14,6 +14,7 @@ from jotlight.errors import MissingExtraError, warn
 from jotlight.files import atomic_write
 from jotlight.formats.capture import Capture
 from jotlight.formats.checksums import file_checksum
+from jotlight.formats.file_reader import FileReader
 from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.hdf5.isolated import IsolatedLibrary
 from jotlight.formats.hdf5.library import DataSet, Hdf5Library
@@ -92,20 +93,20 @@ def list_data_sets(path: Path, library: Library) -> dict[str, StoredArray]:
     MissingExtraError
         When h5py is not installed.
     """
+    file = FileReader(path)
     with _naming_file(path):
         found = library.list_data_sets(str(path), ATTRIBUTE)
-    return {each.name: _check_data_set(path, each, library) for each in found}
+    return {each.name: _check_data_set(file, each, library) for each in found}
 
 
-def _check_data_set(path: Path, data_set: DataSet, library: Library) -> StoredArray:
+def _check_data_set(file: FileReader, data_set: DataSet, library: Library) -> StoredArray:
+    path = file.path
     if data_set.elsewhere:
         raise ValueError(f"{path}: {data_set.name} is in other files, which are not opened")
     dtype = np.dtype(data_set.dtype)
     size = math.prod(data_set.shape) * dtype.itemsize
     frame_bytes = size // max(1, data_set.shape[0]) if len(data_set.shape) > 2 else size
-    check_claimed_size(
-        f"{path}: {data_set.name}", size, path.stat().st_size, frame_bytes=frame_bytes
-    )
+    check_claimed_size(f"{path}: {data_set.name}", size, file.size, frame_bytes=frame_bytes)
     if data_set.chunk_bytes > _MAX_CHUNK_BYTES:
         raise ValueError(
             f"{path}: {data_set.name} has chunks of more than {_MAX_CHUNK_BYTES} bytes"
@@ -117,7 +118,7 @@ def _check_data_set(path: Path, data_set: DataSet, library: Library) -> StoredAr
         )
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
-        with _naming_file(path):
+        with file.expect_unchanged(), _naming_file(path):
             return np.asarray(library.read(data_set, start, stop))
 
     return StoredArray(Frames(data_set.shape, read, dtype), data_set.label)

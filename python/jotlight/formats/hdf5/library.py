@@ -10,6 +10,7 @@ import math
 import os
 import signal
 import sys
+import weakref
 from typing import Any, BinaryIO
 
 _MAX_DATA_SETS = 1000
@@ -58,9 +59,14 @@ class Hdf5Library:
 
     def __init__(self) -> None:
         self._files: dict[str, dict[str, Any]] = {}
+        _LIBRARIES.add(self)
 
     def list_data_sets(self, path: str, attribute: str) -> list[DataSet]:
         """Return the numeric data sets of a file."""
+        # HDF5 shares its caches among all who have a file open in a process. So the others close
+        # their files: this one may have changed since they opened it.
+        for other in set(_LIBRARIES) - {self}:
+            other._files = {}
         return [
             _describe(path, name, item, attribute) for name, item in self._data_sets(path).items()
         ]
@@ -73,8 +79,9 @@ class Hdf5Library:
         """Return the numeric data sets of a file, which stays open for the next call."""
         import h5py
 
-        if path in self._files:
-            return self._files[path]
+        files = self._files
+        if path in files:
+            return files[path]
         found: dict[str, Any] = {}
 
         def visit(name: str, item: Any) -> bool | None:
@@ -85,10 +92,14 @@ class Hdf5Library:
         # visititems follows no links, so a file cannot lead to another file.
         h5py.File(path, "r").visititems(visit)
         # HDF5 closes a file when nothing refers to its data sets any more.
-        while len(self._files) >= _MAX_OPEN_FILES:
-            del self._files[next(iter(self._files))]
-        self._files[path] = found
+        while len(files) >= _MAX_OPEN_FILES:
+            del files[next(iter(files))]
+        files[path] = found
         return found
+
+
+_LIBRARIES: weakref.WeakSet[Hdf5Library] = weakref.WeakSet()
+"""All libraries of this process."""
 
 
 def _describe(path: str, name: str, item: Any, attribute: str) -> DataSet:

@@ -17,6 +17,7 @@ from jotlight.formats.arrays import read_npy
 from jotlight.formats.capture import Capture, as_count_stack, is_single_image
 from jotlight.formats.checksums import append_checksum, check_appended, missing_error
 from jotlight.formats.file_lists import list_files
+from jotlight.formats.file_reader import FileReader
 from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.images.png_chunks import GRAYSCALE, PALETTE, check_png
 from jotlight.formats.images.tiff_directories import open_checked_tiff
@@ -82,17 +83,18 @@ def _open_images(
 
 def _read_tiff(path: Path) -> tuple[Frames, str | None]:
     """Return the images of a TIFF file, (T, H, W) or (T, H, W, C), and its description."""
+    file = FileReader(path)
     verified = check_appended(path)
     try:
-        with open_checked_tiff(path) as file:
-            series = file.series[0]
+        with open_checked_tiff(path) as tiff:
+            series = tiff.series[0]
             shape, dtype = series.shape, series.dtype
-            description = file.pages[0].description
+            description = tiff.pages[0].description
             single = is_single_image(shape)
             paged = not single and len(series.pages) == shape[0]
             size = series.size * dtype.itemsize
             frame_bytes = size // shape[0] if paged else size
-            check_claimed_size("the header", size, path.stat().st_size, frame_bytes=frame_bytes)
+            check_claimed_size("the header", size, file.size, frame_bytes=frame_bytes)
     except Exception as error:  # tifffile may raise any exception for a damaged file
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error
     if not verified and parse_label(description, COUNTS) is not None:
@@ -105,24 +107,31 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None]:
     stack_shape = (1, *shape) if single else shape
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
-        try:
-            with open_checked_tiff(path) as file:
-                series = file.series[0]
-                if not paged:
+        with file.expect_unchanged():
+            try:
+                with open_checked_tiff(path) as tiff:
+                    series = tiff.series[0]
+                    if paged:
+                        return _read_pages(tiff, start, stop)
                     for part in filter(None, series.pages):
-                        check_segments(file, part)
+                        check_segments(tiff, part)
                     return np.asarray(series.asarray().reshape(stack_shape)[start:stop])
-                images = np.empty((stop - start, *shape[1:]), dtype)
-                for index in range(start, stop):
-                    page: Any = series.pages[index]
-                    _check_page(page, shape[1:], path)
-                    check_segments(file, page)
-                    images[index - start] = page.asarray()
-                return images
-        except Exception as error:
-            raise ValueError(f"{path}: the TIFF file is damaged ({error})") from error
+            except Exception as error:
+                raise ValueError(f"{path}: the TIFF file is damaged ({error})") from error
 
     return Frames(stack_shape, read, dtype.newbyteorder("=")), description
+
+
+def _read_pages(tiff: Any, start: int, stop: int) -> npt.NDArray[Any]:
+    """Return pages of an open TIFF file as one array."""
+    series = tiff.series[0]
+    images = np.empty((stop - start, *series.shape[1:]), series.dtype)
+    for index in range(start, stop):
+        page = series.pages[index]
+        _check_page(page, series.shape[1:], tiff.filehandle.size)
+        check_segments(tiff, page)
+        images[index - start] = page.asarray()
+    return images
 
 
 def _verify_tiff(path: Path) -> int:
@@ -130,36 +139,36 @@ def _verify_tiff(path: Path) -> int:
     return sum(map(check_appended, list_files(path, _TIFF_EXTENSIONS, "TIFF")))
 
 
-def _check_page(page: Any, shape: tuple[int, ...], path: Path) -> None:
+def _check_page(page: Any, shape: tuple[int, ...], file_bytes: int) -> None:
     """Raise ValueError if a page has another shape than its series, or a tile is too large."""
     if math.prod(page.shape) != math.prod(shape):
         raise ValueError(f"expected pages of shape {shape}, got {page.shape}")
     keyframe = page.keyframe
     tile_values = keyframe.tilewidth * keyframe.tilelength * max(1, keyframe.tiledepth)
-    check_claimed_size("a tile", tile_values * keyframe.dtype.itemsize, path.stat().st_size)
+    check_claimed_size("a tile", tile_values * keyframe.dtype.itemsize, file_bytes)
 
 
 def _read_png(path: Path) -> tuple[Frames, None]:
     """Return the levels of a PNG as one image, (1, H, W)."""
     from PIL import Image
 
+    file = FileReader(path)
+
     def load() -> npt.NDArray[Any]:
+        content = file.read(0, file.size).tobytes()
         try:
-            return _load_png(path)[None]
+            return _decode_png(content)[None]
         except (OSError, ValueError, SyntaxError, Warning, Image.DecompressionBombError) as error:
-            if isinstance(error, FileNotFoundError):
-                raise
             raise ValueError(f"{path}: the PNG cannot be read as counts ({error})") from error
 
     image = load()
     return Frames(image.shape, lambda start, stop: load()[start:stop], image.dtype), None
 
 
-def _load_png(path: Path) -> npt.NDArray[Any]:
+def _decode_png(content: bytes) -> npt.NDArray[Any]:
     """Return the levels of a PNG as the file stores them, (H, W)."""
     from PIL import Image
 
-    content = path.read_bytes()
     header = check_png(content)
     if header.color_type not in (GRAYSCALE, PALETTE):
         raise ValueError("expected gray levels, got color or transparency")

@@ -24,8 +24,8 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import concatenate
 from jotlight.sensing.provenance import Provenance
 
-_FRAMES_PER_PART = 256
-"""Number of frames in each file that jotlight writes."""
+_FRAMES_PER_PART, _BYTES_PER_PART = 256, 1 << 26
+"""Maximum number of frames, and of their bytes, in each file that jotlight writes."""
 
 _INFO = "info.json"
 """Name of the file that describes the parts."""
@@ -141,11 +141,13 @@ def _write_bits(bits: Bits, path: Path) -> None:
 
     if len(bits.shape) != 3:
         raise ValueError("matlab: expected bits of one channel")
-    frames, checksums = bits.shape[0], {}
+    frames, height, width = bits.shape
+    part_frames = max(1, min(_FRAMES_PER_PART, _BYTES_PER_PART // (height * width)))
+    checksums = {}
     with atomic_folder(path) as folder:
-        for index, start in enumerate(range(0, frames, _FRAMES_PER_PART)):
-            part = bits.packed[start : start + _FRAMES_PER_PART, ...]
-            unpacked = np.unpackbits(np.asarray(part), axis=2, count=bits.width)
+        for index, start in enumerate(range(0, frames, part_frames)):
+            part = bits.packed[start : start + part_frames, ...]
+            unpacked = np.unpackbits(np.asarray(part), axis=2, count=width)
             file = folder / f"part_{index + 1}.mat"
             # SciPy keeps a third dimension of 1, which MATLAB itself would drop.
             with open_output(file) as output:

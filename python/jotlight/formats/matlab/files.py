@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.formats.checksums import check_file
+from jotlight.formats.file_reader import FileReader
 from jotlight.formats.hdf5.captures import Library, list_data_sets
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import has_type
@@ -50,6 +51,7 @@ def _open_version_5(path: Path, key: str | None, checksum: str | None) -> Frames
     """Return the frames of a file up to version 7, which SciPy can read only as a whole."""
     from scipy.io import loadmat, whosmat
 
+    file = FileReader(path)
     try:
         check_sizes(path)
         variables = {name: (shape, kind) for name, shape, kind in whosmat(path)}
@@ -61,22 +63,26 @@ def _open_version_5(path: Path, key: str | None, checksum: str | None) -> Frames
     shape = (*shape, 1) if len(shape) == 2 else shape
     if len(shape) != 3 or min(shape) < 0:
         raise ValueError(f"{path}: expected {name} of shape (H, W, T), got {shape}")
-    check_claimed_size(str(path), math.prod(shape), path.stat().st_size)
+    check_claimed_size(str(path), math.prod(shape), file.size)
     # The cache holds the array until the last frame is read, so reading in order loads it once.
     cache: list[npt.NDArray[Any]] = []
 
+    def load() -> npt.NDArray[Any]:
+        if checksum is not None:
+            check_file(path, checksum)
+        try:
+            check_streams(path)
+            array = loadmat(path, variable_names=[name], chars_as_strings=False)[name]
+        except Exception as error:
+            raise ValueError(f"{path}: {name} is damaged ({error})") from error
+        if not isinstance(array, np.ndarray) or array.size != math.prod(shape):
+            raise ValueError(f"{path}: {name} is damaged")
+        return _as_integers(path, np.moveaxis(array.reshape(shape), 2, 0))
+
     def read(start: int, stop: int) -> npt.NDArray[Any]:
-        if not cache:
-            if checksum is not None:
-                check_file(path, checksum)
-            try:
-                check_streams(path)
-                array = loadmat(path, variable_names=[name], chars_as_strings=False)[name]
-            except Exception as error:
-                raise ValueError(f"{path}: {name} is damaged ({error})") from error
-            if not isinstance(array, np.ndarray) or array.size != math.prod(shape):
-                raise ValueError(f"{path}: {name} is damaged")
-            cache.append(_as_integers(path, np.moveaxis(array.reshape(shape), 2, 0)))
+        with file.expect_unchanged():
+            if not cache:
+                cache.append(load())
         part = cache[0][start:stop]
         if stop == shape[2]:
             cache.clear()
