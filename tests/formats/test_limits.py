@@ -27,3 +27,11 @@ def test_archives_that_python_decompresses_without_a_limit_are_refused(tmp_path,
         archive.writestr("a.npy", npy_bytes(np.ones((3, 4), int)))
     with pytest.raises(ValueError, match=r"a\.npz: .*a\.npy .*numpy\.savez_compressed"):
         jl.open(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize(("claimed", "file_bytes"), [(1 << 28, 10**6), ((1 << 28) + 10**8, 10**6)])
+def test_arrays_that_are_read_as_a_whole_have_a_limit(claimed, file_bytes):
+    check_claimed_size("a", claimed, file_bytes, whole=True)
+    check_claimed_size("a", claimed + 10**8 + 1, file_bytes)
+    with pytest.raises(ValueError, match=r"a: .*got \d+, which are read as a whole; .* in parts"):
+        check_claimed_size("a", claimed + 10**8 + 1, file_bytes, whole=True)

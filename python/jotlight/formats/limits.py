@@ -12,8 +12,13 @@ _MAX_FRAME_EXPANSION = 100
 _FREE_FRAME_BYTES = 1 << 26
 """Number of bytes that one frame of even the smallest file may have."""
 
+_FREE_WHOLE_BYTES = 1 << 28
+"""Number of bytes that an array of even the smallest file may have if it is read as a whole."""
 
-def check_claimed_size(name: str, claimed: int, file_bytes: int, *, frame_bytes: int = 0) -> None:
+
+def check_claimed_size(
+    name: str, claimed: int, file_bytes: int, *, frame_bytes: int = 0, whole: bool = False
+) -> None:
     """Raise ValueError when a file of `file_bytes` bytes cannot hold an array of `claimed` bytes.
 
     Parameters
@@ -26,6 +31,8 @@ def check_claimed_size(name: str, claimed: int, file_bytes: int, *, frame_bytes:
         Size of one frame in bytes. A frame must fit in memory, but the array need not. A large
         frame that is compressed very well is refused: either it is empty, or somebody made it to
         exhaust the memory.
+    whole : bool
+        Whether the array, too, must fit in memory, because it can only be read as a whole.
 
     Examples
     --------
@@ -44,4 +51,10 @@ def check_claimed_size(name: str, claimed: int, file_bytes: int, *, frame_bytes:
             f"{name}: expected frames of at most {_FREE_FRAME_BYTES} bytes, or "
             f"{_MAX_FRAME_EXPANSION} times the {file_bytes} bytes of the file, got {frame_bytes}; "
             "if it is not damaged, store it uncompressed"
+        )
+    if whole and claimed > _MAX_FRAME_EXPANSION * file_bytes + _FREE_WHOLE_BYTES:
+        raise ValueError(
+            f"{name}: expected at most {_FREE_WHOLE_BYTES} bytes, or {_MAX_FRAME_EXPANSION} times "
+            f"the {file_bytes} bytes of the file, got {claimed}, which are read as a whole; if it "
+            "is not damaged, store it uncompressed or in parts"
         )

@@ -1,6 +1,7 @@
 """Checks of the compressed variables of a `.mat` file."""
 
 import io
+import struct
 import zlib
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from scipy.io import savemat
 
 import jotlight as jl
+from jotlight.formats import limits
 from jotlight.formats.matlab.sizes import check_streams
 
 HEADER = 128
@@ -83,3 +85,40 @@ def test_a_damaged_variable_is_refused_also_if_another_one_is_read(tmp_path):
     path.write_bytes(CONTENT[:-1] + bytes([CONTENT[-1] ^ 1]))
     with pytest.raises(ValueError, match=r"a\.mat"):
         jl.open(path).to_array()
+
+
+def variable_of_zeros(height, width, frames, name=b"OUTPUT"):
+    """Return a compressed variable of zeros, without the memory that it takes when it is read."""
+    size = height * width * frames
+    parts = struct.pack("<4I", 6, 8, 9, 0) + struct.pack("<6I", 5, 12, height, width, frames, 0)
+    parts += struct.pack("<2I8s", 1, len(name), name) + struct.pack("<2I", 2, size)
+    stream = zlib.compressobj(9)
+    content = stream.compress(struct.pack("<2I", 14, len(parts) + size) + parts)
+    for start in range(0, size, 1 << 20):
+        content += stream.compress(bytes(min(1 << 20, size - start)))
+    content += stream.flush()
+    return struct.pack("<2I", 15, len(content)) + content
+
+
+def test_a_variable_of_zeros_is_read(tmp_path):
+    path = tmp_path / "a.mat"
+    path.write_bytes(CONTENT[:HEADER] + variable_of_zeros(40, 50, 20))
+    assert jl.open(path).shape == (20, 40, 50)
+    assert not jl.open(path).to_array().any()
+
+
+@pytest.mark.parametrize(
+    ("shape", "message"),
+    [((1000, 1000, 2), "expected frames of at most"), ((100, 100, 400), "read as a whole")],
+)
+def test_a_small_file_of_a_large_variable_is_refused(tmp_path, monkeypatch, shape, message):
+    monkeypatch.setattr(limits, "_FREE_FRAME_BYTES", 1 << 19)
+    monkeypatch.setattr(limits, "_FREE_WHOLE_BYTES", 1 << 21)
+    path = tmp_path / "a.mat"
+    large, small = variable_of_zeros(*shape), variable_of_zeros(2, 3, 4)
+    for content in (large, large + small):  # SciPy reads the first of two equal names
+        path.write_bytes(CONTENT[:HEADER] + content)
+        with pytest.raises(ValueError, match=rf"a\.mat: .*{message}"):
+            jl.open(path)
+    path.write_bytes(CONTENT[:HEADER] + small + large)
+    assert jl.open(path).shape == (4, 2, 3)

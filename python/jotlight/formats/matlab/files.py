@@ -53,17 +53,21 @@ def _open_version_5(path: Path, key: str | None, checksum: str | None) -> Frames
 
     file = FileReader(path)
     try:
-        check_sizes(path)
-        variables = {name: (shape, kind) for name, shape, kind in whosmat(path)}
+        sizes = check_sizes(path)
+        listed = list(zip(whosmat(path), sizes, strict=True))
     except Exception as error:  # SciPy may raise any exception for a damaged file
         raise ValueError(f"{path}: expected a MATLAB file ({error})") from error
-    numeric = {name: shape for name, (shape, kind) in variables.items() if kind in _NUMERIC_CLASSES}
+    numeric: dict[str, tuple[tuple[int, ...], int]] = {}
+    for (name, shape, kind), size in listed:
+        if kind in _NUMERIC_CLASSES:
+            numeric.setdefault(name, (shape, size))  # SciPy, too, reads the first of equal names
     name = _select_variable(path, numeric, key)
-    shape = tuple(int(size) for size in numeric[name])
+    shape, size = tuple(map(int, numeric[name][0])), numeric[name][1]
     shape = (*shape, 1) if len(shape) == 2 else shape
     if len(shape) != 3 or min(shape) < 0:
         raise ValueError(f"{path}: expected {name} of shape (H, W, T), got {shape}")
-    check_claimed_size(str(path), math.prod(shape), file.size)
+    frame_bytes = size // max(1, shape[2])
+    check_claimed_size(str(path), size, file.size, frame_bytes=frame_bytes, whole=True)
     # The cache holds the array until the last frame is read, so reading in order loads it once.
     cache: list[npt.NDArray[Any]] = []
 
@@ -77,13 +81,14 @@ def _open_version_5(path: Path, key: str | None, checksum: str | None) -> Frames
             raise ValueError(f"{path}: {name} is damaged ({error})") from error
         if not isinstance(array, np.ndarray) or array.size != math.prod(shape):
             raise ValueError(f"{path}: {name} is damaged")
-        return _as_integers(path, np.moveaxis(array.reshape(shape), 2, 0))
+        return np.moveaxis(array.reshape(shape), 2, 0)
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
         with file.expect_unchanged():
             if not cache:
                 cache.append(load())
-        part = cache[0][start:stop]
+        # Only the part is converted, because int64 takes eight times the memory of bits.
+        part = _as_integers(path, cache[0][start:stop])
         if stop == shape[2]:
             cache.clear()
         return part

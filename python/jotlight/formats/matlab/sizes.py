@@ -29,16 +29,25 @@ _PREFIX_BYTES = 1 << 16
 _MAX_VARIABLES = 10_000
 
 
-def check_sizes(path: Path) -> None:
-    """Raise ValueError if a variable, or a part of it, claims more bytes than the file can hold."""
+def check_sizes(path: Path) -> list[int]:
+    """Return the number of decompressed bytes of each variable, in the order of the file.
+
+    Raises
+    ------
+    ValueError
+        When a variable, or a part of it, claims more bytes than the file can hold.
+    """
+    sizes = []
     with path.open("rb") as file:
         order = _byte_order(file.read(_HEADER_BYTES))
         for kind, size in _read_tags(file, order, path.stat().st_size):
             prefix = file.read(min(size, _PREFIX_BYTES))
             if kind == _COMPRESSED:
-                _check_compressed(prefix, size, order)
+                size = _check_compressed(prefix, size, order)
             else:
                 _check_parts(prefix, size, order)
+            sizes.append(size)
+    return sizes
 
 
 def check_streams(path: Path) -> None:
@@ -92,13 +101,15 @@ def _check_stream(file: BinaryIO, size: int, order: ByteOrder) -> None:
         raise ValueError("a variable has another length than it states")
 
 
-def _check_compressed(prefix: bytes, compressed_bytes: int, order: ByteOrder) -> None:
+def _check_compressed(prefix: bytes, compressed_bytes: int, order: ByteOrder) -> int:
+    """Return the number of decompressed bytes of a variable."""
     prefix = zlib.decompressobj().decompress(prefix, _PREFIX_BYTES)
     kind, size = _word(prefix, 0, order), _word(prefix, 4, order)
     if kind != _MATRIX or len(prefix) < _TAG_BYTES:
         raise ValueError("a variable is damaged")
     check_claimed_size("a variable", size, compressed_bytes)
     _check_parts(prefix[_TAG_BYTES:], size, order)
+    return size
 
 
 def _check_parts(prefix: bytes, variable_bytes: int, order: ByteOrder) -> None:
