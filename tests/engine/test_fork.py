@@ -39,7 +39,7 @@ threads = [threading.Thread(target=work) for _ in range(4)]
 for thread in threads:
     thread.start()
 failures = []
-for round in range(150):
+for round in range(80):
     layers = [dataclasses.replace(layer) for layer in original.layers]
     current[:] = jl.Network(layers, original.sensor), 1000 + round
     stop.wait(0.002 * (round % 10))
@@ -86,6 +86,7 @@ def work():
     except BaseException as error:
         errors.append(repr(error))
 
+use()  # A fork while another thread imports a module would leave its import lock held forever.
 threads = [threading.Thread(target=work) for _ in range(4)]
 for thread in threads:
     thread.start()
