@@ -196,6 +196,7 @@ def test_the_requested_range_is_trained(run):
     assert Network.load("own.safetensors").sensor.max_intensity == 2.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["capture.npy", "capture.npy.gz"])
 def test_the_bits_beside_a_description_may_be_compressed(run, tmp_path, name):
     save_capture(0.3 * PHOTO)

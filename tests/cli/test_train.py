@@ -171,6 +171,7 @@ def test_without_a_terminal_each_tenth_of_the_run_prints_a_line(run, photo_folde
     assert all("cost " in line for line in lines)
 
 
+@pytest.mark.slow
 def test_progress_goes_to_stderr_and_the_result_to_stdout(photo_folder, tmp_path):
     arguments = ["train", "photos", "-o", NETWORK, *map(str, SMALL)]
     done = subprocess.run(

@@ -14,6 +14,9 @@ from suite.tasks import TASKS
 RESULTS = Path(__file__).parents[2] / "docs/results"
 
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(scope="module")
 def run():
     return read(RESULTS)

@@ -14,6 +14,9 @@ from jotlight.experiments.tables import read_results
 RESULTS = Path(__file__).parents[2] / "docs/results"
 
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(scope="module")
 def report():
     return read_report(RESULTS)

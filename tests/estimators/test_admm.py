@@ -178,9 +178,9 @@ def test_the_estimate_of_every_iteration_lies_in_0_to_s(kernel, norm):
     ("name", "value"),
     [
         ("INITIAL_PENALTY", 0.6),
-        ("INITIAL_PENALTY", 60.0),
         ("BALANCE_INTERVAL", 3),
-        ("BALANCE_INTERVAL", 10**9),
+        pytest.param("INITIAL_PENALTY", 60.0, marks=pytest.mark.slow),
+        pytest.param("BALANCE_INTERVAL", 10**9, marks=pytest.mark.slow),
     ],
 )
 @pytest.mark.parametrize("kernel", ["box", "linear"])

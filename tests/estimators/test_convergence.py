@@ -142,6 +142,7 @@ def test_admm_needs_no_more_iterations_from_its_own_solution(kernel):
     assert again.iterations <= first.iterations
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_maximum_likelihood_converges_faster_from_a_start_near_the_solution(solver):
     sensor, bits = smooth_bits("quadratic", 3)

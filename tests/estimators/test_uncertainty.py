@@ -22,7 +22,9 @@ def coverage(sensor, light, level=0.95):
     return float(stats.binom.pmf(counts, bits, probability)[contains].sum())
 
 
-@pytest.mark.parametrize("bits", [1, 2, 5, 16, 64, 256])
+@pytest.mark.parametrize(
+    "bits", [1, 16, *(pytest.param(bits, marks=pytest.mark.slow) for bits in (2, 5, 64, 256))]
+)
 @pytest.mark.parametrize("threshold", [1, 2, 5])
 @pytest.mark.parametrize("dark", [0.0, 0.02, 0.5])
 def test_the_coverage_reaches_the_confidence_level_at_any_light(bits, threshold, dark):

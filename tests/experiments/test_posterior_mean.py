@@ -39,6 +39,7 @@ def test_the_limit_has_the_known_value_for_each_k_of_the_paper(bits, expected):
     assert posterior_mean_psnr(bits) == pytest.approx(expected, abs=6e-4)
 
 
+@pytest.mark.slow
 def test_twice_the_nodes_change_nothing():
     for bits in (1, 100, 1000):
         twice = posterior_mean_psnr(bits, nodes=800)

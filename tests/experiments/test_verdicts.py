@@ -58,6 +58,7 @@ def test_the_largest_gain_has_to_be_the_papers_and_at_its_k(at_9, at_100, verdic
     assert bool(claim.reason) == (verdict != "reproduced")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("at_9", "at_100", "verdict"),
     [
@@ -80,6 +81,7 @@ def test_the_psnr_has_to_rise_with_k(learned, verdict):
     assert claims_of(section, "improves naturally").verdict == verdict
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("photographs", "synthetic", "verdict"),
     [
@@ -100,6 +102,7 @@ def test_the_page_states_the_distance_from_the_limit():
     assert "at most 0.010 dB below" in fig6a.section(by_bits_results((1, 1), (1, 1))).text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("norms", "verdict"),
     [

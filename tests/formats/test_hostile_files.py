@@ -85,7 +85,7 @@ def test_a_damaged_file_is_read_or_refused(name, tmp_path_factory):
     ]
 
     # fuzz/readers.py tries many more.
-    @settings(max_examples=30)
+    @settings(max_examples=15)
     @given(damage(), st.sampled_from(examples))
     def check(change, example):
         path, file, content = example

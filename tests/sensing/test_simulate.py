@@ -111,6 +111,7 @@ def test_bits_at_different_positions_are_independent(which):
     assert binomtest(agree, one.size, 0.5).pvalue > FALSE_ALARM
 
 
+@pytest.mark.slow
 def test_the_bits_of_a_word_are_independent():
     """Tests of all 2016 pairs of 64 bits, and of the 256 bytes; each fails for one of 10⁶ seeds."""
     words = 1 << 19

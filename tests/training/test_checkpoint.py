@@ -22,7 +22,9 @@ def stopping(step):
     return callback
 
 
-@pytest.mark.parametrize("step", [0, 2, STEPS - 1, STEPS])
+@pytest.mark.parametrize(
+    "step", [2, *(pytest.param(step, marks=pytest.mark.slow) for step in (0, STEPS - 1, STEPS))]
+)
 @pytest.mark.parametrize("optimizer", OPTIMIZERS.values(), ids=OPTIMIZERS)
 def test_a_resumed_run_equals_an_uninterrupted_one(tmp_path, optimizer, step):
     options = {"optimizer": optimizer, "test": list(IMAGES[:2]), "checkpoint": tmp_path / "run"}
