@@ -9,6 +9,9 @@ import pytest
 import jotlight as jl
 from examples.arrays import random_frames
 from examples.captures import BITS_WITH_MAPS
+from jotlight.formats.hdf5.captures import list_data_sets
+from jotlight.formats.hdf5.isolated import IsolatedLibrary
+from jotlight.formats.hdf5.library import Hdf5Library
 from jotlight.formats.verification import verify_capture
 from reference import formats as twin
 
@@ -115,3 +118,36 @@ def test_every_array_has_checksums_that_reading_compares(tmp_path):
     (tmp_path / "a.h5").write_bytes(content.replace(dark_counts, bytes(len(dark_counts))))
     with pytest.raises(ValueError, match=r"a\.h5: the HDF5 file is damaged"):
         jl.open(tmp_path / "a.h5")
+
+
+@pytest.mark.parametrize("library", [Hdf5Library(), IsolatedLibrary()], ids=["here", "isolated"])
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ({"chunks": (5, 1024, 2048), "compression": "gzip"}, [(0, 5), (5, 6)]),
+        ({"chunks": (5, 256, 512), "fletcher32": True}, [(0, 5), (5, 6)]),
+        # Of these, the library reads a part without the rest, or caches the rest.
+        ({"chunks": (5, 1024, 2048)}, [(frame, frame + 1) for frame in range(6)]),
+        ({"chunks": (2, 8, 2048), "fletcher32": True}, [(frame, frame + 1) for frame in range(6)]),
+        ({}, [(frame, frame + 1) for frame in range(6)]),
+    ],
+)
+def test_chunks_that_exceed_the_cache_of_the_library_are_read_once(
+    tmp_path, monkeypatch, library, options, expected
+):
+    h5py = pytest.importorskip("h5py")
+    array = np.zeros((6, 1024, 2048), np.uint8)
+    array[:, :6, :7] = np.arange(6 * 6 * 7).reshape(6, 6, 7)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("a", data=array, **options)
+    parts, read = [], library.read
+
+    def count(data_set, start, stop):
+        parts.append((start, stop))
+        return read(data_set, start, stop)
+
+    monkeypatch.setattr(library, "read", count)
+    frames = list_data_sets(tmp_path / "a.h5", library)["a"].frames
+    for frame in range(6):
+        np.testing.assert_array_equal(frames.read(frame, frame + 1), array[frame : frame + 1])
+    assert parts == expected

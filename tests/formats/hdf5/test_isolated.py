@@ -1,6 +1,7 @@
 """Reading HDF5 in a child process: crashes become errors, and no process is left behind."""
 
 import concurrent.futures
+import dataclasses
 import gc
 import io
 import os
@@ -15,6 +16,7 @@ import pytest
 
 import jotlight as jl
 from examples.captures import BITS_WITH_MAPS
+from jotlight.formats.hdf5 import isolated
 from jotlight.formats.hdf5.captures import list_data_sets
 from jotlight.formats.hdf5.isolated import IsolatedLibrary
 from jotlight.formats.hdf5.library import receive, send
@@ -214,6 +216,20 @@ def test_errors_of_the_child_process_keep_their_type(tmp_path, started):
     with pytest.raises(ValueError, match=r"a\.h5: the HDF5 file is damaged"):
         list_data_sets(tmp_path / "a.h5", library)
     np.testing.assert_array_equal(library.read(data_set, 2, 5), COUNTS_3D[2:5])
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [{"chunk_frames": -1}, {"chunk_frames": 1.5}, {"chunk_frames": None}, {"shape": [-1, 6, 4]}],
+)
+def test_what_the_child_process_states_about_a_data_set_is_checked(
+    tmp_path, monkeypatch, statement
+):
+    library, data_set = start(tmp_path)
+    stated = dataclasses.asdict(data_set) | statement
+    monkeypatch.setattr(isolated, "receive", lambda stream: {"data_sets": [stated]})
+    with pytest.raises(ValueError, match=r"expected data sets, got a shape and chunks of"):
+        library.list_data_sets(data_set.path, "jotlight")
 
 
 def test_messages_are_read_completely_or_not_at_all():

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from jotlight.checks import Counts
 from jotlight.errors import MissingExtraError, warn
 from jotlight.files import atomic_write
+from jotlight.formats.blocks import read_by_blocks
 from jotlight.formats.capture import Capture
 from jotlight.formats.checksums import file_checksum
 from jotlight.formats.file_reader import FileReader
@@ -121,7 +122,9 @@ def _check_data_set(file: FileReader, data_set: DataSet, library: Library) -> St
         with file.expect_unchanged(), _naming_file(path):
             return np.asarray(library.read(data_set, start, stop))
 
-    return StoredArray(Frames(data_set.shape, read, dtype), data_set.label)
+    frames = Frames(data_set.shape, read, dtype)
+    blocks = read_by_blocks(frames, data_set.chunk_frames, _MAX_CHUNK_BYTES)
+    return StoredArray(blocks, data_set.label)
 
 
 def open_hdf5(path: Path, options: OpenOptions) -> Capture:

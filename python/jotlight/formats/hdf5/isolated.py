@@ -161,8 +161,9 @@ def _end(process: "subprocess.Popen[bytes]") -> None:
 
 def _checked_data_set(path: str, fields: dict[str, Any]) -> DataSet:
     data_set = DataSet(**{**fields, "path": path, "shape": tuple(fields["shape"])})
-    if not all(type(size) is int and size >= 0 for size in (*data_set.shape, data_set.chunk_bytes)):
-        raise TypeError(f"a shape of {data_set.shape}")
+    sizes = (*data_set.shape, data_set.chunk_bytes, data_set.chunk_frames)
+    if not all(type(size) is int and size >= 0 for size in sizes):
+        raise TypeError(f"a shape and chunks of {sizes}")
     if not isinstance(data_set.name, str) or np.dtype(data_set.dtype).kind not in "biuf":
         raise TypeError(f"an array {data_set.name!r} of {data_set.dtype!r}")
     if not isinstance(data_set.label, str | None):

@@ -41,6 +41,8 @@ class DataSet:
     shape: tuple[int, ...]
     dtype: str
     chunk_bytes: int
+    chunk_frames: int
+    """Number of frames in a chunk, or 0 if the library decodes no chunk again to read its parts."""
     elsewhere: bool
     """Whether the data are in other files."""
     label: str | None
@@ -113,10 +115,23 @@ def _describe(path: str, name: str, item: Any, attribute: str) -> DataSet:
         tuple(map(int, item.shape)),
         item.dtype.str,
         math.prod(item.chunks or (0,)) * item.dtype.itemsize,
+        _count_chunk_frames(item),
         bool(item.external or item.is_virtual),
         label,
         ignored,
     )
+
+
+def _count_chunk_frames(item: Any) -> int:
+    """Return the number of frames in a chunk, or 0 if the library decodes no chunk again."""
+    # Of chunks without filters, the library reads a part.
+    if item.chunks is None or item.id.get_create_plist().get_nfilters() == 0:
+        return 0
+    # It caches the chunks that contain the same frames, if all of them fit into its cache.
+    sizes = zip(item.shape[1:], item.chunks[1:], strict=True)
+    numbers = item.chunks[0] * math.prod(-(-size // chunk) * chunk for size, chunk in sizes)
+    cache_bytes = item.id.get_access_plist().get_chunk_cache()[1]
+    return int(item.chunks[0]) if numbers * item.dtype.itemsize > cache_bytes else 0
 
 
 def send(stream: BinaryIO, header: dict[str, Any], content: memoryview | None = None) -> None:
