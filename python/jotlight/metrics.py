@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.interrupts import interruptible
+
 
 def psnr(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, peak: float = 1.0) -> float:
     """Return the peak signal-to-noise ratio in dB, 10 log10(peak² / mean((ĉ - c)²)).
@@ -87,7 +89,7 @@ def ssim(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, peak: float = 1.0) ->
     if min(a.shape[:2]) < 11:
         raise ValueError(f"ssim: expected at least 11 x 11 pixels, got {a.shape}")
     return float(
-        structural_similarity(
+        interruptible(structural_similarity)(
             a,
             b,
             data_range=peak,

@@ -56,6 +56,27 @@ def test_a_signal_ends_a_command_silently_and_leaves_no_files(large_capture, nam
     assert output.strip() == ""
 
 
+@pytest.mark.parametrize(
+    ("stop", "status"), [("raise KeyboardInterrupt", 130), ("sys.exit(143)", 143)]
+)
+def test_a_stopped_process_does_not_wait_for_its_threads(stop, status):
+    code = f"""
+import atexit, sys, threading, time
+from jotlight.cli import app
+atexit.register(print, "Python ended, while a thread still ran")
+def command(*arguments, **options):
+    print("some output")
+    threading.Thread(target=time.sleep, args=[30]).start()
+    {stop}
+app.app = command
+app.main()
+"""
+    start = time.monotonic()
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (status, "some output\n")
+    assert time.monotonic() - start < 25
+
+
 def test_a_signal_in_a_destructor_is_not_lost():
     code = """
 import os, signal, sys, time

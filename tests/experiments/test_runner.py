@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from jotlight.experiments import runner, tables
 from jotlight.experiments.experiment import Data, Experiment, Part, PartResult, Results
 from jotlight.experiments.report.content import Section
+from jotlight.temporary_names import reserve_temporary
 
 
 class Counting:
@@ -50,6 +51,19 @@ def folder(tmp_path):
     made = runner.Folder(tmp_path / "out")
     made.results.mkdir(parents=True)
     return made
+
+
+def test_the_next_run_removes_what_a_killed_run_left_beside_finished_parts(folder):
+    counting = Counting()
+    counting.run(folder)
+    parts = folder.parts("counting")
+    before = sorted(parts.iterdir())
+    for path in before:
+        with reserve_temporary(path) as temporary:
+            name = temporary.with_name(f"{temporary.name}.lock")
+        name.touch()
+    counting.run(folder)
+    assert sorted(parts.iterdir()) == before
 
 
 def test_a_finished_part_does_not_run_again(folder):

@@ -18,7 +18,12 @@ from jotlight.cli.info import info
 from jotlight.cli.plan import plan
 from jotlight.cli.reconstruct import reconstruct
 from jotlight.cli.reproduce import reproduce
-from jotlight.cli.signals import exit_on_signals, silence_pending_tasks
+from jotlight.cli.signals import (
+    STOPPED_BY_SIGNAL,
+    end_at_once,
+    exit_on_signals,
+    silence_pending_tasks,
+)
 from jotlight.cli.simulate import simulate
 from jotlight.cli.train import train
 
@@ -103,4 +108,10 @@ def main() -> None:
     """Run the command line of this process."""
     warnings.showwarning = show_warning
     exit_on_signals()
-    sys.exit(run(sys.argv[1:]))
+    try:
+        status = run(sys.argv[1:])
+    except SystemExit as signal:
+        status = int(signal.code or 0)
+    if status >= STOPPED_BY_SIGNAL:
+        end_at_once(status)
+    sys.exit(status)

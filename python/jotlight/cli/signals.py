@@ -1,13 +1,18 @@
 """Termination signals, raised as exceptions so that temporary files are removed."""
 
+import contextlib
 import logging
+import os
 import signal
 import sys
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NoReturn
 
 _SIGNALS = ("SIGTERM", "SIGHUP")
 """A closing terminal sends SIGHUP, which Windows does not have."""
+
+STOPPED_BY_SIGNAL = 128
+"""Exit code of a process that a signal stopped, less the number of the signal."""
 
 _DELAY = 0.01
 """Seconds until an exception that Python dropped is raised again."""
@@ -24,6 +29,17 @@ def exit_on_signals() -> None:
         sys.unraisablehook = _raise_again_after(sys.unraisablehook)
 
 
+def end_at_once(status: int) -> NoReturn:
+    """End the process without waiting for other threads, after all files are closed or removed.
+
+    A library may still compute in another thread. Some libraries abort if Python ends meanwhile.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError, AttributeError):
+            stream.flush()
+    os._exit(status)
+
+
 def silence_pending_tasks() -> None:
     """Suppress messages about tasks that zarr has not finished."""
     logging.getLogger("asyncio").setLevel(logging.CRITICAL + 1)
@@ -35,7 +51,7 @@ def _exit(number: int, frame: object) -> None:
             # A further signal must not interrupt the removal of files.
             signal.signal(getattr(signal, name), lambda *_: None)
     silence_pending_tasks()
-    sys.exit(128 + number)
+    sys.exit(STOPPED_BY_SIGNAL + number)
 
 
 def _raise_again_after(hook: Callable[[Any], Any]) -> Callable[[Any], Any]:

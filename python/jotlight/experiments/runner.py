@@ -17,7 +17,7 @@ from typing import Any
 from jotlight.datasets.fetch import Progress
 from jotlight.experiments.experiment import Data, Experiment, Part, Row, RunContext
 from jotlight.experiments.tables import Facts
-from jotlight.files import write_file
+from jotlight.files import remove_leftovers, write_file
 
 BM3D = "bm3d"
 
@@ -80,6 +80,8 @@ def prepare(
     if restart and parts.exists():
         shutil.rmtree(parts)
     parts.mkdir(parents=True, exist_ok=True)
+    for path in parts.glob("[!.]*"):
+        remove_leftovers(path)
     kept = parts / "settings"
     if kept.exists():
         earlier = _read_json(kept, "quick")

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from examples.arrays import random_bits
 from examples.captures import BITS_WITH_MAPS
 from jotlight.formats.hdf5 import isolated
 from jotlight.formats.hdf5.captures import list_data_sets
@@ -261,3 +262,12 @@ def test_the_command_line_survives_a_crash_by_default(tmp_path, run):
         assert "a.h5: the HDF5" in printed
         assert "Traceback" not in printed
     assert not (tmp_path / "b.npz").exists()
+
+
+@pytest.mark.parametrize("program", ["/nowhere/python", None])
+def test_a_child_process_that_cannot_start_does_not_blame_the_file(tmp_path, monkeypatch, program):
+    jl.save(random_bits((2, 3, 8)), tmp_path / "a.h5")
+    monkeypatch.setattr("sys.executable", program)
+    monkeypatch.setenv("PATH", "/nowhere")
+    with pytest.raises(ChildProcessError, match=r"a\.h5: cannot start .*--no-isolate"):
+        jl.open(tmp_path / "a.h5", isolate=True)

@@ -74,7 +74,7 @@ def _naming_file(path: Path) -> Iterator[None]:
         raise MissingExtraError(
             "HDF5 and MATLAB 7.3 files need h5py: pip install 'jotlight[hdf5]'"
         ) from error
-    except (FileNotFoundError, PermissionError):
+    except (FileNotFoundError, PermissionError, ChildProcessError):
         raise
     except Exception as error:  # the library raises many exceptions for damaged files
         if str(path) in str(error) and isinstance(error, ValueError):

@@ -104,7 +104,7 @@ class IsolatedLibrary:
         try:
             # Without the module `site`, the child process starts faster. It uses our `sys.path`.
             process = subprocess.Popen(  # noqa: S603 - our own file
-                [sys.executable, "-SPs", script],
+                [sys.executable or "python", "-SPs", script],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
@@ -113,7 +113,7 @@ class IsolatedLibrary:
                 env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
             )
         except OSError as error:
-            raise OSError(
+            raise ChildProcessError(
                 f"{path}: cannot start a process to read it ({error}); pass isolate=False "
                 "(--no-isolate) if you trust the file"
             ) from error
