@@ -1,6 +1,7 @@
 """Fixtures that several folders of tests use."""
 
 import os
+import signal
 import sys
 from pathlib import Path
 
@@ -15,6 +16,9 @@ from jotlight.cli import app, console
 hypothesis.settings.register_profile("quick", max_examples=30, deadline=None, derandomize=True)
 hypothesis.settings.register_profile("slow", max_examples=1000, deadline=None)
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "quick"))
+
+# A shell lets its background jobs ignore Ctrl-C, and the tests may be one.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
@@ -37,6 +41,7 @@ def run(monkeypatch, tmp_path, capsys):
     # Rich breaks lines at the terminal's width.
     monkeypatch.setattr(console.out, "width", 200)
     monkeypatch.setattr(console.err, "width", 200)
+    monkeypatch.setattr(app, "end_at_once", sys.exit)
 
     def run(*arguments):
         monkeypatch.setattr(sys, "argv", ["jotlight", *map(str, arguments)])

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from jotlight.output_files import open_output
-from jotlight.temporary_names import reserve_temporary
+from jotlight.temporary_names import has_temporaries, reserve_temporary
 
 _FAILED_WRITE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Error numbers of a full disk, an exceeded quota, and a file above the size limit.
@@ -43,8 +43,9 @@ def delete_file(path: Path) -> None:
 
 def remove_leftovers(path: Path) -> None:
     """Delete the temporary files for a path that killed processes left."""
-    with reserve_temporary(path):
-        pass
+    if has_temporaries(path):
+        with reserve_temporary(path):
+            pass
 
 
 @contextlib.contextmanager

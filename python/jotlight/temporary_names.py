@@ -44,6 +44,14 @@ def reserve_temporary(path: Path) -> Iterator[Path]:
         yield temporary
 
 
+def has_temporaries(path: Path) -> bool:
+    """Return whether a process on any host is writing a path, or was killed while it did."""
+    beginning, end = _beginning(path), f"{path.suffix}.lock"
+    return any(
+        name.startswith(beginning) and name.endswith(end) for name in os.listdir(path.parent)
+    )
+
+
 class _NoLocksError(Exception):
     """The file system or the operating system does not support locks."""
 
@@ -112,7 +120,11 @@ def _remove(temporary: Path) -> None:
 
 def _temporary_path(path: Path, number: str) -> Path:
     host = re.sub(r"\W", "_", platform.node())[:24]
-    return path.with_name(f".{path.stem[:32]}.jotlight-{host}-{number}{path.suffix}")
+    return path.with_name(f"{_beginning(path)}{host}-{number}{path.suffix}")
+
+
+def _beginning(path: Path) -> str:
+    return f".{path.stem[:32]}.jotlight-"
 
 
 def _lock_file(temporary: Path) -> Path:

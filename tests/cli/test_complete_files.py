@@ -118,7 +118,8 @@ def test_a_failed_write_is_one_line_and_changes_nothing(name, run, material, tmp
             # Folders are never overwritten.
             shutil.rmtree(path)
     before = snapshot(tmp_path)
-    largest = max(sizes.values())
+    # The figure of `compare` states times, so its size varies.
+    largest = max(sizes.values()) - (name == "compare") * 10_000
     for limit in (largest - 1, largest // 2, 1):
         with size_limit(limit):
             status, output = run(*command.split())

@@ -5,6 +5,7 @@ import logging
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Callable
 from typing import Any, NoReturn
 
@@ -41,7 +42,8 @@ def end_at_once(status: int) -> NoReturn:
 
 
 def silence_pending_tasks() -> None:
-    """Suppress messages about tasks that zarr has not finished."""
+    """Suppress messages about tasks that zarr has not begun or finished."""
+    warnings.filterwarnings("ignore", "coroutine .* was never awaited", RuntimeWarning)
     logging.getLogger("asyncio").setLevel(logging.CRITICAL + 1)
 
 
