@@ -58,3 +58,36 @@ def test_honest_strips_and_tiles_are_read(tmp_path, compression, tile, shape):
     )
     expected = counts if photometric == "rgb" else counts.sum(0, dtype=np.int32)
     np.testing.assert_array_equal(jl.open(tmp_path / "a.tif", frames=slice(0, 9)), expected)
+
+
+def counts_in_tiles(path, change):
+    """Write counts in 16 tiles, and change the list of offsets or of sizes."""
+    counts = np.random.default_rng(0).integers(1, 255, (64, 64), np.uint8)
+    tifffile.imwrite(path, counts, tile=(16, 16), compression="zlib", photometric="minisblack")
+    tag, field, value = change
+    with tifffile.TiffFile(path) as file:
+        place = file.pages[0].tags[tag]
+    content = bytearray(path.read_bytes())
+    position = place.offset + 4 if field == "number" else place.valueoffset
+    content[position : position + 4] = value.to_bytes(4, "little")  # one offset or two sizes
+    path.write_bytes(content)
+
+
+OFFSETS, SIZES = 324, 325
+
+
+@pytest.mark.parametrize("read", [jl.open, lambda path: read_image(path, white=1)])
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ((OFFSETS, "number", 15), "16 strips or tiles, got 15 and 16, of which 0 are 0"),
+        ((OFFSETS, "number", 1), "16 strips or tiles, got 1 and 16"),
+        ((SIZES, "number", 15), "16 strips or tiles, got 16 and 15"),
+        ((OFFSETS, "value", 0), "16 strips or tiles, got 16 and 16, of which 1 are 0"),
+        ((SIZES, "value", 0), "16 strips or tiles, got 16 and 16, of which 2 are 0"),
+    ],
+)
+def test_missing_tiles_are_refused(read, change, message, tmp_path):
+    counts_in_tiles(tmp_path / "a.tif", change)
+    with pytest.raises(ValueError, match=rf"a\.tif: .*expected offsets and sizes of {message}"):
+        read(tmp_path / "a.tif")

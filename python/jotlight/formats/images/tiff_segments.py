@@ -1,6 +1,7 @@
 """Compressed strips and tiles of a TIFF file, checked before a library decodes them as a whole."""
 
 import lzma
+import math
 import zlib
 from collections.abc import Callable
 from typing import Any
@@ -19,7 +20,7 @@ _SMALL_BYTES = 1 << 12
 
 
 def check_segments(file: Any, page: Any) -> None:
-    """Raise ValueError if a strip or tile of a page decodes into more bytes than the page holds.
+    """Raise ValueError if strips or tiles of a page are missing, or one decodes into too many bytes.
 
     Parameters
     ----------
@@ -30,6 +31,14 @@ def check_segments(file: Any, page: Any) -> None:
     """
     keyframe = page.keyframe
     expected = int(np.prod(keyframe.chunks, dtype=np.int64)) * max(1, keyframe.dtype.itemsize)
+    number, places = math.prod(keyframe.chunked), (*page.dataoffsets, *page.databytecounts)
+    if len(page.dataoffsets) != number or len(page.databytecounts) != number or not all(places):
+        # tifffile reads zeros instead.
+        raise ValueError(
+            f"expected offsets and sizes of {number} strips or tiles, got {len(page.dataoffsets)} "
+            f"and {len(page.databytecounts)}, of which {places.count(0)} are 0; it is damaged or "
+            "incomplete"
+        )
     # Compression makes random data a little longer.
     max_stored = 2 * expected + _SMALL_BYTES
     for offset, stored in zip(page.dataoffsets, page.databytecounts, strict=True):
