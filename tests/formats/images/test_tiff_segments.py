@@ -1,4 +1,4 @@
-"""Strips and tiles of TIFF files that decode into more than they should."""
+"""Strips and tiles of TIFF files that are missing, or decode into more than they should."""
 
 import lzma
 import struct
@@ -8,6 +8,7 @@ import zlib
 import numpy as np
 import pytest
 import tifffile
+from PIL import Image
 
 import jotlight as jl
 from jotlight.images.io import read_image
@@ -45,6 +46,27 @@ def test_a_strip_that_is_too_long_is_not_decoded(tmp_path):
         ValueError, match=r"a\.tif: .*strip or tile of at most 16096 bytes, got 200000"
     ):
         jl.open(tmp_path / "a.tif")
+
+
+def test_packbits_strips_that_decode_into_too_much_are_refused(tmp_path):
+    write_strip(tmp_path / "a.tif", b"\x81\x00" * 4000, PACKBITS)
+    with pytest.raises(ValueError, match=r"a\.tif: .*more than the expected 6000 bytes"):
+        jl.open(tmp_path / "a.tif")
+    write_strip(tmp_path / "a.tif", b"\x81\x00" * (1 << 16), PACKBITS, 1 << 12, 1 << 11)
+    with pytest.raises(ValueError, match=r"a\.tif: .*PackBits strips .* at most 4194304 bytes"):
+        jl.open(tmp_path / "a.tif")
+
+
+@pytest.mark.parametrize("high", [2, 255])
+def test_honest_packbits_strips_are_read(tmp_path, high):
+    counts = np.random.default_rng(0).integers(0, high, (90, 130), np.uint8)
+    Image.fromarray(counts).save(tmp_path / "a.tif", compression="packbits")
+    np.testing.assert_array_equal(jl.open(tmp_path / "a.tif"), counts)
+
+
+def test_a_packbits_code_that_stands_for_nothing_is_read(tmp_path):
+    write_strip(tmp_path / "a.tif", b"\x80" * 4097 + b"\xff\x05\x03abcd" * 1000, PACKBITS)
+    assert jl.open(tmp_path / "a.tif").astype(np.uint8).tobytes() == b"\5\5abcd" * 1000
 
 
 @pytest.mark.parametrize("compression", ["zlib", "lzma"])
