@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.formats.archives import read_npz, read_npz_label, verify_npz
+from jotlight.formats.archives import (
+    describe_npz_arrays,
+    read_npz,
+    read_npz_label,
+    verify_npz,
+)
 
 COUNTS = np.random.default_rng(0).integers(0, 300, (6, 7), np.int32)
 
@@ -84,3 +89,27 @@ def test_a_member_that_goes_beyond_the_end_of_its_file_is_an_error_with_a_reason
     for read in (read_npz, jl.open):
         with pytest.raises(ValueError, match=r"a\.npz: .*\(it ends too early\)"):
             read(path)
+
+
+def test_an_archive_is_not_opened_again_for_each_array(tmp_path, monkeypatch):
+    opened = []
+
+    class Counting(zipfile.ZipFile):
+        def __init__(self, *args):
+            opened.append(args)
+            super().__init__(*args)
+
+    np.savez(tmp_path / "a.npz", *[COUNTS] * 20)
+    monkeypatch.setattr(zipfile, "ZipFile", Counting)
+    described = describe_npz_arrays(tmp_path / "a.npz")
+    assert described == {f"arr_{number}": (COUNTS.shape, COUNTS.dtype) for number in range(20)}
+    assert len(opened) == 2
+
+
+def test_an_archive_of_too_many_arrays_is_refused(tmp_path):
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        for number in range(1001):
+            archive.writestr(f"a{number}.npy", b"")
+    for read in (describe_npz_arrays, read_npz, jl.open):
+        with pytest.raises(ValueError, match=r"a\.npz: expected at most 1000 arrays, got 1001"):
+            read(tmp_path / "a.npz")

@@ -1,6 +1,8 @@
 """Frames that are stored in blocks."""
 
 import itertools
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -46,3 +48,16 @@ def test_large_blocks_are_divided():
     for start in range(8):
         frames.read(start, start + 1)
     assert parts == [(0, 3), (3, 6), (6, 9)]
+
+
+def test_threads_read_parts_independently():
+    def read(start, stop):
+        time.sleep(0.0005)  # so that other threads read meanwhile
+        return ARRAY[start:stop].copy()
+
+    frames = read_by_blocks(Frames(ARRAY.shape, read, ARRAY.dtype), 4)
+    parts = list(itertools.combinations(range(12), 2)) * 4
+    with ThreadPoolExecutor(4) as threads:
+        results = threads.map(lambda part: frames.read(*part), parts)
+        for (start, stop), part in zip(parts, results, strict=True):
+            np.testing.assert_array_equal(part, ARRAY[start:stop])

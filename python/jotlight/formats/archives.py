@@ -34,6 +34,9 @@ from jotlight.sensing.frames import Frames
 _LABEL = "jotlight.json"
 """Name of the member that holds the label of counts."""
 
+_MAX_MEMBERS = 1000
+"""Maximum number of arrays in an archive, each of which takes time to describe."""
+
 
 def read_npz(path: str | os.PathLike[str], key: str | None = None) -> npt.NDArray[Any]:
     """Return one array of a `.npz` archive.
@@ -105,11 +108,13 @@ def describe_npz_arrays(path: Path) -> dict[str, tuple[tuple[int, ...], np.dtype
         Python objects.
     """
     described = {}
-    for name in list_npz_arrays(path):
-        with naming_file(f"{path}: {name}"), zipfile.ZipFile(path) as archive:
-            described[name] = _read_member_header(archive, f"{name}.npy")
-        if described[name][1].hasobject:
-            raise objects_error(f"{path}: {name}")
+    names = list_npz_arrays(path)
+    with naming_file(str(path)), zipfile.ZipFile(path) as archive:
+        for name in names:
+            with naming_file(f"{path}: {name}"):
+                described[name] = _read_member_header(archive, f"{name}.npy")
+            if described[name][1].hasobject:
+                raise objects_error(f"{path}: {name}")
     return described
 
 
@@ -155,7 +160,7 @@ def list_npz_arrays(path: Path) -> list[str]:
     FileNotFoundError
         When there is no such file.
     ValueError
-        When the file is not a zip archive, or has no arrays.
+        When the file is not a zip archive, or has no arrays or too many.
     """
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
@@ -165,6 +170,11 @@ def list_npz_arrays(path: Path) -> list[str]:
             members = [_check_member(member, size).filename for member in archive.infolist()]
     except (ValueError, *ARCHIVE_ERRORS) as error:
         raise ValueError(f"{path}: expected a .npz archive ({reason(error)})") from error
+    if len(members) > _MAX_MEMBERS:
+        raise ValueError(
+            f"{path}: expected at most {_MAX_MEMBERS} arrays, got {len(members)}; save them in "
+            "several archives"
+        )
     names = [name.removesuffix(".npy") for name in members if name.endswith(".npy")]
     if not names:
         raise ValueError(f"{path}: expected a .npz archive of arrays, but it has none")

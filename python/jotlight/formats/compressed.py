@@ -3,7 +3,6 @@
 import contextlib
 import math
 import os
-import threading
 from collections.abc import Callable, Iterator
 from io import BufferedIOBase
 from pathlib import Path
@@ -23,6 +22,7 @@ from jotlight.formats.arrays import (
 )
 from jotlight.formats.file_reader import FileReader
 from jotlight.formats.limits import check_claimed_size
+from jotlight.formats.locks import ProcessLock
 from jotlight.sensing.frames import Frames
 
 _CHUNK_BYTES = 1 << 20
@@ -74,13 +74,10 @@ class Stream:
         self._reopen = reopen
         self._size = size
         self._check_unchanged = check_unchanged
-        self._forget_file()
-
-    def _forget_file(self) -> None:
         self._file: BufferedIOBase | None = None
         self._position = 0
-        self._lock = threading.Lock()
         self._process = os.getpid()
+        self._lock = ProcessLock()
 
     def read(self, position: int, size: int) -> npt.NDArray[np.uint8]:
         """Return `size` bytes from `position` on.
@@ -94,11 +91,8 @@ class Stream:
         OSError or another one of ARCHIVE_ERRORS
             When the stream is damaged, or its file has changed.
         """
-        if self._process != os.getpid():
-            # This process is a fork: its parent moves the position in the open file too, and may
-            # have held the lock.
-            self._forget_file()
         with self._lock:
+            self._forget_file_of_parent()
             if self._file is None or position < self._position:
                 self._close()
                 self._file, self._position = self._reopen(), 0
@@ -118,9 +112,15 @@ class Stream:
     def finish(self) -> None:
         """Read the rest of the stream if it is open, compare its checksum, and close the file."""
         with self._lock:
+            self._forget_file_of_parent()
             if self._file is not None:
                 skip_bytes(self._file, self._size - self._position)
                 self._close(at_end=True)
+
+    def _forget_file_of_parent(self) -> None:
+        """Forget the file in a fork, because the parent moves the position in it too."""
+        if self._process != os.getpid():
+            self._file, self._process = None, os.getpid()
 
     def _close(self, *, at_end: bool = False) -> None:
         """Close the file. The next read reopens it."""

@@ -2,6 +2,7 @@
 
 import base64
 import contextlib
+import logging
 import zlib
 
 import numpy as np
@@ -84,6 +85,16 @@ def test_other_files_that_a_file_names_are_not_opened(tmp_path):
     )
     tifffile.imwrite(tmp_path / "a.ome.tif", COUNTS[0] * 0 + 7, description=words, metadata=None)
     np.testing.assert_array_equal(jl.open(tmp_path / "a.ome.tif"), 7)
+
+
+def test_what_tifffile_logs_is_not_printed(tmp_path, monkeypatch, capsys):
+    content = bytearray(write_tiff(tmp_path / "a.tif"))
+    with tifffile.TiffFile(tmp_path / "a.tif") as file:
+        content[file.pages[0].tags["Software"].offset + 2] = 99  # no type has this number
+    (tmp_path / "a.tif").write_bytes(content)
+    monkeypatch.setattr(logging.getLogger("tifffile"), "propagate", False)
+    jl.open(tmp_path / "a.tif", frames=slice(0, 1))
+    assert capsys.readouterr().err == ""
 
 
 # Fuzzing found this file: one of its pages claims two thousand million rows.

@@ -1,4 +1,4 @@
-"""Strips and tiles of TIFF files that decode into more than they should."""
+"""Strips and tiles of TIFF files that are missing, or decode into more than they should."""
 
 import lzma
 import struct
@@ -8,6 +8,7 @@ import zlib
 import numpy as np
 import pytest
 import tifffile
+from PIL import Image
 
 import jotlight as jl
 from jotlight.images.io import read_image
@@ -47,6 +48,27 @@ def test_a_strip_that_is_too_long_is_not_decoded(tmp_path):
         jl.open(tmp_path / "a.tif")
 
 
+def test_packbits_strips_that_decode_into_too_much_are_refused(tmp_path):
+    write_strip(tmp_path / "a.tif", b"\x81\x00" * 4000, PACKBITS)
+    with pytest.raises(ValueError, match=r"a\.tif: .*more than the expected 6000 bytes"):
+        jl.open(tmp_path / "a.tif")
+    write_strip(tmp_path / "a.tif", b"\x81\x00" * (1 << 16), PACKBITS, 1 << 12, 1 << 11)
+    with pytest.raises(ValueError, match=r"a\.tif: .*PackBits strips .* at most 4194304 bytes"):
+        jl.open(tmp_path / "a.tif")
+
+
+@pytest.mark.parametrize("high", [2, 255])
+def test_honest_packbits_strips_are_read(tmp_path, high):
+    counts = np.random.default_rng(0).integers(0, high, (90, 130), np.uint8)
+    Image.fromarray(counts).save(tmp_path / "a.tif", compression="packbits")
+    np.testing.assert_array_equal(jl.open(tmp_path / "a.tif"), counts)
+
+
+def test_a_packbits_code_that_stands_for_nothing_is_read(tmp_path):
+    write_strip(tmp_path / "a.tif", b"\x80" * 4097 + b"\xff\x05\x03abcd" * 1000, PACKBITS)
+    assert jl.open(tmp_path / "a.tif").astype(np.uint8).tobytes() == b"\5\5abcd" * 1000
+
+
 @pytest.mark.parametrize("compression", ["zlib", "lzma"])
 @pytest.mark.parametrize("tile", [None, (32, 16)])
 @pytest.mark.parametrize("shape", [(3, 90, 130), (90, 130, 3)])
@@ -58,3 +80,36 @@ def test_honest_strips_and_tiles_are_read(tmp_path, compression, tile, shape):
     )
     expected = counts if photometric == "rgb" else counts.sum(0, dtype=np.int32)
     np.testing.assert_array_equal(jl.open(tmp_path / "a.tif", frames=slice(0, 9)), expected)
+
+
+def counts_in_tiles(path, change):
+    """Write counts in 16 tiles, and change the list of offsets or of sizes."""
+    counts = np.random.default_rng(0).integers(1, 255, (64, 64), np.uint8)
+    tifffile.imwrite(path, counts, tile=(16, 16), compression="zlib", photometric="minisblack")
+    tag, field, value = change
+    with tifffile.TiffFile(path) as file:
+        place = file.pages[0].tags[tag]
+    content = bytearray(path.read_bytes())
+    position = place.offset + 4 if field == "number" else place.valueoffset
+    content[position : position + 4] = value.to_bytes(4, "little")  # one offset or two sizes
+    path.write_bytes(content)
+
+
+OFFSETS, SIZES = 324, 325
+
+
+@pytest.mark.parametrize("read", [jl.open, lambda path: read_image(path, white=1)])
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ((OFFSETS, "number", 15), "16 strips or tiles, got 15 and 16, of which 0 are 0"),
+        ((OFFSETS, "number", 1), "16 strips or tiles, got 1 and 16"),
+        ((SIZES, "number", 15), "16 strips or tiles, got 16 and 15"),
+        ((OFFSETS, "value", 0), "16 strips or tiles, got 16 and 16, of which 1 are 0"),
+        ((SIZES, "value", 0), "16 strips or tiles, got 16 and 16, of which 2 are 0"),
+    ],
+)
+def test_missing_tiles_are_refused(read, change, message, tmp_path):
+    counts_in_tiles(tmp_path / "a.tif", change)
+    with pytest.raises(ValueError, match=rf"a\.tif: .*expected offsets and sizes of {message}"):
+        read(tmp_path / "a.tif")

@@ -2,6 +2,8 @@
 
 import hashlib
 import json
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ import pytest
 import jotlight as jl
 from examples import read_or_refused
 from examples.arrays import random_bits, random_frames
+from jotlight.formats.matlab.files import open_mat
 
 COUNTS = np.random.default_rng(0).integers(0, 300, (5, 6, 7), np.uint16)
 
@@ -43,6 +46,32 @@ def test_variables_are_chosen_by_name(tmp_path):
     (tmp_path / "a.mat").write_bytes((tmp_path / "a.mat").read_bytes()[:150])
     with pytest.raises(ValueError, match=r"a\.mat"):
         jl.open(tmp_path / "a.mat", key="x").counts()
+
+
+def test_threads_that_share_a_capture_load_it_one_at_a_time(tmp_path, monkeypatch):
+    import scipy.io
+
+    array = random_frames((23, 5, 7))
+    scipy.io.savemat(tmp_path / "a.mat", {"OUTPUT": np.moveaxis(array, 0, 2).astype(np.uint8)})
+    load, loading, most = scipy.io.loadmat, [], 0
+
+    def load_slowly(*args, **options):
+        nonlocal most
+        loading.append(1)
+        most = max(most, len(loading))
+        time.sleep(0.002)
+        array = load(*args, **options)
+        loading.pop()
+        return array
+
+    monkeypatch.setattr("scipy.io.loadmat", load_slowly)
+    frames = open_mat(tmp_path / "a.mat", None, None, None)
+    parts = [(0, 23), (3, 9), (20, 23), (0, 5)] * 10
+    with ThreadPoolExecutor(4) as threads:
+        read = threads.map(lambda part: frames.read(*part), parts)
+        for (start, stop), part in zip(parts, read, strict=True):
+            np.testing.assert_array_equal(part, array[start:stop])
+    assert most == 1
 
 
 def test_version_7_3_is_hdf5_with_reversed_dimensions(tmp_path):

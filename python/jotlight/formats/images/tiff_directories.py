@@ -1,6 +1,7 @@
 """The directories of a TIFF file, checked before a library follows them."""
 
 import dataclasses
+import logging
 import os
 from pathlib import Path
 from typing import IO, Any
@@ -20,6 +21,9 @@ _MAX_VALUE_RATIO = 8
 _FREE_BYTES = 1 << 24
 """Number of bytes that the values of tags may have in a file of any size."""
 
+_NO_OUTPUT = logging.NullHandler()
+"""Handler without which Python prints what tifffile logs, also if nobody has set up logging."""
+
 
 def open_checked_tiff(path: Path) -> Any:
     """Return the ``tifffile.TiffFile`` of a file with valid directories.
@@ -34,6 +38,7 @@ def open_checked_tiff(path: Path) -> Any:
     import tifffile
 
     check_directories(path)
+    logging.getLogger("tifffile").addHandler(_NO_OUTPUT)
     return tifffile.TiffFile(path, is_ome=False, is_mmstack=False, is_ndtiff=False)
 
 

@@ -11,6 +11,7 @@ from jotlight.formats.checksums import check_file
 from jotlight.formats.file_reader import FileReader
 from jotlight.formats.hdf5.captures import Library, list_data_sets
 from jotlight.formats.limits import check_claimed_size
+from jotlight.formats.locks import ProcessLock
 from jotlight.formats.magic import has_type
 from jotlight.formats.matlab.sizes import check_sizes, check_streams
 from jotlight.sensing.frames import Frames
@@ -70,6 +71,7 @@ def _open_version_5(path: Path, key: str | None, checksum: str | None) -> Frames
     check_claimed_size(str(path), size, file.size, frame_bytes=frame_bytes, whole=True)
     # The cache holds the array until the last frame is read, so reading in order loads it once.
     cache: list[npt.NDArray[Any]] = []
+    lock = ProcessLock()
 
     def load() -> npt.NDArray[Any]:
         if checksum is not None:
@@ -84,14 +86,12 @@ def _open_version_5(path: Path, key: str | None, checksum: str | None) -> Frames
         return np.moveaxis(array.reshape(shape), 2, 0)
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
-        with file.expect_unchanged():
-            if not cache:
-                cache.append(load())
+        with lock:
+            with file.expect_unchanged():
+                array = cache[0] if cache else load()
+            cache[:] = [array] if stop < shape[2] else []
         # Only the part is converted, because int64 takes eight times the memory of bits.
-        part = _as_integers(path, cache[0][start:stop])
-        if stop == shape[2]:
-            cache.clear()
-        return part
+        return _as_integers(path, array[start:stop])
 
     return Frames((shape[2], *shape[:2]), read, np.int64)
 
