@@ -47,9 +47,8 @@ def reserve_temporary(path: Path) -> Iterator[Path]:
 def has_temporaries(path: Path) -> bool:
     """Return whether a process on any host is writing a path, or was killed while it did."""
     beginning, end = _beginning(path), f"{path.suffix}.lock"
-    return any(
-        name.startswith(beginning) and name.endswith(end) for name in os.listdir(path.parent)
-    )
+    names = (each.name for each in path.parent.iterdir())
+    return any(name.startswith(beginning) and name.endswith(end) for name in names)
 
 
 class _NoLocksError(Exception):
