@@ -151,3 +151,11 @@ def test_chunks_that_exceed_the_cache_of_the_library_are_read_once(
     for frame in range(6):
         np.testing.assert_array_equal(frames.read(frame, frame + 1), array[frame : frame + 1])
     assert parts == expected
+
+
+@pytest.mark.parametrize("library", [Hdf5Library, IsolatedLibrary])
+def test_positions_of_frames_may_be_numbers_of_numpy(tmp_path, library):
+    pytest.importorskip("h5py")
+    jl.save(COUNTS[0], tmp_path / "a.h5")
+    frames = next(iter(list_data_sets(tmp_path / "a.h5", library()).values())).frames
+    np.testing.assert_array_equal(frames.read(np.int64(1), np.int64(3)), COUNTS[0, 1:3])

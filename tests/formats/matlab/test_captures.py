@@ -12,6 +12,7 @@ import jotlight as jl
 from examples import read_or_refused
 from examples.arrays import random_bits, random_frames
 from jotlight.formats.matlab.files import open_mat
+from jotlight.formats.verification import verify_capture
 
 COUNTS = np.random.default_rng(0).integers(0, 300, (5, 6, 7), np.uint16)
 
@@ -169,3 +170,11 @@ def test_the_parts_of_large_frames_have_fewer_frames(tmp_path, monkeypatch, byte
     jl.save(bits, tmp_path / "a", format="matlab")
     assert len(list((tmp_path / "a").glob("part_*.mat"))) == parts
     np.testing.assert_array_equal(jl.open(tmp_path / "a").to_array(), bits.to_array())
+
+
+def test_verification_counts_the_parts_and_their_description(tmp_path, monkeypatch):
+    monkeypatch.setattr("jotlight.formats.matlab.captures._BYTES_PER_PART", 1)
+    jl.save(random_bits((3, 4, 13)), tmp_path / "a", format="matlab")
+    assert verify_capture(tmp_path / "a").startswith("4 files match their checksums; all 3 frames")
+    (tmp_path / "a" / "info.json").unlink()
+    assert verify_capture(tmp_path / "a").startswith("there is no checksum apart from those inside")

@@ -120,7 +120,7 @@ def _check_data_set(file: FileReader, data_set: DataSet, library: Library) -> St
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
         with file.expect_unchanged(), _naming_file(path):
-            return np.asarray(library.read(data_set, start, stop))
+            return np.asarray(library.read(data_set, int(start), int(stop)))
 
     frames = Frames(data_set.shape, read, dtype)
     blocks = read_by_blocks(frames, data_set.chunk_frames, _MAX_CHUNK_BYTES)

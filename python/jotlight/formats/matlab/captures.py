@@ -47,10 +47,7 @@ def open_matlab(path: Path, options: OpenOptions) -> Capture:
     """Return the capture in a `.mat` file, or in a folder of parts in natural order."""
     files, notes, info = [path], [], None
     if path.is_dir():
-        files = sorted(path.glob("part_*.mat"), key=natural_sort_key)
-        if not files:
-            raise ValueError(f"{path}: expected part_1.mat and so on, got none")
-        files = [check_inside(file, path) for file in files]
+        files = _part_files(path)
         info = _read_info(path, [file.name for file in files])
         notes.append(f"{len(files)} parts in the natural order of their names")
     elif not path.is_file():
@@ -73,6 +70,22 @@ def open_matlab(path: Path, options: OpenOptions) -> Capture:
         return as_count_stack(frames, provenance)
     provenance = provenance.with_notes("each number is one bit, (H, W, T)")
     return Bits(pack_lazily(frames, path.name), frames.shape[2], provenance=provenance)
+
+
+def _part_files(folder: Path) -> list[Path]:
+    """Return the parts in a folder in natural order."""
+    files = sorted(folder.glob("part_*.mat"), key=natural_sort_key)
+    if not files:
+        raise ValueError(f"{folder}: expected part_1.mat and so on, got none")
+    return [check_inside(file, folder) for file in files]
+
+
+def _verify(path: Path) -> int:
+    """Return how many files have checksums in `info.json`. Reading the frames compares them."""
+    if not path.is_dir():
+        return 0
+    info = _read_info(path, [file.name for file in _part_files(path)])
+    return 1 + len(info.checksums) if info is not None and info.checksums else 0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -173,5 +186,6 @@ MATLAB = Format(
     matches=_is_matlab,
     extensions=(".mat",),
     has_keys=True,
+    verify=_verify,
     writer=Writer(bits=_write_bits, folder=True),
 )
