@@ -58,6 +58,7 @@ def test_what_killed_processes_left_is_removed(tmp_path):
     assert names(tmp_path) == [name for name in left if "other" in name]
 
 
+@pytest.mark.slow
 def test_a_file_that_a_living_process_writes_is_kept(tmp_path):
     leave_behind(tmp_path, "note.txt")
     with reserve_temporary(tmp_path / "note.txt") as first:

@@ -30,6 +30,7 @@ def command_in(output):
     return arguments[1:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("level", "fits"), [(0.3, False), (0.9, True), (5.0, False)])
 def test_training_is_advised_only_where_the_brightness_does_not_fit(run, tmp_path, level, fits):
     bits = save_capture(level * PHOTO)
@@ -128,6 +129,7 @@ OPENED = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -189,6 +191,7 @@ def test_a_network_trained_with_the_calibration_has_the_highest_psnr(run, camera
     assert psnr(*calibrated) > psnr() + 1
 
 
+@pytest.mark.slow
 def test_the_requested_range_is_trained(run):
     save_capture(0.3 * PHOTO)
     arguments = ["train", "--sensor", "capture.npy", "-o", "own.safetensors", *QUICK]

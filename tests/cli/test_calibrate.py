@@ -50,6 +50,7 @@ def files(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
+@pytest.mark.slow
 def test_calibrate_writes_what_the_python_function_returns(run, captures):
     status, output = run(
         "calibrate", "dark.npy", "flat.npy", "-o", "c.safetensors", "--plot", "page.png"
@@ -251,6 +252,7 @@ def test_two_arrays_of_one_file_are_distinguished(run, captures):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:dark. no jot is called hot")
 def test_a_dark_capture_that_is_too_short_is_reported(run, captures):
     command = ("calibrate", "dark.npy", "-o", "c.safetensors", "--frame-range", ":1")
@@ -267,6 +269,7 @@ def test_dark_and_flat_captures_of_different_orientations_are_refused(captures):
         jl.calibrate(dark, flat)
 
 
+@pytest.mark.slow
 def test_info_describes_and_draws_a_calibration(run, captures, calibrated):
     status, output = run("info", "c.safetensors", "--plot", "page.svg")
     assert status == 0

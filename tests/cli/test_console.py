@@ -22,6 +22,7 @@ def files(folder):
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
+@pytest.mark.slow
 def test_a_long_command_shows_its_progress_on_a_terminal(tmp_path, photo):
     """The terminal is a pseudo-terminal."""
     leader, follower = os.openpty()
@@ -99,6 +100,7 @@ def test_the_iteration_and_the_residual_are_shown_on_a_terminal(tmp_path, method
     assert float(found[-1][1]) <= 0.002
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_promptly_and_leaves_the_old_image(tmp_path):
     rng = np.random.default_rng(0)
     np.save(tmp_path / "counts.npy", rng.integers(0, 17, (300, 300)))

@@ -136,6 +136,7 @@ def long_command(folder):
             child.kill()
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_promptly_and_leaves_no_files(tmp_path):
     with long_command(tmp_path) as child:
         child.send_signal(signal.SIGINT)

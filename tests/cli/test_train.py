@@ -44,6 +44,7 @@ def test_a_folder_of_images_trains_the_same_network_as_python(run, photo_folder,
     assert files(tmp_path) == [NETWORK, "photos"]
 
 
+@pytest.mark.slow
 def test_the_default_optimizer_is_gauss_newton(run, photo_folder):
     assert run("train", photo_folder, "-o", NETWORK, "--batch", 4, "--steps", 1)[0] == 0
     assert "GaussNewton" in jl.Network.load(NETWORK).history["run"]["optimizer"]

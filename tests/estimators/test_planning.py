@@ -71,6 +71,7 @@ def test_the_psnr_is_that_of_uniformly_distributed_light():
     assert expected.psnr[0] == pytest.approx(10 * np.log10(4 / mean), abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", SENSORS, ids=str)
 def test_more_frames_are_better_and_required_frames_is_the_minimum(options):
     light = (0.05, 1.5 * options.get("threshold", 1))

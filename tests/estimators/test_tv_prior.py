@@ -17,6 +17,7 @@ def length(vector, norm):
     return np.hypot(*vector) if norm == "isotropic" else np.abs(vector).sum()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("norm", NORMS)
 def test_shrinking_minimizes_its_cost(norm):
     planes = RANDOM.normal(0, 2, (2, 4, 5))

@@ -89,6 +89,7 @@ def test_the_video_of_a_large_capture_takes_little_memory(tmp_path):
     assert np.load(tmp_path / "a.npy", mmap_mode="r").shape == (20, 256, 256)
 
 
+@pytest.mark.slow
 def test_without_the_package_mp4_says_what_to_install(tmp_path):
     code = (
         "import sys, importlib.machinery; sys.modules['imageio_ffmpeg'] = None\n"

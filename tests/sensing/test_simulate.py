@@ -163,6 +163,7 @@ def exposures(draw):
     return sensor, image, tile, draw(slices(frames)), draw(st.sampled_from([1, 2, 3, None]))
 
 
+@pytest.mark.slow
 @settings(max_examples=5 * settings().max_examples)
 @given(exposures(), st.integers(0, 2**64))
 def test_a_part_has_the_bits_that_the_whole_has_there(exposure, seed):

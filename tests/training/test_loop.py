@@ -29,6 +29,7 @@ def test_runs_without_a_seed_differ_and_record_the_seed():
     np.testing.assert_array_equal(parameter_vector(one), parameter_vector(again))
 
 
+@pytest.mark.slow
 def test_the_trained_network_is_for_the_requested_sensor():
     dim = SENSOR.replace(dark_counts=0.3)
     trained, history = train(sensor=dim, test=IMAGES[:4], steps=2)

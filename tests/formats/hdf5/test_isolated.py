@@ -126,6 +126,7 @@ def test_every_call_fails_after_a_crash(tmp_path, end, message):
     assert library.process_id is None
 
 
+@pytest.mark.slow
 @needs_posix
 def test_the_child_process_ends_with_the_capture(tmp_path):
     library, data_set = start(tmp_path)
