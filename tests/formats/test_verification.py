@@ -77,9 +77,9 @@ def undetected_flips(path, file, step):
     return unnoticed
 
 
-@pytest.mark.parametrize("step", [67, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("step", [67, pytest.param(3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["a.npy", "a.npy.gz", "a.npz", "a.tif"])
-def test_every_flipped_bit_in_every_file_is_detected(tmp_path, name, step):
+def test_flipped_bits_in_every_file_are_detected(tmp_path, name, step):
     bits = random_bits((2, 3, 9), MAPPED)
     for data in (bits, bits.counts()):
         folder = tmp_path / type(data).__name__

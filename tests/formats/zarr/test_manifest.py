@@ -54,11 +54,11 @@ def test_some_flipped_bits_are_refused(folder):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("data", "step"), [(COUNTS[:1, :1], 1), (BITS_WITH_MAPS, 7)])
-def test_every_flipped_bit_is_refused(tmp_path, data, step):
-    # With maps, a folder has 27,000 bits, so only every seventh is flipped.
+@pytest.mark.parametrize(("data", "step"), [(COUNTS[:1, :1], 3), (BITS_WITH_MAPS, 19)])
+def test_more_flipped_bits_are_refused(tmp_path, data, step):
+    # Without maps, a folder has about 10,000 bits; with maps, 27,000.
     write_capture(data, tmp_path / "a", name="zarr")
-    assert flips_are_refused(tmp_path / "a", step) > 3000
+    assert flips_are_refused(tmp_path / "a", step) > 1000
 
 
 def test_every_missing_or_emptied_file_is_refused(folder):
