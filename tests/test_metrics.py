@@ -1,5 +1,7 @@
 """Measures of image quality."""
 
+import threading
+
 import numpy as np
 import pytest
 import skimage.metrics
@@ -93,3 +95,16 @@ def test_ssim_refuses_images_smaller_than_its_window():
 
 def test_the_metrics_are_public():
     assert jl.metrics is metrics
+
+
+def test_ctrl_c_does_not_wait_for_ssim(monkeypatch):
+    # Only the main thread reacts to Ctrl-C, so the library computes in another one.
+    threads = []
+
+    def similarity(*_, **options):
+        threads.append(threading.current_thread())
+        return 0.5
+
+    monkeypatch.setattr("skimage.metrics.structural_similarity", similarity)
+    assert jl.metrics.ssim(np.zeros((11, 11)), np.zeros((11, 11))) == 0.5
+    assert threads[0] is not threading.current_thread()

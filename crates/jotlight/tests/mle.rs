@@ -186,3 +186,47 @@ fn equivalent_counts_of_reference_jots_are_the_counts() -> Result<()> {
     assert!((f64::from(ideal[0]) - 16.0 * (1.0 - (-light).exp())).abs() < 1e-5);
     Ok(())
 }
+
+/// Return all combinations of the elements of two arrays.
+fn pairs<A: Copy, B: Copy>(first: &[A], second: &[B]) -> Vec<(A, B)> {
+    let pairs = first
+        .iter()
+        .flat_map(|&a| second.iter().map(move |&b| (a, b)));
+    pairs.collect()
+}
+
+#[test]
+fn estimates_from_jots_end_for_any_response() -> Result<()> {
+    let lights = [1.0, 1e-300, 1e160, f64::INFINITY, f64::NAN, -1.0, -1e210];
+    let maxima = [5e-324, 1e-162, 1.0, f64::MAX];
+    let jots = [
+        (1.0, 0.0),
+        (0.0, 0.0),
+        (f64::NAN, 0.0),
+        (-1.0, 0.0),
+        (1.0, f64::NAN),
+    ];
+    for ((efficiency, dark_counts), (light, max_intensity)) in
+        pairs(&jots, &pairs(&lights, &maxima))
+    {
+        let counts = JotCounts {
+            ones: &[2, 1, 0, 3],
+            responses: JotResponses {
+                efficiency: Values::Each(&[1.0, 1.0, 1.0, efficiency]),
+                dark_counts: Values::Same(dark_counts),
+            },
+            dead: None,
+            frames: 3,
+            oversampling: 2,
+        };
+        let response = PixelResponse {
+            light_per_intensity: light,
+            max_intensity,
+            ..response(3)?
+        };
+        let mut out = [-1.0];
+        mle::from_jots(&response, &counts, 1, &mut out)?;
+        assert!((0.0..=max_intensity as f32).contains(&out[0]));
+    }
+    Ok(())
+}

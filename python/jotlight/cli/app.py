@@ -110,8 +110,8 @@ def main() -> None:
     exit_on_signals()
     try:
         status = run(sys.argv[1:])
-    except SystemExit as signal:
-        status = int(signal.code or 0)
+    except SystemExit as stop:  # a signal
+        status = int(stop.code or 0)
     if status >= STOPPED_BY_SIGNAL:
         end_at_once(status)
     sys.exit(status)

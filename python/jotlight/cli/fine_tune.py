@@ -16,8 +16,8 @@ from jotlight.cli.learners import check_device
 from jotlight.cli.sensor_options import CalibratedSensorOptions
 from jotlight.cli.training_options import TrainingOptions
 from jotlight.cli.training_run import (
-    check_checkpoint,
     checkpoint_path,
+    prepare_run,
     report_training,
     run_training,
 )
@@ -50,7 +50,7 @@ def fine_tune(
     check_device(training.device)
     is_first = distributed.rank() == 0
     if is_first:
-        check_checkpoint(training)
+        prepare_run(training)
     steps = fine_tuning.STEPS if training.steps is None else training.steps
     rate = fine_tuning.LEARNING_RATE if training.learning_rate is None else training.learning_rate
     with silenced(not is_first):

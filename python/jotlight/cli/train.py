@@ -34,8 +34,8 @@ from jotlight.cli.training_options import (
     TrainingOptions,
 )
 from jotlight.cli.training_run import (
-    check_checkpoint,
     checkpoint_path,
+    prepare_run,
     report_training,
     run_training,
 )
@@ -95,7 +95,7 @@ def train(
     start = None if training.start is None else Network.load(training.start)
     learner = _learner(training, network, start)
     if learner.is_first:
-        check_checkpoint(training)
+        prepare_run(training)
     with silenced(not learner.is_first):
         scale = 1.0
         if target is not None:

@@ -29,8 +29,14 @@ def checkpoint_path(output: Path) -> Path:
     return output.with_suffix(".checkpoint.safetensors")
 
 
-def check_checkpoint(options: TrainingOptions) -> None:
-    """Raise ValueError or OSError when a stopped run and the options do not fit together."""
+def prepare_run(options: TrainingOptions) -> None:
+    """Remove what killed runs left, and check that a stopped run and the options fit together.
+
+    Raises
+    ------
+    OSError, ValueError
+        When they do not.
+    """
     checkpoint = checkpoint_path(options.output)
     for path in filter(None, (options.output, checkpoint, options.plot)):
         if path.parent.is_dir():

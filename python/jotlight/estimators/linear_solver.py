@@ -22,11 +22,12 @@ _MAX_CG_STEPS = 50
 """The maximum number of steps of conjugate gradients."""
 
 _POOL = threading.RLock()
-"""Lock for SciPy's pool of threads. A fork stops the pool, which breaks transforms that use it."""
+"""Lock for SciPy's pool of threads. A fork stops the pool, so it waits for running transforms."""
 
 if hasattr(os, "register_at_fork"):
-    release = _POOL.release
-    os.register_at_fork(before=_POOL.acquire, after_in_parent=release, after_in_child=release)
+    os.register_at_fork(
+        before=_POOL.acquire, after_in_parent=_POOL.release, after_in_child=_POOL.release
+    )
 
 
 class NormalEquations:

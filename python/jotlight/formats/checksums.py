@@ -192,7 +192,10 @@ def seal(content: Mapping[str, Any]) -> str:
 
 
 def is_sealed(text: str) -> bool:
-    """Return whether a text is sealed JSON, which may be damaged. An empty text may be its rest.
+    """Return whether a text is sealed JSON, also if it is damaged.
+
+    An empty text, or one that ends before the checksum, also counts: a copy that was interrupted
+    leaves such files.
 
     Examples
     --------

@@ -102,9 +102,11 @@ class IsolatedLibrary:
     def _start(self, path: str) -> None:
         script = str(Path(library.__file__))
         try:
+            if not sys.executable:
+                raise FileNotFoundError("sys.executable names no Python")
             # Without the module `site`, the child process starts faster. It uses our `sys.path`.
             process = subprocess.Popen(  # noqa: S603 - our own file
-                [sys.executable or "python", "-SPs", script],
+                [sys.executable, "-SPs", script],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
