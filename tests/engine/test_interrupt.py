@@ -17,10 +17,10 @@ pytestmark = [
     pytest.mark.skipif(sys.platform == "win32", reason="sends SIGINT"),
 ]
 
-# A thread notes the processor time at which the signal arrives: the main thread may be busy then.
+# A thread notes the processor time at which a signal arrives: the main thread may be busy then.
 # Processor time hardly depends on what else the machine computes.
 PROGRAM = """
-import json, os, signal, threading, time
+import json, os, queue, signal, sys, threading, time
 import numpy as np
 import scipy.interpolate, scipy.optimize, skimage.restoration, skimage.filters
 import jotlight as jl
@@ -32,23 +32,23 @@ inbox, outbox = os.pipe()
 os.set_blocking(outbox, False)
 signal.set_wakeup_fd(outbox)
 signal.signal(signal.SIGINT, signal.default_int_handler)
-arrival = []
+arrivals = queue.Queue()
 
 def watch():
-    os.read(inbox, 1)
-    arrival.extend([time.process_time(), time.monotonic()])
+    while os.read(inbox, 1):
+        arrivals.put((time.process_time(), time.monotonic()))
 
-watcher = threading.Thread(target=watch, daemon=True)
-watcher.start()
-print("at work", flush=True)
-try:
-    {call}
-except KeyboardInterrupt:
-    end = time.process_time(), time.monotonic()
-    watcher.join()
-    print(json.dumps([a - b for a, b in zip(end, arrival, strict=True)]), flush=True)
-    os._exit(0)
-print("done")
+threading.Thread(target=watch, daemon=True).start()
+for call in sys.stdin:
+    print("at work", flush=True)
+    try:
+        eval(call)
+    except KeyboardInterrupt:
+        end = time.process_time(), time.monotonic()
+        seconds = [a - b for a, b in zip(end, arrivals.get(), strict=True)]
+        print(json.dumps(seconds), flush=True)
+    else:
+        print(json.dumps("the call ended before the signal"), flush=True)
 """
 SENSOR = "jl.Sensor(frames=100)"
 # Each call takes from many seconds to hours, and little memory until it is interrupted.
@@ -112,26 +112,57 @@ MAX_SECONDS = 1
 """Maximum processor time of all threads between the signal and the exception."""
 
 
-def interrupt(call):
-    """Return the processor time and the time in seconds between a signal and its exception."""
-    program = PROGRAM.replace("{call}", call.replace("{0}", SENSOR))
-    with subprocess.Popen(
-        [sys.executable, "-c", program], stdout=subprocess.PIPE, text=True
-    ) as process:
+class Child:
+    """A process that makes one call after another, until one of them cannot be interrupted."""
+
+    def __init__(self):
+        self.process = None
+
+    def interrupt(self, call):
+        """Return the processor time and the time in seconds between a signal and its exception."""
+        if self.process is None:
+            self.process = subprocess.Popen(
+                [sys.executable, "-c", PROGRAM],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                text=True,
+            )
+        process = self.process
+        timer = threading.Timer(60, process.kill)  # a process that ignores the signal
+        timer.start()
         try:
+            process.stdin.write(f"{call}\n")
+            process.stdin.flush()
             assert process.stdout.readline() == "at work\n"
-            time.sleep(2)
-            assert process.poll() is None
+            time.sleep(1)
             process.send_signal(signal.SIGINT)
-            out, _ = process.communicate(timeout=60)
+            seconds = json.loads(process.stdout.readline())
+            assert isinstance(seconds, list), seconds
+            return seconds
+        except BaseException:
+            self.stop()
+            raise
         finally:
-            process.kill()
-    return json.loads(out)
+            timer.cancel()
+
+    def stop(self):
+        """Kill the process, if there is one."""
+        if self.process is not None:
+            self.process.kill()
+            self.process.communicate()
+            self.process = None
+
+
+@pytest.fixture(scope="module")
+def child():
+    child = Child()
+    yield child
+    child.stop()
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_ctrl_c_interrupts_a_long_call(name):
-    processor_seconds, _ = interrupt(CALLS[name])
+def test_ctrl_c_interrupts_a_long_call(name, child):
+    processor_seconds, _ = child.interrupt(CALLS[name].replace("{0}", SENSOR))
     assert processor_seconds < MAX_SECONDS
 
 
