@@ -97,6 +97,19 @@ def test_a_damaged_file_is_read_or_refused(name, tmp_path_factory):
 
 FOUND = {
     "a type that SciPy crashes on": ("matlab", 0, b"\2\0\0\0\x10\0\0\0", b"\xf9\0\0\0\x10\0\0\0"),
+    "a variable has more numbers than bytes": (
+        "matlab",
+        2,
+        b"\4\0\0\0\4\0\0\0\1\0\0\0",
+        b"\4\0\4\0\4\0\x60\0\1\0\0\0",
+    ),
+    "an empty array has a length beyond 64 bits": (
+        "zarr",
+        0,
+        b"6,\n    9\n",
+        b"118059162071741130342,\n    0\n",
+    ),
+    "elements are arrays": ("mask", 0, b"'|b1'", b"'1b1'"),
     "the name of a codec is a list": ("zarr", 0, b'"name": "bytes"', b'"name": []'),
     "the id of a codec is a list": ("zarr-2", 0, b'"id": "zstd"', b'"id": []'),
     "chunks are empty": ("zarr-2", 0, b'"chunks": [\n    6,\n    9\n  ]', b'"chunks": 0'),

@@ -79,7 +79,8 @@ def read_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     Raises
     ------
     ValueError
-        When the stream has another signature, or a version other than 1, 2, and 3.
+        When the stream has another signature, a version other than 1, 2, and 3, or elements that
+        are arrays themselves.
     """
     readers = {
         (1, 0): np.lib.format.read_array_header_1_0,
@@ -91,7 +92,10 @@ def read_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     version = np.lib.format.read_magic(file)
     if version not in readers:
         raise ValueError(f"expected version 1, 2, or 3 of the .npy format, got {version}")
-    return readers[version](file)
+    shape, fortran_order, dtype = readers[version](file)
+    if dtype.shape:
+        raise ValueError(f"expected an array of numbers, got elements of {dtype}")
+    return shape, fortran_order, dtype
 
 
 def objects_error(name: str) -> ValueError:

@@ -69,6 +69,8 @@ def _open_version_5(path: Path, key: str | None, checksum: str | None) -> Frames
         raise ValueError(f"{path}: expected {name} of shape (H, W, T), got {shape}")
     frame_bytes = size // max(1, shape[2])
     check_claimed_size(str(path), size, file.size, frame_bytes=frame_bytes, whole=True)
+    if math.prod(shape) > size:
+        raise ValueError(f"{path}: {name} has shape {shape}, but only {size} bytes; it is damaged")
     # The cache holds the array until the last frame is read, so reading in order loads it once.
     cache: list[npt.NDArray[Any]] = []
     lock = ProcessLock()

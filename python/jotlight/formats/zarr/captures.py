@@ -139,7 +139,7 @@ def _open_array(folder: _Folder, name: str) -> StoredArray:
         label = array.attrs.get(ATTRIBUTE)
     except Exception as error:  # the library raises many exceptions for damaged folders
         raise ValueError(f"{path}: the array is damaged ({error})") from error
-    if dtype.kind not in "biuf" or not shape or min(shape) < 0:
+    if dtype.kind not in "biuf" or not shape or not 0 <= min(shape) <= max(shape) < 2**63:
         raise ValueError(f"{path}: expected an array of numbers, got {dtype} of shape {shape}")
     if min(*array.chunks, *(array.shards or array.chunks)) < 1:
         raise ValueError(f"{path}: expected chunks of 1 or more numbers, got {array.chunks}")
