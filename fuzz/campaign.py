@@ -107,7 +107,8 @@ def run_targets(
             print(result, flush=True)
             findings += result.findings
             if options.output:
-                add_row(options.output, {"part": part, **dataclasses.asdict(result)})
+                row = {"part": part, "commit": run["commit"], **dataclasses.asdict(result)}
+                add_row(options.output, row)
     if options.output and options.name == "all":
         add_row(options.output, {**run, "seconds": time.monotonic() - begin})
     print(f"{part}: {len(names)} fuzzed, {findings} findings")

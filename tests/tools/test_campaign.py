@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from damage.page import build_page
-from damage.record import read_rows
+from damage.record import facts, read_rows
 
 FUZZ = Path(__file__).parents[2] / "fuzz"
 
@@ -52,8 +52,9 @@ def test_rows_of_fuzzing_appear_on_the_page(part, campaign, monkeypatch, tmp_pat
     assert "#2" not in printed
     lines = build_page(read_rows(tmp_path)).splitlines()
     title = {"readers": "Python", "engine": "Rust"}[part]
-    assert f"| {title}: first | 4,000 | 2 | 2,000 | 61 | 0 | – |" in lines
-    assert f"| {title}: second | 4,000 | 2 | 2,000 | 61 | 1 | – |" in lines
+    commit = facts("")["commit"]
+    assert f"| {title}: first | {commit} | 4,000 | 2 | 2,000 | 61 | 0 | – |" in lines
+    assert f"| {title}: second | {commit} | 4,000 | 2 | 2,000 | 61 | 1 | – |" in lines
     (run,) = (line for line in lines if line.startswith(f"| {part} | 8,000 | 1 |"))
     assert f"rustc 1.90 | `python fuzz/{part}.py {' '.join(arguments)}` |" in run
 

@@ -106,13 +106,14 @@ def test_there_are_100_kills():
 def test_the_page_shows_every_row_and_violation():
     run = {"part": "run", "date": "2026-01-01", "commit": "a", "python": "3.11"}
     run |= {"seconds": 3, "libraries": {"numpy": "2.0", "torch": None}, "command": "python x"}
-    reader = {"part": "readers", "seconds": 2.0, "findings": 0, "branches": 7, "library_crashes": 1}
+    reader = {"part": "readers", "commit": "b", "seconds": 2.0, "findings": 0, "branches": 7,
+              "library_crashes": 1}  # fmt: skip
     rows = [
         *({**run, "of": part} for part in ("readers", "engine", "kills", "disks", "flips")),
         {**reader, "name": "npy", "inputs": 5},
         {**reader, "name": "npy", "inputs": 1000},
-        {"part": "engine", "name": "counts", "inputs": 2000, "seconds": 1.0, "findings": 1,
-         "branches": 9},
+        {"part": "engine", "commit": "b", "name": "counts", "inputs": 2000, "seconds": 1.0,
+         "findings": 1, "branches": 9},
         {"part": "kills", "name": "train", "kills": 12, "old": 9, "violations": ["a | b"]},
         {"part": "kills at changes", "name": "train", "kills": 4, "old": 3, "between": 1,
          "violations": []},
@@ -125,10 +126,10 @@ def test_the_page_shows_every_row_and_violation():
     page = build_page(rows)
     for line in (
         "| readers | 1,000 | 0 | 2026-01-01 | 3 | commit a, Python 3.11, numpy 2.0 | `python x` |",
-        "| Python: npy | 1,000 | 2 | 500 | 7 | 0 | 1 |",
+        "| Python: npy | b | 1,000 | 2 | 500 | 7 | 0 | 1 |",
         "| engine | 2,000 | 1 | 2026-01-01 | 3 | commit a, Python 3.11, numpy 2.0 | `python x` |",
-        "| Rust: counts | 2,000 | 1 | 2,000 | 9 | 1 | – |",
-        "| **all** | 3,000 | 3 |  |  | 1 |  |",
+        "| Rust: counts | b | 2,000 | 1 | 2,000 | 9 | 1 | – |",
+        "| **all** |  | 3,000 | 3 |  |  | 1 |  |",
         "| train | 12 | 9 | 3 | 4 | 1 | 1 |",
         "- train: a | b",
         "| video | 2 | 0, 4 | 1 | 0 |",

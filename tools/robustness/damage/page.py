@@ -37,8 +37,11 @@ reversed or strided arrays. Each entry point returns a result or an error. Anyth
 finding: a panic, an overflow, more than 10 s, more than 2 GiB, or a result that depends on the
 memory layout or on the number of threads.
 
-| reader or entry point | inputs | time (s) | inputs/s | branches | findings | library crashes |
-| --- | ---: | ---: | ---: | ---: | ---: | ---: |
+After a finding was fixed, the readers whose code changed were fuzzed again from the beginning. The
+column "commit" is the version of the code that was fuzzed.
+
+| name | commit | inputs | time (s) | inputs/s | branches | findings | library crashes |
+| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |
 {rows}
 """
 
@@ -160,6 +163,7 @@ def _fuzz_rows(rows: Rows) -> Iterable[Iterable[object]]:
         rate = row["inputs"] / max(row["seconds"], 0.1)
         yield (
             f"{titles[row['part']]}: {row['name']}",
+            row["commit"],
             f"{row['inputs']:,}",
             f"{row['seconds']:,.0f}",
             f"{rate:,.0f}",
@@ -170,7 +174,7 @@ def _fuzz_rows(rows: Rows) -> Iterable[Iterable[object]]:
     inputs, seconds, findings = (
         sum(row[key] for row in rows) for key in ("inputs", "seconds", "findings")
     )
-    yield ("**all**", f"{inputs:,}", f"{seconds:,.0f}", "", "", findings, "")
+    yield ("**all**", "", f"{inputs:,}", f"{seconds:,.0f}", "", "", findings, "")
 
 
 def _kill_rows(kills: Rows, at_changes: Rows) -> Iterable[Iterable[object]]:
