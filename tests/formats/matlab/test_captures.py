@@ -121,6 +121,17 @@ def test_info_holds_checksums_and_the_numbers_that_other_software_reads(tmp_path
         assert hashlib.sha256((tmp_path / "a" / name).read_bytes()).hexdigest() == checksum
 
 
+def test_equal_frames_make_equal_files_at_any_time(tmp_path):
+    bits = random_bits((3, 4, 9))
+    for name in "ab":
+        jl.save(bits, tmp_path / name, format="matlab")
+        # The header of other software states the time in seconds.
+        time.sleep(1.1)
+    for name in ("part_1.mat", "info.json"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    np.testing.assert_array_equal(jl.open(tmp_path / "a").to_array(), bits.to_array())
+
+
 def change(folder, **changes):
     """Change entries of `info.json` as a user does, who deletes its checksum."""
     info = json.loads((folder / "info.json").read_text())

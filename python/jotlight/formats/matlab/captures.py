@@ -27,6 +27,9 @@ from jotlight.sensing.provenance import Provenance
 _FRAMES_PER_PART, _BYTES_PER_PART = 256, 1 << 26
 """Maximum number of frames, and of their bytes, in each file that jotlight writes."""
 
+_HEADER, _HEADER_BYTES = b"MATLAB 5.0 MAT-file, written by jotlight", 116
+"""Text at the beginning of each file that jotlight writes, and the length of the place for it."""
+
 _INFO = "info.json"
 """Name of the file that describes the parts."""
 
@@ -166,6 +169,8 @@ def _write_bits(bits: Bits, path: Path) -> None:
             with open_output(file) as output:
                 content = {VARIABLE: np.moveaxis(unpacked, 0, 2)}
                 interruptible(savemat)(output, content, do_compression=True)
+                output.seek(0)  # SciPy writes the time; without it, equal frames make equal files
+                output.write(_HEADER.ljust(_HEADER_BYTES))
             checksums[file.name] = file_checksum(file)
         # Other software reads no_parts and no_frames.
         info = {
