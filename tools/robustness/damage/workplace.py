@@ -49,9 +49,13 @@ class Workplace:
         return [] if now == self.inputs else ["an input changed"]
 
     def leftovers(self) -> list[str]:
-        """Return the hidden files in the folder of outputs, and all temporary files."""
+        """Return the hidden files in the folder of outputs, and all temporary files.
+
+        PyTorch's folder of compiled code is not temporary: later processes use it.
+        """
         hidden = [name for name in read_tree(self.out) if is_hidden(name)]
-        return hidden + (list(read_tree(self.scratch)) if self.scratch.exists() else [])
+        temporary = list(read_tree(self.scratch)) if self.scratch.exists() else []
+        return hidden + [name for name in temporary if not name.startswith("torchinductor_")]
 
 
 @dataclasses.dataclass(frozen=True)
