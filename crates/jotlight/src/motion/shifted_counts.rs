@@ -1,0 +1,452 @@
+//! Counts of the ones along a motion.
+
+use std::borrow::Cow;
+use std::ops::Range;
+
+use ndarray::parallel::prelude::*;
+use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis, s};
+
+pub use super::row::BLOCK;
+
+use super::field::Displacements;
+use super::row::{RowMotion, Run, SEVERAL};
+use crate::bits::{
+    BitCounters, FRAMES_PER_GROUP, MAX_FIELD_BITS, PackedBits, bit_field, check_mask, copy_bytes,
+};
+use crate::cpu::levels;
+use crate::error::{Error, Result};
+use crate::interrupt;
+
+/// The number of rows that one task counts. Its counters fit in the cache.
+const ROWS_PER_TASK: usize = 16;
+
+/// The sums along a motion, to which [`add_shifted_counts`] adds.
+#[derive(Debug)]
+pub struct ShiftedCounts<'a> {
+    /// The number of ones of each pixel, `(H, W)`.
+    pub ones: ArrayViewMut2<'a, i32>,
+    /// The number of valid bits of each pixel, `(H, W)`.
+    pub trials: ArrayViewMut2<'a, i32>,
+    /// The remainders, in rows and columns: their sum over the frames, and their mean over each
+    /// [`BLOCK`] of pixels in a row, `(H, 2, ⌈W/BLOCK⌉)`.
+    pub remainders: ArrayViewMut3<'a, f32>,
+}
+
+/// Count the ones of frames whose pixels are displaced, and add them to `sums`.
+///
+/// `times[t]` is the time of frame t between the first (0) and the last field (1) of the
+/// displacements. Bits that come from outside the frame, or whose bit in the packed mask `valid`
+/// `(H, ⌈W/8⌉)` is 0, are no trials.
+///
+/// # Errors
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if a time is not in
+/// \[-1, 2\], or a count could exceed the `i32`.
+pub fn add_shifted_counts(
+    bits: &PackedBits<'_>,
+    motion: &Displacements<'_>,
+    times: &[f32],
+    valid: Option<ArrayView2<'_, u8>>,
+    mut sums: ShiftedCounts<'_>,
+) -> Result<()> {
+    let (frames, rows, columns) = bits.shape();
+    check(bits, times, valid, &sums)?;
+    if frames == 0 || rows == 0 || columns == 0 {
+        return Ok(());
+    }
+    let input = Input {
+        bits: bits.contiguous(),
+        valid: valid.map(contiguous_mask),
+        motion,
+        times,
+        rows,
+        columns,
+    };
+    let ShiftedCounts {
+        ones,
+        trials,
+        remainders,
+    } = &mut sums;
+    ones.axis_chunks_iter_mut(Axis(0), ROWS_PER_TASK)
+        .into_par_iter()
+        .zip(trials.axis_chunks_iter_mut(Axis(0), ROWS_PER_TASK))
+        .zip(remainders.axis_chunks_iter_mut(Axis(0), ROWS_PER_TASK))
+        .enumerate()
+        .for_each(|(chunk, ((ones, trials), remainders))| {
+            let part = ShiftedCounts {
+                ones,
+                trials,
+                remainders,
+            };
+            count_rows(&input, chunk * ROWS_PER_TASK, part);
+        });
+    Ok(())
+}
+
+fn check(
+    bits: &PackedBits<'_>,
+    times: &[f32],
+    valid: Option<ArrayView2<'_, u8>>,
+    sums: &ShiftedCounts<'_>,
+) -> Result<()> {
+    let (frames, rows, columns) = bits.shape();
+    if times.len() != frames {
+        return Err(Error::shape("times of the frames", frames, times.len()));
+    }
+    if let Some(time) = times.iter().find(|time| !(-1.0..=2.0).contains(*time)) {
+        return Err(Error::range("times of the frames", "-1 to 2", time));
+    }
+    check_mask(valid, rows, columns)?;
+    for counts in [sums.ones.view(), sums.trials.view()] {
+        if counts.dim() != (rows, columns) {
+            return Err(Error::shape("counts", (rows, columns), counts.dim()));
+        }
+        let max = counts.iter().copied().max().unwrap_or(0);
+        let frames = i32::try_from(frames).ok();
+        if frames.and_then(|frames| max.checked_add(frames)).is_none() {
+            let received = format!("a count of {max} and {} more bits", times.len());
+            return Err(Error::range("counts", "sums of less than 2^31", received));
+        }
+    }
+    let blocks = (rows, 2, columns.div_ceil(BLOCK));
+    if sums.remainders.dim() != blocks {
+        return Err(Error::shape("remainders", blocks, sums.remainders.dim()));
+    }
+    Ok(())
+}
+
+fn contiguous_mask(mask: ArrayView2<'_, u8>) -> Cow<'_, [u8]> {
+    match mask.to_slice() {
+        Some(bytes) => Cow::Borrowed(bytes),
+        None => Cow::Owned(mask.iter().copied().collect()),
+    }
+}
+
+/// The bits and their motion.
+struct Input<'a, 'b> {
+    bits: Cow<'a, [u8]>,
+    valid: Option<Cow<'a, [u8]>>,
+    motion: &'a Displacements<'b>,
+    times: &'a [f32],
+    rows: usize,
+    columns: usize,
+}
+
+impl Input<'_, '_> {
+    /// Return the number of bytes of a row.
+    fn row_bytes(&self) -> usize {
+        self.columns.div_ceil(8)
+    }
+
+    /// Return the bytes of a frame and all that follow it.
+    #[inline(always)]
+    fn frame(&self, frame: usize) -> &[u8] {
+        &self.bits[frame * self.rows * self.row_bytes()..]
+    }
+}
+
+levels! {
+    /// Count some rows of pixels, of which `first_row` is the first.
+    fn count_rows(
+        input: &Input<'_, '_>, first_row: usize, sums: ShiftedCounts<'_>,
+    ) = count_rows_inlined;
+}
+
+#[inline(always)]
+fn count_rows_inlined(input: &Input<'_, '_>, first_row: usize, mut sums: ShiftedCounts<'_>) {
+    let mut rows: Vec<RowCounter> = (first_row..first_row + sums.ones.nrows())
+        .map(|row| RowCounter::new(input, row))
+        .collect();
+    for first_frame in (0..input.times.len()).step_by(FRAMES_PER_GROUP) {
+        if interrupt::is_requested() {
+            return;
+        }
+        for row in &mut rows {
+            row.count_group(input, first_frame);
+        }
+    }
+    let mut counts = vec![0; input.columns];
+    for (index, row) in rows.iter().enumerate() {
+        row.ones(&mut counts);
+        sums.ones
+            .row_mut(index)
+            .iter_mut()
+            .zip(&counts)
+            .for_each(|(sum, ones)| *sum += ones);
+        row.trials(&mut counts);
+        sums.trials
+            .row_mut(index)
+            .iter_mut()
+            .zip(&counts)
+            .for_each(|(sum, trials)| *sum += trials);
+        let displacements = row.motion.sums_of_displacements(input.times);
+        for direction in 0..2 {
+            let shifts = row.shifts[direction].iter().zip(&displacements[direction]);
+            let remainders = sums.remainders.slice_mut(s![index, direction, ..]);
+            for (sum, (shift, displacement)) in remainders.into_iter().zip(shifts) {
+                *sum += shift - displacement;
+            }
+        }
+    }
+}
+
+/// The shifted bits of a row in a group of frames.
+type Group = [Vec<[u8; 8]>; FRAMES_PER_GROUP];
+
+/// The counters of a row of pixels.
+struct RowCounter {
+    row: usize,
+    motion: RowMotion,
+    ones: BitCounters,
+    shifted: Group,
+    /// The counters of valid bits and the shifted mask, if there is one.
+    valid: Option<(BitCounters, Group)>,
+    /// How much the number of trials increases from each pixel to the next, if there is no mask.
+    steps: Vec<i32>,
+    /// The sum of the mean shifts of each block over the frames, in rows and columns.
+    shifts: [Vec<f32>; 2],
+    /// Whether the bits of each block have yet to be copied.
+    is_pending: Vec<bool>,
+    shifts_of_blocks: [Vec<i32>; 2],
+    runs: Vec<Run>,
+}
+
+impl RowCounter {
+    fn new(input: &Input<'_, '_>, row: usize) -> Self {
+        let words = input.columns.div_ceil(64);
+        let blocks = input.columns.div_ceil(BLOCK);
+        let group = || std::array::from_fn(|_| vec![[0; 8]; words]);
+        Self {
+            row,
+            motion: RowMotion::new(input.motion, row),
+            ones: BitCounters::new(8 * words),
+            shifted: group(),
+            valid: input
+                .valid
+                .as_ref()
+                .map(|_| (BitCounters::new(8 * words), group())),
+            steps: vec![0; input.columns + 1],
+            shifts: [vec![0.0; blocks], vec![0.0; blocks]],
+            is_pending: vec![true; blocks],
+            shifts_of_blocks: [vec![0; blocks], vec![0; blocks]],
+            runs: Vec::new(),
+        }
+    }
+
+    /// Count the group of frames that begins with `first_frame`.
+    #[inline(always)]
+    fn count_group(&mut self, input: &Input<'_, '_>, first_frame: usize) {
+        for bits in self
+            .shifted
+            .iter_mut()
+            .chain(self.valid.iter_mut().flat_map(|(_, mask)| mask))
+        {
+            bits.fill([0; 8]);
+        }
+        let times = &input.times[first_frame..];
+        let times = &times[..times.len().min(FRAMES_PER_GROUP)];
+        let range = times.iter().fold([times[0]; 2], |[low, high], &time| {
+            [low.min(time), high.max(time)]
+        });
+        let frames = first_frame..first_frame + times.len();
+        if let Some(shift) = self.motion.common_shift(range) {
+            for (sums, shift) in self.shifts.iter_mut().zip(shift) {
+                sums.iter_mut()
+                    .for_each(|sum| *sum += shift as f32 * times.len() as f32);
+            }
+            let run = Run {
+                start: 0,
+                end: input.columns,
+                shift,
+            };
+            self.copy(input, frames, first_frame, run);
+        } else {
+            self.is_pending.fill(true);
+            self.copy_blocks(input, frames.clone(), first_frame, range, false);
+            if self.is_pending.contains(&true) {
+                for (frame, &time) in frames.zip(times) {
+                    self.copy_blocks(input, frame..frame + 1, first_frame, [time; 2], true);
+                }
+            }
+        }
+        for (ones, valid) in self
+            .shifted
+            .iter_mut()
+            .zip(self.valid.iter().flat_map(|(_, mask)| mask))
+        {
+            for (ones, valid) in ones.as_flattened_mut().iter_mut().zip(valid.as_flattened()) {
+                *ones &= valid;
+            }
+        }
+        self.ones
+            .add(&self.shifted.each_ref().map(|words| words.as_flattened()));
+        if let Some((counters, mask)) = &mut self.valid {
+            counters.add(&mask.each_ref().map(|words| words.as_flattened()));
+        }
+    }
+
+    /// Copy the bits of the pending blocks, in some frames of the group.
+    ///
+    /// Blocks with several shifts remain pending. They are copied frame by frame if `search` is
+    /// true.
+    #[inline(always)]
+    fn copy_blocks(
+        &mut self,
+        input: &Input<'_, '_>,
+        frames: Range<usize>,
+        first_frame: usize,
+        times: [f32; 2],
+        search: bool,
+    ) {
+        let mut shifts = std::mem::take(&mut self.shifts_of_blocks);
+        self.motion.common_shifts_of_blocks(times, &mut shifts);
+        let mut run = Run {
+            start: 0,
+            end: 0,
+            shift: [0; 2],
+        };
+        for block in 0..shifts[0].len() {
+            let shift = [shifts[0][block], shifts[1][block]];
+            if !self.is_pending[block] {
+                continue;
+            }
+            if shift.contains(&SEVERAL) {
+                if search {
+                    self.copy_block(input, frames.start, first_frame, block, times[0]);
+                }
+                continue;
+            }
+            self.is_pending[block] = search;
+            for (sums, shift) in self.shifts.iter_mut().zip(shift) {
+                sums[block] += shift as f32 * frames.len() as f32;
+            }
+            let (start, end) = (block * BLOCK, ((block + 1) * BLOCK).min(input.columns));
+            if run.end == start && run.shift == shift {
+                run.end = end;
+                continue;
+            }
+            self.copy(input, frames.clone(), first_frame, run);
+            run = Run { start, end, shift };
+        }
+        self.copy(input, frames, first_frame, run);
+        self.shifts_of_blocks = shifts;
+    }
+
+    /// Copy the bits of a block that has several shifts, in one frame.
+    #[inline(always)]
+    fn copy_block(
+        &mut self,
+        input: &Input<'_, '_>,
+        frame: usize,
+        first_frame: usize,
+        block: usize,
+        time: f32,
+    ) {
+        let mut runs = std::mem::take(&mut self.runs);
+        let mean = self.motion.find_runs(block, time, &mut runs);
+        for (sums, mean) in self.shifts.iter_mut().zip(mean) {
+            sums[block] += mean;
+        }
+        for &run in &runs {
+            self.copy(input, frame..frame + 1, first_frame, run);
+        }
+        self.runs = runs;
+    }
+
+    /// Copy the bits of a run, in some frames of the group.
+    #[inline(always)]
+    fn copy(&mut self, input: &Input<'_, '_>, frames: Range<usize>, first_frame: usize, run: Run) {
+        let Some((row, run)) = inside(run, self.row, input.rows, input.columns) else {
+            return;
+        };
+        let from = run.start.wrapping_add_signed(run.shift[1] as isize);
+        let from = 8 * row * input.row_bytes() + from;
+        if self.valid.is_none() {
+            self.steps[run.start] += frames.len() as i32;
+            self.steps[run.end] -= frames.len() as i32;
+        }
+        let (mut start, end) = (run.start, run.end);
+        while start < end {
+            let from = from + start - run.start;
+            let length = if start.is_multiple_of(64) && end - start >= 64 {
+                (end - start) / 64 * 64
+            } else {
+                (end - start).min(64 - start % 64).min(MAX_FIELD_BITS)
+            };
+            let part = Part {
+                from,
+                start,
+                length,
+            };
+            for frame in frames.clone() {
+                part.copy(input.frame(frame), &mut self.shifted[frame - first_frame]);
+            }
+            if let (Some((_, masks)), Some(valid)) = (&mut self.valid, &input.valid) {
+                for frame in frames.clone() {
+                    part.copy(valid, &mut masks[frame - first_frame]);
+                }
+            }
+            start += length;
+        }
+    }
+
+    /// Replace `counts` with the number of ones of each pixel.
+    fn ones(&self, counts: &mut [i32]) {
+        counts.fill(0);
+        self.ones
+            .add_to_counts(0..8 * self.shifted[0].len(), counts);
+    }
+
+    /// Replace `counts` with the number of trials of each pixel.
+    fn trials(&self, counts: &mut [i32]) {
+        counts.fill(0);
+        if let Some((counters, _)) = &self.valid {
+            counters.add_to_counts(0..8 * self.shifted[0].len(), counts);
+            return;
+        }
+        let mut sum = 0;
+        for (count, step) in counts.iter_mut().zip(&self.steps) {
+            sum += step;
+            *count = sum;
+        }
+    }
+}
+
+/// A part of a run: whole words, or up to [`MAX_FIELD_BITS`] bits in one word.
+#[derive(Clone, Copy)]
+struct Part {
+    /// The place of its first bit in the source.
+    from: usize,
+    /// The place of its first bit in the target.
+    start: usize,
+    length: usize,
+}
+
+impl Part {
+    /// Copy the part. Its bits in the target are 0.
+    #[inline(always)]
+    fn copy(self, source: &[u8], target: &mut [[u8; 8]]) {
+        let Self {
+            from,
+            start,
+            length,
+        } = self;
+        let word = start / 64;
+        if length >= 64 {
+            let words = &mut target[word..word + length / 64];
+            copy_bytes(source, from, words.as_flattened_mut());
+        } else {
+            let bits = bit_field(source, from, length) << (64 - length - start % 64);
+            target[word] = (u64::from_be_bytes(target[word]) | bits).to_be_bytes();
+        }
+    }
+}
+
+/// Return the row that a run comes from, and the part of the run that comes from inside the frame.
+#[inline(always)]
+fn inside(run: Run, row: usize, rows: usize, columns: usize) -> Option<(usize, Run)> {
+    let row = row.checked_add_signed(run.shift[0] as isize)?;
+    let shift = run.shift[1] as isize;
+    let end = columns.saturating_add_signed(-shift).min(run.end);
+    let start = run.start.max(0usize.saturating_add_signed(-shift));
+    (row < rows && start < end).then_some((row, Run { start, end, ..run }))
+}
