@@ -1,17 +1,18 @@
 """The motion of a scene, estimated from its bits."""
 
-import dataclasses
 from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.blocks import Blocks
 from jotlight.motion.motion import Motion
 from jotlight.motion.regularize import Equations, Smoothness, fit_affine, solve_field
 from jotlight.motion.scoring import Template, make_template, normal_equations
 from jotlight.motion.seed import estimate_velocities, limit_length
+from jotlight.motion.selection import likelihood_gain
 from jotlight.motion.tiles import tile_counts
+from jotlight.motion.track import Track
 
 Array = npt.NDArray[np.float64]
 
@@ -25,42 +26,6 @@ _TIME_PRIOR = 1.0
 
 _MIN_SHARE_OF_OTHERS = 0.3
 """Smallest assumed share of the other blocks in the template."""
-
-
-@dataclasses.dataclass
-class Track:
-    """The displacements of all blocks while they are estimated."""
-
-    blocks: Blocks
-    reference: int
-    nodes: Array
-    """Displacements, (n, 2, rows, columns)."""
-    known: npt.NDArray[np.bool_]
-    """The blocks whose displacements are estimated."""
-
-    def sums(self, block: int) -> Sums:
-        """Return the sums of a block along the motion."""
-        blocks, centers = self.blocks, self.blocks.centers
-        start, end = (int(edge) for edge in blocks.edges[block : block + 2])
-        middle = int(np.ceil(centers[block]))
-        total = Sums.zeros(blocks.size)
-        for frames, side in ((range(start, middle), -1), (range(middle, end), 1)):
-            if len(frames) == 0:
-                continue
-            other = block + side
-            if not (0 <= other < len(centers) and self.known[other]):
-                other = block - side
-            first, last = sorted((block, other))
-            total = total + blocks.count(
-                frames,
-                (self.nodes[first], self.nodes[last]),
-                (centers[first], centers[last]),
-            )
-        return total
-
-    def from_center(self) -> npt.NDArray[np.intp]:
-        """Return the blocks in the order of their distance from the reference time."""
-        return np.argsort(abs(self.blocks.centers - self.reference), kind="stable")
 
 
 def divide(frames: int) -> npt.NDArray[np.intp]:
@@ -127,9 +92,7 @@ def _start(blocks: Blocks, reference: int, velocity: Array) -> Track:
     return track
 
 
-def _extrapolate(
-    track: Track, done: npt.NDArray[np.intp], block: int, velocity: Array
-) -> None:
+def _extrapolate(track: Track, done: npt.NDArray[np.intp], block: int, velocity: Array) -> None:
     """Predict the displacements of a block from those of its two neighbors toward the center."""
     centers = track.blocks.centers
     near = int(min(done, key=lambda other: abs(other - block)))
@@ -219,38 +182,15 @@ def estimate_motion(
 ) -> Motion:
     """Return the motion of the model that explains the bits best."""
     velocity = estimate_velocities(blocks, reference)
-    shape = tile_counts(blocks.size)
-    still = Track(
-        blocks,
-        reference,
-        np.zeros((len(blocks.centers), 2, *shape)),
-        np.ones(len(blocks.centers), bool),
-    )
-    candidates = [(still, np.zeros((len(blocks.centers), 3, *shape)), "none", 0.0)]
-    for model, use_tiles in (("affine", False), ("tiles", True)):
+    rows, columns = tile_counts(blocks.size)
+    number = len(blocks.centers)
+    still = Track(blocks, reference, np.zeros((number, 2, rows, columns)), np.ones(number, bool))
+    best, best_score = (still, np.zeros((number, 3, rows, columns)), "none"), 0.0
+    for model, parameters in (("affine", 6 * number), ("tiles", 0.04 * number * rows * columns)):
         track, information = estimate(
-            blocks, reference, use_tiles=use_tiles, velocity=velocity, progress=progress
+            blocks, reference, use_tiles=model == "tiles", velocity=velocity, progress=progress
         )
-        parameters = 6.0 * len(blocks.centers)
-        if use_tiles:
-            parameters = 0.02 * 2 * len(blocks.centers) * shape[0] * shape[1]
-        candidates.append((track, information, model, parameters))
-    best = max(candidates, key=lambda each: log_likelihood(each[0]) - each[3])
-    return as_motion(*best[:3])
-
-
-def log_likelihood(track: Track) -> float:
-    """Return the log-likelihood of all bits under their merged template.
-
-    It is the mean per counted bit, times the number of all bits: bits that leave the view then do
-    not matter.
-    """
-    sums = [track.sums(block) for block in range(len(track.nodes))]
-    ones, trials = (sum(getattr(each, name) for each in sums) for name in ("ones", "trials"))
-    template = make_template(
-        Sums(ones, trials, np.zeros((2, *ones.shape), np.float32)), track.blocks.threads
-    )
-    p = template.probability.astype(np.float64)
-    total = float((ones * np.log(p) + (trials - ones) * np.log1p(-p)).sum())
-    frames, height, width = track.blocks.bits.shape
-    return total / max(float(trials.sum()), 1.0) * frames * height * width
+        score = likelihood_gain(track, still) - parameters
+        if score > best_score:
+            best, best_score = (track, information, model), score
+    return as_motion(*best)

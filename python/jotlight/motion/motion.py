@@ -116,5 +116,3 @@ class Motion:
             f"<Motion: {self.model}, {size} jots, {len(self.times)} times from "
             f"{self.times[0]:g} to {self.times[-1]:g}, up to {longest:.3g} pixels>"
         )
-
-

@@ -115,7 +115,7 @@ def solve_field(
 
     where ∇ is the difference of neighboring tiles, `affine` is the robust affine fit to u, and
     w = λ2 / (1 + |∇(u - affine)|²/ρ²).
-    """  # noqa: D400, D205
+    """  # noqa: D400
     from scipy.sparse import bmat, diags, identity
     from scipy.sparse.linalg import spsolve
 

@@ -7,6 +7,7 @@ from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.regularize import Smoothness, fit_affine, solve_field
 from jotlight.motion.scoring import blur, make_template, normal_equations
 from jotlight.motion.tiles import tile_counts
+from jotlight.motion.velocity import find_velocity
 
 Array = npt.NDArray[np.float64]
 
@@ -69,14 +70,10 @@ def _global_velocity(blocks: Blocks, reference: int) -> Array:
     """Return the velocity of the whole image that makes the sum of frames sharpest, (2,)."""
     frames = len(blocks.bits)
     available = min(reference, frames - reference)
+    lengths = {max(1, frames // number) for number in (256, 128, 64)}
     candidates = [np.zeros(2)]
-    for fraction in (32, 16, 8):
-        half = min(max(_MIN_FRAMES, frames // fraction), available)
-        before, after = (
-            blocks.bits[start : start + half].counts(1, threads=blocks.threads)
-            for start in (reference - half, reference)
-        )
-        candidates.append(_find_shift(before, after) / half)
+    for length in sorted(lengths):
+        candidates.append(find_velocity(blocks.bits, reference, length, blocks.threads))
     half = min(max(_MIN_FRAMES, frames // 16), available)
     shape = tile_counts(blocks.size)
     sharpness = []
@@ -91,25 +88,3 @@ def _global_velocity(blocks: Blocks, reference: int) -> Array:
         inner = band[border[0] : -border[0] or None, border[1] : -border[1] or None]
         sharpness.append(float((inner**2).mean()))
     return candidates[int(np.argmax(sharpness))]
-
-
-def _find_shift(first: npt.NDArray[np.int32], second: npt.NDArray[np.int32]) -> Array:
-    """Return the shift d, (2,), with second(x + d) = first(x), by phase correlation."""
-    size = first.shape
-    window = np.hanning(size[0])[:, None] * np.hanning(size[1])
-    spectra = []
-    for counts in (first, second):
-        image = counts.astype(np.float32)
-        spectra.append(np.fft.rfft2((blur(image, 2) - blur(image, 16)) * window))
-    cross = np.conj(spectra[0]) * spectra[1]
-    correlation = np.fft.irfft2(cross / (np.sqrt(np.abs(cross)) + 1e-9), s=size)
-    peak = np.unravel_index(int(np.argmax(correlation)), size)
-    shift = np.empty(2)
-    for axis, length in enumerate(size):
-        line = np.take(correlation, peak[1 - axis], axis=1 - axis)
-        index = int(peak[axis])
-        left, center, right = line[index - 1], line[index], line[(index + 1) % length]
-        curvature = left - 2 * center + right
-        offset = 0.5 * (left - right) / curvature if curvature < 0 else 0.0
-        shift[axis] = (index + length // 2) % length - length // 2 + offset
-    return shift
