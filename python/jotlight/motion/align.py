@@ -11,7 +11,8 @@ from jotlight.motion.regularize import Equations, Smoothness, fit_affine, solve_
 from jotlight.motion.scoring import Template, make_template, normal_equations
 from jotlight.motion.seed import estimate_velocities, limit_length
 from jotlight.motion.selection import likelihood_gain
-from jotlight.motion.tiles import tile_counts
+from jotlight.motion.smoothing import smoothing_weights
+from jotlight.motion.tiles import affine_basis, tile_counts
 from jotlight.motion.track import Track
 
 Array = npt.NDArray[np.float64]
@@ -21,6 +22,7 @@ _SIGMAS = (2.0, 1.0)
 """Widths of the filters with which each block is aligned."""
 
 _JOINT_ROUNDS = 2
+
 _TIME_PRIOR = 1.0
 """Information with which the displacements of neighboring blocks are added to each tile."""
 
@@ -157,12 +159,14 @@ def _add_prior(equations: Equations, deviation: Array, share: float) -> Equation
 
 
 def _at_reference(track: Track) -> Array:
-    """Return the displacements at the reference time."""
+    """Return the displacements at the reference time, from a smooth curve through all blocks."""
     centers = track.blocks.centers
-    after = int(np.clip(np.searchsorted(centers, track.reference), 1, len(centers) - 1))
-    first, last = centers[after - 1], centers[after]
-    fraction = (track.reference - first) / (last - first)
-    return np.asarray((1 - fraction) * track.nodes[after - 1] + fraction * track.nodes[after])
+    number, _, rows, columns = track.nodes.shape
+    basis = affine_basis((rows, columns))
+    flat = track.nodes.reshape(2 * number, -1)
+    series = (flat @ np.linalg.pinv(basis).T).reshape(number, 6)
+    place = float(np.interp(track.reference, centers, np.arange(number)))
+    return np.asarray(np.tensordot(smoothing_weights(series, place), track.nodes, axes=1))
 
 
 def as_motion(track: Track, information: Array, model: str) -> Motion:

@@ -20,6 +20,10 @@ _SHARE_OF_TEMPLATE = 0.25
 """Variance of the template of D_R trials, in units of that of the raw fraction of ones."""
 
 
+_DERIVATIVE = np.array([-1 / 60, 3 / 20, -3 / 4, 0, 3 / 4, -3 / 20, 1 / 60], np.float32)
+"""Weights of the pixels whose sum is the derivative, exact for polynomials of degree 6."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Template:
     """The probability of a one at each pixel at the reference time, and its number of trials."""
@@ -36,6 +40,18 @@ def blur(image: npt.NDArray[np.float32], sigma: float) -> Image:
     return np.asarray(gaussian_filter(image, sigmas, mode="reflect", truncate=3.0))
 
 
+def gradient(image: Image) -> tuple[Image, Image]:
+    """Return the derivatives of an image along rows and columns.
+
+    Rounding shifts the scene by up to half a pixel. Differences of direct neighbors underestimate
+    the slopes of fine details by a fifth, and so the effect of this shift.
+    """
+    from scipy.ndimage import correlate1d
+
+    rows, columns = (correlate1d(image, _DERIVATIVE, axis, mode="reflect") for axis in (0, 1))
+    return rows, columns
+
+
 def make_template(sums: Sums, threads: int | None) -> Template:
     """Return the template of sums: the fraction of ones, denoised by the K-conditioned network."""
     fraction = sums.ones / np.maximum(sums.trials, 1)
@@ -44,7 +60,7 @@ def make_template(sums: Sums, threads: int | None) -> Template:
     network = Network.load(FOLDER / f"{CONDITIONAL_SIZE}.safetensors")
     probability = network.denoise_probability(fraction, trials, threads=threads)
     # The remainders have shifted the ones on average. This removes the shift to first order.
-    rows, columns = np.gradient(probability)
+    rows, columns = gradient(probability)
     shifted = sums.remainders[0] * rows + sums.remainders[1] * columns
     probability = probability - shifted / np.maximum(sums.trials, 1)
     clipped = np.clip(probability, _MIN_PROBABILITY, 1 - _MIN_PROBABILITY)
@@ -67,7 +83,7 @@ def normal_equations(sums: Sums, template: Template, sigma: float) -> Equations:
         Standard deviation of the filter in pixels.
     """
     p = blur(template.probability, sigma)
-    rows, columns = np.gradient(p)
+    rows, columns = gradient(p)
     ones, trials, rounded_rows, rounded_columns = blur(
         np.stack([sums.ones, sums.trials, *sums.remainders]), sigma
     )
