@@ -7,12 +7,18 @@ import numpy.typing as npt
 
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.motion import Motion
-from jotlight.motion.regularize import Equations, Smoothness, fit_affine, solve_field
+from jotlight.motion.regularize import (
+    Equations,
+    Smoothness,
+    fit_affine,
+    nearest_affine,
+    solve_field,
+)
 from jotlight.motion.scoring import Template, make_template, normal_equations
 from jotlight.motion.seed import estimate_velocities, limit_length
 from jotlight.motion.selection import likelihood_gain
 from jotlight.motion.smoothing import smoothing_weights
-from jotlight.motion.tiles import affine_basis, tile_counts
+from jotlight.motion.tiles import tile_counts
 from jotlight.motion.track import Track
 
 Array = npt.NDArray[np.float64]
@@ -62,6 +68,8 @@ def estimate(
     progress : callable, optional
         Called with the completed fraction, 0 to 1.
     """
+    if not use_tiles:
+        velocity = nearest_affine(velocity)
     track = _start(blocks, reference, velocity)
     order = track.from_center()
     total = track.sums(order[0]) + track.sums(order[1])
@@ -143,7 +151,7 @@ def _improve_together(track: Track, use_tiles: bool) -> Array:
         else:
             new[block] = old[block] - fit_affine(with_prior)
     track.nodes = new
-    track.nodes = new - _at_reference(track)
+    track.nodes = new - _at_reference(track, np.stack(information))
     return np.stack(information)
 
 
@@ -158,15 +166,14 @@ def _add_prior(equations: Equations, deviation: Array, share: float) -> Equation
     return Equations(information, right + _TIME_PRIOR * deviation)
 
 
-def _at_reference(track: Track) -> Array:
+def _at_reference(track: Track, information: Array) -> Array:
     """Return the displacements at the reference time, from a smooth curve through all blocks."""
     centers = track.blocks.centers
-    number, _, rows, columns = track.nodes.shape
-    basis = affine_basis((rows, columns))
-    flat = track.nodes.reshape(2 * number, -1)
-    series = (flat @ np.linalg.pinv(basis).T).reshape(number, 6)
-    place = float(np.interp(track.reference, centers, np.arange(number)))
-    return np.asarray(np.tensordot(smoothing_weights(series, place), track.nodes, axes=1))
+    place = float(np.interp(track.reference, centers, np.arange(len(centers))))
+    series = track.nodes.mean(axis=(2, 3))
+    of_blocks = information[:, [0, 2]].sum(axis=(2, 3)).mean(axis=0)
+    weights = smoothing_weights(series, 1 / np.maximum(of_blocks, 1e-9), place)
+    return np.asarray(np.tensordot(weights, track.nodes, axes=1))
 
 
 def as_motion(track: Track, information: Array, model: str) -> Motion:

@@ -167,6 +167,13 @@ def _laplacian(neighbors: tuple[npt.NDArray[np.intp], ...], weights: Array) -> "
     return coo_array((values, (rows, columns)), shape=(size, size)).tocsr()
 
 
+def nearest_affine(field: Array) -> Array:
+    """Return the affine field that is closest to most tiles of a field, (2, rows, columns)."""
+    flat = field.reshape(2, -1)
+    basis = affine_basis((field.shape[1], field.shape[2]))
+    return _robust_affine(basis, flat, np.ones(flat.shape[1])).reshape(field.shape)
+
+
 def _robust_affine(basis: Array, field: Array, trust: Array) -> Array:
     """Return the affine field, (2, tiles), that is closest to most tiles of a field."""
     weights = trust
