@@ -33,8 +33,8 @@
 //! The learned network:
 //!
 //! 10. [`network`] evaluates layers of linear filters and splines (section 3.1, equations (8) to
-//!    (11)), and computes the derivatives for training (section 3.3, equations (12) and (14) to
-//!    (19)).
+//!     (11)), and computes the derivatives for training (section 3.3, equations (12) and (14) to
+//!     (19)).
 //!
 //! General modules:
 //!

@@ -71,9 +71,13 @@ def _global_velocity(blocks: Blocks, reference: int) -> Array:
     frames = len(blocks.bits)
     available = min(reference, frames - reference)
     lengths = {max(1, frames // number) for number in (256, 128, 64)}
-    candidates = [np.zeros(2)]
-    for length in sorted(lengths):
-        candidates.append(find_velocity(blocks.bits, reference, length, blocks.threads))
+    candidates = [
+        np.zeros(2),
+        *(
+            find_velocity(blocks.bits, reference, length, blocks.threads)
+            for length in sorted(lengths)
+        ),
+    ]
     half = min(max(_MIN_FRAMES, frames // 16), available)
     shape = tile_counts(blocks.size)
     sharpness = []

@@ -29,6 +29,25 @@ def likelihood_gain(track: Track, still: Track) -> float:
     return moving - unmoved * trials / max(unmoved_trials, 1.0)
 
 
+def gain_between(first: Track, second: Track) -> float:
+    """Return the gain of the log-likelihood of the second motion over that of the first, in nats.
+
+    Both motions follow the scene points of the reference time, so their counts at each pixel are
+    about the same point.
+    """
+    totals, means = [], []
+    for track in (first, second):
+        sums = [track.sums(block) for block in range(len(track.nodes))]
+        total = sums[0]
+        for each in sums[1:]:
+            total = total + each
+        ones, zeros = _log_odds(sums, track)
+        likelihood = total.ones * ones + (total.trials - total.ones) * zeros
+        means.append(likelihood / np.maximum(total.trials, 1))
+        totals.append(total.trials)
+    return float((np.minimum(*totals) * (means[1] - means[0])).sum())
+
+
 Logarithms = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
 
 

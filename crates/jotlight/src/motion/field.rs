@@ -43,7 +43,8 @@ impl<'a> Field<'a> {
         if values.dim() != expected {
             return Err(Error::shape("displacements", expected, values.dim()));
         }
-        let is_wrong = |value: &&f32| !(value.abs() <= MAX_DISPLACEMENT);
+        let range = -MAX_DISPLACEMENT..=MAX_DISPLACEMENT;
+        let is_wrong = |value: &&f32| !range.contains(*value);
         match values.iter().find(is_wrong) {
             Some(value) => Err(Error::range(
                 "displacements",

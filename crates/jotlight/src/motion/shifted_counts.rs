@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 use ndarray::parallel::prelude::*;
-use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis, s};
+use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis, s};
 
 pub use super::row::BLOCK;
 
@@ -167,17 +167,11 @@ fn count_rows_inlined(input: &Input<'_, '_>, first_row: usize, mut sums: Shifted
     let mut counts = vec![0; input.columns];
     for (index, row) in rows.iter().enumerate() {
         row.ones(&mut counts);
-        sums.ones
-            .row_mut(index)
-            .iter_mut()
-            .zip(&counts)
-            .for_each(|(sum, ones)| *sum += ones);
+        let mut ones = sums.ones.row_mut(index);
+        ones += &ArrayView1::from(&counts);
         row.trials(&mut counts);
-        sums.trials
-            .row_mut(index)
-            .iter_mut()
-            .zip(&counts)
-            .for_each(|(sum, trials)| *sum += trials);
+        let mut trials = sums.trials.row_mut(index);
+        trials += &ArrayView1::from(&counts);
         let displacements = row.motion.sums_of_displacements(input.times);
         for direction in 0..2 {
             let shifts = row.shifts[direction].iter().zip(&displacements[direction]);
@@ -250,8 +244,9 @@ impl RowCounter {
         let frames = first_frame..first_frame + times.len();
         if let Some(shift) = self.motion.common_shift(range) {
             for (sums, shift) in self.shifts.iter_mut().zip(shift) {
-                sums.iter_mut()
-                    .for_each(|sum| *sum += shift as f32 * times.len() as f32);
+                for sum in sums {
+                    *sum += shift as f32 * times.len() as f32;
+                }
             }
             let run = Run {
                 start: 0,
