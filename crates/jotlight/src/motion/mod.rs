@@ -8,6 +8,7 @@
 
 mod field;
 mod row;
+mod row_counter;
 mod shifted_counts;
 
 pub use field::{Displacements, Field};
