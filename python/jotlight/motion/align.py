@@ -16,7 +16,7 @@ from jotlight.motion.regularize import (
 )
 from jotlight.motion.scoring import Template, make_template, normal_equations
 from jotlight.motion.seed import estimate_velocities, limit_length
-from jotlight.motion.selection import likelihood_gain
+from jotlight.motion.selection import gain_between, likelihood_gain
 from jotlight.motion.smoothing import smoothing_weights
 from jotlight.motion.tiles import tile_counts
 from jotlight.motion.track import Track
@@ -31,6 +31,12 @@ _JOINT_ROUNDS = 2
 
 _TIME_PRIOR = 1.0
 """Information with which the displacements of neighboring blocks are added to each tile."""
+
+_AFFINE_PARAMETERS = 6
+"""Number of parameters of an affine motion of each block. A model must gain as many nats."""
+
+_FREE_SHARE_OF_TILES = 0.1
+"""Share of the displacements of tiles that are free, in spite of their neighbors."""
 
 _MIN_SHARE_OF_OTHERS = 0.3
 """Smallest assumed share of the other blocks in the template."""
@@ -196,12 +202,16 @@ def estimate_motion(
     rows, columns = tile_counts(blocks.size)
     number = len(blocks.centers)
     still = Track(blocks, reference, np.zeros((number, 2, rows, columns)), np.ones(number, bool))
-    best, best_score = (still, np.zeros((number, 3, rows, columns)), "none"), 0.0
-    for model, parameters in (("affine", 6 * number), ("tiles", 0.04 * number * rows * columns)):
-        track, information = estimate(
-            blocks, reference, use_tiles=model == "tiles", velocity=velocity, progress=progress
-        )
-        score = likelihood_gain(track, still) - parameters
-        if score > best_score:
-            best, best_score = (track, information, model), score
+    best = still, np.zeros((number, 3, rows, columns)), "none"
+    affine, tiles = (
+        estimate(blocks, reference, use_tiles=use_tiles, velocity=velocity, progress=progress)
+        for use_tiles in (False, True)
+    )
+    if likelihood_gain(affine[0], still) > _AFFINE_PARAMETERS * number:
+        best = *affine, "affine"
+        gain = gain_between(affine[0], tiles[0])
+    else:
+        gain = likelihood_gain(tiles[0], still)
+    if gain > _FREE_SHARE_OF_TILES * 2 * number * rows * columns:
+        best = *tiles, "tiles"
     return as_motion(*best)

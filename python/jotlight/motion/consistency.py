@@ -28,11 +28,11 @@ def chi_squared(sums: Sums, template: Template) -> Image:
     return (_box(ratio * counted, _LARGE_BOX) + 1) / (_box(counted, _LARGE_BOX) + 1)
 
 
-def _box(image: Image, width: int) -> Image:
+def _box(image: npt.NDArray[np.floating], width: int) -> Image:
     """Return the sums over squares of a width."""
     from scipy.ndimage import uniform_filter
 
-    return np.asarray(uniform_filter(image, width, mode="reflect")) * np.float32(width**2)
+    return np.asarray(uniform_filter(image, width, mode="reflect") * width**2, np.float32)
 
 
 def merge_consistent(track: Track) -> tuple[Sums, npt.NDArray[np.float32]]:
@@ -73,4 +73,4 @@ def merge_consistent(track: Track) -> tuple[Sums, npt.NDArray[np.float32]]:
             )
         position += group
         group = min(2 * group, 8)
-    return total, total.trials / np.maximum(available, 1)
+    return total, np.asarray(total.trials / np.maximum(available, 1), np.float32)

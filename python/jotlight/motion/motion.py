@@ -83,7 +83,8 @@ class Motion:
         index = self.interval(time)
         first, last = self.times[index], self.times[index + 1]
         fraction = np.float32((time - first) / (last - first))
-        return self.nodes[index] + fraction * (self.nodes[index + 1] - self.nodes[index])
+        change = self.nodes[index + 1] - self.nodes[index]
+        return np.asarray(self.nodes[index] + fraction * change)
 
     def at(self, time: float) -> npt.NDArray[np.float32]:
         """Return u of each pixel at a time, (2, H, W): rows and columns in pixels."""

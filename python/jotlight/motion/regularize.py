@@ -5,6 +5,7 @@ nats/px². Tiles with little texture have little information, so their neighbors
 """
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -155,7 +156,7 @@ def _neighbors(shape: tuple[int, int]) -> tuple[npt.NDArray[np.intp], npt.NDArra
     return first, second
 
 
-def _laplacian(neighbors: tuple[npt.NDArray[np.intp], ...], weights: Array) -> "object":
+def _laplacian(neighbors: tuple[npt.NDArray[np.intp], ...], weights: Array) -> Any:
     """Return the matrix L with ½ uᵀL u = ½ Σ w (u_i - u_j)² over the pairs of neighbors."""
     from scipy.sparse import coo_array
 

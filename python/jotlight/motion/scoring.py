@@ -32,12 +32,12 @@ class Template:
     trials: Image
 
 
-def blur(image: npt.NDArray[np.float32], sigma: float) -> Image:
+def blur(image: npt.NDArray[np.floating], sigma: float) -> Image:
     """Return an image, or each of several, after a Gaussian filter."""
     from scipy.ndimage import gaussian_filter
 
     sigmas = (*[0.0] * (image.ndim - 2), sigma, sigma)
-    return np.asarray(gaussian_filter(image, sigmas, mode="reflect", truncate=3.0))
+    return np.asarray(gaussian_filter(image, sigmas, mode="reflect", truncate=3.0), np.float32)
 
 
 def gradient(image: Image) -> tuple[Image, Image]:
@@ -58,7 +58,7 @@ def make_template(sums: Sums, threads: int | None) -> Template:
     valid = sums.trials[sums.trials > 0]
     trials = int(np.clip(np.median(valid) if valid.size else 1, 1, MAX_BITS_PER_PIXEL))
     network = Network.load(FOLDER / f"{CONDITIONAL_SIZE}.safetensors")
-    probability = network.denoise_probability(fraction, trials, threads=threads)
+    probability = network.denoise_probability(fraction.astype(np.float32), trials, threads=threads)
     # The remainders have shifted the ones on average. This removes the shift to first order.
     rows, columns = gradient(probability)
     shifted = sums.remainders[0] * rows + sums.remainders[1] * columns

@@ -73,4 +73,5 @@ def _positions_seen(track: Track, block: int) -> npt.NDArray[np.bool_]:
     size = track.blocks.size
     # Motions are so smooth that the displacement of the position is nearly that of the pixel.
     rows, columns = np.indices(size) - np.rint(interpolate(track.nodes[block], size))
-    return (rows >= 0) & (rows < size[0]) & (columns >= 0) & (columns < size[1])
+    inside = (rows >= 0) & (rows < size[0]) & (columns >= 0) & (columns < size[1])
+    return np.asarray(inside)

@@ -50,7 +50,7 @@ def find_velocity(bits: Bits, reference: int, length: int, threads: int | None) 
     for lag in lags:
         correlation = _correlate(spectra, lag, bits.shape[1:3])
         score += map_coordinates(correlation, velocities * length * lag, order=1, mode="grid-wrap")
-    return velocities[:, *np.unravel_index(int(np.argmax(score)), score.shape)]
+    return np.asarray(velocities.reshape(2, -1)[:, int(np.argmax(score))])
 
 
 def _spectra(

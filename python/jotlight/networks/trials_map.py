@@ -73,7 +73,7 @@ def level_range(smallest: float, largest: float) -> list[int]:
     return sorted({round(first * ratio**step) for step in range(steps + 1)})
 
 
-def _fill(values: Image, known: npt.NDArray[np.bool_]) -> Image:
+def _fill(values: npt.NDArray[np.floating], known: npt.NDArray[np.bool_]) -> Image:
     """Return an image whose unknown pixels have the values of the nearest known ones."""
     if known.all():
         return values.astype(np.float32)
@@ -97,4 +97,4 @@ def _lower_contrast(probability: Image, base: Image, gain: Image) -> Image:
     """Return probabilities after the inverse of :func:`_raise_contrast`."""
     stabilized = np.arcsin(np.sqrt(np.clip(probability, 0, 1)))
     lowered = np.clip(base + (stabilized - base) / gain, 0, np.pi / 2)
-    return (np.sin(lowered) ** 2).astype(np.float32)
+    return np.asarray(np.sin(lowered) ** 2, np.float32)

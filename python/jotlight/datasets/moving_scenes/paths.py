@@ -78,13 +78,15 @@ class Path:
     def positions(self, time: float, points: Array) -> Array:
         """Return where points of the plane, (2, ...), are in the image at a time."""
         shift, rotation = self._pose(time)
-        return np.einsum("ij,j...->i...", rotation, points) + _as_column(shift, points)
+        moved = np.einsum("ij,j...->i...", rotation, points)
+        return np.asarray(moved + _as_column(shift, points))
 
     def points(self, time: float, positions: Array) -> Array:
         """Return which points of the plane are at some positions: the inverse of `positions`."""
         shift, rotation = self._pose(time)
         inverse = np.linalg.inv(rotation)
-        return np.einsum("ij,j...->i...", inverse, positions - _as_column(shift, positions))
+        centered = positions - _as_column(shift, positions)
+        return np.asarray(np.einsum("ij,j...->i...", inverse, centered))
 
     def _pose(self, time: float) -> tuple[Array, Array]:
         """Return the shift, and the product of zoom and rotation."""
@@ -92,7 +94,7 @@ class Path:
         last = min(first + 1, len(self) - 1)
 
         def at(values: Array) -> Array:
-            return values[first] + (time - first) * (values[last] - values[first])
+            return np.asarray(values[first] + (time - first) * (values[last] - values[first]))
 
         cosine, sine = np.cos(at(self.angle)), np.sin(at(self.angle))
         return at(self.shift), at(self.zoom) * np.array([[cosine, -sine], [sine, cosine]])

@@ -35,7 +35,7 @@ class Waves:
         """Return the displacement (2, ...) of positions (2, ...)."""
         phase = 2 * np.pi * positions / self.wavelength
         waves = np.stack([np.sin(phase[1]), np.sin(phase[0])])
-        return self.amplitude * np.sin(2 * np.pi * time / self.period) * waves
+        return np.asarray(self.amplitude * np.sin(2 * np.pi * time / self.period) * waves)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -87,7 +87,8 @@ class MovingScene:
         at : float, optional
             The time at which the pixels show the points. Default: the reference frame.
         """
-        return (self._moved(time, self._start(at))[1] - self._grid).astype(np.float32)
+        positions = self._moved(time, self._start(at))[1]
+        return np.asarray(positions - self._grid, np.float32)
 
     def visible(self, time: float, at: float | None = None) -> npt.NDArray[np.bool_]:
         """Return whether each pixel's scene point is visible, (H, W). See :meth:`motion`.

@@ -47,4 +47,4 @@ class Texture:
         ]
         # The spline may exceed the range of the pixels.
         values = np.clip(np.stack(channels, axis=-1), 0, 1)
-        return values if self.channels else values[..., 0]
+        return np.asarray(values if self.channels else values[..., 0])
