@@ -158,7 +158,7 @@ def test_blocks_return_remainders_per_trial():
     blocks = Blocks(bits, np.array([0, 12]), None, None)
     field = np.full((2, 3, 4), 0.25, np.float32)
     field[1] = -7.75
-    sums = blocks.count(range(12), (field, field), (0, 1))
+    sums = blocks.count(range(12), (field, field), (0, 12))
     # The shift is 0 rows and -8 columns.
     np.testing.assert_allclose(sums.remainders[0], -0.25 * sums.trials, atol=1e-4)
     np.testing.assert_allclose(sums.remainders[1], -0.25 * sums.trials, atol=1e-4)
