@@ -196,12 +196,8 @@ def test_one_frame_is_possible(motion):
 
 @pytest.mark.parametrize(("frames", "motion"), [(64, "shake"), (1000, "shake"), (256, "fast")])
 def test_paths_have_their_lengths(frames, motion):
-    shifts = np.array(
-        [
-            scene_of(motion, sensor=jl.Sensor(frames=frames), shape=(1, 1)).motion(time).ravel()
-            for time in range(frames)
-        ]
-    )
+    scene = scene_of(motion, sensor=jl.Sensor(frames=frames), shape=(1, 1))
+    shifts = np.array([scene.motion(time).ravel() for time in range(frames)])
     if motion == "fast":
         assert np.linalg.norm(np.diff(shifts, axis=0), axis=1).mean() == pytest.approx(1, rel=1e-5)
     else:
