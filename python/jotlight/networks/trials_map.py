@@ -3,9 +3,12 @@
 A K-conditioned network is for one K at a time. It is run at some levels of K, and each pixel is
 interpolated between the two levels that are nearest to its own K.
 
-Beyond the largest K of the network, the noise is weaker than it expects. Then the contrast is
-raised, so that the noise has the strength of the largest K, and lowered again afterward.
+Beyond the largest K of the network, the noise is weaker than it expects. The network then removes
+details together with the noise. So the difference between the data and the estimate is amplified,
+until its noise is that of the largest K, and the network denoises it again around the estimate.
 """
+
+import math
 
 import numpy as np
 import numpy.typing as npt
@@ -14,8 +17,8 @@ from jotlight.networks.network import Network
 
 Image = npt.NDArray[np.float32]
 
-_BASE_SIGMA = 3.0
-"""Standard deviation in pixels of the Gaussian filter whose output keeps its contrast."""
+_RATIO_OF_PASS = 16.0
+"""Maximum ratio of K to that of the network for one more pass of the network."""
 
 _MAX_RATIO = 2.0
 """Maximum ratio of neighboring levels of K."""
@@ -43,19 +46,33 @@ def denoise_map(
         return np.full(ones.shape, 0.5, np.float32)
     fraction = _fill(ones / np.maximum(trials, 1), known)
     trials = _fill(trials, known)
-    gain = np.sqrt(np.maximum(trials / largest, 1)).astype(np.float32)
-    if gain.max() > 1:
-        fraction, base = _raise_contrast(fraction, trials, gain)
-    levels = level_range(float(trials.min()), float(min(trials.max(), largest)))
+    served = np.minimum(trials, largest)
+    estimate = _denoise_at_levels(network, fraction, served, threads)
+    excess = float(trials.max()) / largest
+    if excess <= 1:
+        return estimate
+    data = _stabilize(fraction, trials)
+    gain = np.sqrt(trials / served)
+    for _ in range(math.ceil(math.log(excess, _RATIO_OF_PASS))):
+        base = np.arcsin(np.sqrt(estimate))
+        raised = np.clip(base + gain * (data - base), 0, np.pi / 2)
+        denoised = _denoise_at_levels(network, _fraction(raised, served), served, threads)
+        lowered = base + (np.arcsin(np.sqrt(denoised)) - base) / gain
+        estimate = np.sin(np.clip(lowered, 0, np.pi / 2)) ** 2
+    return np.asarray(estimate, np.float32)
+
+
+def _denoise_at_levels(
+    network: Network, fraction: Image, trials: Image, threads: int | None
+) -> Image:
+    """Return the probabilities in [0, 1], interpolated between the levels of K."""
+    levels = level_range(float(trials.min()), float(trials.max()))
     place = np.interp(np.log2(trials), np.log2(levels), np.arange(len(levels)))
     result = np.zeros_like(fraction)
     for index, level in enumerate(levels):
         weight = np.maximum(1 - abs(place - index), 0).astype(np.float32)
         if weight.any():
-            denoised = network.denoise_probability(fraction, level, threads=threads)
-            result += weight * denoised
-    if gain.max() > 1:
-        result = _lower_contrast(result, base, gain)
+            result += weight * network.denoise_probability(fraction, level, threads=threads)
     return np.clip(result, 0, 1)
 
 
@@ -65,7 +82,7 @@ def level_range(smallest: float, largest: float) -> list[int]:
     Examples
     --------
     >>> level_range(3, 100)
-    [3, 6, 12, 24, 49, 100]
+    [3, 5, 10, 17, 31, 56, 100]
     """
     first, last = max(1, round(smallest)), max(1, round(largest))
     steps = max(0, int(np.ceil(np.log2(last / first) / np.log2(_MAX_RATIO) - 1e-9)))
@@ -83,18 +100,12 @@ def _fill(values: npt.NDArray[np.floating], known: npt.NDArray[np.bool_]) -> Ima
     return np.asarray(values[tuple(nearest)], np.float32)
 
 
-def _raise_contrast(fraction: Image, trials: Image, gain: Image) -> tuple[Image, Image]:
-    """Return fractions with raised contrast, and the stabilized base that keeps its contrast."""
-    from scipy.ndimage import gaussian_filter
-
-    stabilized = np.arcsin(np.sqrt((fraction * trials + 0.375) / (trials + 0.75)))
-    base = gaussian_filter(stabilized, _BASE_SIGMA)
-    raised = np.clip(base + gain * (stabilized - base), 0, np.pi / 2)
-    return (np.sin(raised) ** 2).astype(np.float32), base.astype(np.float32)
+def _stabilize(fraction: Image, trials: Image) -> Image:
+    """Return the angles whose noise is 1/(4K): arcsin √((L + ⅜)/(K + ¾))."""
+    return np.asarray(np.arcsin(np.sqrt((fraction * trials + 0.375) / (trials + 0.75))))
 
 
-def _lower_contrast(probability: Image, base: Image, gain: Image) -> Image:
-    """Return probabilities after the inverse of :func:`_raise_contrast`."""
-    stabilized = np.arcsin(np.sqrt(np.clip(probability, 0, 1)))
-    lowered = np.clip(base + (stabilized - base) / gain, 0, np.pi / 2)
-    return np.asarray(np.sin(lowered) ** 2, np.float32)
+def _fraction(angles: Image, trials: Image) -> Image:
+    """Return the inverse of :func:`_stabilize`."""
+    ones = np.sin(angles) ** 2 * (trials + np.float32(0.75)) - np.float32(0.375)
+    return np.asarray(ones / trials, np.float32)
