@@ -10,6 +10,7 @@ __all__ = [
     "activate",
     "activate_backward",
     "add_block_counts",
+    "add_shifted_counts",
     "anscombe",
     "choose_cpu_level",
     "cpu_level",
@@ -83,6 +84,19 @@ def add_block_counts(
     oversampling: int,
     valid: npt.NDArray[np.uint8] | None,
     counts: npt.NDArray[np.int32],
+    threads: int | None,
+) -> None: ...
+def add_shifted_counts(
+    packed: npt.NDArray[np.uint8],
+    width: int,
+    first: npt.NDArray[np.float32],
+    last: npt.NDArray[np.float32],
+    tile: int | None,
+    times: npt.NDArray[np.float32],
+    valid: npt.NDArray[np.uint8] | None,
+    ones: npt.NDArray[np.int32],
+    trials: npt.NDArray[np.int32],
+    remainders: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...
 def expose(

@@ -94,3 +94,48 @@ def test_the_bits_do_not_depend_on_the_parts_in_which_they_are_written(
     sensor = jl.Sensor(oversampling=2, frames=7, kernel="cubic")
     image = read_image(color, gray=bool(options))
     np.testing.assert_array_equal(np.load("whole.npy"), sensor.expose(image, 0).packed)
+
+
+@pytest.mark.parametrize("motion", ["shake", "layers", "poses.csv"])
+def test_moving_photographs_are_those_of_the_python_interface(run, photo, tmp_path, motion):
+    poses = np.random.default_rng(0).normal(size=(5, 2)).cumsum(axis=0).round(2)
+    (tmp_path / "poses.csv").write_text(
+        "# rows, columns\n" + "\n".join(f"{a}, {b}" for a, b in poses)
+    )
+    options = ["--motion", motion, "--photons", 0.3, "-k", 1, "-t", 5, "--seed", 4]
+    options += ["--truth", "truth.npy"]
+    status, output = run("simulate", photo, "-o", "bits.npy", *options)
+    assert status == 0, output
+    scene = jl.datasets.moving(
+        read_image(photo),
+        poses if motion == "poses.csv" else motion,
+        sensor=jl.Sensor(frames=5),
+        photons=0.3,
+        rng=4,
+    )
+    bits = jl.open(tmp_path / "bits.npy")
+    assert bits.sensor == scene.sensor
+    assert (bits.to_array() == scene.bits.to_array()).all()
+    assert (np.load(tmp_path / "truth.npy") == scene.image()).all()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--photons", 0.3], "photons: is for a moving scene; add --motion shake"),
+        (["--truth", "truth.npy"], "truth: is for a moving scene"),
+        (["--motion", "walk"], "there is no file walk"),
+        (["--motion", "text.csv"], "text.csv: expected numbers that commas separate"),
+        (["--motion", "three.csv"], "three.csv: expected 2 or 4 numbers in each line"),
+        (["--motion", "shake", "--truth", "truth.xyz"], "truth.xyz: expected a name that ends"),
+        (["--motion", "three.csv", "--truth", "three.csv"], "three.csv"),
+    ],
+)
+def test_bad_options_of_motion_are_refused(run, photo, tmp_path, options, message):
+    (tmp_path / "text.csv").write_text("0, 0\none, two\n")
+    (tmp_path / "three.csv").write_text("0, 0, 1\n")
+    before = files(tmp_path)
+    status, output = run("simulate", photo, "-o", "bits.npy", *options)
+    assert status == 1
+    assert message in output
+    assert files(tmp_path) == before

@@ -9,6 +9,7 @@ mod bits;
 mod cpu;
 mod likelihood;
 mod mle;
+mod motion;
 mod network;
 mod sensing;
 mod tv;
@@ -38,6 +39,8 @@ mod _engine {
     };
     #[pymodule_export]
     use super::mle::{equivalent_counts, mle_from_counts, mle_from_jots, mle_from_probability};
+    #[pymodule_export]
+    use super::motion::add_shifted_counts;
     #[pymodule_export]
     use super::network::{
         PreparedLayer, activate, activate_backward, forward, forward_bits, forward_counts,

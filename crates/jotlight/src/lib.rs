@@ -18,31 +18,32 @@
 //!    and applies the linear operator G (section 2.1, equations (1) to (3)).
 //! 2. `rng` generates the random numbers of the simulated bits.
 //! 3. [`bits`] reads packed bits and counts the ones of each pixel.
+//! 4. [`motion`] counts bits that follow a moving scene.
 //!
 //! The estimators without training:
 //!
-//! 4. [`likelihood`] evaluates the log-likelihood of the bits, its derivatives, the Fisher
+//! 5. [`likelihood`] evaluates the log-likelihood of the bits, its derivatives, the Fisher
 //!    information, and the proximal map (section 2.2.1, equation (4)).
-//! 5. [`mle`] computes the maximum-likelihood estimate for the box kernel (equation (5)).
-//! 6. [`tv`] computes the total variation, its proximal map, and its ADMM update.
-//! 7. [`admm`] holds the parameters that the ADMM updates of `likelihood` and `tv` share.
-//! 8. [`vst`] computes the Anscombe transform and its inverses (section 2.2.2, equations (6) and
+//! 6. [`mle`] computes the maximum-likelihood estimate for the box kernel (equation (5)).
+//! 7. [`tv`] computes the total variation, its proximal map, and its ADMM update.
+//! 8. [`admm`] holds the parameters that the ADMM updates of `likelihood` and `tv` share.
+//! 9. [`vst`] computes the Anscombe transform and its inverses (section 2.2.2, equations (6) and
 //!    (7)).
 //!
 //! The learned network:
 //!
-//! 9. [`network`] evaluates layers of linear filters and splines (section 3.1, equations (8) to
-//!    (11)), and computes the derivatives for training (section 3.3, equations (12) and (14) to
-//!    (19)).
+//! 10. [`network`] evaluates layers of linear filters and splines (section 3.1, equations (8) to
+//!     (11)), and computes the derivatives for training (section 3.3, equations (12) and (14) to
+//!     (19)).
 //!
 //! General modules:
 //!
-//! 10. [`error`] defines the error type.
-//! 11. [`values`] defines parameters that are either one value or one value per element.
-//! 12. [`numbers`] defines the floating-point types and their SIMD vectors.
-//! 13. [`cpu`] selects the instruction set.
-//! 14. [`threads`] runs calls on a number of threads, and interrupts them.
-//! 15. [`roofline`] measures the peak speed of the processor for the benchmarks.
+//! 11. [`error`] defines the error type.
+//! 12. [`values`] defines parameters that are either one value or one value per element.
+//! 13. [`numbers`] defines the floating-point types and their SIMD vectors.
+//! 14. [`cpu`] selects the instruction set.
+//! 15. [`threads`] runs calls on a number of threads, and interrupts them.
+//! 16. [`roofline`] measures the peak speed of the processor for the benchmarks.
 //!
 //! # Example
 //!
@@ -63,6 +64,7 @@ mod interrupt;
 pub mod likelihood;
 mod memory;
 pub mod mle;
+pub mod motion;
 pub mod network;
 pub mod numbers;
 mod rng;

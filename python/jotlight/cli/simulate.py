@@ -1,23 +1,82 @@
-"""``jotlight simulate``: the bits of a photograph."""
+"""``jotlight simulate``: the bits of a photograph, which may move."""
 
+import dataclasses
 import math
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+import numpy.typing as npt
 from cyclopts import Parameter
 
 from jotlight.checks import as_image
-from jotlight.cli.common_options import Gray, Photo, Seed, Threads, White
+from jotlight.cli.common_options import MOTION_PANEL, Gray, Photo, Seed, Threads, White
 from jotlight.cli.console import progress, report
 from jotlight.cli.sensor_options import ExposureOptions
-from jotlight.files import refuse_overwrite
+from jotlight.datasets.moving_scenes import MOTIONS, MovingScene, moving
+from jotlight.datasets.moving_scenes.tables import read_poses
+from jotlight.files import atomic_write, refuse_overwrite
 from jotlight.formats.description import companion_files
 from jotlight.formats.writing import choose_output_format, write_capture
-from jotlight.images.io import read_image
+from jotlight.images.io import image_writer, read_image
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, Packed
 from jotlight.sensing.sensor import Sensor
+
+
+@Parameter(name="*", group=MOTION_PANEL)
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class MotionOptions:
+    """How the photograph moves."""
+
+    motion: Annotated[
+        str | None,
+        Parameter(
+            help=f"A named scene: {', '.join(MOTIONS)}; or a text file with a line per frame: the "
+            "shift in rows and columns, and optionally degrees and zoom."
+        ),
+    ] = None
+    foreground: Annotated[
+        Path | None, Parameter(help="A photograph of the objects in front of the photograph.")
+    ] = None
+    photons: Annotated[
+        float | None,
+        Parameter(help="Mean number of photons per jot and frame. It replaces --gain."),
+    ] = None
+    truth: Annotated[
+        Path | None,
+        Parameter(help="The exact image at the middle frame: .png, .jpg, .tif, .exr or .npy."),
+    ] = None
+
+    def check(self) -> None:
+        """Raise ValueError for options that do not belong together."""
+        for name in ("foreground", "photons", "truth"):
+            if self.motion is None and getattr(self, name) is not None:
+                raise ValueError(f"{name}: is for a moving scene; add --motion shake, for example")
+        if self.truth is not None:
+            image_writer(self.truth)
+
+    def files(self) -> list[Path]:
+        """Return the files to read."""
+        table = [] if self.motion is None or self.motion in MOTIONS else [Path(self.motion)]
+        return [*table, *([] if self.foreground is None else [self.foreground])]
+
+    def make_scene(
+        self,
+        image: npt.NDArray[np.floating],
+        sensor: Sensor,
+        seed: int,
+        white: float | None,
+        gray: bool,
+    ) -> MovingScene:
+        """Return the moving scene of an image."""
+        assert self.motion is not None
+        motion = self.motion if self.motion in MOTIONS else read_poses(Path(self.motion))
+        front = self.foreground
+        foreground = None if front is None else as_image(read_image(front, white=white, gray=gray))
+        return moving(
+            image, motion, sensor=sensor, foreground=foreground, photons=self.photons, rng=seed
+        )
 
 
 def simulate(
@@ -30,6 +89,7 @@ def simulate(
             alias="-o", help="Packed bits, .npy. A .json that describes them lies beside it."
         ),
     ],
+    motion: MotionOptions = MotionOptions(),
     sensor: ExposureOptions = ExposureOptions(),
     seed: Seed = 0,
     gray: Gray = False,
@@ -37,11 +97,31 @@ def simulate(
     threads: Threads = None,
 ) -> None:
     """Simulate the bits that a quanta image sensor reports of a photograph."""
+    motion.check()
     exposed = Sensor(**sensor.to_kwargs())
     maps = [output.with_suffix(f".{name}.npy") for name in exposed.maps()]
     for file in {output, output.with_suffix(".json"), *maps, *companion_files(output)}:
-        refuse_overwrite(file, [photo, *sensor.map_files()])
+        refuse_overwrite(file, [photo, *sensor.map_files(), *motion.files()])
+    if motion.truth is not None:
+        refuse_overwrite(motion.truth, [photo, output, *sensor.map_files(), *motion.files()])
     image = as_image(read_image(photo, white=white, gray=gray))
+    if motion.motion is None:
+        bits = _still_bits(image, exposed, seed, threads)
+    else:
+        scene = motion.make_scene(image, exposed, seed, white, gray)
+        bits = scene.bits
+    with progress(1) as begin:
+        write_capture(bits, output, choose_output_format(output, "npy"), begin("drawing bits"))
+    if motion.truth is not None:
+        with atomic_write(motion.truth) as file:
+            image_writer(motion.truth)(file, scene.image())
+    report(f"{output}: {bits!r}")
+
+
+def _still_bits(
+    image: npt.NDArray[np.floating], exposed: Sensor, seed: int, threads: int | None
+) -> Bits:
+    """Return the bits of a photograph that does not move. They are drawn when they are read."""
     height, width = (size * exposed.oversampling for size in image.shape[:2])
     shape = (exposed.frames, height, math.ceil(width / 8), *image.shape[2:])
 
@@ -49,7 +129,4 @@ def simulate(
         frames = slice(start, stop)
         return np.asarray(exposed.expose(image, seed, frames=frames, threads=threads).packed)
 
-    bits = Bits(Frames(shape, draw), width, exposed)
-    with progress(1) as begin:
-        write_capture(bits, output, choose_output_format(output, "npy"), begin("drawing bits"))
-    report(f"{output}: {bits!r}")
+    return Bits(Frames(shape, draw), width, exposed)

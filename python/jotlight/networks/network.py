@@ -291,6 +291,24 @@ class Network:
             self._conditioned = cached = trials, self.layers, (first, *others)
         return cached[2]
 
+    def denoise_probability(
+        self, fraction: npt.NDArray[np.float32], trials: int, *, threads: int | None = None
+    ) -> npt.NDArray[np.float32]:
+        """Return the probabilities P(b = 1) that a K-conditioned network estimates, (H, W).
+
+        Parameters
+        ----------
+        fraction : ndarray of float32, shape (H, W)
+            Fraction of ones of each pixel.
+        trials : int
+            K, the number of bits of each pixel.
+        threads : int, optional
+            Number of threads. Default: all.
+        """
+        layers = self.conditioned_layers(trials)
+        inference = Inference(layers, self.sensor, reference_jot(self.sensor), threads)
+        return inference.run_counts(fraction * np.float32(trials))
+
     def check_sensor(self, sensor: Sensor) -> None:
         """Check that the network serves the data of a sensor.
 

@@ -6,7 +6,7 @@
 use crate::cpu::levels;
 
 /// The number of frames that are added together.
-pub(super) const FRAMES_PER_GROUP: usize = 8;
+pub(crate) const FRAMES_PER_GROUP: usize = 8;
 
 /// The exponent of the weight of the carry of a group. The weight is 2^`CARRY_EXPONENT`.
 const CARRY_EXPONENT: usize = FRAMES_PER_GROUP.trailing_zeros() as usize;
@@ -19,7 +19,7 @@ const DIGITS_PER_SUM: usize = 7;
 type Word = [u8; 8];
 
 /// One counter for each bit of a sequence of bytes.
-pub(super) struct BitCounters {
+pub(crate) struct BitCounters {
     words: usize,
     /// The digits of all counters. `digits[exponent]` has the weight 2^exponent.
     digits: Vec<Vec<Word>>,
@@ -30,7 +30,7 @@ pub(super) struct BitCounters {
 }
 
 impl BitCounters {
-    pub(super) fn new(bytes: usize) -> Self {
+    pub(crate) fn new(bytes: usize) -> Self {
         let words = bytes.div_ceil(8);
         Self {
             words,
@@ -41,7 +41,7 @@ impl BitCounters {
     }
 
     /// Add a group of byte sequences. Each has the length `bytes` of [`BitCounters::new`].
-    pub(super) fn add(&mut self, group: &[&[u8]; FRAMES_PER_GROUP]) {
+    pub(crate) fn add(&mut self, group: &[&[u8]; FRAMES_PER_GROUP]) {
         let mut carry = self.free.pop().unwrap_or_else(|| vec![[0; 8]; self.words]);
         let (low, _) = self.digits.split_at_mut(CARRY_EXPONENT);
         if let [ones, twos, fours] = low {
@@ -75,7 +75,7 @@ impl BitCounters {
     /// Add the counters of a range of bytes to `counts`, most significant bit first.
     ///
     /// Counters past the end of `counts` are ignored.
-    pub(super) fn add_to_counts(&self, bytes: std::ops::Range<usize>, counts: &mut [i32]) {
+    pub(crate) fn add_to_counts(&self, bytes: std::ops::Range<usize>, counts: &mut [i32]) {
         let mut planes = Vec::new();
         for first in (0..self.digits.len()).step_by(DIGITS_PER_SUM) {
             let digits = self.digits[first..].iter().zip(&self.pending[first..]);

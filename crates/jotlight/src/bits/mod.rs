@@ -13,6 +13,7 @@ use ndarray::{ArrayView1, ArrayView2, ArrayView3, s};
 
 use crate::error::{Error, Result};
 
+pub(crate) use bit_planes::{BitCounters, FRAMES_PER_GROUP};
 pub use count::add_block_counts;
 pub(crate) use count::{bits_per_pixel, check_mask};
 
@@ -54,6 +55,14 @@ impl<'a> PackedBits<'a> {
 
     pub(crate) fn row(&self, frame: usize, row: usize) -> Cow<'a, [u8]> {
         contiguous(self.bytes.slice_move(s![frame, row, ..]))
+    }
+
+    /// Return all bytes, frame after frame and row after row.
+    pub(crate) fn contiguous(&self) -> Cow<'a, [u8]> {
+        match self.bytes.to_slice() {
+            Some(bytes) => Cow::Borrowed(bytes),
+            None => Cow::Owned(self.bytes.iter().copied().collect()),
+        }
     }
 
     /// Return the bytes of a range of rows in a frame, row after row.
@@ -125,3 +134,22 @@ pub(crate) fn bit_field(bytes: &[u8], start: usize, length: usize) -> u64 {
 
 /// The maximum `length` in [`bit_field`]: eight bytes hold that many bits after any `start`.
 pub(crate) const MAX_FIELD_BITS: usize = 57;
+
+/// Copy bits, starting at bit `from` of `source`, to whole bytes.
+#[inline(always)]
+pub(crate) fn copy_bytes(source: &[u8], from: usize, target: &mut [u8]) {
+    let (first, shift) = (from / 8, from % 8);
+    let bytes = target.len();
+    if shift == 0 {
+        target.copy_from_slice(&source[first..first + bytes]);
+    } else {
+        // The compiler vectorizes this loop.
+        let (left, right) = (
+            &source[first..first + bytes],
+            &source[first + 1..=first + bytes],
+        );
+        for ((byte, &left), &right) in target.iter_mut().zip(left).zip(right) {
+            *byte = left << shift | right >> (8 - shift);
+        }
+    }
+}

@@ -1,0 +1,214 @@
+//! Comparisons of counts along a motion with counts of one bit after the other.
+
+use jotlight::bits::{PackedBits, packed_width};
+use jotlight::cpu::Level;
+use jotlight::error::{Error, Result};
+use jotlight::motion::{BLOCK, Displacements, Field, ShiftedCounts, add_shifted_counts};
+use ndarray::{Array2, Array3, ArrayView2};
+
+/// Pseudorandom numbers.
+struct Random(u32);
+
+impl Random {
+    fn next(&mut self) -> u32 {
+        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        self.0 >> 8
+    }
+
+    /// Return a number from -1 to 1.
+    fn number(&mut self) -> f32 {
+        self.next() as f32 / (1 << 23) as f32 - 1.0
+    }
+}
+
+/// The sums along a motion.
+struct Sums {
+    ones: Array2<i32>,
+    trials: Array2<i32>,
+    remainders: Array3<f32>,
+}
+
+impl Sums {
+    fn new(rows: usize, columns: usize) -> Self {
+        Self {
+            ones: Array2::zeros((rows, columns)),
+            trials: Array2::zeros((rows, columns)),
+            remainders: Array3::zeros((rows, 2, columns.div_ceil(BLOCK))),
+        }
+    }
+
+    fn add(
+        &mut self,
+        bytes: &Array3<u8>,
+        fields: [Field<'_>; 2],
+        times: &[f32],
+        valid: Option<ArrayView2<'_, u8>>,
+    ) -> Result<()> {
+        let (rows, columns) = self.ones.dim();
+        let [first, last] = fields;
+        let sums = ShiftedCounts {
+            ones: self.ones.view_mut(),
+            trials: self.trials.view_mut(),
+            remainders: self.remainders.view_mut(),
+        };
+        let bits = PackedBits::new(bytes.view(), columns)?;
+        let motion = Displacements::new(first, last, rows, columns)?;
+        add_shifted_counts(&bits, &motion, times, valid, sums)
+    }
+}
+
+fn bit(bytes: &[u8], column: usize) -> i32 {
+    i32::from(bytes[column / 8] >> (7 - column % 8) & 1)
+}
+
+/// Return the ones and the trials of displacements that are the same in all frames.
+fn naive(
+    bytes: &Array3<u8>,
+    displacements: &Array3<f32>,
+    valid: Option<&Array2<u8>>,
+) -> [Array2<i32>; 2] {
+    let (frames, height, _) = bytes.dim();
+    let (_, rows, columns) = displacements.dim();
+    let mut sums = [(); 2].map(|()| Array2::zeros((rows, columns)));
+    for frame in 0..frames {
+        for row in 0..rows {
+            for column in 0..columns {
+                let shift = |direction| displacements[[direction, row, column]].round_ties_even();
+                let y = row as i64 + shift(0) as i64;
+                let x = column as i64 + shift(1) as i64;
+                if y < 0 || x < 0 || y >= height as i64 || x >= columns as i64 {
+                    continue;
+                }
+                let (y, x) = (y as usize, x as usize);
+                let counted = valid.map_or(1, |valid| bit(&valid.row(y).to_vec(), x));
+                let source: Vec<u8> = bytes.slice(ndarray::s![frame, y, ..]).to_vec();
+                sums[0][[row, column]] += counted * bit(&source, x);
+                sums[1][[row, column]] += counted;
+            }
+        }
+    }
+    sums
+}
+
+#[test]
+fn counts_are_those_of_single_bits_on_every_level() -> Result<()> {
+    let mut random = Random(1);
+    for (frames, rows, columns, scale) in [
+        (1, 3, 5, 2.0),
+        (9, 20, 64, 0.4),
+        (17, 33, 130, 30.0),
+        (8, 5, 257, 200.0),
+    ] {
+        let bytes = Array3::from_shape_simple_fn((frames, rows, packed_width(columns)), || {
+            random.next() as u8
+        });
+        let valid =
+            Array2::from_shape_simple_fn((rows, packed_width(columns)), || random.next() as u8);
+        let smooth = [random.number(), random.number()];
+        let displacements = Array3::from_shape_fn((2, rows, columns), |(direction, _, column)| {
+            scale * (smooth[direction] + 0.01 * column as f32) + 0.6 * random.number()
+        });
+        let times = vec![0.25; frames];
+        let fields = [Field::Pixels(displacements.view()); 2];
+        for mask in [None, Some(&valid)] {
+            let expected = naive(&bytes, &displacements, mask);
+            for level in Level::supported() {
+                Level::choose(Some(level.name()))?;
+                let mut sums = Sums::new(rows, columns);
+                sums.add(&bytes, fields, &times, mask.map(|mask| mask.view()))?;
+                assert_eq!(sums.ones, expected[0]);
+                assert_eq!(sums.trials, expected[1]);
+            }
+            Level::choose(None)?;
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn tiles_are_interpolated_and_remainders_are_means() -> Result<()> {
+    // Displacements rise by 1/8 pixel per column, and do not depend on the row.
+    let (rows, columns, tile) = (6, 32, 16);
+    let nodes = Array3::from_shape_fn((2, 1, 2), |(direction, _, column)| {
+        if direction == 1 {
+            (7.5 + 16.0 * column as f32) / 8.0
+        } else {
+            0.0
+        }
+    });
+    let pixels = Array3::from_shape_fn((2, rows, columns), |(direction, _, column)| {
+        if direction == 1 {
+            column as f32 / 8.0
+        } else {
+            0.0
+        }
+    });
+    let mut random = Random(2);
+    let bytes = Array3::from_shape_simple_fn((10, rows, 4), || random.next() as u8);
+    let field = Field::Tiles {
+        nodes: nodes.view(),
+        tile,
+    };
+    let mut sums = Sums::new(rows, columns);
+    sums.add(&bytes, [field; 2], &[0.0; 10], None)?;
+    let expected = naive(&bytes, &pixels, None);
+    assert_eq!(sums.ones, expected[0]);
+    assert_eq!(sums.trials, expected[1]);
+    for block in 0..2 {
+        let remainder = |column: usize| {
+            let displacement = column as f32 / 8.0;
+            displacement.round_ties_even() - displacement
+        };
+        let mean: f32 = (16 * block..16 * block + 16).map(remainder).sum::<f32>() / 16.0;
+        assert!((sums.remainders[[3, 1, block]] - 10.0 * mean).abs() < 1e-4);
+        assert!(sums.remainders[[3, 0, block]].abs() < 1e-4);
+    }
+    Ok(())
+}
+
+#[test]
+fn empty_bursts_and_images_change_nothing() -> Result<()> {
+    for (frames, rows, columns) in [(0, 3, 5), (2, 0, 5), (2, 3, 0)] {
+        let bytes = Array3::zeros((frames, rows, packed_width(columns)));
+        let field = Array3::zeros((2, rows, columns));
+        let mut sums = Sums::new(rows, columns);
+        let fields = [Field::Pixels(field.view()); 2];
+        sums.add(&bytes, fields, &vec![0.0; frames], None)?;
+        assert_eq!(sums.trials.sum(), 0);
+    }
+    Ok(())
+}
+
+#[test]
+fn fields_and_times_that_do_not_fit_are_errors() {
+    let bytes = Array3::zeros((2, 3, 1));
+    let mut sums = Sums::new(3, 5);
+    let field = Array3::zeros((2, 3, 5));
+    let pixels = Field::Pixels(field.view());
+    let mut add = |fields, times: &[f32]| sums.add(&bytes, fields, times, None);
+    assert!(matches!(add([pixels; 2], &[0.0]), Err(Error::Shape { .. })));
+    assert!(matches!(
+        add([pixels; 2], &[0.0, f32::NAN]),
+        Err(Error::Range { .. })
+    ));
+    let small = Array3::zeros((2, 3, 4));
+    let wrong = Field::Pixels(small.view());
+    assert!(matches!(
+        add([pixels, wrong], &[0.0; 2]),
+        Err(Error::Shape { .. })
+    ));
+    let infinite = Array3::from_elem((2, 3, 5), f32::INFINITY);
+    let far = Field::Pixels(infinite.view());
+    assert!(matches!(
+        add([far, pixels], &[0.0; 2]),
+        Err(Error::Range { .. })
+    ));
+    let no_tiles = Field::Tiles {
+        nodes: field.view(),
+        tile: 0,
+    };
+    assert!(matches!(
+        add([no_tiles; 2], &[0.0; 2]),
+        Err(Error::Range { .. })
+    ));
+}

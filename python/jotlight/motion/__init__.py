@@ -1,0 +1,1 @@
+"""Motion: alignment and merging of the bits of moving scenes."""

@@ -1,0 +1,96 @@
+"""Fisher scoring: the normal equations of the displacement errors of a block of frames."""
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.motion.blocks import Sums
+from jotlight.motion.regularize import Equations
+from jotlight.motion.tiles import sum_tiles
+from jotlight.networks.network import Network
+from jotlight.networks.pretrained import CONDITIONAL_SIZE, FOLDER, MAX_BITS_PER_PIXEL
+
+Image = npt.NDArray[np.float32]
+
+_MIN_PROBABILITY = 1e-4
+"""Smallest distance of a probability of the template from 0 and from 1."""
+
+_SHARE_OF_TEMPLATE = 0.25
+"""Variance of the template of D_R trials, in units of that of the raw fraction of ones."""
+
+
+_DERIVATIVE = np.array([-1 / 60, 3 / 20, -3 / 4, 0, 3 / 4, -3 / 20, 1 / 60], np.float32)
+"""Weights of the pixels whose sum is the derivative, exact for polynomials of degree 6."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Template:
+    """The probability of a one at each pixel at the reference time, and its number of trials."""
+
+    probability: Image
+    trials: Image
+
+
+def blur(image: npt.NDArray[np.floating], sigma: float) -> Image:
+    """Return an image, or each of several, after a Gaussian filter."""
+    from scipy.ndimage import gaussian_filter
+
+    sigmas = (*[0.0] * (image.ndim - 2), sigma, sigma)
+    return np.asarray(gaussian_filter(image, sigmas, mode="reflect", truncate=3.0), np.float32)
+
+
+def gradient(image: Image) -> tuple[Image, Image]:
+    """Return the derivatives of an image along rows and columns.
+
+    Rounding shifts the scene by up to half a pixel. Differences of direct neighbors underestimate
+    the slopes of fine details by a fifth, and so the effect of this shift.
+    """
+    from scipy.ndimage import correlate1d
+
+    rows, columns = (correlate1d(image, _DERIVATIVE, axis, mode="reflect") for axis in (0, 1))
+    return rows, columns
+
+
+def make_template(sums: Sums, threads: int | None) -> Template:
+    """Return the template of sums: the fraction of ones, denoised by the K-conditioned network."""
+    fraction = sums.ones / np.maximum(sums.trials, 1)
+    valid = sums.trials[sums.trials > 0]
+    trials = int(np.clip(np.median(valid) if valid.size else 1, 1, MAX_BITS_PER_PIXEL))
+    network = Network.load(FOLDER / f"{CONDITIONAL_SIZE}.safetensors")
+    probability = network.denoise_probability(fraction.astype(np.float32), trials, threads=threads)
+    # The remainders have shifted the ones on average. This removes the shift to first order.
+    rows, columns = gradient(probability)
+    shifted = sums.remainders[0] * rows + sums.remainders[1] * columns
+    probability = probability - shifted / np.maximum(sums.trials, 1)
+    clipped = np.clip(probability, _MIN_PROBABILITY, 1 - _MIN_PROBABILITY)
+    return Template(clipped.astype(np.float32), sums.trials)
+
+
+def normal_equations(sums: Sums, template: Template, sigma: float) -> Equations:
+    """Return the normal equations of the displacement errors e of all tiles.
+
+    The ones of a block are expected to be D p(x + e), with the probabilities p of the template.
+    A Gaussian filter of width `sigma` widens the range of errors that can be found.
+
+    Parameters
+    ----------
+    sums : Sums
+        N, D, and m of the block.
+    template : Template
+        p and D_R of the template.
+    sigma : float
+        Standard deviation of the filter in pixels.
+    """
+    p = blur(template.probability, sigma)
+    rows, columns = gradient(p)
+    ones, trials, rounded_rows, rounded_columns = blur(
+        np.stack([sums.ones, sums.trials, *sums.remainders]), sigma
+    )
+    residual = ones - trials * p - rows * rounded_rows - columns * rounded_columns
+    variance = np.maximum(p * (1 - p), _MIN_PROBABILITY)
+    variance *= 1 + _SHARE_OF_TEMPLATE * sums.trials / np.maximum(template.trials, 1)
+    weight = (sums.trials > 0) / variance
+    information = weight * sums.trials * np.stack([rows * rows, rows * columns, columns * columns])
+    right = weight * residual * np.stack([rows, columns])
+    return Equations(sum_tiles(information), sum_tiles(right))

@@ -1,0 +1,76 @@
+"""Square tiles: sums over them, and fields of displacements at their centers."""
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+TILE = 16
+"""Width of a tile in pixels."""
+
+
+def tile_counts(size: tuple[int, int]) -> tuple[int, int]:
+    """Return the numbers of rows and columns of tiles that cover an image.
+
+    Examples
+    --------
+    >>> tile_counts((256, 500))
+    (16, 32)
+    """
+    rows, columns = (-(-length // TILE) for length in size)
+    return rows, columns
+
+
+def sum_tiles(values: npt.NDArray[np.floating]) -> Array:
+    """Return the sums over tiles, (..., rows, columns), of images (..., H, W).
+
+    Examples
+    --------
+    >>> sum_tiles(np.ones((16, 20))).tolist()
+    [[256.0, 64.0]]
+    """
+    for axis in (-2, -1):
+        starts = np.arange(0, values.shape[axis], TILE)
+        values = np.add.reduceat(values, starts, axis=axis, dtype=np.float64)
+    return np.asarray(values)
+
+
+def affine_basis(shape: tuple[int, int]) -> Array:
+    """Return the functions 1, row, and column on a grid of tiles, shape (rows * columns, 3).
+
+    Rows and columns are relative to the center, and in units of the whole grid.
+    """
+    rows, columns = np.indices(shape, np.float64)
+    rows = (rows - (shape[0] - 1) / 2) / shape[0]
+    columns = (columns - (shape[1] - 1) / 2) / shape[1]
+    return np.stack([np.ones(shape), rows, columns], axis=-1).reshape(-1, 3)
+
+
+def interpolate(nodes: npt.NDArray[np.floating], size: tuple[int, int]) -> npt.NDArray[np.float32]:
+    """Return the displacements of all pixels, (2, H, W), from those of tile centers.
+
+    Between the centers, the displacements are interpolated linearly; beyond them, extrapolated.
+
+    Parameters
+    ----------
+    nodes : ndarray of float, shape (2, rows, columns)
+        Displacements at the centers of the tiles.
+    size : (int, int)
+        H and W.
+
+    Examples
+    --------
+    >>> nodes = np.zeros((2, 1, 2))
+    >>> nodes[1, 0] = 0, 16
+    >>> interpolate(nodes, (1, 32))[1, 0, [0, 8, 31]].tolist()
+    [-7.5, 0.5, 23.5]
+    """
+    values = np.asarray(nodes, np.float32)
+    for axis, length in ((1, size[0]), (2, size[1])):
+        tiles = values.shape[axis]
+        place = (np.arange(length) - (TILE - 1) / 2) / TILE
+        index = np.clip(np.floor(place), 0, max(0, tiles - 2)).astype(int)
+        fraction = (place - index).astype(np.float32).reshape(-1, *[1] * (2 - axis))
+        first = values.take(index, axis)
+        values = first + fraction * (values.take(np.minimum(index + 1, tiles - 1), axis) - first)
+    return np.ascontiguousarray(values)

@@ -1,0 +1,192 @@
+"""Counts along a motion: the engine against its twin, and exact cases."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import jotlight as jl
+from jotlight import _engine as engine
+from jotlight.motion.blocks import Blocks, Sums
+from reference.motion import interpolate_tiles, shifted_counts
+
+
+def count(bits, first, last, tile, times, valid=None, threads=None):
+    """Return ones, trials, and remainders from the engine, for an array of bits."""
+    _, height, width = bits.shape
+    ones, trials = np.zeros((2, height, width), np.int32)
+    remainders = np.zeros((height, 2, -(-width // 16)), np.float32)
+    mask = None if valid is None else np.packbits(valid, axis=1)
+    engine.add_shifted_counts(
+        np.packbits(bits, axis=2), width, first, last, tile, np.float32(times), mask,
+        ones, trials, remainders, threads,
+    )  # fmt: skip
+    return ones, trials, remainders
+
+
+@st.composite
+def bursts(draw):
+    """Draw bits, two fields of displacements, the width of tiles, times, and a mask."""
+    frames, height = draw(st.integers(1, 20)), draw(st.integers(1, 40))
+    width = draw(st.integers(1, 200) | st.sampled_from([64, 128, 512]))
+    tile = draw(st.sampled_from([None, 1, 2, 7, 16]))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    size = (height, width) if tile is None else (-(-height // tile), -(-width // tile))
+    scale = draw(st.sampled_from([0.0, 0.3, 3.0, 50.0]))
+    smooth = rng.normal(0, scale, (2, 2, 1, 1))
+    fields = smooth + rng.normal(0, scale, (2, 2, *size)) * draw(st.sampled_from([0, 0.05, 1]))
+    fields = np.where(draw(st.booleans()), fields, np.rint(fields * 2) / 2).astype(np.float32)
+    bits = rng.random((frames, height, width)) < 0.4
+    valid = None if draw(st.booleans()) else rng.random((height, width)) < 0.8
+    return bits, *fields, tile, rng.uniform(-0.5, 1.5, frames).astype(np.float32), valid
+
+
+@settings(max_examples=60)
+@given(bursts())
+def test_counts_are_those_of_the_twin(burst):
+    bits, first, last, tile, times, valid = burst
+    ones, trials, remainders = count(bits, first, last, tile, times, valid)
+    expected = shifted_counts(bits, first, last, tile, times, valid)
+    np.testing.assert_array_equal(ones, expected[0])
+    np.testing.assert_array_equal(trials, expected[1])
+    scale = 1e-4 * len(times) * (1 + abs(np.stack([first, last])).max())
+    np.testing.assert_allclose(remainders, expected[2], atol=scale)
+
+
+@given(bursts(), st.integers(1, 4))
+def test_counts_are_the_same_for_any_number_of_threads(burst, threads):
+    bits, first, last, tile, times, valid = burst
+    whole = count(bits, first, last, tile, times, valid, 1)
+    for one, other in zip(
+        whole, count(bits, first, last, tile, times, valid, threads), strict=True
+    ):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_whole_shifts_give_the_sum_of_shifted_frames():
+    rng = np.random.default_rng(0)
+    bits = rng.random((9, 40, 150)) < 0.3
+    for rows, columns in ((0, 0), (3, -7), (-40, 2), (5, 149), (1, 150), (-39, 64)):
+        field = np.broadcast_to(np.float32([[[rows]], [[columns]]]), (2, 3, 10)).copy()
+        ones, trials, remainders = count(bits, field, field, 16, np.zeros(9))
+        expected, inside = np.zeros((2, 40, 150), int)
+        for y in range(40):
+            for x in range(150):
+                if 0 <= y + rows < 40 and 0 <= x + columns < 150:
+                    expected[y, x] = bits[:, y + rows, x + columns].sum()
+                    inside[y, x] = 9
+        np.testing.assert_array_equal(ones, expected)
+        np.testing.assert_array_equal(trials, inside)
+        np.testing.assert_allclose(remainders, 0, atol=1e-4)
+
+
+def test_reversed_time_gives_the_same_counts():
+    rng = np.random.default_rng(1)
+    bits, times = rng.random((20, 33, 70)) < 0.3, np.linspace(0, 1, 20)
+    first, last = rng.normal(0, 4, (2, 2, 3, 5)).astype(np.float32)
+    forward = count(bits, first, last, 16, times)
+    backward = count(bits[::-1], last, first, 16, 1 - times[::-1])
+    # In the other direction, rounding to float32 may move a displacement across a half.
+    assert (forward[0] != backward[0]).mean() < 1e-3
+    assert (forward[1] != backward[1]).mean() < 1e-3
+
+
+def test_strided_bits_are_counted_like_contiguous_ones():
+    rng = np.random.default_rng(2)
+    color = rng.random((8, 20, 70, 3)) < 0.3
+    packed = np.packbits(color, axis=2)
+    field = rng.normal(0, 3, (2, 2, 5)).astype(np.float32)
+    ones, trials = np.zeros((2, 20, 70), np.int32)
+    remainders = np.zeros((20, 2, 5), np.float32)
+    engine.add_shifted_counts(
+        packed[..., 1], 70, field, field, 16, np.zeros(8, np.float32), None, ones, trials,
+        remainders, None,
+    )  # fmt: skip
+    np.testing.assert_array_equal(ones, count(color[..., 1], field, field, 16, np.zeros(8))[0])
+
+
+def test_counts_are_added():
+    bits = np.ones((3, 5, 20), bool)
+    field = np.zeros((2, 1, 2), np.float32)
+    ones, trials = np.full((2, 5, 20), 10, np.int32)
+    engine.add_shifted_counts(
+        np.packbits(bits, axis=2), 20, field, field, 16, np.zeros(3, np.float32), None, ones,
+        trials, np.zeros((5, 2, 2), np.float32), None,
+    )  # fmt: skip
+    assert (ones == 13).all()
+    assert (trials == 13).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"first": np.zeros((2, 2, 2), np.float32)}, "displacements"),
+        ({"first": np.full((2, 1, 2), np.nan, np.float32)}, "displacements: expected numbers"),
+        ({"last": np.full((2, 1, 2), 2e5, np.float32)}, "displacements: expected numbers"),
+        ({"tile": 0}, "width of a tile: expected at least 1"),
+        ({"times": np.zeros(2, np.float32)}, "times of the frames"),
+        ({"times": np.full(3, 3, np.float32)}, "expected -1 to 2"),
+        ({"times": np.full(3, np.nan, np.float32)}, "expected -1 to 2"),
+        ({"valid": np.zeros((5, 9), np.uint8)}, "packed mask"),
+        ({"ones": np.zeros((5, 21), np.int32)}, "counts"),
+        ({"trials": np.full((5, 20), 2**31 - 2, np.int32)}, "sums of less than 2\\^31"),
+        ({"remainders": np.zeros((5, 2, 3), np.float32)}, "remainders"),
+        ({"width": 30}, "bytes in a packed row"),
+    ],
+)
+def test_arguments_that_do_not_fit_are_refused(changes, message):
+    arguments = {
+        "packed": np.zeros((3, 5, 3), np.uint8),
+        "width": 20,
+        "first": np.zeros((2, 1, 2), np.float32),
+        "last": np.zeros((2, 1, 2), np.float32),
+        "tile": 16,
+        "times": np.zeros(3, np.float32),
+        "valid": None,
+        "ones": np.zeros((5, 20), np.int32),
+        "trials": np.zeros((5, 20), np.int32),
+        "remainders": np.zeros((5, 2, 2), np.float32),
+        "threads": None,
+    }
+    with pytest.raises(ValueError, match=message):
+        engine.add_shifted_counts(*{**arguments, **changes}.values())
+
+
+def test_blocks_return_remainders_per_trial():
+    rng = np.random.default_rng(3)
+    bits = jl.Bits.from_array(rng.random((12, 40, 50)) < 0.3)
+    blocks = Blocks(bits, np.array([0, 12]), None, None)
+    field = np.full((2, 3, 4), 0.25, np.float32)
+    field[1] = -7.75
+    sums = blocks.count(range(12), (field, field), (0, 12))
+    # The shift is 0 rows and -8 columns.
+    np.testing.assert_allclose(sums.remainders[0], -0.25 * sums.trials, atol=1e-4)
+    np.testing.assert_allclose(sums.remainders[1], -0.25 * sums.trials, atol=1e-4)
+    np.testing.assert_array_equal(sums.trials[:, :8], 0)
+    np.testing.assert_array_equal(sums.ones[:, 8:], bits.to_array()[:, :, :42].sum(axis=0))
+    both = sums + Sums.zeros((40, 50))
+    np.testing.assert_array_equal(both.ones, sums.ones)
+
+
+def test_blocks_select_their_frames():
+    rng = np.random.default_rng(4)
+    bits = jl.Bits.from_array(rng.random((12, 16, 16)) < 0.3)
+    blocks = Blocks(bits, np.array([0, 4, 12]), None, None)
+    assert blocks.centers.tolist() == [1.5, 7.5]
+    field = np.zeros((2, 1, 1), np.float32)
+    sums = blocks.count(range(4, 12), (field, field), (0, 12))
+    np.testing.assert_array_equal(sums.ones, bits[4:12].counts(1))
+    pixels = np.zeros((2, 16, 16), np.float32)
+    np.testing.assert_array_equal(
+        blocks.count(range(4, 12), (pixels,) * 2, (0, 12)).ones, sums.ones
+    )
+
+
+def test_tiles_and_pixels_agree():
+    rng = np.random.default_rng(5)
+    bits, times = rng.random((10, 40, 100)) < 0.3, np.linspace(0, 1, 10)
+    first, last = rng.normal(0, 4, (2, 2, 3, 7)).astype(np.float32)
+    pixels = [interpolate_tiles(field, 16, (40, 100)) for field in (first, last)]
+    tiles = count(bits, first, last, 16, times)
+    for one, other in zip(tiles, count(bits, *pixels, None, times), strict=True):
+        np.testing.assert_array_equal(one, other)

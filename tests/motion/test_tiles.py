@@ -1,0 +1,39 @@
+import numpy as np
+import pytest
+
+from jotlight.motion.tiles import affine_basis, interpolate, sum_tiles, tile_counts
+from reference.motion import interpolate_tiles
+
+
+@pytest.mark.parametrize("size", [(1, 1), (16, 16), (17, 40), (250, 33)])
+def test_sums_over_tiles_are_those_of_a_loop(size):
+    image = np.random.default_rng(0).normal(size=size)
+    sums = sum_tiles(image)
+    assert sums.shape == tile_counts(size)
+    for row in range(sums.shape[0]):
+        for column in range(sums.shape[1]):
+            tile = image[16 * row : 16 * row + 16, 16 * column : 16 * column + 16]
+            assert sums[row, column] == pytest.approx(tile.sum())
+
+
+@pytest.mark.parametrize("size", [(1, 1), (16, 16), (17, 40), (250, 33)])
+def test_interpolation_is_that_of_the_engine(size):
+    nodes = np.random.default_rng(0).normal(0, 9, (2, *tile_counts(size))).astype(np.float32)
+    np.testing.assert_allclose(
+        interpolate(nodes, size), interpolate_tiles(nodes, 16, size), atol=2e-4
+    )
+
+
+def test_affine_fields_are_interpolated_exactly():
+    size = 100, 150
+    rows, columns = np.indices(size)
+    centers = np.indices(tile_counts(size)) * 16 + 7.5
+    nodes = np.stack([0.1 * centers[0] - 0.2 * centers[1] + 3, 0.3 * centers[1] - 2])
+    expected = np.stack([0.1 * rows - 0.2 * columns + 3, 0.3 * columns - 2])
+    np.testing.assert_allclose(interpolate(nodes, size), expected, atol=1e-4)
+
+
+def test_the_affine_basis_is_orthogonal():
+    basis = affine_basis((7, 12))
+    product = basis.T @ basis
+    np.testing.assert_allclose(product, np.diag(np.diag(product)), atol=1e-12)

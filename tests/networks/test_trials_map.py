@@ -1,0 +1,81 @@
+"""The K-conditioned network for maps of trials, and for more trials than it knows."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.networks.trials_map import denoise_map, level_range
+
+NETWORK = jl.pretrained(jl.Sensor())
+IMAGE = jl.datasets.photograph()[100:196, 200:328]
+
+
+def draw(trials, rng=0):
+    p = 1 - np.exp(-0.5 * IMAGE)
+    ones = np.random.default_rng(rng).binomial(trials, p)
+    return ones.astype(np.float32), np.broadcast_to(np.float32(trials), IMAGE.shape), p
+
+
+def psnr(estimate, truth):
+    return float(jl.metrics.psnr(estimate, truth))
+
+
+@pytest.mark.parametrize("trials", [1, 7, 256])
+def test_equal_trials_are_one_call_of_the_network(trials):
+    ones, trials_map, _ = draw(trials)
+    expected = np.clip(NETWORK.denoise_probability(ones / np.float32(trials), trials), 0, 1)
+    np.testing.assert_allclose(denoise_map(NETWORK, ones, trials_map), expected, atol=1e-6)
+
+
+def test_trials_between_two_levels_are_interpolated():
+    trials = np.where(np.arange(128) < 64, 8, 16) * np.ones((96, 1), int)
+    ones, trials_map, truth = draw(trials)
+    mixed = denoise_map(NETWORK, ones, trials_map)
+    fraction = ones / trials_map
+    left, right = (NETWORK.denoise_probability(fraction, level) for level in (8, 16))
+    np.testing.assert_allclose(mixed[:, :64], np.clip(left, 0, 1)[:, :64], atol=1e-6)
+    np.testing.assert_allclose(mixed[:, 64:], np.clip(right, 0, 1)[:, 64:], atol=1e-6)
+    trials_map = np.full(IMAGE.shape, 12, np.float32)
+    trials_map[:, :64] = 8
+    trials_map[:, 120:] = 16
+    weight = np.log2(12 / 8)
+    expected = (1 - weight) * left + weight * right
+    middle = (slice(None), slice(64, 120))
+    fraction_map = (fraction * trials_map).astype(np.float32)
+    found = denoise_map(NETWORK, fraction_map, trials_map)
+    np.testing.assert_allclose(found[middle], np.clip(expected, 0, 1)[middle], atol=1e-4)
+    assert psnr(mixed, truth) > 28
+
+
+def test_pixels_without_trials_get_the_value_of_their_neighbors():
+    ones, trials, truth = draw(64)
+    trials, ones = trials.copy(), ones.copy()
+    trials[40:44, 50:53] = ones[40:44, 50:53] = 0
+    estimate = denoise_map(NETWORK, ones, trials)
+    assert np.isfinite(estimate).all()
+    assert abs(estimate - truth)[40:44, 50:53].mean() < 0.1
+    np.testing.assert_array_equal(denoise_map(NETWORK, 0 * ones, 0 * trials), 0.5)
+
+
+@pytest.mark.parametrize(
+    ("trials", "gain_of_network", "gain_of_counts"),
+    [(600, 1.2, 5), (1000, 2.5, 5), (4000, 6, 3), (16_000, 9, 0.5)],
+)
+def test_more_trials_than_the_network_knows_improve_the_image(
+    trials, gain_of_network, gain_of_counts
+):
+    ones, trials_map, truth = draw(trials)
+    quality = psnr(denoise_map(NETWORK, ones, trials_map), truth)
+    network = np.clip(NETWORK.denoise_probability(ones / trials_map, 256), 0, 1)
+    assert quality > psnr(network, truth) + gain_of_network
+    assert quality > psnr(ones / trials_map, truth) + gain_of_counts
+
+
+def test_levels_have_small_ratios_and_both_ends():
+    for smallest, largest in ((1, 256), (3, 100), (17, 17), (0.2, 1.4), (200, 256)):
+        levels = level_range(smallest, largest)
+        assert levels[0] == max(1, round(smallest))
+        assert levels[-1] == max(1, round(largest))
+        assert all(b / a <= 2 for a, b in itertools.pairwise(levels))
