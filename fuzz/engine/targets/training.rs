@@ -57,8 +57,9 @@ impl Course {
             images,
             patches,
             kernel: (input.below(4), side),
+            // The engine draws as many frames as it is asked for, unless their number overflows.
             frames: if input.rarely(64) {
-                input.number()
+                usize::MAX - input.below(9)
             } else {
                 frames
             },
