@@ -77,7 +77,8 @@ def test_messages_about_full_disks_are_checked(status, text, violations):
 
 
 def test_flips_find_undetected_damage(monkeypatch):
-    monkeypatch.delitem(flips.NO_CHECKSUM, "visionsim")
+    others = {name: why for name, why in flips.NO_CHECKSUM.items() if name != "visionsim"}
+    monkeypatch.setattr(flips, "NO_CHECKSUM", others)
     (row,) = flips.measure(quick=True, only="visionsim: bits")
     assert row["flips"] == flips.QUICK_FLIPS
     assert row["outcomes"]["other content"] > 5

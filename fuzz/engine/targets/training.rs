@@ -57,12 +57,7 @@ impl Course {
             images,
             patches,
             kernel: (input.below(4), side),
-            // The engine draws as many frames as it is asked for, unless their number overflows.
-            frames: if input.rarely(64) {
-                usize::MAX - input.below(9)
-            } else {
-                frames
-            },
+            frames,
             threshold: 1 + input.below(3) as u32,
             numbers: [input.float(), input.float(), input.float()],
             map: input.rarely(32).then(|| Array2::zeros((2, 2))),
