@@ -21,18 +21,8 @@ def test_displacements_are_linear_in_time():
     assert motion.at(3).shape == (2, 40, 70)
 
 
-def test_a_saved_motion_has_the_same_arrays(tmp_path):
-    motion = random_motion()
-    motion.save(tmp_path / "motion.npz")
-    with np.load(tmp_path / "motion.npz") as arrays:
-        np.testing.assert_array_equal(arrays["nodes"], motion.nodes)
-        np.testing.assert_array_equal(arrays["times"], motion.times)
-
-
-def test_no_motion_is_zero():
-    motion = Motion.none((40, 70), 100, 50)
-    assert not motion.at(33).any()
-    assert repr(motion).startswith("<Motion: none, 40 x 70 jots, 2 times from 0 to 99")
+def test_the_representation_states_the_length_of_the_motion():
+    assert repr(random_motion()).startswith("<Motion: tiles, 40 x 70 jots, 4 times from 1.5 to 20")
 
 
 @pytest.mark.parametrize(

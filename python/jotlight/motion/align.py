@@ -1,11 +1,9 @@
 """The motion of a scene, estimated from its bits."""
 
-from collections.abc import Callable
-
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.blocks import Blocks
+from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.motion import Motion
 from jotlight.motion.regularize import (
     Equations,
@@ -57,7 +55,6 @@ def estimate(
     *,
     use_tiles: bool,
     velocity: Array,
-    progress: Callable[[float], object] | None = None,
 ) -> tuple[Track, Array]:
     """Return the displacements of all blocks and the information about them.
 
@@ -71,8 +68,6 @@ def estimate(
         Whether each tile has its own motion. Otherwise the motion is affine.
     velocity : ndarray of float, shape (2, rows, columns)
         Velocity of each tile around the reference time.
-    progress : callable, optional
-        Called with the completed fraction, 0 to 1.
     """
     if not use_tiles:
         velocity = nearest_affine(velocity)
@@ -88,12 +83,8 @@ def estimate(
         total = total + track.sums(block)
         if number % 2 == 1 and (number < 8 or number % 4 == 3):
             template = make_template(total, blocks.threads)
-        if progress is not None:
-            progress((number + 1) / (len(order) - 1 + _JOINT_ROUNDS))
     for _ in range(_JOINT_ROUNDS):
         information = _improve_together(track, use_tiles)
-    if progress is not None:
-        progress(1.0)
     return track, information
 
 
@@ -137,9 +128,7 @@ def _improve_together(track: Track, use_tiles: bool) -> Array:
     """
     number = len(track.nodes)
     sums = [track.sums(block) for block in range(number)]
-    total = sums[0]
-    for each in sums[1:]:
-        total = total + each
+    total = Sums.total(sums)
     template = make_template(total, track.blocks.threads)
     old, new = track.nodes, track.nodes.copy()
     information = []
@@ -194,9 +183,7 @@ def as_motion(track: Track, information: Array, model: str) -> Motion:
     )
 
 
-def estimate_motion(
-    blocks: Blocks, reference: int, progress: Callable[[float], object] | None = None
-) -> Motion:
+def estimate_motion(blocks: Blocks, reference: int) -> Motion:
     """Return the motion of the model that explains the bits best."""
     velocity = estimate_velocities(blocks, reference)
     rows, columns = tile_counts(blocks.size)
@@ -204,7 +191,7 @@ def estimate_motion(
     still = Track(blocks, reference, np.zeros((number, 2, rows, columns)), np.ones(number, bool))
     best = still, np.zeros((number, 3, rows, columns)), "none"
     affine, tiles = (
-        estimate(blocks, reference, use_tiles=use_tiles, velocity=velocity, progress=progress)
+        estimate(blocks, reference, use_tiles=use_tiles, velocity=velocity)
         for use_tiles in (False, True)
     )
     if likelihood_gain(affine[0], still) > _AFFINE_PARAMETERS * number:

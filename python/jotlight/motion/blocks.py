@@ -1,6 +1,7 @@
 """Blocks of frames, and their counts along a motion."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Self
 
 import numpy as np
@@ -36,6 +37,12 @@ class Sums:
     def zeros(cls, size: tuple[int, int]) -> Self:
         """Return sums over no frames."""
         return cls(*(np.zeros(shape, np.float32) for shape in (size, size, (2, *size))))
+
+    @classmethod
+    def total(cls, parts: Sequence["Sums"]) -> Self:
+        """Return the sum of one or more sums."""
+        names = [field.name for field in dataclasses.fields(cls)]
+        return cls(*(sum(getattr(part, name) for part in parts) for name in names))
 
     def __add__(self, other: "Sums") -> "Sums":
         return Sums(

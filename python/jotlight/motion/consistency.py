@@ -4,12 +4,11 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.blocks import Sums
-from jotlight.motion.scoring import Template, make_template
+from jotlight.motion.scoring import Template, make_template, variance_per_trial
 from jotlight.motion.track import Track
 
 Image = npt.NDArray[np.float32]
 
-_SHARE_OF_TEMPLATE = 0.25
 _MAX_CHI_SQUARED = 2.5
 """Pixels of a block are accepted up to this value of χ², which is about 1 if they agree."""
 
@@ -21,8 +20,7 @@ def chi_squared(sums: Sums, template: Template) -> Image:
     """Return χ² of each pixel, (H, W), which is about 1 if the sums agree with the template."""
     p, trials = template.probability, sums.trials
     residual = sums.ones - trials * p
-    variance = trials * p * (1 - p)
-    variance *= 1 + _SHARE_OF_TEMPLATE * trials / np.maximum(template.trials, 1)
+    variance = trials * variance_per_trial(p, trials, template)
     ratio = _box(residual, _SMALL_BOX) ** 2 / np.maximum(_box(variance, _SMALL_BOX), 1e-3)
     counted = (trials > 0).astype(np.float32)
     return (_box(ratio * counted, _LARGE_BOX) + 1) / (_box(counted, _LARGE_BOX) + 1)
@@ -62,9 +60,7 @@ def merge_consistent(track: Track) -> tuple[Sums, npt.NDArray[np.float32]]:
                 for other in (block - 1, block, block + 1)
                 if 0 <= other < len(order) and side[other] == side[block]
             ]
-            pooled = blocks[near[0]]
-            for other in near[1:]:
-                pooled = pooled + blocks[other]
+            pooled = Sums.total([blocks[other] for other in near])
             accepted = chi_squared(pooled, template) < _MAX_CHI_SQUARED
             each = blocks[block]
             available += each.trials

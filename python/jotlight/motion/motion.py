@@ -1,8 +1,6 @@
 """The motion of a scene: displacements of the centers of tiles at some times."""
 
 import dataclasses
-import os
-from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -65,19 +63,6 @@ class Motion:
         if self.model not in MODELS:
             raise ValueError(f"model: expected one of {', '.join(MODELS)}, got {self.model!r}")
 
-    @classmethod
-    def none(cls, size: tuple[int, int], frames: int, reference: float) -> Self:
-        """Return the motion of a scene in which nothing moves."""
-        shape = tile_counts(size)
-        return cls(
-            np.zeros((2, 2, *shape), np.float32),
-            np.array([0.0, max(1.0, frames - 1.0)]),
-            size,
-            reference,
-            "none",
-            np.zeros((2, 3, *shape), np.float32),
-        )
-
     def nodes_at(self, time: float) -> npt.NDArray[np.float32]:
         """Return u at the centers of the tiles at a time, (2, rows, columns)."""
         index = self.interval(time)
@@ -93,22 +78,6 @@ class Motion:
     def interval(self, time: float) -> int:
         """Return the index of the time before, of the two from which u is interpolated."""
         return int(np.clip(np.searchsorted(self.times, time, "right") - 1, 0, len(self.times) - 2))
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the motion to a `.npz` file."""
-        from jotlight.files import atomic_write
-        from jotlight.output_files import open_output
-
-        with atomic_write(path) as temporary, open_output(temporary) as file:
-            np.savez_compressed(
-                file,
-                nodes=self.nodes,
-                times=self.times,
-                size=np.array(self.size),
-                reference=np.array(self.reference),
-                model=np.array(MODELS.index(self.model)),
-                information=self.information,
-            )
 
     def __repr__(self) -> str:
         longest = float(np.sqrt((self.nodes**2).sum(axis=1)).max())

@@ -110,13 +110,12 @@ class Smoothness:
 def solve_field(
     equations: Equations, now: Array, predicted: Array, smoothness: Smoothness
 ) -> Array:
-    """Return the field of displacements u, (2, rows, columns), that minimizes
+    """Return the smooth field of displacements u, (2, rows, columns), that fits the equations.
 
-    ½ dᵀA d - bᵀd + ½ λ1 Σ |∇(u - predicted)|² + ½ Σ w |∇(u - affine)|²,  d = now - u,
-
-    where ∇ is the difference of neighboring tiles, `affine` is the robust affine fit to u, and
-    w = λ2 / (1 + |∇(u - affine)|²/ρ²).
-    """  # noqa: D400
+    It minimizes ½ dᵀA d - bᵀd + ½ λ1 Σ |∇(u - predicted)|² + ½ Σ w |∇(u - affine)|² with
+    d = now - u. Here ∇ is the difference of neighboring tiles, `affine` is the robust affine fit to
+    u, and w = λ2 / (1 + |∇(u - affine)|²/ρ²).
+    """
     from scipy.sparse import bmat, diags, identity
     from scipy.sparse.linalg import spsolve
 

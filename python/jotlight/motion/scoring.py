@@ -1,6 +1,7 @@
 """Fisher scoring: the normal equations of the displacement errors of a block of frames."""
 
 import dataclasses
+import functools
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +19,6 @@ _MIN_PROBABILITY = 1e-4
 
 _SHARE_OF_TEMPLATE = 0.25
 """Variance of the template of D_R trials, in units of that of the raw fraction of ones."""
-
 
 _DERIVATIVE = np.array([-1 / 60, 3 / 20, -3 / 4, 0, 3 / 4, -3 / 20, 1 / 60], np.float32)
 """Weights of the pixels whose sum is the derivative, exact for polynomials of degree 6."""
@@ -52,13 +52,26 @@ def gradient(image: Image) -> tuple[Image, Image]:
     return rows, columns
 
 
+@functools.cache
+def _network() -> Network:
+    """Return the K-conditioned network. It is read only once."""
+    return Network.load(FOLDER / f"{CONDITIONAL_SIZE}.safetensors")
+
+
+def variance_per_trial(p: Image, trials: Image, template: Template) -> Image:
+    """Return the variance of a residual per trial, which includes the noise of the template."""
+    share = _SHARE_OF_TEMPLATE * trials / np.maximum(template.trials, 1)
+    return np.asarray(p * (1 - p) * (1 + share), np.float32)
+
+
 def make_template(sums: Sums, threads: int | None) -> Template:
     """Return the template of sums: the fraction of ones, denoised by the K-conditioned network."""
     fraction = sums.ones / np.maximum(sums.trials, 1)
     valid = sums.trials[sums.trials > 0]
     trials = int(np.clip(np.median(valid) if valid.size else 1, 1, MAX_BITS_PER_PIXEL))
-    network = Network.load(FOLDER / f"{CONDITIONAL_SIZE}.safetensors")
-    probability = network.denoise_probability(fraction.astype(np.float32), trials, threads=threads)
+    probability = _network().denoise_probability(
+        fraction.astype(np.float32), trials, threads=threads
+    )
     # The remainders have shifted the ones on average. This removes the shift to first order.
     rows, columns = gradient(probability)
     shifted = sums.remainders[0] * rows + sums.remainders[1] * columns
@@ -88,9 +101,7 @@ def normal_equations(sums: Sums, template: Template, sigma: float) -> Equations:
         np.stack([sums.ones, sums.trials, *sums.remainders]), sigma
     )
     residual = ones - trials * p - rows * rounded_rows - columns * rounded_columns
-    variance = np.maximum(p * (1 - p), _MIN_PROBABILITY)
-    variance *= 1 + _SHARE_OF_TEMPLATE * sums.trials / np.maximum(template.trials, 1)
-    weight = (sums.trials > 0) / variance
+    weight = (sums.trials > 0) / variance_per_trial(p, sums.trials, template)
     information = weight * sums.trials * np.stack([rows * rows, rows * columns, columns * columns])
     right = weight * residual * np.stack([rows, columns])
     return Equations(sum_tiles(information), sum_tiles(right))

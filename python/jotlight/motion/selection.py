@@ -1,4 +1,4 @@
-"""How much better a motion explains the bits than no motion does."""
+"""How much better one motion explains the bits than another one."""
 
 import numpy as np
 import numpy.typing as npt
@@ -7,6 +7,9 @@ from jotlight.motion.blocks import Sums
 from jotlight.motion.scoring import make_template
 from jotlight.motion.tiles import interpolate
 from jotlight.motion.track import Track
+
+Logarithms = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
+"""log p and log(1 - p) of each pixel."""
 
 
 def likelihood_gain(track: Track, still: Track) -> float:
@@ -19,12 +22,13 @@ def likelihood_gain(track: Track, still: Track) -> float:
     unmoved, unmoved_trials = 0.0, 0.0
     sums = [track.sums(block) for block in range(len(track.nodes))]
     still_sums = [still.sums(block) for block in range(len(still.nodes))]
-    gains = (_log_odds(sums, track), _log_odds(still_sums, track))
+    own_logarithms = _log_probabilities(Sums.total(sums), track)
+    still_logarithms = _log_probabilities(Sums.total(still_sums), still)
     for block, (own, others) in enumerate(zip(sums, still_sums, strict=True)):
         seen = _positions_seen(track, block)
-        moving += _log_likelihood(own, gains[0])
+        moving += _log_likelihood(own, own_logarithms)
         trials += float(own.trials.sum())
-        unmoved += _log_likelihood(others, gains[1], seen)
+        unmoved += _log_likelihood(others, still_logarithms, seen)
         unmoved_trials += float(others.trials[seen].sum())
     return moving - unmoved * trials / max(unmoved_trials, 1.0)
 
@@ -38,24 +42,16 @@ def gain_between(first: Track, second: Track) -> float:
     totals, means = [], []
     for track in (first, second):
         sums = [track.sums(block) for block in range(len(track.nodes))]
-        total = sums[0]
-        for each in sums[1:]:
-            total = total + each
-        ones, zeros = _log_odds(sums, track)
+        total = Sums.total(sums)
+        ones, zeros = _log_probabilities(total, track)
         likelihood = total.ones * ones + (total.trials - total.ones) * zeros
         means.append(likelihood / np.maximum(total.trials, 1))
         totals.append(total.trials)
     return float((np.minimum(*totals) * (means[1] - means[0])).sum())
 
 
-Logarithms = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
-
-
-def _log_odds(sums: list[Sums], track: Track) -> Logarithms:
-    """Return log p and log(1 - p) of the template of all sums."""
-    total = sums[0]
-    for each in sums[1:]:
-        total = total + each
+def _log_probabilities(total: Sums, track: Track) -> Logarithms:
+    """Return log p and log(1 - p) of the template of the sums of all blocks."""
     p = make_template(total, track.blocks.threads).probability.astype(np.float64)
     return np.log(p), np.log1p(-p)
 
