@@ -13,6 +13,7 @@ from examples.captures import COUNTS, palette, tiff, written
 from examples.encodings import INSIDE_GZIP, INSIDE_NPZ, PNG_CHECKSUMS, array_makers
 from examples.reader import Reader
 from jotlight.datasets import cifar10_files
+from jotlight.datasets.moving_scenes.tables import read_poses
 from jotlight.images.io import image_writer, read_image
 from jotlight.images.sets import read_image_set
 
@@ -59,7 +60,12 @@ def _read_cifar(path):
         return list(cifar10_files.read_folder(path, "test", ["test_batch"]))
 
 
+def _poses(path):
+    path.write_text("# rows, columns, degrees, zoom\n0, 0, 0, 1\n1.5, -2e-3, 0.1, 1.01\n")
+
+
 IMAGES = {
+    "poses": Reader("a.csv", read_poses, (_poses,)),
     "image": Reader("a.jpg", read_image, _with_pillow("JPEG", "PPM", "BMP", "WEBP", "GIF", "TGA")),
     "image-png": Reader(
         "a.png",
