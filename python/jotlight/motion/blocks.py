@@ -44,6 +44,12 @@ class Sums:
         names = [field.name for field in dataclasses.fields(cls)]
         return cls(*(sum(getattr(part, name) for part in parts) for name in names))
 
+    @classmethod
+    def select(cls, parts: Sequence["Sums"], labels: npt.NDArray[np.uint8]) -> "Sums":
+        """Return the sums whose pixels are those of the part that their label (H, W) selects."""
+        names = [field.name for field in dataclasses.fields(cls)]
+        return cls(*(np.choose(labels, [getattr(part, name) for part in parts]) for name in names))
+
     def __add__(self, other: "Sums") -> "Sums":
         return Sums(
             self.ones + other.ones, self.trials + other.trials, self.remainders + other.remainders

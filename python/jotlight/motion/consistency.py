@@ -5,7 +5,7 @@ import numpy.typing as npt
 
 from jotlight.motion.blocks import Sums
 from jotlight.motion.scoring import Template, make_template, variance_per_trial
-from jotlight.motion.track import Track
+from jotlight.motion.track import Counted, from_center
 
 Image = npt.NDArray[np.float32]
 
@@ -33,10 +33,10 @@ def _box(image: npt.NDArray[np.floating], width: int) -> Image:
     return np.asarray(uniform_filter(image, width, mode="reflect") * width**2, np.float32)
 
 
-def merge_consistent(track: Track) -> tuple[Sums, npt.NDArray[np.float32]]:
-    """Return the sums of all blocks along the motion, without pixels that disagree.
+def merge_consistent(motion: Counted) -> tuple[Sums, npt.NDArray[np.float32]]:
+    """Return the sums of all blocks along a motion, without pixels that disagree.
 
-    The blocks are tested from the reference time outward, in groups of 2, 4, and 8 blocks. Each is
+    The blocks are tested from the reference time outward, in groups of 2, 4, 8, and so on. Each is
     tested together with its neighbors on the same side, because one block has few photons.
 
     Returns
@@ -46,27 +46,25 @@ def merge_consistent(track: Track) -> tuple[Sums, npt.NDArray[np.float32]]:
     accepted : ndarray of float32, shape (H, W)
         Fraction of the trials along the motion that was accepted.
     """
-    order = [int(block) for block in track.from_center()]
-    blocks = [track.sums(block) for block in range(len(order))]
-    total = blocks[order[0]] + blocks[order[1]]
+    order = [int(block) for block in from_center(motion)]
+    side = motion.blocks.centers > motion.reference
+    total = motion.sums(order[0]) + motion.sums(order[1])
     available = total.trials.copy()
     position, group = 2, 2
     while position < len(order):
-        template = make_template(total, track.blocks.threads)
+        template = make_template(total, motion.blocks.threads)
         for block in order[position : position + group]:
-            side = track.blocks.centers > track.reference
             near = [
-                other
-                for other in (block - 1, block, block + 1)
+                motion.sums(other)
+                for other in (block - 1, block + 1)
                 if 0 <= other < len(order) and side[other] == side[block]
             ]
-            pooled = Sums.total([blocks[other] for other in near])
-            accepted = chi_squared(pooled, template) < _MAX_CHI_SQUARED
-            each = blocks[block]
+            each = motion.sums(block)
+            accepted = chi_squared(Sums.total([each, *near]), template) < _MAX_CHI_SQUARED
             available += each.trials
             total = total + Sums(
                 each.ones * accepted, each.trials * accepted, each.remainders * accepted
             )
         position += group
-        group = min(2 * group, 8)
+        group *= 2
     return total, np.asarray(total.trials / np.maximum(available, 1), np.float32)

@@ -74,3 +74,8 @@ def interpolate(nodes: npt.NDArray[np.floating], size: tuple[int, int]) -> npt.N
         first = values.take(index, axis)
         values = first + fraction * (values.take(np.minimum(index + 1, tiles - 1), axis) - first)
     return np.ascontiguousarray(values)
+
+
+def mean_tiles(values: npt.NDArray[np.floating]) -> Array:
+    """Return the means over tiles, (..., rows, columns), of images (..., H, W)."""
+    return sum_tiles(values) / sum_tiles(np.ones(values.shape[-2:]))
