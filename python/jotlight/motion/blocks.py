@@ -23,37 +23,68 @@ class Sums:
 
     Parameters
     ----------
-    ones, trials : ndarray of float32, shape (H, W)
+    ones, trials : ndarray of int32, shape (H, W)
         N and D: the numbers of ones and of valid bits of each pixel.
-    remainders : ndarray of float32, shape (2, H, W)
-        m: the sum over the trials of the shift minus the displacement, in rows and columns.
+    remainders : ndarray of float32, shape (H, 2, ceil(W / 16))
+        The shift minus the displacement, in rows and columns: the sum over the frames of its mean
+        over 16 pixels of a row.
+    frames : int
+        Number of frames.
     """
 
-    ones: npt.NDArray[np.float32]
-    trials: npt.NDArray[np.float32]
+    ones: Counts
+    trials: Counts
     remainders: npt.NDArray[np.float32]
+    frames: int
 
     @classmethod
     def zeros(cls, size: tuple[int, int]) -> Self:
         """Return sums over no frames."""
-        return cls(*(np.zeros(shape, np.float32) for shape in (size, size, (2, *size))))
+        remainders = np.zeros((size[0], 2, -(-size[1] // _REMAINDER_PIXELS)), np.float32)
+        return cls(np.zeros(size, np.int32), np.zeros(size, np.int32), remainders, 0)
 
     @classmethod
-    def total(cls, parts: Sequence["Sums"]) -> Self:
+    def total(cls, parts: Sequence["Sums"]) -> "Sums":
         """Return the sum of one or more sums."""
-        names = [field.name for field in dataclasses.fields(cls)]
-        return cls(*(sum(getattr(part, name) for part in parts) for name in names))
+        total = cls.zeros((parts[0].ones.shape[0], parts[0].ones.shape[1]))
+        for part in parts:
+            total.ones += part.ones
+            total.trials += part.trials
+            total.remainders += part.remainders
+            total.frames += part.frames
+        return total
 
     @classmethod
     def select(cls, parts: Sequence["Sums"], labels: npt.NDArray[np.uint8]) -> "Sums":
-        """Return the sums whose pixels are those of the part that their label (H, W) selects."""
-        names = [field.name for field in dataclasses.fields(cls)]
-        return cls(*(np.choose(labels, [getattr(part, name) for part in parts]) for name in names))
+        """Return the sums whose pixels are those of the part that their label (H, W) selects.
+
+        All parts are sums over the same frames.
+        """
+        total = cls.zeros((labels.shape[0], labels.shape[1]))
+        total.frames = parts[0].frames
+        starts = np.arange(0, labels.shape[1], _REMAINDER_PIXELS)
+        widths = np.diff(starts, append=labels.shape[1])
+        for index, part in enumerate(parts):
+            chosen = labels == index
+            np.copyto(total.ones, part.ones, where=chosen)
+            np.copyto(total.trials, part.trials, where=chosen)
+            shares = np.add.reduceat(chosen, starts, axis=1, dtype=np.float32) / widths
+            total.remainders += part.remainders * shares[:, None].astype(np.float32)
+        return total
 
     def __add__(self, other: "Sums") -> "Sums":
         return Sums(
-            self.ones + other.ones, self.trials + other.trials, self.remainders + other.remainders
+            self.ones + other.ones,
+            self.trials + other.trials,
+            self.remainders + other.remainders,
+            self.frames + other.frames,
         )
+
+    def mean_remainders(self) -> npt.NDArray[np.float32]:
+        """Return the mean over the frames of the shift minus the displacement, (2, H, W)."""
+        means = self.remainders / np.float32(max(1, self.frames))
+        pixels = np.repeat(means, _REMAINDER_PIXELS, axis=2)[:, :, : self.ones.shape[1]]
+        return pixels.swapaxes(0, 1)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,29 +135,31 @@ class Blocks:
         times : (float, float)
             These times.
         """
-        size = self.size
-        ones, trials = np.zeros((2, *size), np.int32)
-        blocks = -(-size[1] // _REMAINDER_PIXELS)
-        remainders = np.zeros((size[0], 2, blocks), np.float32)
+        sums = Sums.zeros(self.size)
+        self.add(sums, frames, fields, times)
+        return sums
+
+    def add(
+        self,
+        sums: Sums,
+        frames: range,
+        fields: tuple[npt.NDArray[np.floating], npt.NDArray[np.floating]],
+        times: tuple[float, float],
+    ) -> None:
+        """Add the counts of some frames to sums, as :meth:`count` counts them."""
         first, last = (np.ascontiguousarray(field, np.float32) for field in fields)
-        tile = None if first.shape[1:] == size else TILE
-        part = self.bits.packed[frames.start : frames.stop, :]
         fractions = (np.arange(frames.start, frames.stop) - times[0]) / (times[1] - times[0])
         engine.add_shifted_counts(
-            part,
-            size[1],
+            self.bits.packed[frames.start : frames.stop, :],
+            self.size[1],
             first,
             last,
-            tile,
+            None if first.shape[1:] == self.size else TILE,
             fractions.astype(np.float32),
             self.valid,
-            ones,
-            trials,
-            remainders,
+            sums.ones,
+            sums.trials,
+            sums.remainders,
             self.threads,
         )
-        counted = trials.astype(np.float32)
-        mean = np.repeat(remainders / np.float32(max(1, len(frames))), _REMAINDER_PIXELS, axis=2)
-        return Sums(
-            ones.astype(np.float32), counted, mean[:, :, : size[1]].swapaxes(0, 1) * counted
-        )
+        sums.frames += len(frames)

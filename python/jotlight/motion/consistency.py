@@ -3,8 +3,9 @@
 import numpy as np
 import numpy.typing as npt
 
+import jotlight._engine as engine
 from jotlight.motion.blocks import Sums
-from jotlight.motion.scoring import Template, make_template, variance_per_trial
+from jotlight.motion.scoring import Template, make_template
 from jotlight.motion.track import Counted, from_center
 
 Image = npt.NDArray[np.float32]
@@ -12,25 +13,18 @@ Image = npt.NDArray[np.float32]
 _MAX_CHI_SQUARED = 2.5
 """Pixels of a block are accepted up to this value of χ², which is about 1 if they agree."""
 
-_SMALL_BOX, _LARGE_BOX = 3, 9
-"""Widths of the squares over which residuals are added, and then their squares are averaged."""
-
 
 def chi_squared(sums: Sums, template: Template) -> Image:
-    """Return χ² of each pixel, (H, W), which is about 1 if the sums agree with the template."""
-    p, trials = template.probability, sums.trials
-    residual = sums.ones - trials * p
-    variance = trials * variance_per_trial(p, trials, template)
-    ratio = _box(residual, _SMALL_BOX) ** 2 / np.maximum(_box(variance, _SMALL_BOX), 1e-3)
-    counted = (trials > 0).astype(np.float32)
-    return (_box(ratio * counted, _LARGE_BOX) + 1) / (_box(counted, _LARGE_BOX) + 1)
+    """Return χ² of each pixel, (H, W), which is about 1 if the sums agree with the template.
 
-
-def _box(image: npt.NDArray[np.floating], width: int) -> Image:
-    """Return the sums over squares of a width."""
-    from scipy.ndimage import uniform_filter
-
-    return np.asarray(uniform_filter(image, width, mode="reflect") * width**2, np.float32)
+    Residual counts and their variances are added in squares of 3 pixels. The ratios of the squared
+    residuals to the variances are averaged in squares of 9 pixels.
+    """
+    out = np.empty(sums.ones.shape, np.float32)
+    engine.chi_squared(
+        sums.ones, sums.trials, template.probability, template.trials, out, template.threads
+    )
+    return out
 
 
 def merge_consistent(motion: Counted) -> tuple[Sums, npt.NDArray[np.float32]]:
@@ -63,7 +57,7 @@ def merge_consistent(motion: Counted) -> tuple[Sums, npt.NDArray[np.float32]]:
             accepted = chi_squared(Sums.total([each, *near]), template) < _MAX_CHI_SQUARED
             available += each.trials
             total = total + Sums(
-                each.ones * accepted, each.trials * accepted, each.remainders * accepted
+                each.ones * accepted, each.trials * accepted, each.remainders, each.frames
             )
         position += group
         group *= 2

@@ -49,7 +49,8 @@ class Track:
             if not (0 <= other < len(centers) and self.known[other]):
                 other = block - side
             first, last = sorted((block, other))
-            total = total + blocks.count(
+            blocks.add(
+                total,
                 frames,
                 (self.nodes[first], self.nodes[last]),
                 (centers[first], centers[last]),
