@@ -16,7 +16,7 @@ SENSORS = [
 
 
 def sensitivity(sensor):
-    return sensor.efficiency * sensor.gain / sensor.bits_per_pixel
+    return sensor.efficiency * sensor.gain / sensor.trials
 
 
 def reference_mle(counts, trials, sensor, dark):

@@ -118,7 +118,7 @@ def test_a_count_of_k_stays_k_where_float32_cannot_represent_k():
         ([17], 16, "expected 0 to 16"),
         ([-0.1], 16, "expected 0 to 16"),
         ([np.nan], 16, "expected 0 to 16"),
-        ([0], 0, "bits per pixel"),
+        ([0], 0, "trials per pixel"),
     ],
 )
 def test_anscombe_refuses_counts_outside_of_0_to_k(counts, bits, message):
@@ -127,8 +127,8 @@ def test_anscombe_refuses_counts_outside_of_0_to_k(counts, bits, message):
 
 
 @pytest.mark.parametrize("inverse", jl.vst.INVERSES)
-def test_the_inverses_refuse_zero_bits_per_pixel(inverse):
-    with pytest.raises(ValueError, match="bits per pixel"):
+def test_the_inverses_refuse_zero_trials(inverse):
+    with pytest.raises(ValueError, match="trials per pixel"):
         jl.vst.inverse_anscombe([1.0], 0, inverse=inverse)
 
 

@@ -80,7 +80,7 @@ def test_all_layers_need_the_same_number_of_sets_and_at_least_four():
 
 
 def test_a_k_out_of_range_is_refused():
-    with pytest.raises(ValueError, match="for 1 to 256 bits per pixel, got 257"):
+    with pytest.raises(ValueError, match="for 1 to 256 trials per pixel, got 257"):
         conditional_network().reconstruct(np.ones((4, 4), int), jl.Sensor(frames=257))
 
 

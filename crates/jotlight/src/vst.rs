@@ -26,7 +26,7 @@ impl Anscombe {
     /// [`Error::Range`] for K = 0.
     pub fn new(trials: u32) -> Result<Self> {
         if trials == 0 {
-            return Err(Error::range("bits per pixel", "at least 1", trials));
+            return Err(Error::range("trials per pixel", "at least 1", trials));
         }
         Ok(Self {
             trials: f64::from(trials),

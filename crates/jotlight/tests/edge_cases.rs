@@ -134,7 +134,7 @@ fn counts_that_could_exceed_their_type_are_errors() -> Result<()> {
     let mut one = Array2::from_elem((1, 1), 0);
     for (number, rows) in [(1 << 31, 1), (1 << 60, 1), (1 << 29, 2)] {
         let result = add_block_counts(&frames(number, rows)?, rows, None, one.view_mut());
-        assert_eq!(argument(result), "bits per pixel", "{number} frames");
+        assert_eq!(argument(result), "trials per pixel", "{number} frames");
     }
     let mut counts = Array2::from_elem((1, 1), i32::MAX - 3);
     add_block_counts(&frames(3, 1)?, 1, None, counts.view_mut())?;

@@ -53,7 +53,7 @@ def equivalent_counts(
         flatten(pixels.counts),
         flatten(pixels.trials),
         (flatten(pixels.efficiency), flatten(pixels.dark_counts)),
-        pixels.sensor.bits_per_pixel,
+        pixels.sensor.trials,
         reference,
         out.reshape(-1),
         threads,

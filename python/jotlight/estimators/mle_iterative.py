@@ -94,7 +94,7 @@ def mle_iterative(
     """Return the image in [0, S] that maximizes the likelihood of all bits, for any kernel.
 
     With the box kernel, the result equals that of :func:`jotlight.mle`. A smooth kernel blurs the
-    light, and inverting the blur amplifies the noise. With few bits per pixel, the most likely
+    light, and inverting the blur amplifies the noise. With few trials per pixel, the most likely
     image is therefore very noisy. :func:`jotlight.admm_tv` adds a regularization.
 
     Parameters

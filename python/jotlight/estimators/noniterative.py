@@ -83,17 +83,17 @@ def noniterative(
     warn_about_smooth_kernel(sensor)
 
     def estimate_channel(data: Bits | npt.NDArray[np.int32]) -> Estimate:
-        bits = sensor.bits_per_pixel
+        trials = sensor.trials
         pixels = count_pixels(data, sensor, threads)
         counts = equivalent_counts(pixels, reference_jot(sensor), threads)
-        z = vst.anscombe(counts, bits, threads=threads)
+        z = vst.anscombe(counts, trials, threads=threads)
         denoised = np.asarray(run(z), np.float32)
         if denoised.shape != z.shape or not np.isfinite(denoised).all():
             raise ValueError(
                 f"denoiser: expected a finite image of shape {z.shape}, got shape "
                 f"{denoised.shape}" + ("" if denoised.shape != z.shape else " with NaN or infinity")
             )
-        counts = vst.inverse_anscombe(denoised, bits, inverse=inverse, threads=threads)
-        return intensity_from_probability(counts / np.float32(bits), sensor, threads)
+        counts = vst.inverse_anscombe(denoised, trials, inverse=inverse, threads=threads)
+        return intensity_from_probability(counts / np.float32(trials), sensor, threads)
 
     return map_channels(estimate_channel, data)

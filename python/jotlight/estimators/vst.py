@@ -19,7 +19,7 @@ INVERSES = ("exact", "algebraic")
 
 
 def anscombe(
-    counts: npt.ArrayLike, bits_per_pixel: int, *, threads: int | None = None
+    counts: npt.ArrayLike, trials: int, *, threads: int | None = None
 ) -> npt.NDArray[np.float32]:
     """Return the stabilized counts T(L), where L of K bits are 1: equation (6).
 
@@ -27,7 +27,7 @@ def anscombe(
     ----------
     counts : array_like, any shape
         L in [0, K].
-    bits_per_pixel : int
+    trials : int
         K.
     threads : int, optional
         The number of threads. Default: all cores.
@@ -48,16 +48,14 @@ def anscombe(
     array([0.61, 3.19, 5.77], dtype=float32)
     """
     values = np.asarray(counts, np.float32)
-    if values.size and not (values.min() >= 0 and values.max() <= bits_per_pixel):
-        raise ValueError(
-            f"counts: expected 0 to {bits_per_pixel}, got {values.min()} to {values.max()}"
-        )
-    return _apply(engine.anscombe, values, bits_per_pixel, threads)
+    if values.size and not (values.min() >= 0 and values.max() <= trials):
+        raise ValueError(f"counts: expected 0 to {trials}, got {values.min()} to {values.max()}")
+    return _apply(engine.anscombe, values, trials, threads)
 
 
 def inverse_anscombe(
     z: npt.ArrayLike,
-    bits_per_pixel: int,
+    trials: int,
     *,
     inverse: str = "exact",
     threads: int | None = None,
@@ -68,7 +66,7 @@ def inverse_anscombe(
     ----------
     z : array_like, any shape
         Denoised results of :func:`anscombe`.
-    bits_per_pixel : int
+    trials : int
         K.
     inverse : {"exact", "algebraic"}
         The exact unbiased inverse maps E[T(L)], L ~ Binomial(K, p), back to K p. The algebraic
@@ -106,15 +104,15 @@ def inverse_anscombe(
     function = (
         engine.inverse_anscombe_exact if inverse == "exact" else engine.inverse_anscombe_algebraic
     )
-    return _apply(function, values, bits_per_pixel, threads)
+    return _apply(function, values, trials, threads)
 
 
 def _apply(
     function: Callable[..., None],
     values: npt.NDArray[np.float32],
-    bits_per_pixel: int,
+    trials: int,
     threads: int | None,
 ) -> npt.NDArray[np.float32]:
     out = np.empty(values.shape, np.float32)
-    function(values.reshape(-1), bits_per_pixel, out.reshape(-1), threads)
+    function(values.reshape(-1), trials, out.reshape(-1), threads)
     return out

@@ -52,7 +52,7 @@ class Inference:
         if self.layers[0].shape[1:] != (1, 1, 1):
             return self._run_untied(data)
         pixels = math.prod(data.shape[-2:]) // self.sensor.oversampling**2
-        if not self.sensor.maps() and self.sensor.bits_per_pixel < pixels:
+        if not self.sensor.maps() and self.sensor.trials < pixels:
             return self._run_by_table(data)
         counts = count_pixels(data, self.sensor, self.threads)
         return self.run_counts(equivalent_counts(counts, self.reference, self.threads))
@@ -66,8 +66,8 @@ class Inference:
         sensor = self.sensor
         all_counts = PixelCounts(
             sensor,
-            np.arange(sensor.bits_per_pixel + 1, dtype=np.int32),
-            sensor.bits_per_pixel,
+            np.arange(sensor.trials + 1, dtype=np.int32),
+            sensor.trials,
             *reference_jot(sensor),
             varies_within_pixels=False,
         )

@@ -77,7 +77,7 @@ class Network:
         self._conditioned: tuple[int, tuple[Layer, ...], tuple[Layer, ...]] | None = None
         self._check_layers()
         # A K-conditioned network divides the counts by K.
-        largest_input = sensor.bits_per_pixel if self.tied and trials_range is None else 1
+        largest_input = sensor.trials if self.tied and trials_range is None else 1
         self._output_bounds = output_bounds(self.layers, largest_input)[-1]
 
     def _check_layers(self) -> None:
@@ -190,7 +190,7 @@ class Network:
         architecture : {"small", "medium", "large"}
             Layers and channels: :data:`jotlight.networks.architectures.ARCHITECTURES`.
         trials_range : (int, int)
-            Smallest and largest K, the number of bits per pixel.
+            Smallest and largest K, the number of trials per pixel.
         rng : int, optional
             Seed of the filters. Default: a fresh one.
 
@@ -259,7 +259,7 @@ class Network:
         self.check_sensor(sensor)
         efficiency, dark_counts = reference_jot(sensor)
         if self.trials_range is not None:
-            layers = self.conditioned_layers(sensor.bits_per_pixel)
+            layers = self.conditioned_layers(sensor.trials)
             inference = Inference(layers, sensor, (efficiency, dark_counts), threads)
             estimate = map_channels(inference.run, data)
             # In place: memory may not hold the estimate twice.
@@ -343,5 +343,5 @@ class Network:
         parameters = sum(layer.parameter_count for layer in self.layers)
         purpose = repr(self.sensor)
         if self.trials_range is not None:
-            purpose = f"{self.trials_range[0]} to {self.trials_range[1]} bits per pixel"
+            purpose = f"{self.trials_range[0]} to {self.trials_range[1]} trials per pixel"
         return f"<Network: channels {channels}, {parameters} parameters, for {purpose}>"

@@ -105,7 +105,7 @@ def count_pixels(data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None
                 "counts: with a mask of single jots the bits are needed, because a count does not "
                 "say which jots reported 1; pass the bits, or a sensor without a mask"
             )
-    trials: int | npt.NDArray[np.int32] = sensor.bits_per_pixel
+    trials: int | npt.NDArray[np.int32] = sensor.trials
     if sensor.mask is not None:
         valid = Bits.from_array(~sensor.mask).counts(sensor.oversampling)
         trials = valid * np.int32(sensor.frames)
@@ -129,9 +129,9 @@ def warn_about_smooth_kernel(sensor: Sensor) -> None:
 
 def _check_counts(counts: npt.NDArray[np.int32], sensor: Sensor) -> None:
     maximum = counts.max()
-    if maximum > sensor.bits_per_pixel or counts.min() < 0:
+    if maximum > sensor.trials or counts.min() < 0:
         raise ValueError(
-            f"counts: expected 0 to K = {sensor.bits_per_pixel} ones per pixel "
+            f"counts: expected 0 to K = {sensor.trials} ones per pixel "
             f"({sensor.frames} frames of {sensor.oversampling} x {sensor.oversampling} jots), "
             f"got {counts.min()} to {maximum}"
         )

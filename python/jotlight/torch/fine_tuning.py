@@ -72,7 +72,7 @@ def fine_tune(
         The capture: bits, or an image of counts L of shape (H, W) or (H, W, C). The channels of a
         color capture train together.
     sensor : Sensor, optional
-        Sensor of the capture, with the box kernel and at least two bits per pixel. Its dead jots,
+        Sensor of the capture, with the box kernel and at least two trials per pixel. Its dead jots,
         dark counts, and efficiency enter as in :meth:`jotlight.Network.reconstruct`. Default: the
         sensor that the bits carry, or else the network's.
     steps : int
