@@ -132,7 +132,7 @@ def test_compare_by_a_missing_network_fails(run, photo_folder, tmp_path):
     arguments = ["compare", photo_folder / "0.png", "-k", 2, "-t", 3, "-m", "mle,network-two-layer"]
     status, output = run(*arguments)
     assert status == 1
-    assert output.startswith("error: network-two-layer: there is no trained network for 12 bits")
+    assert output.startswith("error: network-two-layer: there is no trained network for 12 trials")
     assert not (tmp_path / "0-compare.png").exists()
 
 

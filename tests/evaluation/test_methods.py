@@ -190,5 +190,5 @@ def test_data_that_do_not_fit_the_sensor_are_refused(name, run, data, sensor, er
 
 
 def test_a_sensor_without_a_live_jot_is_refused(run):
-    with pytest.raises(ValueError, match="at least one jot that is alive"):
+    with pytest.raises(ValueError, match="at least one pixel with a valid bit"):
         run(BITS, SENSOR.replace(mask=np.ones((24, 24), bool)))

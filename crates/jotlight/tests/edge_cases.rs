@@ -199,7 +199,7 @@ fn numbers_that_are_not_intervals_are_errors() -> Result<()> {
     let readings = Readings::new(
         Threshold::new(2)?,
         &[0],
-        Values::Same(0),
+        Values::Same(0.0),
         Values::Same(1.0),
         Values::Same(0.0),
     )?;
@@ -215,7 +215,7 @@ fn numbers_that_are_not_intervals_are_errors() -> Result<()> {
     }
     // A bisection stays within the interval, however large or small its numbers are.
     for (threshold, max) in [(1, 1e300), (2, 1e300), (1, 3e-322), (2, 3e-322)] {
-        let (threshold, trials) = (Threshold::new(threshold)?, Values::Same(3));
+        let (threshold, trials) = (Threshold::new(threshold)?, Values::Same(3.0));
         let readings = Readings::new(
             threshold,
             &[3],

@@ -17,7 +17,7 @@ LARGE_TRIALS = (16,)
 """Values of K of the "large" networks, for the same α, q, S, and kernel."""
 
 MAX_TRIALS = 256
-"""Largest K of the "medium" network, which is K-conditioned."""
+"""Largest K on which the "medium" network, which is K-conditioned, was trained."""
 
 FOLDER = Path(__file__).parent / "weights"
 """Folder of the files: `small-k16.safetensors`, for example, with its card `small-k16.md`."""
@@ -38,9 +38,9 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     Parameters
     ----------
     sensor : Sensor
-        Sensor with the box kernel. Dead jots are allowed. "medium" serves 1 to 256 trials per pixel
-        at any exposure. The other sizes serve K = 9, 16, 25, 36, 49, 64, 81, or 100 ("large" only
-        16), ηα = K, threshold 1, S = 1, and dark counts of at most 0.05.
+        Sensor with the box kernel. Dead jots are allowed. "medium" serves every number of trials
+        per pixel at any exposure. The other sizes serve K = 9, 16, 25, 36, 49, 64, 81, or 100
+        ("large" only 16), ηα = K, threshold 1, S = 1, and dark counts of at most 0.05.
     quality : {"two-layer", "small", "medium", "large"}
         Size of the network. In this order: the paper's two layers; six layers of up to 12 channels;
         thirteen K-conditioned layers of up to 52 channels; fourteen layers of up to 80 channels.
@@ -112,8 +112,6 @@ def unsupported_reason(sensor: Sensor, quality: str = "medium") -> str | None:
 
 def _unsupported_by_conditional(sensor: Sensor) -> str | None:
     """Return the property of a sensor that the K-conditioned network does not serve, or None."""
-    if not 1 <= sensor.trials <= MAX_TRIALS:
-        return f"{sensor.trials} trials per pixel, only for 1 to {MAX_TRIALS}"
     if sensor.kernel != "box":
         return f"the {sensor.kernel} kernel, only for the box"
     return None

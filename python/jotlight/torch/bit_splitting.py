@@ -305,10 +305,10 @@ class BitSplitter:
         else:
             input_trials = self.trials
         efficiency, dark = _crop(channel.efficiency, window), _crop(channel.dark_counts, window)
-        ones, trials = (array.astype(np.int32) for array in input_bits)
+        ones, trials = input_bits[0].astype(np.int32), input_bits[1].astype(np.float64)
         sensor = self.sensor_with_trials(input_trials)
         pixels = PixelCounts(sensor, ones, trials, efficiency, dark, varies_within_pixels=False)
-        counts = equivalent_counts(pixels, self.reference, None)
+        counts = equivalent_counts(pixels, self.reference, input_trials, None)
         planes = np.broadcast_arrays(counts, *target, efficiency, dark)
         tensor = torch.from_numpy(np.stack(planes).astype(np.float32)[None])
         return Split(input_trials, self.conditional, tensor)
