@@ -29,4 +29,4 @@ for name, estimate in estimates.items():
     psnr = jl.metrics.psnr(estimate, image)
     print(f"{name}: {psnr:.2f} dB")
     panels.append(Panel(name, f"PSNR {psnr:.2f} dB", estimate))
-comparison(panels, "A cubic kernel, 64 bits per pixel").savefig("3_total_variation.png")
+comparison(panels, "A cubic kernel, 64 trials per pixel").savefig("3_total_variation.png")

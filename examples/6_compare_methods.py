@@ -12,7 +12,7 @@ image = jl.datasets.photograph("coffee")
 if "--quick" in sys.argv:
     image = image[100:200, 200:300]
 
-sensor = jl.Sensor(oversampling=2, frames=4)  # 16 bits per pixel
+sensor = jl.Sensor(oversampling=2, frames=4)  # 16 trials per pixel
 bits = sensor.expose(image, rng=0)
 estimates = {
     "mle": jl.mle(bits, sensor),
@@ -26,4 +26,4 @@ for name, estimate in estimates.items():
     psnr, ssim = jl.metrics.psnr(estimate, image), jl.metrics.ssim(estimate, image)
     print(f"{name}: {psnr:.2f} dB, SSIM {ssim:.3f}")
     panels.append(Panel(name, f"PSNR {psnr:.2f} dB, SSIM {ssim:.3f}", estimate))
-comparison(panels, f"{sensor.bits_per_pixel} bits per pixel").savefig("6_compare_methods.png")
+comparison(panels, f"{sensor.trials} trials per pixel").savefig("6_compare_methods.png")

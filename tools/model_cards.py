@@ -14,7 +14,7 @@ WIDTH = 112
 """Maximum number of characters per line of a card."""
 
 ONE_K = (
-    "K = {bits} bits per pixel, from any number of jots and frames, or their counts; threshold "
+    "K = {bits} trials per pixel, from any number of jots and frames, or their counts; threshold "
     "q = 1; gain α = K, which is one photon per jot and frame on average at intensity 1; box "
     "kernel; intensities in [0, 1]."
 )
@@ -38,7 +38,7 @@ DEEP_LIMITS = (
 def render(name: str, network: jl.Network, recipe: str, scores: str) -> str:
     """Return the card of a network."""
     if network.trials_range is None:
-        purpose = ONE_K.format(bits=network.sensor.bits_per_pixel)
+        purpose = ONE_K.format(bits=network.sensor.trials)
     else:
         low, high = network.trials_range
         purpose = ANY_K.format(low=low, high=high)
@@ -80,7 +80,7 @@ def score(network: jl.Network, tests: list[np.ndarray]) -> str:
             mle_psnr=likelihood.mean("psnr"),
             mle_ssim=likelihood.mean("ssim"),
         )
-    psnr = _psnr(network, network.sensor.bits_per_pixel, tests)
+    psnr = _psnr(network, network.sensor.trials, tests)
     return residual_scores(float(np.mean(psnr)), float(np.mean(psnr[:20])))
 
 

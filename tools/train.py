@@ -21,7 +21,7 @@ import numpy as np
 
 import jotlight as jl
 from jotlight.images.sets import read_image_set
-from jotlight.networks.pretrained import BITS_PER_PIXEL, FOLDER
+from jotlight.networks.pretrained import FOLDER, TRAINED_TRIALS
 from jotlight.training.parameters import fingerprint_network
 
 Stages = tuple[tuple[int, float], ...]
@@ -51,9 +51,9 @@ NOTES = {
 }
 """Notes on the training of the shipped networks that the stages do not show, by size."""
 
-TWO_LAYER = [f"two-layer-k{bits}" for bits in BITS_PER_PIXEL]
+TWO_LAYER = [f"two-layer-k{bits}" for bits in TRAINED_TRIALS]
 TWO_LAYER_STEPS, TWO_LAYER_BATCH, TWO_LAYER_PATCH, TWO_LAYER_SEED = 60, 512, 64, 0
-SMALL = [f"small-k{bits}" for bits in (16, *(bits for bits in BITS_PER_PIXEL if bits != 16))]
+SMALL = [f"small-k{bits}" for bits in (16, *(bits for bits in TRAINED_TRIALS if bits != 16))]
 SHIPPED = [*TWO_LAYER, *SMALL, "medium", "large-k16"]
 COMPARISONS = ["medium-k16"]
 
@@ -82,7 +82,7 @@ def main() -> None:
         print(card, flush=True)
 
 
-def bits_per_pixel(name: str) -> int:
+def trials(name: str) -> int:
     """Return K of a network: 16 for `small-k16`."""
     return int(name.split("-k")[1])
 
@@ -91,7 +91,7 @@ def train_two_layer(
     name: str, images: list[np.ndarray], threads: int | None
 ) -> tuple[jl.Network, str]:
     """Return a two-layer network and the text about its training."""
-    sensor = jl.Sensor(oversampling=round(bits_per_pixel(name) ** 0.5))
+    sensor = jl.Sensor(oversampling=round(trials(name) ** 0.5))
     begun = time.perf_counter()
     network, _ = jl.train(
         jl.Network.initial(sensor),
@@ -118,7 +118,7 @@ def deep_start(name: str, scratch: Path) -> jl.Network:
     """Return the network before its first stage."""
     if name == "medium":
         return jl.Network.conditional("medium", rng=0)
-    sensor = jl.Sensor(frames=bits_per_pixel(name))
+    sensor = jl.Sensor(frames=trials(name))
     start = jl.Network.residual(sensor, name.split("-")[0], rng=0)
     if name in STAGES:
         return start

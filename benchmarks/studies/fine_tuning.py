@@ -17,7 +17,7 @@ import jotlight as jl
 from jotlight.torch import fine_tune
 
 CAPTURES = (4, 1.0), (16, 1.0), (16, 0.1)
-"""Bits per pixel, and photons per bit at intensity 1."""
+"""Trials per pixel, and photons per bit at intensity 1."""
 
 
 def main() -> None:

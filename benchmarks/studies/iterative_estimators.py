@@ -47,7 +47,7 @@ def cubic(images: list[np.ndarray]) -> None:
             box_estimate = jl.mle(bits, box)
             estimates = [jl.mle_iterative(bits, sensor), jl.admm_tv(bits, sensor)]
             # In units of intensity: a uniform image of intensity 1 puts 1 on each jot.
-            scale = sensor.bits_per_pixel / sensor.gain
+            scale = sensor.trials / sensor.gain
             light = [scale * sensor.rate(estimate) for estimate in estimates]
             light.insert(0, np.kron(box_estimate, np.ones((4, 4), np.float32)))
             truth = scale * sensor.rate(image)

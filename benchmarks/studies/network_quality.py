@@ -18,14 +18,14 @@ import jotlight as jl
 from jotlight.files import atomic_write
 from jotlight.images.sets import read_image_set
 from jotlight.networks.architectures import SIZES
-from jotlight.networks.pretrained import BITS_PER_PIXEL, unsupported_reason
+from jotlight.networks.pretrained import TRAINED_TRIALS, unsupported_reason
 
-BITS_PER_PIXELS = 1, 4, *BITS_PER_PIXEL, 256
+ALL_TRIALS = 1, 4, *TRAINED_TRIALS, 256
 FLUXES = 0.05, 0.2, 1.0, 4.0
 """Photons per jot and frame at intensity 1. The mean of photographs is 0.44 of that."""
 
 EXPOSURE_BITS = 4, 16, 64
-"""Bits per pixel at which all fluxes are measured."""
+"""Trials per pixel at which all fluxes are measured."""
 
 FIRST = 20
 COLUMNS = "bits", "flux", "method", "images", "psnr_db"
@@ -42,7 +42,7 @@ def main() -> None:
     options = parser.parse_args()
     _, images = read_image_set(options.data / "bsds300/test", first=options.images)
     rows = []
-    for bits, flux in [*((bits, 1.0) for bits in BITS_PER_PIXELS), *exposures()]:
+    for bits, flux in [*((bits, 1.0) for bits in ALL_TRIALS), *exposures()]:
         sensor = jl.Sensor(frames=bits, gain=flux * bits)
         tested = images if flux == 1 else images[:FIRST]
         for name, run in methods(sensor, options.model):

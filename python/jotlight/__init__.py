@@ -31,6 +31,7 @@ from jotlight.networks.pretrained import pretrained
 from jotlight.sensing import operators
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.likelihood import Likelihood, Problem
+from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import train
 
@@ -40,6 +41,7 @@ __all__ = [
     "JotlightWarning",
     "Layer",
     "Likelihood",
+    "Merged",
     "MissingExtraError",
     "Network",
     "Plan",

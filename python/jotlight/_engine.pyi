@@ -74,7 +74,7 @@ _JotResponses: TypeAlias = tuple[_ValueOrArray, _ValueOrArray]
 # Threshold, ones, trials, efficiency, and dark counts. Functions of readings measure light in
 # expected photons per jot and frame.
 _Readings: TypeAlias = tuple[
-    int, npt.NDArray[np.int32], int | npt.NDArray[np.int32], _ValueOrArray, _ValueOrArray
+    int, npt.NDArray[np.int32], _ValueOrArray, _ValueOrArray, _ValueOrArray
 ]
 # Penalty and relaxation.
 _AdmmStep: TypeAlias = tuple[float, float]
@@ -160,7 +160,7 @@ def inverse_detection_probability(threshold: int, probability: float) -> float: 
 def mle_from_counts(
     response: _PixelResponse,
     counts: npt.NDArray[np.int32],
-    trials: int | npt.NDArray[np.int32],
+    trials: _ValueOrArray,
     jots: _JotResponses,
     out: npt.NDArray[np.float32],
     threads: int | None,
@@ -186,18 +186,24 @@ def mle_from_jots(
 def equivalent_counts(
     response: _PixelResponse,
     counts: npt.NDArray[np.int32],
-    trials: int | npt.NDArray[np.int32],
+    trials: _ValueOrArray,
     jots: _JotResponses,
-    reference_trials: int,
+    reference_trials: float,
     reference: tuple[float, float],
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...
 def anscombe(
-    counts: npt.NDArray[np.float32], trials: int, out: npt.NDArray[np.float32], threads: int | None
+    counts: npt.NDArray[np.float32],
+    trials: _ValueOrArray,
+    out: npt.NDArray[np.float32],
+    threads: int | None,
 ) -> None: ...
 def inverse_anscombe_algebraic(
-    z: npt.NDArray[np.float32], trials: int, out: npt.NDArray[np.float32], threads: int | None
+    z: npt.NDArray[np.float32],
+    trials: _ValueOrArray,
+    out: npt.NDArray[np.float32],
+    threads: int | None,
 ) -> None: ...
 def inverse_anscombe_exact(
     z: npt.NDArray[np.float32], trials: int, out: npt.NDArray[np.float32], threads: int | None

@@ -9,7 +9,7 @@ from PIL import Image
 import jotlight as jl
 from jotlight.evaluation.methods import METHODS
 from jotlight.images.sets import read_image_set
-from jotlight.networks.pretrained import BITS_PER_PIXEL
+from jotlight.networks.pretrained import TRAINED_TRIALS
 
 MODEL = "model.safetensors"
 SENSOR = jl.Sensor(oversampling=3, frames=2)
@@ -153,8 +153,8 @@ def test_color_images_are_converted_to_gray(run, tmp_path):
 def test_an_unsupported_sensor_gets_the_reason_and_the_training_command(run, photo_folder):
     status, output = run("evaluate", photo_folder, "-k", 2, "-q", 3, "-m", "network-two-layer")
     assert status == 1
-    assert output.startswith("error: there is no trained network for 4 bits per pixel")
-    assert all(str(bits) in output for bits in BITS_PER_PIXEL)
+    assert output.startswith("error: there is no trained network for 4 trials per pixel")
+    assert all(str(bits) in output for bits in TRAINED_TRIALS)
     assert "jotlight train " in output
     assert "--oversampling 2" in output
     assert "--threshold 3" in output

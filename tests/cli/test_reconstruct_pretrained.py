@@ -42,7 +42,7 @@ def test_without_a_network_the_chosen_method_and_a_training_command_are_printed(
     status, output = run("reconstruct", "bits.npy", "-o", "out.npy")
     assert status == 0
     assert "noniterative-tv" in output
-    assert "there is no trained network for 400 bits per pixel" in output
+    assert "there is no trained network for 400 trials per pixel" in output
     assert output.endswith(": jotlight train --sensor bits.npy -o model.safetensors\n")
     assert f"by {DEFAULT_ELSEWHERE} in" in output
     expected = METHODS["noniterative-tv"].run(bits, OTHER)
@@ -132,7 +132,7 @@ def test_compare_by_a_missing_network_fails(run, photo_folder, tmp_path):
     arguments = ["compare", photo_folder / "0.png", "-k", 2, "-t", 3, "-m", "mle,network-two-layer"]
     status, output = run(*arguments)
     assert status == 1
-    assert output.startswith("error: network-two-layer: there is no trained network for 12 bits")
+    assert output.startswith("error: network-two-layer: there is no trained network for 12 trials")
     assert not (tmp_path / "0-compare.png").exists()
 
 
@@ -149,7 +149,7 @@ DARK[::5, ::2] = np.float32(0.05)
 
 # Unsupported sensors, by the reason.
 UNSUPPORTED = {
-    "30 bits per pixel, only for 9, 16": jl.Sensor(frames=30),
+    "30 trials per pixel, only for 9, 16": jl.Sensor(frames=30),
     "the threshold 2, only for 1": jl.Sensor(oversampling=4, threshold=2),
     "0.5 detections per jot": jl.Sensor(oversampling=4, gain=8.0),
     "0.3333 detections per jot": jl.Sensor(oversampling=4, gain=16 / 3),
@@ -159,7 +159,7 @@ UNSUPPORTED = {
     "the largest intensity 1.33333": jl.Sensor(oversampling=4, max_intensity=4 / 3),
     "dark counts of 0.2": jl.Sensor(oversampling=4, dark_counts=0.2),
     "dark counts of 0.3": jl.Sensor(oversampling=4, dark_counts=DARK),
-    "2 bits per pixel": jl.Sensor(
+    "2 trials per pixel": jl.Sensor(
         frames=2, threshold=3, gain=10, efficiency=0.7, max_intensity=0.5, dark_counts=0.1
     ),
 }

@@ -142,7 +142,7 @@ def test_a_run_out_of_time_reports_its_steps(run, photo_folder):
         (["--patch", 25], "25; image number 0 is 24 x 24"),
         (["--trials-range", "1-256"], "trials-range: expected MIN:MAX"),
         (["--trials-range", "9:4"], "trials-range: expected MIN:MAX"),
-        (["--trials-range", "1:8"], "the network is for 1 to 8 bits per pixel, got 16"),
+        (["--trials-range", "1:8"], "the network is for 1 to 8 trials per pixel, got 16"),
     ],
 )
 def test_bad_input_gets_one_line(run, photo_folder, arguments, expected):

@@ -264,7 +264,7 @@ def photographs(data):
 
 
 @pytest.mark.slow
-def test_photographs_at_16_bits_per_pixel_reach_the_documented_psnr(photographs):
+def test_photographs_at_16_trials_reach_the_documented_psnr(photographs):
     decibels = []
     for index, photograph in enumerate(photographs):
         estimate = jl.admm_tv(SENSOR.expose(photograph, rng=index), SENSOR)

@@ -98,7 +98,7 @@ def test_without_dead_pixels_the_image_itself_is_returned():
 
 
 def test_an_image_of_dead_pixels_only_is_refused():
-    with pytest.raises(ValueError, match="at least one jot that is alive, got none"):
+    with pytest.raises(ValueError, match="at least one pixel with a valid bit, got none"):
         inpaint_dead_pixels(np.ones((2, 2), np.float32), np.ones((2, 2), bool))
 
 

@@ -28,11 +28,11 @@ def test_equivalent_counts_are_those_the_reference_jot_would_show(threshold):
     light = methods.mle(counts, 16, threshold=threshold, max_intensity=20.0)
     expected = 16 * gammainc(threshold, 0.5 * light + 0.2)
     pixels = count_pixels(counts, sensor, None)
-    np.testing.assert_allclose(equivalent_counts(pixels, (0.5, 0.2), None), expected, atol=1e-4)
+    np.testing.assert_allclose(equivalent_counts(pixels, (0.5, 0.2), 16, None), expected, atol=1e-4)
 
 
 def test_counts_of_reference_jots_are_unchanged():
     sensor = jl.Sensor(frames=16, efficiency=0.5, dark_counts=0.2)
     counts = np.arange(17)[None]
     pixels = count_pixels(counts, sensor, None)
-    np.testing.assert_array_equal(equivalent_counts(pixels, (0.5, 0.2), None), counts)
+    np.testing.assert_array_equal(equivalent_counts(pixels, (0.5, 0.2), 16, None), counts)

@@ -16,7 +16,7 @@ SENSORS = [
 
 
 def sensitivity(sensor):
-    return sensor.efficiency * sensor.gain / sensor.bits_per_pixel
+    return sensor.efficiency * sensor.gain / sensor.trials
 
 
 def reference_mle(counts, trials, sensor, dark):
@@ -206,5 +206,5 @@ def test_data_that_do_not_fit_the_sensor_are_refused(data, sensor, error, messag
 
 
 def test_a_sensor_without_live_jots_is_refused():
-    with pytest.raises(ValueError, match="at least one jot that is alive"):
+    with pytest.raises(ValueError, match="at least one pixel with a valid bit"):
         jl.mle([[1]], jl.Sensor(mask=np.ones((1, 1), bool)))

@@ -22,7 +22,7 @@ def test_bias_and_error_agree_with_simulated_captures(options, frames):
     expected = jl.plan(base, light, frames=[frames])
     sensor = base.replace(frames=frames)
     sensor = sensor.replace(max_intensity=saturation_intensity(sensor))
-    unit = sensor.gain / sensor.bits_per_pixel
+    unit = sensor.gain / sensor.trials
     bits = sensor.expose(np.full((150, 150), light / unit), rng=frames)
     error = jl.mle(bits, sensor).astype(np.float64) * unit - light
     # 24 comparisons at 4.5 standard errors: one run in 6000 fails by chance.

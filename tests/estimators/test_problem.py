@@ -55,7 +55,13 @@ def test_the_channels_of_a_color_image_are_estimated_independently(method, kerne
         (BITS, SENSOR, {"start": np.zeros((4, 4, 3))}, ValueError, r"start: .*got .*\(4, 4, 3\)"),
         (BITS, SENSOR, {"start": np.ones((4, 4), int)}, TypeError, "expected floats .* got int64"),
         (BITS, SENSOR, {"start": np.full((4, 4), np.nan)}, ValueError, "start: .* got NaN"),
-        (BITS, None, {}, TypeError, "sensor: expected a jotlight.Sensor, got NoneType"),
+        (
+            BITS,
+            None,
+            {},
+            TypeError,
+            "sensor: .* because these bits carry none",
+        ),
         (PROBLEM, SENSOR, {}, TypeError, "sensor: expected none, since a Problem has its own"),
         (PROBLEM, None, {"start": np.zeros(5)}, ValueError, r"shape \(4,\), got \(5,\)"),
         (np.ones((4, 4), int), SMOOTH, {}, ValueError, "expected bits, because .* cubic kernel"),
@@ -72,7 +78,7 @@ def test_the_channels_of_a_color_image_are_estimated_independently(method, kerne
             SMOOTH.replace(mask=np.ones((8, 8), bool)),
             {},
             ValueError,
-            "mask: expected at least one jot that is alive, got none",
+            "trials: expected at least one pixel with a valid bit, got none",
         ),
     ],
 )

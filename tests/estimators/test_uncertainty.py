@@ -11,7 +11,7 @@ LIGHT_LEVELS = [0.0, 0.003, 0.05, 0.4, 1.5, 4.0, 9.0]
 
 def coverage(sensor, light, level=0.95):
     """Return the exact probability that the interval contains the truth: a sum over all counts."""
-    bits = sensor.bits_per_pixel
+    bits = sensor.trials
     counts = np.arange(bits + 1)
     result = jl.uncertainty(counts[None], sensor, confidence_level=level)
     probability = float(

@@ -115,10 +115,14 @@ def test_a_count_of_k_stays_k_where_float32_cannot_represent_k():
 @pytest.mark.parametrize(
     ("counts", "bits", "message"),
     [
-        ([17], 16, "expected 0 to 16"),
-        ([-0.1], 16, "expected 0 to 16"),
-        ([np.nan], 16, "expected 0 to 16"),
-        ([0], 0, "bits per pixel"),
+        ([17], 16, "counts: expected 0 to the number of trials, got 17.0 to 17.0 with up to 16"),
+        ([-0.1], 16, "counts: expected 0 to the number of trials"),
+        ([np.nan], 16, "counts: expected 0 to the number of trials"),
+        ([np.nan, 0], [1, 1], "counts: expected 0 to the number of trials"),
+        ([1, 2], [2, 1], "counts: expected 0 to the number of trials"),
+        ([0], -1, "trials: expected finite numbers, 0 or more, got -1"),
+        ([0], np.nan, "trials: expected finite numbers, 0 or more, got nan"),
+        ([0], [1, 2], r"trials: expected a number or shape \(1,\), got \(2,\)"),
     ],
 )
 def test_anscombe_refuses_counts_outside_of_0_to_k(counts, bits, message):
@@ -127,9 +131,60 @@ def test_anscombe_refuses_counts_outside_of_0_to_k(counts, bits, message):
 
 
 @pytest.mark.parametrize("inverse", jl.vst.INVERSES)
-def test_the_inverses_refuse_zero_bits_per_pixel(inverse):
-    with pytest.raises(ValueError, match="bits per pixel"):
-        jl.vst.inverse_anscombe([1.0], 0, inverse=inverse)
+def test_the_inverses_refuse_trials_that_are_not_numbers_from_0_upward(inverse):
+    for trials in (-1, np.nan, [np.inf]):
+        with pytest.raises(ValueError, match="trials: expected finite numbers, 0 or more"):
+            jl.vst.inverse_anscombe([1.0], trials, inverse=inverse)
+    with pytest.raises(ValueError, match=r"trials: expected a number or shape \(1,\)"):
+        jl.vst.inverse_anscombe([1.0], [1, 2], inverse=inverse)
+
+
+def real_trials():
+    """Return trials of a map: more different values than have tables of their own."""
+    return np.concatenate([[0.0, 0.25, 1.0, 2.5], np.geomspace(1, 5000, 400)])
+
+
+def test_each_count_is_stabilized_by_its_own_trials():
+    trials = real_trials()
+    counts = np.float32(0.3 * trials)
+    expected = np.sqrt(trials + 0.5) * np.arcsin(np.sqrt((counts + 0.375) / (trials + 0.75)))
+    z = jl.vst.anscombe(counts, trials)
+    np.testing.assert_allclose(z, expected, rtol=1e-6)
+    restored = jl.vst.inverse_anscombe(z, trials, inverse="algebraic")
+    np.testing.assert_allclose(restored, counts, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("inverse", jl.vst.INVERSES)
+def test_a_constant_map_of_trials_equals_a_number(inverse):
+    counts = np.arange(13.0)
+    z = jl.vst.anscombe(counts, 12)
+    np.testing.assert_array_equal(jl.vst.anscombe(counts, np.full(13, 12)), z)
+    np.testing.assert_allclose(
+        jl.vst.inverse_anscombe(z, np.full(13, 12.0), inverse=inverse),
+        jl.vst.inverse_anscombe(z, 12, inverse=inverse),
+        atol=1e-5,
+    )
+
+
+def test_the_exact_inverse_of_a_map_is_near_the_inverse_of_each_number():
+    trials = np.random.default_rng(0).integers(1, 3000, 600)
+    fraction = np.random.default_rng(1).random(600)
+    z = np.sqrt(trials + 0.5) * np.arcsin(np.sqrt(fraction))
+    found = jl.vst.inverse_anscombe(z, trials)
+    each = [jl.vst.inverse_anscombe([z[i]], int(trials[i]))[0] for i in range(600)]
+    assert (abs(found - each) < 1e-4 * trials).all()
+    assert (found >= 0).all()
+    assert (found <= trials).all()
+
+
+def test_the_exact_inverse_of_a_real_number_lies_between_its_neighbors():
+    z = np.linspace(0.5, 3.5, 31)
+    angle = z / np.sqrt(3.0)
+    low, high = (jl.vst.inverse_anscombe(angle * np.sqrt(k + 0.5), k) / k for k in (2, 3))
+    found = jl.vst.inverse_anscombe(z, 2.5) / 2.5
+    assert (found >= np.minimum(low, high) - 1e-6).all()
+    assert (found <= np.maximum(low, high) + 1e-6).all()
+    np.testing.assert_array_equal(jl.vst.inverse_anscombe(z, 0), 0)
 
 
 def test_an_unknown_inverse_is_refused():

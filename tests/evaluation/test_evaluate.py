@@ -187,5 +187,5 @@ def test_invalid_input_is_refused(images, options, error, message):
 
 
 def test_a_network_for_another_sensor_is_refused():
-    with pytest.raises(ValueError, match="sensor: the network needs data with its own bits"):
+    with pytest.raises(ValueError, match="sensor: the network needs data with its own trials"):
         jl.evaluate(jl.Network.initial(SENSOR), IMAGES, jl.Sensor(oversampling=3))

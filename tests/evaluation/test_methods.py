@@ -66,7 +66,7 @@ def test_the_estimate_is_a_finite_float32_image_and_the_bits_stay_unchanged(name
 @pytest.mark.parametrize("pattern", ["none", "all", "checkerboard", "halves", "noise"])
 def test_the_estimate_stays_in_its_range_for_any_bits(name, run, pattern):
     sensor = first_supported(name, jl.Sensor(frames=6, max_intensity=0.7), jl.Sensor(frames=16))
-    trials, max_intensity = sensor.bits_per_pixel, sensor.max_intensity
+    trials, max_intensity = sensor.trials, sensor.max_intensity
     rows, columns = np.mgrid[:SIZE, :SIZE]
     fraction = {
         "none": 0,
@@ -89,11 +89,11 @@ def test_the_estimate_stays_in_its_range_for_any_bits(name, run, pattern):
 
 def fisher_deviation(sensor, intensity):
     """Return the Cramér-Rao bound of an unbiased estimate from K bits: 1/√(K I(c))."""
-    sensitivity = sensor.efficiency * sensor.gain / sensor.bits_per_pixel
+    sensitivity = sensor.efficiency * sensor.gain / sensor.trials
     rate = sensitivity * intensity + sensor.dark_counts
     probability = gammainc(sensor.threshold, rate)
     slope = sensitivity * poisson.pmf(sensor.threshold - 1, rate)
-    return np.sqrt(probability * (1 - probability) / sensor.bits_per_pixel) / slope
+    return np.sqrt(probability * (1 - probability) / sensor.trials) / slope
 
 
 @pytest.mark.parametrize(
@@ -157,7 +157,7 @@ def test_dead_jots_change_the_estimate_by_no_more_than_their_missing_bits(name, 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (8, 8)])
 def test_the_smallest_images_work(run, shape):
-    counts = np.random.default_rng(7).integers(0, SENSOR.bits_per_pixel + 1, shape)
+    counts = np.random.default_rng(7).integers(0, SENSOR.trials + 1, shape)
     estimate = run(counts, SENSOR)
     assert estimate.shape == shape
     assert np.isfinite(estimate).all()
@@ -190,5 +190,5 @@ def test_data_that_do_not_fit_the_sensor_are_refused(name, run, data, sensor, er
 
 
 def test_a_sensor_without_a_live_jot_is_refused(run):
-    with pytest.raises(ValueError, match="at least one jot that is alive"):
+    with pytest.raises(ValueError, match="at least one pixel with a valid bit"):
         run(BITS, SENSOR.replace(mask=np.ones((24, 24), bool)))

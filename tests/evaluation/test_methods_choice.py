@@ -31,11 +31,11 @@ def test_the_default_is_the_shipped_network_where_it_serves_the_sensor():
 
 
 def test_a_sensor_without_a_network_gets_the_fallback_and_a_warning_with_the_reason():
-    choice = choose_method(LARGE)
+    choice = choose_method(CUBIC, is_bits=False)
     assert (choice.method, choice.quality) == (FALLBACK_METHOD, None)
     [warning] = choice.warnings
-    assert warning.startswith(f"{unsupported_reason(LARGE)}; train one: jotlight train ")
-    assert "--frames 1000" in warning
+    assert warning.startswith(f"{unsupported_reason(CUBIC)}; train one: jotlight train ")
+    assert "--frames 16 --kernel cubic" in warning
 
 
 def test_bits_of_a_smooth_kernel_get_the_method_that_models_it_and_counts_do_not():
@@ -49,9 +49,9 @@ def test_the_fallback_serves_every_sensor():
 
 
 def test_the_caller_s_remedy_ends_the_message():
-    assert choose_method(LARGE, remedy="use a tripod").warnings[0].endswith("; use a tripod")
+    assert choose_method(CUBIC, remedy="use a tripod").warnings[0].endswith("; use a tripod")
     with pytest.raises(ValueError, match=r"use a tripod$"):
-        choose_method(LARGE, requested="network-medium", remedy="use a tripod")
+        choose_method(CUBIC, requested="network-medium", remedy="use a tripod")
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -65,7 +65,7 @@ def test_a_request_is_kept_without_a_warning(name):
 @pytest.mark.parametrize("name", SHIPPED)
 def test_a_requested_network_that_does_not_serve_the_sensor_is_refused(name):
     with pytest.raises(ValueError, match=r"there is no trained network for .*; train one: "):
-        choose_method(LARGE, requested=name)
+        choose_method(CUBIC, requested=name)
 
 
 @pytest.mark.parametrize("name", SHIPPED)

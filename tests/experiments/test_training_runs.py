@@ -24,7 +24,7 @@ def test_the_papers_descent_has_the_papers_settings(tmp_path, monkeypatch):
         context, "name", jl.datasets.uniform_scenes, lambda share: None, 16, 0.5
     )
     assert not used["start"].tied
-    assert used["start"].sensor.bits_per_pixel == 16
+    assert used["start"].sensor.trials == 16
     assert used["start"].layers[1].filters.shape == (1, 1, 15, 15)
     assert all(layer.coefficients.shape == (1, 150) for layer in used["start"].layers)
     expected = jl.Network.initial(jl.Sensor(oversampling=4), sigma=0.5, tied=False)

@@ -23,7 +23,7 @@ from reference.networks import random_bits
     ids=repr,
 )
 def test_the_initial_network_equals_the_noniterative_method_with_a_gaussian(sensor, sigma):
-    bits = sensor.bits_per_pixel
+    bits = sensor.trials
     line = np.exp(-0.5 * (np.arange(15) - 7) ** 2 / sigma**2)
     gaussian = np.outer(line, line) / line.sum() ** 2
     network = jl.Network.initial(sensor, sigma=sigma)

@@ -206,5 +206,5 @@ def test_the_limit_leaves_room_for_the_transforms_of_convolutions():
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.safetensors")), ids=lambda path: path.stem)
 def test_the_values_of_shipped_networks_are_far_below_the_limit(path):
     network = jl.Network.load(path)
-    largest_input = network.sensor.bits_per_pixel if network.trials_range is None else 1
+    largest_input = network.sensor.trials if network.trials_range is None else 1
     assert max(high for _, high in output_bounds(network.layers, largest_input)) < 1e6

@@ -79,9 +79,10 @@ def test_all_layers_need_the_same_number_of_sets_and_at_least_four():
             jl.Network([layers[0], cut, *layers[2:]], jl.Sensor(), trials_range=TRIALS_RANGE)
 
 
-def test_a_k_out_of_range_is_refused():
-    with pytest.raises(ValueError, match="for 1 to 256 bits per pixel, got 257"):
-        conditional_network().reconstruct(np.ones((4, 4), int), jl.Sensor(frames=257))
+def test_a_k_below_the_range_is_refused():
+    network = jl.Network.conditional("small", trials_range=(4, 32), rng=0)
+    with pytest.raises(ValueError, match="for 4 trials per pixel or more, got 3"):
+        network.reconstruct(np.ones((4, 4), int), jl.Sensor(frames=3))
 
 
 def test_a_conditional_network_serves_different_k_in_turn():

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.networks.trials_map import denoise_map, level_range
+from jotlight.estimators.trial_levels import level_range
+from jotlight.networks.trials_map import denoise_map
 
 NETWORK = jl.pretrained(jl.Sensor())
 IMAGE = jl.datasets.photograph()[100:196, 200:328]
@@ -35,14 +36,14 @@ def test_trials_between_two_levels_are_interpolated():
     mixed = denoise_map(NETWORK, ones, trials_map)
     fraction = ones / trials_map
     left, right = (NETWORK.denoise_probability(fraction, level) for level in (8, 16))
-    np.testing.assert_allclose(mixed[:, :64], np.clip(left, 0, 1)[:, :64], atol=1e-6)
-    np.testing.assert_allclose(mixed[:, 64:], np.clip(right, 0, 1)[:, 64:], atol=1e-6)
+    np.testing.assert_allclose(mixed[:, :54], np.clip(left, 0, 1)[:, :54], atol=1e-6)
+    np.testing.assert_allclose(mixed[:, 74:], np.clip(right, 0, 1)[:, 74:], atol=1e-6)
     trials_map = np.full(IMAGE.shape, 12, np.float32)
     trials_map[:, :64] = 8
     trials_map[:, 120:] = 16
     weight = np.log2(12 / 8)
     expected = (1 - weight) * left + weight * right
-    middle = (slice(None), slice(64, 120))
+    middle = (slice(None), slice(74, 110))
     fraction_map = (fraction * trials_map).astype(np.float32)
     found = denoise_map(NETWORK, fraction_map, trials_map)
     np.testing.assert_allclose(found[middle], np.clip(expected, 0, 1)[middle], atol=1e-4)

@@ -60,7 +60,7 @@ def test_gray_bits_are_their_own_only_channel():
 class OtherSensor:
     """An object with the interface that bits require of a sensor."""
 
-    oversampling, frames, bits_per_pixel, kernel = 3, 2, 18, "box"
+    oversampling, frames, trials, kernel = 3, 2, 18, "box"
 
     def replace(self, **changes):
         other = OtherSensor()
@@ -303,5 +303,5 @@ def test_repr_shows_the_true_shape(shape, text):
 @pytest.mark.parametrize(("frames", "oversampling"), [(2**31, 1), (2**29, 2)])
 def test_counts_that_could_exceed_their_type_are_refused(frames, oversampling):
     bits = jl.Bits(np.broadcast_to(np.uint8(255), (frames, oversampling, 1)))
-    with pytest.raises(ValueError, match=r"bits: expected less than 2\*\*31 bits per pixel"):
+    with pytest.raises(ValueError, match=r"bits: expected less than 2\*\*31 trials per pixel"):
         bits.counts(oversampling)

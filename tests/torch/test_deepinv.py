@@ -61,7 +61,7 @@ def test_the_vector_jacobian_product_agrees_with_finite_differences():
 @pytest.mark.parametrize("sensor", SENSORS.values(), ids=SENSORS)
 def test_the_proximal_map_minimizes_its_objective(sensor):
     physics = SensorPhysics(sensor)
-    bits, light = sensor.bits_per_pixel, sensor.gain / sensor.bits_per_pixel
+    bits, light = sensor.trials, sensor.gain / sensor.trials
     counts = torch.tensor([[[[0.0, 1.0, 4.0, bits - 1.0, bits]]]]).double()
     point = torch.tensor([[[[0.3, -0.2, 0.9, 0.1, 1.4]]]]).double()
     for gamma in (1e-3, 0.05, 10.0):
@@ -169,7 +169,7 @@ def test_the_reconstructor_returns_the_output_of_the_engine():
         with torch.no_grad():
             estimate = NetworkReconstructor(network)(y, physics)
         if network.trials_range is not None:
-            network = jl.Network(network.conditioned_layers(SENSOR.bits_per_pixel), SENSOR)
+            network = jl.Network(network.conditioned_layers(SENSOR.trials), SENSOR)
         expected = network.reconstruct(y[0, 0].numpy().astype(int))
         np.testing.assert_allclose(estimate[0, 0], expected, atol=1e-5)
 

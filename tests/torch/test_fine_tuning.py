@@ -155,7 +155,7 @@ def test_an_incomplete_checkpoint_is_refused(tmp_path, part):
         tune(checkpoint=path, resume=True)
 
 
-def test_color_maps_dead_jots_and_two_bits_per_pixel_can_be_tuned():
+def test_color_maps_dead_jots_and_two_trials_can_be_tuned():
     color = SENSOR.expose(np.stack([SCENE, 0.5 * SCENE], axis=-1), rng=0)
     assert tune(data=color)[0].reconstruct(color).shape == (*SCENE.shape, 2)
     few = SENSOR.replace(frames=2)
@@ -191,7 +191,7 @@ UNEVEN = jl.Sensor(oversampling=2, frames=2, efficiency=np.linspace(0.5, 1, 9216
             "box kernel, got cubic",
         ),
         ({"data": UNEVEN.expose(SCENE, rng=0)}, "inside each pixel"),
-        ({"network": SINGLE_K, "data": BITS[:4]}, "own bits per pixel"),
+        ({"network": SINGLE_K, "data": BITS[:4]}, "own trials per pixel"),
         ({"data": BITS.counts() + 9, "sensor": SENSOR}, "0 to K = 8"),
         ({"steps": 0}, "steps"),
         ({"batch": 0}, "batch"),

@@ -24,7 +24,7 @@ def first_batch(network, batch=NUMBER):
 def test_one_patch_in_16_is_far_too_bright_or_too_dark(tied):
     batch = first_batch(jl.Network.initial(SENSOR, tied=tied, taps=3))
     truth, fractions = batch.truth.numpy()[:, 0], batch.data.numpy().mean((1, 2, 3))
-    fractions /= SENSOR.bits_per_pixel if tied else 1
+    fractions /= SENSOR.trials if tied else 1
     levels = truth[:, 0, 0]
     assert (truth == levels[:, None, None]).all()
     is_extreme = levels != LEVEL
@@ -35,9 +35,9 @@ def test_one_patch_in_16_is_far_too_bright_or_too_dark(tied):
     # Only the bits of a patch beyond the range tell how bright it is.
     assert fractions.max() > 0.99 > SENSOR.probability(np.full((1, 1), 0.8)).max()
     within = levels < SENSOR.max_intensity
-    rates = levels[within].astype(float) * SENSOR.gain / SENSOR.bits_per_pixel
+    rates = levels[within].astype(float) * SENSOR.gain / SENSOR.trials
     expected = -np.expm1(-rates)
-    trials = SENSOR.bits_per_pixel * 64
+    trials = SENSOR.trials * 64
     deviations = np.sqrt(expected * (1 - expected) / trials)
     assert (abs(fractions[within] - expected) < 6 * deviations + 1 / trials).all()
 

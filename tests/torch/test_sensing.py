@@ -78,7 +78,7 @@ def test_random_data_have_the_distribution_of_the_twin(output, name, dtype):
     assert samples.dtype == torch.float32
     ones = samples.double().sum(0).numpy()
     probability = twin.probability(sensor, light[0, 0].double().numpy())
-    assert np.isin(samples[:10].numpy(), np.arange(1 + sensor.bits_per_pixel)).all()
+    assert np.isin(samples[:10].numpy(), np.arange(1 + sensor.trials)).all()
     false_alarm = 1e-9 / (16 * ones.size)
     if output == "bits":
         assert samples.max() == 1
@@ -95,7 +95,7 @@ def test_random_data_have_the_distribution_of_the_twin(output, name, dtype):
         assert ((low <= ones[0]) & (ones[0] <= high)).all()
         # The variance is binomial, too; the last test of this file justifies the bound.
         variance = samples.double().var(0)[0].numpy()
-        expected = sensor.bits_per_pixel * p * (1 - p)
+        expected = sensor.trials * p * (1 - p)
         assert abs(variance / expected - 1).max() < 0.2
         return
     # Hoeffding's inequality bounds the sum over jots that differ.
@@ -161,7 +161,7 @@ def test_the_likelihood_of_bits_agrees_with_the_engine(sensor):
 def test_the_closed_form_maximizes_the_likelihood_of_counts(name):
     sensor = SENSORS[name].replace(max_intensity=50.0)
     sensing = Sensing(sensor)
-    counts = torch.arange(1, sensor.bits_per_pixel).double()[None, None, None]
+    counts = torch.arange(1, sensor.trials).double()[None, None, None]
     best = torch.from_numpy(jl.mle(counts[0, 0].numpy().astype(int), sensor))[None, None].double()
     best.requires_grad_()
     value = sensing.log_likelihood(counts, best)

@@ -37,7 +37,7 @@ def bare_network(sensor, channels, sizes, *, tied):
     block = (1, 1, 1) if tied else (sensor.frames, sensor.oversampling, sensor.oversampling)
     shapes = [(channels[0], *block)]
     shapes += [(b, a, *size) for a, b, size in zip(channels, channels[1:], sizes, strict=False)]
-    domains = [(0, sensor.bits_per_pixel), (-1, 2), (0, 3), (-7, -5)]
+    domains = [(0, sensor.trials), (-1, 2), (0, 3), (-7, -5)]
     return jl.Network(
         [
             jl.Layer(np.ones(shape), np.zeros((shape[0], 9)), low, (high - low) / 6)
@@ -59,7 +59,7 @@ def assert_in_set(network, vector, nu, slack=1e-9):
     domains = domains_of(network)
     for index, (filters, coefficients) in enumerate(split_vector(network, vector)):
         if index == 0:
-            times = network.sensor.bits_per_pixel if network.tied else 1
+            times = network.sensor.trials if network.tied else 1
             assert filters.min() >= 0
             np.testing.assert_allclose(times * filters.sum((1, 2, 3)), domains[0][1], atol=slack)
         else:
@@ -164,7 +164,7 @@ def patterns(rng, sensor):
     """Bits of single blocks (N, T, K̂, K̂): all 0, all 1, checkered, each jot alone, and others."""
     block = (sensor.frames, sensor.oversampling, sensor.oversampling)
     checkered = np.indices(block).sum(0) % 2 == 1
-    single = np.eye(sensor.bits_per_pixel, dtype=bool).reshape(-1, *block)
+    single = np.eye(sensor.trials, dtype=bool).reshape(-1, *block)
     rest = rng.random((24, *block)) < rng.random((24, 1, 1, 1))
     return np.concatenate(
         [np.zeros((1, *block), bool), np.ones((1, *block), bool), [checkered, ~checkered],

@@ -32,10 +32,10 @@ def size_curves(scaling: dict[str, Any]) -> Curves:
 
 
 def cost_curves(scaling: dict[str, Any]) -> Curves:
-    """Return the time by bits per pixel, frames, and filter size."""
+    """Return the time by trials per pixel, frames, and filter size."""
     axes = [
-        _cost_axes(scaling, "oversampling", "bits per pixel, K = K̂²", lambda side: side**2),
-        _cost_axes(scaling, "frames", "bits per pixel, K = T", int),
+        _cost_axes(scaling, "oversampling", "trials per pixel, K = K̂²", lambda side: side**2),
+        _cost_axes(scaling, "frames", "trials per pixel, K = T", int),
         _cost_axes(scaling, "taps", "width of the filter", int),
     ]
     return Curves("speed/costs", "Time by bits, frames, and filter size", render_svg(axes))

@@ -1,4 +1,4 @@
-"""How time and memory grow with pixels, bits per pixel, frames, and filter size."""
+"""How time and memory grow with pixels, trials per pixel, frames, and filter size."""
 
 import json
 import subprocess

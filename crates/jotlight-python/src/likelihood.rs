@@ -12,7 +12,7 @@ use crate::{run, to_python};
 pub struct PyReadings<'py>(
     u32,
     PyReadonlyArray1<'py, i32>,
-    PyValues<'py, i32>,
+    PyValues<'py, f64>,
     PyValues<'py, f64>,
     PyValues<'py, f64>,
 );

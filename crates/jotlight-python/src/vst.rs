@@ -1,9 +1,10 @@
 //! The variance-stabilizing transform of binomial counts, and its inverses.
 
-use jotlight::vst::{Anscombe, ExactInverse, map};
+use jotlight::vst::{ExactInverse, algebraic_inverse, map, map_with_trials, transform};
 use numpy::{PyReadonlyArray1, PyReadwriteArray1};
 use pyo3::prelude::*;
 
+use crate::arguments::PyValues;
 use crate::run;
 
 /// Write the Anscombe transform of the number of ones among `trials` readings into `out`.
@@ -12,14 +13,13 @@ use crate::run;
 pub fn anscombe(
     py: Python<'_>,
     counts: PyReadonlyArray1<'_, f32>,
-    trials: u32,
+    trials: PyValues<'_, f64>,
     mut out: PyReadwriteArray1<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let (counts, out) = (counts.as_array(), out.as_array_mut());
+    let (counts, trials, out) = (counts.as_array(), trials.to_engine()?, out.as_array_mut());
     run(py, threads, || {
-        let anscombe = Anscombe::new(trials)?;
-        map(counts, out, |count| anscombe.transform(count))
+        map_with_trials(counts, trials, out, transform)
     })
 }
 
@@ -29,14 +29,13 @@ pub fn anscombe(
 pub fn inverse_anscombe_algebraic(
     py: Python<'_>,
     z: PyReadonlyArray1<'_, f32>,
-    trials: u32,
+    trials: PyValues<'_, f64>,
     mut out: PyReadwriteArray1<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let (z, out) = (z.as_array(), out.as_array_mut());
+    let (z, trials, out) = (z.as_array(), trials.to_engine()?, out.as_array_mut());
     run(py, threads, || {
-        let anscombe = Anscombe::new(trials)?;
-        map(z, out, |z| anscombe.algebraic_inverse(z))
+        map_with_trials(z, trials, out, algebraic_inverse)
     })
 }
 

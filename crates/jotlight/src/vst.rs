@@ -9,11 +9,30 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::interrupt;
+use crate::values::Values;
 
 /// The number of values that a thread maps before it asks whether the call is interrupted.
 const VALUES_PER_CHUNK: usize = 1 << 10;
 
-/// The Anscombe transform of the number of ones among K readings, and its algebraic inverse.
+/// Return T(`count`) for K = `trials` readings per pixel, a real number: equation (6).
+#[must_use]
+pub fn transform(count: f64, trials: f64) -> f64 {
+    // Counts are float32. If K is above 2²⁴, rounding may raise a count above K.
+    let fraction = ((count + 0.375) / (trials + 0.75)).min(1.0);
+    (trials + 0.5).sqrt() * fraction.sqrt().asin()
+}
+
+/// Return T⁻¹(`z`) for K = `trials` readings per pixel, a real number: equation (7).
+///
+/// `Differs from the paper:` the angle z / √(K + 1/2) is clipped to [0, π/2], and the result to
+/// [0, K].
+#[must_use]
+pub fn algebraic_inverse(z: f64, trials: f64) -> f64 {
+    let angle = (z / (trials + 0.5).sqrt()).clamp(0.0, std::f64::consts::FRAC_PI_2);
+    ((trials + 0.75) * angle.sin().powi(2) - 0.375).clamp(0.0, trials)
+}
+
+/// The Anscombe transform of the number of ones among K readings, and its expectation.
 #[derive(Clone, Copy, Debug)]
 pub struct Anscombe {
     trials: f64,
@@ -26,7 +45,7 @@ impl Anscombe {
     /// [`Error::Range`] for K = 0.
     pub fn new(trials: u32) -> Result<Self> {
         if trials == 0 {
-            return Err(Error::range("bits per pixel", "at least 1", trials));
+            return Err(Error::range("trials per pixel", "at least 1", trials));
         }
         Ok(Self {
             trials: f64::from(trials),
@@ -36,19 +55,7 @@ impl Anscombe {
     /// Return T(`count`): equation (6).
     #[must_use]
     pub fn transform(&self, count: f64) -> f64 {
-        // Counts are float32. If K is above 2²⁴, rounding may raise a count above K.
-        let fraction = ((count + 0.375) / (self.trials + 0.75)).min(1.0);
-        (self.trials + 0.5).sqrt() * fraction.sqrt().asin()
-    }
-
-    /// Return T⁻¹(`z`): equation (7).
-    ///
-    /// `Differs from the paper:` the angle z / √(K + 1/2) is clipped to [0, π/2], and the result to
-    /// [0, K].
-    #[must_use]
-    pub fn algebraic_inverse(&self, z: f64) -> f64 {
-        let angle = (z / (self.trials + 0.5).sqrt()).clamp(0.0, std::f64::consts::FRAC_PI_2);
-        ((self.trials + 0.75) * angle.sin().powi(2) - 0.375).clamp(0.0, self.trials)
+        transform(count, self.trials)
     }
 
     /// Return E\[T(L)\] for L ~ Binomial(K, `probability`). A `probability` outside [0, 1] is clipped.
@@ -163,6 +170,52 @@ pub fn map(
             Zip::from(out)
                 .and(values)
                 .for_each(|out, &value| *out = function(f64::from(value)) as f32);
+        });
+    Ok(())
+}
+
+/// Apply `function` to each value and its number of trials in parallel, and write the results into
+/// `out`.
+///
+/// # Errors
+/// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for trials that are
+/// negative or not finite.
+pub fn map_with_trials(
+    values: ArrayView1<'_, f32>,
+    trials: Values<'_, f64>,
+    mut out: ArrayViewMut1<'_, f32>,
+    function: impl Fn(f64, f64) -> f64 + Sync,
+) -> Result<()> {
+    trials.check_length("trials", values.len())?;
+    let is_invalid = |trials: &f64| !(0.0..f64::INFINITY).contains(trials);
+    let trials = match trials {
+        Values::Same(trials) if is_invalid(&trials) => {
+            return Err(Error::range("trials", "finite, 0 or more", trials));
+        }
+        Values::Same(trials) => return map(values, out, |value| function(value, trials)),
+        Values::Each(trials) => trials,
+    };
+    if let Some(invalid) = trials.iter().copied().find(is_invalid) {
+        return Err(Error::range("trials", "finite, 0 or more", invalid));
+    }
+    if values.len() != out.len() {
+        return Err(Error::shape("out", values.len(), out.len()));
+    }
+    let values = values.axis_chunks_iter(Axis(0), VALUES_PER_CHUNK);
+    out.axis_chunks_iter_mut(Axis(0), VALUES_PER_CHUNK)
+        .into_par_iter()
+        .zip(values)
+        .zip(trials.par_chunks(VALUES_PER_CHUNK))
+        .for_each(|((out, values), trials)| {
+            if interrupt::is_requested() {
+                return;
+            }
+            Zip::from(out)
+                .and(values)
+                .and(trials)
+                .for_each(|out, &value, &trials| {
+                    *out = function(f64::from(value), trials) as f32;
+                });
         });
     Ok(())
 }

@@ -134,7 +134,7 @@ fn counts_that_could_exceed_their_type_are_errors() -> Result<()> {
     let mut one = Array2::from_elem((1, 1), 0);
     for (number, rows) in [(1 << 31, 1), (1 << 60, 1), (1 << 29, 2)] {
         let result = add_block_counts(&frames(number, rows)?, rows, None, one.view_mut());
-        assert_eq!(argument(result), "bits per pixel", "{number} frames");
+        assert_eq!(argument(result), "trials per pixel", "{number} frames");
     }
     let mut counts = Array2::from_elem((1, 1), i32::MAX - 3);
     add_block_counts(&frames(3, 1)?, 1, None, counts.view_mut())?;
@@ -199,7 +199,7 @@ fn numbers_that_are_not_intervals_are_errors() -> Result<()> {
     let readings = Readings::new(
         Threshold::new(2)?,
         &[0],
-        Values::Same(0),
+        Values::Same(0.0),
         Values::Same(1.0),
         Values::Same(0.0),
     )?;
@@ -215,7 +215,7 @@ fn numbers_that_are_not_intervals_are_errors() -> Result<()> {
     }
     // A bisection stays within the interval, however large or small its numbers are.
     for (threshold, max) in [(1, 1e300), (2, 1e300), (1, 3e-322), (2, 3e-322)] {
-        let (threshold, trials) = (Threshold::new(threshold)?, Values::Same(3));
+        let (threshold, trials) = (Threshold::new(threshold)?, Values::Same(3.0));
         let readings = Readings::new(
             threshold,
             &[3],

@@ -118,7 +118,7 @@ fn simulations_end() -> Result<()> {
 fn likelihoods_end() -> Result<()> {
     const ELEMENTS: usize = 1 << 22;
     let (ones, light) = (vec![1; ELEMENTS], vec![65_000.0; ELEMENTS]);
-    let (trials, efficiency) = (Values::Same(2), Values::Same(1.0));
+    let (trials, efficiency) = (Values::Same(2.0), Values::Same(1.0));
     let readings = Readings::new(
         slow_threshold()?,
         &ones,

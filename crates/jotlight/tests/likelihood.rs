@@ -9,7 +9,7 @@ use jotlight::values::Values;
 /// The arrays of readings. The numbers differ from element to element.
 struct Data {
     ones: Vec<i32>,
-    trials: Vec<i32>,
+    trials: Vec<f64>,
     efficiency: Vec<f64>,
     dark_counts: Vec<f64>,
     light: Vec<f64>,
@@ -17,15 +17,15 @@ struct Data {
 
 impl Data {
     fn new(length: usize) -> Self {
-        let trials: Vec<i32> = (0..length).map(|i| (i % 10) as i32).collect();
+        let whole: Vec<i32> = (0..length).map(|i| (i % 10) as i32).collect();
         Self {
             ones: (0..length)
-                .map(|i| (i * 7) as i32 % (trials[i] + 1))
+                .map(|i| (i * 7) as i32 % (whole[i] + 1))
                 .collect(),
             efficiency: (0..length).map(|i| 0.3 + 0.07 * (i % 11) as f64).collect(),
             dark_counts: (0..length).map(|i| 0.02 * (i % 4) as f64).collect(),
             light: (0..length).map(|i| 0.05 + 0.31 * (i % 13) as f64).collect(),
-            trials,
+            trials: whole.iter().map(|&n| f64::from(n) + 0.3).collect(),
         }
     }
 
@@ -59,9 +59,10 @@ fn the_value_is_a_sum_of_logarithms() -> Result<()> {
         let expected: f64 = (0..100)
             .map(|i| {
                 let rate = data.efficiency[i] * data.light[i] + data.dark_counts[i];
-                let (ones, zeros) = (data.ones[i], data.trials[i] - data.ones[i]);
-                f64::from(ones) * threshold.detection_probability(rate).ln()
-                    + f64::from(zeros) * threshold.non_detection_probability(rate).ln()
+                let ones = f64::from(data.ones[i]);
+                let zeros = data.trials[i] - ones;
+                ones * threshold.detection_probability(rate).ln()
+                    + zeros * threshold.non_detection_probability(rate).ln()
             })
             .sum();
         let value = data.readings(q)?.value(&data.light)?;
@@ -112,11 +113,12 @@ fn vector_code_for_one_photon_agrees_with_the_threshold() -> Result<()> {
     readings.gradient_and_curvature(&data.light, &mut gradient, &mut curvature)?;
     for i in 0..5000 {
         let rate = data.efficiency[i] * data.light[i] + data.dark_counts[i];
-        let (ones, zeros) = (data.ones[i], data.trials[i] - data.ones[i]);
+        let ones = f64::from(data.ones[i]);
+        let zeros = data.trials[i] - ones;
         let (score, concavity) = threshold.detection_score_and_curvature(rate);
-        let expected = data.efficiency[i] * (f64::from(ones) * score - f64::from(zeros));
-        assert!((gradient[i] - expected).abs() < 1e-12 * (1.0 + f64::from(ones) * score));
-        let expected = data.efficiency[i].powi(2) * f64::from(ones) * concavity;
+        let expected = data.efficiency[i] * (ones * score - f64::from(zeros));
+        assert!((gradient[i] - expected).abs() < 1e-12 * (1.0 + ones * score));
+        let expected = data.efficiency[i].powi(2) * ones * concavity;
         assert!((curvature[i] - expected).abs() <= 1e-12 * expected);
     }
     Ok(())
@@ -136,7 +138,7 @@ fn information_is_the_expected_curvature() -> Result<()> {
             let rate = data.efficiency[i] * data.light[i] + data.dark_counts[i];
             let curvature_of_ones = threshold.detection_score_and_curvature(rate).1;
             let curvature_of_zeros = threshold.non_detection_score_and_curvature(rate).1;
-            let expected = f64::from(data.trials[i])
+            let expected = data.trials[i]
                 * data.efficiency[i].powi(2)
                 * (threshold.detection_probability(rate) * curvature_of_ones
                     + threshold.non_detection_probability(rate) * curvature_of_zeros);
@@ -234,12 +236,18 @@ fn invalid_arguments_are_errors() -> Result<()> {
         _ => "no error of shape or range",
     };
     let one = Values::Same(1.0);
-    assert_eq!(name(readings(&[0, 3], Values::Same(2), one)), "counts");
-    assert_eq!(name(readings(&[-1], Values::Same(2), one)), "counts");
-    assert_eq!(name(readings(&[0], Values::Each(&[1, 1]), one)), "trials");
+    assert_eq!(name(readings(&[0, 3], Values::Same(2.0), one)), "counts");
+    assert_eq!(name(readings(&[-1], Values::Same(2.0), one)), "counts");
+    assert_eq!(
+        name(readings(&[0], Values::Each(&[1.0, 1.0]), one)),
+        "trials"
+    );
+    for trials in [f64::NAN, f64::INFINITY] {
+        assert_eq!(name(readings(&[0], Values::Same(trials), one)), "trials");
+    }
     let efficiency = Values::Each(&[1.0; 3][..]);
     assert_eq!(
-        name(readings(&[0], Values::Same(1), efficiency)),
+        name(readings(&[0], Values::Same(1.0), efficiency)),
         "efficiency"
     );
 

@@ -30,7 +30,7 @@ fn estimates_from_counts_agree_with_equation_5() -> Result<()> {
     let counts: Vec<i32> = (0..=16).chain(0..=16).collect();
     let mut out = vec![0.0; counts.len()];
     let jots = same(IDEAL);
-    mle::from_counts(&response(1)?, &counts, Values::Same(16), &jots, &mut out)?;
+    mle::from_counts(&response(1)?, &counts, Values::Same(16.0), &jots, &mut out)?;
     for (&count, estimate) in counts.iter().zip(out) {
         let expected = -(1.0 - f64::from(count) / 16.0).ln() / 1.3;
         assert!(
@@ -44,10 +44,10 @@ fn estimates_from_counts_agree_with_equation_5() -> Result<()> {
 #[test]
 fn the_table_of_estimates_agrees_with_single_estimates() -> Result<()> {
     let counts: Vec<i32> = (0..100).map(|i| i % 10).collect();
-    let (trials, jots) = (vec![9; 100], same(IDEAL));
+    let (trials, jots) = (vec![9.0; 100], same(IDEAL));
     let response = response(2)?;
     let (mut table, mut single) = (vec![0.0; 100], vec![0.0; 100]);
-    mle::from_counts(&response, &counts, Values::Same(9), &jots, &mut table)?;
+    mle::from_counts(&response, &counts, Values::Same(9.0), &jots, &mut table)?;
     mle::from_counts(
         &response,
         &counts,
@@ -107,7 +107,7 @@ fn estimates_from_equal_jots_agree_with_those_from_counts() -> Result<()> {
         // Each pixel covers two rows of jots with equal counts.
         let sums = [2, 10, 18, 2, 10];
         let mut from_counts = [0.0; 5];
-        let trials = Values::Same(20);
+        let trials = Values::Same(20.0);
         mle::from_counts(&response(q)?, &sums, trials, &same(jot), &mut from_counts)?;
         for (jots, counts) in from_jots.iter().zip(from_counts) {
             assert!((jots - counts).abs() < 1e-6, "q = {q}: {jots} and {counts}");
@@ -159,13 +159,13 @@ fn equivalent_counts_of_reference_jots_are_the_counts() -> Result<()> {
         dark_counts: 0.02,
     };
     let mut out = [0.0; 3];
-    let trials = Values::Each(&[16, 8, 0][..]);
+    let trials = Values::Each(&[16.0, 8.0, 0.0][..]);
     mle::equivalent_counts(
         &response(1)?,
         &[4, 6, 0],
         trials,
         &same(jot),
-        16,
+        16.0,
         jot,
         &mut out,
     )?;
@@ -178,7 +178,7 @@ fn equivalent_counts_of_reference_jots_are_the_counts() -> Result<()> {
         &[4, 6, 0],
         trials,
         &same(jot),
-        16,
+        16.0,
         IDEAL,
         &mut ideal,
     )?;

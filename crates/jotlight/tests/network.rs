@@ -135,7 +135,7 @@ fn the_forward_pass_agrees_with_its_definition() -> Result<()> {
 fn counts_bits_and_sums_lead_to_the_same_image() -> Result<()> {
     let mut random = Random(3);
     for (frames, side) in [(1, 2), (2, 3), (1, 4), (3, 8)] {
-        let bits_per_pixel = frames * side * side;
+        let trials = frames * side * side;
         let (height, width) = (40, 19);
         let tap = random.next() / side as f64;
         let filters = Array4::from_elem((1, frames, side, side), tap);
@@ -155,7 +155,7 @@ fn counts_bits_and_sums_lead_to_the_same_image() -> Result<()> {
         let bits = PackedBits::new(packed.view(), width * side)?;
         let mut counts = Array2::zeros((height, width));
         jotlight::bits::add_block_counts(&bits, side, None, counts.view_mut())?;
-        let by_count = Array2::from_shape_fn((1, bits_per_pixel + 1), |(_, k)| tap * k as f64);
+        let by_count = Array2::from_shape_fn((1, trials + 1), |(_, k)| tap * k as f64);
         let valid = Array2::from_elem((height * side, bytes), 255);
         let sums = masked_sums(&weighted, &bits, valid.view())?;
 

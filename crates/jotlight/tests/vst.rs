@@ -1,25 +1,24 @@
 //! Comparisons of the Anscombe transform with its inverses, and of its expectation with a sum.
 
 use jotlight::error::Result;
-use jotlight::vst::{Anscombe, ExactInverse, map};
+use jotlight::values::Values;
+use jotlight::vst::{Anscombe, ExactInverse, algebraic_inverse, map, map_with_trials, transform};
 use ndarray::Array1;
 
 #[test]
-fn the_algebraic_inverse_restores_counts() -> Result<()> {
-    for bits in [1, 2, 16, 255, 65_536] {
-        let anscombe = Anscombe::new(bits)?;
+fn the_algebraic_inverse_restores_counts() {
+    for trials in [0.3, 1.0, 2.5, 16.0, 255.0, 65_536.0] {
         for step in 0..=20 {
-            let count = f64::from(bits) * f64::from(step) / 20.0;
-            let restored = anscombe.algebraic_inverse(anscombe.transform(count));
+            let count = trials * f64::from(step) / 20.0;
+            let restored = algebraic_inverse(transform(count, trials), trials);
             assert!(
-                (restored - count).abs() < 1e-9 * f64::from(bits),
-                "K = {bits}, {count}"
+                (restored - count).abs() < 1e-9 * trials,
+                "K = {trials}, {count}"
             );
         }
-        assert_eq!(anscombe.algebraic_inverse(-1.0).to_bits(), 0);
-        assert!((anscombe.algebraic_inverse(1e6) - f64::from(bits)).abs() < 1e-9);
+        assert_eq!(algebraic_inverse(-1.0, trials).to_bits(), 0);
+        assert!((algebraic_inverse(1e6, trials) - trials).abs() < 1e-9);
     }
-    Ok(())
 }
 
 #[test]
@@ -66,4 +65,33 @@ fn invalid_arguments_are_errors() {
     assert!(ExactInverse::new(0).is_err());
     let (values, mut out) = (Array1::zeros(3), Array1::zeros(4));
     assert!(map(values.view(), out.view_mut(), |x| x).is_err());
+    for trials in [-1.0, f64::NAN, f64::INFINITY] {
+        for trials in [Values::Same(trials), Values::Each(&[1.0, 1.0, trials])] {
+            let mut out = Array1::zeros(3);
+            assert!(map_with_trials(values.view(), trials, out.view_mut(), transform).is_err());
+        }
+    }
+    let three = Values::Each(&[1.0; 3][..]);
+    assert!(map_with_trials(values.view(), three, out.view_mut(), transform).is_err());
+    let two = Values::Each(&[1.0; 2][..]);
+    assert!(map_with_trials(values.view(), two, Array1::zeros(3).view_mut(), transform).is_err());
+}
+
+#[test]
+fn each_value_may_have_its_own_trials() -> Result<()> {
+    let length = 3000;
+    let trials: Vec<f64> = (0..length).map(|i| f64::from(i % 37) / 3.0).collect();
+    let values: Array1<f32> = trials.iter().map(|trials| (trials / 2.0) as f32).collect();
+    let mut out = Array1::zeros(values.len());
+    map_with_trials(
+        values.view(),
+        Values::Each(&trials),
+        out.view_mut(),
+        transform,
+    )?;
+    for ((&value, &trials), &out) in values.iter().zip(&trials).zip(&out) {
+        let expected = transform(f64::from(value), trials);
+        assert!((f64::from(out) - expected).abs() < 1e-6);
+    }
+    Ok(())
 }

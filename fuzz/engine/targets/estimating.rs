@@ -25,7 +25,7 @@ struct Pixels {
     light_per_intensity: f64,
     max_intensity: f64,
     ones: Vec<i32>,
-    trials: OneOrEach<i32>,
+    trials: OneOrEach<f64>,
     efficiency: OneOrEach<f64>,
     dark_counts: OneOrEach<f64>,
     jot: JotResponse,
@@ -129,7 +129,7 @@ fn check_equivalent_counts(input: &mut Input<'_>) -> Option<()> {
     let length = input.size() * input.size();
     let (threshold, length) = input.threshold_and_length(length);
     let pixels = Pixels::new(input, threshold, length);
-    let reference_trials = input.count();
+    let reference_trials = input.float();
     consistent(|_| {
         let (mut out, trials) = (pixels.out.clone(), pixels.trials.get());
         let (response, jots) = (pixels.response()?, pixels.jots());
@@ -173,7 +173,7 @@ fn check_from_jots(input: &mut Input<'_>) -> Option<()> {
         width
     };
     let frames = match pixels.trials {
-        OneOrEach::One(trials) => trials,
+        OneOrEach::One(trials) => trials as i32,
         OneOrEach::Each(_) => input.count(),
     };
     let estimates = consistent(|_| {

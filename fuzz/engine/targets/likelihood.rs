@@ -45,23 +45,24 @@ pub fn one_or_each(input: &mut Input<'_>, length: usize) -> OneOrEach<f64> {
 }
 
 /// Return numbers of trials, and counts that mostly do not exceed them.
-pub fn trials_and_ones(input: &mut Input<'_>, length: usize) -> (OneOrEach<i32>, Vec<i32>) {
+pub fn trials_and_ones(input: &mut Input<'_>, length: usize) -> (OneOrEach<f64>, Vec<i32>) {
     let max = input.count();
     let ones = input.counts(length, max);
     if input.rarely(3) {
         let length = input.almost(length);
         let more = input.counts(length, 3);
         let trials = ones.iter().chain([&0; 32]).zip(more);
-        let trials = trials.map(|(ones, more)| ones.saturating_add(more));
+        let fraction = input.float();
+        let trials = trials.map(|(ones, more)| f64::from(*ones) + f64::from(more) + fraction);
         return (OneOrEach::Each(trials.collect()), ones);
     }
-    (OneOrEach::One(max), ones)
+    (OneOrEach::One(f64::from(max)), ones)
 }
 
 struct Elements {
     threshold: u32,
     ones: Vec<i32>,
-    trials: OneOrEach<i32>,
+    trials: OneOrEach<f64>,
     efficiency: OneOrEach<f64>,
     dark_counts: OneOrEach<f64>,
     light: Vec<f64>,

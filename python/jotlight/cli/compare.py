@@ -124,7 +124,7 @@ def _draw(
         )
         for result in results
     ]
-    heading = f"{sensor.bits_per_pixel} bits per pixel   {sensor!r}"
+    heading = f"{sensor.trials} trials per pixel   {sensor!r}"
     plots.save_figure(plots.comparison(panels, heading, white=sensor.max_intensity), file)
 
 

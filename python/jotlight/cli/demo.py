@@ -27,10 +27,10 @@ def demo(
     image = photograph(photo)
     sensor = Sensor(oversampling=4)
     height, width = image.shape[:2]
-    jots = sensor.bits_per_pixel * image.size
+    jots = sensor.trials * image.size
     report(
         f"A sensor of {jots / 1e6:.1f} million one-bit pixels exposes the photograph '{photo}' of "
-        f"{height} x {width} pixels: {sensor.bits_per_pixel} bits for each value of the image.\n"
+        f"{height} x {width} pixels: {sensor.trials} bits for each value of the image.\n"
     )
     # Methods with an extra package take too long for a demonstration. `jotlight compare` has them.
     names = [name for name in select_methods(sensor) if METHODS[name].required_package is None]

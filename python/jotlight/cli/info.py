@@ -208,7 +208,7 @@ def _bits_facts(bits: Bits) -> list[tuple[str, str]]:
     return [
         *facts,
         ("sensor", repr(bits.sensor)),
-        ("pixels", f"{pixels}, {bits.sensor.bits_per_pixel} bits each"),
+        ("pixels", f"{pixels}, {bits.sensor.trials} bits each"),
     ]
 
 
@@ -225,7 +225,7 @@ def _network_facts(file: Path, network: Network) -> list[tuple[str, str]]:
         sensor = repr(network.sensor)
     else:
         low, high = network.trials_range
-        sensor = f"any of {low} to {high} bits per pixel, {network.sensor.kernel} kernel"
+        sensor = f"any of {low} to {high} trials per pixel, {network.sensor.kernel} kernel"
     facts = [
         ("kind", "network"),
         ("sensor", sensor),

@@ -120,7 +120,7 @@ def initial_network(
 
 
 def parse_trials_range(text: str) -> tuple[int, int]:
-    """Return the minimum and maximum number of bits per pixel of MIN:MAX.
+    """Return the minimum and maximum number of trials per pixel of MIN:MAX.
 
     Examples
     --------

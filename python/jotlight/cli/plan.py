@@ -134,7 +134,7 @@ def _explanation(predicted: Plan, frame_rate: float | None) -> list[str]:
     if target is None:
         return lines
     if frames is None:
-        return [*lines, f"2**31 bits per pixel do not reach a PSNR of {target:g} dB."]
+        return [*lines, f"2**31 trials per pixel do not reach a PSNR of {target:g} dB."]
     seconds = "" if frame_rate is None else f" ({frames / frame_rate:.3g} s)"
     noun, verb = ("frame", "is") if frames == 1 else ("frames", "are")
     return [*lines, f"{frames} {noun}{seconds} {verb} enough for a PSNR of {target:g} dB."]

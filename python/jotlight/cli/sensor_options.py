@@ -28,7 +28,7 @@ class SensorOptions:
         float | None,
         Parameter(
             help="α: photons on a pixel of intensity 1, over all jots and frames. Default: K, the "
-            "number of bits per pixel."
+            "number of trials per pixel."
         ),
     ] = None
     threshold: Annotated[

@@ -17,10 +17,9 @@ from jotlight.estimators.convergence import (
 from jotlight.estimators.linear_solver import NormalEquations
 from jotlight.estimators.problem import ConvergenceHistories, solve_channels
 from jotlight.estimators.tv import automatic_weight, check_map, check_norm, total_variation
-from jotlight.sensing.bits import Bits
 from jotlight.sensing.likelihood import Problem
 from jotlight.sensing.operators import Scaling, dot
-from jotlight.sensing.pixel_counts import Estimate
+from jotlight.sensing.pixel_counts import Data, Estimate
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 
@@ -52,14 +51,15 @@ _CG_TOLERANCE = 1e-6
 """The relative residual of the linear step, unless 0.01 `tol` is smaller."""
 
 
-# All but data and sensor are keyword-only and documented, so ten parameters read well.
+# All but data and sensor are keyword-only and documented, so eleven parameters read well.
 @overload
 def admm_tv(
-    data: Bits | Problem | npt.ArrayLike,
+    data: Data | Problem,
     sensor: Sensor | None = None,
     *,
     weight: float | npt.ArrayLike | None = ...,
     norm: str = ...,
+    trials: npt.ArrayLike | None = ...,
     start: npt.ArrayLike | None = ...,
     max_iter: int = ...,
     tol: float = ...,
@@ -71,11 +71,12 @@ def admm_tv(
 
 @overload
 def admm_tv(
-    data: Bits | Problem | npt.ArrayLike,
+    data: Data | Problem,
     sensor: Sensor | None = None,
     *,
     weight: float | npt.ArrayLike | None = ...,
     norm: str = ...,
+    trials: npt.ArrayLike | None = ...,
     start: npt.ArrayLike | None = ...,
     max_iter: int = ...,
     tol: float = ...,
@@ -87,11 +88,12 @@ def admm_tv(
 
 # More than 9 parameters: each is an independent keyword of a public estimator.
 def admm_tv(
-    data: Bits | Problem | npt.ArrayLike,
+    data: Data | Problem,
     sensor: Sensor | None = None,
     *,
     weight: float | npt.ArrayLike | None = None,
     norm: str = "isotropic",
+    trials: npt.ArrayLike | None = None,
     start: npt.ArrayLike | None = None,
     max_iter: int = 500,
     tol: float = 1e-3,
@@ -103,16 +105,20 @@ def admm_tv(
 
     Parameters
     ----------
-    data : Bits, array_like of int, or Problem
-        Bits; or an image of counts L of shape (H, W) or (H, W, C), which suffices for the box
-        kernel; or a custom problem without a sensor, for signals (N,) and other operators.
-    sensor : Sensor
-        The sensor that recorded the data.
+    data : Bits, Merged, array_like of int, or Problem
+        Bits; or merged counts, or an image of counts L of shape (H, W) or (H, W, C), which suffice
+        for the box kernel; or a custom problem without a sensor, for signals (N,) and other
+        operators.
+    sensor : Sensor, optional
+        The sensor that recorded the data. Default: the one that bits or merged counts carry.
     weight : float or array_like of float, optional
         λ ≥ 0 in nats per unit of intensity: a number, or a map with one value for each pixel.
         Default: :func:`jotlight.estimators.tv.automatic_weight` chooses it from the data.
     norm : {"isotropic", "anisotropic"}
         TV sums √(down² + right²) over the pixels, or abs(down) + abs(right).
+    trials : float or array_like of float, optional
+        The number of binary readings behind each pixel of counts, 0 or more: a number, or a map of
+        their shape. Default: the sensor's K.
     start : array_like of float, optional
         The initial image, of the shape of the estimate. A start near the solution saves
         iterations. Default: the same intensity everywhere.
@@ -139,7 +145,7 @@ def admm_tv(
     Raises
     ------
     TypeError, ValueError
-        When data, sensor and start do not fit together, or a parameter is out of its range.
+        When data, sensor, trials and start do not fit together, or a parameter is out of its range.
 
     Warns
     -----
@@ -178,7 +184,7 @@ def admm_tv(
         chosen = automatic_weight(problem, norm=norm) if weight is None else weight
         return _minimize(problem, np.asarray(chosen), norm, start, monitor, threads)
 
-    estimate, history = solve_channels(solve, data, sensor, start, threads)
+    estimate, history = solve_channels(solve, data, sensor, trials, start, threads)
     return (estimate, history) if return_history else estimate
 
 

@@ -61,15 +61,28 @@ def inpaint_dead_pixels(
     """
     if dead is None:
         return image
-    if dead.all():
-        raise ValueError("mask: expected at least one jot that is alive, got none")
+    check_any_valid(~dead)
     warn(
-        f"{dead.sum()} of {dead.size} pixels have no valid jot and were filled from their neighbors"
+        f"{dead.sum()} of {dead.size} pixels have no valid bit and were filled from their neighbors"
     )
     known = image[~dead]
     filled = _fill_inwards(image, dead)
     filled[dead] = np.clip(_solve_laplace(filled, dead), known.min(), known.max())
     return filled.astype(np.float32)
+
+
+def check_any_valid(valid: npt.ArrayLike) -> None:
+    """Raise ValueError unless some pixel has a valid bit.
+
+    Examples
+    --------
+    >>> check_any_valid([True, False])
+    """
+    if not np.any(valid):
+        raise ValueError(
+            "trials: expected at least one pixel with a valid bit, got none; the sensor's mask "
+            "marks all jots as dead, or all trials are 0"
+        )
 
 
 def _fill_inwards(

@@ -12,9 +12,9 @@ from jotlight.sensing.values import flatten
 
 
 def equivalent_counts(
-    pixels: PixelCounts, reference: Jot, threads: int | None
+    pixels: PixelCounts, reference: Jot, trials: float, threads: int | None
 ) -> npt.NDArray[np.float32]:
-    """Return the counts that K valid jots like `reference` would show for the same intensities.
+    """Return the counts of `trials` readings of reference jots that see the same intensities.
 
     Methods that combine neighboring pixels use these counts, so that dead and hot jots leave no
     pattern.
@@ -25,6 +25,8 @@ def equivalent_counts(
         The counts of one channel.
     reference : (float, float)
         η and d of the reference jot.
+    trials : float
+        K of the result, above 0.
     threads : int, optional
         The number of threads. Default: all cores.
 
@@ -36,16 +38,17 @@ def equivalent_counts(
     Warns
     -----
     JotlightWarning
-        When pixels without a valid jot were filled from their neighbors.
+        When pixels without a valid bit were filled from their neighbors.
 
     Examples
     --------
     >>> from jotlight.sensing.pixel_counts import count_pixels
     >>> pixels = count_pixels(np.array([[2, 4]]), Sensor(frames=8), None)
-    >>> equivalent_counts(pixels, (0.5, 0.0), None).round(2)  # half the efficiency, fewer ones
+    >>> equivalent_counts(pixels, (0.5, 0.0), 8, None).round(2)  # half the efficiency, fewer ones
     array([[1.07, 2.34]], dtype=float32)
     """
-    if pixels.uniform and (pixels.efficiency, pixels.dark_counts) == reference:
+    own = pixels.trials, pixels.efficiency, pixels.dark_counts
+    if pixels.uniform and own == (trials, *reference):
         return pixels.counts.astype(np.float32)
     out = np.empty(pixels.counts.shape, np.float32)
     engine.equivalent_counts(
@@ -53,7 +56,7 @@ def equivalent_counts(
         flatten(pixels.counts),
         flatten(pixels.trials),
         (flatten(pixels.efficiency), flatten(pixels.dark_counts)),
-        pixels.sensor.bits_per_pixel,
+        float(trials),
         reference,
         out.reshape(-1),
         threads,

@@ -36,15 +36,17 @@ class UniqueCounts:
 
     def __init__(self, pixels: PixelCounts) -> None:
         counts = pixels.counts
-        if isinstance(pixels.trials, int) and pixels.trials < counts.size:
-            self.ones = np.arange(pixels.trials + 1)
-            self.bits = np.full(pixels.trials + 1, pixels.trials)
+        if not isinstance(pixels.trials, np.ndarray) and pixels.trials < counts.size:
+            self.ones = np.arange(int(pixels.trials) + 1)
+            self.bits = np.full(self.ones.shape, pixels.trials)
             self._indices = counts
             return
-        bits = np.broadcast_to(np.asarray(pixels.trials, np.int64), counts.shape)
-        # Both numbers are below 2**31, so that one integer holds the pair.
-        keys, indices = interruptible(np.unique)((bits << 31) | counts, return_inverse=True)
-        self.ones, self.bits = keys & (2**31 - 1), keys >> 31
+        unique = interruptible(np.unique)
+        bits, places = unique(np.asarray(pixels.trials, np.float64), return_inverse=True)
+        # The place and the count are below 2**31, so that one integer holds the pair.
+        places = np.broadcast_to(places.reshape(np.shape(pixels.trials)), counts.shape)
+        keys, indices = unique((places << 31) | counts, return_inverse=True)
+        self.ones, self.bits = keys & (2**31 - 1), bits[keys >> 31]
         self._indices = indices.reshape(counts.shape)
 
     def expand(self, table: npt.NDArray[Any]) -> npt.NDArray[Any]:

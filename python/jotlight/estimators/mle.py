@@ -9,10 +9,13 @@ import jotlight._engine as engine
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.pixel_counts import (
+    Channel,
+    Data,
     Estimate,
     PixelCounts,
     count_pixels,
     map_channels,
+    prepare_data,
     warn_about_smooth_kernel,
 )
 from jotlight.sensing.sensor import Sensor
@@ -22,17 +25,27 @@ _ROWS_PER_CHUNK = 64
 """Number of rows of pixels that the engine solves before Python can handle Ctrl-C."""
 
 
-def mle(data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = None) -> Estimate:
+def mle(
+    data: Data,
+    sensor: Sensor | None = None,
+    *,
+    trials: npt.ArrayLike | None = None,
+    threads: int | None = None,
+) -> Estimate:
     """Return the most likely intensity of each pixel, given only its own bits.
 
     It is ``ĉ = (K/α)(P⁻¹(q, L/n) - d)/η``, clipped to [0, S]. L of the pixel's n valid bits are 1.
 
     Parameters
     ----------
-    data : Bits or array_like of int
-        Bits, or an image of counts L of shape (H, W) or (H, W, C), in [0, K].
-    sensor : Sensor
-        The sensor that recorded the data. A smooth kernel is treated as the box kernel.
+    data : Bits, Merged, or array_like of int
+        Bits, merged counts, or an image of counts L of shape (H, W) or (H, W, C), in [0, K].
+    sensor : Sensor, optional
+        The sensor that recorded the data. Default: the one that bits or merged counts carry. A
+        smooth kernel is treated as the box kernel.
+    trials : float or array_like of float, optional
+        The number of binary readings behind each pixel of counts, 0 or more: a number, or a map of
+        their shape. Default: the sensor's K.
     threads : int, optional
         The number of threads. Default: all cores.
 
@@ -44,12 +57,12 @@ def mle(data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = Non
     Raises
     ------
     TypeError, ValueError
-        When data and sensor do not fit together, or a count is above K.
+        When data, sensor, and trials do not fit together, or a count is above its trials.
 
     Warns
     -----
     JotlightWarning
-        When pixels without a valid jot were filled from their neighbors, and when the kernel is
+        When pixels without a valid bit were filled from their neighbors, and when the kernel is
         smooth.
 
     Notes
@@ -64,9 +77,10 @@ def mle(data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = Non
     >>> mle(counts, Sensor(frames=8)).round(4).tolist()
     [[0.0, 0.6930999755859375, 1.0]]
     """
+    data, sensor = prepare_data(data, sensor, trials)
     warn_about_smooth_kernel(sensor)
 
-    def estimate_channel(data: Bits | npt.NDArray[np.int32]) -> Estimate:
+    def estimate_channel(data: Channel) -> Estimate:
         pixels = count_pixels(data, sensor, threads)
         out = np.empty(pixels.counts.shape, np.float32)
         if pixels.varies_within_pixels:
@@ -86,7 +100,7 @@ def mle(data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = Non
 
 
 def require_bits(
-    data: Bits | npt.NDArray[np.int32],
+    data: Channel,
     reason: str = "jots of one pixel differ in their efficiency or dark counts",
 ) -> Bits:
     """Return the data, which must be bits because of `reason`.

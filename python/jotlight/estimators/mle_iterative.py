@@ -14,10 +14,9 @@ from jotlight.estimators.convergence import (
 )
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.estimators.problem import ConvergenceHistories, solve_channels
-from jotlight.sensing.bits import Bits
 from jotlight.sensing.likelihood import Problem
 from jotlight.sensing.operators import dot
-from jotlight.sensing.pixel_counts import Estimate
+from jotlight.sensing.pixel_counts import Data, Estimate
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 
@@ -50,10 +49,11 @@ _MIN_CURVATURE = 1e-4
 
 @overload
 def mle_iterative(
-    data: Bits | Problem | npt.ArrayLike,
+    data: Data | Problem,
     sensor: Sensor | None = None,
     *,
     solver: str = ...,
+    trials: npt.ArrayLike | None = ...,
     start: npt.ArrayLike | None = ...,
     max_iter: int = ...,
     tol: float = ...,
@@ -65,10 +65,11 @@ def mle_iterative(
 
 @overload
 def mle_iterative(
-    data: Bits | Problem | npt.ArrayLike,
+    data: Data | Problem,
     sensor: Sensor | None = None,
     *,
     solver: str = ...,
+    trials: npt.ArrayLike | None = ...,
     start: npt.ArrayLike | None = ...,
     max_iter: int = ...,
     tol: float = ...,
@@ -80,10 +81,11 @@ def mle_iterative(
 
 # More than 9 parameters: each is an independent keyword of a public estimator.
 def mle_iterative(
-    data: Bits | Problem | npt.ArrayLike,
+    data: Data | Problem,
     sensor: Sensor | None = None,
     *,
     solver: str = "newton",
+    trials: npt.ArrayLike | None = None,
     start: npt.ArrayLike | None = None,
     max_iter: int = 500,
     tol: float = 1e-6,
@@ -94,19 +96,23 @@ def mle_iterative(
     """Return the image in [0, S] that maximizes the likelihood of all bits, for any kernel.
 
     With the box kernel, the result equals that of :func:`jotlight.mle`. A smooth kernel blurs the
-    light, and inverting the blur amplifies the noise. With few bits per pixel, the most likely
+    light, and inverting the blur amplifies the noise. With few trials per pixel, the most likely
     image is therefore very noisy. :func:`jotlight.admm_tv` adds a regularization.
 
     Parameters
     ----------
-    data : Bits, array_like of int, or Problem
-        Bits; or an image of counts L of shape (H, W) or (H, W, C), which suffices for the box
-        kernel; or a custom problem without a sensor, for signals (N,) and other operators.
-    sensor : Sensor
-        The sensor that recorded the data.
+    data : Bits, Merged, array_like of int, or Problem
+        Bits; or merged counts, or an image of counts L of shape (H, W) or (H, W, C), which suffice
+        for the box kernel; or a custom problem without a sensor, for signals (N,) and other
+        operators.
+    sensor : Sensor, optional
+        The sensor that recorded the data. Default: the one that bits or merged counts carry.
     solver : {"newton", "gradient"}
         "newton" computes Newton steps by conjugate gradients, on the pixels inside (0, S).
         "gradient" is the projected gradient. Both use a line search.
+    trials : float or array_like of float, optional
+        The number of binary readings behind each pixel of counts, 0 or more: a number, or a map of
+        their shape. Default: the sensor's K.
     start : array_like of float, optional
         The initial image, of the shape of the estimate. Default: the same intensity everywhere.
     max_iter : int
@@ -133,12 +139,12 @@ def mle_iterative(
     Raises
     ------
     TypeError, ValueError
-        When data, sensor and start do not fit together, or a parameter is out of its range.
+        When data, sensor, trials and start do not fit together, or a parameter is out of its range.
 
     Warns
     -----
     JotlightWarning
-        When the run did not converge, and when pixels without a valid jot were filled from their
+        When the run did not converge, and when pixels without a valid bit were filled from their
         neighbors.
 
     Notes
@@ -169,7 +175,7 @@ def mle_iterative(
             image = inpaint_dead_pixels(image.astype(np.float32), dead).astype(np.float64)
         return image, history
 
-    estimate, history = solve_channels(solve, data, sensor, start, threads)
+    estimate, history = solve_channels(solve, data, sensor, trials, start, threads)
     return (estimate, history) if return_history else estimate
 
 
@@ -309,7 +315,5 @@ def _pixels_with(problem: Problem, cells: Mask) -> Mask:
     return np.asarray(problem.operator.adjoint(cells.astype(np.float64)) > 0)
 
 
-def _trials(problem: Problem) -> npt.NDArray[np.int32]:
-    return np.broadcast_to(
-        np.asarray(problem.likelihood.trials, np.int32), problem.likelihood.shape
-    )
+def _trials(problem: Problem) -> Array:
+    return np.broadcast_to(np.asarray(problem.likelihood.trials), problem.likelihood.shape)

@@ -9,11 +9,17 @@ from jotlight.estimators.inverse_response import (
     equivalent_counts,
     intensity_from_probability,
 )
-from jotlight.sensing.bits import Bits
+from jotlight.estimators.trial_levels import (
+    count_local_trials,
+    interpolate_levels,
+)
 from jotlight.sensing.pixel_counts import (
+    Channel,
+    Data,
     Estimate,
     count_pixels,
     map_channels,
+    prepare_data,
     warn_about_smooth_kernel,
 )
 from jotlight.sensing.reference import reference_jot
@@ -21,9 +27,10 @@ from jotlight.sensing.sensor import Sensor
 
 
 def noniterative(
-    data: Bits | npt.ArrayLike,
-    sensor: Sensor,
+    data: Data,
+    sensor: Sensor | None = None,
     *,
+    trials: npt.ArrayLike | None = None,
     denoiser: str | Denoiser = "tv",
     inverse: str = "exact",
     threads: int | None = None,
@@ -32,10 +39,14 @@ def noniterative(
 
     Parameters
     ----------
-    data : Bits or array_like of int
-        Bits, or an image of counts L of shape (H, W) or (H, W, C).
-    sensor : Sensor
-        The sensor that recorded the data. A smooth kernel is treated as the box kernel.
+    data : Bits, Merged, or array_like of int
+        Bits, merged counts, or an image of counts L of shape (H, W) or (H, W, C).
+    sensor : Sensor, optional
+        The sensor that recorded the data. Default: the one that bits or merged counts carry. A
+        smooth kernel is treated as the box kernel.
+    trials : float or array_like of float, optional
+        The number of binary readings behind each pixel of counts, 0 or more: a number, or a map of
+        their shape. Default: the sensor's K.
     denoiser : str or callable
         A name in `jotlight.denoise.DENOISERS` ("tv", "gaussian", "nlm", "bm3d"), or a callable. It
         takes an image (H, W) of float32 with white noise of standard deviation 1/2
@@ -53,22 +64,24 @@ def noniterative(
     Raises
     ------
     TypeError, ValueError
-        When data and sensor do not fit together, for an unknown denoiser or inverse, and when the
-        denoiser returns another shape, NaN, or infinity.
+        When data, sensor, and trials do not fit together, for an unknown denoiser or inverse, and
+        when the denoiser returns another shape, NaN, or infinity.
     MissingExtraError
         For "bm3d" when its package is not installed.
 
     Warns
     -----
     JotlightWarning
-        When pixels without a valid jot were filled from their neighbors, and when the kernel is
+        When pixels without a valid bit were filled from their neighbors, and when the kernel is
         smooth.
 
     Notes
     -----
     Some pixels have dead jots, or an efficiency or dark counts other than the median. Their counts
     are first replaced by the counts that K valid bits of jots with the median values would show.
-    The noise of these pixels then differs slightly from that of the others.
+    Here K is the harmonic mean of the trials in the neighborhood of a pixel. Where it varies much,
+    the method runs at several K, whose ratios are at most 2, and each pixel is interpolated between
+    the two that are next to its own K.
 
     Examples
     --------
@@ -80,20 +93,32 @@ def noniterative(
     if inverse not in vst.INVERSES:
         raise ValueError(f"inverse: expected one of {', '.join(vst.INVERSES)}, got {inverse!r}")
 
+    data, sensor = prepare_data(data, sensor, trials)
     warn_about_smooth_kernel(sensor)
 
-    def estimate_channel(data: Bits | npt.NDArray[np.int32]) -> Estimate:
-        bits = sensor.bits_per_pixel
+    def estimate_channel(data: Channel) -> Estimate:
         pixels = count_pixels(data, sensor, threads)
-        counts = equivalent_counts(pixels, reference_jot(sensor), threads)
-        z = vst.anscombe(counts, bits, threads=threads)
-        denoised = np.asarray(run(z), np.float32)
-        if denoised.shape != z.shape or not np.isfinite(denoised).all():
-            raise ValueError(
-                f"denoiser: expected a finite image of shape {z.shape}, got shape "
-                f"{denoised.shape}" + ("" if denoised.shape != z.shape else " with NaN or infinity")
-            )
-        counts = vst.inverse_anscombe(denoised, bits, inverse=inverse, threads=threads)
-        return intensity_from_probability(counts / np.float32(bits), sensor, threads)
+        local = count_local_trials(pixels)
+        largest = int(np.ceil(np.max(local)))
+        counts = equivalent_counts(pixels, reference_jot(sensor), largest, threads)
+
+        def probability_at(level: int) -> Estimate:
+            own = counts if level == largest else np.minimum(counts * (level / largest), level)
+            denoised = _run_denoiser(run, vst.anscombe(own, level, threads=threads))
+            inverted = vst.inverse_anscombe(denoised, level, inverse=inverse, threads=threads)
+            return np.asarray(inverted / np.float32(level))
+
+        probability = interpolate_levels(probability_at, local)
+        return intensity_from_probability(probability, sensor, threads)
 
     return map_channels(estimate_channel, data)
+
+
+def _run_denoiser(run: Denoiser, z: Estimate) -> Estimate:
+    denoised = np.asarray(run(z), np.float32)
+    if denoised.shape != z.shape or not np.isfinite(denoised).all():
+        raise ValueError(
+            f"denoiser: expected a finite image of shape {z.shape}, got shape {denoised.shape}"
+            + ("" if denoised.shape != z.shape else " with NaN or infinity")
+        )
+    return denoised

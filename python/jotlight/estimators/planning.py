@@ -28,7 +28,7 @@ _SATURATED_FRACTION = 0.01
 """The fraction of pixels with only ones that defines the saturation light."""
 
 _MAX_BITS = 2**31 - 1
-"""The maximum number of bits per pixel."""
+"""The maximum number of trials per pixel."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,7 +112,7 @@ def plan(
     may then be below the bound, which holds for unbiased estimates.
 
     To find `required_frames`, the search doubles the number of frames and then bisects. Below about
-    10 dB, a few bits per pixel may be worse than one, so a smaller number may suffice. The number
+    10 dB, a few trials per pixel may be worse than one, so a smaller number may suffice. The number
     is for maximum likelihood of each pixel alone. Methods that combine neighboring pixels need
     fewer frames, depending on the scene.
 

@@ -7,11 +7,21 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.convergence import ConvergenceHistory
+from jotlight.estimators.inpaint import check_any_valid
 from jotlight.estimators.mle import require_bits
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.likelihood import Likelihood, Problem
 from jotlight.sensing.operators import scaling, spread
-from jotlight.sensing.pixel_counts import Estimate, PixelCounts, count_pixels, map_channels
+from jotlight.sensing.pixel_counts import (
+    Channel,
+    Data,
+    Estimate,
+    PixelCounts,
+    color_channels,
+    count_pixels,
+    map_channels,
+    prepare_data,
+)
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 
@@ -24,8 +34,9 @@ Solver = Callable[[Problem, Array | None, str], tuple[Array, ConvergenceHistory]
 
 def solve_channels(
     solve: Solver,
-    data: Bits | Problem | npt.ArrayLike,
+    data: Data | Problem,
     sensor: Sensor | None,
+    trials: npt.ArrayLike | None,
     start: npt.ArrayLike | None,
     threads: int | None,
 ) -> tuple[Estimate, ConvergenceHistories]:
@@ -35,10 +46,12 @@ def solve_channels(
     ----------
     solve : callable
         The iterative method. The name of an only channel is "".
-    data : Bits, Problem, or array_like of int
-        Bits, an image of counts (H, W) or (H, W, C), or a problem without a sensor.
+    data : Bits, Merged, Problem, or array_like of int
+        Bits, merged counts, an image of counts (H, W) or (H, W, C), or a problem without a sensor.
     sensor : Sensor or None
-        The sensor that recorded the data; None for a problem.
+        The sensor that recorded the data; None for a problem, and for data that carry it.
+    trials : float or array_like of float, optional
+        The number of trials of counts; None for a problem.
     start : array_like of float, optional
         The initial image, of the shape of the estimate.
     threads : int, optional
@@ -53,19 +66,20 @@ def solve_channels(
     if isinstance(data, Problem):
         if sensor is not None:
             raise TypeError("sensor: expected none, since a Problem has its own operator")
+        if trials is not None:
+            raise TypeError("trials: expected none, since a Problem has its own likelihood")
         estimate, history = solve(data, _fit_start(initial, data), "")
         return estimate.astype(np.float32), history
-    if not isinstance(sensor, Sensor):
-        raise TypeError(f"sensor: expected a jotlight.Sensor, got {type(sensor).__name__}")
-    channels = data.shape[3:] if isinstance(data, Bits) else np.shape(data)[2:]
+    data, sensor = prepare_data(data, sensor, trials)
+    channels = color_channels(data)
     if initial is not None and initial.shape[2:] != channels:
         raise ValueError(
-            f"start: expected (H, W) and as many channels as the data {tuple(channels)}, "
+            f"start: expected (H, W) and as many channels as the data {channels}, "
             f"got shape {initial.shape}"
         )
     histories: list[ConvergenceHistory] = []
 
-    def solve_channel(channel: Bits | npt.NDArray[np.int32]) -> Estimate:
+    def solve_channel(channel: Channel) -> Estimate:
         problem = build_problem(channel, sensor, threads)
         index = len(histories)
         channel_start = initial if initial is None or initial.ndim == 2 else initial[..., index]
@@ -78,9 +92,7 @@ def solve_channels(
     return result, histories if channels else histories[0]
 
 
-def build_problem(
-    data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int | None
-) -> Problem:
+def build_problem(data: Channel, sensor: Sensor, threads: int | None) -> Problem:
     """Return the problem of one channel of bits or counts: equation (4).
 
     With the box kernel the bits of a pixel are exchangeable. Their count is then a sufficient
@@ -89,8 +101,8 @@ def build_problem(
 
     Parameters
     ----------
-    data : Bits of shape (T, H·K̂, W·K̂), or ndarray of int32 of shape (H, W)
-        The bits or counts.
+    data : Bits of shape (T, H·K̂, W·K̂), Merged, or ndarray of int32, both of shape (H, W)
+        The bits, merged counts, or counts.
     sensor : Sensor
         The sensor that recorded them.
     threads : int, optional
@@ -99,7 +111,7 @@ def build_problem(
     Raises
     ------
     TypeError, ValueError
-        When data and sensor do not fit together, or no jot is alive.
+        When data and sensor do not fit together, or no pixel has a valid bit.
 
     Examples
     --------
@@ -113,8 +125,7 @@ def build_problem(
             f"{sensor.kernel!r}; Bits(bits.packed, bits.width) drops that sensor"
         )
     pixels = count_pixels(data, sensor, threads)
-    if np.max(pixels.trials) == 0:
-        raise ValueError("mask: expected at least one jot that is alive, got none")
+    check_any_valid(pixels.trials)
     if sensor.kernel == "box" and not pixels.varies_within_pixels:
         return _pixel_problem(pixels, threads)
     return _jot_problem(data, sensor, pixels.counts.shape, threads)
@@ -153,7 +164,7 @@ def _pixel_problem(pixels: PixelCounts, threads: int | None) -> Problem:
 
 
 def _jot_problem(
-    data: Bits | npt.NDArray[np.int32],
+    data: Channel,
     sensor: Sensor,
     shape: tuple[int, ...],
     threads: int | None,
@@ -165,7 +176,7 @@ def _jot_problem(
     ones = bits.counts(1, mask=sensor.mask, threads=threads)
     trials: Any = sensor.frames
     if sensor.mask is not None:
-        trials = np.where(sensor.mask, np.int32(0), np.int32(sensor.frames))
+        trials = np.where(sensor.mask, 0.0, float(sensor.frames))
     light = spread(
         shape,
         sensor.oversampling,

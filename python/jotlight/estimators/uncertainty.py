@@ -16,13 +16,16 @@ from jotlight.estimators.light_inversion import (
 )
 from jotlight.estimators.mle import mle, require_bits
 from jotlight.interrupts import interruptible
-from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import stack_channels
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.pixel_counts import (
+    Channel,
+    Data,
     Estimate,
     PixelCounts,
+    color_channels,
     count_pixels,
+    prepare_data,
     split_channels,
     warn_about_smooth_kernel,
 )
@@ -67,22 +70,26 @@ class Uncertainty:
 
 
 def uncertainty(
-    data: Bits | npt.ArrayLike,
-    sensor: Sensor,
+    data: Data,
+    sensor: Sensor | None = None,
     *,
     confidence_level: float = 0.95,
+    trials: npt.ArrayLike | None = None,
     threads: int | None = None,
 ) -> Uncertainty:
     """Return the standard error and the confidence interval of `jotlight.mle` for each pixel.
 
     Parameters
     ----------
-    data : Bits or array_like of int
-        Bits, or an image of counts L of shape (H, W) or (H, W, C).
-    sensor : Sensor
+    data : Bits, Merged, or array_like of int
+        Bits, merged counts, or an image of counts L of shape (H, W) or (H, W, C).
+    sensor : Sensor, optional
         The sensor that recorded the data, as for `jotlight.mle`.
     confidence_level : float
         The coverage of the intervals, in [0.5, 1).
+    trials : float or array_like of float, optional
+        The number of binary readings behind each pixel of counts, 0 or more: a number, or a map of
+        their shape. Default: the sensor's K.
     threads : int, optional
         The number of threads. Default: all cores.
 
@@ -94,7 +101,7 @@ def uncertainty(
     Raises
     ------
     TypeError, ValueError
-        When data and sensor do not fit together, or the confidence level is out of range.
+        When data, sensor, and trials do not fit together, or the confidence level is out of range.
 
     Warns
     -----
@@ -130,12 +137,13 @@ def uncertainty(
         raise ValueError(
             f"confidence_level: expected a coverage from 0.5 to below 1, got {confidence_level!r}"
         )
+    data, sensor = prepare_data(data, sensor, trials)
     warn_about_smooth_kernel(sensor)
     channels = [
         _channel_uncertainty(channel, sensor, confidence_level, threads)
         for channel in split_channels(data)
     ]
-    color = (len(data.shape) - 1 if isinstance(data, Bits) else np.ndim(data)) == 3
+    color = bool(color_channels(data))
     arrays = {
         field.name: stack_channels([getattr(one, field.name) for one in channels], color=color)
         for field in dataclasses.fields(Uncertainty)
@@ -145,12 +153,12 @@ def uncertainty(
 
 
 def _channel_uncertainty(
-    data: Bits | npt.NDArray[np.int32], sensor: Sensor, confidence_level: float, threads: int | None
+    data: Channel, sensor: Sensor, confidence_level: float, threads: int | None
 ) -> Uncertainty:
     pixels = count_pixels(data, sensor, threads)
     if pixels.varies_within_pixels:
         require_bits(data)
-    trials = np.broadcast_to(np.asarray(pixels.trials, np.int64), pixels.counts.shape)
+    trials = np.broadcast_to(np.asarray(pixels.trials, np.float64), pixels.counts.shape)
     dead = trials == 0
     saturated = (pixels.counts == trials) & ~dead
     unique = UniqueCounts(pixels)
@@ -196,7 +204,7 @@ def _clopper_pearson(
 
 
 def _regular_light(
-    data: Bits | npt.NDArray[np.int32],
+    data: Channel,
     pixels: PixelCounts,
     unique: UniqueCounts,
     invert: LightInverse,
@@ -216,7 +224,7 @@ def _regular_light(
 
 
 def _standard_error(
-    pixels: PixelCounts, trials: npt.NDArray[np.int64], light: Array, threads: int | None
+    pixels: PixelCounts, trials: Array, light: Array, threads: int | None
 ) -> Estimate:
     """Return (K/α) I^(-1/2) at the light (H, W). I is summed over the jots if they differ."""
     sensor = pixels.sensor
@@ -225,7 +233,7 @@ def _standard_error(
     cells = (height * side, width * side)
     if pixels.varies_within_pixels:
         efficiency, dark_counts, alive = jot_maps(sensor)
-        number = np.broadcast_to(np.where(alive, sensor.frames, 0), cells)
+        number = np.broadcast_to(np.where(alive, float(sensor.frames), 0.0), cells)
     else:
         efficiency, dark_counts, number = pixels.efficiency, pixels.dark_counts, trials
     information = Likelihood(
@@ -242,9 +250,7 @@ def _standard_error(
         return np.asarray(error.astype(np.float32))
 
 
-def _silent_mle(
-    data: Bits | npt.NDArray[np.int32], sensor: Sensor, threads: int | None
-) -> Estimate:
+def _silent_mle(data: Channel, sensor: Sensor, threads: int | None) -> Estimate:
     """Return the estimate without a warning about dead pixels, because they get a flag."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", JotlightWarning)

@@ -4,12 +4,14 @@ After :func:`anscombe` the noise of a count is close to normal with standard dev
 :data:`NOISE` at any intensity. Any denoiser for white Gaussian noise then applies.
 """
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.sensing.values import flatten, number_or_map, numbers_from_zero
 
 NOISE = 0.5
 """The standard deviation of the noise after :func:`anscombe`."""
@@ -17,9 +19,15 @@ NOISE = 0.5
 INVERSES = ("exact", "algebraic")
 """The names of the inverses in :func:`inverse_anscombe`."""
 
+_MAX_LEVELS = 32
+"""The maximum number of values of K in a map for which each has a table of its own."""
+
+_LEVELS_PER_OCTAVE = 4
+"""The number of tables per doubling of K for other maps. The error is below 10⁻⁴ K."""
+
 
 def anscombe(
-    counts: npt.ArrayLike, bits_per_pixel: int, *, threads: int | None = None
+    counts: npt.ArrayLike, trials: npt.ArrayLike, *, threads: int | None = None
 ) -> npt.NDArray[np.float32]:
     """Return the stabilized counts T(L), where L of K bits are 1: equation (6).
 
@@ -27,8 +35,8 @@ def anscombe(
     ----------
     counts : array_like, any shape
         L in [0, K].
-    bits_per_pixel : int
-        K.
+    trials : float or array_like of float
+        K, 0 or more: a number, or a map of the shape of the counts.
     threads : int, optional
         The number of threads. Default: all cores.
 
@@ -40,7 +48,7 @@ def anscombe(
     Raises
     ------
     ValueError
-        For counts outside of [0, K].
+        For counts outside of [0, K], and for trials that are not numbers or of another shape.
 
     Examples
     --------
@@ -48,16 +56,18 @@ def anscombe(
     array([0.61, 3.19, 5.77], dtype=float32)
     """
     values = np.asarray(counts, np.float32)
-    if values.size and not (values.min() >= 0 and values.max() <= bits_per_pixel):
+    checked = number_or_map("trials", numbers_from_zero("trials", trials), values.shape)
+    if values.size and not (values.min() >= 0 and _is_at_most(values, checked)):
         raise ValueError(
-            f"counts: expected 0 to {bits_per_pixel}, got {values.min()} to {values.max()}"
+            f"counts: expected 0 to the number of trials, got {values.min()} to {values.max()} "
+            f"with up to {np.max(checked):g} trials"
         )
-    return _apply(engine.anscombe, values, bits_per_pixel, threads)
+    return _apply(engine.anscombe, values, checked, threads)
 
 
 def inverse_anscombe(
     z: npt.ArrayLike,
-    bits_per_pixel: int,
+    trials: npt.ArrayLike,
     *,
     inverse: str = "exact",
     threads: int | None = None,
@@ -68,8 +78,8 @@ def inverse_anscombe(
     ----------
     z : array_like, any shape
         Denoised results of :func:`anscombe`.
-    bits_per_pixel : int
-        K.
+    trials : float or array_like of float
+        K, 0 or more: a number, or a map of the shape of z.
     inverse : {"exact", "algebraic"}
         The exact unbiased inverse maps E[T(L)], L ~ Binomial(K, p), back to K p. The algebraic
         inverse is equation (7), the inverse function of T. It is biased where K is small.
@@ -84,12 +94,13 @@ def inverse_anscombe(
     Raises
     ------
     ValueError
-        For an unknown inverse, and for NaN.
+        For an unknown inverse, for NaN, and for trials that are not numbers or of another shape.
 
     Notes
     -----
     Makitalo and Foi (2011) define the exact inverse for Poisson counts. This is the same definition
-    for binomial counts.
+    for binomial counts. Where K is not whole, or a map has many values, the exact inverse is
+    interpolated between those of whole numbers.
 
     Unlike in the paper, the result of equation (7) is clipped to [0, K].
 
@@ -103,18 +114,55 @@ def inverse_anscombe(
     values = np.asarray(z, np.float32)
     if np.isnan(values).any():
         raise ValueError("z: expected numbers, got NaN")
-    function = (
-        engine.inverse_anscombe_exact if inverse == "exact" else engine.inverse_anscombe_algebraic
-    )
-    return _apply(function, values, bits_per_pixel, threads)
+    checked = number_or_map("trials", numbers_from_zero("trials", trials), values.shape)
+    if inverse == "algebraic":
+        return _apply(engine.inverse_anscombe_algebraic, values, checked, threads)
+    if not isinstance(checked, np.ndarray) and checked >= 1 and checked == int(checked):
+        return _apply(engine.inverse_anscombe_exact, values, int(checked), threads)
+    return _invert_exactly(values, np.broadcast_to(checked, values.shape), threads)
+
+
+def _invert_exactly(
+    values: npt.NDArray[np.float32], trials: npt.NDArray[np.float64], threads: int | None
+) -> npt.NDArray[np.float32]:
+    """Return the exact inverse, interpolated in 1/K between levels of K at the same angle."""
+    levels = _exact_levels(trials)
+    places = np.interp(-1 / np.maximum(trials, 1), -1 / levels, np.arange(len(levels)))
+    angles = values / np.sqrt(trials + 0.5)
+    fraction = np.zeros(values.shape)
+    for index, level in enumerate(levels):
+        weight = 1 - abs(places - index)
+        near = weight > 0
+        if near.any():
+            z = np.asarray(angles[near] * np.sqrt(level + 0.5), np.float32)
+            counts = _apply(engine.inverse_anscombe_exact, z, int(level), threads)
+            fraction[near] += weight[near] * counts / level
+    return np.asarray(fraction * trials, np.float32)
+
+
+def _exact_levels(trials: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return whole numbers: those of a map with few values, or enough to interpolate between."""
+    values = np.unique(np.maximum(trials, 1))
+    if len(values) <= _MAX_LEVELS and (values == np.floor(values)).all():
+        return values
+    low, high = np.floor(values[0]), np.ceil(values[-1])
+    steps = math.ceil(max(0.0, math.log2(high / low)) * _LEVELS_PER_OCTAVE)
+    return np.unique(np.round(low * (high / low) ** np.linspace(0, 1, steps + 1)))
+
+
+def _is_at_most(values: npt.NDArray[np.float32], trials: float | npt.NDArray[np.float64]) -> bool:
+    """Return whether no count exceeds its trials, up to the rounding to float32."""
+    if isinstance(trials, np.ndarray):
+        return bool((values <= trials.astype(np.float32)).all())
+    return bool(values.max() <= np.float32(trials))
 
 
 def _apply(
     function: Callable[..., None],
     values: npt.NDArray[np.float32],
-    bits_per_pixel: int,
+    trials: float | npt.NDArray[np.float64],
     threads: int | None,
 ) -> npt.NDArray[np.float32]:
     out = np.empty(values.shape, np.float32)
-    function(values.reshape(-1), bits_per_pixel, out.reshape(-1), threads)
+    function(values.reshape(-1), flatten(trials), out.reshape(-1), threads)
     return out

@@ -24,7 +24,7 @@ from jotlight.networks.pretrained import (
     unsupported_message,
     unsupported_reason,
 )
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.pixel_counts import Data, prepare_data
 from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.sensor import Sensor
 
@@ -32,23 +32,31 @@ Run = Callable[..., npt.NDArray[np.float32]]
 
 
 def initial_network(
-    data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = None, **options: Any
+    data: Data,
+    sensor: Sensor | None = None,
+    *,
+    trials: npt.ArrayLike | None = None,
+    threads: int | None = None,
+    **options: Any,
 ) -> npt.NDArray[np.float32]:
     """Return the estimate of a network at its initial parameters.
 
     `options` are those of :meth:`jotlight.Network.initial`.
     """
+    data, sensor = prepare_data(data, sensor, trials)
     return Network.initial(sensor, **options).reconstruct(data, sensor, threads=threads)
 
 
 def trained_network(
-    data: Bits | npt.ArrayLike,
-    sensor: Sensor,
+    data: Data,
+    sensor: Sensor | None = None,
     *,
     quality: str = "medium",
+    trials: npt.ArrayLike | None = None,
     threads: int | None = None,
 ) -> npt.NDArray[np.float32]:
     """Return the estimate of the network that ships with jotlight for this sensor."""
+    data, sensor = prepare_data(data, sensor, trials)
     return pretrained(sensor, quality).reconstruct(data, sensor, threads=threads)
 
 
@@ -265,7 +273,7 @@ def choose_method(
     --------
     >>> choose_method(Sensor(frames=16)).method
     'network-medium'
-    >>> choose_method(Sensor(frames=1000)).method
+    >>> choose_method(Sensor(frames=16, kernel="cubic"), is_bits=False).method
     'noniterative-tv'
     """
     warnings: list[str] = []

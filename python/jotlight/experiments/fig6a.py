@@ -73,7 +73,7 @@ def section(results: Results) -> Section:
         ],
         tables=[psnr_by_bits.psnr_table(results), psnr_by_bits.descent_table(results)],
         curves=[
-            psnr_by_bits.psnr_curves(results, "fig6a", "PSNR by bits per pixel, synthetic scenes")
+            psnr_by_bits.psnr_curves(results, "fig6a", "PSNR by trials per pixel, synthetic scenes")
         ],
     )
 

@@ -44,7 +44,7 @@ def section(results: Results) -> Section:
         ],
         tables=[psnr_by_bits.psnr_table(results), psnr_by_bits.descent_table(results)],
         curves=[
-            psnr_by_bits.psnr_curves(results, "fig6b", "PSNR by bits per pixel, CIFAR-10 in gray")
+            psnr_by_bits.psnr_curves(results, "fig6b", "PSNR by trials per pixel, CIFAR-10 in gray")
         ],
     )
 

@@ -1,4 +1,4 @@
-"""Where each method wins: PSNR by exposure and by bits per pixel. This goes beyond the paper."""
+"""Where each method wins: PSNR by exposure and by trials per pixel. This goes beyond the paper."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -15,13 +15,13 @@ from jotlight.experiments.report.curves import METHOD_COLORS, OTHER_COLOR, Axes,
 from jotlight.experiments.training_runs import paper_sensor, train_by_default
 from jotlight.metrics import psnr, ssim
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import BITS_PER_PIXEL, pretrained, unsupported_reason
+from jotlight.networks.pretrained import TRAINED_TRIALS, pretrained, unsupported_reason
 from jotlight.sensing.sensor import Sensor
 
 SETTINGS = {
     "bits": 16,
     "gains": [1, 2, 4, 8, 16, 32, 64, 128],
-    "many_bits": list(BITS_PER_PIXEL),
+    "many_bits": list(TRAINED_TRIALS),
     "images": 10,
     "side": 256,
     "learning_images": 200,
@@ -34,7 +34,7 @@ _MAX_FAST = 20.0
 """Maximum milliseconds per Berkeley image on one core of a method that counts as fast."""
 
 Means = dict[float, dict[str, float]]
-"""Mean PSNR by exposure or by bits per pixel, and by method."""
+"""Mean PSNR by exposure or by trials per pixel, and by method."""
 
 
 def parts(context: RunContext) -> list[Part]:
@@ -73,7 +73,7 @@ def _rows(context: RunContext, axis: str, sensor: Sensor, progress: Progress) ->
             rows.append(
                 {
                     "axis": axis,
-                    "bits": sensor.bits_per_pixel,
+                    "bits": sensor.trials,
                     "gain": sensor.gain,
                     "image": names[number],
                     "method": method,
@@ -118,8 +118,8 @@ def section(results: Results) -> Section:
         tables=[
             _psnr_table(f"PSNR in dB by exposure α / K, K = {bits}", by_exposure),
             _best_table("photons per jot, α / K", by_exposure, fast),
-            _psnr_table("PSNR in dB by bits per pixel K, α = K", by_bits),
-            _best_table("bits per pixel K", by_bits, fast),
+            _psnr_table("PSNR in dB by trials per pixel K, α = K", by_bits),
+            _best_table("trials per pixel K", by_bits, fast),
         ],
         curves=[
             Curves(
@@ -131,8 +131,8 @@ def section(results: Results) -> Section:
             ),
             Curves(
                 "gain-bits",
-                "PSNR by bits per pixel, α = K",
-                render_svg([_axes(by_bits, "bits per pixel K", settings["many_bits"])]),
+                "PSNR by trials per pixel, α = K",
+                render_svg([_axes(by_bits, "trials per pixel K", settings["many_bits"])]),
             ),
         ],
     )

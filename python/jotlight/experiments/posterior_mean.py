@@ -8,7 +8,7 @@ from scipy.special import comb
 from jotlight.sensing.response import detection_probability
 
 
-def posterior_mean_psnr(bits_per_pixel: int, *, nodes: int = 400) -> float:
+def posterior_mean_psnr(trials: int, *, nodes: int = 400) -> float:
     """Return the PSNR of the posterior mean on the paper's synthetic scenes.
 
     The intensities c are independent and uniform in [0, 1], α = K, q = 1. The count L of a
@@ -18,7 +18,7 @@ def posterior_mean_psnr(bits_per_pixel: int, *, nodes: int = 400) -> float:
 
     Parameters
     ----------
-    bits_per_pixel : int
+    trials : int
         K, from 1 to 1000.
     nodes : int
         Number of nodes of the quadrature.
@@ -31,22 +31,20 @@ def posterior_mean_psnr(bits_per_pixel: int, *, nodes: int = 400) -> float:
     Raises
     ------
     ValueError
-        If `bits_per_pixel` is out of range.
+        If `trials` is out of range.
 
     Examples
     --------
     >>> round(posterior_mean_psnr(9), 3)
     14.816
     """
-    if not 1 <= bits_per_pixel <= 1000:
-        raise ValueError(f"bits_per_pixel: expected 1 to 1000, got {bits_per_pixel}")
+    if not 1 <= trials <= 1000:
+        raise ValueError(f"trials: expected 1 to 1000, got {trials}")
     x, weights = np.polynomial.legendre.leggauss(nodes)
     c, weights = (x + 1) / 2, weights / 2
-    ones = np.arange(bits_per_pixel + 1)[:, None]
+    ones = np.arange(trials + 1)[:, None]
     probability = (
-        comb(bits_per_pixel, ones)
-        * detection_probability(1, c) ** ones
-        * np.exp(-c * (bits_per_pixel - ones))
+        comb(trials, ones) * detection_probability(1, c) ** ones * np.exp(-c * (trials - ones))
     )
     evidence = probability @ weights
     mean = probability @ (weights * c) / evidence

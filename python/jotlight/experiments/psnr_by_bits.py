@@ -16,12 +16,12 @@ from jotlight.experiments.training_runs import (
     train_by_default,
 )
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import BITS_PER_PIXEL
+from jotlight.networks.pretrained import TRAINED_TRIALS
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import GaussNewton
 
 SETTINGS = {
-    "bits": list(BITS_PER_PIXEL),
+    "bits": list(TRAINED_TRIALS),
     "sigmas": [0.25, 0.5, 0.6, 0.7, 1.0],
     "learning_steps": None,
     "learning_batch": None,
@@ -178,7 +178,7 @@ def psnr_curves(results: Results, name: str, title: str) -> Curves:
     if limits:
         limit = [limits[k] for k in bits]
         lines.append(Line("limit", bits, limit, color="#0072b2", dashed=True))
-    return Curves(name, title, render_svg([Axes(lines, "bits per pixel K", "PSNR, dB")]))
+    return Curves(name, title, render_svg([Axes(lines, "trials per pixel K", "PSNR, dB")]))
 
 
 def every_gain_claim(results: Results, statement: str) -> Claim:

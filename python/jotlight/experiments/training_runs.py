@@ -15,7 +15,7 @@ Scenes = Any
 
 
 def paper_sensor(bits: int, **options: Any) -> Sensor:
-    """Return the paper's sensor: K bits per pixel in a square of jots, one frame, α = K."""
+    """Return the paper's sensor: K trials per pixel in a square of jots, one frame, α = K."""
     return Sensor(oversampling=round(bits**0.5), **options)
 
 

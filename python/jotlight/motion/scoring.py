@@ -10,7 +10,7 @@ import jotlight._engine as engine
 from jotlight.motion.blocks import Counts, Sums
 from jotlight.motion.regularize import Equations
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import CONDITIONAL_SIZE, FOLDER, MAX_BITS_PER_PIXEL
+from jotlight.networks.pretrained import CONDITIONAL_SIZE, FOLDER, MAX_TRIALS
 
 Image = npt.NDArray[np.float32]
 
@@ -81,7 +81,7 @@ def make_template(sums: Sums, threads: int | None) -> Template:
     """Return the template of sums: the fraction of ones, denoised by the K-conditioned network."""
     fraction = sums.ones / np.maximum(sums.trials, 1)
     valid = sums.trials[sums.trials > 0]
-    trials = int(np.clip(np.median(valid) if valid.size else 1, 1, MAX_BITS_PER_PIXEL))
+    trials = int(np.clip(np.median(valid) if valid.size else 1, 1, MAX_TRIALS))
     probability = _network().denoise_probability(
         fraction.astype(np.float32), trials, threads=threads
     )

@@ -87,7 +87,7 @@ def build_two_layer(
         raise ValueError(f"coefficients: expected at least 5, got {coefficients}")
     if not (math.isfinite(nu) and nu >= 0):
         raise ValueError(f"nu: expected a number of 0 or more, got {nu}")
-    trials = sensor.bits_per_pixel
+    trials = sensor.trials
     low, high = vst.anscombe([0, trials], trials).astype(float)
 
     def stabilized(counts: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -142,7 +142,7 @@ def build_residual(
         clipped = probability.clip(0, 1).astype(np.float32)
         return intensity_from_probability(clipped, sensor, None).astype(np.float64)
 
-    mean = np.full((1, 1, 1, 1), 1 / sensor.bits_per_pixel, np.float32)
+    mean = np.full((1, 1, 1, 1), 1 / sensor.trials, np.float32)
     inverse = fit_spline(intensity, 0.0, 1.0, _FIT_COEFFICIENTS)
     smooth = gaussian_filter(_START_SIGMA, _START_TAPS)
     start = [

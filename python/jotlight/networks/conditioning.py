@@ -16,7 +16,7 @@ MIN_SETS = 4
 def conditioning_weights(
     trials: float, trials_range: tuple[float, float], number: int
 ) -> npt.NDArray[np.float64]:
-    """Return the weight of each parameter set for K = `trials` bits per pixel.
+    """Return the weight of each parameter set for K = `trials`.
 
     The weights are the values of `number` cubic B-splines at log2 K. Their knots cover the range.
 

@@ -1,7 +1,6 @@
 """The output of a network for bits or counts."""
 
 import dataclasses
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,8 +12,8 @@ from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.estimators.inverse_response import equivalent_counts
 from jotlight.networks.layer import Layer
 from jotlight.sensing.bits import Bits, check_fits
-from jotlight.sensing.pixel_counts import PixelCounts, count_pixels
-from jotlight.sensing.reference import Jot, reference_jot
+from jotlight.sensing.pixel_counts import Channel, PixelCounts, count_pixels
+from jotlight.sensing.reference import Jot
 from jotlight.sensing.sensor import Sensor
 
 FLOPS_PER_BAND = 1 << 35
@@ -22,9 +21,6 @@ FLOPS_PER_BAND = 1 << 35
 
 _MIN_BAND = 8
 """Minimum height of a band, in receptive fields. It bounds the fraction of rows computed twice."""
-
-Data = Bits | npt.NDArray[np.int32]
-"""Bits (T, H·K̂, W·K̂), or counts (H, W)."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,7 +34,7 @@ class Inference:
     """Efficiency and dark counts of the jots for which the layers were made."""
     threads: int | None
 
-    def run(self, data: Data) -> npt.NDArray[np.float32]:
+    def run(self, data: Channel) -> npt.NDArray[np.float32]:
         """Return the output of the last layer, shape (H, W).
 
         Raises
@@ -51,36 +47,32 @@ class Inference:
         """
         if self.layers[0].shape[1:] != (1, 1, 1):
             return self._run_untied(data)
-        pixels = math.prod(data.shape[-2:]) // self.sensor.oversampling**2
-        if not self.sensor.maps() and self.sensor.bits_per_pixel < pixels:
-            return self._run_by_table(data)
-        counts = count_pixels(data, self.sensor, self.threads)
-        return self.run_counts(equivalent_counts(counts, self.reference, self.threads))
+        return self.run_pixels(count_pixels(data, self.sensor, self.threads), self.sensor.trials)
+
+    def run_pixels(self, pixels: PixelCounts, trials: int) -> npt.NDArray[np.float32]:
+        """Return the output of a tied network for K = `trials`, shape (H, W)."""
+        if pixels.uniform and pixels.trials < pixels.counts.size:
+            return self._run_by_table(pixels, trials)
+        return self.run_counts(equivalent_counts(pixels, self.reference, trials, self.threads))
 
     def run_counts(self, counts: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         """Return the output of a tied network for equivalent counts of reference jots, (H, W)."""
         return self._run_sums(self._tied_weights[:, None] * counts)
 
-    def _run_by_table(self, data: Data) -> npt.NDArray[np.float32]:
+    def _run_by_table(self, pixels: PixelCounts, trials: int) -> npt.NDArray[np.float32]:
         """Return the output of a tied network for pixels alike. A table maps each count L to p."""
-        sensor = self.sensor
-        all_counts = PixelCounts(
-            sensor,
-            np.arange(sensor.bits_per_pixel + 1, dtype=np.int32),
-            sensor.bits_per_pixel,
-            *reference_jot(sensor),
-            varies_within_pixels=False,
-        )
-        table = self._tied_weights * equivalent_counts(all_counts, self.reference, self.threads)
-        counts = count_pixels(data, sensor, self.threads).counts
-        return engine.forward_counts(self._engine_layers, counts, table, self.threads)
+        counts = np.arange(int(np.max(pixels.trials)) + 1, dtype=np.int32)
+        all_counts = dataclasses.replace(pixels, counts=counts)
+        table = equivalent_counts(all_counts, self.reference, trials, self.threads)
+        table = self._tied_weights * table
+        return engine.forward_counts(self._engine_layers, pixels.counts, table, self.threads)
 
-    def _run_untied(self, data: Data) -> npt.NDArray[np.float32]:
+    def _run_untied(self, data: Channel) -> npt.NDArray[np.float32]:
         """Return the output of a network whose first layer has one weight per jot and frame."""
         if not isinstance(data, Bits):
             raise TypeError(
-                "data: expected Bits, because this network weighs each jot of a pixel; "
-                "a tied network takes counts"
+                f"data: expected Bits, because this network weighs each jot of a pixel, got "
+                f"{type(data).__name__}; a tied network takes counts"
             )
         sensor = self.sensor
         check_fits(data, sensor)

@@ -16,14 +16,15 @@ from jotlight.networks.architectures import (
     find_architecture,
 )
 from jotlight.networks.bounds import output_bounds
+from jotlight.networks.conditional_inference import estimate_probability
 from jotlight.networks.conditioning import conditioning_weights, count_sets
-from jotlight.networks.graph import halo_radius, size_divisor
+from jotlight.networks.graph import halo_radius
 from jotlight.networks.inference import Inference
 from jotlight.networks.layer import Layer
+from jotlight.networks.layer_checks import check_layers
 from jotlight.networks.network_files import read_network, write_network
 from jotlight.networks.served_sensors import check_served
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.pixel_counts import carried_sensor, map_channels
+from jotlight.sensing.pixel_counts import Data, carried_sensor, map_channels, prepare_data
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
@@ -75,34 +76,10 @@ class Network:
         self.history = dict(history or {})
         # Cache for the windows of a video: K, layers, and conditioned layers of the last call.
         self._conditioned: tuple[int, tuple[Layer, ...], tuple[Layer, ...]] | None = None
-        self._check_layers()
+        check_layers(self.layers, sensor, trials_range)
         # A K-conditioned network divides the counts by K.
-        largest_input = sensor.bits_per_pixel if self.tied and trials_range is None else 1
+        largest_input = sensor.trials if self.tied and trials_range is None else 1
         self._output_bounds = output_bounds(self.layers, largest_input)[-1]
-
-    def _check_layers(self) -> None:
-        if not self.layers:
-            raise ValueError("layers: expected at least one, got none")
-        block = (self.sensor.frames, self.sensor.oversampling, self.sensor.oversampling)
-        if self.layers[0].shape[1:] not in ((1, 1, 1), block):
-            raise ValueError(
-                f"layers: expected filters of shape (C, {', '.join(map(str, block))}) in the first "
-                f"layer, or (C, 1, 1, 1) when it is tied, got {self.layers[0].filters.shape}"
-            )
-        size_divisor(self.layers)
-        if self.trials_range is None:
-            if any(layer.set_counts for layer in self.layers):
-                raise ValueError(
-                    "trials_range: expected a range of K for layers with sets of parameters, got "
-                    "none"
-                )
-            return
-        count_sets(self.layers)
-        if not (self.tied and 1 <= self.trials_range[0] < self.trials_range[1]):
-            raise ValueError(
-                "trials_range: expected the smallest and the largest K of a tied network, got "
-                f"{self.trials_range}"
-            )
 
     @classmethod
     def initial(
@@ -190,7 +167,7 @@ class Network:
         architecture : {"small", "medium", "large"}
             Layers and channels: :data:`jotlight.networks.architectures.ARCHITECTURES`.
         trials_range : (int, int)
-            Smallest and largest K, the number of bits per pixel.
+            Smallest and largest K, the number of trials per pixel.
         rng : int, optional
             Seed of the filters. Default: a fresh one.
 
@@ -222,20 +199,24 @@ class Network:
 
     def reconstruct(
         self,
-        data: Bits | npt.ArrayLike,
+        data: Data,
         sensor: Sensor | None = None,
         *,
+        trials: npt.ArrayLike | None = None,
         threads: int | None = None,
     ) -> npt.NDArray[np.float32]:
         """Return the estimate of the image.
 
         Parameters
         ----------
-        data : Bits or array_like of int
-            Bits; for a tied network also counts L of shape (H, W) or (H, W, C).
+        data : Bits, Merged, or array_like of int
+            Bits; for a tied network also merged counts, or counts L of shape (H, W) or (H, W, C).
         sensor : Sensor, optional
             Sensor of the data, which may have its own dead jots and dark counts. Default: the
-            sensor that the bits carry, otherwise the network's.
+            sensor that bits or merged counts carry, otherwise the network's.
+        trials : float or array_like of float, optional
+            Number of binary readings behind each pixel of counts, 0 or more: a number, or a map of
+            their shape. Default: the sensor's K.
         threads : int, optional
             Number of threads. Default: all.
 
@@ -247,21 +228,21 @@ class Network:
         Raises
         ------
         TypeError, ValueError
-            When the data, their sensor, and the network do not fit together.
+            When the data, their sensor, their trials, and the network do not fit together.
 
         Warns
         -----
         JotlightWarning
-            When pixels without a valid jot were inpainted from their neighbors.
+            When pixels without a valid bit were inpainted from their neighbors.
         """
         if sensor is None:
             sensor = carried_sensor(data) or self.sensor
+        data, sensor = prepare_data(data, sensor, trials)
         self.check_sensor(sensor)
-        efficiency, dark_counts = reference_jot(sensor)
         if self.trials_range is not None:
-            layers = self.conditioned_layers(sensor.bits_per_pixel)
-            inference = Inference(layers, sensor, (efficiency, dark_counts), threads)
-            estimate = map_channels(inference.run, data)
+            estimate = map_channels(
+                lambda channel: estimate_probability(self, channel, sensor, threads), data
+            )
             # In place: memory may not hold the estimate twice.
             rows_at_once = max(1, _PIXELS_AT_ONCE * len(estimate) // estimate.size)
             for start in range(0, len(estimate), rows_at_once):
@@ -269,7 +250,7 @@ class Network:
                 rows[:] = intensity_from_probability(rows, sensor, threads)
             return estimate
         # The check has established that both sensors detect equal light at intensity 1.
-        reference = efficiency, reference_jot(self.sensor)[1]
+        reference = reference_jot(sensor)[0], reference_jot(self.sensor)[1]
         estimate = map_channels(Inference(self.layers, sensor, reference, threads).run, data)
         (low, high), max_intensity = self._output_bounds, np.float32(sensor.max_intensity)
         if low < 0 or high > max_intensity:
@@ -343,5 +324,5 @@ class Network:
         parameters = sum(layer.parameter_count for layer in self.layers)
         purpose = repr(self.sensor)
         if self.trials_range is not None:
-            purpose = f"{self.trials_range[0]} to {self.trials_range[1]} bits per pixel"
+            purpose = f"{self.trials_range[0]} to {self.trials_range[1]} trials per pixel"
         return f"<Network: channels {channels}, {parameters} parameters, for {purpose}>"

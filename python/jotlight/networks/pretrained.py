@@ -10,14 +10,14 @@ from jotlight.sensing.sensor import Sensor
 CONDITIONAL_SIZE = "medium"
 """The size that is K-conditioned: its network serves any K, exposure, and S."""
 
-BITS_PER_PIXEL = tuple(side**2 for side in range(3, 11))
+TRAINED_TRIALS = tuple(side**2 for side in range(3, 11))
 """Values of K of the "two-layer" and "small" networks, for α = K, q = 1, S = 1, and box kernel."""
 
-LARGE_BITS_PER_PIXEL = (16,)
+LARGE_TRIALS = (16,)
 """Values of K of the "large" networks, for the same α, q, S, and kernel."""
 
-MAX_BITS_PER_PIXEL = 256
-"""Largest K of the "medium" network, which is K-conditioned."""
+MAX_TRIALS = 256
+"""Largest K on which the "medium" network, which is K-conditioned, was trained."""
 
 FOLDER = Path(__file__).parent / "weights"
 """Folder of the files: `small-k16.safetensors`, for example, with its card `small-k16.md`."""
@@ -38,8 +38,8 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     Parameters
     ----------
     sensor : Sensor
-        Sensor with the box kernel. Dead jots are allowed. "medium" serves 1 to 256 bits per pixel
-        at any exposure. The other sizes serve K = 9, 16, 25, 36, 49, 64, 81, or 100 bits per pixel
+        Sensor with the box kernel. Dead jots are allowed. "medium" serves every number of trials
+        per pixel at any exposure. The other sizes serve K = 9, 16, 25, 36, 49, 64, 81, or 100
         ("large" only 16), ηα = K, threshold 1, S = 1, and dark counts of at most 0.05.
     quality : {"two-layer", "small", "medium", "large"}
         Size of the network. In this order: the paper's two layers; six layers of up to 12 channels;
@@ -69,7 +69,7 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     """
     if (message := unsupported_message(sensor, quality)) is not None:
         raise ValueError(message)
-    name = quality if quality == CONDITIONAL_SIZE else f"{quality}-k{sensor.bits_per_pixel}"
+    name = quality if quality == CONDITIONAL_SIZE else f"{quality}-k{sensor.trials}"
     return Network.load(FOLDER / f"{name}.safetensors")
 
 
@@ -105,15 +105,13 @@ def unsupported_reason(sensor: Sensor, quality: str = "medium") -> str | None:
     if quality == CONDITIONAL_SIZE:
         reason = _unsupported_by_conditional(sensor)
     else:
-        trained = LARGE_BITS_PER_PIXEL if quality == "large" else BITS_PER_PIXEL
+        trained = LARGE_TRIALS if quality == "large" else TRAINED_TRIALS
         reason = _unsupported_by_one_exposure(sensor, trained)
     return reason and f"there is no trained network for {reason}"
 
 
 def _unsupported_by_conditional(sensor: Sensor) -> str | None:
     """Return the property of a sensor that the K-conditioned network does not serve, or None."""
-    if not 1 <= sensor.bits_per_pixel <= MAX_BITS_PER_PIXEL:
-        return f"{sensor.bits_per_pixel} bits per pixel, only for 1 to {MAX_BITS_PER_PIXEL}"
     if sensor.kernel != "box":
         return f"the {sensor.kernel} kernel, only for the box"
     return None
@@ -122,10 +120,10 @@ def _unsupported_by_conditional(sensor: Sensor) -> str | None:
 def _unsupported_by_one_exposure(sensor: Sensor, trained: tuple[int, ...]) -> str | None:
     """Return the property of a sensor that networks for a single exposure do not serve, or None."""
     efficiency, dark_counts = reference_jot(sensor)
-    detections = efficiency * sensor.gain / sensor.bits_per_pixel
-    if sensor.bits_per_pixel not in trained:
+    detections = efficiency * sensor.gain / sensor.trials
+    if sensor.trials not in trained:
         numbers = ", ".join(map(str, trained))
-        return f"{sensor.bits_per_pixel} bits per pixel, only for {numbers}"
+        return f"{sensor.trials} trials per pixel, only for {numbers}"
     if sensor.threshold != 1:
         return f"the threshold {sensor.threshold}, only for 1"
     if sensor.kernel != "box":
@@ -133,7 +131,7 @@ def _unsupported_by_one_exposure(sensor: Sensor, trained: tuple[int, ...]) -> st
     if abs(detections - 1) > 1e-9:
         return (
             f"{detections:.4g} detections per jot and frame at intensity 1 (efficiency * gain / "
-            "bits per pixel), only for 1"
+            "trials per pixel), only for 1"
         )
     if sensor.max_intensity != 1:
         return f"the largest intensity {sensor.max_intensity:g}, only for 1"
@@ -151,7 +149,7 @@ def training_command(sensor: Sensor) -> str:
     'jotlight train FOLDER_OF_PHOTOGRAPHS -o model.safetensors --oversampling 1 --frames 20'
     """
     options = [f"--oversampling {sensor.oversampling}", f"--frames {sensor.frames}"]
-    if sensor.gain != sensor.bits_per_pixel:
+    if sensor.gain != sensor.trials:
         options.append(f"--gain {float(sensor.gain)!r}")
     if sensor.threshold != 1:
         options.append(f"--threshold {sensor.threshold}")

@@ -22,13 +22,11 @@ def check_served(
     tied : bool
         Whether the network serves every combination of jots and frames with the same K.
     """
-    trials = sensor.bits_per_pixel
-    if trials_range is not None:
-        low, high = trials_range
-        if not low <= trials <= high:
-            raise ValueError(
-                f"sensor: the network is for {low} to {high} bits per pixel, got {trials}"
-            )
+    trials = sensor.trials
+    if trials_range is not None and trials < trials_range[0]:
+        raise ValueError(
+            f"sensor: the network is for {trials_range[0]} trials per pixel or more, got {trials}"
+        )
     if not tied and (own.oversampling, own.frames) != (sensor.oversampling, sensor.frames):
         raise ValueError(
             f"sensor: the network is for {own.frames} frames of {own.oversampling} x "
@@ -40,9 +38,9 @@ def check_served(
     if trials_range is not None:
         return
     pairs = zip(_response_to_light(own), _response_to_light(sensor), strict=True)
-    if own.bits_per_pixel != trials or not all(math.isclose(a, b, rel_tol=1e-9) for a, b in pairs):
+    if own.trials != trials or not all(math.isclose(a, b, rel_tol=1e-9) for a, b in pairs):
         raise ValueError(
-            "sensor: the network needs data with its own bits per pixel, threshold, "
+            "sensor: the network needs data with its own trials per pixel, threshold, "
             f"efficiency * gain / bits and max_intensity: it is for {own!r}, got {sensor!r}"
         )
 

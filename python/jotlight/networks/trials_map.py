@@ -9,23 +9,38 @@ until its noise is that of the largest K, and the network denoises it again arou
 """
 
 import math
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.networks.network import Network
+from jotlight.estimators.trial_levels import (
+    fill_from_nearest,
+    interpolate_levels,
+    local_trials,
+)
 
 Image = npt.NDArray[np.float32]
 
 _RATIO_OF_PASS = 16.0
 """Maximum ratio of K to that of the network for one more pass of the network."""
 
-_MAX_RATIO = 2.0
-"""Maximum ratio of neighboring levels of K."""
+
+class ConditionalDenoiser(Protocol):
+    """A K-conditioned network."""
+
+    @property
+    def trials_range(self) -> tuple[int, int] | None:
+        """Smallest and largest K."""
+
+    def denoise_probability(
+        self, fraction: Image, trials: int, *, threads: int | None = None
+    ) -> Image:
+        """Return the probabilities P(b = 1), (H, W), for fractions of ones."""
 
 
 def denoise_map(
-    network: Network, ones: Image, trials: Image, *, threads: int | None = None
+    network: ConditionalDenoiser, ones: Image, trials: Image, *, threads: int | None = None
 ) -> Image:
     """Return the probability of a one at each pixel, (H, W).
 
@@ -39,20 +54,47 @@ def denoise_map(
     threads : int, optional
         Number of threads.
     """
-    assert network.trials_range is not None, "a K-conditioned network"
-    largest = network.trials_range[1]
     known = trials > 0
     if not known.any():
         return np.full(ones.shape, 0.5, np.float32)
-    fraction = _fill(ones / np.maximum(trials, 1), known)
-    trials = _fill(trials, known)
-    served = np.minimum(trials, largest)
+    fraction = fill_from_nearest(ones / np.where(known, trials, 1), known)
+    local = local_trials(fill_from_nearest(trials, known))
+    return denoise_fractions(network, fraction, local, threads=threads)
+
+
+def denoise_fractions(
+    network: ConditionalDenoiser,
+    fraction: Image,
+    trials: int | Image,
+    *,
+    threads: int | None = None,
+) -> Image:
+    """Return the probability of a one at each pixel, (H, W), where every pixel has trials.
+
+    Parameters
+    ----------
+    network : Network
+        A K-conditioned network.
+    fraction : ndarray of float32, shape (H, W)
+        Fraction of ones of each pixel.
+    trials : int or ndarray of float32, shape (H, W)
+        Number of trials, a number or a map, above 0: that of
+        :func:`jotlight.estimators.trial_levels.local_trials`.
+    threads : int, optional
+        Number of threads.
+    """
+    assert network.trials_range is not None, "a K-conditioned network"
+    smallest, largest = network.trials_range
+    if isinstance(trials, np.ndarray):
+        served: int | Image = np.clip(trials, smallest, largest)
+    else:
+        served = min(max(trials, smallest), largest)
     estimate = _denoise_at_levels(network, fraction, served, threads)
-    excess = float(trials.max()) / largest
+    excess = float(np.max(trials)) / largest
     if excess <= 1:
         return estimate
     data = _stabilize(fraction, trials)
-    gain = np.sqrt(trials / served)
+    gain = np.sqrt(trials / served, dtype=np.float32)
     for _ in range(math.ceil(math.log(excess, _RATIO_OF_PASS))):
         base = np.arcsin(np.sqrt(estimate))
         raised = np.clip(base + gain * (data - base), 0, np.pi / 2)
@@ -63,49 +105,22 @@ def denoise_map(
 
 
 def _denoise_at_levels(
-    network: Network, fraction: Image, trials: Image, threads: int | None
+    network: ConditionalDenoiser, fraction: Image, trials: int | Image, threads: int | None
 ) -> Image:
     """Return the probabilities in [0, 1], interpolated between the levels of K."""
-    levels = level_range(float(trials.min()), float(trials.max()))
-    place = np.interp(np.log2(trials), np.log2(levels), np.arange(len(levels)))
-    result = np.zeros_like(fraction)
-    for index, level in enumerate(levels):
-        weight = np.maximum(1 - abs(place - index), 0).astype(np.float32)
-        if weight.any():
-            result += weight * network.denoise_probability(fraction, level, threads=threads)
-    return np.clip(result, 0, 1)
+
+    def run(level: int) -> Image:
+        return network.denoise_probability(fraction, level, threads=threads)
+
+    return np.clip(interpolate_levels(run, trials), 0, 1)
 
 
-def level_range(smallest: float, largest: float) -> list[int]:
-    """Return whole numbers from `smallest` to `largest`, with ratios of at most about 2.
-
-    Examples
-    --------
-    >>> level_range(3, 100)
-    [3, 5, 10, 17, 31, 56, 100]
-    """
-    first, last = max(1, round(smallest)), max(1, round(largest))
-    steps = max(0, int(np.ceil(np.log2(last / first) / np.log2(_MAX_RATIO) - 1e-9)))
-    ratio = (last / first) ** (1 / steps) if steps else 1.0
-    return sorted({round(first * ratio**step) for step in range(steps + 1)})
-
-
-def _fill(values: npt.NDArray[np.floating], known: npt.NDArray[np.bool_]) -> Image:
-    """Return an image whose unknown pixels have the values of the nearest known ones."""
-    if known.all():
-        return values.astype(np.float32)
-    from scipy.ndimage import distance_transform_edt
-
-    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
-    return np.asarray(values[tuple(nearest)], np.float32)
-
-
-def _stabilize(fraction: Image, trials: Image) -> Image:
+def _stabilize(fraction: Image, trials: int | Image) -> Image:
     """Return the angles whose noise is 1/(4K): arcsin √((L + ⅜)/(K + ¾))."""
     return np.asarray(np.arcsin(np.sqrt((fraction * trials + 0.375) / (trials + 0.75))))
 
 
-def _fraction(angles: Image, trials: Image) -> Image:
+def _fraction(angles: Image, trials: int | Image) -> Image:
     """Return the inverse of :func:`_stabilize`."""
     ones = np.sin(angles) ** 2 * (trials + np.float32(0.75)) - np.float32(0.375)
     return np.asarray(ones / trials, np.float32)

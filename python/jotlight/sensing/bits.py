@@ -29,7 +29,7 @@ class SensorLike(Protocol):
     @property
     def frames(self) -> int: ...  # noqa: D102
     @property
-    def bits_per_pixel(self) -> int: ...  # noqa: D102
+    def trials(self) -> int: ...  # noqa: D102
     @property
     def kernel(self) -> str: ...  # noqa: D102
 
@@ -211,7 +211,7 @@ class Bits:
             )
         if frames * oversampling**2 >= 2**31:
             raise ValueError(
-                f"bits: expected less than 2**31 bits per pixel, got {frames} frames of "
+                f"bits: expected less than 2**31 trials per pixel, got {frames} frames of "
                 f"{oversampling} x {oversampling} jots; count parts of the frames: bits[a:b]"
             )
         if mask is not None and (mask.dtype != np.bool_ or mask.shape != (height, width)):

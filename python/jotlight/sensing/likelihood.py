@@ -10,7 +10,12 @@ import jotlight._engine as engine
 from jotlight.checks import positive_number, refuse_masked, whole_number_in_range, whole_numbers
 from jotlight.sensing.operators import Operator
 from jotlight.sensing.response import Array
-from jotlight.sensing.values import flatten
+from jotlight.sensing.values import (
+    checked_trials,
+    flatten,
+    number_or_map,
+    numbers_from_zero,
+)
 
 
 class Likelihood:
@@ -23,8 +28,9 @@ class Likelihood:
     ----------
     ones : array_like of int, any shape
         L: the number of ones of each cell.
-    trials : int or array_like of int
-        n: the number of bits of each cell, a number or a map; 0 for a dead cell.
+    trials : float or array_like of float
+        n: the number of bits of each cell, a number or a map, 0 or more; 0 for a dead cell. It may
+        be a real number, such as a mean.
     threshold : int
         q: the minimum number of photons for which a bit is 1.
     efficiency : float or array_like of float
@@ -58,7 +64,7 @@ class Likelihood:
     def __init__(
         self,
         ones: npt.ArrayLike,
-        trials: int | npt.ArrayLike = 1,
+        trials: float | npt.ArrayLike = 1,
         *,
         threshold: int = 1,
         efficiency: float | npt.ArrayLike = 1.0,
@@ -69,31 +75,18 @@ class Likelihood:
         self.shape = self.ones.shape
         if self.ones.size == 0:
             raise ValueError(f"ones: expected at least one cell, got shape {self.shape}")
-        self.trials = _number_or_map("trials", whole_numbers("trials", trials), self.shape)
-        refuse_masked("dark_counts", dark_counts)
-        dark = np.asarray(dark_counts)
-        if dark.dtype.kind not in "iuf" or not (np.isfinite(dark) & (dark >= 0)).all():
-            raise ValueError(
-                f"dark_counts: expected finite numbers, 0 or more, got {dark_counts!r}"
-            )
-        self.dark_counts = _number_or_map(
-            "dark_counts", np.require(dark, np.float64, ["C", "ALIGNED"]), self.shape
-        )
+        self.trials = checked_trials(trials, self.ones)
+        dark = numbers_from_zero("dark_counts", dark_counts)
+        self.dark_counts = number_or_map("dark_counts", dark, self.shape)
         refuse_masked("efficiency", efficiency)
         fraction = np.asarray(efficiency)
         if fraction.dtype.kind not in "iuf" or not ((fraction > 0) & (fraction <= 1)).all():
             raise ValueError(f"efficiency: expected numbers in (0, 1], got {efficiency!r}")
-        self.efficiency = _number_or_map(
+        self.efficiency = number_or_map(
             "efficiency", np.require(fraction, np.float64, ["C", "ALIGNED"]), self.shape
         )
         self.threshold = whole_number_in_range("threshold", threshold, 1, 65535)
         self._threads = threads
-        excess = self.ones - self.trials
-        if self.ones.min() < 0 or excess.max() > 0:
-            raise ValueError(
-                f"ones: expected 0 to the number of trials, got {self.ones.min()} to "
-                f"{self.ones.max()} with up to {np.max(self.trials)} trials"
-            )
 
     def value(self, light: npt.ArrayLike) -> float:
         """Return ℓ(s) in nats, summed over all cells.
@@ -282,11 +275,3 @@ class Problem:
     def log_likelihood(self, image: npt.ArrayLike) -> float:
         """Return ℓ(A c) in nats."""
         return self.likelihood.value(self.operator.forward(np.asarray(image, np.float64)))
-
-
-def _number_or_map(name: str, array: npt.NDArray[Any], shape: tuple[int, ...]) -> Any:
-    if array.ndim == 0:
-        return array.item()
-    if array.shape != shape:
-        raise ValueError(f"{name}: expected a number or shape {shape}, got {array.shape}")
-    return array

@@ -93,6 +93,33 @@ def _checked_mask(mask: npt.ArrayLike | None) -> npt.NDArray[np.bool_] | None:
     return _read_only_copy(array, np.bool_)
 
 
+def pixel_means(
+    value: float | npt.NDArray[np.float32], mask: npt.NDArray[np.bool_] | None, oversampling: int
+) -> tuple[float | npt.NDArray[np.float64], bool]:
+    """Return the mean over the live jots of each pixel, and whether those of any pixel differ.
+
+    A number stands for all jots, so it is the mean.
+
+    Examples
+    --------
+    >>> pixel_means(np.float32([[1, 3], [1, 3]]), None, 2)
+    (array([[2.]]), True)
+    """
+    if not isinstance(value, np.ndarray):
+        return value, False
+    height, width = (size // oversampling for size in value.shape)
+    blocks = value.astype(np.float64).reshape(height, oversampling, width, oversampling)
+    valid = np.ones(blocks.shape, bool)
+    if mask is not None:
+        valid = ~mask.reshape(blocks.shape)
+    live_jots = np.maximum(valid.sum(axis=(1, 3)), 1)
+    mean = np.where(valid, blocks, 0).sum(axis=(1, 3)) / live_jots
+    # The value of a dead pixel is never used, but it must pass the checks of the range.
+    mean = np.where(valid.any(axis=(1, 3)), mean, blocks.mean(axis=(1, 3)))
+    differs = valid & (blocks != mean[:, None, :, None].astype(np.float32))
+    return np.ascontiguousarray(mean), bool(differs.any())
+
+
 def _read_only_copy(array: npt.NDArray[Any], dtype: type[np.generic]) -> npt.NDArray[Any]:
     """Return a read-only copy, so that the maps of a sensor never change."""
     copy = np.array(array, dtype=dtype, order="C")

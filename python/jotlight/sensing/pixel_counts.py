@@ -10,10 +10,19 @@ from jotlight.checks import as_counts
 from jotlight.errors import warn
 from jotlight.sensing.bits import Bits, check_fits
 from jotlight.sensing.channels import channel_views, stack_channels
+from jotlight.sensing.maps import pixel_means
+from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.values import checked_trials
 
 Estimate = npt.NDArray[np.float32]
 """Intensities of an image, (H, W) or (H, W, C)."""
+
+Data = Bits | Merged | npt.ArrayLike
+"""Bits, merged counts, or an image of counts, (H, W) or (H, W, C)."""
+
+Channel = Bits | Merged | npt.NDArray[np.int32]
+"""The data of one channel: bits (T, H·K̂, W·K̂), or counts (H, W)."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -27,8 +36,8 @@ class PixelCounts:
     sensor: Sensor
     counts: npt.NDArray[np.int32]
     """L: the number of ones of each pixel, (H, W)."""
-    trials: int | npt.NDArray[np.int32]
-    """The number of valid bits of each pixel: K, or a map where jots are dead."""
+    trials: float | npt.NDArray[np.float64]
+    """The number of valid bits of each pixel: K, or a map where the pixels differ."""
     efficiency: float | npt.NDArray[np.float64]
     """η of each pixel: a number or a map (H, W), with the mean over its jots where they differ."""
     dark_counts: float | npt.NDArray[np.float64]
@@ -47,74 +56,133 @@ class PixelCounts:
     @property
     def dead_pixels(self) -> npt.NDArray[np.bool_] | None:
         """The pixels without a valid bit, if there are any."""
-        if isinstance(self.trials, int) or self.trials.all():
+        if np.all(self.trials):
             return None
-        return np.asarray(self.trials == 0)
+        return np.broadcast_to(np.asarray(self.trials == 0), self.counts.shape)
 
 
-def carried_sensor(data: Bits | npt.ArrayLike) -> Sensor | None:
-    """Return the sensor of bits. Return None for counts, and for bits without a sensor.
+def carried_sensor(data: Data) -> Sensor | None:
+    """Return the sensor of bits or of merged counts. Return None for counts and bits without one.
 
     Raises
     ------
     TypeError
         When the sensor of the bits is not a :class:`jotlight.Sensor`.
     """
-    sensor = data.sensor if isinstance(data, Bits) else None
+    sensor = data.sensor if isinstance(data, Bits | Merged) else None
     if not isinstance(sensor, Sensor | None):
         raise TypeError(f"sensor: expected jotlight.Sensor, got {type(sensor).__name__}")
     return sensor
 
 
-def split_channels(data: Bits | npt.ArrayLike) -> Iterator[Bits | npt.NDArray[np.int32]]:
-    """Yield the bits (T, H, W) or the counts (H, W) of each channel. Gray data have one channel."""
+def prepare_data(
+    data: Data, sensor: Sensor | None, trials: npt.ArrayLike | None = None
+) -> tuple[Data, Sensor]:
+    """Return the data of a method with their sensor: the given one, or the one that they carry.
+
+    Counts with `trials` become merged counts. Pixels that the sensor's mask marks have no trials.
+
+    Raises
+    ------
+    TypeError
+        When there is no sensor, or bits or merged counts come with `trials`.
+    ValueError
+        When the trials do not fit the counts.
+
+    Examples
+    --------
+    >>> data, _ = prepare_data(np.array([[3, 1]]), Sensor(frames=4), trials=[[4, 2.5]])
+    >>> data.trials.tolist()
+    [[4.0, 2.5]]
+    """
+    if sensor is None:
+        sensor = carried_sensor(data)
+    if sensor is None:
+        name = "these bits" if isinstance(data, Bits) else "counts"
+        raise TypeError(
+            f"sensor: expected a jotlight.Sensor, because {name} carry none; pass the sensor that "
+            "recorded them, such as Sensor(frames=16) for 16 trials per pixel"
+        )
+    if not isinstance(sensor, Sensor):
+        raise TypeError(f"sensor: expected a jotlight.Sensor, got {type(sensor).__name__}")
+    if trials is None:
+        return data, sensor
+    if isinstance(data, Bits | Merged):
+        raise TypeError(
+            f"trials: expected none, because {type(data).__name__} state their own number of "
+            "trials; omit trials, or pass counts"
+        )
+    return _merge_counts(as_counts(data), sensor, trials), sensor
+
+
+def _merge_counts(counts: npt.NDArray[np.int32], sensor: Sensor, trials: npt.ArrayLike) -> Merged:
+    _check_jots(counts, sensor)
+    checked = checked_trials(trials, counts)
+    if sensor.mask is None:
+        return Merged(counts, checked, sensor)
+    mask = sensor.mask if counts.ndim == 2 else sensor.mask[..., None]
+    mask = np.broadcast_to(mask, counts.shape)
+    return Merged(np.where(mask, np.int32(0), counts), np.where(mask, 0.0, checked), sensor)
+
+
+def color_channels(data: Data) -> tuple[int, ...]:
+    """Return (C,) for color data, and () for gray data."""
     if isinstance(data, Bits):
+        return tuple(data.shape[3:])
+    return tuple(data.shape[2:] if isinstance(data, Merged) else np.shape(data)[2:])
+
+
+def split_channels(data: Data) -> Iterator[Channel]:
+    """Yield the bits (T, H, W) or the counts (H, W) of each channel. Gray data have one channel."""
+    if isinstance(data, Bits | Merged):
         yield from data.channels()
         return
     for channel in channel_views(as_counts(data)):
         yield np.ascontiguousarray(channel)
 
 
-def map_channels(
-    method: Callable[[Bits | npt.NDArray[np.int32]], Estimate], data: Bits | npt.ArrayLike
-) -> Estimate:
+def map_channels(method: Callable[[Channel], Estimate], data: Data) -> Estimate:
     """Return the estimate (H, W) or (H, W, C) of a method that is called for each channel."""
     estimates = [method(channel) for channel in split_channels(data)]
-    dimensions = len(data.shape) - 1 if isinstance(data, Bits) else np.ndim(data)
-    return stack_channels(estimates, color=dimensions == 3)
+    return stack_channels(estimates, color=bool(color_channels(data)))
 
 
-def count_pixels(data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None) -> PixelCounts:
+def count_pixels(data: Data, sensor: Sensor, threads: int | None) -> PixelCounts:
     """Return the pixel counts of one channel of bits or of counts. Dead jots do not count.
+
+    Merged counts state the trials, the efficiency, and the dark counts of their pixels.
 
     Raises
     ------
     TypeError, ValueError
         When data and sensor do not fit together, or a count is above K.
     """
+    if isinstance(data, Merged):
+        return PixelCounts(
+            sensor,
+            data.ones,
+            _constant_or_map(data.trials),
+            _constant_or_map(data.efficiency),
+            _constant_or_map(data.dark_counts),
+            varies_within_pixels=False,
+        )
     if isinstance(data, Bits):
         check_fits(data, sensor)
-        _, height, width = data.shape
         counts = data.counts(sensor.oversampling, mask=sensor.mask, threads=threads)
     else:
         counts = as_counts(data)
-        height, width = (size * sensor.oversampling for size in counts.shape)
-        sensor.check_map_shapes(height, width)
-        if sensor.oversampling > 1 and sensor.mask is not None:
-            raise ValueError(
-                "counts: with a mask of single jots the bits are needed, because a count does not "
-                "say which jots reported 1; pass the bits, or a sensor without a mask"
-            )
-    trials: int | npt.NDArray[np.int32] = sensor.bits_per_pixel
+        _check_jots(counts, sensor)
+    trials: float | npt.NDArray[np.float64] = sensor.trials
     if sensor.mask is not None:
         valid = Bits.from_array(~sensor.mask).counts(sensor.oversampling)
-        trials = valid * np.int32(sensor.frames)
+        trials = valid.astype(np.float64) * sensor.frames
         if not isinstance(data, Bits):
             counts = np.where(sensor.mask, np.int32(0), counts)
     if not isinstance(data, Bits):
         _check_counts(counts, sensor)
-    efficiency, efficiency_varies = _pixel_means(sensor, sensor.efficiency)
-    dark, dark_varies = _pixel_means(sensor, sensor.dark_counts)
+    mask, side = sensor.mask, sensor.oversampling
+    efficiency, efficiency_varies = pixel_means(sensor.efficiency, mask, side)
+    dark, dark_varies = pixel_means(sensor.dark_counts, mask, side)
     return PixelCounts(sensor, counts, trials, efficiency, dark, efficiency_varies or dark_varies)
 
 
@@ -127,31 +195,29 @@ def warn_about_smooth_kernel(sensor: Sensor) -> None:
         )
 
 
-def _check_counts(counts: npt.NDArray[np.int32], sensor: Sensor) -> None:
-    maximum = counts.max()
-    if maximum > sensor.bits_per_pixel or counts.min() < 0:
+def _constant_or_map(
+    value: float | npt.NDArray[np.float64],
+) -> float | npt.NDArray[np.float64]:
+    """Return a map, or its number if all pixels have the same, because methods are then faster."""
+    low = float(np.min(value))
+    return low if low == np.max(value) else value
+
+
+def _check_jots(counts: npt.NDArray[np.int32], sensor: Sensor) -> None:
+    """Check that the maps of a sensor fit the counts, which do not distinguish jots."""
+    sensor.check_map_shapes(*(size * sensor.oversampling for size in counts.shape[:2]))
+    if sensor.oversampling > 1 and sensor.mask is not None:
         raise ValueError(
-            f"counts: expected 0 to K = {sensor.bits_per_pixel} ones per pixel "
-            f"({sensor.frames} frames of {sensor.oversampling} x {sensor.oversampling} jots), "
-            f"got {counts.min()} to {maximum}"
+            "counts: with a mask of single jots the bits are needed, because a count does not "
+            "say which jots reported 1; pass the bits, or a sensor without a mask"
         )
 
 
-def _pixel_means(
-    sensor: Sensor, value: float | npt.NDArray[np.float32]
-) -> tuple[float | npt.NDArray[np.float64], bool]:
-    """Return the mean over the live jots of each pixel, and whether those of any pixel differ."""
-    if not isinstance(value, np.ndarray):
-        return value, False
-    side = sensor.oversampling
-    height, width = (size // side for size in value.shape)
-    blocks = value.astype(np.float64).reshape(height, side, width, side)
-    valid = np.ones(blocks.shape, bool)
-    if sensor.mask is not None:
-        valid = ~sensor.mask.reshape(blocks.shape)
-    live_jots = np.maximum(valid.sum(axis=(1, 3)), 1)
-    mean = np.where(valid, blocks, 0).sum(axis=(1, 3)) / live_jots
-    # The value of a dead pixel is never used, but it must pass the checks of the range.
-    mean = np.where(valid.any(axis=(1, 3)), mean, blocks.mean(axis=(1, 3)))
-    differs = valid & (blocks != mean[:, None, :, None].astype(np.float32))
-    return np.ascontiguousarray(mean), bool(differs.any())
+def _check_counts(counts: npt.NDArray[np.int32], sensor: Sensor) -> None:
+    maximum = counts.max()
+    if maximum > sensor.trials or counts.min() < 0:
+        raise ValueError(
+            f"counts: expected 0 to K = {sensor.trials} ones per pixel "
+            f"({sensor.frames} frames of {sensor.oversampling} x {sensor.oversampling} jots), "
+            f"got {counts.min()} to {maximum}"
+        )

@@ -42,7 +42,7 @@ def saturation_intensity(sensor: Sensor) -> float:
         float(_of_live_jots(value, sensor).min()) if isinstance(value, np.ndarray) else float(value)
         for value in (sensor.dark_counts, sensor.efficiency)
     )
-    half = 0.5 / sensor.bits_per_pixel
+    half = 0.5 / sensor.trials
     rate = float(inverse_detection_probability(sensor.threshold, 1 - half, half))
     light = max(rate - dark, 0.0) / efficiency
     intensity = light / sensor.light_per_intensity or 1.0

@@ -36,7 +36,7 @@ class Sensor:
         T: the number of binary frames of the same scene.
     gain : float, optional
         α: the expected photons on a pixel of intensity 1, over all its jots and frames, 1e-18 to
-        1e18. Default: K, the number of bits per pixel.
+        1e18. Default: K, the number of trials per pixel.
     threshold : int
         q: the minimum number of photons for which a jot reports 1.
     kernel : {"box", "linear", "quadratic", "cubic"}
@@ -64,7 +64,7 @@ class Sensor:
     Examples
     --------
     >>> sensor = Sensor(oversampling=4, threshold=2)
-    >>> sensor.bits_per_pixel, sensor.gain
+    >>> sensor.trials, sensor.gain
     (16, 16.0)
     >>> round(float(sensor.probability(np.ones((1, 1)))[0, 0]), 4)  # two photons or more at s = 1
     0.2642
@@ -85,15 +85,15 @@ class Sensor:
         for name, maximum in (("oversampling", 4096), ("frames", 2**31 - 1), ("threshold", 65535)):
             value = whole_number_in_range(name, getattr(self, name), 1, maximum)
             object.__setattr__(self, name, value)
-        if self.bits_per_pixel >= 2**31:
+        if self.trials >= 2**31:
             raise ValueError(
-                f"oversampling**2 * frames: expected less than 2**31 bits per pixel, "
-                f"got {self.bits_per_pixel}"
+                f"oversampling**2 * frames: expected less than 2**31 trials per pixel, "
+                f"got {self.trials}"
             )
         if self.kernel not in KERNELS:
             raise ValueError(f"kernel: expected one of {', '.join(KERNELS)}, got {self.kernel!r}")
         gain: float | None = self.gain
-        gain = self.bits_per_pixel if gain is None else gain
+        gain = self.trials if gain is None else gain
         object.__setattr__(self, "gain", number_in_range("gain", gain, *LIMITS))
         largest = number_in_range("max_intensity", self.max_intensity, *LIMITS)
         object.__setattr__(self, "max_intensity", largest)
@@ -101,14 +101,14 @@ class Sensor:
             object.__setattr__(self, name, map_)
 
     @property
-    def bits_per_pixel(self) -> int:
+    def trials(self) -> int:
         """K = T·K̂²."""
         return self.frames * self.oversampling**2
 
     @property
     def light_per_intensity(self) -> float:
         """α/K: the light of a jot (photons per frame) at intensity 1, with the box kernel."""
-        return self.gain / self.bits_per_pixel
+        return self.gain / self.trials
 
     def replace(self, **changes: Any) -> Self:
         """Return a sensor with some parameters changed. Unless `gain` is changed, α/K is kept.
@@ -125,7 +125,7 @@ class Sensor:
             raise TypeError(f"expected a parameter of Sensor, got {', '.join(unknown)}")
         new = dataclasses.replace(self, **{"gain": None, **changes})
         if "gain" not in changes:
-            gain = self.light_per_intensity * new.bits_per_pixel
+            gain = self.light_per_intensity * new.trials
             object.__setattr__(new, "gain", number_in_range("gain", gain, *LIMITS))
         return new
 
@@ -337,7 +337,7 @@ class Sensor:
         parts = []
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
-            default = self.bits_per_pixel if field.name == "gain" else field.default
+            default = self.trials if field.name == "gain" else field.default
             if isinstance(value, np.ndarray):
                 parts.append(f"{field.name}=<{value.shape[0]} x {value.shape[1]} map>")
             elif value != default:

@@ -1,8 +1,11 @@
-"""Numbers and maps as the engine expects them."""
+"""Numbers and maps: their checks, and their form in the engine."""
 
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
+
+from jotlight.checks import refuse_masked
 
 
 def flatten(value: Any) -> Any:
@@ -14,3 +17,72 @@ def flatten(value: Any) -> Any:
     (array([0, 1, 2, 3]), 0.5)
     """
     return value.reshape(-1) if isinstance(value, np.ndarray) else value
+
+
+def numbers_from_zero(name: str, values: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Return real numbers from 0 upward as an aligned array of float64 in C order.
+
+    Raises
+    ------
+    TypeError
+        For masked arrays.
+    ValueError
+        For values that are not numbers, negative, or not finite.
+
+    Examples
+    --------
+    >>> numbers_from_zero("trials", [2, 0.5]).tolist()
+    [2.0, 0.5]
+    """
+    refuse_masked(name, values)
+    array = np.asarray(values)
+    if array.dtype.kind not in "iuf" or not (np.isfinite(array) & (array >= 0)).all():
+        raise ValueError(f"{name}: expected finite numbers, 0 or more, got {values!r}")
+    return np.require(array, np.float64, ["C", "ALIGNED"])
+
+
+def number_or_map(
+    name: str, array: npt.NDArray[np.float64], shape: tuple[int, ...]
+) -> float | npt.NDArray[np.float64]:
+    """Return an array of the given shape, or the number in an array without dimensions.
+
+    Raises
+    ------
+    ValueError
+        For another shape.
+
+    Examples
+    --------
+    >>> number_or_map("trials", np.array(2.0), (3, 4))
+    2.0
+    """
+    if array.ndim == 0:
+        return float(array)
+    if array.shape != shape:
+        raise ValueError(f"{name}: expected a number or shape {shape}, got {array.shape}")
+    return array
+
+
+def checked_trials(
+    trials: npt.ArrayLike, ones: npt.NDArray[np.int32]
+) -> float | npt.NDArray[np.float64]:
+    """Return the numbers of trials behind the counts `ones`: a number or a map of their shape.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the trials are not real numbers from 0 upward, have another shape, or are below the
+        number of ones.
+
+    Examples
+    --------
+    >>> checked_trials(4, np.array([3, 0], np.int32))
+    4.0
+    """
+    checked = number_or_map("trials", numbers_from_zero("trials", trials), ones.shape)
+    if ones.min() < 0 or (ones > checked).any():
+        raise ValueError(
+            f"ones: expected 0 to the number of trials, got {ones.min()} to {ones.max()} with up "
+            f"to {np.max(checked):g} trials"
+        )
+    return checked

@@ -166,7 +166,7 @@ class BitSplitter:
         rng: np.random.Generator,
     ) -> None:
         self.network = network
-        self.trials = sensor.bits_per_pixel
+        self.trials = sensor.trials
         self.conditional = network.trials_range is not None
         # The same reference jot as in `Network.reconstruct`.
         efficiency, dark = reference_jot(sensor)
@@ -182,7 +182,7 @@ class BitSplitter:
             self._hold_out(channel, rng)
 
     def sensor_with_trials(self, trials: int) -> Sensor:
-        """Return a sensor without maps, with this many bits per pixel and the same rate per bit."""
+        """Return a sensor without maps, with K = `trials` and the same rate per bit."""
         return self._sensor.replace(frames=trials)
 
     def draw(self, rng: np.random.Generator, number: int, side: int) -> Split:
@@ -238,7 +238,7 @@ class BitSplitter:
             layers, sensor = network.layers, network.sensor
             if self.conditional:
                 sensor = self.sensor_with_trials(split.input_trials)
-                layers = network.conditioned_layers(sensor.bits_per_pixel)
+                layers = network.conditioned_layers(sensor.trials)
             inference = Inference(layers, sensor, self.reference, threads)
             output = inference.run_counts(split.counts[0].numpy())
             estimate = torch.from_numpy(output).double()[None, None]
@@ -305,10 +305,10 @@ class BitSplitter:
         else:
             input_trials = self.trials
         efficiency, dark = _crop(channel.efficiency, window), _crop(channel.dark_counts, window)
-        ones, trials = (array.astype(np.int32) for array in input_bits)
+        ones, trials = input_bits[0].astype(np.int32), input_bits[1].astype(np.float64)
         sensor = self.sensor_with_trials(input_trials)
         pixels = PixelCounts(sensor, ones, trials, efficiency, dark, varies_within_pixels=False)
-        counts = equivalent_counts(pixels, self.reference, None)
+        counts = equivalent_counts(pixels, self.reference, input_trials, None)
         planes = np.broadcast_arrays(counts, *target, efficiency, dark)
         tensor = torch.from_numpy(np.stack(planes).astype(np.float32)[None])
         return Split(input_trials, self.conditional, tensor)

@@ -153,7 +153,7 @@ class BitLikelihood(DataFidelity):  # type: ignore[misc, unused-ignore]
         penalty = 1 / (torch.as_tensor(gamma).detach().item() * scale**2)
         likelihood = Likelihood(
             y.detach().cpu().numpy().astype(np.int64),
-            sensor.bits_per_pixel,
+            sensor.trials,
             threshold=sensor.threshold,
             efficiency=sensor.efficiency,
             dark_counts=sensor.dark_counts,
@@ -201,7 +201,7 @@ class NetworkReconstructor(Reconstructor):  # type: ignore[misc, unused-ignore]
         if origin.trials_range is None:
             intensities: Tensor = self.module(y).clamp(0, origin.sensor.max_intensity)
             return intensities
-        probabilities: Tensor = self.module(y, sensor.bits_per_pixel).clamp(0, 1)
+        probabilities: Tensor = self.module(y, sensor.trials).clamp(0, 1)
         return probabilities
 
 

@@ -14,6 +14,7 @@ from torch import Tensor
 from jotlight.checks import positive_number, whole_number
 from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import PixelCounts, carried_sensor, count_pixels, split_channels
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.bit_splitting import BitSplitter, check_kernel
@@ -72,7 +73,7 @@ def fine_tune(
         The capture: bits, or an image of counts L of shape (H, W) or (H, W, C). The channels of a
         color capture train together.
     sensor : Sensor, optional
-        Sensor of the capture, with the box kernel and at least two bits per pixel. Its dead jots,
+        Sensor of the capture, with the box kernel and at least two trials per pixel. Its dead jots,
         dark counts, and efficiency enter as in :meth:`jotlight.Network.reconstruct`. Default: the
         sensor that the bits carry, or else the network's.
     steps : int
@@ -281,7 +282,14 @@ def _count_channels(
     network: Network, data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None
 ) -> list[PixelCounts]:
     """Return the channels of a capture, after checks that their bits can be split."""
+    if isinstance(data, Merged):
+        raise TypeError("data: expected Bits or counts, because merged counts cannot be split")
     network.check_sensor(sensor)
+    if network.trials_range is not None and sensor.trials > network.trials_range[1]:
+        raise ValueError(
+            f"sensor: expected at most {network.trials_range[1]} trials per pixel, the largest K "
+            f"that the network is trained for, got {sensor.trials}; take fewer frames"
+        )
     if not network.tied:
         raise ValueError(
             "network: expected a tied network, which takes counts: the bits of a pixel can only be "

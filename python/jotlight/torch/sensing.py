@@ -95,7 +95,7 @@ class Sensing(nn.Module):
         per_jot = not self._has_uniform_pixels
         probability = self._probability(self._rate(intensities, per_jot=per_jot))
         trials = torch.full_like(
-            probability, sensor.frames if per_jot else sensor.bits_per_pixel, requires_grad=False
+            probability, sensor.frames if per_jot else sensor.trials, requires_grad=False
         )
         mean = self._sum_pixels(trials * probability)
         if self.gradient == "expectation":
@@ -141,7 +141,7 @@ class Sensing(nn.Module):
             )
         rate = self._rate(intensities, per_jot=per_jot)
         rate = rate + (_MIN_LIKELIHOOD_RATE - rate).clamp(min=0).detach()
-        ones, trials = data.to(rate.dtype), self.sensor.bits_per_pixel
+        ones, trials = data.to(rate.dtype), self.sensor.trials
         if per_jot:
             ones, trials = ones.sum(1, keepdim=True), self.sensor.frames
         log_one, log_zero = log_probabilities(self.sensor.threshold, rate)

@@ -97,7 +97,7 @@ class SafeSet:
                     taps[...] = nearest_filter(taps.ravel(), self.nu).reshape(taps.shape)
             elif network.tied:
                 # The one weight applies to K bits.
-                filters[...] = domains[0][1] / network.sensor.bits_per_pixel
+                filters[...] = domains[0][1] / network.sensor.trials
             else:
                 for taps in filters:
                     taps[...] = nearest_weights(taps.ravel(), domains[0][1]).reshape(taps.shape)

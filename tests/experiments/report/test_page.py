@@ -162,7 +162,7 @@ def test_drawings_use_the_pages_colors_and_lose_their_style_sheets(full):
         assert "<style" not in each
         assert "<metadata" not in each
         assert 'aria-label="' in each
-        assert "bits per pixel, K" in each
+        assert "trials per pixel, K" in each
 
 
 def test_tables_contain_every_cell_and_long_tables_are_collapsed(full):

@@ -114,7 +114,7 @@ def conditional_network(name="small", seed=0):
 
 def random_counts(sensor, height, width, seed=0):
     rng = np.random.default_rng(seed)
-    return rng.integers(0, sensor.bits_per_pixel + 1, (height, width))
+    return rng.integers(0, sensor.trials + 1, (height, width))
 
 
 def random_graph(rng, sensor, *, tied=True, odd=False):
@@ -127,7 +127,7 @@ def random_graph(rng, sensor, *, tied=True, odd=False):
         coefficients = rng.normal(0, 1, (outputs, 9)) if splines else None
         return jl.Layer(taps, coefficients, -2.0, 0.6, upsampling=upsampling, **options)
 
-    first = rng.normal(0, 2 / sensor.bits_per_pixel, (3, *block))
+    first = rng.normal(0, 2 / sensor.trials, (3, *block))
     return jl.Network(
         [
             jl.Layer(first, rng.normal(0, 1, (3, 11)), -2.0, 0.7),

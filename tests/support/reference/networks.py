@@ -26,7 +26,7 @@ def random_network(rng, sensor, channels, sizes, *, tied):
     block = (1, 1, 1) if tied else (sensor.frames, sensor.oversampling, sensor.oversampling)
     first = random_layer(rng, (channels[0], *block))
     if tied:
-        taps = rng.normal(0, 2 / sensor.bits_per_pixel, first.filters.shape)
+        taps = rng.normal(0, 2 / sensor.trials, first.filters.shape)
         first = jl.Layer(taps, first.coefficients, first.start, first.spacing)
     rest = [
         random_layer(rng, (outputs, inputs, *size))

@@ -49,7 +49,7 @@ def realistic_report() -> Report:
 def oversampling_section(camera: np.ndarray, rng: np.random.Generator) -> Section:
     return Section(
         "oversampling",
-        "Quality and time against the number of bits per pixel",
+        "Quality and time against the number of trials per pixel",
         "100 images of the BSDS300 test set, each exposed once at K = 9, 16, …, 100 bits "
         "per pixel. Every method gets the same bits; times are medians of five runs.",
         "jotlight experiments oversampling --data shared/data --images 100",
@@ -89,8 +89,8 @@ def oversampling_section(camera: np.ndarray, rng: np.random.Generator) -> Sectio
             hundred_images(rng),
         ],
         curves=[
-            Curves("psnr-k", "PSNR against bits per pixel", drawing(), "Shaded: quartiles"),
-            Curves("time-k", "Time against bits per pixel", drawing(logarithmic=True)),
+            Curves("psnr-k", "PSNR against trials per pixel", drawing(), "Shaded: quartiles"),
+            Curves("time-k", "Time against trials per pixel", drawing(logarithmic=True)),
         ],
         scenes=[
             noisy_scene("Cameraman, 256 × 256, K = 16", camera[::2, ::2], rng),
@@ -170,7 +170,7 @@ def drawing(*, logarithmic: bool = False, width: float = 6.4) -> str:
         if logarithmic:
             axes.set_yscale("log")
             axes.set_xscale("log")
-        axes.set_xlabel("bits per pixel, K", color=INK)
+        axes.set_xlabel("trials per pixel, K", color=INK)
         axes.set_ylabel("ms" if logarithmic else "dB", color=INK)
         axes.grid(color=QUIET, alpha=0.25)
         axes.tick_params(which="both", color=QUIET, labelcolor=INK)

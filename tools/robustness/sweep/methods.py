@@ -36,7 +36,7 @@ class SweptMethod:
         """Return the only K that the network serves, or None if the method serves any K."""
         if self.network is None or (network := load(self.network)).trials_range is not None:
             return None
-        return network.sensor.bits_per_pixel
+        return network.sensor.trials
 
 
 @cache

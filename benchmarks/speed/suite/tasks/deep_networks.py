@@ -98,7 +98,7 @@ def module_run(module: Any) -> Callable[[], np.ndarray]:
     from suite.torch_network import counts_of
 
     conditional = module.origin.trials_range is not None
-    trials = SENSOR.bits_per_pixel if conditional else None
+    trials = SENSOR.trials if conditional else None
 
     def run() -> np.ndarray:
         with torch.inference_mode():

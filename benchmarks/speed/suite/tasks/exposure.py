@@ -34,7 +34,7 @@ def case(name: str, sensor: jl.Sensor) -> Case:
     image = np.random.default_rng(0).uniform(0, 1, (side, side)).astype(np.float32)
     rate = sensor.rate(image)
     rates = np.broadcast_to(rate, (sensor.frames, *rate.shape))
-    jots = sensor.bits_per_pixel * image.size
+    jots = sensor.trials * image.size
     out = np.empty_like(sensor.expose(image, 0).packed)
     rng = np.random.default_rng(1)
 

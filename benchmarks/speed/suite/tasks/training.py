@@ -103,7 +103,7 @@ def torch_gradient(
         parameter.requires_grad_()
     intensities = torch.from_numpy(scenes)[:, None]
     fixed = torch.from_numpy(counts.astype(np.float32))[:, None]
-    rates = intensities.expand(-1, SENSOR.bits_per_pixel, -1, -1)
+    rates = intensities.expand(-1, SENSOR.trials, -1, -1)
     probability = -torch.expm1(-rates)
 
     def run(*, draws: bool) -> np.ndarray:

@@ -48,7 +48,7 @@ pub fn add_block_counts(
     if counts.is_empty() {
         return Ok(());
     }
-    let bits_per_pixel = bits_per_pixel(frames, oversampling)?;
+    let trials = trials(frames, oversampling)?;
     let use_bit_planes = oversampling == 1 || frames >= MIN_FRAMES_FOR_BIT_PLANES;
     let bytes_per_task = if use_bit_planes {
         let bytes_per_thread = packed_width(width) * rows / rayon::current_num_threads();
@@ -64,7 +64,7 @@ pub fn add_block_counts(
         .into_par_iter()
         .enumerate()
         .try_for_each(|(chunk, mut counts)| {
-            check_sum(bits_per_pixel, counts.view())?;
+            check_sum(trials, counts.view())?;
             let first = chunk * pixel_rows * oversampling;
             if use_bit_planes {
                 // One row of pixels may have more bytes than a task should count.
@@ -83,12 +83,12 @@ pub fn add_block_counts(
 ///
 /// # Errors
 /// [`Error::Range`] if K exceeds the `i32`.
-pub(crate) fn bits_per_pixel(frames: usize, oversampling: usize) -> Result<i32> {
+pub(crate) fn trials(frames: usize, oversampling: usize) -> Result<i32> {
     let jots = oversampling.checked_mul(oversampling);
     jots.and_then(|jots| i32::try_from(jots.checked_mul(frames)?).ok())
         .ok_or_else(|| {
             let received = format!("{frames} frames and an oversampling of {oversampling}");
-            Error::range("bits per pixel", "less than 2^31", received)
+            Error::range("trials per pixel", "less than 2^31", received)
         })
 }
 

@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 
 pub(crate) use bit_planes::{BitCounters, FRAMES_PER_GROUP};
 pub use count::add_block_counts;
-pub(crate) use count::{bits_per_pixel, check_mask};
+pub(crate) use count::{check_mask, trials};
 
 /// Return the number of bytes of a packed row of `width` jots.
 #[must_use]

@@ -47,11 +47,11 @@ impl Chunk {
         match readings.trials {
             Values::Same(trials) => self
                 .zeros
-                .extend(ones.iter().map(|ones| f64::from(trials - ones))),
+                .extend(ones.iter().map(|&ones| trials - f64::from(ones))),
             Values::Each(trials) => self.zeros.extend(
                 ones.iter()
                     .zip(&trials[first..last])
-                    .map(|(ones, trials)| f64::from(trials - ones)),
+                    .map(|(&ones, trials)| trials - f64::from(ones)),
             ),
         }
         for (values, column) in [

@@ -3,7 +3,7 @@
 //!
 //! The log-likelihood is ℓ(s) = Σ L log P(q, η s + d) + (n − L) log(1 − P(q, η s + d)), which
 //! equation (4) maximizes. An *element* of the sum is a jot, or a pixel whose jots all receive the
-//! same light. L of the n readings of an element are ones. The light s is the expected number of
+//! same light. L of the n readings of an element are ones; n may be a real number, such as a mean. The light s is the expected number of
 //! photons per jot and frame. The quantum efficiency η and the dark counts d turn it into the rate
 //! η s + d.
 
@@ -31,7 +31,7 @@ const MIN_RATE: f64 = 1e-150;
 pub struct Readings<'a> {
     threshold: Threshold,
     ones: &'a [i32],
-    trials: Values<'a, i32>,
+    trials: Values<'a, f64>,
     efficiency: Values<'a, f64>,
     dark_counts: Values<'a, f64>,
 }
@@ -45,7 +45,7 @@ impl<'a> Readings<'a> {
     pub fn new(
         threshold: Threshold,
         ones: &'a [i32],
-        trials: Values<'a, i32>,
+        trials: Values<'a, f64>,
         efficiency: Values<'a, f64>,
         dark_counts: Values<'a, f64>,
     ) -> Result<Self> {
@@ -165,7 +165,7 @@ impl<'a> Readings<'a> {
     fn element_information(&self, index: usize, light: f64) -> f64 {
         let efficiency = self.efficiency.get(index);
         let rate = (efficiency * light + self.dark_counts.get(index)).max(MIN_RATE);
-        f64::from(self.trials.get(index))
+        self.trials.get(index)
             * efficiency
             * efficiency
             * self.threshold.detection_score(rate)
@@ -173,10 +173,10 @@ impl<'a> Readings<'a> {
     }
 
     fn element(&self, index: usize) -> Element {
-        let ones = self.ones[index];
+        let ones = f64::from(self.ones[index]);
         Element {
-            ones: f64::from(ones),
-            zeros: f64::from(self.trials.get(index) - ones),
+            ones,
+            zeros: self.trials.get(index) - ones,
             efficiency: self.efficiency.get(index),
             dark_counts: self.dark_counts.get(index),
         }
@@ -226,11 +226,14 @@ impl<'a> Readings<'a> {
     }
 }
 
-/// Check that each count lies between 0 and the number of readings.
-pub(crate) fn check_counts(counts: &[i32], trials: Values<'_, i32>) -> Result<()> {
+/// Check that each count lies between 0 and the number of readings, which is finite.
+pub(crate) fn check_counts(counts: &[i32], trials: Values<'_, f64>) -> Result<()> {
     for (index, &ones) in counts.iter().enumerate() {
         let trials = trials.get(index);
-        if ones < 0 || ones > trials {
+        if trials.is_nan() || trials == f64::INFINITY {
+            return Err(Error::range("trials", "finite numbers", trials));
+        }
+        if ones < 0 || f64::from(ones) > trials {
             return Err(Error::range("counts", format!("0 to {trials}"), ones));
         }
     }

@@ -118,7 +118,7 @@ pub fn from_jots(
         let expected = format!("a divisor of the {} pixels", out.len());
         return Err(Error::range("width", expected, width));
     }
-    check_counts(counts.ones, Values::Same(counts.frames))?;
+    check_counts(counts.ones, Values::Same(f64::from(counts.frames)))?;
     counts.responses.check_length(jots)?;
     if let Some(dead) = counts.dead
         && dead.len() != jots

@@ -85,11 +85,11 @@ impl PixelResponse {
 
     /// Return the intensity of a pixel with L = `ones` among `trials` readings. It is NaN if there
     /// are no readings.
-    fn intensity_from_count(&self, ones: i32, trials: i32, jot: JotResponse) -> f32 {
-        if trials == 0 {
+    fn intensity_from_count(&self, ones: i32, trials: f64, jot: JotResponse) -> f32 {
+        if trials == 0.0 {
             f32::NAN
         } else {
-            self.intensity(f64::from(ones) / f64::from(trials), jot) as f32
+            self.intensity(f64::from(ones) / trials, jot) as f32
         }
     }
 }
@@ -104,7 +104,7 @@ impl PixelResponse {
 pub fn from_counts(
     response: &PixelResponse,
     counts: &[i32],
-    trials: Values<'_, i32>,
+    trials: Values<'_, f64>,
     jots: &JotResponses<'_>,
     out: &mut [f32],
 ) -> Result<()> {
@@ -112,7 +112,7 @@ pub fn from_counts(
     check_pixels(counts, trials, jots, out)?;
     let intensities = match (trials, jots.efficiency, jots.dark_counts) {
         (Values::Same(trials), Values::Same(efficiency), Values::Same(dark_counts))
-            if (trials as usize) < counts.len() =>
+            if trials < counts.len() as f64 =>
         {
             // A table saves time, because there are fewer possible counts than pixels.
             let jot = JotResponse {
@@ -171,19 +171,18 @@ pub fn from_probability(
 pub fn equivalent_counts(
     response: &PixelResponse,
     counts: &[i32],
-    trials: Values<'_, i32>,
+    trials: Values<'_, f64>,
     jots: &JotResponses<'_>,
-    reference_trials: i32,
+    reference_trials: f64,
     reference: JotResponse,
     out: &mut [f32],
 ) -> Result<()> {
     check_pixels(counts, trials, jots, out)?;
-    let reference_trials = f64::from(reference_trials);
     let threshold = response.threshold;
     for_each_pixel(out, |index| {
         let (trials, jot) = (trials.get(index), jots.get(index));
-        let fraction = f64::from(counts[index]) / f64::from(trials);
-        if trials == 0 {
+        let fraction = f64::from(counts[index]) / trials;
+        if trials == 0.0 {
             f32::NAN
         } else if jot == reference {
             (reference_trials * fraction) as f32
@@ -212,7 +211,7 @@ fn for_each_pixel(out: &mut [f32], value: impl Fn(usize) -> f32 + Sync) {
 
 fn check_pixels(
     counts: &[i32],
-    trials: Values<'_, i32>,
+    trials: Values<'_, f64>,
     jots: &JotResponses<'_>,
     out: &[f32],
 ) -> Result<()> {

@@ -119,7 +119,7 @@ class MovingScene:
         mean = float(self.image().mean())
         if mean <= 0:
             raise ValueError("photons: expected a photograph that is not black")
-        sensor = self.sensor.replace(gain=photons / mean * self.sensor.bits_per_pixel)
+        sensor = self.sensor.replace(gain=photons / mean * self.sensor.trials)
         height, width = self.shape[:2]
         return MovingScene(
             self._planes, sensor, (height, width), self._seed, self._samples_per_frame

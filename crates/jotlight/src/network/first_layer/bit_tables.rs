@@ -13,7 +13,7 @@ use crate::network::spline::evaluate::Spline;
 use crate::network::tiling::region::Region;
 use crate::numbers::Real;
 
-/// The maximum number of bits per pixel for which one table may hold the sums of all bits. The
+/// The maximum number of trials per pixel for which one table may hold the sums of all bits. The
 /// table is only worthwhile if the image has at least twice as many pixels as the table has
 /// entries.
 const WHOLE_BLOCK_BITS: usize = 16;

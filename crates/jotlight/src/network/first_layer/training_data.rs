@@ -3,7 +3,7 @@
 use ndarray::{Array2, Array3, ArrayView3, ArrayView4, ArrayViewMut4};
 
 use super::bit_tables::filter_bits;
-use crate::bits::{PackedBits, add_block_counts, bit_field, bits_per_pixel};
+use crate::bits::{PackedBits, add_block_counts, bit_field, trials};
 use crate::error::Result;
 use crate::numbers::Real;
 use crate::{interrupt, memory};
@@ -27,7 +27,7 @@ impl<'a> FirstLayerData<'a> {
         }
         let mut counts = Array2::zeros(pixels);
         add_block_counts(&bits, side, None, counts.view_mut())?;
-        let max = bits_per_pixel(bits.shape().0, side)?;
+        let max = trials(bits.shape().0, side)?;
         Ok(Self::Counts(counts, max as usize))
     }
 

@@ -1,0 +1,137 @@
+"""Methods for one number of trials, run at some levels of it and interpolated pixel by pixel."""
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.estimators.inpaint import check_any_valid
+from jotlight.sensing.pixel_counts import PixelCounts
+
+Image = npt.NDArray[np.float32]
+
+_MAX_RATIO = 2.0
+"""Maximum ratio of neighboring levels."""
+
+_NEIGHBORHOOD = 3.0
+"""Standard deviation of the neighborhood in which noise is averaged, in pixels."""
+
+_NEAR_RATIO = 1.5
+"""Ratio of the largest to the smallest local trials up to which one run serves all pixels.
+
+On photographs at K = 16 and 100, levels gain 0.03 dB at a ratio of 1.44, and 0.2 to 1 dB at 2.
+"""
+
+
+def level_range(smallest: float, largest: float) -> list[int]:
+    """Return whole numbers from `smallest` to `largest`, with ratios of at most about 2.
+
+    Examples
+    --------
+    >>> level_range(3, 100)
+    [3, 5, 10, 17, 31, 56, 100]
+    """
+    first, last = max(1, round(smallest)), max(1, round(largest))
+    steps = max(0, int(np.ceil(np.log2(last / first) / np.log2(_MAX_RATIO) - 1e-9)))
+    ratio = (last / first) ** (1 / steps) if steps else 1.0
+    return sorted({round(first * ratio**step) for step in range(steps + 1)})
+
+
+def interpolate_levels(
+    run: Callable[[int], Image], trials: int | npt.NDArray[np.floating]
+) -> Image:
+    """Return an image whose pixels are interpolated between the levels next to their trials.
+
+    Parameters
+    ----------
+    run : callable
+        A function that returns the image (H, W) for a whole number of trials.
+    trials : int or ndarray, shape (H, W)
+        The number of trials of each pixel, above 0; a number is the only level.
+
+    Examples
+    --------
+    >>> interpolate_levels(lambda level: np.full(3, level), np.array([4, 5, 8])).round(2)
+    array([4.  , 5.29, 8.  ], dtype=float32)
+    """
+    if not isinstance(trials, np.ndarray):
+        return run(trials)
+    levels = level_range(float(trials.min()), float(trials.max()))
+    place = np.interp(np.log2(trials), np.log2(levels), np.arange(len(levels)))
+    result = np.zeros(trials.shape, np.float32)
+    for index, level in enumerate(levels):
+        weight = np.maximum(1 - abs(place - index), 0).astype(np.float32)
+        if weight.any():
+            result += weight * run(level)
+    return result
+
+
+def local_trials(trials: npt.NDArray[np.floating]) -> int | Image:
+    """Return the number of trials that states the noise around each pixel.
+
+    The noise of a fraction of ones is inversely proportional to its trials. A denoiser weighs a
+    pixel against its neighbors, so the mean noise around the pixel counts: the harmonic mean of the
+    trials. Where it is nearly the same everywhere, it is returned as one whole number from 1.
+
+    Parameters
+    ----------
+    trials : ndarray, shape (H, W)
+        The number of trials of each pixel, above 0.
+
+    Examples
+    --------
+    >>> local_trials(np.full((3, 4), 16.0))
+    16
+    >>> trials = np.where(np.arange(90) < 45, 4.0, 16.0) * np.ones((8, 1))
+    >>> local_trials(trials)[0, [0, 44, 45, 89]].round(1)
+    array([ 4. ,  5.9,  7. , 16. ], dtype=float32)
+    """
+    from scipy.ndimage import gaussian_filter
+
+    noise = 1 / trials
+    if noise.min() < noise.max():
+        noise = gaussian_filter(noise, _NEIGHBORHOOD, mode="nearest", truncate=3)
+    if noise.max() <= _NEAR_RATIO * noise.min():
+        return max(1, round(1 / float(noise.mean())))
+    return np.asarray(1 / noise, np.float32)
+
+
+def count_local_trials(pixels: PixelCounts) -> int | Image:
+    """Return :func:`local_trials` of pixel counts. Dead pixels get those of the nearest valid one.
+
+    Raises
+    ------
+    ValueError
+        When no pixel has a valid bit.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.merged import Merged
+    >>> from jotlight.sensing.pixel_counts import count_pixels
+    >>> from jotlight.sensing.sensor import Sensor
+    >>> merged = Merged([[3, 0]], [[4, 0]], Sensor())
+    >>> count_local_trials(count_pixels(merged, merged.sensor, None))
+    4
+    """
+    check_any_valid(pixels.trials)
+    if not isinstance(pixels.trials, np.ndarray):
+        return max(1, round(pixels.trials))
+    return local_trials(fill_from_nearest(pixels.trials, pixels.trials > 0))
+
+
+def fill_from_nearest(values: npt.NDArray[np.floating], known: npt.NDArray[np.bool_]) -> Image:
+    """Return an image whose unknown pixels have the values of the nearest known ones.
+
+    At least one pixel must be known.
+
+    Examples
+    --------
+    >>> fill_from_nearest(np.array([[2.0, 0.0, 0.0, 3.0]]), np.array([[True, False, False, True]]))
+    array([[2., 2., 3., 3.]], dtype=float32)
+    """
+    if known.all():
+        return values.astype(np.float32)
+    from scipy.ndimage import distance_transform_edt
+
+    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
+    return np.asarray(values[tuple(nearest)], np.float32)

@@ -1,0 +1,52 @@
+"""The output of a K-conditioned network for pixels with any numbers of trials."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from jotlight.estimators.inverse_response import equivalent_counts
+from jotlight.estimators.trial_levels import count_local_trials
+from jotlight.networks.inference import Inference
+from jotlight.networks.layer import Layer
+from jotlight.networks.trials_map import ConditionalDenoiser, Image, denoise_fractions
+from jotlight.sensing.pixel_counts import Channel, count_pixels
+from jotlight.sensing.reference import reference_jot
+from jotlight.sensing.sensor import Sensor
+
+
+class ConditionalNetwork(ConditionalDenoiser, Protocol):
+    """A K-conditioned network, whose layers depend on K."""
+
+    def conditioned_layers(self, trials: int) -> Sequence[Layer]:
+        """Return the layers for K = `trials`."""
+
+
+def estimate_probability(
+    network: ConditionalNetwork, data: Channel, sensor: Sensor, threads: int | None
+) -> Image:
+    """Return the probability P(b = 1) of the sensor's reference jot at each pixel, (H, W).
+
+    Where the trials are nearly equal and the network serves them, it runs once. Otherwise it runs
+    at several levels of K (:mod:`jotlight.networks.trials_map`).
+
+    Parameters
+    ----------
+    network : Network
+        A K-conditioned network.
+    data : Bits, Merged, or ndarray of int32
+        Data of one channel.
+    sensor : Sensor
+        Sensor of the data.
+    threads : int, optional
+        Number of threads. Default: all.
+    """
+    assert network.trials_range is not None, "a K-conditioned network"
+    smallest, largest = network.trials_range
+    pixels, reference = count_pixels(data, sensor, threads), reference_jot(sensor)
+    trials = count_local_trials(pixels)
+    if not isinstance(trials, np.ndarray) and smallest <= trials <= largest:
+        layers = network.conditioned_layers(trials)
+        return Inference(layers, sensor, reference, threads).run_pixels(pixels, trials)
+    fraction = equivalent_counts(pixels, reference, 1.0, threads)
+    return denoise_fractions(network, fraction, trials, threads=threads)

@@ -1,0 +1,46 @@
+"""The check that the layers of a network fit its sensor and its range of K."""
+
+from collections.abc import Sequence
+
+from jotlight.networks.conditioning import count_sets
+from jotlight.networks.graph import size_divisor
+from jotlight.networks.layer import Layer
+from jotlight.sensing.sensor import Sensor
+
+
+def check_layers(
+    layers: Sequence[Layer], sensor: Sensor, trials_range: tuple[int, int] | None
+) -> None:
+    """Raise ValueError when layers do not fit each other, the sensor, or the range of K.
+
+    Parameters
+    ----------
+    layers : sequence of Layer
+        Layers of the network.
+    sensor : Sensor
+        Sensor that the network is for.
+    trials_range : (int, int) or None
+        Smallest and largest K of a K-conditioned network.
+    """
+    if not layers:
+        raise ValueError("layers: expected at least one, got none")
+    block = (sensor.frames, sensor.oversampling, sensor.oversampling)
+    if layers[0].shape[1:] not in ((1, 1, 1), block):
+        raise ValueError(
+            f"layers: expected filters of shape (C, {', '.join(map(str, block))}) in the first "
+            f"layer, or (C, 1, 1, 1) when it is tied, got {layers[0].filters.shape}"
+        )
+    size_divisor(layers)
+    if trials_range is None:
+        if any(layer.set_counts for layer in layers):
+            raise ValueError(
+                "trials_range: expected a range of K for layers with sets of parameters, got none"
+            )
+        return
+    count_sets(layers)
+    is_tied = layers[0].shape[1:] == (1, 1, 1)
+    if not (is_tied and 1 <= trials_range[0] < trials_range[1]):
+        raise ValueError(
+            "trials_range: expected the smallest and the largest K of a tied network, got "
+            f"{trials_range}"
+        )

@@ -1,0 +1,161 @@
+"""Counts whose pixels may have different numbers of trials."""
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.checks import as_counts, refuse_masked
+from jotlight.sensing.channels import channel_views
+from jotlight.sensing.maps import pixel_means
+from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.values import checked_trials, numbers_from_zero
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Merged:
+    """Counts of pixels with different numbers of trials, such as bits merged along a motion.
+
+    All methods and all tied networks accept it in place of counts.
+
+    Parameters
+    ----------
+    ones : array_like of int, shape (H, W) or (H, W, C)
+        L: the number of ones of each pixel.
+    trials : float or array_like of float
+        n: the number of binary readings behind each pixel, a real number from 0 upward or a map of
+        the shape of `ones`. It may be a mean, and 0 marks a pixel without data.
+    sensor : Sensor
+        The sensor of the data. Its K is the nominal number of trials; its mask has no effect.
+    dark_counts : float or array_like of shape (H, W), optional
+        d: the mean of the dark counts over the bits behind each pixel. Default: the sensor's.
+    efficiency : float or array_like of shape (H, W), optional
+        η: the mean of the efficiency over the bits behind each pixel. Default: the sensor's.
+    acceptance : array_like of shape (H, W), optional
+        The fraction of the bits along the motion that were counted, in [0, 1].
+    posterior_error : array_like of shape (H, W), optional
+        The standard deviation of the displacement in pixels, 0 or more.
+    flags : array_like of bool, shape (H, W), optional
+        True marks a pixel that is not to be trusted.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When a value is out of range, an array has the wrong shape or type, or a number of ones
+        exceeds its trials.
+
+    Examples
+    --------
+    >>> from jotlight.estimators.mle import mle
+    >>> merged = Merged([[3, 1]], [[4.0, 2.0]], Sensor(frames=4, max_intensity=9.0))
+    >>> mle(merged).round(3).tolist()  # -log(1 - 3/4) and -log(1 - 1/2)
+    [[1.38600003..., 0.69300001...]]
+    """
+
+    ones: npt.NDArray[np.int32]
+    trials: float | npt.NDArray[np.float64]
+    sensor: Sensor
+    # __post_init__ replaces None, so both are always numbers or maps.
+    dark_counts: float | npt.NDArray[np.float64] = None  # type: ignore[assignment]
+    efficiency: float | npt.NDArray[np.float64] = None  # type: ignore[assignment]
+    acceptance: npt.NDArray[np.float32] | None = None
+    posterior_error: npt.NDArray[np.float32] | None = None
+    flags: npt.NDArray[np.bool_] | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.sensor, Sensor):
+            raise TypeError(f"sensor: expected a jotlight.Sensor, got {type(self.sensor).__name__}")
+        ones = as_counts(self.ones)
+        checked = {
+            "ones": ones,
+            "trials": checked_trials(self.trials, ones),
+            "dark_counts": self._jot_parameter("dark_counts", ones.shape[:2]),
+            "efficiency": self._jot_parameter("efficiency", ones.shape[:2]),
+            "acceptance": _checked_map("acceptance", self.acceptance, ones.shape[:2], 1.0),
+            "posterior_error": _checked_map(
+                "posterior_error", self.posterior_error, ones.shape[:2], np.inf
+            ),
+            "flags": _checked_flags(self.flags, ones.shape[:2]),
+        }
+        efficiency = np.asarray(checked["efficiency"])
+        if not ((efficiency > 0) & (efficiency <= 1)).all():
+            raise ValueError(
+                "efficiency: expected numbers above 0 and up to 1, got "
+                f"{efficiency.min()} to {efficiency.max()}"
+            )
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(H, W), or (H, W, C) for color."""
+        return self.ones.shape
+
+    def channels(self) -> Iterator["Merged"]:
+        """Yield the gray counts of each channel."""
+        if self.ones.ndim == 2:
+            yield self
+            return
+        trials = self.trials
+        for index, ones in enumerate(channel_views(self.ones)):
+            own = trials[..., index] if isinstance(trials, np.ndarray) else trials
+            yield dataclasses.replace(self, ones=np.ascontiguousarray(ones), trials=own)
+
+    def _jot_parameter(self, name: str, shape: tuple[int, ...]) -> Any:
+        """Return the dark counts or the efficiency of the pixels: those given, or the sensor's."""
+        given = getattr(self, name)
+        if given is not None:
+            values = numbers_from_zero(name, given)
+            if values.ndim == 0:
+                return values.item()
+            _check_shape(name, values, shape)
+            return values
+        sensor = self.sensor
+        value = getattr(sensor, name)
+        if isinstance(value, np.ndarray):
+            sensor.check_map_shapes(*(size * sensor.oversampling for size in shape))
+        mean, varies = pixel_means(value, sensor.mask, sensor.oversampling)
+        if varies:
+            raise ValueError(
+                f"{name}: expected the mean of each pixel, because its jots differ; pass a map of "
+                f"shape {shape} with the mean over the bits behind each pixel"
+            )
+        return mean
+
+    def __repr__(self) -> str:
+        low, high = np.min(self.trials), np.max(self.trials)
+        size = " x ".join(map(str, self.shape))
+        return f"<Merged: {size}, {low:g} to {high:g} trials, {self.sensor!r}>"
+
+
+def _checked_map(
+    name: str, values: npt.ArrayLike | None, shape: tuple[int, ...], maximum: float
+) -> npt.NDArray[np.float32] | None:
+    if values is None:
+        return None
+    refuse_masked(name, values)
+    array = np.asarray(values)
+    _check_shape(name, array, shape)
+    if array.dtype.kind not in "iuf" or not ((array >= 0) & (array <= maximum)).all():
+        limit = "1" if maximum == 1 else "infinity"
+        raise ValueError(f"{name}: expected numbers from 0 to {limit} without NaN")
+    return np.require(array, np.float32, ["C", "ALIGNED"])
+
+
+def _checked_flags(
+    flags: npt.ArrayLike | None, shape: tuple[int, ...]
+) -> npt.NDArray[np.bool_] | None:
+    if flags is None:
+        return None
+    array = np.asarray(flags)
+    _check_shape("flags", array, shape)
+    if array.dtype != np.bool_:
+        raise TypeError(f"flags: expected an array of bool, got {array.dtype}")
+    return array
+
+
+def _check_shape(name: str, array: npt.NDArray[Any], shape: tuple[int, ...]) -> None:
+    if array.shape != shape:
+        raise ValueError(f"{name}: expected one value per pixel, shape {shape}, got {array.shape}")

@@ -1,0 +1,85 @@
+"""Methods that run at some levels of the number of trials."""
+
+import numpy as np
+import pytest
+
+from jotlight.estimators.trial_levels import (
+    count_local_trials,
+    fill_from_nearest,
+    interpolate_levels,
+    level_range,
+    local_trials,
+)
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.pixel_counts import count_pixels
+from jotlight.sensing.sensor import Sensor
+
+
+@pytest.mark.parametrize(("smallest", "largest"), [(0.2, 0.9), (1, 1), (3, 100), (7.5, 2000.2)])
+def test_levels_are_whole_and_their_ratios_about_2_at_most(smallest, largest):
+    levels = np.array(level_range(smallest, largest))
+    assert levels[0] == max(1, round(smallest))
+    assert levels[-1] == max(1, round(largest))
+    assert (levels[1:] / levels[:-1] < 2.3).all()
+
+
+def test_each_pixel_lies_between_its_two_levels_by_the_logarithm():
+    trials = np.random.default_rng(0).uniform(0.5, 90, (20, 30))
+    levels = level_range(trials.min(), trials.max())
+    calls = []
+
+    def run(level):
+        calls.append(level)
+        return np.full(trials.shape, np.log2(level), np.float32)
+
+    found = interpolate_levels(run, trials)
+    assert calls == levels
+    np.testing.assert_allclose(found, np.log2(np.maximum(trials, 1)), atol=1e-5)
+
+
+def test_a_level_without_a_pixel_is_not_run():
+    trials = np.where(np.eye(8, dtype=bool), 1.0, 64.0)
+    calls = []
+    assert interpolate_levels(lambda level: np.full((2, 2), level), 7).tolist() == [[7, 7], [7, 7]]
+    interpolate_levels(lambda level: calls.append(level) or np.zeros((8, 8), np.float32), trials)
+    assert calls == [1, 64]
+
+
+def test_unknown_pixels_get_the_value_of_the_nearest():
+    values = np.random.default_rng(1).random((12, 9))
+    known = np.random.default_rng(2).random((12, 9)) < 0.2
+    filled = fill_from_nearest(values, known)
+    places = np.argwhere(known)
+    for place in np.ndindex(values.shape):
+        distances = ((places - place) ** 2).sum(1)
+        nearest = places[distances == distances.min()]
+        assert np.float32(filled[place]) in [np.float32(values[tuple(each)]) for each in nearest]
+
+
+def test_local_trials_are_the_harmonic_mean_of_a_neighborhood():
+    trials = np.random.default_rng(3).choice([4.0, 64.0], (40, 50))
+    trials[:, :25] = 64
+    distance = np.arange(-9, 10)
+    weight = np.exp(-(distance**2) / 18)
+    weights = np.outer(weight, weight) / weight.sum() ** 2
+    found = local_trials(trials)
+    for row, column in [(20, 20), (15, 25), (25, 38)]:
+        window = trials[row - 9 : row + 10, column - 9 : column + 10]
+        assert found[row, column] == pytest.approx(1 / (weights / window).sum(), rel=1e-4)
+
+
+def test_nearly_equal_trials_are_one_number():
+    rng = np.random.default_rng(4)
+    jots = rng.random((100, 120, 16)) > 0.05
+    assert local_trials(4.0 * jots.sum(-1)) in (60, 61)
+    assert local_trials(np.full((9, 9), 0.2)) == 1
+    assert local_trials(np.full((9, 9), 1e5)) == 100_000
+    ramp = np.linspace(10, 14, 100) * np.ones((8, 1))
+    assert local_trials(ramp) == 12
+    assert isinstance(local_trials(2 * ramp - 10), np.ndarray)
+
+
+def test_without_a_valid_pixel_there_are_no_trials():
+    merged = Merged(np.zeros((2, 2), int), 0, Sensor())
+    with pytest.raises(ValueError, match="at least one pixel with a valid bit"):
+        count_local_trials(count_pixels(merged, merged.sensor, None))

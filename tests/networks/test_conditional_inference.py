@@ -1,0 +1,85 @@
+"""K-conditioned networks for any numbers of trials."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.networks.trials_map import denoise_map
+
+NETWORK = jl.pretrained(jl.Sensor())
+IMAGE = 0.2 + 0.5 * np.outer(np.hanning(80), np.hanning(96)) + 0.2 * (np.arange(96) > 40)
+SENSOR = jl.Sensor(frames=16)
+
+
+def draw(trials, seed=0):
+    return np.random.default_rng(seed).binomial(trials, 1 - np.exp(-IMAGE))
+
+
+def psnr(estimate):
+    return float(jl.metrics.psnr(estimate, IMAGE))
+
+
+class CountedNetwork(jl.Network):
+    """A network that counts its runs."""
+
+    runs = 0
+
+    def conditioned_layers(self, trials):
+        self.runs += 1
+        return super().conditioned_layers(trials)
+
+
+def counted_network():
+    return CountedNetwork(NETWORK.layers, NETWORK.sensor, trials_range=NETWORK.trials_range)
+
+
+def test_a_map_of_trials_is_denoised_at_levels():
+    trials = np.where(np.arange(96) < 48, 4, 64) * np.ones((80, 1), int)
+    counts = draw(trials)
+    estimate = NETWORK.reconstruct(counts, SENSOR, trials=trials)
+    probability = denoise_map(NETWORK, counts.astype(np.float32), trials.astype(np.float32))
+    expected = np.clip(-np.log1p(-np.minimum(probability, 1 - 1e-7)), 0, 1)
+    np.testing.assert_allclose(estimate, expected, atol=1e-4)
+    assert psnr(estimate) > psnr(NETWORK.reconstruct(counts, SENSOR, trials=64)) + 3
+
+
+def test_more_trials_than_the_range_are_served():
+    sensor = jl.Sensor(frames=1000)
+    counts = draw(1000)
+    estimate = NETWORK.reconstruct(counts, sensor)
+    clamped = NETWORK.denoise_probability((counts / 1000).astype(np.float32), 256)
+    assert psnr(estimate) > psnr(-np.log1p(-clamped)) + 1.5
+    bits = jl.Sensor(oversampling=2, frames=250).expose(IMAGE, rng=0)
+    assert psnr(NETWORK.reconstruct(bits)) == pytest.approx(psnr(estimate), abs=1)
+
+
+def test_fewer_trials_than_the_range_are_denoised_at_its_lower_end():
+    network = jl.Network(NETWORK.layers, NETWORK.sensor, trials_range=(8, 256))
+    trials = np.where(np.arange(96) < 48, 2, 32) * np.ones((80, 1), int)
+    estimate = network.reconstruct(draw(trials), SENSOR, trials=trials)
+    assert np.isfinite(estimate).all()
+    assert psnr(estimate) > 18
+
+
+def test_a_few_dead_jots_are_one_run():
+    mask = np.random.default_rng(0).random((160, 192)) < 0.03
+    sensor = jl.Sensor(oversampling=2, frames=4, mask=mask)
+    network = counted_network()
+    estimate = network.reconstruct(sensor.expose(IMAGE, rng=0))
+    assert network.runs == 1
+    assert psnr(estimate) > psnr(NETWORK.reconstruct(draw(16), SENSOR)) - 0.7
+
+
+@pytest.mark.parametrize(("trials", "runs"), [(16, 1), (16.4, 1), (256, 1), (1000, 2)])
+def test_equal_trials_are_one_run_up_to_the_range(trials, runs):
+    network = counted_network()
+    network.reconstruct(draw(int(trials)), SENSOR, trials=trials)
+    assert network.runs == runs
+
+
+def test_dark_counts_of_the_pixels_are_subtracted():
+    dark = np.where(np.arange(96) % 2, 0.0, 0.3) * np.ones((80, 1))
+    trials = np.full((80, 96), 100)
+    counts = np.random.default_rng(1).binomial(trials, 1 - np.exp(-IMAGE - dark))
+    merged = jl.Merged(counts, trials, jl.Sensor(frames=100), dark_counts=dark)
+    assert psnr(NETWORK.reconstruct(merged)) > 30
