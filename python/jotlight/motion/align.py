@@ -1,89 +1,182 @@
-"""The motion of a scene, estimated from its bits."""
+"""Alignment: the motion of a scene, estimated from its bits."""
+
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.affine import follow, improve_together
+from jotlight.errors import warn
+from jotlight.formats.capture import CountStack
 from jotlight.motion.blocks import Blocks
-from jotlight.motion.consistency import merge_consistent
-from jotlight.motion.deformation import follow_tiles
-from jotlight.motion.outlines import choose
-from jotlight.motion.segments import Segment, find_segments
-from jotlight.motion.selection import likelihood_gain
-from jotlight.motion.tiles import mean_tiles, tile_counts
-from jotlight.motion.track import Paths, Track
+from jotlight.motion.burst import Burst, as_burst
+from jotlight.motion.model import divide, find_paths
+from jotlight.motion.motion import MODELS, Motion
+from jotlight.motion.track import Paths
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.pixel_counts import carried_sensor
+from jotlight.sensing.sensor import Sensor
 
-Array = npt.NDArray[np.float64]
+MIN_FRAMES = 16
+"""Minimum number of frames from which a motion can be estimated."""
 
-_ROUNDS = 2
-"""Number of rounds that improve the motions of segments after their outlines are known."""
+_MIN_HOT_RATIO = 5.0
+"""Jots with dark counts above this multiple of the median are hot, if they exceed the light, too.
 
-_MIN_FRACTION = 0.5
-"""Minimum fraction of a tile that a segment covers, for the tile to improve its motion."""
-
-_PARAMETERS = 6
-"""Number of parameters of an affine motion of each block. A motion must gain as many nats."""
-
-_MIN_ACCEPTED = 0.6
-"""Fraction of the bits of a pixel that must agree with the rest, for its motion to be known."""
-
-_MAX_UNKNOWN = 0.02
-"""Fraction of pixels with unknown motion above which each tile gets its own motion."""
+They stand still, so they would pull the motion toward 0.
+"""
 
 
-def divide(frames: int) -> npt.NDArray[np.intp]:
-    """Return the first frame of each block, and the number of frames.
+def align(
+    data: Bits | CountStack,
+    sensor: Sensor | None = None,
+    at: float | None = None,
+    model: str = "auto",
+    *,
+    threads: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Motion:
+    """Return the motion of a scene, estimated from the bits that a sensor recorded.
 
-    There are T/8 blocks, but at least 16 and at most 32.
+    Parameters
+    ----------
+    data : Bits or CountStack
+        T frames of bits, or of counts as :func:`jotlight.open` returns them; 16 or more. All color
+        channels have the same motion.
+    sensor : Sensor, optional
+        Sensor of the data. Its dead and hot jots are not used. Default: the one of the bits.
+    at : float, optional
+        Reference time, from 0 to T - 1 in frames: the time that the image will show. Default: the
+        middle, T // 2.
+    model : {"auto", "none", "affine", "segments", "tiles"}
+        The model of the motion. "auto" selects the one that explains the bits best.
+    threads : int, optional
+        Number of threads. Default: all.
+    progress : callable, optional
+        A function that is called repeatedly with the completed fraction, from 0 to 1.
+
+    Returns
+    -------
+    Motion
+        Displacements of all jots, at all times.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the data do not fit the sensor, or an argument is out of its range.
+
+    Warns
+    -----
+    JotlightWarning
+        When the motion cannot be estimated, because there are fewer than 16 frames or because all
+        bits are equal. The scene is then assumed to stand still.
+
+    Notes
+    -----
+    The memory does not depend on the number of frames. The method is described in
+    docs/decisions/0019-motion.md.
+
+    Examples
+    --------
+    >>> from jotlight.datasets import moving
+    >>> scene = moving(motion="shake", sensor=Sensor(frames=32), shape=(64, 64), photons=0.5, rng=0)
+    >>> motion = align(scene.bits)
+    >>> motion.model, motion.at(31).shape
+    ('affine', (2, 64, 64))
     """
-    number = int(np.clip(frames / 8, 16, 32))
-    return np.round(np.linspace(0, frames, number + 1)).astype(np.intp)
+    burst, sensor = prepare_burst(data, sensor)
+    if model != "auto" and model not in MODELS:
+        raise ValueError(f"model: expected auto or one of {', '.join(MODELS)}, got {model!r}")
+    time = reference_time(at, burst)
+    blocks = Blocks(burst, divide(len(burst)), _valid_jots(sensor), threads)
+    if (reason := _unusable(blocks)) is not None:
+        warn(f"{reason}; the scene is assumed to stand still")
+        model = "none"
+    advance = progress or (lambda _: None)
+    paths, found = find_paths(blocks, len(burst) // 2, model, advance)
+    motion = _as_motion(paths, found)
+    return motion if time == motion.reference else motion.seen_from(time)
 
 
-def find_paths(blocks: Blocks, reference: int) -> Paths:
-    """Return the paths of all pixels under the motion that explains the bits best."""
-    segments = find_segments(blocks, reference)
-    tracks = [follow(blocks, reference, segment) for segment in segments]
-    paths = Paths(tracks, choose(tracks))
-    if len(tracks) > 1:
-        paths = _improve_segments(paths)
-    _, accepted = merge_consistent(paths)
-    if (accepted < _MIN_ACCEPTED).mean() > _MAX_UNKNOWN:
-        tracks.append(follow_tiles(blocks, reference, _velocity(paths, segments)))
-        paths = Paths(tracks, choose(tracks))
-    still = Paths([_still(blocks, reference)], np.zeros(blocks.size, np.uint8))
-    if likelihood_gain(paths, still) > _PARAMETERS * len(blocks.centers):
-        return paths
-    return still
+def prepare_burst(data: Bits | CountStack, sensor: Sensor | None) -> tuple[Burst, Sensor]:
+    """Return the frames of the data and their sensor.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the data are of another type, or do not fit the sensor.
+    """
+    if sensor is None and isinstance(data, Bits):
+        sensor = carried_sensor(data)
+    if isinstance(data, CountStack):
+        given = None if sensor is None else sensor.trials // max(1, len(data.images))
+        burst = as_burst(data, given or None)
+        readings = burst.trials // burst.channels * len(burst)
+    else:
+        burst = as_burst(data)
+        readings = len(burst)
+    if sensor is None:
+        sensor = Sensor(frames=readings)
+    if sensor.frames != readings and sensor.trials != readings:
+        raise ValueError(
+            f"sensor: expected {readings} frames, as many as the data have binary readings, got "
+            f"{sensor.frames}; take sensor.replace(frames={readings})"
+        )
+    sensor.check_map_shapes(*burst.size)
+    return burst, sensor
 
 
-def _improve_segments(paths: Paths) -> Paths:
-    """Return paths with better motions, from tiles inside the outlines of each segment."""
-    for index, track in enumerate(paths.tracks):
-        fraction = mean_tiles((paths.labels == index).astype(np.float32))
-        weights = np.where(fraction >= _MIN_FRACTION, fraction, 0)
-        if weights.any():
-            for _ in range(_ROUNDS):
-                improve_together(track, weights)
-    return Paths(paths.tracks, choose(paths.tracks))
+def reference_time(at: float | None, burst: Burst) -> float:
+    """Return the reference time: `at`, or the middle of the burst.
+
+    Raises
+    ------
+    ValueError
+        When it lies outside of the burst.
+    """
+    if at is None:
+        return len(burst) // 2
+    if not 0 <= at <= len(burst) - 1:
+        raise ValueError(f"at: expected a time from 0 to {len(burst) - 1} in frames, got {at}")
+    return at
 
 
-def _velocity(paths: Paths, segments: list[Segment]) -> Array:
-    """Return the velocity of each tile: that of the segment of most of its pixels."""
-    shares = [
-        mean_tiles((paths.labels == index).astype(np.float32)) for index in range(len(segments))
-    ]
-    largest = np.argmax(shares, axis=0)
-    return np.choose(largest, [segment.velocity for segment in segments])
+def _valid_jots(sensor: Sensor) -> npt.NDArray[np.uint8] | None:
+    """Return the packed mask of the jots that are neither dead nor hot, or None if all are good."""
+    excluded = sensor.mask
+    dark = sensor.dark_counts
+    if isinstance(dark, np.ndarray):
+        light = sensor.light_per_intensity * sensor.max_intensity
+        hot = (dark > _MIN_HOT_RATIO * np.median(dark)) & (dark > 0.01 * light)
+        excluded = hot if excluded is None else excluded | hot
+    if excluded is None or not excluded.any():
+        return None
+    return np.packbits(~excluded, axis=1)
 
 
-def _still(blocks: Blocks, reference: int) -> Track:
-    """Return the track of a scene that stands still."""
-    shape, number = tile_counts(blocks.size), len(blocks.centers)
-    return Track(
-        blocks,
-        reference,
-        np.zeros((number, 2, *shape)),
-        np.ones(number, bool),
-        np.zeros((number, 3, *shape)),
+def _unusable(blocks: Blocks) -> str | None:
+    """Return why no motion can be estimated, or None if one can be."""
+    burst = blocks.burst
+    if len(burst) < MIN_FRAMES:
+        return f"{len(burst)} frames are too few to estimate a motion, which takes {MIN_FRAMES}"
+    if blocks.valid is not None and not blocks.valid.any():
+        return "all jots are dead or hot, so that no motion can be estimated"
+    total = burst.counts(range(len(burst)), blocks.threads)
+    if total.min() == total.max() and total.flat[0] in (0, len(burst) * burst.trials):
+        return f"all bits are {int(total.flat[0] > 0)}, so that no motion can be estimated"
+    return None
+
+
+def _as_motion(paths: Paths, model: str) -> Motion:
+    """Return paths as a motion, without the fields that no pixel follows."""
+    used = np.unique(paths.labels)
+    nodes, information = (
+        np.stack([getattr(paths.tracks[index], name) for index in used]).astype(np.float32)
+        for name in ("nodes", "information")
     )
+    times = paths.blocks.centers
+    if len(times) == 1:
+        # A motion has two times or more.
+        nodes, information = nodes.repeat(2, axis=1), information.repeat(2, axis=1)
+        times = times[0] + np.arange(2.0)
+    labels = np.searchsorted(used, paths.labels).astype(np.uint8)
+    return Motion(nodes, labels, times, float(paths.reference), model, information)

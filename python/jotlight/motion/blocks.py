@@ -8,10 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.motion.burst import Burst
 from jotlight.motion.tiles import TILE
-from jotlight.sensing.bits import Bits
 
 Counts = npt.NDArray[np.int32]
+
+Fields = tuple[npt.NDArray[np.floating], npt.NDArray[np.floating]]
+"""Displacements at two times."""
 
 _REMAINDER_PIXELS = 16
 """Number of pixels of a row for which the engine returns one remainder."""
@@ -80,6 +83,10 @@ class Sums:
             self.frames + other.frames,
         )
 
+    def masked(self, pixels: npt.NDArray[np.bool_]) -> "Sums":
+        """Return the sums of some pixels (H, W), and 0 for the others."""
+        return dataclasses.replace(self, ones=self.ones * pixels, trials=self.trials * pixels)
+
     def mean_remainders(self) -> npt.NDArray[np.float32]:
         """Return the mean over the frames of the shift minus the displacement, (2, H, W)."""
         means = self.remainders / np.float32(max(1, self.frames))
@@ -93,20 +100,23 @@ class Blocks:
 
     Parameters
     ----------
-    bits : Bits
-        The burst, (T, H, W).
+    burst : Burst
+        T frames.
     edges : ndarray of int, shape (n + 1,)
         First frame of each block, and the number of frames.
     valid : ndarray of uint8, shape (H, ceil(W / 8)), optional
         Packed mask of the jots that are counted.
     threads : int, optional
         Number of threads.
+    channel : int, optional
+        The channel that is counted. Default: the sum of all channels.
     """
 
-    bits: Bits
+    burst: Burst
     edges: npt.NDArray[np.intp]
-    valid: npt.NDArray[np.uint8] | None
-    threads: int | None
+    valid: npt.NDArray[np.uint8] | None = None
+    threads: int | None = None
+    channel: int | None = None
 
     @property
     def centers(self) -> npt.NDArray[np.float64]:
@@ -116,14 +126,14 @@ class Blocks:
     @property
     def size(self) -> tuple[int, int]:
         """(H, W)."""
-        return self.bits.shape[1], self.bits.shape[2]
+        return self.burst.size
 
-    def count(
-        self,
-        frames: range,
-        fields: tuple[npt.NDArray[np.floating], npt.NDArray[np.floating]],
-        times: tuple[float, float],
-    ) -> Sums:
+    @property
+    def trials(self) -> int:
+        """Number of binary readings behind a count of one frame."""
+        return self.burst.trials // (1 if self.channel is None else self.burst.channels)
+
+    def count(self, frames: range, fields: Fields, times: tuple[float, float]) -> Sums:
         """Return the sums of some frames, whose displacements are linear in time.
 
         Parameters
@@ -139,27 +149,30 @@ class Blocks:
         self.add(sums, frames, fields, times)
         return sums
 
-    def add(
-        self,
-        sums: Sums,
-        frames: range,
-        fields: tuple[npt.NDArray[np.floating], npt.NDArray[np.floating]],
-        times: tuple[float, float],
-    ) -> None:
+    def add(self, sums: Sums, frames: range, fields: Fields, times: tuple[float, float]) -> None:
         """Add the counts of some frames to sums, as :meth:`count` counts them."""
         first, last = (np.ascontiguousarray(field, np.float32) for field in fields)
-        fractions = (np.arange(frames.start, frames.stop) - times[0]) / (times[1] - times[0])
-        engine.add_shifted_counts(
-            self.bits.packed[frames.start : frames.stop, :],
-            self.size[1],
-            first,
-            last,
-            None if first.shape[1:] == self.size else TILE,
-            fractions.astype(np.float32),
-            self.valid,
-            sums.ones,
-            sums.trials,
-            sums.remainders,
-            self.threads,
-        )
+        for part, planes in self.burst.parts(frames, self.channel):
+            fractions = (np.arange(part.start, part.stop) - times[0]) / (times[1] - times[0])
+            for number, (weight, packed) in enumerate(planes):
+                is_plain = weight == 1 and self.trials == 1
+                target = sums if is_plain else Sums.zeros(self.size)
+                engine.add_shifted_counts(
+                    packed,
+                    self.size[1],
+                    first,
+                    last,
+                    None if first.shape[1:] == self.size else TILE,
+                    fractions.astype(np.float32),
+                    self.valid,
+                    target.ones,
+                    target.trials,
+                    target.remainders,
+                    self.threads,
+                )
+                if not is_plain:
+                    sums.ones += weight * target.ones
+                    if number == 0:
+                        sums.trials += self.trials * target.trials
+                        sums.remainders += target.remainders
         sums.frames += len(frames)

@@ -52,7 +52,7 @@ def choose(tracks: Sequence[Track]) -> Labels:
     smooth = np.stack([_with_short_outlines(each) for each in excess])
     frequent = int(np.bincount(smooth.argmin(axis=0).ravel()).argmax())
     smooth[frequent] -= _MARGIN
-    return smooth.argmin(axis=0).astype(np.uint8)
+    return np.asarray(smooth.argmin(axis=0), np.uint8)
 
 
 def _cost(track: Track) -> npt.NDArray[np.float32]:

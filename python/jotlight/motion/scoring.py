@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.estimators.trial_levels import fill_from_nearest
 from jotlight.motion.blocks import Counts, Sums
 from jotlight.motion.regularize import Equations
 from jotlight.networks.network import Network
@@ -79,12 +80,10 @@ def _network() -> Network:
 
 def make_template(sums: Sums, threads: int | None) -> Template:
     """Return the template of sums: the fraction of ones, denoised by the K-conditioned network."""
-    fraction = sums.ones / np.maximum(sums.trials, 1)
-    valid = sums.trials[sums.trials > 0]
-    trials = int(np.clip(np.median(valid) if valid.size else 1, 1, MAX_TRIALS))
-    probability = _network().denoise_probability(
-        fraction.astype(np.float32), trials, threads=threads
-    )
+    known = sums.trials > 0
+    fraction = fill_from_nearest(sums.ones / np.maximum(sums.trials, 1), known)
+    trials = int(np.clip(np.median(sums.trials[known]) if known.any() else 1, 1, MAX_TRIALS))
+    probability = _network().denoise_probability(fraction, trials, threads=threads)
     # The remainders have shifted the ones on average. This removes the shift to first order.
     rows, columns = gradient(probability)
     remainders = sums.mean_remainders()

@@ -50,10 +50,11 @@ class Segment:
 def find_segments(blocks: Blocks, reference: int) -> list[Segment]:
     """Return the segments of a scene around a reference time, the strongest first."""
     shape = tile_counts(blocks.size)
-    candidates = find_velocities(blocks.bits, reference, blocks.threads)
+    candidates = find_velocities(blocks.burst, reference, blocks.threads)
     fields = [np.broadcast_to(each.reshape(2, 1, 1), (2, *shape)).copy() for each in candidates]
     energies = [_energy(blocks, reference, field) for field in fields]
     found: list[int] = []
+    strongest = 0.0
     while len(found) < len(fields):
         labels = _majority(energies)
         own = [
@@ -62,10 +63,9 @@ def find_segments(blocks: Blocks, reference: int) -> list[Segment]:
         ]
         index = int(np.argmax(own))
         tiles = labels == index
-        first = not found
-        if not first and (tiles.sum() < _MIN_TILES or own[index] < _MIN_ENERGY * strongest):
+        if found and (tiles.sum() < _MIN_TILES or own[index] < _MIN_ENERGY * strongest):
             break
-        strongest = own[index] if first else strongest
+        strongest = max(strongest, own[index])
         found.append(index)
         refined = _refine(blocks, reference, fields[index], tiles.astype(float))
         energy = _energy(blocks, reference, refined)
@@ -84,7 +84,7 @@ def _energy(blocks: Blocks, reference: int, field: Array) -> Array:
 
     The unit is the variance of a bit.
     """
-    half = max(1, min(reference, len(blocks.bits) - reference) // 2)
+    half = max(1, min(reference, len(blocks.burst) - reference) // 2)
     sums = count_at_velocity(blocks, range(reference - half, reference + half), field, reference)
     known = (sums.trials > 0).astype(np.float32)
     fraction = sums.ones / np.maximum(sums.trials, 1)
@@ -106,14 +106,14 @@ def _majority(energies: list[Array]) -> npt.NDArray[np.intp]:
         uniform_filter((labels == index).astype(float), 3, mode="nearest")
         for index in range(len(energies))
     ]
-    return np.argmax(votes, axis=0)
+    return np.asarray(np.argmax(votes, axis=0))
 
 
 def _refine(blocks: Blocks, reference: int, field: Array, weights: Array) -> Array:
     """Return a better affine velocity, from the frames before and after the reference time."""
-    available = min(reference, len(blocks.bits) - reference)
+    available = min(reference, len(blocks.burst) - reference)
     for fraction, sigmas in _ROUNDS:
-        half = min(max(_MIN_FRAMES, len(blocks.bits) // fraction), available)
+        half = min(max(_MIN_FRAMES, len(blocks.burst) // fraction), available)
         for sigma in sigmas:
             before, after = (
                 count_at_velocity(blocks, frames, field, reference)

@@ -48,6 +48,10 @@ class Track:
             other = block + side
             if not (0 <= other < len(centers) and self.known[other]):
                 other = block - side
+            if not 0 <= other < len(centers):
+                field = self.nodes[block]
+                blocks.add(total, frames, (field, field), (frames.start, frames.stop))
+                continue
             first, last = sorted((block, other))
             blocks.add(
                 total,

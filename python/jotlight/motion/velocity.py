@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.sensing.bits import Bits
+from jotlight.motion.burst import Burst
 
 Array = npt.NDArray[np.float64]
 Images = npt.NDArray[np.float32]
@@ -40,25 +40,25 @@ _EXPLAINED = 0.7
 """A velocity explains a window if it has this fraction of the window's best score."""
 
 
-def find_velocities(bits: Bits, reference: int, threads: int | None) -> Array:
+def find_velocities(burst: Burst, reference: int, threads: int | None) -> Array:
     """Return the velocities that occur around a reference time, (n, 2), in pixels per frame.
 
     The first one is 0. Long blocks show slow motions best, and short ones fast motions.
 
     Parameters
     ----------
-    bits : Bits
-        The burst, (T, H, W).
+    burst : Burst
+        T frames.
     reference : int
         The time between the two middle blocks.
     threads : int, optional
         Number of threads.
     """
     found = [np.zeros(2)]
-    available = min(reference, len(bits) - reference)
+    available = min(reference, len(burst) - reference)
     length = max(1, 2 * available // _MAX_BLOCKS)
     while available > 0:
-        blocks = _count_blocks(bits, reference, length, threads)
+        blocks = _count_blocks(burst, reference, length, threads)
         for velocity in _peaks(blocks, length):
             difference = np.stack(found) - velocity
             if (np.hypot(*difference.T) * length * len(blocks) > 2).all():
@@ -69,12 +69,12 @@ def find_velocities(bits: Bits, reference: int, threads: int | None) -> Array:
     return np.stack(found)
 
 
-def _count_blocks(bits: Bits, reference: int, length: int, threads: int | None) -> Images:
+def _count_blocks(burst: Burst, reference: int, length: int, threads: int | None) -> Images:
     """Return the counts of blocks of frames around a time, (n, H, W)."""
-    number = min(_MAX_BLOCKS, 2 * (min(reference, len(bits) - reference) // length))
+    number = min(_MAX_BLOCKS, 2 * (min(reference, len(burst) - reference) // length))
     start = reference - number // 2 * length
     starts = range(start, start + number * length, length)
-    counts = [bits[first : first + length].counts(1, threads=threads) for first in starts]
+    counts = [burst.counts(range(first, first + length), threads) for first in starts]
     return np.stack(counts).astype(np.float32)
 
 
