@@ -23,6 +23,7 @@ __all__ = [
     "displacement_equations",
     "equivalent_counts",
     "expose",
+    "fit_affine",
     "forward",
     "forward_bits",
     "forward_counts",
@@ -46,6 +47,7 @@ __all__ = [
     "rate",
     "read_words",
     "shrink",
+    "solve_field",
     "spread_adjoint",
     "spread_forward",
     "spread_normal",
@@ -129,6 +131,20 @@ def chi_squared(
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...
+def fit_affine(
+    information: npt.NDArray[np.float64],
+    right: npt.NDArray[np.float64],
+    weights: npt.NDArray[np.float64],
+    basis: npt.NDArray[np.float64],
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
+def solve_field(
+    information: npt.NDArray[np.float64],
+    right: npt.NDArray[np.float64],
+    now: npt.NDArray[np.float64],
+    predicted: npt.NDArray[np.float64],
+    basis: npt.NDArray[np.float64],
+    smoothness: tuple[float, float, float],
+) -> npt.NDArray[np.float64]: ...
 def expose(
     sensor: dict[str, Any],
     image: _Image,

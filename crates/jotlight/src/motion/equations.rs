@@ -1,6 +1,6 @@
 //! The normal equations of the displacement errors of all tiles.
 
-use ndarray::{Array3, ArrayView1};
+use ndarray::{Array3, ArrayView1, ArrayView3, Axis};
 use rayon::prelude::*;
 
 use super::filter::{filter_twice, reflect, values};
@@ -8,7 +8,7 @@ use super::shifted_counts::BLOCK;
 use super::sums::Sums;
 use super::template::{SHARE_OF_TEMPLATE, Template};
 use crate::cpu::levels;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::interrupt;
 
 /// The width of a tile in pixels.
@@ -24,6 +24,51 @@ pub struct Equations {
     pub information: Array3<f64>,
     /// b, `(2, rows, columns)`: for rows and columns.
     pub right: Array3<f64>,
+}
+
+/// A view of [`Equations`].
+#[derive(Clone, Copy, Debug)]
+pub struct EquationsView<'a> {
+    /// A, `(3, rows, columns)`.
+    pub information: ArrayView3<'a, f64>,
+    /// b, `(2, rows, columns)`.
+    pub right: ArrayView3<'a, f64>,
+}
+
+impl EquationsView<'_> {
+    /// Check the shapes and the values, and return the numbers of rows and columns of tiles.
+    pub(super) fn check(&self) -> Result<(usize, usize)> {
+        let (_, rows, columns) = self.right.dim();
+        let right = (2, rows.max(1), columns.max(1));
+        if self.right.dim() != right {
+            return Err(Error::shape(
+                "right sides of the equations",
+                right,
+                self.right.dim(),
+            ));
+        }
+        let information = (3, rows, columns);
+        if self.information.dim() != information {
+            let received = self.information.dim();
+            return Err(Error::shape(
+                "information of the equations",
+                information,
+                received,
+            ));
+        }
+        let values = self.information.iter().chain(&self.right);
+        match values.clone().find(|value| !value.is_finite()) {
+            Some(value) => Err(Error::range("equations", "finite numbers", value)),
+            None => Ok((rows, columns)),
+        }
+    }
+
+    /// Return A of each tile.
+    pub(super) fn information_of_tiles(&self) -> Vec<[f64; 3]> {
+        let [a, b, c] = [0, 1, 2].map(|k| self.information.index_axis_move(Axis(0), k));
+        let entries = a.iter().zip(b.iter().zip(&c));
+        entries.map(|(&a, (&b, &c))| [a, b, c]).collect()
+    }
 }
 
 /// Return the normal equations of the displacement errors of a block of frames.

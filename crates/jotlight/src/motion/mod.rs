@@ -6,6 +6,7 @@
 //! independent. The *shift* is the rounded displacement, and the *remainder* is the difference
 //! between shift and displacement.
 
+mod affine;
 mod chi_squared;
 mod equations;
 mod field;
@@ -13,12 +14,15 @@ mod filter;
 mod row;
 mod row_counter;
 mod shifted_counts;
+mod solve_field;
 mod sums;
 mod template;
 
+pub use affine::{AffineFit, fit_affine};
 pub use chi_squared::{Comparison, chi_squared};
-pub use equations::{Equations, TILE, normal_equations};
+pub use equations::{Equations, EquationsView, TILE, normal_equations};
 pub use field::{Displacements, Field};
 pub use shifted_counts::{BLOCK, ShiftedCounts, add_shifted_counts};
+pub use solve_field::{Smoothness, Start, solve_field};
 pub use sums::Sums;
 pub use template::Template;
