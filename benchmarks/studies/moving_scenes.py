@@ -27,10 +27,8 @@ import jotlight as jl
 from jotlight.datasets.moving_scenes import MovingScene
 from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.images.sets import read_image_set
-from jotlight.motion.align import divide, estimate_motion
+from jotlight.motion.align import divide
 from jotlight.motion.blocks import Blocks, Sums
-from jotlight.motion.consistency import merge_consistent
-from jotlight.motion.track import Track
 from jotlight.networks.trials_map import denoise_map
 
 SIZE = 256, 256

@@ -25,6 +25,9 @@ from jotlight.estimators.planning import Plan, plan
 from jotlight.estimators.uncertainty import Uncertainty, uncertainty
 from jotlight.evaluation.evaluate import evaluate
 from jotlight.formats import open, save
+from jotlight.motion.align import align
+from jotlight.motion.merge import merge
+from jotlight.motion.motion import Motion
 from jotlight.networks.layer import Layer
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import pretrained
@@ -43,6 +46,7 @@ __all__ = [
     "Likelihood",
     "Merged",
     "MissingExtraError",
+    "Motion",
     "Network",
     "Plan",
     "Problem",
@@ -50,10 +54,12 @@ __all__ = [
     "Uncertainty",
     "__version__",
     "admm_tv",
+    "align",
     "calibrate",
     "datasets",
     "denoise",
     "evaluate",
+    "merge",
     "metrics",
     "mle",
     "mle_iterative",

@@ -5,6 +5,7 @@ import numpy.typing as npt
 
 __all__ = [
     "DEBUG_BUILD",
+    "FilteredTemplate",
     "Layer",
     "__version__",
     "activate",
@@ -12,12 +13,14 @@ __all__ = [
     "add_block_counts",
     "add_shifted_counts",
     "anscombe",
+    "chi_squared",
     "choose_cpu_level",
     "cpu_level",
     "cpu_levels",
     "detection_probability",
     "differences",
     "differences_adjoint",
+    "displacement_equations",
     "equivalent_counts",
     "expose",
     "forward",
@@ -97,6 +100,33 @@ def add_shifted_counts(
     ones: npt.NDArray[np.int32],
     trials: npt.NDArray[np.int32],
     remainders: npt.NDArray[np.float32],
+    threads: int | None,
+) -> None: ...
+
+@final
+class FilteredTemplate:
+    def __new__(
+        cls,
+        probability: npt.NDArray[np.float32],
+        trials: npt.NDArray[np.int32],
+        sigma: float,
+        threads: int | None,
+    ) -> FilteredTemplate: ...
+
+def displacement_equations(
+    template: FilteredTemplate,
+    ones: npt.NDArray[np.int32],
+    trials: npt.NDArray[np.int32],
+    remainders: npt.NDArray[np.float32],
+    frames: int,
+    threads: int | None,
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
+def chi_squared(
+    ones: npt.NDArray[np.int32],
+    trials: npt.NDArray[np.int32],
+    probability: npt.NDArray[np.float32],
+    trials_of_template: npt.NDArray[np.int32],
+    out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...
 def expose(

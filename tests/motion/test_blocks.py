@@ -152,7 +152,7 @@ def test_arguments_that_do_not_fit_are_refused(changes, message):
         engine.add_shifted_counts(*{**arguments, **changes}.values())
 
 
-def test_blocks_return_remainders_per_trial():
+def test_blocks_return_remainders_per_frame():
     rng = np.random.default_rng(3)
     bits = jl.Bits.from_array(rng.random((12, 40, 50)) < 0.3)
     blocks = Blocks(bits, np.array([0, 12]), None, None)
@@ -160,12 +160,31 @@ def test_blocks_return_remainders_per_trial():
     field[1] = -7.75
     sums = blocks.count(range(12), (field, field), (0, 12))
     # The shift is 0 rows and -8 columns.
-    np.testing.assert_allclose(sums.remainders[0], -0.25 * sums.trials, atol=1e-4)
-    np.testing.assert_allclose(sums.remainders[1], -0.25 * sums.trials, atol=1e-4)
+    np.testing.assert_allclose(sums.remainders, -0.25 * 12, atol=1e-4)
+    np.testing.assert_allclose(sums.mean_remainders(), -0.25, atol=1e-5)
+    assert sums.mean_remainders().shape == (2, 40, 50)
     np.testing.assert_array_equal(sums.trials[:, :8], 0)
     np.testing.assert_array_equal(sums.ones[:, 8:], bits.to_array()[:, :, :42].sum(axis=0))
     both = sums + Sums.zeros((40, 50))
     np.testing.assert_array_equal(both.ones, sums.ones)
+    assert both.frames == 12
+
+
+def test_sums_can_be_added():
+    rng = np.random.default_rng(6)
+    bits = jl.Bits.from_array(rng.random((12, 20, 30)) < 0.3)
+    blocks = Blocks(bits, np.array([0, 12]), None, None)
+    fields = tuple(rng.normal(0, 3, (2, 2, 2, 2)))
+    parts = [blocks.count(frames, fields, (0, 12)) for frames in (range(5), range(5, 12))]
+    whole = blocks.count(range(12), fields, (0, 12))
+    added = Sums.zeros((20, 30))
+    for frames in (range(5), range(5, 12)):
+        blocks.add(added, frames, fields, (0, 12))
+    for total in (parts[0] + parts[1], Sums.total(parts), added):
+        np.testing.assert_array_equal(total.ones, whole.ones)
+        np.testing.assert_array_equal(total.trials, whole.trials)
+        np.testing.assert_allclose(total.remainders, whole.remainders, atol=1e-4)
+        assert total.frames == 12
 
 
 def test_blocks_select_their_frames():

@@ -40,7 +40,9 @@ mod _engine {
     #[pymodule_export]
     use super::mle::{equivalent_counts, mle_from_counts, mle_from_jots, mle_from_probability};
     #[pymodule_export]
-    use super::motion::add_shifted_counts;
+    use super::motion::{
+        FilteredTemplate, add_shifted_counts, chi_squared, displacement_equations,
+    };
     #[pymodule_export]
     use super::network::{
         PreparedLayer, activate, activate_backward, forward, forward_bits, forward_counts,

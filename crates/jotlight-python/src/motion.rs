@@ -1,7 +1,10 @@
 //! Counts of bits that follow a moving scene.
 
 use jotlight::bits::PackedBits;
-use jotlight::motion::{self, Displacements, Field, ShiftedCounts};
+use jotlight::motion::{
+    self, Comparison, Displacements, Equations, Field, ShiftedCounts, Sums, Template,
+};
+use numpy::{IntoPyArray, PyArray3};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use numpy::{PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::prelude::*;
@@ -55,4 +58,73 @@ pub fn add_shifted_counts(
             sums,
         )
     })
+}
+
+/// The template of a motion after a Gaussian filter. Its derivatives are computed only once.
+#[pyclass(frozen, name = "FilteredTemplate")]
+pub struct FilteredTemplate(Template);
+
+#[pymethods]
+impl FilteredTemplate {
+    #[new]
+    #[pyo3(signature = (probability, trials, sigma, threads))]
+    fn new(
+        py: Python<'_>,
+        probability: PyReadonlyArray2<'_, f32>,
+        trials: PyReadonlyArray2<'_, i32>,
+        sigma: f64,
+        threads: Option<isize>,
+    ) -> PyResult<Self> {
+        let (probability, trials) = (probability.as_array(), trials.as_array());
+        run(py, threads, || Template::new(probability, trials, sigma)).map(Self)
+    }
+}
+
+/// A and b of all tiles.
+type PyEquations<'py> = (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray3<f64>>);
+
+/// Return the normal equations of the displacement errors of all tiles.
+#[pyfunction]
+#[pyo3(signature = (template, ones, trials, remainders, frames, threads))]
+pub fn displacement_equations<'py>(
+    py: Python<'py>,
+    template: Py<FilteredTemplate>,
+    ones: PyReadonlyArray2<'_, i32>,
+    trials: PyReadonlyArray2<'_, i32>,
+    remainders: PyReadonlyArray3<'_, f32>,
+    frames: usize,
+    threads: Option<isize>,
+) -> PyResult<PyEquations<'py>> {
+    let sums = Sums {
+        ones: ones.as_array(),
+        trials: trials.as_array(),
+        remainders: remainders.as_array(),
+        frames,
+    };
+    let template = &template.get().0;
+    let Equations { information, right } =
+        run(py, threads, || motion::normal_equations(template, sums))?;
+    Ok((information.into_pyarray(py), right.into_pyarray(py)))
+}
+
+/// Write χ² of each pixel into `out`.
+#[pyfunction]
+#[pyo3(signature = (ones, trials, probability, trials_of_template, out, threads))]
+pub fn chi_squared(
+    py: Python<'_>,
+    ones: PyReadonlyArray2<'_, i32>,
+    trials: PyReadonlyArray2<'_, i32>,
+    probability: PyReadonlyArray2<'_, f32>,
+    trials_of_template: PyReadonlyArray2<'_, i32>,
+    mut out: PyReadwriteArray2<'_, f32>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let comparison = Comparison {
+        ones: ones.as_array(),
+        trials: trials.as_array(),
+        probability: probability.as_array(),
+        trials_of_template: trials_of_template.as_array(),
+    };
+    let out = out.as_array_mut();
+    run(py, threads, || motion::chi_squared(&comparison, out))
 }

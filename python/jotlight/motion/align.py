@@ -1,204 +1,182 @@
-"""The motion of a scene, estimated from its bits."""
+"""Alignment: the motion of a scene, estimated from its bits."""
+
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.blocks import Blocks, Sums
-from jotlight.motion.motion import Motion
-from jotlight.motion.regularize import (
-    Equations,
-    Smoothness,
-    fit_affine,
-    nearest_affine,
-    solve_field,
-)
-from jotlight.motion.scoring import Template, make_template, normal_equations
-from jotlight.motion.seed import estimate_velocities, limit_length
-from jotlight.motion.selection import gain_between, likelihood_gain
-from jotlight.motion.smoothing import smoothing_weights
-from jotlight.motion.tiles import tile_counts
-from jotlight.motion.track import Track
+from jotlight.errors import warn
+from jotlight.formats.capture import CountStack
+from jotlight.motion.blocks import Blocks
+from jotlight.motion.burst import Burst, as_burst
+from jotlight.motion.model import divide, find_paths
+from jotlight.motion.motion import MODELS, Motion
+from jotlight.motion.track import Paths
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.pixel_counts import carried_sensor
+from jotlight.sensing.sensor import Sensor
 
-Array = npt.NDArray[np.float64]
+MIN_FRAMES = 16
+"""Minimum number of frames from which a motion can be estimated."""
 
-_SMOOTHNESS = Smoothness()
-_SIGMAS = (2.0, 1.0)
-"""Widths of the filters with which each block is aligned."""
+_MIN_HOT_RATIO = 5.0
+"""Jots with dark counts above this multiple of the median are hot, if they exceed the light, too.
 
-_JOINT_ROUNDS = 2
-
-_TIME_PRIOR = 1.0
-"""Information with which the displacements of neighboring blocks are added to each tile."""
-
-_AFFINE_PARAMETERS = 6
-"""Number of parameters of an affine motion of each block. A model must gain as many nats."""
-
-_FREE_SHARE_OF_TILES = 0.1
-"""Share of the displacements of tiles that are free, in spite of their neighbors."""
-
-_MIN_SHARE_OF_OTHERS = 0.3
-"""Smallest assumed share of the other blocks in the template."""
+They stand still, so they would pull the motion toward 0.
+"""
 
 
-def divide(frames: int) -> npt.NDArray[np.intp]:
-    """Return the first frame of each block, and the number of frames.
-
-    There are T/8 blocks, but at least 16 and at most 32.
-    """
-    number = int(np.clip(frames / 8, 16, 32))
-    return np.round(np.linspace(0, frames, number + 1)).astype(np.intp)
-
-
-def estimate(
-    blocks: Blocks,
-    reference: int,
+def align(
+    data: Bits | CountStack,
+    sensor: Sensor | None = None,
+    at: float | None = None,
+    model: str = "auto",
     *,
-    use_tiles: bool,
-    velocity: Array,
-) -> tuple[Track, Array]:
-    """Return the displacements of all blocks and the information about them.
+    threads: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Motion:
+    """Return the motion of a scene, estimated from the bits that a sensor recorded.
 
     Parameters
     ----------
-    blocks : Blocks
-        The burst.
-    reference : int
-        Time at which displacements are 0.
-    use_tiles : bool
-        Whether each tile has its own motion. Otherwise the motion is affine.
-    velocity : ndarray of float, shape (2, rows, columns)
-        Velocity of each tile around the reference time.
+    data : Bits or CountStack
+        T frames of bits, or of counts as :func:`jotlight.open` returns them; 16 or more. All color
+        channels have the same motion.
+    sensor : Sensor, optional
+        Sensor of the data. Its dead and hot jots are not used. Default: the one of the bits.
+    at : float, optional
+        Reference time, from 0 to T - 1 in frames: the time that the image will show. Default: the
+        middle, T // 2.
+    model : {"auto", "none", "affine", "segments", "tiles"}
+        The model of the motion. "auto" selects the one that explains the bits best.
+    threads : int, optional
+        Number of threads. Default: all.
+    progress : callable, optional
+        A function that is called repeatedly with the completed fraction, from 0 to 1.
+
+    Returns
+    -------
+    Motion
+        Displacements of all jots, at all times.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the data do not fit the sensor, or an argument is out of its range.
+
+    Warns
+    -----
+    JotlightWarning
+        When the motion cannot be estimated, because there are fewer than 16 frames or because all
+        bits are equal. The scene is then assumed to stand still.
+
+    Notes
+    -----
+    The memory does not depend on the number of frames. The method is described in
+    docs/decisions/0019-motion.md.
+
+    Examples
+    --------
+    >>> from jotlight.datasets import moving
+    >>> scene = moving(motion="shake", sensor=Sensor(frames=32), shape=(64, 64), photons=0.5, rng=0)
+    >>> motion = align(scene.bits)
+    >>> motion.model, motion.at(31).shape
+    ('affine', (2, 64, 64))
     """
-    if not use_tiles:
-        velocity = nearest_affine(velocity)
-    track = _start(blocks, reference, velocity)
-    order = track.from_center()
-    total = track.sums(order[0]) + track.sums(order[1])
-    template = make_template(total, blocks.threads)
-    for number, block in enumerate(order[2:]):
-        _extrapolate(track, order[: number + 2], block, velocity)
-        for sigma in _SIGMAS:
-            _improve(track, block, template, sigma, use_tiles)
-        track.known[block] = True
-        total = total + track.sums(block)
-        if number % 2 == 1 and (number < 8 or number % 4 == 3):
-            template = make_template(total, blocks.threads)
-    for _ in range(_JOINT_ROUNDS):
-        information = _improve_together(track, use_tiles)
-    return track, information
+    burst, sensor = prepare_burst(data, sensor)
+    if model != "auto" and model not in MODELS:
+        raise ValueError(f"model: expected auto or one of {', '.join(MODELS)}, got {model!r}")
+    time = reference_time(at, burst)
+    blocks = Blocks(burst, divide(len(burst)), _valid_jots(sensor), threads)
+    if (reason := _unusable(blocks)) is not None:
+        warn(f"{reason}; the scene is assumed to stand still")
+        model = "none"
+    advance = progress or (lambda _: None)
+    paths, found = find_paths(blocks, len(burst) // 2, model, advance)
+    motion = _as_motion(paths, found)
+    return motion if time == motion.reference else motion.seen_from(time)
 
 
-def _start(blocks: Blocks, reference: int, velocity: Array) -> Track:
-    """Return a track whose two central blocks move at the velocity of the seed."""
-    centers = blocks.centers
-    nodes = np.zeros((len(centers), 2, *tile_counts(blocks.size)))
-    track = Track(blocks, reference, nodes, np.zeros(len(centers), bool))
-    for block in track.from_center()[:2]:
-        nodes[block] = velocity * (centers[block] - reference)
-        track.known[block] = True
-    return track
+def prepare_burst(data: Bits | CountStack, sensor: Sensor | None) -> tuple[Burst, Sensor]:
+    """Return the frames of the data and their sensor.
 
-
-def _extrapolate(track: Track, done: npt.NDArray[np.intp], block: int, velocity: Array) -> None:
-    """Predict the displacements of a block from those of its two neighbors toward the center."""
-    centers = track.blocks.centers
-    near = int(min(done, key=lambda other: abs(other - block)))
-    far = 2 * near - block
-    if 0 <= far < len(centers) and track.known[far]:
-        velocity = (track.nodes[near] - track.nodes[far]) / (centers[near] - centers[far])
-    track.nodes[block] = track.nodes[near] + velocity * (centers[block] - centers[near])
-
-
-def _improve(track: Track, block: int, template: Template, sigma: float, use_tiles: bool) -> None:
-    """Update the displacements of a block: first an affine part, then each tile."""
-    predicted = track.nodes[block].copy()
-    equations = normal_equations(track.sums(block), template, sigma)
-    track.nodes[block] -= limit_length(fit_affine(equations), 2 * sigma)
-    if use_tiles:
-        equations = normal_equations(track.sums(block), template, sigma)
-        now = track.nodes[block]
-        step = solve_field(equations, now, predicted, _SMOOTHNESS) - now
-        track.nodes[block] = now + limit_length(step, 2 * sigma)
-
-
-def _improve_together(track: Track, use_tiles: bool) -> Array:
-    """Update all blocks against the template of all of them, and return the information.
-
-    Fourth differences in time keep the displacements of each tile smooth.
+    Raises
+    ------
+    TypeError, ValueError
+        When the data are of another type, or do not fit the sensor.
     """
-    number = len(track.nodes)
-    sums = [track.sums(block) for block in range(number)]
-    total = Sums.total(sums)
-    template = make_template(total, track.blocks.threads)
-    old, new = track.nodes, track.nodes.copy()
-    information = []
-    for block, each in enumerate(sums):
-        equations = normal_equations(each, template, _SIGMAS[-1])
-        information.append(equations.information)
-        share = float(each.trials.mean() / max(total.trials.mean(), 1e-9))
-        smooth = old[block]
-        if 2 <= block < number - 2:
-            near = old[block - 1] + old[block + 1]
-            smooth = 0.5 * old[block] + (4 * near - old[block - 2] - old[block + 2]) / 12
-        with_prior = _add_prior(equations, old[block] - smooth, share)
-        if use_tiles:
-            new[block] = solve_field(with_prior, old[block], smooth, _SMOOTHNESS)
-        else:
-            new[block] = old[block] - fit_affine(with_prior)
-    track.nodes = new
-    track.nodes = new - _at_reference(track, np.stack(information))
-    return np.stack(information)
-
-
-def _add_prior(equations: Equations, deviation: Array, share: float) -> Equations:
-    """Return equations that also draw a tile toward a prediction.
-
-    The block itself is a share of the template, which makes its apparent error smaller.
-    """
-    information = equations.information.copy()
-    information[[0, 2]] += _TIME_PRIOR
-    right = equations.right / max(1 - share, _MIN_SHARE_OF_OTHERS)
-    return Equations(information, right + _TIME_PRIOR * deviation)
-
-
-def _at_reference(track: Track, information: Array) -> Array:
-    """Return the displacements at the reference time, from a smooth curve through all blocks."""
-    centers = track.blocks.centers
-    place = float(np.interp(track.reference, centers, np.arange(len(centers))))
-    series = track.nodes.mean(axis=(2, 3))
-    of_blocks = information[:, [0, 2]].sum(axis=(2, 3)).mean(axis=0)
-    weights = smoothing_weights(series, 1 / np.maximum(of_blocks, 1e-9), place)
-    return np.asarray(np.tensordot(weights, track.nodes, axes=1))
-
-
-def as_motion(track: Track, information: Array, model: str) -> Motion:
-    """Return the motion of a track."""
-    return Motion(
-        track.nodes.astype(np.float32),
-        track.blocks.centers,
-        track.blocks.size,
-        track.reference,
-        model,
-        information.astype(np.float32),
-    )
-
-
-def estimate_motion(blocks: Blocks, reference: int) -> Motion:
-    """Return the motion of the model that explains the bits best."""
-    velocity = estimate_velocities(blocks, reference)
-    rows, columns = tile_counts(blocks.size)
-    number = len(blocks.centers)
-    still = Track(blocks, reference, np.zeros((number, 2, rows, columns)), np.ones(number, bool))
-    best = still, np.zeros((number, 3, rows, columns)), "none"
-    affine, tiles = (
-        estimate(blocks, reference, use_tiles=use_tiles, velocity=velocity)
-        for use_tiles in (False, True)
-    )
-    if likelihood_gain(affine[0], still) > _AFFINE_PARAMETERS * number:
-        best = *affine, "affine"
-        gain = gain_between(affine[0], tiles[0])
+    if sensor is None and isinstance(data, Bits):
+        sensor = carried_sensor(data)
+    if isinstance(data, CountStack):
+        given = None if sensor is None else sensor.trials // max(1, len(data.images))
+        burst = as_burst(data, given or None)
+        readings = burst.trials // burst.channels * len(burst)
     else:
-        gain = likelihood_gain(tiles[0], still)
-    if gain > _FREE_SHARE_OF_TILES * 2 * number * rows * columns:
-        best = *tiles, "tiles"
-    return as_motion(*best)
+        burst = as_burst(data)
+        readings = len(burst)
+    if sensor is None:
+        sensor = Sensor(frames=readings)
+    if sensor.frames != readings and sensor.trials != readings:
+        raise ValueError(
+            f"sensor: expected {readings} frames, as many as the data have binary readings, got "
+            f"{sensor.frames}; take sensor.replace(frames={readings})"
+        )
+    sensor.check_map_shapes(*burst.size)
+    return burst, sensor
+
+
+def reference_time(at: float | None, burst: Burst) -> float:
+    """Return the reference time: `at`, or the middle of the burst.
+
+    Raises
+    ------
+    ValueError
+        When it lies outside of the burst.
+    """
+    if at is None:
+        return len(burst) // 2
+    if not 0 <= at <= len(burst) - 1:
+        raise ValueError(f"at: expected a time from 0 to {len(burst) - 1} in frames, got {at}")
+    return at
+
+
+def _valid_jots(sensor: Sensor) -> npt.NDArray[np.uint8] | None:
+    """Return the packed mask of the jots that are neither dead nor hot, or None if all are good."""
+    excluded = sensor.mask
+    dark = sensor.dark_counts
+    if isinstance(dark, np.ndarray):
+        light = sensor.light_per_intensity * sensor.max_intensity
+        hot = (dark > _MIN_HOT_RATIO * np.median(dark)) & (dark > 0.01 * light)
+        excluded = hot if excluded is None else excluded | hot
+    if excluded is None or not excluded.any():
+        return None
+    return np.packbits(~excluded, axis=1)
+
+
+def _unusable(blocks: Blocks) -> str | None:
+    """Return why no motion can be estimated, or None if one can be."""
+    burst = blocks.burst
+    if len(burst) < MIN_FRAMES:
+        return f"{len(burst)} frames are too few to estimate a motion, which takes {MIN_FRAMES}"
+    if blocks.valid is not None and not blocks.valid.any():
+        return "all jots are dead or hot, so that no motion can be estimated"
+    total = burst.counts(range(len(burst)), blocks.threads)
+    if total.min() == total.max() and total.flat[0] in (0, len(burst) * burst.trials):
+        return f"all bits are {int(total.flat[0] > 0)}, so that no motion can be estimated"
+    return None
+
+
+def _as_motion(paths: Paths, model: str) -> Motion:
+    """Return paths as a motion, without the fields that no pixel follows."""
+    used = np.unique(paths.labels)
+    nodes, information = (
+        np.stack([getattr(paths.tracks[index], name) for index in used]).astype(np.float32)
+        for name in ("nodes", "information")
+    )
+    times = paths.blocks.centers
+    if len(times) == 1:
+        # A motion has two times or more.
+        nodes, information = nodes.repeat(2, axis=1), information.repeat(2, axis=1)
+        times = times[0] + np.arange(2.0)
+    labels = np.searchsorted(used, paths.labels).astype(np.uint8)
+    return Motion(nodes, labels, times, float(paths.reference), model, information)

@@ -8,10 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.motion.burst import Burst
 from jotlight.motion.tiles import TILE
-from jotlight.sensing.bits import Bits
 
 Counts = npt.NDArray[np.int32]
+
+Fields = tuple[npt.NDArray[np.floating], npt.NDArray[np.floating]]
+"""Displacements at two times."""
 
 _REMAINDER_PIXELS = 16
 """Number of pixels of a row for which the engine returns one remainder."""
@@ -23,31 +26,72 @@ class Sums:
 
     Parameters
     ----------
-    ones, trials : ndarray of float32, shape (H, W)
+    ones, trials : ndarray of int32, shape (H, W)
         N and D: the numbers of ones and of valid bits of each pixel.
-    remainders : ndarray of float32, shape (2, H, W)
-        m: the sum over the trials of the shift minus the displacement, in rows and columns.
+    remainders : ndarray of float32, shape (H, 2, ceil(W / 16))
+        The shift minus the displacement, in rows and columns: the sum over the frames of its mean
+        over 16 pixels of a row.
+    frames : int
+        Number of frames.
     """
 
-    ones: npt.NDArray[np.float32]
-    trials: npt.NDArray[np.float32]
+    ones: Counts
+    trials: Counts
     remainders: npt.NDArray[np.float32]
+    frames: int
 
     @classmethod
     def zeros(cls, size: tuple[int, int]) -> Self:
         """Return sums over no frames."""
-        return cls(*(np.zeros(shape, np.float32) for shape in (size, size, (2, *size))))
+        remainders = np.zeros((size[0], 2, -(-size[1] // _REMAINDER_PIXELS)), np.float32)
+        return cls(np.zeros(size, np.int32), np.zeros(size, np.int32), remainders, 0)
 
     @classmethod
-    def total(cls, parts: Sequence["Sums"]) -> Self:
+    def total(cls, parts: Sequence["Sums"]) -> "Sums":
         """Return the sum of one or more sums."""
-        names = [field.name for field in dataclasses.fields(cls)]
-        return cls(*(sum(getattr(part, name) for part in parts) for name in names))
+        total = cls.zeros((parts[0].ones.shape[0], parts[0].ones.shape[1]))
+        for part in parts:
+            total.ones += part.ones
+            total.trials += part.trials
+            total.remainders += part.remainders
+            total.frames += part.frames
+        return total
+
+    @classmethod
+    def select(cls, parts: Sequence["Sums"], labels: npt.NDArray[np.uint8]) -> "Sums":
+        """Return the sums whose pixels are those of the part that their label (H, W) selects.
+
+        All parts are sums over the same frames.
+        """
+        total = cls.zeros((labels.shape[0], labels.shape[1]))
+        total.frames = parts[0].frames
+        starts = np.arange(0, labels.shape[1], _REMAINDER_PIXELS)
+        widths = np.diff(starts, append=labels.shape[1])
+        for index, part in enumerate(parts):
+            chosen = labels == index
+            np.copyto(total.ones, part.ones, where=chosen)
+            np.copyto(total.trials, part.trials, where=chosen)
+            shares = np.add.reduceat(chosen, starts, axis=1, dtype=np.float32) / widths
+            total.remainders += part.remainders * shares[:, None].astype(np.float32)
+        return total
 
     def __add__(self, other: "Sums") -> "Sums":
         return Sums(
-            self.ones + other.ones, self.trials + other.trials, self.remainders + other.remainders
+            self.ones + other.ones,
+            self.trials + other.trials,
+            self.remainders + other.remainders,
+            self.frames + other.frames,
         )
+
+    def masked(self, pixels: npt.NDArray[np.bool_]) -> "Sums":
+        """Return the sums of some pixels (H, W), and 0 for the others."""
+        return dataclasses.replace(self, ones=self.ones * pixels, trials=self.trials * pixels)
+
+    def mean_remainders(self) -> npt.NDArray[np.float32]:
+        """Return the mean over the frames of the shift minus the displacement, (2, H, W)."""
+        means = self.remainders / np.float32(max(1, self.frames))
+        pixels = np.repeat(means, _REMAINDER_PIXELS, axis=2)[:, :, : self.ones.shape[1]]
+        return pixels.swapaxes(0, 1)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,20 +100,23 @@ class Blocks:
 
     Parameters
     ----------
-    bits : Bits
-        The burst, (T, H, W).
+    burst : Burst
+        T frames.
     edges : ndarray of int, shape (n + 1,)
         First frame of each block, and the number of frames.
     valid : ndarray of uint8, shape (H, ceil(W / 8)), optional
         Packed mask of the jots that are counted.
     threads : int, optional
         Number of threads.
+    channel : int, optional
+        The channel that is counted. Default: the sum of all channels.
     """
 
-    bits: Bits
+    burst: Burst
     edges: npt.NDArray[np.intp]
-    valid: npt.NDArray[np.uint8] | None
-    threads: int | None
+    valid: npt.NDArray[np.uint8] | None = None
+    threads: int | None = None
+    channel: int | None = None
 
     @property
     def centers(self) -> npt.NDArray[np.float64]:
@@ -79,14 +126,14 @@ class Blocks:
     @property
     def size(self) -> tuple[int, int]:
         """(H, W)."""
-        return self.bits.shape[1], self.bits.shape[2]
+        return self.burst.size
 
-    def count(
-        self,
-        frames: range,
-        fields: tuple[npt.NDArray[np.floating], npt.NDArray[np.floating]],
-        times: tuple[float, float],
-    ) -> Sums:
+    @property
+    def trials(self) -> int:
+        """Number of binary readings behind a count of one frame."""
+        return self.burst.trials // (1 if self.channel is None else self.burst.channels)
+
+    def count(self, frames: range, fields: Fields, times: tuple[float, float]) -> Sums:
         """Return the sums of some frames, whose displacements are linear in time.
 
         Parameters
@@ -98,29 +145,34 @@ class Blocks:
         times : (float, float)
             These times.
         """
-        size = self.size
-        ones, trials = np.zeros((2, *size), np.int32)
-        blocks = -(-size[1] // _REMAINDER_PIXELS)
-        remainders = np.zeros((size[0], 2, blocks), np.float32)
+        sums = Sums.zeros(self.size)
+        self.add(sums, frames, fields, times)
+        return sums
+
+    def add(self, sums: Sums, frames: range, fields: Fields, times: tuple[float, float]) -> None:
+        """Add the counts of some frames to sums, as :meth:`count` counts them."""
         first, last = (np.ascontiguousarray(field, np.float32) for field in fields)
-        tile = None if first.shape[1:] == size else TILE
-        part = self.bits.packed[frames.start : frames.stop, :]
-        fractions = (np.arange(frames.start, frames.stop) - times[0]) / (times[1] - times[0])
-        engine.add_shifted_counts(
-            part,
-            size[1],
-            first,
-            last,
-            tile,
-            fractions.astype(np.float32),
-            self.valid,
-            ones,
-            trials,
-            remainders,
-            self.threads,
-        )
-        counted = trials.astype(np.float32)
-        mean = np.repeat(remainders / np.float32(max(1, len(frames))), _REMAINDER_PIXELS, axis=2)
-        return Sums(
-            ones.astype(np.float32), counted, mean[:, :, : size[1]].swapaxes(0, 1) * counted
-        )
+        for part, planes in self.burst.parts(frames, self.channel):
+            fractions = (np.arange(part.start, part.stop) - times[0]) / (times[1] - times[0])
+            for number, (weight, packed) in enumerate(planes):
+                is_plain = weight == 1 and self.trials == 1
+                target = sums if is_plain else Sums.zeros(self.size)
+                engine.add_shifted_counts(
+                    packed,
+                    self.size[1],
+                    first,
+                    last,
+                    None if first.shape[1:] == self.size else TILE,
+                    fractions.astype(np.float32),
+                    self.valid,
+                    target.ones,
+                    target.trials,
+                    target.remainders,
+                    self.threads,
+                )
+                if not is_plain:
+                    sums.ones += weight * target.ones
+                    if number == 0:
+                        sums.trials += self.trials * target.trials
+                        sums.remainders += target.remainders
+        sums.frames += len(frames)

@@ -1,14 +1,31 @@
 """The motion of a scene: displacements of the centers of tiles at some times."""
 
 import dataclasses
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.tiles import interpolate, tile_counts
+from jotlight.tensors import read_tensors, write_tensors
 
-MODELS = ("none", "affine", "tiles")
-"""Models of motion: nothing moves; a global affine motion; a motion of each tile."""
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MODELS = ("none", "affine", "segments", "tiles")
+"""Models of motion: nothing moves; one affine motion; an affine motion of each segment of the
+scene; and a motion of each tile."""
+
+_FORMAT, _VERSION = "jotlight motion", "1"
+
+_TYPES = {"nodes": "float32", "labels": "uint8", "times": "float64", "information": "float32"}
+"""The arrays of a file and their types."""
+
+_MAX_FIELDS = 256
+"""Maximum number of fields, so that labels are bytes."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -16,71 +33,163 @@ class Motion:
     """The motion of a scene, as seen from a reference time.
 
     The scene point that pixel x shows at the time `reference` is at x + u(x, t) at time t. Times
-    are numbers of frames, and need not be whole.
+    are numbers of frames, and need not be whole. Parts of the scene may move differently, so there
+    are several fields of displacements, and each pixel follows one.
 
     Parameters
     ----------
-    nodes : ndarray of float32, shape (n, 2, rows, columns)
-        u at the centers of tiles of 16 pixels, in rows and columns, at each of the `times`. It is
-        interpolated linearly in space and time, and extrapolated beyond the first and last.
+    nodes : ndarray of float32, shape (m, n, 2, rows, columns)
+        u at the centers of tiles of 16 pixels, in rows and columns, for each field and each of the
+        `times`. It is interpolated linearly in space and time, and extrapolated beyond them.
+    labels : ndarray of uint8, shape (H, W)
+        Index of the field of each jot.
     times : ndarray of float, shape (n,)
         Increasing times in frames.
-    size : (int, int)
-        H and W in jots.
     reference : float
         Time at which u is 0.
-    model : {"none", "affine", "tiles"}
+    model : {"none", "affine", "segments", "tiles"}
         How the motion was estimated.
-    information : ndarray of float32, shape (n, 3, rows, columns)
+    information : ndarray of float32, shape (m, n, 3, rows, columns)
         Information about u of each tile in nats/px²: the entries of the Fisher information for
         rows, for rows and columns, and for columns.
+
+    Raises
+    ------
+    ValueError
+        When the parts do not fit together, or are not finite.
+
+    Examples
+    --------
+    >>> nodes = np.zeros((1, 2, 2, 1, 1), np.float32)
+    >>> nodes[0, 1] = 3
+    >>> information = np.ones((1, 2, 3, 1, 1), np.float32)
+    >>> labels = np.zeros((16, 16), np.uint8)
+    >>> motion = Motion(nodes, labels, np.array([0.0, 6.0]), 0.0, "affine", information)
+    >>> motion.at(2)[:, 4, 4].tolist()  # a third of the way from frame 0 to frame 6
+    [1.0, 1.0]
     """
 
     nodes: npt.NDArray[np.float32]
+    labels: npt.NDArray[np.uint8]
     times: npt.NDArray[np.float64]
-    size: tuple[int, int]
     reference: float
     model: str
     information: npt.NDArray[np.float32]
 
     def __post_init__(self) -> None:
         nodes, times = self.nodes, self.times
-        shape = (len(times), 2, *tile_counts(self.size))
-        if nodes.shape != shape or len(times) < 2:
+        if self.labels.ndim != 2 or self.labels.dtype != np.uint8 or self.labels.size == 0:
             raise ValueError(
-                f"nodes: expected shape (n, 2, rows, columns) = {shape} with two times or more, "
+                "labels: expected an array (H, W) of uint8, got "
+                f"{self.labels.dtype} of shape {self.labels.shape}"
+            )
+        shape = (nodes.shape[0], len(times), 2, *tile_counts(self.size))
+        if nodes.shape != shape or len(times) < 2 or not 1 <= len(nodes) <= _MAX_FIELDS:
+            raise ValueError(
+                f"nodes: expected shape (m, n, 2, rows, columns) = {shape} with two times or more, "
                 f"got {nodes.shape}"
             )
-        if self.information.shape != (shape[0], 3, *shape[2:]):
+        if self.labels.max() >= len(nodes):
             raise ValueError(
-                f"information: expected shape {(shape[0], 3, *shape[2:])}, "
-                f"got {self.information.shape}"
+                f"labels: expected indices below {len(nodes)}, got up to {self.labels.max()}"
             )
-        if not (np.diff(times) > 0).all() or not np.isfinite(times).all():
+        expected = (*shape[:2], 3, *shape[3:])
+        if self.information.shape != expected:
+            raise ValueError(
+                f"information: expected shape {expected}, got {self.information.shape}"
+            )
+        if not np.isfinite(times).all() or not (np.diff(times) > 0).all():
             raise ValueError("times: expected finite numbers that increase")
         if not np.isfinite(nodes).all() or not np.isfinite(self.information).all():
             raise ValueError("nodes and information: expected finite numbers")
+        if not np.isfinite(self.reference):
+            raise ValueError(f"reference: expected a finite time, got {self.reference}")
         if self.model not in MODELS:
             raise ValueError(f"model: expected one of {', '.join(MODELS)}, got {self.model!r}")
 
+    @property
+    def size(self) -> tuple[int, int]:
+        """H and W in jots."""
+        height, width = self.labels.shape
+        return height, width
+
     def nodes_at(self, time: float) -> npt.NDArray[np.float32]:
-        """Return u at the centers of the tiles at a time, (2, rows, columns)."""
-        index = self.interval(time)
-        first, last = self.times[index], self.times[index + 1]
-        fraction = np.float32((time - first) / (last - first))
-        change = self.nodes[index + 1] - self.nodes[index]
-        return np.asarray(self.nodes[index] + fraction * change)
+        """Return u at the centers of the tiles at a time, (m, 2, rows, columns)."""
+        last = len(self.times) - 2
+        index = int(np.clip(np.searchsorted(self.times, time, "right") - 1, 0, last))
+        before, after = self.times[index], self.times[index + 1]
+        fraction = np.float32((time - before) / (after - before))
+        change = self.nodes[:, index + 1] - self.nodes[:, index]
+        return np.asarray(self.nodes[:, index] + fraction * change)
 
     def at(self, time: float) -> npt.NDArray[np.float32]:
-        """Return u of each pixel at a time, (2, H, W): rows and columns in pixels."""
-        return interpolate(self.nodes_at(time), self.size)
+        """Return u of each jot at a time, (2, H, W): rows and columns in pixels."""
+        fields = [interpolate(nodes, self.size) for nodes in self.nodes_at(time)]
+        return np.choose(self.labels, fields) if len(fields) > 1 else fields[0]
 
-    def interval(self, time: float) -> int:
-        """Return the index of the time before, of the two from which u is interpolated."""
-        return int(np.clip(np.searchsorted(self.times, time, "right") - 1, 0, len(self.times) - 2))
+    def seen_from(self, time: float) -> "Motion":
+        """Return the same motion as seen from another reference time.
+
+        Examples
+        --------
+        >>> nodes = np.zeros((1, 2, 2, 1, 1), np.float32)
+        >>> nodes[0, 1] = 3
+        >>> parts = np.ones((1, 2, 3, 1, 1), np.float32)
+        >>> labels = np.zeros((16, 16), np.uint8)
+        >>> motion = Motion(nodes, labels, np.array([0.0, 6.0]), 0.0, "affine", parts)
+        >>> motion.seen_from(6).at(0)[:, 4, 4].tolist()
+        [-3.0, -3.0]
+        """
+        from jotlight.motion.reference import move_labels, move_nodes
+
+        now = self.nodes_at(time)
+        nodes = np.stack([move_nodes(*pair) for pair in zip(self.nodes, now, strict=True)])
+        labels = move_labels(self.labels, now)
+        return dataclasses.replace(self, nodes=nodes, labels=labels, reference=time)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the motion to a `.safetensors` file."""
+        tensors = {
+            name: np.ascontiguousarray(getattr(self, name), dtype) for name, dtype in _TYPES.items()
+        }
+        other = {"reference": json.dumps(float(self.reference)), "model": self.model}
+        write_tensors(path, tensors, {"format": _FORMAT, "version": _VERSION, **other})
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Return the motion in a file that :meth:`save` wrote. No code in the file is executed.
+
+        Raises
+        ------
+        OSError
+            When the file does not exist.
+        ValueError
+            When it is not a file of a motion, or is damaged.
+        """
+        path = Path(path)
+        if not path.is_file():
+            raise FileNotFoundError(f"there is no file {path} of a motion")
+        tensors, metadata = read_tensors(path, _FORMAT, _VERSION)
+        try:
+            for name, dtype in _TYPES.items():
+                if tensors[name].dtype != dtype:
+                    raise ValueError(f"{name}: expected {dtype}, got {tensors[name].dtype}")
+            return cls(
+                **{name: tensors[name] for name in _TYPES},
+                reference=float(json.loads(metadata["reference"])),
+                model=metadata["model"],
+            )
+        except (KeyError, TypeError, ValueError, RecursionError, IndexError) as error:
+            raise ValueError(f"{path}: damaged file of a motion: {error}") from error
+
+    def plot(self) -> "Figure":
+        """Return a figure of the displacements over time, and of where the scene moves how."""
+        from jotlight.motion.figure import draw_motion
+
+        return draw_motion(self)
 
     def __repr__(self) -> str:
-        longest = float(np.sqrt((self.nodes**2).sum(axis=1)).max())
+        longest = float(np.sqrt((self.nodes**2).sum(axis=2)).max())
         size = " x ".join(map(str, self.size))
         return (
             f"<Motion: {self.model}, {size} jots, {len(self.times)} times from "

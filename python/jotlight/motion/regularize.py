@@ -14,8 +14,11 @@ from jotlight.motion.tiles import affine_basis
 
 Array = npt.NDArray[np.float64]
 
-_ROBUST_ROUNDS = 4
+_ROBUST_ROUNDS = 5
 """Number of rounds that reweight the tiles of an affine fit."""
+
+_PRIOR = 1e-2
+"""Information that is added to the coefficients of an affine fit."""
 
 _MIN_SCALE = 9.0
 """Squared deviation, in variances, at which the weight of a tile is a quarter."""
@@ -50,30 +53,49 @@ class Equations:
         )
 
 
-def fit_affine(equations: Equations, prior: float = 1e-2) -> Array:
-    """Return the affine displacement errors, (2, rows, columns), that fit most tiles.
+def fit_affine(equations: Equations, weights: Array) -> tuple[Array, Array]:
+    """Return the affine displacement errors of a segment, and the information about them.
 
-    Tiles that deviate, such as those of moving objects, get small weights: (1 + q/c)⁻² with the
-    squared deviation q in units of its variance, and c = max(9, 2 median q).
+    Tiles that deviate, such as those of other objects, get small weights: (1 + q/c)⁻² with the
+    squared deviation q in units of its variance, and c = max(9, 2 median q). The first weights are
+    those of the deviations from 0, because the segment is known to move about as predicted.
+
+    Parameters
+    ----------
+    equations : Equations
+        Normal equations of all tiles.
+    weights : ndarray of float, shape (rows, columns)
+        Fraction of each tile that belongs to the segment.
+
+    Returns
+    -------
+    errors : ndarray of float, shape (2, rows, columns)
+        Displacement errors.
+    information : ndarray of float, shape (6, 6)
+        Information about the coefficients of :func:`jotlight.motion.tiles.affine_basis`, first for
+        rows and then for columns.
     """
     shape = equations.right.shape[1:]
     basis = affine_basis((shape[0], shape[1]))
     information, right = equations.information.reshape(3, -1), equations.right.reshape(2, -1)
     own = _solve_each(information, right)
-    weights = np.ones(right.shape[1])
+    belongs = weights.ravel()
+    inside = belongs > 0
+    errors = np.zeros_like(own)
     for _ in range(_ROBUST_ROUNDS):
-        a, b, c = (basis.T @ (entry * weights * basis.T).T for entry in information)
-        matrix = np.block([[a, b], [b, c]]) + prior * np.eye(6)
-        parameters = np.linalg.solve(matrix, (right * weights @ basis).ravel())
-        errors = parameters.reshape(2, 3) @ basis.T
         deviation = own - errors
         squared = (
             information[0] * deviation[0] ** 2
             + 2 * information[1] * deviation[0] * deviation[1]
             + information[2] * deviation[1] ** 2
         )
-        weights = (1 + squared / max(_MIN_SCALE, 2 * float(np.median(squared)))) ** -2.0
-    return errors.reshape(2, *shape)
+        scale = max(_MIN_SCALE, 2 * float(np.median(squared[inside]) if inside.any() else 0))
+        trust = belongs * (1 + squared / scale) ** -2.0
+        a, b, c = (basis.T @ (entry * trust * basis.T).T for entry in information)
+        matrix = np.block([[a, b], [b, c]])
+        coefficients = np.linalg.solve(matrix + _PRIOR * np.eye(6), (right * trust @ basis).ravel())
+        errors = coefficients.reshape(2, 3) @ basis.T
+    return errors.reshape(2, *shape), matrix
 
 
 def _solve_each(information: Array, right: Array) -> Array:
@@ -165,13 +187,6 @@ def _laplacian(neighbors: tuple[npt.NDArray[np.intp], ...], weights: Array) -> A
     rows = np.concatenate([first, second, first, second])
     columns = np.concatenate([first, second, second, first])
     return coo_array((values, (rows, columns)), shape=(size, size)).tocsr()
-
-
-def nearest_affine(field: Array) -> Array:
-    """Return the affine field that is closest to most tiles of a field, (2, rows, columns)."""
-    flat = field.reshape(2, -1)
-    basis = affine_basis((field.shape[1], field.shape[2]))
-    return _robust_affine(basis, flat, np.ones(flat.shape[1])).reshape(field.shape)
 
 
 def _robust_affine(basis: Array, field: Array, trust: Array) -> Array:

@@ -6,9 +6,10 @@ import functools
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.blocks import Sums
+import jotlight._engine as engine
+from jotlight.estimators.trial_levels import fill_from_nearest
+from jotlight.motion.blocks import Counts, Sums
 from jotlight.motion.regularize import Equations
-from jotlight.motion.tiles import sum_tiles
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, FOLDER, MAX_TRIALS
 
@@ -17,19 +18,38 @@ Image = npt.NDArray[np.float32]
 _MIN_PROBABILITY = 1e-4
 """Smallest distance of a probability of the template from 0 and from 1."""
 
-_SHARE_OF_TEMPLATE = 0.25
-"""Variance of the template of D_R trials, in units of that of the raw fraction of ones."""
-
 _DERIVATIVE = np.array([-1 / 60, 3 / 20, -3 / 4, 0, 3 / 4, -3 / 20, 1 / 60], np.float32)
 """Weights of the pixels whose sum is the derivative, exact for polynomials of degree 6."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Template:
-    """The probability of a one at each pixel at the reference time, and its number of trials."""
+    """The probability of a one at each pixel at the reference time, and its number of trials.
+
+    Parameters
+    ----------
+    probability : ndarray of float32, shape (H, W)
+        p, above 0 and below 1.
+    trials : ndarray of int32, shape (H, W)
+        D_R.
+    threads : int, optional
+        Number of threads of the functions that use the template.
+    """
 
     probability: Image
-    trials: Image
+    trials: Counts
+    threads: int | None = None
+    _filtered: dict[float, engine.FilteredTemplate] = dataclasses.field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+
+    def filtered(self, sigma: float) -> engine.FilteredTemplate:
+        """Return the template after a Gaussian filter. Each width is computed only once."""
+        if sigma not in self._filtered:
+            self._filtered[sigma] = engine.FilteredTemplate(
+                self.probability, self.trials, sigma, self.threads
+            )
+        return self._filtered[sigma]
 
 
 def blur(image: npt.NDArray[np.floating], sigma: float) -> Image:
@@ -58,26 +78,18 @@ def _network() -> Network:
     return Network.load(FOLDER / f"{CONDITIONAL_SIZE}.safetensors")
 
 
-def variance_per_trial(p: Image, trials: Image, template: Template) -> Image:
-    """Return the variance of a residual per trial, which includes the noise of the template."""
-    share = _SHARE_OF_TEMPLATE * trials / np.maximum(template.trials, 1)
-    return np.asarray(p * (1 - p) * (1 + share), np.float32)
-
-
 def make_template(sums: Sums, threads: int | None) -> Template:
     """Return the template of sums: the fraction of ones, denoised by the K-conditioned network."""
-    fraction = sums.ones / np.maximum(sums.trials, 1)
-    valid = sums.trials[sums.trials > 0]
-    trials = int(np.clip(np.median(valid) if valid.size else 1, 1, MAX_TRIALS))
-    probability = _network().denoise_probability(
-        fraction.astype(np.float32), trials, threads=threads
-    )
+    known = sums.trials > 0
+    fraction = fill_from_nearest(sums.ones / np.maximum(sums.trials, 1), known)
+    trials = int(np.clip(np.median(sums.trials[known]) if known.any() else 1, 1, MAX_TRIALS))
+    probability = _network().denoise_probability(fraction, trials, threads=threads)
     # The remainders have shifted the ones on average. This removes the shift to first order.
     rows, columns = gradient(probability)
-    shifted = sums.remainders[0] * rows + sums.remainders[1] * columns
-    probability = probability - shifted / np.maximum(sums.trials, 1)
+    remainders = sums.mean_remainders()
+    probability = probability - remainders[0] * rows - remainders[1] * columns
     clipped = np.clip(probability, _MIN_PROBABILITY, 1 - _MIN_PROBABILITY)
-    return Template(clipped.astype(np.float32), sums.trials)
+    return Template(clipped.astype(np.float32), sums.trials, threads)
 
 
 def normal_equations(sums: Sums, template: Template, sigma: float) -> Equations:
@@ -93,15 +105,19 @@ def normal_equations(sums: Sums, template: Template, sigma: float) -> Equations:
     template : Template
         p and D_R of the template.
     sigma : float
-        Standard deviation of the filter in pixels.
+        Standard deviation of the filter in pixels, above 0 and at most 100.
+
+    Raises
+    ------
+    ValueError
+        When the shapes do not match, or a value is outside its range.
     """
-    p = blur(template.probability, sigma)
-    rows, columns = gradient(p)
-    ones, trials, rounded_rows, rounded_columns = blur(
-        np.stack([sums.ones, sums.trials, *sums.remainders]), sigma
+    information, right = engine.displacement_equations(
+        template.filtered(sigma),
+        sums.ones,
+        sums.trials,
+        sums.remainders,
+        sums.frames,
+        template.threads,
     )
-    residual = ones - trials * p - rows * rounded_rows - columns * rounded_columns
-    weight = (sums.trials > 0) / variance_per_trial(p, sums.trials, template)
-    information = weight * sums.trials * np.stack([rows * rows, rows * columns, columns * columns])
-    right = weight * residual * np.stack([rows, columns])
-    return Equations(sum_tiles(information), sum_tiles(right))
+    return Equations(information, right)

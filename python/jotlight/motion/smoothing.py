@@ -11,47 +11,53 @@ _ORDER = 3
 _PENALTIES = np.logspace(-3, 8, 56)
 """Weights of the squared differences, among which one is selected."""
 
-_TOLERANCE = 1.5
+_TOLERANCE = 1.3
 """Maximum ratio of the squared residuals of the curve to those of noise."""
 
 
-def smoothing_weights(series: Array, variances: Array, place: float) -> Array:
-    """Return weights w for which w · y is the value of a smooth curve through y at a place.
+def smoothing_matrix(series: Array, information: Array) -> Array:
+    """Return the matrix S, (n, n), for which S y is a smooth curve through y.
 
     The curve is as smooth as possible, as long as its residuals are like noise.
 
     Parameters
     ----------
     series : ndarray of float, shape (n, m)
-        m series of n values at the places 0, 1, ..., n - 1.
-    variances : ndarray of float, shape (m,)
-        Variance of the noise of each series.
-    place : float
-        Place from 0 to n - 1. Between whole numbers, the curve is interpolated by a cubic.
+        m series of n values, in units in which their information is equal.
+    information : ndarray of float, shape (n,)
+        Inverse variance of the values in each row.
 
     Examples
     --------
     >>> line = np.arange(9.0)[:, None]
-    >>> round(float(smoothing_weights(line, np.ones(1), 4.25) @ line[:, 0]), 6)
-    4.25
+    >>> (smoothing_matrix(line, np.ones(9)) @ line)[:, 0].round(6).tolist()
+    [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]
     """
     number = len(series)
-    differences = np.diff(np.eye(number), _ORDER, axis=0)
-    # All smoothing matrices have the same eigenvectors.
+    roots = np.sqrt(np.maximum(information, 1e-6 * information.max() + 1e-30))
+    differences = np.diff(np.eye(number), _ORDER, axis=0) / roots
+    # All smoothing matrices have the same eigenvectors in these units.
     values, vectors = np.linalg.eigh(differences.T @ differences)
-    rotated = (vectors.T @ series) ** 2 / variances
+    values = np.maximum(values, 0) * (roots**2).mean()
+    rotated = (vectors.T @ (roots[:, None] * series)) ** 2
     kept = np.ones(number)
     for penalty in _PENALTIES:
-        removed = 1 - 1 / (1 + penalty * np.maximum(values, 0))
+        removed = 1 - 1 / (1 + penalty * values)
         noise = series.shape[1] * (removed**2).sum()
         if (removed[:, None] ** 2 * rotated).sum() > _TOLERANCE * noise:
             break
         kept = 1 - removed
-    return np.asarray(_cubic_weights(number, place) @ (vectors * kept) @ vectors.T)
+    return np.asarray((vectors * kept) @ vectors.T * roots / roots[:, None])
 
 
-def _cubic_weights(number: int, place: float) -> Array:
-    """Return the weights of the four nearest of `number` values, for a cubic through them."""
+def cubic_weights(number: int, place: float) -> Array:
+    """Return the weights of `number` values whose sum is a cubic through the four nearest.
+
+    Examples
+    --------
+    >>> round(float(cubic_weights(8, 2.5) @ np.arange(8) ** 3), 6)
+    15.625
+    """
     first = int(np.clip(np.floor(place) - 1, 0, max(0, number - 4)))
     nearest = np.arange(first, min(first + 4, number))
     weights = np.zeros(number)

@@ -74,3 +74,34 @@ def interpolate(nodes: npt.NDArray[np.floating], size: tuple[int, int]) -> npt.N
         first = values.take(index, axis)
         values = first + fraction * (values.take(np.minimum(index + 1, tiles - 1), axis) - first)
     return np.ascontiguousarray(values)
+
+
+def interpolate_at(
+    nodes: npt.NDArray[np.float32], places: npt.NDArray[np.float32]
+) -> npt.NDArray[np.float32]:
+    """Return the displacements (2, ...) at places (2, ...) in pixels, as :func:`interpolate` does.
+
+    Examples
+    --------
+    >>> nodes = np.zeros((2, 1, 2), np.float32)
+    >>> nodes[1, 0] = 0, 16
+    >>> interpolate_at(nodes, np.array([[0.0], [8.5]], np.float32)).ravel().tolist()
+    [0.0, 1.0]
+    """
+    index, fraction = [], []
+    for place, tiles in zip(places, nodes.shape[1:], strict=True):
+        position = (place - (TILE - 1) / 2) / TILE
+        first = np.clip(np.floor(position), 0, max(0, tiles - 2)).astype(int)
+        index.append((first, np.minimum(first + 1, tiles - 1)))
+        fraction.append((position - first).astype(np.float32))
+    (top, bottom), (left, right) = index
+    above = nodes[:, top, left] + fraction[1] * (nodes[:, top, right] - nodes[:, top, left])
+    below = nodes[:, bottom, left] + fraction[1] * (
+        nodes[:, bottom, right] - nodes[:, bottom, left]
+    )
+    return np.asarray(above + fraction[0] * (below - above), np.float32)
+
+
+def mean_tiles(values: npt.NDArray[np.floating]) -> Array:
+    """Return the means over tiles, (..., rows, columns), of images (..., H, W)."""
+    return sum_tiles(values) / sum_tiles(np.ones(values.shape[-2:]))

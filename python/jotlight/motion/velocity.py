@@ -1,90 +1,163 @@
-"""The velocity of a whole image, from the correlations of short blocks of frames.
+"""Velocities in a scene, from the correlations of short blocks of frames.
 
 Two blocks of dim frames hardly correlate. The correlations of all pairs of blocks together do: if
-the scene moves at the velocity v, those of pairs that are n frames apart have their peaks at n v.
+something moves at the velocity v, those of pairs that are n frames apart have their peaks at n v.
+Parts of the scene may have different velocities, so they are correlated in windows.
 """
+
+from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.sensing.bits import Bits
+from jotlight.motion.burst import Burst
 
 Array = npt.NDArray[np.float64]
+Images = npt.NDArray[np.float32]
 
 _MAX_BLOCKS = 32
 """Maximum number of blocks that are correlated."""
 
-_MAX_LAG = 12
-"""Maximum distance in blocks of a pair."""
+_LAGS = (1, 2, 3, 4, 6, 8, 12, 16)
+"""Distances in blocks of the pairs that are correlated."""
 
-_MAX_VELOCITY = 2.0
-"""Maximum velocity in pixels per frame, in each direction."""
+_WINDOW, _STRIDE = 96, 64
+"""Width of a window, and maximum distance of neighboring windows, in pixels."""
 
-_BAND = 1.0, 16.0
+_RANGE = 0.45
+"""Maximum displacement between two blocks, as a fraction of the width of a window."""
+
+_BAND = 1.0, 12.0
 """Standard deviations of the filters between which details are correlated, in pixels."""
 
+_MIN_PEAK = 3.0
+"""Minimum height of a peak, in standard deviations of the scores."""
 
-def find_velocity(bits: Bits, reference: int, length: int, threads: int | None) -> Array:
-    """Return the velocity around a reference time in pixels per frame, (2,).
+_MAX_PEAKS = 3
+"""Maximum number of velocities for each length of the blocks."""
+
+_EXPLAINED = 0.7
+"""A velocity explains a window if it has this fraction of the window's best score."""
+
+
+def find_velocities(burst: Burst, reference: int, threads: int | None) -> Array:
+    """Return the velocities that occur around a reference time, (n, 2), in pixels per frame.
+
+    The first one is 0. Long blocks show slow motions best, and short ones fast motions.
 
     Parameters
     ----------
-    bits : Bits
-        The burst, (T, H, W).
+    burst : Burst
+        T frames.
     reference : int
         The time between the two middle blocks.
-    length : int
-        Number of frames in a block.
     threads : int, optional
         Number of threads.
     """
-    from scipy.ndimage import map_coordinates
+    found = [np.zeros(2)]
+    available = min(reference, len(burst) - reference)
+    length = max(1, 2 * available // _MAX_BLOCKS)
+    while available > 0:
+        blocks = _count_blocks(burst, reference, length, threads)
+        for velocity in _peaks(blocks, length):
+            difference = np.stack(found) - velocity
+            if (np.hypot(*difference.T) * length * len(blocks) > 2).all():
+                found.append(velocity)
+        if length == 1:
+            break
+        length //= 2
+    return np.stack(found)
 
-    spectra = _spectra(bits, reference, length, threads)
-    lags = range(1, min(_MAX_LAG, len(spectra) - 1) + 1)
-    # At the largest lag, neighboring velocities are half a pixel apart.
-    step = 1 / (2 * length * max(lags, default=1))
-    line = np.arange(-_MAX_VELOCITY, _MAX_VELOCITY + step / 2, step)
-    velocities = np.stack(np.meshgrid(line, line, indexing="ij"))
-    score = np.zeros(velocities.shape[1:])
-    for lag in lags:
-        correlation = _correlate(spectra, lag, bits.shape[1:3])
-        score += map_coordinates(correlation, velocities * length * lag, order=1, mode="grid-wrap")
-    return np.asarray(velocities.reshape(2, -1)[:, int(np.argmax(score))])
+
+def _count_blocks(burst: Burst, reference: int, length: int, threads: int | None) -> Images:
+    """Return the counts of blocks of frames around a time, (n, H, W)."""
+    number = min(_MAX_BLOCKS, 2 * (min(reference, len(burst) - reference) // length))
+    start = reference - number // 2 * length
+    starts = range(start, start + number * length, length)
+    counts = [burst.counts(range(first, first + length), threads) for first in starts]
+    return np.stack(counts).astype(np.float32)
 
 
-def _spectra(
-    bits: Bits, reference: int, length: int, threads: int | None
-) -> list[npt.NDArray[np.complex64]]:
-    """Return the band-passed Fourier transforms of the counts of blocks around a time."""
+def _peaks(blocks: Images, length: int) -> Iterator[Array]:
+    """Yield the velocities of the windows: the best one, then the best of the other windows."""
+    lags = [lag for lag in _LAGS if lag < len(blocks)]
+    if not lags:
+        return
+    windows = list(_windows(blocks))
+    width = min(min(window.shape[1:]) for window in windows)
+    steps = int(_RANGE * width)
+    line = np.arange(-steps, steps + 1) / (length * lags[-1])
+    scores = np.stack([_scores(window, lags, line * length) for window in windows])
+    active = np.ones(len(scores), bool)
+    best = scores.reshape(len(scores), -1).max(axis=1)
+    for _ in range(_MAX_PEAKS):
+        total = scores[active].sum(axis=0)
+        row, column = np.unravel_index(int(np.argmax(total)), total.shape)
+        is_inside = 0 < row < len(line) - 1 and 0 < column < len(line) - 1
+        if total[row, column] - total.mean() < _MIN_PEAK * total.std():
+            return
+        if is_inside:
+            yield np.array([line[row], line[column]])
+        active &= scores[:, row, column] < _EXPLAINED * best
+        if not active.any():
+            return
+
+
+def _windows(blocks: Images) -> Iterator[Images]:
+    """Yield parts of the blocks that overlap, (n, h, w)."""
+    rows, columns = (_starts(length) for length in blocks.shape[1:])
+    for row in rows:
+        for column in columns:
+            yield blocks[:, row : row + _WINDOW, column : column + _WINDOW]
+
+
+def _starts(length: int) -> list[int]:
+    number = 1 + max(0, -(-(length - _WINDOW) // _STRIDE))
+    return [round(start) for start in np.linspace(0, max(0, length - _WINDOW), number)]
+
+
+def _scores(window: Images, lags: list[int], line: Array) -> npt.NDArray[np.float32]:
+    """Return the scores of displacements per block, in units of the noise of the correlations.
+
+    Parameters
+    ----------
+    window : ndarray of float32, shape (n, h, w)
+        Counts of the blocks.
+    lags : list of int
+        Distances of the pairs.
+    line : ndarray of float, shape (m,)
+        Displacements per block, in rows and in columns.
+    """
     from scipy import fft
 
-    frames, height, width = bits.shape
-    number = min(_MAX_BLOCKS, 2 * (min(reference, frames - reference) // length))
-    start = reference - number // 2 * length
-    window = (np.hanning(height)[:, None] * np.hanning(width)).astype(np.float32)
+    _, height, width = window.shape
+    taper = (np.hanning(height)[:, None] * np.hanning(width)).astype(np.float32)
     squared = (2 * np.pi * fft.fftfreq(height)[:, None]) ** 2
     squared = squared + (2 * np.pi * fft.rfftfreq(width)) ** 2
     fine, coarse = (np.exp(-squared * sigma**2 / 2) for sigma in _BAND)
     band = (fine - coarse).astype(np.float32)
-    spectra = []
-    for first in range(start, start + number * length, length):
-        counts = bits[first : first + length].counts(1, threads=threads).astype(np.float32)
-        spectra.append(fft.rfft2((counts - counts.mean()) * window) * band)
-    return spectra
+    mean = window.mean(axis=(1, 2), keepdims=True)
+    spectra = fft.rfft2((window - mean) * taper) * band
+    total = np.zeros((len(line), len(line)), np.float32)
+    for lag in lags:
+        cross = (np.conj(spectra[:-lag]) * spectra[lag:]).sum(axis=0)
+        magnitude = abs(cross)
+        # The root is between correlation, whose peaks are wide, and phase correlation.
+        cross /= np.sqrt(magnitude + 1e-9 * magnitude.max() + 1e-30)
+        correlation = fft.irfft2(cross, s=(height, width))
+        correlation /= max(float(correlation.std()), 1e-30)
+        rows, columns = (_interpolation(lag * line, size) for size in (height, width))
+        total += rows @ correlation @ columns.T
+    return total
 
 
-def _correlate(
-    spectra: list[npt.NDArray[np.complex64]], lag: int, size: tuple[int, ...]
-) -> npt.NDArray[np.float32]:
-    """Return the correlation of all pairs of blocks that are `lag` blocks apart, in its noise."""
-    from scipy import fft
-
-    cross = np.zeros_like(spectra[0])
-    for first, second in zip(spectra[:-lag], spectra[lag:], strict=True):
-        cross += np.conj(first) * second
-    magnitude = np.abs(cross)
-    # The root is between correlation, whose peaks are wide, and phase correlation.
-    cross /= np.sqrt(magnitude + 1e-9 * magnitude.max() + 1e-30)
-    correlation = fft.irfft2(cross, s=size)
-    return np.asarray(correlation / max(float(correlation.std()), 1e-30))
+def _interpolation(places: Array, size: int) -> npt.NDArray[np.float32]:
+    """Return the matrix that interpolates `size` periodic values at the places, linearly."""
+    wrapped = np.mod(places, size)
+    index = np.floor(wrapped).astype(int)
+    fraction = wrapped - index
+    matrix = np.zeros((len(places), size), np.float32)
+    rows = np.arange(len(places))
+    np.add.at(matrix, (rows, index % size), 1 - fraction)
+    np.add.at(matrix, (rows, (index + 1) % size), fraction)
+    return matrix

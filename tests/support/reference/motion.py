@@ -1,6 +1,9 @@
 """Slow twins of the motion functions of the engine, in NumPy."""
 
 import numpy as np
+from scipy.ndimage import correlate1d, gaussian_filter, uniform_filter
+
+DERIVATIVE = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60
 
 
 def interpolate_tiles(nodes, tile, size):
@@ -40,3 +43,45 @@ def shifted_counts(bits, first, last, tile, times, valid=None):
             mean = remainder[:, :, 16 * block : 16 * block + 16].mean(axis=2)
             remainders[:, :, block] += mean.T
     return ones, trials, remainders
+
+
+def sum_tiles(values):
+    """Return the sums over tiles of 16 pixels, (..., rows, columns), of images (..., H, W)."""
+    for axis in (-2, -1):
+        values = np.add.reduceat(values, np.arange(0, values.shape[axis], 16), axis=axis)
+    return values
+
+
+def variance_per_trial(p, trials, trials_of_template):
+    """Return the variance of a residual per trial, which includes the noise of the template."""
+    return p * (1 - p) * (1 + 0.25 * trials / np.maximum(trials_of_template, 1))
+
+
+def normal_equations(sums, probability, trials_of_template, sigma):
+    """Return A (3, rows, columns) and b (2, rows, columns) of the displacement errors of tiles."""
+
+    def blur(image):
+        return gaussian_filter(image.astype(float), sigma, mode="reflect", truncate=3.0)
+
+    p = blur(probability)
+    rows, columns = (correlate1d(p, DERIVATIVE, axis, mode="reflect") for axis in (0, 1))
+    means = np.repeat(sums.remainders / max(sums.frames, 1), 16, axis=2)[:, :, : p.shape[1]]
+    along_rows, along_columns = (blur(means[:, axis] * sums.trials) for axis in (0, 1))
+    residual = blur(sums.ones) - blur(sums.trials) * p - rows * along_rows - columns * along_columns
+    weight = (sums.trials > 0) / variance_per_trial(p, sums.trials, trials_of_template)
+    information = weight * sums.trials * np.stack([rows * rows, rows * columns, columns * columns])
+    right = weight * residual * np.stack([rows, columns])
+    return sum_tiles(information), sum_tiles(right)
+
+
+def chi_squared(ones, trials, p, trials_of_template):
+    """Return χ² of each pixel, which is about 1 if the counts agree with the template."""
+
+    def box(image, width):
+        return uniform_filter(image.astype(float), width, mode="reflect") * width**2
+
+    variance = trials * variance_per_trial(p.astype(float), trials, trials_of_template)
+    residual = ones - trials * p.astype(float)
+    ratio = box(residual, 3) ** 2 / np.maximum(box(variance, 3), 1e-3)
+    counted = trials > 0
+    return (box(ratio * counted, 9) + 1) / (box(counted, 9) + 1)

@@ -6,10 +6,19 @@
 //! independent. The *shift* is the rounded displacement, and the *remainder* is the difference
 //! between shift and displacement.
 
+mod chi_squared;
+mod equations;
 mod field;
+mod filter;
 mod row;
 mod row_counter;
 mod shifted_counts;
+mod sums;
+mod template;
 
+pub use chi_squared::{Comparison, chi_squared};
+pub use equations::{Equations, TILE, normal_equations};
 pub use field::{Displacements, Field};
 pub use shifted_counts::{BLOCK, ShiftedCounts, add_shifted_counts};
+pub use sums::Sums;
+pub use template::Template;

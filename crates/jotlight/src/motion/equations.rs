@@ -1,0 +1,180 @@
+//! The normal equations of the displacement errors of all tiles.
+
+use ndarray::{Array3, ArrayView1};
+use rayon::prelude::*;
+
+use super::filter::{filter_twice, reflect, values};
+use super::shifted_counts::BLOCK;
+use super::sums::Sums;
+use super::template::{SHARE_OF_TEMPLATE, Template};
+use crate::cpu::levels;
+use crate::error::Result;
+use crate::interrupt;
+
+/// The width of a tile in pixels.
+pub const TILE: usize = 16;
+
+/// The number of sums of a tile: three of A, and two of b.
+const SUMS: usize = 5;
+
+/// The normal equations A e = b of the displacement errors e of all tiles.
+#[derive(Clone, Debug)]
+pub struct Equations {
+    /// A, `(3, rows, columns)`: the entries for rows, for rows and columns, and for columns.
+    pub information: Array3<f64>,
+    /// b, `(2, rows, columns)`: for rows and columns.
+    pub right: Array3<f64>,
+}
+
+/// Return the normal equations of the displacement errors of a block of frames.
+///
+/// The ones N of the block are expected to be D p(x + e), with the filtered probabilities p of the
+/// template. With the filter G, g = ∇p, and the sums m of the remainders, the residual counts are
+/// ρ = G N − (G D) p − g · G m, and their weights are w = 1/\[p(1 − p)(1 + ¼ D/D_R)\], or 0 where D
+/// is 0. The equations are A = Σ w D g gᵀ and b = Σ w ρ g, summed over tiles of [`TILE`] pixels.
+///
+/// # Errors
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if a number of ones
+/// is not from 0 to that of trials, or a remainder is not finite.
+pub fn normal_equations(template: &Template, sums: Sums<'_>) -> Result<Equations> {
+    sums.check(template.size)?;
+    let (rows, columns) = template.size;
+    let tiles = (rows.div_ceil(TILE), columns.div_ceil(TILE));
+    let mut rows_of_tiles = vec![vec![[0.0; SUMS]; tiles.1]; tiles.0];
+    rows_of_tiles
+        .par_iter_mut()
+        .enumerate()
+        .for_each(|(index, out)| {
+            if !interrupt::is_requested() {
+                add_row_of_tiles(template, sums, index, out);
+            }
+        });
+    let entries = |first: usize, number| {
+        Array3::from_shape_fn((number, tiles.0, tiles.1), |(entry, row, column)| {
+            rows_of_tiles[row][column][first + entry]
+        })
+    };
+    Ok(Equations {
+        information: entries(0, 3),
+        right: entries(3, 2),
+    })
+}
+
+levels! {
+    /// Add the sums of a row of tiles to `out`.
+    fn add_row_of_tiles(
+        template: &Template, sums: Sums<'_>, index: usize, out: &mut [[f64; SUMS]],
+    ) = add_row_of_tiles_inlined;
+}
+
+#[inline(always)]
+fn add_row_of_tiles_inlined(
+    template: &Template,
+    sums: Sums<'_>,
+    index: usize,
+    out: &mut [[f64; SUMS]],
+) {
+    let (size, stride, radius) = (template.size, template.stride, template.taps.len() / 2);
+    let first = index * TILE;
+    let rows = TILE.min(size.0 - first);
+    let planes = gather(sums, first, rows, radius, stride);
+    let filtered = planes.each_ref().map(|plane| {
+        let mut out = vec![0.0; rows * stride];
+        filter_twice(plane, &template.taps, &mut out, size.1);
+        out
+    });
+    let mut lanes = vec![[[0.0; TILE]; SUMS]; out.len()];
+    for row in 0..rows {
+        let trials = &planes[1][(row + radius) * stride..][..stride];
+        let start = (first + row) * stride;
+        let of_template = [
+            &template.probability,
+            &template.gradient[0],
+            &template.gradient[1],
+            &template.trials,
+        ]
+        .map(|plane| &plane[start..][..stride]);
+        for (tile, lanes) in lanes.iter_mut().enumerate() {
+            let part = |plane: &[f32]| -> [f32; TILE] {
+                std::array::from_fn(|lane| plane[tile * TILE..][..TILE][lane])
+            };
+            let filtered = filtered
+                .each_ref()
+                .map(|plane| part(&plane[row * stride..]));
+            add_pixels(lanes, of_template.map(part), part(trials), &filtered);
+        }
+    }
+    for (out, lanes) in out.iter_mut().zip(&lanes) {
+        *out = lanes.map(|sums| sums.iter().copied().map(f64::from).sum());
+    }
+}
+
+/// Return the rows of N, D, and both components of m that a row of tiles reads.
+///
+/// Rows outside the image are reflected.
+#[inline(always)]
+fn gather(
+    sums: Sums<'_>,
+    first: usize,
+    rows: usize,
+    radius: usize,
+    stride: usize,
+) -> [Vec<f32>; 4] {
+    let (height, width) = sums.ones.dim();
+    let length = (rows + 2 * radius) * stride;
+    let mut planes = [(); 4].map(|()| vec![0.0; length]);
+    let per_frame = 1.0 / sums.frames.max(1) as f32;
+    let [ones, trials, along_rows, along_columns] = &mut planes;
+    for index in 0..rows + 2 * radius {
+        let row = reflect((first + index) as isize - radius as isize, height);
+        let range = index * stride..index * stride + width;
+        convert(sums.ones.row(row), &mut ones[range.clone()]);
+        convert(sums.trials.row(row), &mut trials[range.clone()]);
+        let trials = trials[range.clone()].chunks(BLOCK);
+        let out = along_rows[range.clone()]
+            .chunks_mut(BLOCK)
+            .zip(along_columns[range].chunks_mut(BLOCK));
+        for (block, (trials, (along_rows, along_columns))) in trials.zip(out).enumerate() {
+            let mean = [0, 1].map(|direction| per_frame * sums.remainders[[row, direction, block]]);
+            for pixel in 0..trials.len() {
+                along_rows[pixel] = mean[0] * trials[pixel];
+                along_columns[pixel] = mean[1] * trials[pixel];
+            }
+        }
+    }
+    planes
+}
+
+/// Convert the counts of a row.
+#[inline(always)]
+fn convert(counts: ArrayView1<'_, i32>, out: &mut [f32]) {
+    for (out, &count) in out.iter_mut().zip(values(counts).iter()) {
+        *out = count as f32;
+    }
+}
+
+/// Add the terms of the pixels of a row of a tile to its sums.
+#[inline(always)]
+fn add_pixels(
+    sums: &mut [[f32; TILE]; SUMS],
+    [p, rows, columns, of_template]: [[f32; TILE]; 4],
+    trials: [f32; TILE],
+    [ones, filtered_trials, along_rows, along_columns]: &[[f32; TILE]; 4],
+) {
+    for i in 0..TILE {
+        let residual = ones[i]
+            - filtered_trials[i] * p[i]
+            - rows[i] * along_rows[i]
+            - columns[i] * along_columns[i];
+        let variance = p[i] * (1.0 - p[i]) * (of_template[i] + SHARE_OF_TEMPLATE * trials[i]);
+        let weight = of_template[i] / variance;
+        let weight = if trials[i] > 0.0 { weight } else { 0.0 };
+        let information = weight * trials[i];
+        let residual = weight * residual;
+        sums[0][i] += information * rows[i] * rows[i];
+        sums[1][i] += information * rows[i] * columns[i];
+        sums[2][i] += information * columns[i] * columns[i];
+        sums[3][i] += residual * rows[i];
+        sums[4][i] += residual * columns[i];
+    }
+}

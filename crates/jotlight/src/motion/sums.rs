@@ -1,0 +1,65 @@
+//! The sums of a block of frames along a motion.
+
+use ndarray::{ArrayView2, ArrayView3};
+
+use super::filter::values;
+use super::shifted_counts::BLOCK;
+use crate::error::{Error, Result};
+
+/// The sums of a block of frames along a motion, as [`super::add_shifted_counts`] computes them.
+#[derive(Clone, Copy, Debug)]
+pub struct Sums<'a> {
+    /// N, the number of ones of each pixel, `(H, W)`.
+    pub ones: ArrayView2<'a, i32>,
+    /// D, the number of valid bits of each pixel, `(H, W)`.
+    pub trials: ArrayView2<'a, i32>,
+    /// The remainders in rows and columns, `(H, 2, ⌈W/BLOCK⌉)`: their sum over the frames, and
+    /// their mean over [`BLOCK`] pixels of a row.
+    pub remainders: ArrayView3<'a, f32>,
+    /// The number of frames.
+    pub frames: usize,
+}
+
+impl Sums<'_> {
+    /// Check that the shapes are those of an image, and that the values are possible.
+    pub(super) fn check(&self, size: (usize, usize)) -> Result<()> {
+        check_counts(self.ones, self.trials, size)?;
+        let shape = (size.0, 2, size.1.div_ceil(BLOCK));
+        if self.remainders.dim() != shape {
+            return Err(Error::shape("remainders", shape, self.remainders.dim()));
+        }
+        match self.remainders.iter().find(|value| !value.is_finite()) {
+            Some(value) => Err(Error::range("remainders", "finite numbers", value)),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Check that the counts have the shape of an image, and are from 0 to the number of trials.
+pub(super) fn check_counts(
+    ones: ArrayView2<'_, i32>,
+    trials: ArrayView2<'_, i32>,
+    size: (usize, usize),
+) -> Result<()> {
+    for (what, counts) in [("numbers of ones", ones), ("numbers of trials", trials)] {
+        if counts.dim() != size {
+            return Err(Error::shape(what, size, counts.dim()));
+        }
+    }
+    for (ones, trials) in ones.rows().into_iter().zip(trials.rows()) {
+        let (ones, trials) = (values(ones), values(trials));
+        let is_wrong = |(&ones, &trials): (&i32, &i32)| ones < 0 || ones > trials;
+        let mut pairs = ones.iter().zip(trials.iter());
+        // Without an early end, the compiler vectorizes the search.
+        if pairs.clone().fold(false, |any, pair| any | is_wrong(pair)) {
+            let wrong = pairs.find(|&pair| is_wrong(pair));
+            let received = format!("{:?} (ones, trials)", wrong.unwrap_or((&0, &0)));
+            return Err(Error::range(
+                "numbers of ones",
+                "0 to that of trials",
+                received,
+            ));
+        }
+    }
+    Ok(())
+}

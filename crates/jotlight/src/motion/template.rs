@@ -1,0 +1,183 @@
+//! The probabilities to which blocks of frames are compared.
+
+use ndarray::{ArrayView2, Axis};
+use rayon::prelude::*;
+
+use super::filter::{
+    DERIVATIVE, LANES, Rows, filter, filter_twice, gaussian, reflect, reflect_margins, values,
+};
+use crate::error::{Error, Result};
+use crate::{interrupt, memory};
+
+/// The number of rows that one task filters.
+const ROWS_PER_TASK: usize = 16;
+
+/// The variance of the template of D_R trials, in units of that of the raw fraction of ones.
+pub(super) const SHARE_OF_TEMPLATE: f32 = 0.25;
+
+/// The probability of a one at each pixel at the reference time, after a Gaussian filter, with its
+/// derivatives.
+///
+/// The rows of all planes are padded to a multiple of [`LANES`] values.
+#[derive(Clone, Debug)]
+pub struct Template {
+    pub(super) size: (usize, usize),
+    /// The number of values of a row.
+    pub(super) stride: usize,
+    /// The taps of the filter.
+    pub(super) taps: Vec<f32>,
+    /// p.
+    pub(super) probability: Vec<f32>,
+    /// The derivatives of p along rows and columns.
+    pub(super) gradient: [Vec<f32>; 2],
+    /// max(D_R, 1).
+    pub(super) trials: Vec<f32>,
+}
+
+impl Template {
+    /// Return a template after a Gaussian filter with the standard deviation `sigma` in pixels.
+    ///
+    /// `trials` is D_R, the number of trials of each pixel of the template.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the image is
+    /// empty, a probability is not above 0 and below 1, a number of trials is negative, or the
+    /// standard deviation is not above 0 and at most 100. [`Error::Memory`] if the memory is not
+    /// available.
+    pub fn new(
+        probability: ArrayView2<'_, f32>,
+        trials: ArrayView2<'_, i32>,
+        sigma: f64,
+    ) -> Result<Self> {
+        let size = probability.dim();
+        let stride = size.1.next_multiple_of(LANES);
+        memory::check::<f32>("template", &[4, size.0, stride])?;
+        check_template(probability, trials)?;
+        let taps = gaussian(sigma)?;
+        let plane = || vec![0.0; size.0 * stride];
+        let mut template = Self {
+            size,
+            stride,
+            taps,
+            probability: plane(),
+            gradient: [plane(), plane()],
+            trials: plane(),
+        };
+        template.filter(probability);
+        template.differentiate();
+        let rows = template.trials.par_chunks_mut(stride);
+        rows.zip(trials.axis_iter(Axis(0))).for_each(|(out, row)| {
+            for (out, &trials) in out.iter_mut().zip(values(row).iter()) {
+                *out = trials.max(1) as f32;
+            }
+        });
+        Ok(template)
+    }
+
+    /// Apply the Gaussian filter.
+    fn filter(&mut self, image: ArrayView2<'_, f32>) {
+        let Self {
+            size: (height, width),
+            stride,
+            taps,
+            probability,
+            ..
+        } = self;
+        let (height, width, stride, radius) = (*height, *width, *stride, taps.len() / 2);
+        let bands = probability.par_chunks_mut(ROWS_PER_TASK * stride);
+        bands.enumerate().for_each(|(band, out)| {
+            if interrupt::is_requested() {
+                return;
+            }
+            let first = (band * ROWS_PER_TASK) as isize - radius as isize;
+            let mut near = vec![0.0; (out.len() / stride + 2 * radius) * stride];
+            for (index, near) in near.chunks_exact_mut(stride).enumerate() {
+                let row = image.row(reflect(first + index as isize, height));
+                near[..width].copy_from_slice(&values(row));
+            }
+            filter_twice(&near, taps, out, width);
+        });
+    }
+
+    /// Compute the derivatives.
+    fn differentiate(&mut self) {
+        const RADIUS: usize = DERIVATIVE.len() / 2;
+        let Self {
+            size: (height, width),
+            stride,
+            probability,
+            gradient: [along_rows, along_columns],
+            ..
+        } = self;
+        let (height, width, stride, source) = (*height, *width, *stride, &probability[..]);
+        let bands = along_rows
+            .par_chunks_mut(ROWS_PER_TASK * stride)
+            .zip(along_columns.par_chunks_mut(ROWS_PER_TASK * stride));
+        bands
+            .enumerate()
+            .for_each(|(band, (along_rows, along_columns))| {
+                if interrupt::is_requested() {
+                    return;
+                }
+                let first = (band * ROWS_PER_TASK) as isize - RADIUS as isize;
+                let mut near = vec![0.0; (along_rows.len() / stride + 2 * RADIUS) * stride];
+                for (index, near) in near.chunks_exact_mut(stride).enumerate() {
+                    let row = reflect(first + index as isize, height);
+                    near.copy_from_slice(&source[row * stride..][..stride]);
+                }
+                let vertical = Rows::new(along_rows, stride);
+                filter(
+                    Rows::new(&near, stride),
+                    stride,
+                    &DERIVATIVE,
+                    vertical,
+                    stride,
+                );
+                let middle = near[RADIUS * stride..].chunks_exact(stride);
+                let mut padded = vec![0.0; stride + 2 * RADIUS];
+                for (values, out) in middle.zip(along_columns.chunks_exact_mut(stride)) {
+                    padded[RADIUS..][..width].copy_from_slice(&values[..width]);
+                    reflect_margins(&mut padded, RADIUS, width);
+                    let (source, out) = (Rows::new(&padded[..], 0), Rows::new(out, stride));
+                    filter(source, 1, &DERIVATIVE, out, stride);
+                }
+            });
+    }
+}
+
+/// Check that a template has pixels, that their probabilities are above 0 and below 1, and that
+/// their numbers of trials are not negative.
+pub(super) fn check_template(
+    probability: ArrayView2<'_, f32>,
+    trials: ArrayView2<'_, i32>,
+) -> Result<()> {
+    if probability.is_empty() {
+        let received = format!("{:?}", probability.dim());
+        return Err(Error::range("size", "at least one pixel", received));
+    }
+    if trials.dim() != probability.dim() {
+        let (expected, received) = (probability.dim(), trials.dim());
+        return Err(Error::shape("trials of the template", expected, received));
+    }
+    for (probabilities, trials) in probability.rows().into_iter().zip(trials.rows()) {
+        let (probabilities, trials) = (values(probabilities), values(trials));
+        // Without an early end, the compiler vectorizes the searches.
+        let is_wrong = |p: f32| !(p > 0.0 && p < 1.0);
+        if probabilities
+            .iter()
+            .fold(false, |any, &p| any | is_wrong(p))
+        {
+            let wrong = probabilities.iter().copied().find(|&p| is_wrong(p));
+            return Err(Error::range(
+                "probabilities of the template",
+                "numbers above 0 and below 1",
+                wrong.unwrap_or_default(),
+            ));
+        }
+        let fewest = trials.iter().copied().fold(0, i32::min);
+        if fewest < 0 {
+            return Err(Error::range("trials of the template", "at least 0", fewest));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,273 @@
+//! Normal equations and χ² of blocks of frames, against sums in `f64` of one pixel after the other.
+
+use jotlight::cpu::Level;
+use jotlight::error::{Error, Result};
+use jotlight::motion::{
+    BLOCK, Comparison, Equations, Sums, TILE, Template, chi_squared, normal_equations,
+};
+use jotlight::threads::install;
+use ndarray::{Array2, Array3, s};
+
+/// Pseudorandom numbers.
+struct Random(u32);
+
+impl Random {
+    fn below(&mut self, end: u32) -> u32 {
+        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (self.0 >> 8) % end
+    }
+}
+
+/// Counts of a block, and the template to which they are compared.
+struct Case {
+    ones: Array2<i32>,
+    trials: Array2<i32>,
+    remainders: Array3<f32>,
+    probability: Array2<f32>,
+    of_template: Array2<i32>,
+}
+
+impl Case {
+    fn new(rows: usize, columns: usize) -> Self {
+        let mut random = Random((rows * 1000 + columns) as u32);
+        let mut integers =
+            |end| Array2::from_shape_simple_fn((rows, columns), || random.below(end).cast_signed());
+        let (trials, share, of_template) = (integers(9), integers(100), integers(50));
+        let percent = integers(98);
+        let ones = Array2::from_shape_fn((rows, columns), |i| trials[i] * share[i] / 100);
+        let remainders = (rows, 2, columns.div_ceil(BLOCK));
+        Self {
+            ones,
+            trials,
+            remainders: Array3::from_shape_simple_fn(remainders, || {
+                random.below(100) as f32 / 10.0 - 5.0
+            }),
+            probability: percent.mapv(|percent| (percent + 1) as f32 / 100.0),
+            of_template,
+        }
+    }
+
+    fn sums(&self) -> Sums<'_> {
+        Sums {
+            ones: self.ones.view(),
+            trials: self.trials.view(),
+            remainders: self.remainders.view(),
+            frames: 8,
+        }
+    }
+
+    fn comparison(&self) -> Comparison<'_> {
+        Comparison {
+            ones: self.ones.view(),
+            trials: self.trials.view(),
+            probability: self.probability.view(),
+            trials_of_template: self.of_template.view(),
+        }
+    }
+
+    fn equations(&self, sigma: f64) -> Result<Equations> {
+        let template = Template::new(self.probability.view(), self.of_template.view(), sigma)?;
+        normal_equations(&template, self.sums())
+    }
+
+    fn size(&self) -> (usize, usize) {
+        self.ones.dim()
+    }
+}
+
+fn reflected(index: isize, length: usize) -> usize {
+    let index = index.rem_euclid(2 * length as isize) as usize;
+    index.min(2 * length - 1 - index)
+}
+
+/// Return the sum of taps (offset in rows, offset in columns, weight) at each pixel.
+fn correlate(image: &Array2<f64>, taps: &[(isize, isize, f64)]) -> Array2<f64> {
+    let (rows, columns) = image.dim();
+    Array2::from_shape_fn((rows, columns), |(row, column)| {
+        let value = |&(down, right, weight): &(isize, isize, f64)| {
+            let row = reflected(row as isize + down, rows);
+            weight * image[[row, reflected(column as isize + right, columns)]]
+        };
+        taps.iter().map(value).sum()
+    })
+}
+
+fn square(radius: isize, weight: impl Fn(isize, isize) -> f64) -> Vec<(isize, isize, f64)> {
+    let line = -radius..=radius;
+    let pairs = line
+        .clone()
+        .flat_map(|row| line.clone().map(move |column| (row, column)));
+    pairs
+        .map(|(row, column)| (row, column, weight(row, column)))
+        .collect()
+}
+
+fn variance_per_trial(case: &Case, p: &Array2<f64>) -> Array2<f64> {
+    Array2::from_shape_fn(case.size(), |i| {
+        let share = 0.25 * f64::from(case.trials[i]) / f64::from(case.of_template[i].max(1));
+        p[i] * (1.0 - p[i]) * (1.0 + share)
+    })
+}
+
+/// Return the five sums of all tiles: three of A, and two of b.
+fn naive_equations(case: &Case, sigma: f64) -> Array3<f64> {
+    let radius = (3.0 * sigma + 0.5) as isize;
+    let gauss = |x: isize| (-0.5 * (x as f64 / sigma).powi(2)).exp();
+    let sum: f64 = (-radius..=radius).map(gauss).sum();
+    let taps = square(radius, |row, column| {
+        gauss(row) * gauss(column) / (sum * sum)
+    });
+    let blur = |image: Array2<f64>| correlate(&image, &taps);
+    let line = [-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0].map(|tap| tap / 60.0);
+    let p = blur(case.probability.mapv(f64::from));
+    let gradient = [0, 1].map(|direction| {
+        let place = |k| if direction == 0 { (k, 0) } else { (0, k) };
+        let taps = (-3..=3)
+            .zip(line)
+            .map(|(k, tap)| (place(k).0, place(k).1, tap));
+        correlate(&p, &taps.collect::<Vec<_>>())
+    });
+    let along = [0, 1].map(|direction| {
+        blur(Array2::from_shape_fn(case.size(), |(row, column)| {
+            let sum = case.remainders[[row, direction, column / BLOCK]];
+            f64::from(sum) / 8.0 * f64::from(case.trials[[row, column]])
+        }))
+    });
+    let ones = blur(case.ones.mapv(f64::from));
+    let trials = blur(case.trials.mapv(f64::from));
+    let variance = variance_per_trial(case, &p);
+    let (rows, columns) = case.size();
+    let mut sums = Array3::zeros((5, rows.div_ceil(TILE), columns.div_ceil(TILE)));
+    for ((row, column), &number) in case
+        .trials
+        .indexed_iter()
+        .filter(|(_, number)| **number > 0)
+    {
+        let i = [row, column];
+        let g = [gradient[0][i], gradient[1][i]];
+        let residual = ones[i] - trials[i] * p[i] - g[0] * along[0][i] - g[1] * along[1][i];
+        let (number, weight) = (f64::from(number), 1.0 / variance[i]);
+        let terms = [
+            weight * number * g[0] * g[0],
+            weight * number * g[0] * g[1],
+            weight * number * g[1] * g[1],
+            weight * residual * g[0],
+            weight * residual * g[1],
+        ];
+        for (entry, term) in terms.into_iter().enumerate() {
+            sums[[entry, row / TILE, column / TILE]] += term;
+        }
+    }
+    sums
+}
+
+fn naive_chi_squared(case: &Case) -> Array2<f64> {
+    let p = case.probability.mapv(f64::from);
+    let variance = variance_per_trial(case, &p);
+    let trials = case.trials.mapv(f64::from);
+    let [small, large] = [1, 4].map(|radius| square(radius, |_, _| 1.0));
+    let residuals = correlate(&(case.ones.mapv(f64::from) - &trials * &p), &small);
+    let variances = correlate(&(&trials * &variance), &small);
+    let counted = trials.mapv(|trials| f64::from(u8::from(trials > 0.0)));
+    let ratios = &residuals * &residuals / variances.mapv(|v| v.max(1e-3)) * &counted;
+    (correlate(&ratios, &large) + 1.0) / (correlate(&counted, &large) + 1.0)
+}
+
+fn assert_close<'a>(
+    found: impl IntoIterator<Item = &'a f64>,
+    expected: impl IntoIterator<Item = &'a f64> + Clone,
+) {
+    let scale = expected
+        .clone()
+        .into_iter()
+        .fold(0.0, |max: f64, x| max.max(x.abs()));
+    for (found, expected) in found.into_iter().zip(expected) {
+        assert!(
+            (found - expected).abs() <= 2e-5 * scale + 1e-6,
+            "{found} {expected}"
+        );
+    }
+}
+
+const SIZES: [(usize, usize); 5] = [(1, 1), (5, 40), (16, 64), (33, 70), (40, 17)];
+
+/// Return A, b, and χ² from a number of threads.
+fn compute(
+    case: &Case,
+    sigma: f64,
+    threads: usize,
+) -> Result<(Array3<f64>, Array3<f64>, Array2<f32>)> {
+    install(Some(threads), || {
+        let equations = case.equations(sigma)?;
+        let mut out = Array2::zeros(case.size());
+        chi_squared(&case.comparison(), out.view_mut())?;
+        Ok((equations.information, equations.right, out))
+    })?
+}
+
+// One test does all that depends on the level, because the level is that of all threads.
+#[test]
+fn equations_and_chi_squared_are_those_of_single_pixels() -> Result<()> {
+    for (rows, columns) in SIZES {
+        let case = Case::new(rows, columns);
+        let chi_squared_of_pixels = naive_chi_squared(&case);
+        for sigma in [0.4, 1.0, 3.0] {
+            let expected = naive_equations(&case, sigma);
+            for level in Level::supported() {
+                Level::choose(Some(level.name()))?;
+                let found = compute(&case, sigma, 1)?;
+                assert_eq!(compute(&case, sigma, 2)?, found);
+                assert_eq!(compute(&case, sigma, 3)?, found);
+                let (information, right, chi_squared) = found;
+                assert_close(&information, expected.slice(s![..3, .., ..]));
+                assert_close(&right, expected.slice(s![3.., .., ..]));
+                for (found, expected) in chi_squared.iter().zip(&chi_squared_of_pixels) {
+                    assert!((f64::from(*found) - expected).abs() <= 1e-4 * expected);
+                }
+            }
+            Level::choose(None)?;
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn arguments_that_do_not_fit_are_errors() -> Result<()> {
+    let case = Case::new(20, 30);
+    for sigma in [0.0, -1.0, f64::NAN, 101.0] {
+        assert!(matches!(case.equations(sigma), Err(Error::Range { .. })));
+    }
+    let mut wrong = Case::new(20, 30);
+    wrong.probability[[3, 4]] = f32::NAN;
+    assert!(matches!(wrong.equations(1.0), Err(Error::Range { .. })));
+    let mut out = Array2::zeros((20, 30));
+    let result = chi_squared(&wrong.comparison(), out.view_mut());
+    assert!(matches!(result, Err(Error::Range { .. })));
+    let mut wrong = Case::new(20, 30);
+    wrong.ones[[19, 29]] = wrong.trials[[19, 29]] + 1;
+    assert!(matches!(wrong.equations(1.0), Err(Error::Range { .. })));
+    let mut wrong = Case::new(20, 30);
+    wrong.remainders[[0, 1, 1]] = f32::INFINITY;
+    assert!(matches!(wrong.equations(1.0), Err(Error::Range { .. })));
+    let mut wrong = Case::new(20, 30);
+    wrong.of_template = Array2::zeros((20, 31));
+    assert!(matches!(wrong.equations(1.0), Err(Error::Shape { .. })));
+    let mut small = Array2::zeros((20, 29));
+    let result = chi_squared(&case.comparison(), small.view_mut());
+    assert!(matches!(result, Err(Error::Shape { .. })));
+    let template = Template::new(case.probability.view(), case.of_template.view(), 1.0)?;
+    let other = Case::new(20, 31);
+    let result = normal_equations(&template, other.sums());
+    assert!(matches!(result, Err(Error::Shape { .. })));
+    Ok(())
+}
+
+#[test]
+fn empty_images_are_errors() {
+    for (rows, columns) in [(0, 5), (5, 0)] {
+        let probability = Array2::<f32>::zeros((rows, columns));
+        let trials = Array2::zeros((rows, columns));
+        let result = Template::new(probability.view(), trials.view(), 1.0);
+        assert!(matches!(result, Err(Error::Range { .. })));
+    }
+}

@@ -1,0 +1,115 @@
+"""The motion of a segment: an affine motion of each block, smooth in time."""
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.regularize import Equations, fit_affine
+from jotlight.motion.scoring import Template, make_template, normal_equations
+from jotlight.motion.segments import Segment, limit_length
+from jotlight.motion.smoothing import cubic_weights, smoothing_matrix
+from jotlight.motion.tiles import affine_basis, tile_counts
+from jotlight.motion.track import Track
+
+Array = npt.NDArray[np.float64]
+
+_SIGMAS = (2.0, 1.0)
+"""Widths of the filters with which each block is aligned."""
+
+_JOINT_SIGMAS = (2.0, 1.0, 1.0)
+"""Widths of the filters in the rounds that align all blocks together."""
+
+_MIN_SHARE_OF_OTHERS = 0.3
+"""Smallest assumed share of the other blocks in the template."""
+
+
+def follow(blocks: Blocks, reference: int, segment: Segment) -> Track:
+    """Return the displacements of all blocks under the affine motion of a segment."""
+    track = start(blocks, reference, segment.velocity)
+    order = track.from_center()
+    total = track.sums(order[0]) + track.sums(order[1])
+    template = make_template(total, blocks.threads)
+    for number, block in enumerate(order[2:], 3):
+        extrapolate(track, block, segment.velocity)
+        for sigma in _SIGMAS:
+            _improve(track, block, template, sigma, segment.weights)
+        track.known[block] = True
+        total = total + track.sums(block)
+        if is_renewed(number):
+            template = make_template(total, blocks.threads)
+    for sigma in _JOINT_SIGMAS:
+        improve_together(track, segment.weights, sigma)
+    return track
+
+
+def start(blocks: Blocks, reference: int, velocity: Array) -> Track:
+    """Return a track whose two central blocks move at a velocity."""
+    centers, shape = blocks.centers, tile_counts(blocks.size)
+    track = Track(
+        blocks,
+        reference,
+        np.zeros((len(centers), 2, *shape)),
+        np.zeros(len(centers), bool),
+        np.zeros((len(centers), 3, *shape)),
+    )
+    for block in track.from_center()[:2]:
+        track.nodes[block] = velocity * (centers[block] - reference)
+        track.known[block] = True
+    return track
+
+
+def extrapolate(track: Track, block: int, velocity: Array) -> None:
+    """Predict the displacements of a block from those of its two neighbors toward the center."""
+    centers = track.blocks.centers
+    known = np.flatnonzero(track.known)
+    near = int(known[np.argmin(abs(known - block))])
+    far = 2 * near - block
+    if 0 <= far < len(centers) and track.known[far]:
+        velocity = (track.nodes[near] - track.nodes[far]) / (centers[near] - centers[far])
+    track.nodes[block] = track.nodes[near] + velocity * (centers[block] - centers[near])
+
+
+def is_renewed(number: int) -> bool:
+    """Return whether the template is renewed after a number of blocks: when it has doubled."""
+    return number.bit_count() == 1 or number % 16 == 0
+
+
+def _improve(track: Track, block: int, template: Template, sigma: float, weights: Array) -> None:
+    """Update the displacements of a block."""
+    equations = normal_equations(track.sums(block), template, sigma)
+    step, _ = fit_affine(equations, weights)
+    track.nodes[block] -= limit_length(step, 2 * sigma)
+
+
+def improve_together(track: Track, weights: Array, sigma: float = 1.0) -> None:
+    """Update all blocks against the template of all of them, as a smooth curve in time."""
+    number = len(track.nodes)
+    total = Sums.total([track.sums(block) for block in range(number)])
+    template = make_template(total, track.blocks.threads)
+    basis = affine_basis(tile_counts(track.blocks.size))
+    to_parameters = np.linalg.pinv(basis)
+    parameters, matrices = np.empty((number, 6)), np.empty((number, 6, 6))
+    for block in range(number):
+        sums = track.sums(block)
+        equations = normal_equations(sums, template, sigma)
+        # The block itself is a share of the template, which makes its apparent error smaller.
+        share = float(sums.trials.mean() / max(total.trials.mean(), 1e-9))
+        right = equations.right / max(1 - share, _MIN_SHARE_OF_OTHERS)
+        step, matrices[block] = fit_affine(Equations(equations.information, right), weights)
+        nodes = (track.nodes[block] - step).reshape(2, -1)
+        parameters[block] = (nodes @ to_parameters.T).ravel()
+        track.information[block] = equations.information
+    smooth = _smooth(parameters, matrices)
+    place = float(np.interp(track.reference, track.blocks.centers, np.arange(number)))
+    smooth -= cubic_weights(number, place) @ smooth
+    track.nodes = (smooth.reshape(number, 2, 3) @ basis.T).reshape(track.nodes.shape)
+
+
+def _smooth(parameters: Array, matrices: Array) -> Array:
+    """Return smooth series of the parameters (n, 6), whose information is `matrices` (n, 6, 6)."""
+    mean = matrices.mean(axis=0)
+    mean += 1e-6 * np.trace(mean) * np.eye(6) + 1e-12 * np.eye(6)
+    inverse = np.linalg.inv(mean)
+    information = np.einsum("nij,ji->n", matrices, inverse) / 6
+    root = np.linalg.cholesky(mean)
+    return np.asarray(smoothing_matrix(parameters @ root, information) @ parameters)

@@ -1,0 +1,129 @@
+"""Bursts of frames for alignment: bits, color bits, or stacks of counts, as planes of bits."""
+
+import dataclasses
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.formats.capture import CountStack
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.channels import channel_views
+from jotlight.sensing.frames import read_frames
+
+Planes = list[tuple[int, npt.NDArray[np.uint8]]]
+"""Weights, each with packed bits of weight 1 (T, H, ceil(W / 8)). Their weighted sum are counts."""
+
+_BYTES_AT_ONCE = 1 << 25
+"""Maximum number of bytes of packed frames that are read at once."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Burst:
+    """Frames of counts, which are read as planes of bits.
+
+    A count is the sum of its binary digits times powers of two, and the bits of the channels of a
+    color image are added. So bits, counts, and colors are all counted by one routine.
+    """
+
+    frames: int
+    size: tuple[int, int]
+    """H and W in jots."""
+    trials: int
+    """Number of binary readings behind a count of one frame."""
+    channels: int
+    """Number of color channels, 1 for gray."""
+    frame_bytes: int
+    """Bytes of a frame."""
+    read: Callable[[int, int, int | None], Planes]
+    """A function of the first frame, the end, and a channel or None. It returns their planes."""
+
+    def __len__(self) -> int:
+        return self.frames
+
+    def parts(self, frames: range, channel: int | None = None) -> Iterator[tuple[range, Planes]]:
+        """Yield the planes of frames in parts that fit in memory, of a channel or of their sum."""
+        length = max(1, _BYTES_AT_ONCE // self.frame_bytes)
+        for start in range(frames.start, frames.stop, length):
+            stop = min(start + length, frames.stop)
+            yield range(start, stop), self.read(start, stop, channel)
+
+    def counts(self, frames: range, threads: int | None) -> npt.NDArray[np.int32]:
+        """Return the counts of frames without motion, (H, W)."""
+        total = np.zeros(self.size, np.int32)
+        for _, planes in self.parts(frames):
+            for weight, packed in planes:
+                total += weight * Bits(packed, self.size[1]).counts(1, threads=threads)
+        return total
+
+
+def as_burst(data: Bits | CountStack, trials: int | None = None) -> Burst:
+    """Return bits or counts as a burst.
+
+    Parameters
+    ----------
+    data : Bits or CountStack
+        T frames.
+    trials : int, optional
+        Number of binary readings behind each count of a stack that does not state it.
+
+    Raises
+    ------
+    TypeError
+        When the data are neither bits nor a stack of counts.
+    ValueError
+        When the number of trials of counts is unknown.
+    """
+    if isinstance(data, Bits):
+        return _burst_of_bits(data)
+    if not isinstance(data, CountStack):
+        raise TypeError(
+            "data: expected jotlight.Bits, or a stack of counts that jotlight.open returns, got "
+            f"{type(data).__name__}; Bits.from_array packs frames (T, H, W) of 0 and 1"
+        )
+    trials = data.trials or trials
+    if trials is None:
+        raise ValueError(
+            f"{data.provenance.name}: holds counts of an unknown number of trials; pass a sensor "
+            "whose K is the number of trials of the whole stack"
+        )
+    return _burst_of_counts(data, trials)
+
+
+def _burst_of_bits(bits: Bits) -> Burst:
+    frames, height, width, *channels = bits.shape
+
+    def read(start: int, stop: int, channel: int | None) -> Planes:
+        part = read_frames(bits.packed, start, stop)
+        views = channel_views(part, 3)
+        chosen = views if channel is None else [views[channel]]
+        return [(1, np.ascontiguousarray(view)) for view in chosen]
+
+    number = channels[0] if channels else 1
+    frame_bytes = max(1, bits.packed.nbytes // frames)
+    return Burst(frames, (height, width), number, number, frame_bytes, read)
+
+
+def _burst_of_counts(stack: CountStack, trials: int) -> Burst:
+    images = stack.images
+    frames, height, width, *channels = images.shape
+    number = channels[0] if channels else 1
+
+    def read(start: int, stop: int, channel: int | None) -> Planes:
+        part = np.asarray(images[start:stop])
+        low, high = part.min(), part.max()
+        if low < 0 or high > trials:
+            raise ValueError(
+                f"{stack.provenance.name}: expected counts from 0 to {trials}, got {low} to {high}"
+            )
+        if channels:
+            part = part.sum(axis=3, dtype=np.int64) if channel is None else part[..., channel]
+        digits = max(1, int(part.max()).bit_length())
+        return [
+            (1 << digit, np.packbits((part >> digit & 1).astype(np.uint8), axis=2))
+            for digit in range(digits)
+        ]
+
+    total = trials * number
+    frame_bytes = height * -(-width // 8) * total.bit_length() + images.nbytes // frames
+    return Burst(frames, (height, width), total, number, frame_bytes, read)

@@ -1,0 +1,113 @@
+"""The motion of each tile, for scenes that deform."""
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.motion.affine import extrapolate, is_renewed, start
+from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.regularize import Equations, Smoothness, fit_affine, solve_field
+from jotlight.motion.scoring import Template, make_template, normal_equations
+from jotlight.motion.segments import limit_length
+from jotlight.motion.smoothing import cubic_weights, smoothing_matrix
+from jotlight.motion.track import Track
+
+Array = npt.NDArray[np.float64]
+
+_SMOOTHNESS = Smoothness()
+_SIGMAS = (2.0, 1.0)
+"""Widths of the filters with which each block is aligned."""
+
+_JOINT_ROUNDS = 2
+
+_TIME_PRIOR = 1.0
+"""Information with which the displacements of neighboring blocks are added to each tile."""
+
+_MIN_SHARE_OF_OTHERS = 0.3
+"""Smallest assumed share of the other blocks in the template."""
+
+
+def follow_tiles(blocks: Blocks, reference: int, velocity: Array) -> Track:
+    """Return the displacements of all blocks if each tile has its own motion.
+
+    Parameters
+    ----------
+    blocks : Blocks
+        The burst.
+    reference : int
+        Time at which displacements are 0.
+    velocity : ndarray of float, shape (2, rows, columns)
+        Velocity of each tile around the reference time.
+    """
+    track = start(blocks, reference, velocity)
+    order = track.from_center()
+    total = track.sums(order[0]) + track.sums(order[1])
+    template = make_template(total, blocks.threads)
+    for number, block in enumerate(order[2:], 3):
+        extrapolate(track, block, velocity)
+        for sigma in _SIGMAS:
+            _improve(track, block, template, sigma)
+        track.known[block] = True
+        total = total + track.sums(block)
+        if is_renewed(number):
+            template = make_template(total, blocks.threads)
+    for _ in range(_JOINT_ROUNDS):
+        _improve_together(track)
+    return track
+
+
+def _improve(track: Track, block: int, template: Template, sigma: float) -> None:
+    """Update the displacements of a block: first an affine part, then each tile."""
+    predicted = track.nodes[block].copy()
+    equations = normal_equations(track.sums(block), template, sigma)
+    step, _ = fit_affine(equations, np.ones(predicted.shape[1:]))
+    track.nodes[block] -= limit_length(step, 2 * sigma)
+    equations = normal_equations(track.sums(block), template, sigma)
+    now = track.nodes[block]
+    step = solve_field(equations, now, predicted, _SMOOTHNESS) - now
+    track.nodes[block] = now + limit_length(step, 2 * sigma)
+
+
+def _improve_together(track: Track) -> None:
+    """Update all blocks against the template of all of them.
+
+    Fourth differences in time keep the displacements of each tile smooth.
+    """
+    number = len(track.nodes)
+    total = Sums.total([track.sums(block) for block in range(number)])
+    template = make_template(total, track.blocks.threads)
+    old, new = track.nodes, track.nodes.copy()
+    for block in range(number):
+        sums = track.sums(block)
+        equations = normal_equations(sums, template, _SIGMAS[-1])
+        track.information[block] = equations.information
+        share = float(sums.trials.mean() / max(total.trials.mean(), 1e-9))
+        smooth = old[block]
+        if 2 <= block < number - 2:
+            near = old[block - 1] + old[block + 1]
+            smooth = 0.5 * old[block] + (4 * near - old[block - 2] - old[block + 2]) / 12
+        with_prior = _add_prior(equations, old[block] - smooth, share)
+        new[block] = solve_field(with_prior, old[block], smooth, _SMOOTHNESS)
+    track.nodes = new - _at_reference(track, new)
+
+
+def _add_prior(equations: Equations, deviation: Array, share: float) -> Equations:
+    """Return equations that also draw a tile toward a prediction.
+
+    The block itself is a share of the template, which makes its apparent error smaller.
+    """
+    information = equations.information.copy()
+    information[[0, 2]] += _TIME_PRIOR
+    right = equations.right / max(1 - share, _MIN_SHARE_OF_OTHERS)
+    return Equations(information, right + _TIME_PRIOR * deviation)
+
+
+def _at_reference(track: Track, nodes: Array) -> Array:
+    """Return the displacements at the reference time, from a smooth curve through all blocks."""
+    number = len(nodes)
+    place = float(np.interp(track.reference, track.blocks.centers, np.arange(number)))
+    series = nodes.mean(axis=(2, 3))
+    of_directions = track.information[:, [0, 2]].sum(axis=(2, 3))
+    roots = np.sqrt(np.maximum(of_directions.mean(axis=0), 1e-9))
+    information = of_directions.mean(axis=1) / max(float(of_directions.mean()), 1e-9)
+    weights = cubic_weights(number, place) @ smoothing_matrix(series * roots, information)
+    return np.asarray(np.tensordot(weights, nodes, axes=1))

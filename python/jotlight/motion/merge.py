@@ -1,0 +1,178 @@
+"""Merging: the counts of all bits along a motion."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.formats.capture import CountStack
+from jotlight.motion.align import align, prepare_burst, reference_time
+from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.consistency import find_consistent
+from jotlight.motion.model import divide
+from jotlight.motion.motion import Motion
+from jotlight.motion.posterior import posterior_error
+from jotlight.motion.track import Paths, Track
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.channels import stack_channels
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.sensor import Sensor
+
+Map = npt.NDArray[np.float64]
+
+
+def merge(
+    data: Bits | CountStack,
+    sensor: Sensor | None = None,
+    at: float | None = None,
+    motion: Motion | None = None,
+    *,
+    threads: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Merged:
+    """Return the counts of the bits along the motion of a scene: a sharp image of one time.
+
+    Bits that disagree with the others, such as those of objects that hide a part of the scene, are
+    left out. So the pixels have different numbers of trials.
+
+    Parameters
+    ----------
+    data : Bits or CountStack
+        T frames of bits, or of counts as :func:`jotlight.open` returns them.
+    sensor : Sensor, optional
+        Sensor of the data. Default: the one of the bits.
+    at : float, optional
+        The time that the image shows, from 0 to T - 1 in frames. Default: the reference time of
+        the motion, or the middle, T // 2.
+    motion : Motion, optional
+        The motion of the scene. Default: :func:`jotlight.align` estimates it.
+    threads : int, optional
+        Number of threads. Default: all.
+    progress : callable, optional
+        A function that is called repeatedly with the completed fraction, from 0 to 1.
+
+    Returns
+    -------
+    Merged
+        Counts of pixels, which all methods and networks accept in place of bits.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the data, the sensor, and the motion do not fit together.
+
+    Examples
+    --------
+    >>> from jotlight.datasets import moving
+    >>> scene = moving(motion="shake", sensor=Sensor(frames=32), shape=(64, 64), photons=0.5, rng=0)
+    >>> merged = merge(scene.bits)
+    >>> merged.shape, bool(merged.trials.max() <= 32)
+    ((64, 64), True)
+    """
+    burst, sensor = prepare_burst(data, sensor)
+    advance = progress or (lambda _: None)
+    if motion is None:
+        motion = align(data, sensor, at, threads=threads, progress=lambda part: advance(0.8 * part))
+    if motion.size != burst.size:
+        raise ValueError(
+            f"motion: expected that of {burst.size[0]} x {burst.size[1]} jots, got "
+            f"{motion.size[0]} x {motion.size[1]}"
+        )
+    time = motion.reference if at is None else reference_time(at, burst)
+    if time != motion.reference:
+        motion = motion.seen_from(time)
+    valid = None if sensor.mask is None else np.packbits(~sensor.mask, axis=1)
+    blocks = Blocks(burst, divide(len(burst)), valid, threads)
+    paths = _as_paths(motion, blocks)
+    consistent = find_consistent(paths)
+    advance(0.95)
+    channels = [consistent.total]
+    if burst.channels > 1:
+        each = [_of_channel(paths, channel) for channel in range(burst.channels)]
+        channels = [consistent.count(channel) for channel in each]
+    merged = _as_merged(channels, consistent.accepted, motion, sensor, paths)
+    advance(1.0)
+    return merged
+
+
+def _as_paths(motion: Motion, blocks: Blocks) -> Paths:
+    """Return the paths of a motion over the blocks of a burst."""
+    nodes = np.stack([motion.nodes_at(time) for time in blocks.centers], axis=1)
+    known = np.ones(len(blocks.centers), bool)
+    tracks = [
+        Track(blocks, motion.reference, each.astype(np.float64), known, np.zeros((0, 3, 0, 0)))
+        for each in nodes
+    ]
+    return Paths(tracks, motion.labels)
+
+
+def _of_channel(paths: Paths, channel: int) -> Paths:
+    """Return the same paths over the bits of one channel."""
+    blocks = dataclasses.replace(paths.blocks, channel=channel)
+    tracks = [dataclasses.replace(track, blocks=blocks) for track in paths.tracks]
+    return Paths(tracks, paths.labels)
+
+
+def _as_merged(
+    channels: list[Sums],
+    accepted: npt.NDArray[np.float32],
+    motion: Motion,
+    sensor: Sensor,
+    paths: Paths,
+) -> Merged:
+    """Return sums over jots as the merged counts of pixels."""
+    side, color = sensor.oversampling, len(channels) > 1
+    trials = channels[0].trials.astype(np.float64)
+    each_jot = np.ones_like(trials)
+
+    def expected(value: float | npt.NDArray[np.float32]) -> Any:
+        if not isinstance(value, np.ndarray):
+            return None
+        return _mean_of_pixels(_mean_along(value, paths), trials, side)
+
+    return Merged(
+        stack_channels([_sum_pixels(each.ones, side) for each in channels], color=color),
+        stack_channels(
+            [_sum_pixels(each.trials, side).astype(np.float64) for each in channels], color=color
+        ),
+        sensor,
+        expected(sensor.dark_counts),
+        expected(sensor.efficiency),
+        _mean_of_pixels(accepted, each_jot, side).astype(np.float32),
+        _mean_of_pixels(posterior_error(motion), each_jot, side).astype(np.float32),
+    )
+
+
+def _mean_along(values: npt.NDArray[np.floating], paths: Paths) -> Map:
+    """Return the mean of a map of the jots along the paths of all pixels, (H, W).
+
+    The map is sampled in the middle of each block.
+    """
+    height, width = values.shape
+    total, number = np.zeros((height, width)), np.zeros((height, width))
+    pixels = np.indices((height, width))
+    for block in range(len(paths.blocks.centers)):
+        rows, columns = pixels + np.rint(paths.displacements(block)).astype(int)
+        inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+        total[inside] += values[rows[inside], columns[inside]]
+        number += inside
+    return np.asarray(np.where(number > 0, total / np.maximum(number, 1), values))
+
+
+def _sum_pixels(values: npt.NDArray[np.int32], side: int) -> npt.NDArray[np.int32]:
+    """Return the sums over the jots of each pixel."""
+    height, width = values.shape
+    blocks = values.reshape(height // side, side, width // side, side)
+    return np.ascontiguousarray(blocks.sum(axis=(1, 3), dtype=np.int32))
+
+
+def _mean_of_pixels(values: npt.NDArray[np.floating], weights: Map, side: int) -> Map:
+    """Return the weighted means over the jots of each pixel, or the plain mean without weights."""
+    height, width = values.shape
+    shape = height // side, side, width // side, side
+    blocks, known = values.astype(np.float64).reshape(shape), weights.reshape(shape)
+    total = known.sum(axis=(1, 3))
+    mean = (blocks * known).sum(axis=(1, 3)) / np.maximum(total, 1e-9)
+    return np.asarray(np.where(total > 0, mean, blocks.mean(axis=(1, 3))))

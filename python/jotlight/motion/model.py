@@ -1,0 +1,133 @@
+"""The motion that explains the bits of a scene best."""
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.motion.affine import follow, improve_together
+from jotlight.motion.blocks import Blocks
+from jotlight.motion.consistency import find_consistent
+from jotlight.motion.deformation import follow_tiles
+from jotlight.motion.outlines import choose
+from jotlight.motion.segments import Segment, find_segments
+from jotlight.motion.selection import likelihood_gain
+from jotlight.motion.tiles import mean_tiles, tile_counts
+from jotlight.motion.track import Paths, Track
+
+Array = npt.NDArray[np.float64]
+
+_ROUNDS = 2
+"""Number of rounds that improve the motions of segments after their outlines are known."""
+
+_MIN_FRACTION = 0.5
+"""Minimum fraction of a tile that a segment covers, for the tile to improve its motion."""
+
+_PARAMETERS = 6
+"""Number of parameters of an affine motion of each block. A motion must gain as many nats."""
+
+_MIN_ACCEPTED = 0.6
+"""Fraction of the bits of a pixel that must agree with the rest, for its motion to be known."""
+
+_MAX_UNKNOWN = 0.02
+"""Fraction of pixels with unknown motion above which each tile gets its own motion."""
+
+_FEW_BLOCKS, _MANY_BLOCKS = 16, 32
+_FRAMES_OF_MANY = 1024
+"""Above this number of frames, the number of blocks grows with the root of that of frames."""
+
+
+def divide(frames: int) -> npt.NDArray[np.intp]:
+    """Return the first frame of each block, and the number of frames.
+
+    There are T/8 blocks, but at least 16. From 256 to 1,024 frames there are 32. More frames have
+    32 √(T/1024) blocks, so that their number and their length both grow.
+
+    Examples
+    --------
+    >>> [len(divide(frames)) - 1 for frames in (64, 200, 1000, 1_000_000)]
+    [16, 25, 32, 1000]
+    """
+    number = int(np.clip(frames / 8, _FEW_BLOCKS, _MANY_BLOCKS))
+    number = round(number * max(1.0, frames / _FRAMES_OF_MANY) ** 0.5)
+    return np.round(np.linspace(0, frames, min(number, frames) + 1)).astype(np.intp)
+
+
+def find_paths(
+    blocks: Blocks, reference: int, model: str, advance: Callable[[float], object]
+) -> tuple[Paths, str]:
+    """Return the paths of all pixels under a model of their motion, and the name of the model.
+
+    Parameters
+    ----------
+    blocks : Blocks
+        The burst.
+    reference : int
+        Time at which displacements are 0.
+    model : str
+        One of MODELS, or "auto" for the one that explains the bits best.
+    advance : callable
+        A function that is called repeatedly with the completed fraction, from 0 to 1.
+    """
+    still = Paths([_still(blocks, reference)], np.zeros(blocks.size, np.uint8))
+    if model == "none":
+        return still, model
+    segments = find_segments(blocks, reference)
+    advance(0.2)
+    if model == "affine":
+        segments = [Segment(segments[0].velocity, np.ones_like(segments[0].weights))]
+    tracks = [follow(blocks, reference, segment) for segment in segments]
+    advance(0.6)
+    paths = Paths(tracks, choose(tracks))
+    if len(tracks) > 1:
+        paths = _improve_segments(paths)
+    advance(0.7)
+    if model == "tiles" or (model == "auto" and _share_of_unknown(paths) > _MAX_UNKNOWN):
+        tiles = follow_tiles(blocks, reference, _velocity(paths, segments))
+        paths = Paths([*tracks, tiles], choose([*tracks, tiles]))
+    advance(0.9)
+    gain = likelihood_gain(paths, still)
+    advance(1.0)
+    if model == "auto" and gain <= _PARAMETERS * len(blocks.centers):
+        return still, "none"
+    used = np.unique(paths.labels)
+    if len(tracks) in used:
+        return paths, "tiles"
+    return paths, "affine" if len(used) == 1 else "segments"
+
+
+def _share_of_unknown(paths: Paths) -> float:
+    """Return the fraction of pixels of which many bits disagree with the rest."""
+    return float((find_consistent(paths).accepted < _MIN_ACCEPTED).mean())
+
+
+def _improve_segments(paths: Paths) -> Paths:
+    """Return paths with better motions, from tiles inside the outlines of each segment."""
+    for index, track in enumerate(paths.tracks):
+        fraction = mean_tiles((paths.labels == index).astype(np.float32))
+        weights = np.where(fraction >= _MIN_FRACTION, fraction, 0)
+        if weights.any():
+            for _ in range(_ROUNDS):
+                improve_together(track, weights)
+    return Paths(paths.tracks, choose(paths.tracks))
+
+
+def _velocity(paths: Paths, segments: list[Segment]) -> Array:
+    """Return the velocity of each tile: that of the segment of most of its pixels."""
+    shares = [
+        mean_tiles((paths.labels == index).astype(np.float32)) for index in range(len(segments))
+    ]
+    largest = np.argmax(shares, axis=0)
+    return np.asarray(np.choose(largest, [segment.velocity for segment in segments]))
+
+
+def _still(blocks: Blocks, reference: int) -> Track:
+    """Return the track of a scene that stands still."""
+    shape, number = tile_counts(blocks.size), len(blocks.centers)
+    return Track(
+        blocks,
+        reference,
+        np.zeros((number, 2, *shape)),
+        np.ones(number, bool),
+        np.zeros((number, 3, *shape)),
+    )

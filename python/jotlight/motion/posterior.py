@@ -1,0 +1,29 @@
+"""How well the displacements are known."""
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.motion.motion import Motion
+from jotlight.motion.tiles import TILE
+
+_MAX_ERROR = 100.0
+"""Largest stated error in pixels, for tiles without information."""
+
+
+def posterior_error(motion: Motion) -> npt.NDArray[np.float32]:
+    """Return the standard deviation of the displacement of each jot, (H, W), in pixels.
+
+    It is √(½ tr A⁻¹) with the information A of a block, averaged over the blocks. It is 0 if
+    nothing moves.
+    """
+    height, width = motion.size
+    if motion.model == "none":
+        return np.zeros((height, width), np.float32)
+    rows, mixed, columns = np.moveaxis(motion.information.astype(np.float64), 2, 0)
+    determinant = np.maximum(rows * columns - mixed**2, 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        variance = (rows + columns) / (2 * determinant)
+    variance = np.where(variance < _MAX_ERROR**2, variance, _MAX_ERROR**2)
+    error = np.sqrt(variance.mean(axis=1)).astype(np.float32)
+    pixels = error.repeat(TILE, axis=1).repeat(TILE, axis=2)[:, :height, :width]
+    return np.choose(motion.labels, list(pixels)) if len(pixels) > 1 else pixels[0]
