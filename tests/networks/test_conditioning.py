@@ -92,3 +92,9 @@ def test_a_conditional_network_serves_different_k_in_turn():
     first, other = network.reconstruct(counts, four), network.reconstruct(counts, nine)
     assert (first != other).any()
     np.testing.assert_array_equal(network.reconstruct(counts, four), first)
+
+
+@pytest.mark.parametrize("trials", [1, 257, np.nan])
+def test_parameters_for_a_k_out_of_range_are_refused(trials):
+    with pytest.raises(ValueError, match="trials: expected 2 to 256, the K that"):
+        conditioning_weights(trials, (2, 256), 5)

@@ -119,7 +119,7 @@ def fine_tune(
     Warns
     -----
     JotlightWarning
-        When pixels without a valid jot were inpainted from their neighbors.
+        When pixels without a valid bit were inpainted from their neighbors.
 
     Notes
     -----
