@@ -144,4 +144,4 @@ def _information(covariances: Array, basis: Array, displacements: Array) -> Arra
     variances[:, [0, 1], [0, 1]] += _SYSTEMATIC_ERROR**2 + (_INTERPOLATION * curvature) ** 2
     rows, mixed, columns = variances[:, 0, 0], variances[:, 0, 1], variances[:, 1, 1]
     determinant = rows * columns - mixed**2
-    return np.stack([columns, -mixed, rows], axis=1) / determinant[:, None]
+    return np.asarray(np.stack([columns, -mixed, rows], axis=1) / determinant[:, None])

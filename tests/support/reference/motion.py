@@ -59,6 +59,12 @@ def variance_per_trial(p, trials, trials_of_template):
     return p * (1 - p) * (1 + 0.25 * trials / np.maximum(trials_of_template, 1))
 
 
+def brightness(ones, trials, p):
+    """Return the ratio of the ones to the number that a template predicts."""
+    expected = (trials * p.astype(float)).sum()
+    return np.clip(ones.sum() / expected, 0.1, 10) if expected > 0 else 1.0
+
+
 def normal_equations(sums, probability, trials_of_template, sigma):
     """Return A (3, rows, columns) and b (2, rows, columns) of the displacement errors of tiles."""
 
@@ -69,7 +75,8 @@ def normal_equations(sums, probability, trials_of_template, sigma):
     rows, columns = (correlate1d(p, DERIVATIVE, axis, mode="reflect") for axis in (0, 1))
     means = np.repeat(sums.remainders / max(sums.frames, 1), 16, axis=2)[:, :, : p.shape[1]]
     along_rows, along_columns = (blur(means[:, axis] * sums.trials) for axis in (0, 1))
-    residual = blur(sums.ones) - blur(sums.trials) * p - rows * along_rows - columns * along_columns
+    ones = blur(sums.ones) / brightness(sums.ones, sums.trials, p)
+    residual = ones - blur(sums.trials) * p - rows * along_rows - columns * along_columns
     weight = (sums.trials > 0) / variance_per_trial(p, sums.trials, trials_of_template)
     information = weight * sums.trials * np.stack([rows * rows, rows * columns, columns * columns])
     right = weight * residual * np.stack([rows, columns])
@@ -83,7 +90,7 @@ def chi_squared(ones, trials, p, trials_of_template):
         return uniform_filter(image.astype(float), width, mode="reflect") * width**2
 
     variance = trials * variance_per_trial(p.astype(float), trials, trials_of_template)
-    residual = ones - trials * p.astype(float)
+    residual = ones / brightness(ones, trials, p) - trials * p.astype(float)
     ratio = box(residual, 3) ** 2 / np.maximum(box(variance, 3), 1e-3)
     counted = trials > 0
     return (box(ratio * counted, 9) + 1) / (box(counted, 9) + 1)

@@ -7,6 +7,7 @@
 //! between shift and displacement.
 
 mod affine;
+mod brightness;
 mod chi_squared;
 mod equations;
 mod field;
