@@ -54,6 +54,7 @@ __all__ = [
     "squared_errors",
     "total_variation",
     "total_variation_admm_update",
+    "undo_remainders",
 ]
 
 __version__: str
@@ -128,6 +129,13 @@ def chi_squared(
     trials: npt.NDArray[np.int32],
     probability: npt.NDArray[np.float32],
     trials_of_template: npt.NDArray[np.int32],
+    out: npt.NDArray[np.float32],
+    threads: int | None,
+) -> None: ...
+def undo_remainders(
+    image: npt.NDArray[np.float32],
+    remainders: npt.NDArray[np.float32],
+    frames: int,
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...

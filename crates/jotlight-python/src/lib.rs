@@ -42,7 +42,7 @@ mod _engine {
     #[pymodule_export]
     use super::motion::{
         FilteredTemplate, add_shifted_counts, chi_squared, displacement_equations, fit_affine,
-        solve_field,
+        solve_field, undo_remainders,
     };
     #[pymodule_export]
     use super::network::{

@@ -108,6 +108,24 @@ pub fn displacement_equations<'py>(
     Ok((information.into_pyarray(py), right.into_pyarray(py)))
 }
 
+/// Write an image into `out` after its pixels are moved by the mean remainders.
+#[pyfunction]
+#[pyo3(signature = (image, remainders, frames, out, threads))]
+pub fn undo_remainders(
+    py: Python<'_>,
+    image: PyReadonlyArray2<'_, f32>,
+    remainders: PyReadonlyArray3<'_, f32>,
+    frames: usize,
+    mut out: PyReadwriteArray2<'_, f32>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let (image, remainders) = (image.as_array(), remainders.as_array());
+    let out = out.as_array_mut();
+    run(py, threads, || {
+        motion::undo_remainders(image, remainders, frames, out)
+    })
+}
+
 /// Write χ² of each pixel into `out`.
 #[pyfunction]
 #[pyo3(signature = (ones, trials, probability, trials_of_template, out, threads))]

@@ -83,6 +83,13 @@ def normal_equations(sums, probability, trials_of_template, sigma):
     return sum_tiles(information), sum_tiles(right)
 
 
+def undo_remainders(image, remainders, frames):
+    """Return an image after its pixels are moved by the mean remainders, to first order."""
+    means = np.repeat(remainders.astype(float) / frames, 16, axis=2)[:, :, : image.shape[1]]
+    slopes = [correlate1d(image.astype(float), DERIVATIVE, axis, mode="reflect") for axis in (0, 1)]
+    return image - means[:, 0] * slopes[0] - means[:, 1] * slopes[1]
+
+
 def chi_squared(ones, trials, p, trials_of_template):
     """Return χ² of each pixel, which is about 1 if the counts agree with the template."""
 

@@ -86,25 +86,15 @@ pub fn fit_affine(
     let mut errors = vec![[0.0; 2]; own.len()];
     let mut matrix = [[0.0; COEFFICIENTS]; COEFFICIENTS];
     for _ in 0..ROUNDS {
-        let deviations = own.iter().zip(&errors);
-        let squared: Vec<f64> = deviations
-            .zip(&information)
-            .map(|((own, error), &[rows, mixed, columns])| {
+        let squared: Vec<f64> = own
+            .iter()
+            .zip(errors.iter().zip(&information))
+            .map(|(own, (error, &[rows, mixed, columns]))| {
                 let [x, y] = [own[0] - error[0], own[1] - error[1]];
                 rows * x * x + 2.0 * mixed * x * y + columns * y * y
             })
             .collect();
-        let inside = squared
-            .iter()
-            .zip(&weights)
-            .filter(|(_, weight)| **weight > 0.0);
-        let middle = median(inside.map(|(squared, _)| *squared).collect());
-        let scale = MIN_SCALE.max(2.0 * middle);
-        let trust: Vec<f64> = squared
-            .iter()
-            .zip(&weights)
-            .map(|(squared, weight)| weight / (1.0 + squared / scale).powi(2))
-            .collect();
+        let trust = robust_weights(&squared, &weights);
         let (found, right) = weighted_sums(&information, &right, &trust, &basis);
         matrix = found;
         let mut with_prior = matrix;
@@ -121,6 +111,17 @@ pub fn fit_affine(
         errors: Array3::from_shape_fn((2, size.0, size.1), planes),
         information: Array2::from_shape_fn((COEFFICIENTS, COEFFICIENTS), |(i, j)| matrix[i][j]),
     })
+}
+
+/// Return smaller weights for tiles with large squared deviations.
+fn robust_weights(squared: &[f64], weights: &[f64]) -> Vec<f64> {
+    let pairs = || squared.iter().zip(weights);
+    let inside = pairs().filter(|(_, weight)| **weight > 0.0);
+    let middle = median(inside.map(|(squared, _)| *squared).collect());
+    let scale = MIN_SCALE.max(2.0 * middle);
+    pairs()
+        .map(|(squared, weight)| weight / (1.0 + squared / scale).powi(2))
+        .collect()
 }
 
 /// Return the matrix and the right side of the normal equations of the coefficients.

@@ -79,7 +79,8 @@ impl EquationsView<'_> {
 /// The ones N of the block are expected to be D p(x + e), with the filtered probabilities p of the
 /// template. With the filter G, g = ∇p, and the sums m of the remainders, the residual counts are
 /// ρ = G N/β − (G D) p − g · G m, and their weights are w = 1/\[p(1 − p)(1 + ¼ D/D_R)\], or 0 where
-/// D is 0. β is the brightness of the block, the ratio of Σ N to Σ D p. The equations are A = Σ w D g gᵀ and b = Σ w ρ g, summed over tiles of [`TILE`] pixels.
+/// D is 0. β is the brightness of the block, the ratio of Σ N to Σ D p. The equations are
+/// A = Σ w D g gᵀ and b = Σ w ρ g, summed over tiles of [`TILE`] pixels.
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if a number of ones
