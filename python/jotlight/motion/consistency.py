@@ -58,7 +58,7 @@ def disagreement(first: Sums, second: Sums) -> Image:
         return np.ones(ones.shape, np.float32)
     expected = other_trials * ones / np.maximum(trials, 1)
     brightness = expected[both].sum() / max(float(others[both].sum()), 1.0)
-    others *= np.float32(np.clip(brightness, 0.1, 10))
+    others = np.asarray(others * np.clip(brightness, 0.1, 10), np.float32)
     number = trials + other_trials
     p = _box(np.minimum((ones + others) / np.maximum(number, 1), 1), _SMALL_BOX)
     difference = ones * other_trials - others * trials
