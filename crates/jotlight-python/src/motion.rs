@@ -1,7 +1,7 @@
 //! Counts of bits that follow a moving scene.
 
 use jotlight::bits::PackedBits;
-use jotlight::motion::{self, Displacements, Field, ShiftedCounts};
+use jotlight::motion::{self, Displacements, ShiftedCounts};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use numpy::{PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::prelude::*;
@@ -31,11 +31,7 @@ pub fn add_shifted_counts(
     threads: Option<isize>,
 ) -> PyResult<()> {
     let packed = packed.as_array();
-    let field = |nodes| match tile {
-        Some(tile) => Field::Tiles { nodes, tile },
-        None => Field::Pixels(nodes),
-    };
-    let fields = (field(first.as_array()), field(last.as_array()));
+    let (first, last) = (first.as_array(), last.as_array());
     let (times, valid) = (
         times.as_slice()?,
         valid.as_ref().map(|valid| valid.as_array()),
@@ -49,7 +45,7 @@ pub fn add_shifted_counts(
         let rows = packed.dim().1;
         motion::add_shifted_counts(
             &PackedBits::new(packed, width)?,
-            &Displacements::new(fields.0, fields.1, rows, width)?,
+            &Displacements::new(first, last, tile, rows, width)?,
             times,
             valid,
             sums,

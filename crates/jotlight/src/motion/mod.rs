@@ -6,10 +6,15 @@
 //! independent. The *shift* is the rounded displacement, and the *remainder* is the difference
 //! between shift and displacement.
 
+mod columns;
 mod field;
+mod frames;
+mod lines;
 mod row;
 mod row_counter;
+mod search;
 mod shifted_counts;
+mod source;
 
-pub use field::{Displacements, Field};
+pub use field::Displacements;
 pub use shifted_counts::{BLOCK, ShiftedCounts, add_shifted_counts};
