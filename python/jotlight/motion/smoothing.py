@@ -39,6 +39,7 @@ def smoothing_matrix(series: Array, information: Array) -> Array:
     # All smoothing matrices have the same eigenvectors in these units.
     values, vectors = np.linalg.eigh(differences.T @ differences)
     values = np.maximum(values, 0) * (roots**2).mean()
+    values[:_ORDER] = 0  # parabolas have no such differences, so rounding must not add any
     rotated = (vectors.T @ (roots[:, None] * series)) ** 2
     kept = np.ones(number)
     for penalty in _PENALTIES:
