@@ -30,8 +30,8 @@ def smoothing_matrix(series: Array, information: Array) -> Array:
     Examples
     --------
     >>> line = np.arange(9.0)[:, None]
-    >>> (smoothing_matrix(line, np.ones(9)) @ line)[:, 0].round(6).tolist()
-    [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]
+    >>> bool(abs(smoothing_matrix(line, np.ones(9)) @ line - line).max() < 1e-9)
+    True
     """
     number = len(series)
     roots = np.sqrt(np.maximum(information, 1e-6 * information.max() + 1e-30))
