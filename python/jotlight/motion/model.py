@@ -97,8 +97,13 @@ def find_paths(
 
 
 def _share_of_unknown(paths: Paths) -> float:
-    """Return the fraction of pixels of which many bits disagree with the rest."""
-    return float((find_consistent(paths).accepted < _MIN_ACCEPTED).mean())
+    """Return the fraction of pixels of which many bits disagree with the rest.
+
+    Pixels without bits, such as those of dead jots, do not count.
+    """
+    consistent = find_consistent(paths)
+    unknown = consistent.accepted[consistent.total.trials > 0] < _MIN_ACCEPTED
+    return float(unknown.sum() / max(unknown.size, 1))
 
 
 def _improve_segments(paths: Paths) -> Paths:
