@@ -23,6 +23,7 @@ __all__ = [
     "displacement_equations",
     "equivalent_counts",
     "expose",
+    "fit_affine",
     "forward",
     "forward_bits",
     "forward_counts",
@@ -46,12 +47,14 @@ __all__ = [
     "rate",
     "read_words",
     "shrink",
+    "solve_field",
     "spread_adjoint",
     "spread_forward",
     "spread_normal",
     "squared_errors",
     "total_variation",
     "total_variation_admm_update",
+    "undo_remainders",
 ]
 
 __version__: str
@@ -129,6 +132,27 @@ def chi_squared(
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...
+def undo_remainders(
+    image: npt.NDArray[np.float32],
+    remainders: npt.NDArray[np.float32],
+    frames: int,
+    out: npt.NDArray[np.float32],
+    threads: int | None,
+) -> None: ...
+def fit_affine(
+    information: npt.NDArray[np.float64],
+    right: npt.NDArray[np.float64],
+    weights: npt.NDArray[np.float64],
+    basis: npt.NDArray[np.float64],
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
+def solve_field(
+    information: npt.NDArray[np.float64],
+    right: npt.NDArray[np.float64],
+    now: npt.NDArray[np.float64],
+    predicted: npt.NDArray[np.float64],
+    basis: npt.NDArray[np.float64],
+    smoothness: tuple[float, float, float],
+) -> npt.NDArray[np.float64]: ...
 def expose(
     sensor: dict[str, Any],
     image: _Image,

@@ -254,7 +254,7 @@ def test_the_sensor_has_the_maps_and_a_gain_that_counts_ordinary_jots(calibratio
     assert applied.oversampling == 2
 
 
-@pytest.mark.filterwarnings("ignore:.*no valid jot")
+@pytest.mark.filterwarnings("ignore:.*no valid bit")
 def test_a_calibrated_image_is_nearer_to_the_scene(calibration):
     rng = np.random.default_rng(13)
     scene = np.full((32, 40), 0.4)

@@ -9,7 +9,7 @@ import pytest
 import jotlight as jl
 from jotlight.networks.network import Network
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*no valid jot")
+pytestmark = pytest.mark.filterwarnings("ignore:.*no valid bit")
 
 PHOTO = jl.datasets.photograph("camera")[100:356, 128:384]
 QUICK = ("--steps", 1, "--batch", 8)

@@ -11,7 +11,7 @@ import jotlight as jl
 from jotlight.formats.writing import write_capture
 from jotlight.images.io import read_image
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*no valid jot")
+pytestmark = pytest.mark.filterwarnings("ignore:.*no valid bit")
 
 SHAPE = (24, 32)
 

@@ -38,15 +38,23 @@ def test_reconstruct_uses_the_trained_network_and_prints_its_name(run, photo_fol
 
 
 def test_without_a_network_the_chosen_method_and_a_training_command_are_printed(run, photo_folder):
-    bits = expose(photo_folder, OTHER)
+    sensor = OTHER.replace(kernel="linear")
+    bits = expose(photo_folder, sensor)
     status, output = run("reconstruct", "bits.npy", "-o", "out.npy")
     assert status == 0
-    assert "noniterative-tv" in output
-    assert "there is no trained network for 400 trials per pixel" in output
+    assert "by admm-tv: there is no trained network for the linear kernel" in output
     assert output.endswith(": jotlight train --sensor bits.npy -o model.safetensors\n")
-    assert f"by {DEFAULT_ELSEWHERE} in" in output
-    expected = METHODS["noniterative-tv"].run(bits, OTHER)
-    np.testing.assert_array_equal(np.load("out.npy"), expected)
+    assert "by ADMM, total variation" in output
+    np.testing.assert_array_equal(np.load("out.npy"), METHODS["admm-tv"].run(bits, sensor))
+
+
+def test_many_trials_are_estimated_by_the_blend_on_held_out_bits(run, photo_folder):
+    sensor = jl.Sensor(oversampling=2, frames=300, gain=240.0)
+    bits = expose(photo_folder, sensor)
+    status, output = run("reconstruct", "bits.npy", "-o", "out.npy")
+    assert status == 0
+    assert "by best blend on held-out bits in" in output
+    np.testing.assert_array_equal(np.load("out.npy"), METHODS["held-out"].run(bits, sensor))
 
 
 def test_reconstruct_by_a_missing_network_fails(run, photo_folder, tmp_path):

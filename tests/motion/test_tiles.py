@@ -33,6 +33,11 @@ def test_affine_fields_are_interpolated_exactly():
     np.testing.assert_allclose(interpolate(nodes, size), expected, atol=1e-4)
 
 
+def test_constant_fields_remain_constant():
+    nodes = np.full((2, 3, 4), 0.3, np.float32)
+    np.testing.assert_allclose(interpolate(nodes, (40, 60)), 0.3, rtol=1e-6)
+
+
 def test_the_affine_basis_is_orthogonal():
     basis = affine_basis((7, 12))
     product = basis.T @ basis

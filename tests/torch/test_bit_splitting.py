@@ -9,7 +9,7 @@ import jotlight as jl
 torch = pytest.importorskip("torch")
 
 from jotlight.sensing.pixel_counts import count_pixels  # noqa: E402
-from jotlight.torch.bit_splitting import BitSplitter, subsample_counts  # noqa: E402
+from jotlight.torch.bit_splitting import BitSplitter  # noqa: E402
 
 SCENE = np.kron([[0.1, 0.7, 0.3], [0.9, 0.2, 0.5], [0.4, 0.8, 0.1]], np.ones((16, 16)))
 SENSOR = jl.Sensor(frames=8)
@@ -22,29 +22,6 @@ FALSE_ALARMS = 1e-9
 def bit_splitter(network, sensor, data, seed=0):
     channels = [count_pixels(data, sensor, None)]
     return BitSplitter(network, sensor, channels, np.random.default_rng(seed))
-
-
-def test_subsampled_counts_are_hypergeometric():
-    pixels, ones, trials, subset = 20_000, 5, 12, 7
-    sampled = subsample_counts(
-        np.full(pixels, ones), np.full(pixels, trials), np.full(pixels, subset), rng=0
-    )
-    probabilities = stats.hypergeom(trials, ones, subset).pmf(np.arange(ones + 1))
-    histogram = np.bincount(sampled, minlength=ones + 1)
-    assert len(histogram) == ones + 1
-    for observed, p in zip(histogram, probabilities, strict=True):
-        assert stats.binomtest(int(observed), pixels, p).pvalue > FALSE_ALARMS / (ones + 1)
-
-
-def test_the_two_parts_of_binomial_bits_are_independent():
-    """Their joint distribution is the product of two binomial distributions."""
-    pixels, p = 20_000, 0.3
-    ones = np.random.default_rng(1).binomial(8, p, pixels)
-    first = subsample_counts(ones, np.full(pixels, 8), np.full(pixels, 5), rng=2)
-    table = np.histogram2d(first, ones - first, bins=[np.arange(-0.5, 6), np.arange(-0.5, 4)])[0]
-    expected = np.outer(stats.binom(5, p).pmf(np.arange(6)), stats.binom(3, p).pmf(np.arange(4)))
-    for observed, joint in zip(table.ravel(), expected.ravel(), strict=True):
-        assert stats.binomtest(int(observed), pixels, joint).pvalue > FALSE_ALARMS / table.size
 
 
 @pytest.mark.parametrize("frames", [2, 3, 8, 40])
@@ -79,7 +56,7 @@ def test_dead_jots_have_no_bits_in_any_part():
     mask = np.zeros(SCENE.shape, bool)
     mask[10:14, 20:23] = mask[40, 40] = True
     sensor = SENSOR.replace(mask=mask)
-    with pytest.warns(jl.JotlightWarning, match="13 of 2304 pixels have no valid jot"):
+    with pytest.warns(jl.JotlightWarning, match="13 of 2304 pixels have no valid bit"):
         splitter = bit_splitter(CONDITIONAL, sensor, sensor.expose(SCENE, rng=0))
     assert splitter.held_out[0].planes[0, 2].numpy()[mask].max() == 0
     assert splitter.training_bits[0][1][mask].max() == 0

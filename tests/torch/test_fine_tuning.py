@@ -164,7 +164,7 @@ def test_color_maps_dead_jots_and_two_trials_can_be_tuned():
     mask[:30] = True  # some patches have dead pixels alone
     mask[45, 45] = True
     mapped = SENSOR.replace(mask=mask, dark_counts=np.full(SCENE.shape, 0.1))
-    with pytest.warns(jl.JotlightWarning, match="no valid jot"):
+    with pytest.warns(jl.JotlightWarning, match="no valid bit"):
         tuned = tune(data=mapped.expose(SCENE, rng=0), steps=8)
     assert np.isfinite(tuned[1].loss).all()
 

@@ -27,7 +27,7 @@ from suite.tasks.two_layer_network import BM3D, TV
 NETWORK_USES = {
     "network-two-layer": "video and previews",
     "network-small": "better images within a few milliseconds",
-    "network-medium": "most images; it serves any exposure and 1 to 256 trials per pixel",
+    "network-medium": "most images; it serves any exposure and any number of trials per pixel",
     "network-large": "the best images, at 16 trials per pixel",
 }
 """When to use each network, by the name of its task."""

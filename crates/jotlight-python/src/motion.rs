@@ -2,14 +2,15 @@
 
 use jotlight::bits::PackedBits;
 use jotlight::motion::{
-    self, Comparison, Displacements, Equations, Field, ShiftedCounts, Sums, Template,
+    self, AffineFit, Comparison, Displacements, Equations, EquationsView, Field, ShiftedCounts,
+    Smoothness, Start, Sums, Template,
 };
-use numpy::{IntoPyArray, PyArray3};
+use numpy::{IntoPyArray, PyArray2, PyArray3};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use numpy::{PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::prelude::*;
 
-use crate::run;
+use crate::{run, to_python};
 
 /// Count the ones of frames whose pixels are displaced, and add them to `ones` and the others.
 ///
@@ -107,6 +108,24 @@ pub fn displacement_equations<'py>(
     Ok((information.into_pyarray(py), right.into_pyarray(py)))
 }
 
+/// Write an image into `out` after its pixels are moved by the mean remainders.
+#[pyfunction]
+#[pyo3(signature = (image, remainders, frames, out, threads))]
+pub fn undo_remainders(
+    py: Python<'_>,
+    image: PyReadonlyArray2<'_, f32>,
+    remainders: PyReadonlyArray3<'_, f32>,
+    frames: usize,
+    mut out: PyReadwriteArray2<'_, f32>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let (image, remainders) = (image.as_array(), remainders.as_array());
+    let out = out.as_array_mut();
+    run(py, threads, || {
+        motion::undo_remainders(image, remainders, frames, out)
+    })
+}
+
 /// Write χ² of each pixel into `out`.
 #[pyfunction]
 #[pyo3(signature = (ones, trials, probability, trials_of_template, out, threads))]
@@ -127,4 +146,66 @@ pub fn chi_squared(
     };
     let out = out.as_array_mut();
     run(py, threads, || motion::chi_squared(&comparison, out))
+}
+
+/// The errors of all tiles, and the information about the coefficients.
+type PyAffineFit<'py> = (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray2<f64>>);
+
+/// Return the affine displacement errors of a segment, and the information about its coefficients.
+#[pyfunction]
+#[pyo3(signature = (information, right, weights, basis))]
+pub fn fit_affine<'py>(
+    py: Python<'py>,
+    information: PyReadonlyArray3<'_, f64>,
+    right: PyReadonlyArray3<'_, f64>,
+    weights: PyReadonlyArray2<'_, f64>,
+    basis: PyReadonlyArray2<'_, f64>,
+) -> PyResult<PyAffineFit<'py>> {
+    let equations = EquationsView {
+        information: information.as_array(),
+        right: right.as_array(),
+    };
+    let (weights, basis) = (weights.as_array(), basis.as_array());
+    // This takes less time than to wake another thread.
+    let fit = py.detach(|| motion::fit_affine(equations, weights, basis));
+    let AffineFit {
+        errors,
+        information,
+    } = fit.map_err(to_python)?;
+    Ok((errors.into_pyarray(py), information.into_pyarray(py)))
+}
+
+/// Return the smooth field of displacements that fits the equations.
+///
+/// `smoothness` is the tuple (λ1, λ2, ρ).
+#[pyfunction]
+#[pyo3(signature = (information, right, now, predicted, basis, smoothness))]
+pub fn solve_field<'py>(
+    py: Python<'py>,
+    information: PyReadonlyArray3<'_, f64>,
+    right: PyReadonlyArray3<'_, f64>,
+    now: PyReadonlyArray3<'_, f64>,
+    predicted: PyReadonlyArray3<'_, f64>,
+    basis: PyReadonlyArray2<'_, f64>,
+    smoothness: (f64, f64, f64),
+) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    let equations = EquationsView {
+        information: information.as_array(),
+        right: right.as_array(),
+    };
+    let start = Start {
+        now: now.as_array(),
+        predicted: predicted.as_array(),
+    };
+    let basis = basis.as_array();
+    let (to_prediction, to_affine, outline) = smoothness;
+    let smoothness = Smoothness {
+        to_prediction,
+        to_affine,
+        outline,
+    };
+    let field = run(py, Some(1), || {
+        motion::solve_field(equations, start, basis, smoothness)
+    })?;
+    Ok(field.into_pyarray(py))
 }

@@ -4,6 +4,7 @@ use jotlight::bits::{PackedBits, add_block_counts};
 use jotlight::error::{Error, Result};
 use jotlight::likelihood::{Readings, Threshold};
 use jotlight::mle::{JotResponse, PixelResponse, from_probability};
+use jotlight::motion::{Sums, Template, normal_equations};
 use jotlight::network::{Batch, Layer, Patch, Wiring, forward};
 use jotlight::roofline::multiply_adds;
 use jotlight::sensing::{Image, Kernel, PerJot, Sensor, Window, expose, probability};
@@ -148,6 +149,24 @@ fn inverses_end() -> Result<()> {
     let p = vec![0.3f32; 1 << 20];
     assert_ends(|| from_probability(&response, &p, jot, &mut vec![0.0; p.len()]));
     assert_ends(|| ExactInverse::new(u32::MAX));
+    Ok(())
+}
+
+#[test]
+fn normal_equations_end() -> Result<()> {
+    const SIZE: usize = 1000;
+    let probability = Array2::from_elem((SIZE, SIZE), 0.5f32);
+    let counts = Array2::ones((SIZE, SIZE));
+    assert_ends(|| Template::new(probability.view(), counts.view(), 30.0));
+    let template = Template::new(probability.view(), counts.view(), 10.0)?;
+    let remainders = Array3::zeros((SIZE, 2, SIZE.div_ceil(16)));
+    let sums = Sums {
+        ones: counts.view(),
+        trials: counts.view(),
+        remainders: remainders.view(),
+        frames: 1,
+    };
+    assert_ends(|| normal_equations(&template, sums));
     Ok(())
 }
 

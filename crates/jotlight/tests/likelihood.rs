@@ -116,7 +116,7 @@ fn vector_code_for_one_photon_agrees_with_the_threshold() -> Result<()> {
         let ones = f64::from(data.ones[i]);
         let zeros = data.trials[i] - ones;
         let (score, concavity) = threshold.detection_score_and_curvature(rate);
-        let expected = data.efficiency[i] * (ones * score - f64::from(zeros));
+        let expected = data.efficiency[i] * (ones * score - zeros);
         assert!((gradient[i] - expected).abs() < 1e-12 * (1.0 + ones * score));
         let expected = data.efficiency[i].powi(2) * ones * concavity;
         assert!((curvature[i] - expected).abs() <= 1e-12 * expected);

@@ -109,6 +109,17 @@ fn variance_per_trial(case: &Case, p: &Array2<f64>) -> Array2<f64> {
     })
 }
 
+/// Return the ratio of the ones to the number that probabilities predict.
+fn brightness(case: &Case, p: &Array2<f64>) -> f64 {
+    let expected = (case.trials.mapv(f64::from) * p).sum();
+    let ones = case.ones.mapv(f64::from).sum();
+    if expected > 0.0 {
+        (ones / expected).clamp(0.1, 10.0)
+    } else {
+        1.0
+    }
+}
+
 /// Return the five sums of all tiles: three of A, and two of b.
 fn naive_equations(case: &Case, sigma: f64) -> Array3<f64> {
     let radius = (3.0 * sigma + 0.5) as isize;
@@ -133,7 +144,7 @@ fn naive_equations(case: &Case, sigma: f64) -> Array3<f64> {
             f64::from(sum) / 8.0 * f64::from(case.trials[[row, column]])
         }))
     });
-    let ones = blur(case.ones.mapv(f64::from));
+    let ones = blur(case.ones.mapv(f64::from) / brightness(case, &p));
     let trials = blur(case.trials.mapv(f64::from));
     let variance = variance_per_trial(case, &p);
     let (rows, columns) = case.size();
@@ -166,7 +177,10 @@ fn naive_chi_squared(case: &Case) -> Array2<f64> {
     let variance = variance_per_trial(case, &p);
     let trials = case.trials.mapv(f64::from);
     let [small, large] = [1, 4].map(|radius| square(radius, |_, _| 1.0));
-    let residuals = correlate(&(case.ones.mapv(f64::from) - &trials * &p), &small);
+    let residuals = correlate(
+        &(case.ones.mapv(f64::from) / brightness(case, &p) - &trials * &p),
+        &small,
+    );
     let variances = correlate(&(&trials * &variance), &small);
     let counted = trials.mapv(|trials| f64::from(u8::from(trials > 0.0)));
     let ratios = &residuals * &residuals / variances.mapv(|v| v.max(1e-3)) * &counted;

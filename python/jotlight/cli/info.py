@@ -225,7 +225,10 @@ def _network_facts(file: Path, network: Network) -> list[tuple[str, str]]:
         sensor = repr(network.sensor)
     else:
         low, high = network.trials_range
-        sensor = f"any of {low} to {high} trials per pixel, {network.sensor.kernel} kernel"
+        sensor = (
+            f"any of {low} trials per pixel or more, {network.sensor.kernel} kernel; trained for "
+            f"{low} to {high}"
+        )
     facts = [
         ("kind", "network"),
         ("sensor", sensor),

@@ -11,6 +11,8 @@ from jotlight.estimators.vst import INVERSES
 from jotlight.evaluation.methods import (
     DEFAULT_METHOD,
     FALLBACK_METHOD,
+    LARGE_METHOD,
+    LARGE_TRIALS,
     METHODS,
     SMOOTH_KERNEL_METHOD,
     requested_method,
@@ -27,7 +29,8 @@ class MethodOptions:
         Parameter(
             alias="-m",
             help=f"One of {', '.join(METHODS)}. Default: {DEFAULT_METHOD} where it serves the "
-            f"sensor, else {FALLBACK_METHOD}, or {SMOOTH_KERNEL_METHOD} for a smooth kernel.",
+            f"sensor ({LARGE_METHOD} above {LARGE_TRIALS} trials per pixel), else "
+            f"{FALLBACK_METHOD}, or {SMOOTH_KERNEL_METHOD} for a smooth kernel.",
         ),
     ] = None
     model: Model = None

@@ -3,7 +3,8 @@
 In reading order:
 
 * closed form: ``mle``, ``inverse_response`` (equation 5), ``inpaint`` (dead pixels);
-* variance stabilization: ``vst`` (equations 6 and 7), ``denoise``, ``noniterative``;
+* variance stabilization: ``vst`` (equations 6 and 7), ``denoise``, ``trial_levels`` (pixels with
+  different numbers of trials), ``noniterative``;
 * iterative methods: ``problem`` (equation 4), ``convergence``, ``mle_iterative``, ``tv``, ``admm``
   with ``admm_terms`` and ``linear_solver``;
 * quality of an estimate: ``uncertainty`` with ``light_inversion``, ``planning``, ``brightness``.

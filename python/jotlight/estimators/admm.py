@@ -161,7 +161,7 @@ def admm_tv(
     in the cosine basis. It requires a few steps of conjugate gradients only if K̂ and the degree of
     the kernel are both odd.
 
-    Total variation alone determines the pixels without a valid jot.
+    Total variation alone determines the pixels without a valid bit.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Inpainting of dead pixels, which have no valid jot, from their neighbors."""
+"""Inpainting of dead pixels, which have no valid bit, from their neighbors."""
 
 import numpy as np
 import numpy.typing as npt

@@ -116,7 +116,11 @@ def count_local_trials(pixels: PixelCounts) -> int | Image:
     check_any_valid(pixels.trials)
     if not isinstance(pixels.trials, np.ndarray):
         return max(1, round(pixels.trials))
-    return local_trials(fill_from_nearest(pixels.trials, pixels.trials > 0))
+    valid = pixels.trials > 0
+    alive = pixels.trials[valid]
+    if alive.min() == alive.max():
+        return max(1, round(float(alive[0])))
+    return local_trials(fill_from_nearest(pixels.trials, valid))
 
 
 def fill_from_nearest(values: npt.NDArray[np.floating], known: npt.NDArray[np.bool_]) -> Image:

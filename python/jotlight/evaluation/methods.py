@@ -16,6 +16,7 @@ from jotlight.estimators.admm import admm_tv
 from jotlight.estimators.mle import mle
 from jotlight.estimators.mle_iterative import mle_iterative
 from jotlight.estimators.noniterative import noniterative
+from jotlight.evaluation.held_out import held_out
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import (
     CONDITIONAL_SIZE,
@@ -129,6 +130,12 @@ METHODS: dict[str, Method] = {
     "network-small": _shipped_network("small", "small"),
     "network-medium": _shipped_network("medium", "medium"),
     "network-large": _shipped_network("large", "large"),
+    "held-out": Method(
+        "best blend on held-out bits",
+        held_out,
+        unsupported_reason=partial(unsupported_message, quality=CONDITIONAL_SIZE),
+        is_distinct=lambda sensor: sensor.trials > LARGE_TRIALS,
+    ),
 }
 """All methods, in the order in which tables list them."""
 
@@ -137,6 +144,12 @@ DEEP_NETWORKS = "network-small", "network-medium", "network-large"
 
 DEFAULT_METHOD = "network-medium"
 """Method for every sensor that it serves, unless another one is requested."""
+
+LARGE_METHOD = "held-out"
+"""Method for these sensors instead of the default if K is above :data:`LARGE_TRIALS`."""
+
+LARGE_TRIALS = 1000
+"""Largest K up to which the default needs no comparison with methods that trust the data more."""
 
 FALLBACK_METHOD = "noniterative-tv"
 """Method for sensors that the default does not serve. It serves every sensor."""
@@ -247,8 +260,8 @@ def choose_method(
         Sensor of the data.
     requested : str, optional
         Key of :data:`METHODS`, as returned by :func:`requested_method`. Default: the network
-        `DEFAULT_METHOD` where it serves the sensor, else `SMOOTH_KERNEL_METHOD` for the bits of a
-        smooth kernel, else `FALLBACK_METHOD`.
+        `DEFAULT_METHOD` where it serves the sensor, or `LARGE_METHOD` if K is above `LARGE_TRIALS`;
+        else `SMOOTH_KERNEL_METHOD` for the bits of a smooth kernel, else `FALLBACK_METHOD`.
     network : Network, optional
         Network of the caller. It replaces the request.
     is_bits : bool
@@ -273,6 +286,8 @@ def choose_method(
     --------
     >>> choose_method(Sensor(frames=16)).method
     'network-medium'
+    >>> choose_method(Sensor(frames=10_000)).method
+    'held-out'
     >>> choose_method(Sensor(frames=16, kernel="cubic"), is_bits=False).method
     'noniterative-tv'
     """
@@ -280,9 +295,10 @@ def choose_method(
     if network is not None:
         method, quality, has_fixed_range = OWN_NETWORK, None, network.trials_range is None
     else:
-        method = requested or DEFAULT_METHOD
+        method = requested or (LARGE_METHOD if sensor.trials > LARGE_TRIALS else DEFAULT_METHOD)
         quality = METHODS[method].quality
-        if quality is not None and (reason := unsupported_reason(sensor, quality)) is not None:
+        needed = CONDITIONAL_SIZE if method == LARGE_METHOD else quality
+        if needed is not None and (reason := unsupported_reason(sensor, needed)) is not None:
             message = f"{reason}; {remedy or 'train one: ' + training_command(sensor)}"
             if requested is not None:
                 raise ValueError(message)

@@ -7,7 +7,7 @@ import numpy as np
 
 from jotlight.estimators.denoise import Float32Image, bm3d
 from jotlight.estimators.noniterative import noniterative
-from jotlight.evaluation.methods import DEEP_NETWORKS, METHODS
+from jotlight.evaluation.methods import DEEP_NETWORKS, LARGE_METHOD, METHODS
 from jotlight.experiments.method_titles import ALGEBRAIC
 from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
@@ -25,7 +25,8 @@ def methods_with(network: Network) -> dict[str, Callable[..., Float32Image]]:
     runs: dict[str, Callable[..., Float32Image]] = {
         name: method.run
         for name, method in METHODS.items()
-        if method.available and name not in ("mle-iterative", TWO_LAYER_METHOD, *DEEP_NETWORKS)
+        if method.available
+        and name not in ("mle-iterative", TWO_LAYER_METHOD, LARGE_METHOD, *DEEP_NETWORKS)
     }
     if "noniterative-bm3d" in runs:
         denoised: list[Float32Image] = []

@@ -16,7 +16,7 @@ import numpy as np
 from jotlight._engine import DEBUG_BUILD
 from jotlight.datasets.fetch import Progress
 from jotlight.estimators.denoise import Float32Image
-from jotlight.evaluation.methods import DEEP_NETWORKS, METHODS
+from jotlight.evaluation.methods import DEEP_NETWORKS, LARGE_METHOD, METHODS
 from jotlight.experiments.bsds_methods import TWO_LAYER_METHOD, crop_center
 from jotlight.experiments.experiment import Experiment, Part, PartResult, Results, Row, RunContext
 from jotlight.experiments.method_titles import UNTIED, method_title
@@ -58,7 +58,7 @@ def _run(context: RunContext, progress: Progress) -> PartResult:
     methods = [
         name
         for name, method in METHODS.items()
-        if method.available and name not in ("mle-iterative", *DEEP_NETWORKS)
+        if method.available and name not in ("mle-iterative", LARGE_METHOD, *DEEP_NETWORKS)
     ] + [UNTIED]
     rows: list[Row] = []
     rounds = settings["rounds"]

@@ -19,6 +19,12 @@ _SIGMAS = (2.0, 1.0)
 _JOINT_SIGMAS = (2.0, 1.0, 1.0)
 """Widths of the filters in the rounds that align all blocks together."""
 
+_SYSTEMATIC_ERROR = 0.05
+"""Standard deviation of the errors that do not depend on the number of photons, in pixels."""
+
+_INTERPOLATION = 0.25
+"""Error of linear interpolation between blocks, as a fraction of their second difference."""
+
 _MIN_SHARE_OF_OTHERS = 0.3
 """Smallest assumed share of the other blocks in the template."""
 
@@ -98,18 +104,44 @@ def improve_together(track: Track, weights: Array, sigma: float = 1.0) -> None:
         step, matrices[block] = fit_affine(Equations(equations.information, right), weights)
         nodes = (track.nodes[block] - step).reshape(2, -1)
         parameters[block] = (nodes @ to_parameters.T).ravel()
-        track.information[block] = equations.information
-    smooth = _smooth(parameters, matrices)
+    smooth, covariances = _smooth(parameters, matrices)
     place = float(np.interp(track.reference, track.blocks.centers, np.arange(number)))
-    smooth -= cubic_weights(number, place) @ smooth
-    track.nodes = (smooth.reshape(number, 2, 3) @ basis.T).reshape(track.nodes.shape)
+    at_reference = cubic_weights(number, place)
+    smooth -= at_reference @ smooth
+    covariances = covariances + np.tensordot(at_reference**2, covariances, axes=1)
+    displacements = smooth.reshape(number, 2, 3) @ basis.T
+    track.nodes = displacements.reshape(track.nodes.shape)
+    information = _information(covariances, basis, displacements)
+    track.information = information.reshape(track.information.shape)
 
 
-def _smooth(parameters: Array, matrices: Array) -> Array:
-    """Return smooth series of the parameters (n, 6), whose information is `matrices` (n, 6, 6)."""
+def _smooth(parameters: Array, matrices: Array) -> tuple[Array, Array]:
+    """Return smooth series of the parameters (n, 6), and their covariances (n, 6, 6).
+
+    `matrices` is the information about the parameters, (n, 6, 6).
+    """
     mean = matrices.mean(axis=0)
     mean += 1e-6 * np.trace(mean) * np.eye(6) + 1e-12 * np.eye(6)
     inverse = np.linalg.inv(mean)
     information = np.einsum("nij,ji->n", matrices, inverse) / 6
     root = np.linalg.cholesky(mean)
-    return np.asarray(smoothing_matrix(parameters @ root, information) @ parameters)
+    smooth = smoothing_matrix(parameters @ root, information) @ parameters
+    # The curve has less noise, but also a bias. The variance without smoothing exceeds both.
+    return smooth, inverse / np.maximum(information, 1e-9)[:, None, None]
+
+
+def _information(covariances: Array, basis: Array, displacements: Array) -> Array:
+    """Return the information about the displacements of tiles, (n, 3, tiles).
+
+    The covariances (n, 6, 6) are those of the coefficients of the basis (tiles, 3). Between the
+    blocks, the displacements (n, 2, tiles) are interpolated linearly, which adds an error.
+    """
+    blocks = covariances.reshape(-1, 2, 3, 2, 3)
+    variances = np.einsum("ti,naibj,tj->nabt", basis, blocks, basis)
+    curvature = np.zeros_like(displacements)
+    curvature[1:-1] = np.diff(displacements, 2, axis=0)
+    curvature[[0, -1]] = curvature[[1, -2]]
+    variances[:, [0, 1], [0, 1]] += _SYSTEMATIC_ERROR**2 + (_INTERPOLATION * curvature) ** 2
+    rows, mixed, columns = variances[:, 0, 0], variances[:, 0, 1], variances[:, 1, 1]
+    determinant = rows * columns - mixed**2
+    return np.asarray(np.stack([columns, -mixed, rows], axis=1) / determinant[:, None])

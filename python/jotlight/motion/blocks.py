@@ -87,12 +87,6 @@ class Sums:
         """Return the sums of some pixels (H, W), and 0 for the others."""
         return dataclasses.replace(self, ones=self.ones * pixels, trials=self.trials * pixels)
 
-    def mean_remainders(self) -> npt.NDArray[np.float32]:
-        """Return the mean over the frames of the shift minus the displacement, (2, H, W)."""
-        means = self.remainders / np.float32(max(1, self.frames))
-        pixels = np.repeat(means, _REMAINDER_PIXELS, axis=2)[:, :, : self.ones.shape[1]]
-        return pixels.swapaxes(0, 1)
-
 
 @dataclasses.dataclass(frozen=True)
 class Blocks:

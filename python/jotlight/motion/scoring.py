@@ -18,9 +18,6 @@ Image = npt.NDArray[np.float32]
 _MIN_PROBABILITY = 1e-4
 """Smallest distance of a probability of the template from 0 and from 1."""
 
-_DERIVATIVE = np.array([-1 / 60, 3 / 20, -3 / 4, 0, 3 / 4, -3 / 20, 1 / 60], np.float32)
-"""Weights of the pixels whose sum is the derivative, exact for polynomials of degree 6."""
-
 
 @dataclasses.dataclass(frozen=True)
 class Template:
@@ -60,18 +57,6 @@ def blur(image: npt.NDArray[np.floating], sigma: float) -> Image:
     return np.asarray(gaussian_filter(image, sigmas, mode="reflect", truncate=3.0), np.float32)
 
 
-def gradient(image: Image) -> tuple[Image, Image]:
-    """Return the derivatives of an image along rows and columns.
-
-    Rounding shifts the scene by up to half a pixel. Differences of direct neighbors underestimate
-    the slopes of fine details by a fifth, and so the effect of this shift.
-    """
-    from scipy.ndimage import correlate1d
-
-    rows, columns = (correlate1d(image, _DERIVATIVE, axis, mode="reflect") for axis in (0, 1))
-    return rows, columns
-
-
 @functools.cache
 def _network() -> Network:
     """Return the K-conditioned network. It is read only once."""
@@ -85,11 +70,10 @@ def make_template(sums: Sums, threads: int | None) -> Template:
     trials = int(np.clip(np.median(sums.trials[known]) if known.any() else 1, 1, MAX_TRIALS))
     probability = _network().denoise_probability(fraction, trials, threads=threads)
     # The remainders have shifted the ones on average. This removes the shift to first order.
-    rows, columns = gradient(probability)
-    remainders = sums.mean_remainders()
-    probability = probability - remainders[0] * rows - remainders[1] * columns
-    clipped = np.clip(probability, _MIN_PROBABILITY, 1 - _MIN_PROBABILITY)
-    return Template(clipped.astype(np.float32), sums.trials, threads)
+    moved = np.empty_like(probability)
+    engine.undo_remainders(probability, sums.remainders, sums.frames, moved, threads)
+    clipped = np.clip(moved, _MIN_PROBABILITY, 1 - _MIN_PROBABILITY)
+    return Template(clipped, sums.trials, threads)
 
 
 def normal_equations(sums: Sums, template: Template, sigma: float) -> Equations:

@@ -14,6 +14,9 @@ _PENALTIES = np.logspace(-3, 8, 56)
 _TOLERANCE = 1.3
 """Maximum ratio of the squared residuals of the curve to those of noise."""
 
+_MAX_EXCESS = 10.0
+"""Largest assumed ratio of the variance of the noise to the inverse of the information."""
+
 
 def smoothing_matrix(series: Array, information: Array) -> Array:
     """Return the matrix S, (n, n), for which S y is a smooth curve through y.
@@ -40,10 +43,13 @@ def smoothing_matrix(series: Array, information: Array) -> Array:
     values, vectors = np.linalg.eigh(differences.T @ differences)
     values = np.maximum(values, 0) * (roots**2).mean()
     rotated = (vectors.T @ (roots[:, None] * series)) ** 2
+    # The roughest half of the components is noise, which may exceed the stated one.
+    rough = float(rotated[number // 2 :].mean())
+    excess = float(np.clip(rough, 1, _MAX_EXCESS))
     kept = np.ones(number)
     for penalty in _PENALTIES:
         removed = 1 - 1 / (1 + penalty * values)
-        noise = series.shape[1] * (removed**2).sum()
+        noise = excess * series.shape[1] * (removed**2).sum()
         if (removed[:, None] ** 2 * rotated).sum() > _TOLERANCE * noise:
             break
         kept = 1 - removed

@@ -1,5 +1,7 @@
 """Square tiles: sums over them, and fields of displacements at their centers."""
 
+import functools
+
 import numpy as np
 import numpy.typing as npt
 
@@ -35,15 +37,19 @@ def sum_tiles(values: npt.NDArray[np.floating]) -> Array:
     return np.asarray(values)
 
 
+@functools.lru_cache(maxsize=8)
 def affine_basis(shape: tuple[int, int]) -> Array:
     """Return the functions 1, row, and column on a grid of tiles, shape (rows * columns, 3).
 
-    Rows and columns are relative to the center, and in units of the whole grid.
+    Rows and columns are relative to the center, and in units of the whole grid. The array is
+    shared, and cannot be changed.
     """
     rows, columns = np.indices(shape, np.float64)
     rows = (rows - (shape[0] - 1) / 2) / shape[0]
     columns = (columns - (shape[1] - 1) / 2) / shape[1]
-    return np.stack([np.ones(shape), rows, columns], axis=-1).reshape(-1, 3)
+    basis = np.stack([np.ones(shape), rows, columns], axis=-1).reshape(-1, 3)
+    basis.flags.writeable = False
+    return basis
 
 
 def interpolate(nodes: npt.NDArray[np.floating], size: tuple[int, int]) -> npt.NDArray[np.float32]:
@@ -65,15 +71,20 @@ def interpolate(nodes: npt.NDArray[np.floating], size: tuple[int, int]) -> npt.N
     >>> interpolate(nodes, (1, 32))[1, 0, [0, 8, 31]].tolist()
     [-7.5, 0.5, 23.5]
     """
-    values = np.asarray(nodes, np.float32)
-    for axis, length in ((1, size[0]), (2, size[1])):
-        tiles = values.shape[axis]
-        place = (np.arange(length) - (TILE - 1) / 2) / TILE
-        index = np.clip(np.floor(place), 0, max(0, tiles - 2)).astype(int)
-        fraction = (place - index).astype(np.float32).reshape(-1, *[1] * (2 - axis))
-        first = values.take(index, axis)
-        values = first + fraction * (values.take(np.minimum(index + 1, tiles - 1), axis) - first)
-    return np.ascontiguousarray(values)
+    rows, columns = (_interpolation(*pair) for pair in zip(size, nodes.shape[1:], strict=True))
+    return np.asarray(rows @ nodes.astype(np.float32) @ columns.T)
+
+
+def _interpolation(length: int, tiles: int) -> npt.NDArray[np.float32]:
+    """Return the matrix that interpolates values at the centers of tiles, (length, tiles)."""
+    pixels = np.arange(length)
+    place = (pixels - (TILE - 1) / 2) / TILE
+    index = np.clip(np.floor(place), 0, max(0, tiles - 2)).astype(int)
+    matrix = np.zeros((length, max(tiles, 2)), np.float32)
+    matrix[pixels, index] = 1 - (place - index)
+    matrix[pixels, index + 1] = place - index
+    # A single tile has the same value everywhere.
+    return matrix if tiles > 1 else np.ones((length, 1), np.float32)
 
 
 def interpolate_at(

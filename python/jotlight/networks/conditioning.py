@@ -34,11 +34,21 @@ def conditioning_weights(
     ndarray, shape (M,)
         Weights of 0 or more with sum 1; at most four are not 0.
 
+    Raises
+    ------
+    ValueError
+        For a K out of the range, where the splines are not defined.
+
     Examples
     --------
     >>> conditioning_weights(16, (1, 256), 5).round(3).tolist()
     [0.0, 0.167, 0.667, 0.167, 0.0]
     """
+    if not trials_range[0] <= trials <= trials_range[1]:
+        raise ValueError(
+            f"trials: expected {trials_range[0]} to {trials_range[1]}, the K that the parameters "
+            f"are for, got {trials}"
+        )
     low, high = (math.log2(bound) for bound in trials_range)
     position = (math.log2(trials) - low) / (high - low) * (number - 3)
     knot = min(max(math.floor(position), 0), number - 4)

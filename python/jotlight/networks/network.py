@@ -324,5 +324,5 @@ class Network:
         parameters = sum(layer.parameter_count for layer in self.layers)
         purpose = repr(self.sensor)
         if self.trials_range is not None:
-            purpose = f"{self.trials_range[0]} to {self.trials_range[1]} trials per pixel"
+            purpose = f"{self.trials_range[0]} trials per pixel or more"
         return f"<Network: channels {channels}, {parameters} parameters, for {purpose}>"

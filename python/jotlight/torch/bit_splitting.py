@@ -21,9 +21,8 @@ from jotlight.sensing import response
 from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.subsampling import LongCounts, subsample_counts
 from jotlight.torch.response import detection_probability
-
-LongCounts = npt.NDArray[np.int64]
 
 HELD_OUT_FRACTION = 0.1
 """Fraction of all bits that no step trains on."""
@@ -39,44 +38,6 @@ _MAX_PROBABILITY = 1 - 1e-6
 
 _MIN_SLOPE = 1e-6
 """Smallest ∂P/∂s by which a derivative is divided."""
-
-
-def subsample_counts(
-    ones: npt.ArrayLike,
-    trials: npt.ArrayLike,
-    subset: npt.ArrayLike,
-    rng: int | np.random.Generator,
-) -> LongCounts:
-    """Return the number of ones in a random subset of each pixel's bits.
-
-    The bits of a pixel are exchangeable, so the number has the hypergeometric distribution.
-
-    Parameters
-    ----------
-    ones, trials : array_like of int, shape (H, W)
-        L, the ones among the n bits of each pixel, and n.
-    subset : array_like of int, shape (H, W)
-        Number of bits to draw from each pixel without replacement, at most n.
-    rng : int or numpy.random.Generator
-        Seed, or source of randomness.
-
-    Returns
-    -------
-    ndarray of int64, shape (H, W)
-
-    Raises
-    ------
-    ValueError
-        When a subset is larger than its n, or L is above n.
-
-    Examples
-    --------
-    >>> subsample_counts([[0, 3, 8]], [[8, 8, 8]], [[5, 8, 5]], rng=0).tolist()
-    [[0, 3, 5]]
-    """
-    ones = np.asarray(ones, np.int64)
-    zeros = np.asarray(trials, np.int64) - ones
-    return np.random.default_rng(rng).hypergeometric(ones, zeros, np.asarray(subset, np.int64))
 
 
 def check_kernel(sensor: Sensor) -> None:

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from jotlight.checks import positive_number, whole_number
 from jotlight.networks.network import Network
+from jotlight.networks.served_sensors import check_trained
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import PixelCounts, carried_sensor, count_pixels, split_channels
@@ -119,7 +120,7 @@ def fine_tune(
     Warns
     -----
     JotlightWarning
-        When pixels without a valid jot were inpainted from their neighbors.
+        When pixels without a valid bit were inpainted from their neighbors.
 
     Notes
     -----
@@ -285,11 +286,7 @@ def _count_channels(
     if isinstance(data, Merged):
         raise TypeError("data: expected Bits or counts, because merged counts cannot be split")
     network.check_sensor(sensor)
-    if network.trials_range is not None and sensor.trials > network.trials_range[1]:
-        raise ValueError(
-            f"sensor: expected at most {network.trials_range[1]} trials per pixel, the largest K "
-            f"that the network is trained for, got {sensor.trials}; take fewer frames"
-        )
+    check_trained(sensor, network.trials_range)
     if not network.tied:
         raise ValueError(
             "network: expected a tied network, which takes counts: the bits of a pixel can only be "

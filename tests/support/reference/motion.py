@@ -1,7 +1,9 @@
 """Slow twins of the motion functions of the engine, in NumPy."""
 
 import numpy as np
+from scipy import sparse
 from scipy.ndimage import correlate1d, gaussian_filter, uniform_filter
+from scipy.sparse.linalg import spsolve
 
 DERIVATIVE = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60
 
@@ -57,6 +59,12 @@ def variance_per_trial(p, trials, trials_of_template):
     return p * (1 - p) * (1 + 0.25 * trials / np.maximum(trials_of_template, 1))
 
 
+def brightness(ones, trials, p):
+    """Return the ratio of the ones to the number that a template predicts."""
+    expected = (trials * p.astype(float)).sum()
+    return np.clip(ones.sum() / expected, 0.1, 10) if expected > 0 else 1.0
+
+
 def normal_equations(sums, probability, trials_of_template, sigma):
     """Return A (3, rows, columns) and b (2, rows, columns) of the displacement errors of tiles."""
 
@@ -67,11 +75,19 @@ def normal_equations(sums, probability, trials_of_template, sigma):
     rows, columns = (correlate1d(p, DERIVATIVE, axis, mode="reflect") for axis in (0, 1))
     means = np.repeat(sums.remainders / max(sums.frames, 1), 16, axis=2)[:, :, : p.shape[1]]
     along_rows, along_columns = (blur(means[:, axis] * sums.trials) for axis in (0, 1))
-    residual = blur(sums.ones) - blur(sums.trials) * p - rows * along_rows - columns * along_columns
+    ones = blur(sums.ones) / brightness(sums.ones, sums.trials, p)
+    residual = ones - blur(sums.trials) * p - rows * along_rows - columns * along_columns
     weight = (sums.trials > 0) / variance_per_trial(p, sums.trials, trials_of_template)
     information = weight * sums.trials * np.stack([rows * rows, rows * columns, columns * columns])
     right = weight * residual * np.stack([rows, columns])
     return sum_tiles(information), sum_tiles(right)
+
+
+def undo_remainders(image, remainders, frames):
+    """Return an image after its pixels are moved by the mean remainders, to first order."""
+    means = np.repeat(remainders.astype(float) / frames, 16, axis=2)[:, :, : image.shape[1]]
+    slopes = [correlate1d(image.astype(float), DERIVATIVE, axis, mode="reflect") for axis in (0, 1)]
+    return image - means[:, 0] * slopes[0] - means[:, 1] * slopes[1]
 
 
 def chi_squared(ones, trials, p, trials_of_template):
@@ -81,7 +97,80 @@ def chi_squared(ones, trials, p, trials_of_template):
         return uniform_filter(image.astype(float), width, mode="reflect") * width**2
 
     variance = trials * variance_per_trial(p.astype(float), trials, trials_of_template)
-    residual = ones - trials * p.astype(float)
+    residual = ones / brightness(ones, trials, p) - trials * p.astype(float)
     ratio = box(residual, 3) ** 2 / np.maximum(box(variance, 3), 1e-3)
     counted = trials > 0
     return (box(ratio * counted, 9) + 1) / (box(counted, 9) + 1)
+
+
+def fit_affine(information, right, weights, basis):
+    """Return the affine displacement errors of a segment, and the information about them."""
+    shape = weights.shape
+    flat, right, weights = information.reshape(3, -1), right.reshape(2, -1), weights.ravel()
+    rows, mixed, columns = flat[0] + 0.5, flat[1], flat[2] + 0.5
+    cofactors = np.array([[columns, -mixed], [-mixed, rows]]) / (rows * columns - mixed**2)
+    own = np.einsum("ijn,jn->in", cofactors, right)
+    errors = np.zeros_like(own)
+    for _ in range(5):
+        x, y = own - errors
+        squared = flat[0] * x**2 + 2 * flat[1] * x * y + flat[2] * y**2
+        scale = max(9.0, 2 * np.median(squared[weights > 0]) if weights.any() else 0)
+        trust = weights * (1 + squared / scale) ** -2.0
+        a, b, c = (basis.T @ (entry * trust * basis.T).T for entry in flat)
+        matrix = np.block([[a, b], [b, c]])
+        vector = (right * trust @ basis).ravel()
+        errors = np.linalg.solve(matrix + 1e-2 * np.eye(6), vector).reshape(2, 3) @ basis.T
+    return errors.reshape(2, *shape), matrix
+
+
+def nearest_affine(field, trust, basis):
+    """Return the affine field, (2, tiles), that is closest to most tiles of a field."""
+    weights = trust
+    for _ in range(5):
+        roots = np.sqrt(weights)[:, None]
+        affine = (basis @ np.linalg.lstsq(basis * roots, field.T * roots, rcond=None)[0]).T
+        squared = ((field - affine) ** 2).sum(axis=0)
+        weights = trust / (1 + squared / max(0.25, np.median(squared))) ** 2
+    return affine
+
+
+def differences(shape):
+    """Return the sparse matrix of the differences of all pairs of neighboring tiles."""
+    index = np.arange(shape[0] * shape[1]).reshape(shape)
+    first = np.concatenate([index[:, :-1].ravel(), index[:-1].ravel()])
+    second = np.concatenate([index[:, 1:].ravel(), index[1:].ravel()])
+    pairs = np.arange(len(first))
+    size = (len(first), index.size)
+    return sparse.coo_array(
+        (
+            np.repeat([1.0, -1.0], len(first)),
+            (np.tile(pairs, 2), np.concatenate([first, second])),
+        ),
+        size,
+    ).tocsr()
+
+
+def solve_field(information, right, now, predicted, basis, smoothness):
+    """Return the smooth field of displacements, (2, rows, columns), by a direct solver."""
+    to_prediction, to_affine, outline = smoothness
+    shape, tiles = now.shape, now[0].size
+    flat, right = information.reshape(3, tiles), right.reshape(2, tiles)
+    now, predicted = now.reshape(2, tiles), predicted.reshape(2, tiles)
+    data = sparse.block_array(
+        [[sparse.diags_array(flat[i + j]) for j in range(2)] for i in range(2)]
+    )
+    change = differences(shape[1:])
+    field = now
+    for factor in (0.1, 1.0, 1.0):
+        affine = nearest_affine(field, flat[0] + flat[2] + 1e-3, basis)
+        squared = ((change @ (field - affine).T) ** 2).sum(axis=1)
+        weights = factor * to_affine / (1 + squared / outline**2)
+        near_affine = change.T @ sparse.diags_array(weights) @ change
+        near_prediction = to_prediction * change.T @ change
+        smooth = near_affine + near_prediction + 1e-4 * sparse.eye_array(tiles)
+        vector = data @ now.ravel() - right.ravel()
+        vector += (near_affine @ affine.T + near_prediction @ predicted.T).T.ravel()
+        vector += 1e-4 * predicted.ravel()
+        matrix = data + sparse.block_diag([smooth, smooth])
+        field = spsolve(matrix.tocsc(), vector).reshape(2, tiles)
+    return field.reshape(shape)

@@ -3,6 +3,7 @@
 use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
+use super::brightness::brightness;
 use super::filter::{reflect, reflect_margins, values};
 use super::sums::check_counts;
 use super::template::{SHARE_OF_TEMPLATE, check_template};
@@ -34,9 +35,10 @@ pub struct Comparison<'a> {
 
 /// Write χ² of each pixel into `out`. It is about 1 if the counts agree with the template.
 ///
-/// The residual counts N − D p and their variances D p(1 − p)(1 + ¼ D/D_R) are added in squares of
+/// The residual counts N/β − D p and their variances D p(1 − p)(1 + ¼ D/D_R) are added in squares of
 /// 3 pixels. The ratio of the squared residual to the variance is averaged over those of 9 pixels
-/// that have trials, and over one more pixel whose ratio is 1.
+/// that have trials, and over one more pixel whose ratio is 1. β is the brightness of the block, the
+/// ratio of Σ N to Σ D p.
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the image is
@@ -49,12 +51,14 @@ pub fn chi_squared(comparison: &Comparison<'_>, mut out: ArrayViewMut2<'_, f32>)
     if out.dim() != size {
         return Err(Error::shape("output", size, out.dim()));
     }
+    let row = |row| values(comparison.probability.row(row));
+    let per_one = 1.0 / brightness(comparison.ones, comparison.trials, row);
     out.axis_chunks_iter_mut(Axis(0), ROWS_PER_TASK)
         .into_par_iter()
         .enumerate()
         .for_each(|(band, out)| {
             if !interrupt::is_requested() {
-                test_band(comparison, band * ROWS_PER_TASK, out);
+                test_band(comparison, per_one, band * ROWS_PER_TASK, out);
             }
         });
     Ok(())
@@ -63,12 +67,17 @@ pub fn chi_squared(comparison: &Comparison<'_>, mut out: ArrayViewMut2<'_, f32>)
 levels! {
     /// Compute χ² of some rows, of which `first` is the first.
     fn test_band(
-        comparison: &Comparison<'_>, first: usize, out: ArrayViewMut2<'_, f32>,
+        comparison: &Comparison<'_>, per_one: f32, first: usize, out: ArrayViewMut2<'_, f32>,
     ) = test_band_inlined;
 }
 
 #[inline(always)]
-fn test_band_inlined(comparison: &Comparison<'_>, first: usize, mut out: ArrayViewMut2<'_, f32>) {
+fn test_band_inlined(
+    comparison: &Comparison<'_>,
+    per_one: f32,
+    first: usize,
+    mut out: ArrayViewMut2<'_, f32>,
+) {
     let (rows, width) = out.dim();
     // A reflected image has the same sums as the reflected sums of the image. So it is extended
     // once, by all pixels that a square of squares reads.
@@ -82,7 +91,7 @@ fn test_band_inlined(comparison: &Comparison<'_>, first: usize, mut out: ArrayVi
             comparison.ones.nrows(),
         );
         let counted = &mut counted[index * extended..][..extended];
-        compare_row(comparison, row, &mut terms, counted);
+        compare_row(comparison, per_one, row, &mut terms, counted);
         for (sums, terms) in sums.iter_mut().zip(&terms) {
             add_neighbors(
                 terms,
@@ -130,6 +139,7 @@ fn test_band_inlined(comparison: &Comparison<'_>, first: usize, mut out: ArrayVi
 #[inline(always)]
 fn compare_row(
     comparison: &Comparison<'_>,
+    per_one: f32,
     row: usize,
     [residuals, variances]: &mut [Vec<f32>; 2],
     counted: &mut [f32],
@@ -142,7 +152,7 @@ fn compare_row(
     let of_template = values(comparison.trials_of_template.row(row));
     let residual = residuals[inner.clone()].iter_mut().zip(ones.iter());
     for ((residual, &ones), (&trials, &p)) in residual.zip(trials.iter().zip(p.iter())) {
-        *residual = ones as f32 - trials as f32 * p;
+        *residual = ones as f32 * per_one - trials as f32 * p;
     }
     let variance = variances[inner.clone()].iter_mut().zip(trials.iter());
     for ((variance, &trials), (&p, &of_template)) in variance.zip(p.iter().zip(of_template.iter()))

@@ -1,14 +1,17 @@
 //! The normal equations of the displacement errors of all tiles.
 
-use ndarray::{Array3, ArrayView1};
+use std::borrow::Cow;
+
+use ndarray::{Array3, ArrayView1, ArrayView3, Axis};
 use rayon::prelude::*;
 
+use super::brightness::brightness;
 use super::filter::{filter_twice, reflect, values};
 use super::shifted_counts::BLOCK;
 use super::sums::Sums;
 use super::template::{SHARE_OF_TEMPLATE, Template};
 use crate::cpu::levels;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::interrupt;
 
 /// The width of a tile in pixels.
@@ -26,12 +29,58 @@ pub struct Equations {
     pub right: Array3<f64>,
 }
 
+/// A view of [`Equations`].
+#[derive(Clone, Copy, Debug)]
+pub struct EquationsView<'a> {
+    /// A, `(3, rows, columns)`.
+    pub information: ArrayView3<'a, f64>,
+    /// b, `(2, rows, columns)`.
+    pub right: ArrayView3<'a, f64>,
+}
+
+impl EquationsView<'_> {
+    /// Check the shapes and the values, and return the numbers of rows and columns of tiles.
+    pub(super) fn check(&self) -> Result<(usize, usize)> {
+        let (_, rows, columns) = self.right.dim();
+        let right = (2, rows.max(1), columns.max(1));
+        if self.right.dim() != right {
+            return Err(Error::shape(
+                "right sides of the equations",
+                right,
+                self.right.dim(),
+            ));
+        }
+        let information = (3, rows, columns);
+        if self.information.dim() != information {
+            let received = self.information.dim();
+            return Err(Error::shape(
+                "information of the equations",
+                information,
+                received,
+            ));
+        }
+        let values = self.information.iter().chain(&self.right);
+        match values.clone().find(|value| !value.is_finite()) {
+            Some(value) => Err(Error::range("equations", "finite numbers", value)),
+            None => Ok((rows, columns)),
+        }
+    }
+
+    /// Return A of each tile.
+    pub(super) fn information_of_tiles(&self) -> Vec<[f64; 3]> {
+        let [a, b, c] = [0, 1, 2].map(|k| self.information.index_axis_move(Axis(0), k));
+        let entries = a.iter().zip(b.iter().zip(&c));
+        entries.map(|(&a, (&b, &c))| [a, b, c]).collect()
+    }
+}
+
 /// Return the normal equations of the displacement errors of a block of frames.
 ///
 /// The ones N of the block are expected to be D p(x + e), with the filtered probabilities p of the
 /// template. With the filter G, g = ∇p, and the sums m of the remainders, the residual counts are
-/// ρ = G N − (G D) p − g · G m, and their weights are w = 1/\[p(1 − p)(1 + ¼ D/D_R)\], or 0 where D
-/// is 0. The equations are A = Σ w D g gᵀ and b = Σ w ρ g, summed over tiles of [`TILE`] pixels.
+/// ρ = G N/β − (G D) p − g · G m, and their weights are w = 1/\[p(1 − p)(1 + ¼ D/D_R)\], or 0 where
+/// D is 0. β is the brightness of the block, the ratio of Σ N to Σ D p. The equations are
+/// A = Σ w D g gᵀ and b = Σ w ρ g, summed over tiles of [`TILE`] pixels.
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if a number of ones
@@ -39,6 +88,8 @@ pub struct Equations {
 pub fn normal_equations(template: &Template, sums: Sums<'_>) -> Result<Equations> {
     sums.check(template.size)?;
     let (rows, columns) = template.size;
+    let row = |row: usize| Cow::Borrowed(&template.probability[row * template.stride..][..columns]);
+    let per_one = 1.0 / brightness(sums.ones, sums.trials, row);
     let tiles = (rows.div_ceil(TILE), columns.div_ceil(TILE));
     let mut rows_of_tiles = vec![vec![[0.0; SUMS]; tiles.1]; tiles.0];
     rows_of_tiles
@@ -46,7 +97,7 @@ pub fn normal_equations(template: &Template, sums: Sums<'_>) -> Result<Equations
         .enumerate()
         .for_each(|(index, out)| {
             if !interrupt::is_requested() {
-                add_row_of_tiles(template, sums, index, out);
+                add_row_of_tiles(template, sums, per_one, index, out);
             }
         });
     let entries = |first: usize, number| {
@@ -63,7 +114,11 @@ pub fn normal_equations(template: &Template, sums: Sums<'_>) -> Result<Equations
 levels! {
     /// Add the sums of a row of tiles to `out`.
     fn add_row_of_tiles(
-        template: &Template, sums: Sums<'_>, index: usize, out: &mut [[f64; SUMS]],
+        template: &Template,
+        sums: Sums<'_>,
+        per_one: f32,
+        index: usize,
+        out: &mut [[f64; SUMS]],
     ) = add_row_of_tiles_inlined;
 }
 
@@ -71,13 +126,17 @@ levels! {
 fn add_row_of_tiles_inlined(
     template: &Template,
     sums: Sums<'_>,
+    per_one: f32,
     index: usize,
     out: &mut [[f64; SUMS]],
 ) {
     let (size, stride, radius) = (template.size, template.stride, template.taps.len() / 2);
     let first = index * TILE;
     let rows = TILE.min(size.0 - first);
-    let planes = gather(sums, first, rows, radius, stride);
+    let mut planes = gather(sums, first, rows, radius, stride);
+    for ones in &mut planes[0] {
+        *ones *= per_one;
+    }
     let filtered = planes.each_ref().map(|plane| {
         let mut out = vec![0.0; rows * stride];
         filter_twice(plane, &template.taps, &mut out, size.1);

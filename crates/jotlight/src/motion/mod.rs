@@ -1,24 +1,36 @@
-//! Motion: counts of bits that follow a moving scene.
+//! Motion: counts of bits that follow a moving scene, and what alignment computes from them.
 //!
 //! A *motion* has a displacement u(x, t) for each pixel x and frame t. The scene point that pixel x
 //! shows at the reference time is at x + u(x, t) in frame t. The pixel counts the bit at this
 //! position, rounded to whole pixels. So counts remain sums of whole bits, and their noise remains
 //! independent. The *shift* is the rounded displacement, and the *remainder* is the difference
 //! between shift and displacement.
+//!
+//! The counts of a block of frames are compared with a [`Template`]. [`normal_equations`] are about
+//! the displacement errors of tiles of pixels, and [`fit_affine`] and [`solve_field`] solve them for
+//! all tiles together. [`chi_squared`] tests which pixels agree with the template.
 
+mod affine;
+mod brightness;
 mod chi_squared;
 mod equations;
 mod field;
 mod filter;
+mod gradient;
 mod row;
 mod row_counter;
 mod shifted_counts;
+mod solve_field;
 mod sums;
 mod template;
+mod tile_matrix;
 
+pub use affine::{AffineFit, fit_affine};
 pub use chi_squared::{Comparison, chi_squared};
-pub use equations::{Equations, TILE, normal_equations};
+pub use equations::{Equations, EquationsView, TILE, normal_equations};
 pub use field::{Displacements, Field};
+pub use gradient::undo_remainders;
 pub use shifted_counts::{BLOCK, ShiftedCounts, add_shifted_counts};
+pub use solve_field::{Smoothness, Start, solve_field};
 pub use sums::Sums;
 pub use template::Template;

@@ -24,14 +24,22 @@ impl Sums<'_> {
     /// Check that the shapes are those of an image, and that the values are possible.
     pub(super) fn check(&self, size: (usize, usize)) -> Result<()> {
         check_counts(self.ones, self.trials, size)?;
-        let shape = (size.0, 2, size.1.div_ceil(BLOCK));
-        if self.remainders.dim() != shape {
-            return Err(Error::shape("remainders", shape, self.remainders.dim()));
-        }
-        match self.remainders.iter().find(|value| !value.is_finite()) {
-            Some(value) => Err(Error::range("remainders", "finite numbers", value)),
-            None => Ok(()),
-        }
+        check_remainders(self.remainders, size)
+    }
+}
+
+/// Check that remainders have the shape of an image, and are finite.
+pub(super) fn check_remainders(
+    remainders: ArrayView3<'_, f32>,
+    size: (usize, usize),
+) -> Result<()> {
+    let shape = (size.0, 2, size.1.div_ceil(BLOCK));
+    if remainders.dim() != shape {
+        return Err(Error::shape("remainders", shape, remainders.dim()));
+    }
+    match remainders.iter().find(|value| !value.is_finite()) {
+        Some(value) => Err(Error::range("remainders", "finite numbers", value)),
+        None => Ok(()),
     }
 }
 

@@ -3,9 +3,8 @@
 use ndarray::{ArrayView2, Axis};
 use rayon::prelude::*;
 
-use super::filter::{
-    DERIVATIVE, LANES, Rows, filter, filter_twice, gaussian, reflect, reflect_margins, values,
-};
+use super::filter::{LANES, filter_twice, gaussian, reflect, values};
+use super::gradient::{RADIUS, differentiate};
 use crate::error::{Error, Result};
 use crate::{interrupt, memory};
 
@@ -101,7 +100,6 @@ impl Template {
 
     /// Compute the derivatives.
     fn differentiate(&mut self) {
-        const RADIUS: usize = DERIVATIVE.len() / 2;
         let Self {
             size: (height, width),
             stride,
@@ -125,22 +123,7 @@ impl Template {
                     let row = reflect(first + index as isize, height);
                     near.copy_from_slice(&source[row * stride..][..stride]);
                 }
-                let vertical = Rows::new(along_rows, stride);
-                filter(
-                    Rows::new(&near, stride),
-                    stride,
-                    &DERIVATIVE,
-                    vertical,
-                    stride,
-                );
-                let middle = near[RADIUS * stride..].chunks_exact(stride);
-                let mut padded = vec![0.0; stride + 2 * RADIUS];
-                for (values, out) in middle.zip(along_columns.chunks_exact_mut(stride)) {
-                    padded[RADIUS..][..width].copy_from_slice(&values[..width]);
-                    reflect_margins(&mut padded, RADIUS, width);
-                    let (source, out) = (Rows::new(&padded[..], 0), Rows::new(out, stride));
-                    filter(source, 1, &DERIVATIVE, out, stride);
-                }
+                differentiate(&near, along_rows, along_columns, width);
             });
     }
 }

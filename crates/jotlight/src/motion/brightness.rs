@@ -1,0 +1,60 @@
+//! The brightness of a block of frames, relative to that of a template.
+
+use rayon::prelude::*;
+
+use ndarray::ArrayView2;
+
+use super::filter::values;
+
+/// The number of sums that are computed together.
+const LANES: usize = 16;
+
+/// The range of the brightness.
+const LIMITS: (f64, f64) = (0.1, 10.0);
+
+/// Return the ratio of the ones N to the number D p that a template predicts, in sums over all
+/// pixels.
+///
+/// Lamps flicker, and clouds pass. The ratio is 1 if the template predicts no ones. `row(i)` are
+/// the probabilities of the row i of pixels.
+pub(super) fn brightness<'a>(
+    ones: ArrayView2<'_, i32>,
+    trials: ArrayView2<'_, i32>,
+    row: impl Fn(usize) -> std::borrow::Cow<'a, [f32]> + Sync,
+) -> f32 {
+    let sums: Vec<[f64; 2]> = (0..ones.nrows())
+        .into_par_iter()
+        .map(|index| {
+            let (ones, trials, p) = (
+                values(ones.row(index)),
+                values(trials.row(index)),
+                row(index),
+            );
+            let counted: i64 = ones.iter().map(|&count| i64::from(count)).sum();
+            [counted as f64, predict(&trials, &p)]
+        })
+        .collect();
+    // The sums over the rows have a fixed order.
+    let total = |index: usize| sums.iter().map(|sums| sums[index]).sum::<f64>();
+    let (counted, expected) = (total(0), total(1));
+    if expected > 0.0 {
+        (counted / expected).clamp(LIMITS.0, LIMITS.1) as f32
+    } else {
+        1.0
+    }
+}
+
+/// Return Σ D p of a row. Several sums at a time let the compiler vectorize it.
+fn predict(trials: &[i32], p: &[f32]) -> f64 {
+    let mut sums = [0.0; LANES];
+    let (trials, trials_rest) = trials.as_chunks::<LANES>();
+    let (p, p_rest) = p.as_chunks::<LANES>();
+    for (trials, p) in trials.iter().zip(p) {
+        for lane in 0..LANES {
+            sums[lane] += trials[lane] as f32 * p[lane];
+        }
+    }
+    let rest = trials_rest.iter().zip(p_rest);
+    let rest: f32 = rest.map(|(&trials, &p)| trials as f32 * p).sum();
+    sums.iter().copied().map(f64::from).sum::<f64>() + f64::from(rest)
+}

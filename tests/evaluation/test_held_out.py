@@ -1,0 +1,108 @@
+"""The blend of methods under which held-out bits are most likely."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.evaluation.held_out import blend_weights, held_out, minimize_on_simplex
+from jotlight.evaluation.methods import LARGE_METHOD, LARGE_TRIALS, METHODS, choose_method
+
+PHOTOGRAPH = jl.datasets.photograph("camera", gray=True)[100:292, 150:342]
+PARTS = "network-medium", "admm-tv", "mle"
+
+
+def simplex(steps):
+    """Return all weights of three methods that are multiples of 1 / steps."""
+    grid = itertools.product(range(steps + 1), repeat=2)
+    return np.array([(a, b, steps - a - b) for a, b in grid if a + b <= steps]) / steps
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_minimum_on_the_simplex_is_at_most_that_on_a_grid(seed):
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(3, rng.integers(1, 4)))
+    hessian, linear = root @ root.T, rng.normal(size=3)
+
+    def value(w):
+        return np.einsum("...i,ij,...j", w, hessian, w) / 2 + w @ linear
+
+    found = minimize_on_simplex(hessian, linear)
+    assert found.min() >= 0
+    assert found.sum() == pytest.approx(1)
+    best = value(simplex(100)).min()
+    assert best - 1e-3 <= value(found) <= best + 1e-12
+
+
+@pytest.mark.parametrize(("threshold", "noise"), [(1, 0.05), (1, 0.5), (2, 0.05)])
+def test_the_weights_are_at_least_as_likely_as_any_on_a_grid(threshold, noise):
+    rng = np.random.default_rng(threshold)
+    light = rng.uniform(0.1, 1, 500)
+    probability = jl.Sensor(threshold=threshold).probability(light[None])[0]
+    likelihood = jl.Likelihood(rng.binomial(40, probability), 40, threshold=threshold)
+    lights = np.abs(light * (1 + noise * np.array([[1], [2], [3]]) * rng.normal(size=(3, 500))))
+    weights = blend_weights(likelihood, lights, 1e-6)
+    assert weights.min() >= 0
+    assert weights.sum() == pytest.approx(1)
+    best = max(likelihood.value(np.maximum(w @ lights, 1e-6)) for w in simplex(40))
+    assert likelihood.value(np.maximum(weights @ lights, 1e-6)) >= best - 1e-3
+
+
+def test_equal_methods_and_no_held_out_bits_are_valid():
+    lights = np.ones((3, 4))
+    for likelihood in (jl.Likelihood(np.ones(4, int), 2), jl.Likelihood(np.zeros(4, int), 0)):
+        weights = blend_weights(likelihood, lights)
+        assert weights.min() >= 0
+        assert weights.sum() == pytest.approx(1)
+
+
+@pytest.mark.parametrize("frames", [256, 20_000, 1_000_000])
+def test_the_blend_is_as_good_as_its_best_part(frames):
+    scene = jl.datasets.moving(
+        PHOTOGRAPH, "static", photons=0.2, sensor=jl.Sensor(frames=frames), rng=0
+    )
+    truth, sensor = scene.image(), scene.sensor
+    counts = np.random.default_rng(0).binomial(frames, sensor.probability(truth).astype(float))
+    quality = {name: jl.metrics.psnr(METHODS[name].run(counts, sensor), truth) for name in PARTS}
+    assert jl.metrics.psnr(held_out(counts, sensor), truth) > max(quality.values()) - 0.05
+
+
+def test_the_result_is_reproducible():
+    counts = np.random.default_rng(1).binomial(3000, 0.2 + 0.1 * np.eye(24))
+    sensor = jl.Sensor(frames=3000)
+    first, second = held_out(counts, sensor), held_out(counts, sensor, threads=1)
+    np.testing.assert_allclose(first, second, atol=1e-5)
+
+
+def test_a_warning_about_dead_pixels_comes_from_all_bits():
+    trials = np.full((24, 24), 2000)
+    trials[3, 4] = 0
+    counts = np.random.default_rng(2).binomial(trials, 0.2)
+    with pytest.warns(jl.JotlightWarning) as caught:
+        estimate = held_out(counts, jl.Sensor(frames=2000), trials=trials)
+    assert {str(each.message).split(" ")[0] for each in caught} == {"1"}
+    assert estimate[3, 4] == pytest.approx(-np.log(0.8), abs=0.02)
+
+
+def test_jots_that_differ_inside_a_pixel_are_served():
+    efficiency = np.where(np.arange(48) % 2, 0.5, 1.0) * np.ones((48, 1))
+    sensor = jl.Sensor(oversampling=2, frames=500, efficiency=efficiency)
+    image = np.outer(np.linspace(0.2, 0.6, 24), np.ones(24))
+    assert jl.metrics.psnr(held_out(sensor.expose(image, rng=0)), image) > 35
+
+
+def test_it_is_the_default_for_many_trials():
+    assert choose_method(jl.Sensor(frames=LARGE_TRIALS)).method == "network-medium"
+    choice = choose_method(jl.Sensor(frames=LARGE_TRIALS + 1))
+    assert (choice.method, choice.warnings) == (LARGE_METHOD, ())
+    assert not METHODS[LARGE_METHOD].is_distinct(jl.Sensor(frames=16))
+
+
+def test_a_smooth_kernel_is_refused():
+    sensor = jl.Sensor(oversampling=2, frames=1000, kernel="cubic")
+    with pytest.raises(ValueError, match=r"sensor: there is no trained network for the cubic"):
+        held_out(sensor.expose(np.ones((4, 4)), rng=0))
+    with pytest.raises(ValueError, match="the cubic kernel, only for the box"):
+        choose_method(sensor, requested=LARGE_METHOD)
+    assert choose_method(sensor).method == "admm-tv"
