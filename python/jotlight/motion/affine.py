@@ -38,7 +38,7 @@ def follow(blocks: Blocks, reference: int, segment: Segment) -> Track:
     for number, block in enumerate(order[2:], 3):
         extrapolate(track, block, segment.velocity)
         for sigma in _SIGMAS:
-            _improve(track, block, template, sigma, segment.weights)
+            improve(track, block, template, sigma, segment.weights)
         track.known[block] = True
         total = total + track.sums(block)
         if is_renewed(number):
@@ -80,7 +80,7 @@ def is_renewed(number: int) -> bool:
     return number.bit_count() == 1 or number % 16 == 0
 
 
-def _improve(track: Track, block: int, template: Template, sigma: float, weights: Array) -> None:
+def improve(track: Track, block: int, template: Template, sigma: float, weights: Array) -> None:
     """Update the displacements of a block."""
     equations = normal_equations(track.sums(block), template, sigma)
     step, _ = fit_affine(equations, weights)

@@ -89,7 +89,7 @@ def align(
     if model != "auto" and model not in MODELS:
         raise ValueError(f"model: expected auto or one of {', '.join(MODELS)}, got {model!r}")
     time = reference_time(at, burst)
-    blocks = Blocks(burst, divide(len(burst)), _valid_jots(sensor), threads)
+    blocks = Blocks(burst, divide(len(burst)), valid_jots(sensor), threads)
     if (reason := _unusable(blocks)) is not None:
         warn(f"{reason}; the scene is assumed to stand still")
         model = "none"
@@ -100,7 +100,7 @@ def align(
             f"what the image shows is out of view in {hidden} of {len(burst)} frames, which are "
             "not used; take a shorter part of the burst, or another time `at`"
         )
-    motion = _as_motion(paths, found)
+    motion = as_motion(paths, found)
     return motion if time == motion.reference else motion.seen_from(time)
 
 
@@ -149,7 +149,7 @@ def reference_time(at: float | None, burst: Burst) -> float:
     return at
 
 
-def _valid_jots(sensor: Sensor) -> npt.NDArray[np.uint8] | None:
+def valid_jots(sensor: Sensor) -> npt.NDArray[np.uint8] | None:
     """Return the packed mask of the jots that are neither dead nor hot, or None if all are good."""
     excluded = sensor.mask
     dark = sensor.dark_counts
@@ -188,7 +188,7 @@ def _frames_out_of_view(paths: Paths) -> int:
     return hidden
 
 
-def _as_motion(paths: Paths, model: str) -> Motion:
+def as_motion(paths: Paths, model: str) -> Motion:
     """Return paths as a motion, without the fields that no pixel follows."""
     used = np.unique(paths.labels)
     nodes, information = (

@@ -45,17 +45,17 @@ def follow_tiles(blocks: Blocks, reference: int, velocity: Array) -> Track:
     for number, block in enumerate(order[2:], 3):
         extrapolate(track, block, velocity)
         for sigma in _SIGMAS:
-            _improve(track, block, template, sigma)
+            improve_tiles(track, block, template, sigma)
         track.known[block] = True
         total = total + track.sums(block)
         if is_renewed(number):
             template = make_template(total, blocks.threads)
     for _ in range(_JOINT_ROUNDS):
-        _improve_together(track)
+        improve_tiles_together(track)
     return track
 
 
-def _improve(track: Track, block: int, template: Template, sigma: float) -> None:
+def improve_tiles(track: Track, block: int, template: Template, sigma: float) -> None:
     """Update the displacements of a block: first an affine part, then each tile."""
     predicted = track.nodes[block].copy()
     equations = normal_equations(track.sums(block), template, sigma)
@@ -67,7 +67,7 @@ def _improve(track: Track, block: int, template: Template, sigma: float) -> None
     track.nodes[block] = now + limit_length(step, 2 * sigma)
 
 
-def _improve_together(track: Track) -> None:
+def improve_tiles_together(track: Track) -> None:
     """Update all blocks against the template of all of them.
 
     Fourth differences in time keep the displacements of each tile smooth.

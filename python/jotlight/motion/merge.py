@@ -89,7 +89,7 @@ def merge(
         motion = motion.seen_from(time)
     valid = None if sensor.mask is None else np.packbits(~sensor.mask, axis=1)
     blocks = Blocks(burst, divide(len(burst)), valid, threads)
-    paths = _as_paths(motion, blocks)
+    paths = as_paths(motion, blocks)
     consistent = find_consistent(paths)
     advance(0.95)
     channels = [consistent.total]
@@ -101,12 +101,13 @@ def merge(
     return merged
 
 
-def _as_paths(motion: Motion, blocks: Blocks) -> Paths:
+def as_paths(motion: Motion, blocks: Blocks) -> Paths:
     """Return the paths of a motion over the blocks of a burst."""
     nodes = np.stack([motion.nodes_at(time) for time in blocks.centers], axis=1)
     known = np.ones(len(blocks.centers), bool)
+    unknown = np.zeros((len(known), 3, *nodes.shape[3:]))
     tracks = [
-        Track(blocks, motion.reference, each.astype(np.float64), known, np.zeros((0, 3, 0, 0)))
+        Track(blocks, motion.reference, each.astype(np.float64), known, unknown.copy())
         for each in nodes
     ]
     return Paths(tracks, motion.labels)

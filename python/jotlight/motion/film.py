@@ -1,0 +1,249 @@
+"""Films: the motion of a scene, carried from image to image."""
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.formats.capture import CountStack
+from jotlight.images.video import windows
+from jotlight.motion.affine import extrapolate, improve, improve_together
+from jotlight.motion.align import align, as_motion, prepare_burst, valid_jots
+from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.deformation import improve_tiles, improve_tiles_together
+from jotlight.motion.merge import as_paths, merge
+from jotlight.motion.model import divide
+from jotlight.motion.motion import MODELS, Motion
+from jotlight.motion.outlines import choose
+from jotlight.motion.regularize import fit_affine
+from jotlight.motion.scoring import Template, make_template, normal_equations
+from jotlight.motion.tiles import affine_basis, mean_tiles, tile_counts
+from jotlight.motion.track import Paths, Track
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.sensor import Sensor
+
+Array = npt.NDArray[np.float64]
+
+_SIGMAS = (2.0, 1.0)
+"""Widths of the filters with which new blocks are aligned."""
+
+_MAX_CARRIED = 32
+"""Number of images after which the motion is estimated afresh."""
+
+_MIN_OVERLAP = 0.5
+"""Minimum fraction of a window that the next one shares, for the motion to be carried."""
+
+_MAX_LOSS = 0.05
+"""The motion is estimated afresh if the fraction of accepted bits falls by more than this."""
+
+_MIN_FRACTION = 0.5
+"""Minimum fraction of a tile that a segment covers, for the tile to improve its motion."""
+
+_MAX_STILL_GAIN = 18.0
+"""Gain in nats by an affine motion of a block, above which a scene no longer stands still.
+
+Twice the gain is χ² with six degrees of freedom, so this happens by chance once in 300,000 blocks.
+"""
+
+
+@dataclasses.dataclass(frozen=True)
+class FilmImage:
+    """The bits of one image of a film, merged along the motion of the scene."""
+
+    merged: Merged
+    motion: Motion
+    """The motion. Times count from the first frame of the window."""
+    is_carried: bool
+    """Whether the motion is that of the image before, with new blocks at its end."""
+
+
+def film(
+    data: Bits | CountStack,
+    sensor: Sensor | None = None,
+    *,
+    window: int,
+    step: int | None = None,
+    model: str = "auto",
+    threads: int | None = None,
+) -> Iterator[FilmImage]:
+    """Return an iterator over the images of a film, each merged along the motion of the scene.
+
+    Each image shows the middle of a window of frames. The motion of a window is carried to the next
+    one, where only the new frames are aligned. It is estimated afresh for every 33rd image, and
+    where many of the new bits disagree with the rest.
+
+    Parameters
+    ----------
+    data : Bits or CountStack
+        T frames of bits, or of counts as :func:`jotlight.open` returns them.
+    sensor : Sensor, optional
+        Sensor of the data. Default: the one of the bits.
+    window : int
+        Number of frames of each image, from 1 to T.
+    step : int, optional
+        Frames from one window to the next. Default: the size of a window. If it exceeds half a
+        window, the motion of each window is estimated afresh.
+    model : {"auto", "none", "affine", "segments", "tiles"}
+        The model of the motion, as in :func:`jotlight.align`.
+    threads : int, optional
+        Number of threads. Default: all.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the data do not fit the sensor, or an argument is out of its range.
+
+    Examples
+    --------
+    >>> from jotlight.datasets import moving
+    >>> scene = moving(motion="shake", sensor=Sensor(frames=48), shape=(64, 64), photons=0.5, rng=0)
+    >>> [image.is_carried for image in film(scene.bits, window=32, step=8)]
+    [False, True, True]
+    """
+    burst, sensor = prepare_burst(data, sensor)
+    if model != "auto" and model not in MODELS:
+        raise ValueError(f"model: expected auto or one of {', '.join(MODELS)}, got {model!r}")
+    spans = windows(range(len(burst)), window, step)
+    # A frame of counts has several readings.
+    part = sensor.replace(frames=sensor.frames * window // len(burst))
+    return _images(data, part, spans, model, threads)
+
+
+def _images(
+    data: Bits | CountStack,
+    sensor: Sensor,
+    spans: list[slice],
+    model: str,
+    threads: int | None,
+) -> Iterator[FilmImage]:
+    """Yield the images of all windows, whose sensor is given."""
+    motion: Motion | None = None
+    number, usual, step = 0, 0.0, 0
+    for index, span in enumerate(spans):
+        part = select_frames(data, span)
+        if index:
+            step = span.start - spans[index - 1].start
+        shared = (span.stop - span.start - step) / (span.stop - span.start)
+        if motion is not None and number < _MAX_CARRIED and shared >= _MIN_OVERLAP:
+            motion = carry(motion, part, sensor, step, threads)
+            if motion is not None:
+                merged = merge(part, sensor, motion=motion, threads=threads)
+                if _accepted(merged) >= usual - _MAX_LOSS:
+                    number += 1
+                    yield FilmImage(merged, motion, True)
+                    continue
+        motion = align(part, sensor, model=model, threads=threads)
+        merged = merge(part, sensor, motion=motion, threads=threads)
+        number, usual = 0, _accepted(merged)
+        yield FilmImage(merged, motion, False)
+
+
+def select_frames(data: Bits | CountStack, frames: slice) -> Bits | CountStack:
+    """Return some frames of bits or counts, without a sensor."""
+    if isinstance(data, CountStack):
+        return dataclasses.replace(data, images=data.images[frames])
+    return Bits(data.packed[frames], data.width)
+
+
+def _accepted(merged: Merged) -> float:
+    """Return the fraction of the bits that were counted."""
+    return 1.0 if merged.acceptance is None else float(merged.acceptance.mean())
+
+
+def carry(
+    motion: Motion,
+    data: Bits | CountStack,
+    sensor: Sensor,
+    step: int,
+    threads: int | None = None,
+) -> Motion | None:
+    """Return the motion of a window, from that of the window that begins `step` frames before.
+
+    The blocks that both windows share keep their displacements. New ones are aligned with them.
+    Then all are improved together.
+
+    Returns
+    -------
+    Motion or None
+        None if a scene that stood still begins to move.
+    """
+    burst, sensor = prepare_burst(data, sensor)
+    blocks = Blocks(burst, divide_by_steps(len(burst), step), valid_jots(sensor), threads)
+    before = dataclasses.replace(
+        motion, times=motion.times - step, reference=motion.reference - step
+    )
+    paths = as_paths(before.seen_from(float(len(burst) // 2)), blocks)
+    # Edges are rounded, so centers differ by up to half a frame.
+    known = blocks.centers <= before.times[-1] + 0.5
+    if motion.model == "none":
+        return None if _begins_to_move(paths.tracks[0], known) else as_motion(paths, "none")
+    for field, track in enumerate(paths.tracks):
+        share = mean_tiles((paths.labels == field).astype(np.float32))
+        weights = np.where(share >= _MIN_FRACTION, share, 0)
+        # The field of tiles is the last one.
+        is_of_tiles = motion.model == "tiles" and track is paths.tracks[-1]
+        _add_blocks(track, known, weights if weights.any() else share, is_of_tiles)
+    return as_motion(Paths(paths.tracks, choose(paths.tracks)), motion.model)
+
+
+def divide_by_steps(frames: int, step: int) -> npt.NDArray[np.intp]:
+    """Return the edges of blocks like those of :func:`jotlight.motion.model.divide`.
+
+    If the step has a block or more, it has a whole number of blocks, so that successive windows
+    share blocks.
+
+    Examples
+    --------
+    >>> divide_by_steps(64, 10).tolist()
+    [0, 5, 10, 15, 20, 25, 30, 35, 40, 45, 50, 55, 60, 64]
+    """
+    length = frames / (len(divide(frames)) - 1)
+    if step >= length:
+        length = step / round(step / length)
+    # Unlike np.round, this rounds all halves upward, so that edges have the same distances.
+    edges = np.floor(np.arange(0, frames - length / 2, length) + 0.5).astype(np.intp)
+    return np.append(edges, frames)
+
+
+def _add_blocks(
+    track: Track, known: npt.NDArray[np.bool_], weights: Array, is_of_tiles: bool
+) -> None:
+    """Align the new blocks of a track with those that are known, and improve all together."""
+    track.known = known.copy()
+    velocity = np.zeros(track.nodes.shape[1:])
+    template = _known_template(track)
+    for block in np.flatnonzero(~known):
+        extrapolate(track, int(block), velocity)
+        for sigma in _SIGMAS:
+            if is_of_tiles:
+                improve_tiles(track, int(block), template, sigma)
+            else:
+                improve(track, int(block), template, sigma, weights)
+        track.known[block] = True
+    if is_of_tiles:
+        improve_tiles_together(track)
+    else:
+        improve_together(track, weights)
+
+
+def _known_template(track: Track) -> Template:
+    """Return the template of the blocks that are known."""
+    known = [track.sums(int(block)) for block in np.flatnonzero(track.known)]
+    return make_template(Sums.total(known), track.blocks.threads)
+
+
+def _begins_to_move(track: Track, known: npt.NDArray[np.bool_]) -> bool:
+    """Return whether the new blocks of a scene that stood still have moved."""
+    track.known = known.copy()
+    template = _known_template(track)
+    basis = affine_basis(tile_counts(track.blocks.size))
+    track.known[:] = True
+    for block in np.flatnonzero(~known):
+        equations = normal_equations(track.sums(int(block)), template, _SIGMAS[-1])
+        errors, information = fit_affine(equations, np.ones(track.nodes.shape[2:]))
+        parameters = (errors.reshape(2, -1) @ np.linalg.pinv(basis).T).ravel()
+        if parameters @ information @ parameters / 2 > _MAX_STILL_GAIN:
+            return True
+    return False

@@ -1,0 +1,170 @@
+"""Films: the motion that is carried from window to window, against a fresh alignment of each."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.formats.capture import CountStack
+from jotlight.motion.film import carry, divide_by_steps, film, select_frames
+from jotlight.sensing.provenance import Provenance
+
+PHOTO = jl.datasets.photograph("camera")
+
+
+def moving(motion, frames=128, shape=(96, 96), photons=0.5, rng=1):
+    scene = jl.datasets.moving(
+        PHOTO, motion, sensor=jl.Sensor(frames=frames), shape=shape, photons=photons, rng=rng
+    )
+    return scene, jl.Bits(np.asarray(scene.bits.packed), scene.bits.width, scene.sensor)
+
+
+def quality(merged, truth):
+    inner = (slice(12, -12),) * 2
+    estimate = jl.pretrained(merged.sensor).reconstruct(merged)
+    return jl.metrics.psnr(estimate[inner], truth[inner], peak=1.0)
+
+
+@pytest.mark.parametrize(
+    ("motion", "window", "step"),
+    [
+        ("shake", 64, 16),
+        pytest.param("shake", 60, 7, marks=pytest.mark.slow),
+        pytest.param("rotate", 64, 16, marks=pytest.mark.slow),
+        pytest.param("layers", 64, 16, marks=pytest.mark.slow),
+    ],
+)
+def test_each_image_is_as_good_as_with_a_fresh_alignment(motion, window, step):
+    scene, bits = moving(motion)
+    images = list(film(bits, window=window, step=step))
+    assert [image.is_carried for image in images] == [False, *[True] * (len(images) - 1)]
+    for index, image in itertools.islice(enumerate(images), 0, None, 2):
+        start = index * step
+        part = bits[start : start + window]
+        truth = scene.image(start + window // 2)
+        fresh = quality(jl.merge(part, part.sensor), truth)
+        assert quality(image.merged, truth) > fresh - 0.3
+        assert image.merged.sensor == part.sensor
+
+
+def test_a_static_scene_stays_static():
+    _, bits = moving("static")
+    for index, image in enumerate(film(bits, window=64, step=16)):
+        assert image.motion.model == "none"
+        assert abs(image.motion.nodes).max() == 0
+        assert image.merged.acceptance.mean() > 0.98
+        whole = image.merged.trials == 64
+        counts = bits[16 * index : 16 * index + 64].counts()
+        np.testing.assert_array_equal(image.merged.ones[whole], counts[whole])
+
+
+def test_a_scene_that_begins_to_move_is_aligned_afresh():
+    _, still = moving("static", 96)
+    scene, bits = moving("shake", 96)
+    sensor = scene.sensor.replace(frames=192)
+    both = jl.Bits(np.concatenate([still.packed, bits.packed]), bits.width, sensor)
+    images = list(film(both, window=48, step=12))
+    assert [image.motion.model for image in images[:5]] == ["none"] * 5
+    assert images[-1].motion.model != "none"
+    truth = scene.image(72)
+    fresh = quality(jl.merge(bits[48:], scene.sensor.replace(frames=48)), truth)
+    assert quality(images[-1].merged, truth) > fresh - 0.3
+
+
+def test_another_scene_is_aligned_afresh():
+    _, first = moving("shake", 64)
+    second = jl.datasets.moving(
+        PHOTO[200:], "shake", sensor=jl.Sensor(frames=64), shape=(96, 96), photons=0.5, rng=5
+    )
+    packed = np.concatenate([first.packed, np.asarray(second.bits.packed)])
+    images = list(film(jl.Bits(packed, first.width), window=32, step=8))
+    assert not all(image.is_carried for image in images[1:])
+    assert images[-1].merged.acceptance.mean() > 0.9
+
+
+def test_windows_that_share_few_frames_are_aligned_afresh():
+    _, bits = moving("shake", 96)
+    for window, step in ((32, 20), (32, None)):
+        images = list(film(bits, window=window, step=step))
+        assert not any(image.is_carried for image in images)
+    last = jl.merge(bits[64:96])
+    np.testing.assert_array_equal(images[-1].merged.ones, last.ones)
+
+
+def test_counts_are_filmed_as_bits_are():
+    _, bits = moving("shake", 96)
+    stack = CountStack(bits.to_array().astype(np.uint8), Provenance("npy", "a.npy"), trials=1)
+    pairs = zip(film(bits, window=48, step=12), film(stack, window=48, step=12), strict=True)
+    for of_bits, of_counts in pairs:
+        np.testing.assert_array_equal(of_bits.merged.ones, of_counts.merged.ones)
+    several = CountStack(
+        bits.to_array().reshape(48, 2, 96, 96).sum(axis=1), Provenance("npy", "a.npy"), trials=2
+    )
+    image = next(film(several, window=24, step=6))
+    assert image.merged.sensor.frames == 48
+    assert image.merged.trials.max() == 48
+
+
+def test_color_is_filmed():
+    _, bits = moving("shake", 64, (48, 48))
+    colors = jl.Bits.from_array(np.stack([bits.to_array()] * 2, axis=3))
+    images = list(film(colors, window=32, step=16))
+    assert images[-1].merged.shape == (48, 48, 2)
+    np.testing.assert_array_equal(images[-1].merged.ones[..., 0], images[-1].merged.ones[..., 1])
+
+
+@pytest.mark.parametrize("frames", [16, 63, 64, 100, 256, 1000])
+@pytest.mark.parametrize("step", [1, 3, 8, 16, 25, 32])
+def test_blocks_are_shared_by_windows(frames, step):
+    edges = divide_by_steps(frames, step)
+    lengths = np.diff(edges)
+    usual = frames / (len(jl.motion.model.divide(frames)) - 1)
+    assert edges[0] == 0
+    assert edges[-1] == frames
+    assert lengths.min() >= 1
+    assert lengths.max() <= 2 * usual + 1
+    if step >= usual:
+        # The last block is longer or shorter, so that all frames lie in one.
+        shared = edges[(edges >= step) & (edges < frames)] - step
+        assert set(shared) <= set(edges.tolist())
+
+
+def test_frames_are_selected_without_their_sensor():
+    _, bits = moving("static", 16, (16, 24))
+    part = select_frames(bits, slice(3, 9))
+    assert part.sensor is None
+    np.testing.assert_array_equal(part.to_array(), bits.to_array()[3:9])
+
+
+def test_the_carried_motion_shows_the_middle_of_its_window():
+    scene, bits = moving("shake")
+    before = jl.align(bits[:64])
+    motion = carry(before, bits[16:80], jl.Sensor(frames=64), 16)
+    assert motion.reference == 32
+    np.testing.assert_allclose(motion.at(32), 0, atol=0.3)
+    # The exact motion from frame 48 of the scene to frame 70.
+    exact = scene.motion(70) - scene.motion(48)
+    inner = (slice(None), slice(30, 66), slice(30, 66))
+    assert abs(motion.at(70 - 16) - exact)[inner].mean() < 0.5
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"window": 33}, "window: expected 1 to the capture's 32 frames"),
+        ({"window": 0, "step": 1}, "window: expected 1 to"),
+        ({"window": 16, "step": 0}, "step: expected 1 frame or more"),
+        ({"window": 16, "model": "rigid"}, "model: expected auto or one of"),
+        ({"window": 16, "sensor": jl.Sensor(frames=16)}, "sensor: expected 32 frames"),
+    ],
+)
+def test_bad_input_is_refused_before_the_first_image(options, message):
+    bits = jl.Bits.from_array(np.zeros((32, 16, 16), bool))
+    with pytest.raises(ValueError, match=message):
+        film(bits, **options)
+
+
+def test_data_of_another_type_are_refused():
+    with pytest.raises(TypeError, match="Bits"):
+        film(np.zeros((32, 16, 16)), window=16)
