@@ -6,8 +6,8 @@ PHOTOGRAPHS is a folder. The first table is for static scenes of random photogra
 exposures, and numbers of frames: the largest score and the number of false alarms.
 
 - steady: nothing changes.
-- flicker: the light changes by up to ±30 % between groups of frames. This change itself changes along
-  320 columns.
+- flicker: the light changes by up to ±30 % between groups of frames. This change itself changes
+  along 320 columns.
 - hot jots: 2 % of the jots have up to one dark count per frame.
 - afterpulsing: each 1 causes a 1 in the next frame with a probability of 5 %.
 

@@ -64,7 +64,8 @@ def disagreement(first: Sums, second: Sums) -> Image:
     difference = ones * other_trials - others * trials
     variance = p * (1 - p) * trials * other_trials * number
     squared = _box(difference, _SMALL_BOX) ** 2 * np.float32(_SMALL_BOX**2)
-    ratio: Image = squared / np.maximum(_box(variance, _SMALL_BOX), 1e-3) * both
+    known_variance = np.maximum(_box(variance, _SMALL_BOX), np.float32(1e-3))
+    ratio = (squared / known_variance * both).astype(np.float32)
     known = blur(both.astype(np.float32), _SPREAD)
     return np.asarray((blur(ratio, _SPREAD) + _PRIOR) / (known + _PRIOR), np.float32)
 
