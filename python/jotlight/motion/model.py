@@ -70,14 +70,18 @@ def find_paths(
         A function that is called repeatedly with the completed fraction, from 0 to 1.
     """
     still = Paths([_still(blocks, reference)], np.zeros(blocks.size, np.uint8))
+    advance(0.0)
     if model == "none":
+        advance(1.0)
         return still, model
     segments = find_segments(blocks, reference)
     advance(0.2)
     if model == "affine":
         segments = [Segment(segments[0].velocity, np.ones_like(segments[0].weights))]
-    tracks = [follow(blocks, reference, segment) for segment in segments]
-    advance(0.6)
+    tracks = []
+    for number, segment in enumerate(segments, 1):
+        tracks.append(follow(blocks, reference, segment))
+        advance(0.2 + 0.4 * number / len(segments))
     paths = Paths(tracks, choose(tracks))
     if len(tracks) > 1:
         paths = _improve_segments(paths)
