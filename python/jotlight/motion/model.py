@@ -74,7 +74,9 @@ def find_paths(
         A function that is called repeatedly with the completed fraction, from 0 to 1.
     """
     still = Paths([_still(blocks, reference)], np.zeros(blocks.size, np.uint8))
+    advance(0.0)
     if model == "none":
+        advance(1.0)
         return still, model
     segments = find_segments(blocks, reference)
     advance(0.2)
