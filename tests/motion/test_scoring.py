@@ -150,6 +150,8 @@ def test_the_equations_are_derivatives_of_the_log_likelihood():
     filtered, blurred = (
         gaussian_filter(image, sigma, truncate=3.0) for image in (probability, ones.astype(float))
     )
+    # The block may be brighter than the template as a whole.
+    blurred /= reference.brightness(ones, counts, filtered)
     variance = filtered * (1 - filtered) * (1 + 0.25 / 8)
 
     def log_likelihoods(displacement, blurred):
