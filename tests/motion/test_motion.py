@@ -55,7 +55,10 @@ BAD = {
     "nodes without fields": ({"nodes": np.zeros((0, 4, 2, 3, 5), np.float32)}, "nodes: expected"),
     "nodes of two dimensions": ({"nodes": np.zeros((2, 4), np.float32)}, "nodes: expected"),
     "no nodes": ({"nodes": np.float32(1)}, "nodes: expected"),
-    "nodes of text": ({"nodes": np.full((2, 4, 2, 3, 5), "a")}, "nodes: expected finite numbers of float"),
+    "nodes of text": (
+        {"nodes": np.full((2, 4, 2, 3, 5), "a")},
+        "nodes: expected finite",
+    ),
     "information of another shape": (
         {"information": np.zeros((2, 4, 2, 3, 5), np.float32)},
         "information: expected shape",
@@ -66,8 +69,11 @@ BAD = {
         {"times": np.array([1.0]), "nodes": np.zeros((2, 1, 2, 3, 5), np.float32)},
         "two times",
     ),
-    "times of two dimensions": ({"times": np.array([[1.0], [2], [3], [4]])}, "times: expected an array"),
-    "a number for times": ({"times": np.float64(3)}, "times: expected an array"),
+    "times of two dimensions": (
+        {"times": np.array([[1.0], [2], [3], [4]])},
+        "times: expected an",
+    ),
+    "a number for times": ({"times": np.float64(3)}, "times: expected an"),
     "NaN": ({"nodes": np.full((2, 4, 2, 3, 5), np.nan, np.float32)}, "expected finite numbers"),
     "an infinite time": ({"reference": np.inf}, "reference: expected a finite time"),
     "another model": ({"model": "flow"}, "model: expected one of none, affine, segments, tiles"),
