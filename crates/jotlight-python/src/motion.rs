@@ -2,7 +2,7 @@
 
 use jotlight::bits::PackedBits;
 use jotlight::motion::{
-    self, AffineFit, Comparison, Displacements, Equations, EquationsView, Field, ShiftedCounts,
+    self, AffineFit, Comparison, Displacements, Equations, EquationsView, ShiftedCounts,
     Smoothness, Start, Sums, Template,
 };
 use numpy::{IntoPyArray, PyArray2, PyArray3};
@@ -35,11 +35,7 @@ pub fn add_shifted_counts(
     threads: Option<isize>,
 ) -> PyResult<()> {
     let packed = packed.as_array();
-    let field = |nodes| match tile {
-        Some(tile) => Field::Tiles { nodes, tile },
-        None => Field::Pixels(nodes),
-    };
-    let fields = (field(first.as_array()), field(last.as_array()));
+    let (first, last) = (first.as_array(), last.as_array());
     let (times, valid) = (
         times.as_slice()?,
         valid.as_ref().map(|valid| valid.as_array()),
@@ -53,7 +49,7 @@ pub fn add_shifted_counts(
         let rows = packed.dim().1;
         motion::add_shifted_counts(
             &PackedBits::new(packed, width)?,
-            &Displacements::new(fields.0, fields.1, rows, width)?,
+            &Displacements::new(first, last, tile, rows, width)?,
             times,
             valid,
             sums,

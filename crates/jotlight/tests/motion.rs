@@ -3,7 +3,7 @@
 use jotlight::bits::{PackedBits, packed_width};
 use jotlight::cpu::Level;
 use jotlight::error::{Error, Result};
-use jotlight::motion::{BLOCK, Displacements, Field, ShiftedCounts, add_shifted_counts};
+use jotlight::motion::{BLOCK, Displacements, ShiftedCounts, add_shifted_counts};
 use ndarray::{Array2, Array3, ArrayView2};
 
 /// Pseudorandom numbers.
@@ -40,19 +40,20 @@ impl Sums {
     fn add(
         &mut self,
         bytes: &Array3<u8>,
-        fields: [Field<'_>; 2],
+        fields: [&Array3<f32>; 2],
+        tile: Option<usize>,
         times: &[f32],
         valid: Option<ArrayView2<'_, u8>>,
     ) -> Result<()> {
         let (rows, columns) = self.ones.dim();
-        let [first, last] = fields;
+        let [first, last] = fields.map(|field| field.view());
         let sums = ShiftedCounts {
             ones: self.ones.view_mut(),
             trials: self.trials.view_mut(),
             remainders: self.remainders.view_mut(),
         };
         let bits = PackedBits::new(bytes.view(), columns)?;
-        let motion = Displacements::new(first, last, rows, columns)?;
+        let motion = Displacements::new(first, last, tile, rows, columns)?;
         add_shifted_counts(&bits, &motion, times, valid, sums)
     }
 }
@@ -109,18 +110,57 @@ fn counts_are_those_of_single_bits_on_every_level() -> Result<()> {
             scale * (smooth[direction] + 0.01 * column as f32) + 0.6 * random.number()
         });
         let times = vec![0.25; frames];
-        let fields = [Field::Pixels(displacements.view()); 2];
+        let fields = [&displacements; 2];
         for mask in [None, Some(&valid)] {
             let expected = naive(&bytes, &displacements, mask);
             for level in Level::supported() {
                 Level::choose(Some(level.name()))?;
                 let mut sums = Sums::new(rows, columns);
-                sums.add(&bytes, fields, &times, mask.map(|mask| mask.view()))?;
+                sums.add(&bytes, fields, None, &times, mask.map(|mask| mask.view()))?;
                 assert_eq!(sums.ones, expected[0]);
                 assert_eq!(sums.trials, expected[1]);
             }
             Level::choose(None)?;
         }
+    }
+    Ok(())
+}
+
+#[test]
+fn smooth_displacements_are_those_of_single_bits_on_every_level() -> Result<()> {
+    let mut random = Random(3);
+    for (frames, columns, slope) in [
+        (1, 16, 0.05),
+        (7, 127, 0.05),
+        (8, 128, 0.003),
+        (9, 129, -0.2),
+        (16, 256, 0.06),
+        (17, 300, 0.02),
+    ] {
+        let rows = 19;
+        let bytes = Array3::from_shape_simple_fn((frames, rows, packed_width(columns)), || {
+            random.next() as u8
+        });
+        let start = [random.number(), random.number()];
+        // Rows and columns change at different pixels, and at the same ones in the last row.
+        let displacements =
+            Array3::from_shape_fn((2, rows, columns), |(direction, row, column)| {
+                let slope = if row == rows - 1 || direction == 0 {
+                    slope
+                } else {
+                    -0.7 * slope
+                };
+                5.0 * start[direction] + slope * column as f32 + 0.1 * row as f32
+            });
+        let expected = naive(&bytes, &displacements, None);
+        for level in Level::supported() {
+            Level::choose(Some(level.name()))?;
+            let mut sums = Sums::new(rows, columns);
+            sums.add(&bytes, [&displacements; 2], None, &vec![0.5; frames], None)?;
+            assert_eq!(sums.ones, expected[0]);
+            assert_eq!(sums.trials, expected[1]);
+        }
+        Level::choose(None)?;
     }
     Ok(())
 }
@@ -145,12 +185,8 @@ fn tiles_are_interpolated_and_remainders_are_means() -> Result<()> {
     });
     let mut random = Random(2);
     let bytes = Array3::from_shape_simple_fn((10, rows, 4), || random.next() as u8);
-    let field = Field::Tiles {
-        nodes: nodes.view(),
-        tile,
-    };
     let mut sums = Sums::new(rows, columns);
-    sums.add(&bytes, [field; 2], &[0.0; 10], None)?;
+    sums.add(&bytes, [&nodes; 2], Some(tile), &[0.0; 10], None)?;
     let expected = naive(&bytes, &pixels, None);
     assert_eq!(sums.ones, expected[0]);
     assert_eq!(sums.trials, expected[1]);
@@ -172,8 +208,7 @@ fn empty_bursts_and_images_change_nothing() -> Result<()> {
         let bytes = Array3::zeros((frames, rows, packed_width(columns)));
         let field = Array3::zeros((2, rows, columns));
         let mut sums = Sums::new(rows, columns);
-        let fields = [Field::Pixels(field.view()); 2];
-        sums.add(&bytes, fields, &vec![0.0; frames], None)?;
+        sums.add(&bytes, [&field; 2], None, &vec![0.0; frames], None)?;
         assert_eq!(sums.trials.sum(), 0);
     }
     Ok(())
@@ -184,31 +219,23 @@ fn fields_and_times_that_do_not_fit_are_errors() {
     let bytes = Array3::zeros((2, 3, 1));
     let mut sums = Sums::new(3, 5);
     let field = Array3::zeros((2, 3, 5));
-    let pixels = Field::Pixels(field.view());
-    let mut add = |fields, times: &[f32]| sums.add(&bytes, fields, times, None);
-    assert!(matches!(add([pixels; 2], &[0.0]), Err(Error::Shape { .. })));
-    assert!(matches!(
-        add([pixels; 2], &[0.0, f32::NAN]),
-        Err(Error::Range { .. })
-    ));
-    let small = Array3::zeros((2, 3, 4));
-    let wrong = Field::Pixels(small.view());
-    assert!(matches!(
-        add([pixels, wrong], &[0.0; 2]),
-        Err(Error::Shape { .. })
-    ));
-    let infinite = Array3::from_elem((2, 3, 5), f32::INFINITY);
-    let far = Field::Pixels(infinite.view());
-    assert!(matches!(
-        add([far, pixels], &[0.0; 2]),
-        Err(Error::Range { .. })
-    ));
-    let no_tiles = Field::Tiles {
-        nodes: field.view(),
-        tile: 0,
-    };
-    assert!(matches!(
-        add([no_tiles; 2], &[0.0; 2]),
-        Err(Error::Range { .. })
-    ));
+    let mut add = |fields, tile, times: &[f32]| sums.add(&bytes, fields, tile, times, None);
+    let (small, infinite) = (
+        Array3::zeros((2, 3, 4)),
+        Array3::from_elem((2, 3, 5), f32::INFINITY),
+    );
+    for (result, is_shape) in [
+        (add([&field; 2], None, &[0.0]), true),
+        (add([&field, &small], None, &[0.0; 2]), true),
+        (add([&field; 2], Some(1), &[0.0, f32::NAN]), false),
+        (add([&infinite, &field], None, &[0.0; 2]), false),
+        (add([&field; 2], Some(0), &[0.0; 2]), false),
+    ] {
+        match result {
+            Err(Error::Shape { .. }) => assert!(is_shape),
+            Err(Error::Range { .. }) => assert!(!is_shape),
+            Err(other) => unreachable!("{other}"),
+            Ok(()) => unreachable!("no error"),
+        }
+    }
 }

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import real_number
 from jotlight.errors import warn
 from jotlight.formats.capture import CountStack
 from jotlight.motion.blocks import Blocks
@@ -68,7 +69,8 @@ def align(
     -----
     JotlightWarning
         When the motion cannot be estimated, because there are fewer than 16 frames or because all
-        bits are equal. The scene is then assumed to stand still.
+        bits are equal. The scene is then assumed to stand still. Also when the scene moves so far
+        that some frames show nothing of the image at the reference time.
 
     Notes
     -----
@@ -78,10 +80,10 @@ def align(
     Examples
     --------
     >>> from jotlight.datasets import moving
-    >>> scene = moving(motion="shake", sensor=Sensor(frames=32), shape=(64, 64), photons=0.5, rng=0)
+    >>> scene = moving(motion="shake", sensor=Sensor(frames=32), shape=(64, 96), photons=0.5, rng=0)
     >>> motion = align(scene.bits)
     >>> motion.model, motion.at(31).shape
-    ('affine', (2, 64, 64))
+    ('affine', (2, 64, 96))
     """
     burst, sensor = prepare_burst(data, sensor)
     if model != "auto" and model not in MODELS:
@@ -93,6 +95,11 @@ def align(
         model = "none"
     advance = progress or (lambda _: None)
     paths, found = find_paths(blocks, len(burst) // 2, model, advance)
+    if (hidden := _frames_out_of_view(paths)) > 0:
+        warn(
+            f"what the image shows is out of view in {hidden} of {len(burst)} frames, which are "
+            "not used; take a shorter part of the burst, or another time `at`"
+        )
     motion = as_motion(paths, found)
     return motion if time == motion.reference else motion.seen_from(time)
 
@@ -107,6 +114,8 @@ def prepare_burst(data: Bits | CountStack, sensor: Sensor | None) -> tuple[Burst
     """
     if sensor is None and isinstance(data, Bits):
         sensor = carried_sensor(data)
+    if not isinstance(sensor, Sensor | None):
+        raise TypeError(f"sensor: expected a jotlight.Sensor, got {type(sensor).__name__}")
     if isinstance(data, CountStack):
         given = None if sensor is None else sensor.trials // max(1, len(data.images))
         burst = as_burst(data, given or None)
@@ -135,8 +144,8 @@ def reference_time(at: float | None, burst: Burst) -> float:
     """
     if at is None:
         return len(burst) // 2
-    if not 0 <= at <= len(burst) - 1:
-        raise ValueError(f"at: expected a time from 0 to {len(burst) - 1} in frames, got {at}")
+    if not 0 <= real_number(at) <= len(burst) - 1:
+        raise ValueError(f"at: expected a time from 0 to {len(burst) - 1} in frames, got {at!r}")
     return at
 
 
@@ -157,13 +166,26 @@ def _unusable(blocks: Blocks) -> str | None:
     """Return why no motion can be estimated, or None if one can be."""
     burst = blocks.burst
     if len(burst) < MIN_FRAMES:
-        return f"{len(burst)} frames are too few to estimate a motion, which takes {MIN_FRAMES}"
+        return f"expected {MIN_FRAMES} frames or more to estimate a motion, got {len(burst)}"
     if blocks.valid is not None and not blocks.valid.any():
         return "all jots are dead or hot, so that no motion can be estimated"
     total = burst.counts(range(len(burst)), blocks.threads)
     if total.min() == total.max() and total.flat[0] in (0, len(burst) * burst.trials):
         return f"all bits are {int(total.flat[0] > 0)}, so that no motion can be estimated"
     return None
+
+
+def _frames_out_of_view(paths: Paths) -> int:
+    """Return the number of frames in blocks that show no point of the image."""
+    lengths = np.diff(paths.blocks.edges)
+    limits = np.array(paths.blocks.size).reshape(2, 1, 1) - 1
+    pixels = np.indices(paths.blocks.size)
+    hidden = 0
+    for block, length in enumerate(lengths):
+        place = pixels + np.rint(paths.displacements(block))
+        if not ((place >= 0) & (place <= limits)).all(axis=0).any():
+            hidden += int(length)
+    return hidden
 
 
 def as_motion(paths: Paths, model: str) -> Motion:

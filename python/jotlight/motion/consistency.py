@@ -1,19 +1,35 @@
 """Which bits agree with the rest: a χ² test of blocks of frames against a template."""
 
 import dataclasses
+from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.motion.blocks import Sums
-from jotlight.motion.scoring import Template, make_template
+from jotlight.motion.scoring import Template, blur, make_template
 from jotlight.motion.track import Counted, from_center
 
 Image = npt.NDArray[np.float32]
 
 _MAX_CHI_SQUARED = 2.5
 """Pixels of a block are accepted up to this value of χ², which is about 1 if they agree."""
+
+_MAX_DISAGREEMENT = 1.4
+"""Pixels of one side of a ring are accepted up to this value."""
+
+_FIRST_RING = 2
+"""Number of blocks in the middle, which are not tested."""
+
+_SMALL_BOX = 3
+"""Width of the squares over which counts are added before they are compared."""
+
+_SPREAD = 8.0
+"""Standard deviation of the filter that averages the disagreement, in pixels."""
+
+_PRIOR = 0.01
+"""Weight with which pixels are assumed to agree where few are known."""
 
 
 def chi_squared(sums: Sums, template: Template) -> Image:
@@ -29,57 +45,115 @@ def chi_squared(sums: Sums, template: Template) -> Image:
     return out
 
 
+def disagreement(first: Sums, second: Sums) -> Image:
+    """Return how much two parts of the frames disagree around each pixel, (H, W).
+
+    It is the square of the difference of their counts in units of its variance, averaged over many
+    pixels: about 1 if they agree. A common difference in brightness does not count.
+    """
+    ones, others = first.ones.astype(np.float32), second.ones.astype(np.float32)
+    trials, other_trials = first.trials.astype(np.float32), second.trials.astype(np.float32)
+    both = (trials > 0) & (other_trials > 0)
+    if not both.any():
+        return np.ones(ones.shape, np.float32)
+    expected = other_trials * ones / np.maximum(trials, 1)
+    brightness = expected[both].sum() / max(float(others[both].sum()), 1.0)
+    others = np.asarray(others * np.clip(brightness, 0.1, 10), np.float32)
+    number = trials + other_trials
+    p = _box(np.minimum((ones + others) / np.maximum(number, 1), 1), _SMALL_BOX)
+    difference = ones * other_trials - others * trials
+    variance = p * (1 - p) * trials * other_trials * number
+    squared = _box(difference, _SMALL_BOX) ** 2 * np.float32(_SMALL_BOX**2)
+    known_variance = np.maximum(_box(variance, _SMALL_BOX), np.float32(1e-3))
+    ratio = (squared / known_variance * both).astype(np.float32)
+    known = blur(both.astype(np.float32), _SPREAD)
+    return np.asarray((blur(ratio, _SPREAD) + _PRIOR) / (known + _PRIOR), np.float32)
+
+
+def _box(image: npt.NDArray[np.floating], width: int) -> Image:
+    """Return the means over squares of a width."""
+    from scipy.ndimage import uniform_filter
+
+    return np.asarray(uniform_filter(image, width, mode="reflect"), np.float32)
+
+
 @dataclasses.dataclass(frozen=True)
 class Consistent:
     """The sums along a motion, without pixels of blocks that disagree."""
 
-    total: Sums
-    """Whole numbers of ones and trials."""
+    before: Sums
+    after: Sums
+    """The sums of the blocks before and after the reference time."""
     accepted: Image
     """Fraction of the trials along the motion that was accepted, (H, W)."""
     masks: npt.NDArray[np.uint8]
     """The pixels that were accepted, packed, (n, H, ceil(W / 8))."""
 
-    def mask(self, block: int) -> npt.NDArray[np.bool_]:
-        """Return the pixels of a block that were accepted, (H, W)."""
-        width = self.accepted.shape[1]
-        return np.unpackbits(self.masks[block], axis=1, count=width).view(np.bool_)
+    @property
+    def total(self) -> Sums:
+        """The sums of all blocks: whole numbers of ones and trials."""
+        return self.before + self.after
 
     def count(self, motion: Counted) -> Sums:
         """Return the sums along the same motion of other data, such as one of several channels."""
-        parts = Sums.zeros(motion.blocks.size)
-        for block in range(len(self.masks)):
-            parts = parts + motion.sums(block).masked(self.mask(block))
-        return parts
+        width = self.accepted.shape[1]
+        total = Sums.zeros(motion.blocks.size)
+        for block, packed in enumerate(self.masks):
+            mask = np.unpackbits(packed, axis=1, count=width).view(np.bool_)
+            total = total + motion.sums(block).masked(mask)
+        return total
 
 
 def find_consistent(motion: Counted) -> Consistent:
     """Return the sums of all blocks along a motion, without pixels that disagree.
 
-    The blocks are tested from the reference time outward, in groups of 2, 4, 8, and so on. Each is
-    tested together with its neighbors on the same side, because one block has few photons.
+    The blocks are tested from the reference time outward, in rings of 2, 4, 8, and so on. First,
+    each block is compared with all that are nearer. It is tested together with its neighbors on
+    the same side, because one block has few photons. Then the two sides of the ring are compared
+    with all nearer blocks. This detects small errors of the motion that grow with time.
     """
     order = [int(block) for block in from_center(motion)]
-    side = motion.blocks.centers > motion.reference
-    total = Sums.total([motion.sums(block) for block in order[:2]])
-    available = total.trials.copy()
-    height, width = motion.blocks.size
-    masks = np.packbits(np.ones((len(order), height, width), bool), axis=2)
-    position, group = 2, 2
-    while position < len(order):
-        template = make_template(total, motion.blocks.threads)
-        for block in order[position : position + group]:
-            near = [
-                motion.sums(other)
-                for other in (block - 1, block + 1)
-                if 0 <= other < len(order) and side[other] == side[block]
-            ]
-            each = motion.sums(block)
-            accepted = chi_squared(Sums.total([each, *near]), template) < _MAX_CHI_SQUARED
-            available += each.trials
-            total = total + each.masked(accepted)
-            masks[block] = np.packbits(accepted, axis=1)
-        position += group
-        group *= 2
-    share = np.asarray(total.trials / np.maximum(available, 1), np.float32)
-    return Consistent(total, share, masks)
+    is_after = motion.blocks.centers > motion.reference
+    size = motion.blocks.size
+    masks = np.packbits(np.ones((len(order), *size), bool), axis=2)
+    sides = [Sums.zeros(size), Sums.zeros(size)]
+    available = np.zeros(size, np.int64)
+    for block in order[:_FIRST_RING]:
+        sums = motion.sums(block)
+        available += sums.trials
+        sides[int(is_after[block])] += sums
+    start = _FIRST_RING
+    while start < len(order):
+        ring = order[start : 2 * start]
+        nearer = sides[0] + sides[1]
+        template = make_template(nearer, motion.blocks.threads)
+        for side in (0, 1):
+            blocks = [block for block in ring if is_after[block] == side]
+            total = Sums.zeros(size)
+            for block, sums, pooled in _pool(motion, blocks, is_after == bool(side)):
+                accepted = chi_squared(pooled, template) < _MAX_CHI_SQUARED
+                available += sums.trials
+                total += sums.masked(accepted)
+                masks[block] = np.packbits(accepted, axis=1)
+            agrees = disagreement(nearer, total) < _MAX_DISAGREEMENT
+            sides[side] += total.masked(agrees)
+            masks[blocks] &= np.packbits(agrees, axis=1)
+        start *= 2
+    trials = sides[0].trials + sides[1].trials
+    share = np.asarray(trials / np.maximum(available, 1), np.float32)
+    return Consistent(sides[0], sides[1], share, masks)
+
+
+def _pool(
+    motion: Counted, blocks: list[int], on_side: npt.NDArray[np.bool_]
+) -> Iterator[tuple[int, Sums, Sums]]:
+    """Yield blocks, with their sums, and with those that include the neighbors on the same side."""
+    counted: dict[int, Sums] = {}
+    for block in sorted(blocks):
+        near = [
+            other
+            for other in (block - 1, block, block + 1)
+            if 0 <= other < len(on_side) and on_side[other]
+        ]
+        counted = {other: counted.get(other) or motion.sums(other) for other in near}
+        yield block, counted[block], Sums.total(list(counted.values()))

@@ -10,7 +10,8 @@ import numpy.typing as npt
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import align, prepare_burst, reference_time
 from jotlight.motion.blocks import Blocks, Sums
-from jotlight.motion.consistency import find_consistent
+from jotlight.motion.consistency import Consistent, find_consistent
+from jotlight.motion.flags import find_flags
 from jotlight.motion.model import divide
 from jotlight.motion.motion import Motion
 from jotlight.motion.posterior import posterior_error
@@ -21,6 +22,9 @@ from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor
 
 Map = npt.NDArray[np.float64]
+
+_MIN_FLAGGED = 0.5
+"""Fraction of the jots of a pixel that are flagged, above which the pixel is."""
 
 
 def merge(
@@ -92,7 +96,7 @@ def merge(
     if burst.channels > 1:
         each = [_of_channel(paths, channel) for channel in range(burst.channels)]
         channels = [consistent.count(channel) for channel in each]
-    merged = _as_merged(channels, consistent.accepted, motion, sensor, paths)
+    merged = _as_merged(channels, consistent, motion, sensor, paths)
     advance(1.0)
     return merged
 
@@ -118,7 +122,7 @@ def _of_channel(paths: Paths, channel: int) -> Paths:
 
 def _as_merged(
     channels: list[Sums],
-    accepted: npt.NDArray[np.float32],
+    consistent: Consistent,
     motion: Motion,
     sensor: Sensor,
     paths: Paths,
@@ -127,6 +131,7 @@ def _as_merged(
     side, color = sensor.oversampling, len(channels) > 1
     trials = channels[0].trials.astype(np.float64)
     each_jot = np.ones_like(trials)
+    flags = find_flags(consistent, motion.labels).astype(np.float32)
 
     def expected(value: float | npt.NDArray[np.float32]) -> Any:
         if not isinstance(value, np.ndarray):
@@ -141,8 +146,9 @@ def _as_merged(
         sensor,
         expected(sensor.dark_counts),
         expected(sensor.efficiency),
-        _mean_of_pixels(accepted, each_jot, side).astype(np.float32),
+        _mean_of_pixels(consistent.accepted, each_jot, side).astype(np.float32),
         _mean_of_pixels(posterior_error(motion), each_jot, side).astype(np.float32),
+        _mean_of_pixels(flags, each_jot, side) >= _MIN_FLAGGED,
     )
 
 

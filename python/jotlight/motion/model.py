@@ -1,16 +1,17 @@
 """The motion that explains the bits of a scene best."""
 
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.affine import follow, improve_together
-from jotlight.motion.blocks import Blocks
+from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.consistency import find_consistent
 from jotlight.motion.deformation import follow_tiles
 from jotlight.motion.outlines import choose
-from jotlight.motion.segments import Segment, find_segments
+from jotlight.motion.segments import Segment, central_half, energy_of, find_segments
 from jotlight.motion.selection import likelihood_gain
 from jotlight.motion.tiles import mean_tiles, tile_counts
 from jotlight.motion.track import Paths, Track
@@ -19,6 +20,9 @@ Array = npt.NDArray[np.float64]
 
 _ROUNDS = 2
 """Number of rounds that improve the motions of segments after their outlines are known."""
+
+_EXPLAINED = 0.8
+"""A track explains a segment if it has this fraction of the energy of the segment's velocity."""
 
 _MIN_FRACTION = 0.5
 """Minimum fraction of a tile that a segment covers, for the tile to improve its motion."""
@@ -70,13 +74,16 @@ def find_paths(
         A function that is called repeatedly with the completed fraction, from 0 to 1.
     """
     still = Paths([_still(blocks, reference)], np.zeros(blocks.size, np.uint8))
+    advance(0.0)
     if model == "none":
+        advance(1.0)
         return still, model
     segments = find_segments(blocks, reference)
     advance(0.2)
     if model == "affine":
-        segments = [Segment(segments[0].velocity, np.ones_like(segments[0].weights))]
-    tracks = [follow(blocks, reference, segment) for segment in segments]
+        weights = np.ones_like(segments[0].weights)
+        segments = [dataclasses.replace(segments[0], weights=weights)]
+    segments, tracks = _follow(blocks, reference, segments)
     advance(0.6)
     paths = Paths(tracks, choose(tracks))
     if len(tracks) > 1:
@@ -96,9 +103,42 @@ def find_paths(
     return paths, "affine" if len(used) == 1 else "segments"
 
 
+def _follow(
+    blocks: Blocks, reference: int, segments: list[Segment]
+) -> tuple[list[Segment], list[Track]]:
+    """Return the segments that move differently, and their tracks.
+
+    The velocity of a scene changes with time. So a segment may have another constant velocity than
+    the first one, but the same motion.
+    """
+    kept, tracks = segments[:1], [follow(blocks, reference, segments[0])]
+    for segment in segments[1:]:
+        tiles = segment.weights > 0
+        others = [float(_energy_along(track)[tiles].sum()) for track in tracks]
+        if max(others) < _EXPLAINED * segment.energy:
+            kept.append(segment)
+            tracks.append(follow(blocks, reference, segment))
+    if len(kept) == 1 and len(segments) > 1:
+        for _ in range(_ROUNDS):
+            improve_together(tracks[0], np.ones_like(segments[0].weights))
+    return kept, tracks
+
+
+def _energy_along(track: Track) -> Array:
+    """Return the energy of the sum of central frames along a track, (rows, columns)."""
+    half = central_half(track.blocks, track.reference)
+    central = np.flatnonzero(abs(track.blocks.centers - track.reference) < half)
+    return energy_of(Sums.total([track.sums(int(block)) for block in central]))
+
+
 def _share_of_unknown(paths: Paths) -> float:
-    """Return the fraction of pixels of which many bits disagree with the rest."""
-    return float((find_consistent(paths).accepted < _MIN_ACCEPTED).mean())
+    """Return the fraction of pixels of which many bits disagree with the rest.
+
+    Pixels without bits, such as those of dead jots, do not count.
+    """
+    consistent = find_consistent(paths)
+    unknown = consistent.accepted[consistent.total.trials > 0] < _MIN_ACCEPTED
+    return float(unknown.sum() / max(unknown.size, 1))
 
 
 def _improve_segments(paths: Paths) -> Paths:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.motion.figure import draw_change, draw_paths
+from jotlight.motion.reference import move_labels, move_nodes
 from jotlight.motion.tiles import interpolate, tile_counts
 from jotlight.tensors import read_tensors, write_tensors
 
@@ -23,6 +25,9 @@ _FORMAT, _VERSION = "jotlight motion", "1"
 
 _TYPES = {"nodes": "float32", "labels": "uint8", "times": "float64", "information": "float32"}
 """The arrays of a file and their types."""
+
+_PANEL = 4.2
+"""Width of a panel of a figure in inches."""
 
 _MAX_FIELDS = 256
 """Maximum number of fields, so that labels are bytes."""
@@ -140,8 +145,6 @@ class Motion:
         >>> motion.seen_from(6).at(0)[:, 4, 4].tolist()
         [-3.0, -3.0]
         """
-        from jotlight.motion.reference import move_labels, move_nodes
-
         now = self.nodes_at(time)
         nodes = np.stack([move_nodes(*pair) for pair in zip(self.nodes, now, strict=True)])
         labels = move_labels(self.labels, now)
@@ -184,9 +187,15 @@ class Motion:
 
     def plot(self) -> "Figure":
         """Return a figure of the displacements over time, and of where the scene moves how."""
-        from jotlight.motion.figure import draw_motion
+        from matplotlib.figure import Figure
 
-        return draw_motion(self)
+        figure = Figure(figsize=(2 * _PANEL, _PANEL), layout="constrained")
+        paths, field = figure.subplots(1, 2)
+        draw_paths(paths, self.times, self.nodes, self.labels, self.reference)
+        change = self.at(self.times[-1]) - self.at(self.times[0])
+        title = f"motion from the first to the last time ({self.model})"
+        draw_change(field, self.labels, change, title)
+        return figure
 
     def __repr__(self) -> str:
         longest = float(np.sqrt((self.nodes**2).sum(axis=2)).max())

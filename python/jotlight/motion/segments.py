@@ -45,6 +45,8 @@ class Segment:
     """Velocity of each tile in pixels per frame, (2, rows, columns)."""
     weights: Array
     """Fraction of each tile that belongs to the segment, (rows, columns)."""
+    energy: float
+    """Energy of its tiles along its velocity."""
 
 
 def find_segments(blocks: Blocks, reference: int) -> list[Segment]:
@@ -73,19 +75,30 @@ def find_segments(blocks: Blocks, reference: int) -> list[Segment]:
             fields[index], energies[index] = refined, energy
     labels = _majority([energies[index] for index in found])
     return [
-        Segment(fields[index], (labels == position).astype(float))
+        Segment(
+            fields[index],
+            (labels == position).astype(float),
+            float(energies[index][labels == position].sum()),
+        )
         for position, index in enumerate(found)
         if len(found) == 1 or (labels == position).sum() >= _MIN_TILES
     ]
 
 
 def _energy(blocks: Blocks, reference: int, field: Array) -> Array:
-    """Return the energy of the sum of frames along a velocity, (rows, columns).
+    """Return the energy of the sum of frames along a velocity, (rows, columns)."""
+    half = central_half(blocks, reference)
+    frames = range(reference - half, reference + half)
+    return energy_of(count_at_velocity(blocks, frames, field, reference))
 
-    The unit is the variance of a bit.
-    """
-    half = max(1, min(reference, len(blocks.burst) - reference) // 2)
-    sums = count_at_velocity(blocks, range(reference - half, reference + half), field, reference)
+
+def central_half(blocks: Blocks, reference: float) -> int:
+    """Return the number of frames before and after the reference time whose energy is compared."""
+    return max(1, int(min(reference, len(blocks.burst) - reference)) // 2)
+
+
+def energy_of(sums: Sums) -> Array:
+    """Return the energy of sums, (rows, columns), in units of the variance of a bit."""
     known = (sums.trials > 0).astype(np.float32)
     fraction = sums.ones / np.maximum(sums.trials, 1)
     mean = blur(fraction * known, _COARSE) / np.maximum(blur(known, _COARSE), 1e-3)

@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 
 pub(crate) use bit_planes::{BitCounters, FRAMES_PER_GROUP};
 pub use count::add_block_counts;
-pub(crate) use count::{check_mask, trials};
+pub(crate) use count::{check_mask, check_sum, trials};
 
 /// Return the number of bytes of a packed row of `width` jots.
 #[must_use]
@@ -143,12 +143,15 @@ pub(crate) fn copy_bytes(source: &[u8], from: usize, target: &mut [u8]) {
     if shift == 0 {
         target.copy_from_slice(&source[first..first + bytes]);
     } else {
-        // The compiler vectorizes this loop.
-        let (left, right) = (
-            &source[first..first + bytes],
-            &source[first + 1..=first + bytes],
-        );
-        for ((byte, &left), &right) in target.iter_mut().zip(left).zip(right) {
+        let (left, right) = (&source[first..][..bytes], &source[first + 1..][..bytes]);
+        let (words, rest) = target.as_chunks_mut::<8>();
+        let whole = 8 * words.len();
+        let pairs = left.as_chunks().0.iter().zip(right.as_chunks().0);
+        for (word, (&left, &right)) in words.iter_mut().zip(pairs) {
+            let [left, right] = [u64::from_be_bytes(left), u64::from_be_bytes(right)];
+            *word = (left << shift | right >> (8 - shift)).to_be_bytes();
+        }
+        for ((byte, &left), &right) in rest.iter_mut().zip(&left[whole..]).zip(&right[whole..]) {
             *byte = left << shift | right >> (8 - shift);
         }
     }

@@ -1,294 +1,343 @@
-//! The counters of a row of pixels along a motion.
+//! The counters of rows of pixels along a motion.
 
-use std::borrow::Cow;
 use std::ops::Range;
 
-use super::field::Displacements;
-use super::row::{BLOCK, RowMotion, Run, SEVERAL};
-use crate::bits::{BitCounters, FRAMES_PER_GROUP, MAX_FIELD_BITS, bit_field, copy_bytes};
+use super::frames::{Frames, Input};
+use super::lines::{BLOCK, BLOCKS_PER_STEP, Blocks};
+use super::row::{Pixels, RowMotion};
+use super::search::{Found, Places, blocks_in, search};
+use super::source::{Frame, Origins, PixelOrigins};
+use crate::bits::{BitCounters, FRAMES_PER_GROUP};
 
-/// The bits and their motion.
-pub(super) struct Input<'a, 'b> {
-    pub bits: Cow<'a, [u8]>,
-    pub valid: Option<Cow<'a, [u8]>>,
-    pub motion: &'a Displacements<'b>,
-    pub times: &'a [f32],
-    pub rows: usize,
-    pub columns: usize,
-}
+/// Shifted blocks of bits, in a group of frames.
+type Group = [Vec<[u8; BLOCK / 8]>; FRAMES_PER_GROUP];
 
-impl Input<'_, '_> {
-    /// Return the number of bytes of a row.
-    fn row_bytes(&self) -> usize {
-        self.columns.div_ceil(8)
-    }
+/// Some shifted blocks of a row, in a group of frames.
+type Buffer = [Blocks<u16>; FRAMES_PER_GROUP];
 
-    /// Return the bytes of a frame and all that follow it.
-    #[inline(always)]
-    fn frame(&self, frame: usize) -> &[u8] {
-        &self.bits[frame * self.rows * self.row_bytes()..]
-    }
-}
-
-/// The shifted bits of a row in a group of frames.
-type Group = [Vec<[u8; 8]>; FRAMES_PER_GROUP];
-
-/// The counters of a row of pixels.
-pub(super) struct RowCounter {
-    row: usize,
-    pub motion: RowMotion,
+/// The counters of neighboring rows of pixels.
+pub(super) struct RowCounters<'a> {
+    frame: Frame,
+    mask: Option<&'a [u8]>,
+    first_row: usize,
+    /// The number of blocks in a row.
+    blocks: usize,
     ones: BitCounters,
     shifted: Group,
     /// The counters of valid bits and the shifted mask, if there is one.
     valid: Option<(BitCounters, Group)>,
-    /// How much the number of trials increases from each pixel to the next, if there is no mask.
-    steps: Vec<i32>,
-    /// The sum of the mean shifts of each block over the frames, in rows and columns.
-    pub shifts: [Vec<f32>; 2],
-    /// Whether the bits of each block have yet to be copied.
-    is_pending: Vec<bool>,
-    shifts_of_blocks: [Vec<i32>; 2],
-    runs: Vec<Run>,
+    /// The number of frames in which a pixel comes from outside, if there is no mask.
+    outside: Vec<[i32; BLOCK]>,
+    /// The sum over frames of the shift of a row, where all pixels have the same shift.
+    shifts_of_rows: Vec<[i64; 2]>,
+    /// The sum over the other frames and over the pixels of each block.
+    shifts_of_blocks: Vec<[i64; 2]>,
+    /// The mean displacement over all frames and over the pixels of each block.
+    displacements: Vec<[f32; 2]>,
+    found: Vec<Found>,
 }
 
-impl RowCounter {
-    pub fn new(input: &Input<'_, '_>, row: usize) -> Self {
-        let words = input.columns.div_ceil(64);
-        let blocks = input.columns.div_ceil(BLOCK);
-        let group = || std::array::from_fn(|_| vec![[0; 8]; words]);
+impl<'a> RowCounters<'a> {
+    #[inline(always)]
+    pub fn new(input: &'a Input<'_, '_>, first_row: usize, rows: usize) -> Self {
+        let blocks = input.frame.columns.div_ceil(BLOCK);
+        let counters = || BitCounters::new(rows * blocks * BLOCK / 8);
+        let group = || std::array::from_fn(|_| vec![[0; 2]; rows * blocks]);
         Self {
-            row,
-            motion: RowMotion::new(input.motion, row),
-            ones: BitCounters::new(8 * words),
+            frame: input.frame,
+            mask: input.valid.as_deref(),
+            first_row,
+            blocks,
+            ones: counters(),
             shifted: group(),
-            valid: input
-                .valid
-                .as_ref()
-                .map(|_| (BitCounters::new(8 * words), group())),
-            steps: vec![0; input.columns + 1],
-            shifts: [vec![0.0; blocks], vec![0.0; blocks]],
-            is_pending: vec![true; blocks],
-            shifts_of_blocks: [vec![0; blocks], vec![0; blocks]],
-            runs: Vec::new(),
+            valid: input.valid.as_ref().map(|_| (counters(), group())),
+            outside: vec![[0; BLOCK]; rows * blocks],
+            shifts_of_rows: vec![[0; 2]; rows],
+            shifts_of_blocks: vec![[0; 2]; rows * blocks],
+            displacements: vec![[0.0; 2]; rows * blocks],
+            found: vec![Found::default(); blocks.div_ceil(BLOCKS_PER_STEP)],
         }
     }
 
-    /// Count the group of frames that begins with `first_frame`.
+    /// Return the mean displacements of the blocks of a row.
+    pub fn displacements(&mut self, row: usize) -> &mut [[f32; 2]] {
+        &mut self.displacements[row * self.blocks..(row + 1) * self.blocks]
+    }
+
+    /// Begin a group of frames: set the bits of frames after the last one to 0.
     #[inline(always)]
-    pub fn count_group(&mut self, input: &Input<'_, '_>, first_frame: usize) {
-        for bits in self
-            .shifted
-            .iter_mut()
-            .chain(self.valid.iter_mut().flat_map(|(_, mask)| mask))
-        {
-            bits.fill([0; 8]);
-        }
-        let times = &input.times[first_frame..];
-        let times = &times[..times.len().min(FRAMES_PER_GROUP)];
-        let range = times.iter().fold([times[0]; 2], |[low, high], &time| {
-            [low.min(time), high.max(time)]
-        });
-        let frames = first_frame..first_frame + times.len();
-        if let Some(shift) = self.motion.common_shift(range) {
-            for (sums, shift) in self.shifts.iter_mut().zip(shift) {
-                for sum in sums {
-                    *sum += shift as f32 * times.len() as f32;
-                }
-            }
-            let run = Run {
-                start: 0,
-                end: input.columns,
-                shift,
-            };
-            self.copy(input, frames, first_frame, run);
-        } else {
-            self.is_pending.fill(true);
-            self.copy_blocks(input, frames.clone(), first_frame, range, false);
-            if self.is_pending.contains(&true) {
-                for (frame, &time) in frames.zip(times) {
-                    self.copy_blocks(input, frame..frame + 1, first_frame, [time; 2], true);
-                }
+    pub fn begin_group(&mut self, frames: &Frames<'_>) {
+        let groups = std::iter::once(&mut self.shifted);
+        for group in groups.chain(self.valid.as_mut().map(|(_, mask)| mask)) {
+            for blocks in &mut group[frames.times.number..] {
+                blocks.fill([0; 2]);
             }
         }
-        for (ones, valid) in self
-            .shifted
-            .iter_mut()
-            .zip(self.valid.iter().flat_map(|(_, mask)| mask))
-        {
-            for (ones, valid) in ones.as_flattened_mut().iter_mut().zip(valid.as_flattened()) {
-                *ones &= valid;
-            }
-        }
+    }
+
+    /// Add the bits of a group, all of whose rows have been copied.
+    #[inline(always)]
+    pub fn end_group(&mut self) {
         self.ones
-            .add(&self.shifted.each_ref().map(|words| words.as_flattened()));
+            .add(&self.shifted.each_ref().map(|blocks| blocks.as_flattened()));
         if let Some((counters, mask)) = &mut self.valid {
-            counters.add(&mask.each_ref().map(|words| words.as_flattened()));
+            counters.add(&mask.each_ref().map(|blocks| blocks.as_flattened()));
         }
     }
 
-    /// Copy the bits of the pending blocks, in some frames of the group.
-    ///
-    /// Blocks with several shifts remain pending. They are copied frame by frame if `search` is
-    /// true.
+    /// Copy the bits of a row.
     #[inline(always)]
-    fn copy_blocks(
-        &mut self,
-        input: &Input<'_, '_>,
-        frames: Range<usize>,
-        first_frame: usize,
-        times: [f32; 2],
-        search: bool,
-    ) {
-        let mut shifts = std::mem::take(&mut self.shifts_of_blocks);
-        self.motion.common_shifts_of_blocks(times, &mut shifts);
-        let mut run = Run {
-            start: 0,
-            end: 0,
-            shift: [0; 2],
-        };
-        for block in 0..shifts[0].len() {
-            let shift = [shifts[0][block], shifts[1][block]];
-            if !self.is_pending[block] {
-                continue;
-            }
-            if shift.contains(&SEVERAL) {
-                if search {
-                    self.copy_block(input, frames.start, first_frame, block, times[0]);
-                }
-                continue;
-            }
-            self.is_pending[block] = search;
-            for (sums, shift) in self.shifts.iter_mut().zip(shift) {
-                sums[block] += shift as f32 * frames.len() as f32;
-            }
-            let (start, end) = (block * BLOCK, ((block + 1) * BLOCK).min(input.columns));
-            if run.end == start && run.shift == shift {
-                run.end = end;
-                continue;
-            }
-            self.copy(input, frames.clone(), first_frame, run);
-            run = Run { start, end, shift };
-        }
-        self.copy(input, frames, first_frame, run);
-        self.shifts_of_blocks = shifts;
-    }
-
-    /// Copy the bits of a block that has several shifts, in one frame.
-    #[inline(always)]
-    fn copy_block(
-        &mut self,
-        input: &Input<'_, '_>,
-        frame: usize,
-        first_frame: usize,
-        block: usize,
-        time: f32,
-    ) {
-        let mut runs = std::mem::take(&mut self.runs);
-        let mean = self.motion.find_runs(block, time, &mut runs);
-        for (sums, mean) in self.shifts.iter_mut().zip(mean) {
-            sums[block] += mean;
-        }
-        for &run in &runs {
-            self.copy(input, frame..frame + 1, first_frame, run);
-        }
-        self.runs = runs;
-    }
-
-    /// Copy the bits of a run, in some frames of the group.
-    #[inline(always)]
-    fn copy(&mut self, input: &Input<'_, '_>, frames: Range<usize>, first_frame: usize, run: Run) {
-        let Some((row, run)) = inside(run, self.row, input.rows, input.columns) else {
-            return;
-        };
-        let from = run.start.wrapping_add_signed(run.shift[1] as isize);
-        let from = 8 * row * input.row_bytes() + from;
-        if self.valid.is_none() {
-            self.steps[run.start] += frames.len() as i32;
-            self.steps[run.end] -= frames.len() as i32;
-        }
-        let (mut start, end) = (run.start, run.end);
-        while start < end {
-            let from = from + start - run.start;
-            let length = if start.is_multiple_of(64) && end - start >= 64 {
-                (end - start) / 64 * 64
-            } else {
-                (end - start).min(64 - start % 64).min(MAX_FIELD_BITS)
-            };
-            let part = Part {
-                from,
-                start,
-                length,
-            };
-            for frame in frames.clone() {
-                part.copy(input.frame(frame), &mut self.shifted[frame - first_frame]);
-            }
-            if let (Some((_, masks)), Some(valid)) = (&mut self.valid, &input.valid) {
-                for frame in frames.clone() {
-                    part.copy(valid, &mut masks[frame - first_frame]);
-                }
-            }
-            start += length;
-        }
-    }
-
-    /// Replace `counts` with the number of ones of each pixel.
-    pub fn ones(&self, counts: &mut [i32]) {
-        counts.fill(0);
-        self.ones
-            .add_to_counts(0..8 * self.shifted[0].len(), counts);
-    }
-
-    /// Replace `counts` with the number of trials of each pixel.
-    pub fn trials(&self, counts: &mut [i32]) {
-        counts.fill(0);
-        if let Some((counters, _)) = &self.valid {
-            counters.add_to_counts(0..8 * self.shifted[0].len(), counts);
+    pub fn copy_row(&mut self, row: usize, motion: &RowMotion<'_>, frames: &Frames<'_>) {
+        let times = &frames.times;
+        if let Some(shift) = motion.common_shift(times.range) {
+            self.copy_whole_row(row, frames, 0..times.number, shift);
             return;
         }
-        let mut sum = 0;
-        for (count, step) in counts.iter_mut().zip(&self.steps) {
-            sum += step;
-            *count = sum;
+        let mut shifts = [[0; 2]; FRAMES_PER_GROUP];
+        for (shift, &time) in shifts.iter_mut().zip(&times.each) {
+            let Some(common) = motion.common_shift([time; 2]) else {
+                let mut found = std::mem::take(&mut self.found);
+                search(motion, self.frame, self.first_row + row, times, &mut found);
+                for (step, found) in found.iter().enumerate() {
+                    self.copy_step((row, step), motion, found, frames);
+                }
+                self.found = found;
+                return;
+            };
+            *shift = common;
+        }
+        for (index, &shift) in shifts[..times.number].iter().enumerate() {
+            self.copy_whole_row(row, frames, index..index + 1, shift);
         }
     }
-}
 
-/// A part of a run: whole words, or up to [`MAX_FIELD_BITS`] bits in one word.
-#[derive(Clone, Copy)]
-struct Part {
-    /// The place of its first bit in the source.
-    from: usize,
-    /// The place of its first bit in the target.
-    start: usize,
-    length: usize,
-}
-
-impl Part {
-    /// Copy the part. Its bits in the target are 0.
+    /// Copy a row whose pixels have the same shift in some frames of a group.
     #[inline(always)]
-    fn copy(self, source: &[u8], target: &mut [[u8; 8]]) {
-        let Self {
-            from,
-            start,
-            length,
-        } = self;
-        let word = start / 64;
-        if length >= 64 {
-            let words = &mut target[word..word + length / 64];
-            copy_bytes(source, from, words.as_flattened_mut());
+    fn copy_whole_row(
+        &mut self,
+        row: usize,
+        frames: &Frames<'_>,
+        indices: Range<usize>,
+        shift: [i32; 2],
+    ) {
+        let image_row = self.first_row + row;
+        let blocks = row * self.blocks..(row + 1) * self.blocks;
+        let inside = self.frame.columns_inside(image_row, shift);
+        let number = indices.len();
+        for index in indices {
+            let source = frames.bytes[index];
+            let target = self.shifted[index][blocks.clone()].as_flattened_mut();
+            self.frame
+                .copy_row(source, image_row, shift, inside.clone(), target);
+            if let (Some(mask), Some((_, valid))) = (self.mask, &mut self.valid) {
+                let valid = valid[index][blocks.clone()].as_flattened_mut();
+                self.frame
+                    .copy_row(mask, image_row, shift, inside.clone(), valid);
+                for (bits, valid) in target.iter_mut().zip(valid) {
+                    *bits &= *valid;
+                }
+            }
+        }
+        let outside = self.outside[blocks].as_flattened_mut();
+        for count in &mut outside[..inside.start] {
+            *count += number as i32;
+        }
+        for count in &mut outside[inside.end..] {
+            *count += number as i32;
+        }
+        for (sum, shift) in self.shifts_of_rows[row].iter_mut().zip(shift) {
+            *sum += i64::from(shift) * number as i64;
+        }
+    }
+
+    /// Copy the blocks of a step of a row.
+    #[inline(always)]
+    fn copy_step(
+        &mut self,
+        (row, step): (usize, usize),
+        motion: &RowMotion<'_>,
+        found: &Found,
+        frames: &Frames<'_>,
+    ) {
+        let number = frames.times.number;
+        let first = step * BLOCKS_PER_STEP;
+        let blocks = row * self.blocks + first..row * self.blocks + self.blocks;
+        let blocks = blocks.start..blocks.end.min(blocks.start + BLOCKS_PER_STEP);
+        let mut buffers = [[[0; BLOCKS_PER_STEP]; FRAMES_PER_GROUP]; 2];
+        let mut uncertain = 0;
+        if found.is_constant {
+            let places = &found.places[0];
+            self.copy_constant(&places.parts[0], frames, &mut buffers);
+            self.count_outside(blocks.start, number, places);
         } else {
-            let bits = bit_field(source, from, length) << (64 - length - start % 64);
-            target[word] = (u64::from_be_bytes(target[word]) | bits).to_be_bytes();
+            for (index, places) in found.places[..number].iter().enumerate() {
+                self.copy_parts(places, frames.bytes[index], index, &mut buffers);
+                self.count_outside(blocks.start, 1, places);
+                uncertain |= places.uncertain;
+            }
         }
+        for block in blocks_in(uncertain) {
+            let pixels = motion.block(first + block);
+            for (index, places) in found.places[..number].iter().enumerate() {
+                if places.uncertain >> block & 1 == 1 {
+                    let block = (row, first + block);
+                    self.copy_pixels(block, &pixels, frames, index, &mut buffers);
+                }
+            }
+        }
+        for (block, sums) in self.shifts_of_blocks[blocks.clone()].iter_mut().enumerate() {
+            for direction in 0..2 {
+                sums[direction] += i64::from(found.shifts[direction][block]);
+            }
+        }
+        store(&buffers[0], number, blocks.clone(), &mut self.shifted);
+        if let Some((_, group)) = &mut self.valid {
+            store(&buffers[1], number, blocks, group);
+        }
+    }
+
+    /// Copy blocks that come from the same places in all frames.
+    #[inline(always)]
+    fn copy_constant(
+        &self,
+        origins: &Origins,
+        frames: &Frames<'_>,
+        [shifted, valid]: &mut [Buffer; 2],
+    ) {
+        for block in 0..BLOCKS_PER_STEP {
+            let mut counted = u16::MAX;
+            if let Some(mask) = self.mask {
+                counted = origins.bits(mask, block);
+                for valid in &mut *valid {
+                    valid[block] = counted;
+                }
+            }
+            for (shifted, source) in shifted.iter_mut().zip(frames.bytes) {
+                shifted[block] = origins.bits(source, block) & counted;
+            }
+        }
+    }
+
+    /// Copy blocks with up to two parts in a frame.
+    #[inline(always)]
+    fn copy_parts(
+        &self,
+        places: &Places,
+        source: &[u8],
+        index: usize,
+        [shifted, valid]: &mut [Buffer; 2],
+    ) {
+        let [first, second] = &places.parts;
+        for block in 0..BLOCKS_PER_STEP {
+            shifted[index][block] = first.bits(source, block);
+        }
+        if places.has_second_parts {
+            for block in 0..BLOCKS_PER_STEP {
+                shifted[index][block] |= second.bits(source, block);
+            }
+        }
+        if let Some(mask) = self.mask {
+            for block in 0..BLOCKS_PER_STEP {
+                valid[index][block] = first.bits(mask, block);
+                if places.has_second_parts {
+                    valid[index][block] |= second.bits(mask, block);
+                }
+                shifted[index][block] &= valid[index][block];
+            }
+        }
+    }
+
+    /// Copy the pixels of a block one after the other in a frame.
+    #[inline(always)]
+    fn copy_pixels(
+        &mut self,
+        (row, block): (usize, usize),
+        pixels: &[Pixels; 2],
+        frames: &Frames<'_>,
+        index: usize,
+        [shifted, valid]: &mut [Buffer; 2],
+    ) {
+        let time = frames.times.each[index];
+        let shifts = [pixels[0].shifts(time), pixels[1].shifts(time)];
+        let length = (self.frame.columns - block * BLOCK).min(BLOCK);
+        let (image_row, column) = (self.first_row + row, block * BLOCK);
+        let origins = PixelOrigins::new(self.frame, image_row, column, length, &shifts);
+        let mut bits = origins.bits(frames.bytes[index]);
+        if let Some(mask) = self.mask {
+            let counted = origins.bits(mask);
+            bits &= counted;
+            valid[index][block % BLOCKS_PER_STEP] = counted;
+        } else {
+            let outside = &mut self.outside[row * self.blocks + block];
+            for (count, is_inside) in outside.iter_mut().zip(origins.are_inside) {
+                *count += i32::from(is_inside == 0);
+            }
+        }
+        shifted[index][block % BLOCKS_PER_STEP] = bits;
+        let sums = &mut self.shifts_of_blocks[row * self.blocks + block];
+        for (sum, shifts) in sums.iter_mut().zip(&shifts) {
+            *sum += i64::from(shifts[..length].iter().sum::<i32>());
+        }
+    }
+
+    /// Count the pixels of the blocks from `first` on that come from outside the frame, in some
+    /// frames.
+    #[inline(always)]
+    fn count_outside(&mut self, first: usize, frames: usize, places: &Places) {
+        for block in blocks_in(places.outside) {
+            let mut inside = places.parts[0].inside[block];
+            if places.has_second_parts {
+                inside |= places.parts[1].inside[block];
+            }
+            for (pixel, count) in self.outside[first + block].iter_mut().enumerate() {
+                *count += frames as i32 * (inside >> (BLOCK - 1 - pixel) & 1 ^ 1);
+            }
+        }
+    }
+
+    /// Replace `counts` with the number of ones of each pixel of a row.
+    pub fn ones(&self, row: usize, counts: &mut [i32]) {
+        counts.fill(0);
+        self.ones.add_to_counts(self.bytes(row), counts);
+    }
+
+    /// Replace `counts` with the number of trials of each pixel of a row, in all frames.
+    pub fn trials(&self, row: usize, frames: usize, counts: &mut [i32]) {
+        if let Some((counters, _)) = &self.valid {
+            counts.fill(0);
+            counters.add_to_counts(self.bytes(row), counts);
+            return;
+        }
+        let outside = &self.outside[row * self.blocks..(row + 1) * self.blocks];
+        for (count, outside) in counts.iter_mut().zip(outside.as_flattened()) {
+            *count = frames as i32 - outside;
+        }
+    }
+
+    /// Return the sum over frames of the mean remainder of a block in one direction.
+    #[inline(always)]
+    pub fn remainder(&self, direction: usize, row: usize, block: usize, frames: usize) -> f32 {
+        let index = row * self.blocks + block;
+        let length = (self.frame.columns - block * BLOCK).min(BLOCK);
+        let of_pixels = self.shifts_of_blocks[index][direction] as f64 / length as f64;
+        let shift = self.shifts_of_rows[row][direction] as f64 + of_pixels;
+        let displacement = f64::from(self.displacements[index][direction]);
+        (shift - frames as f64 * displacement) as f32
+    }
+
+    /// Return the bytes of a row in the counters.
+    fn bytes(&self, row: usize) -> Range<usize> {
+        let bytes = self.blocks * BLOCK / 8;
+        row * bytes..(row + 1) * bytes
     }
 }
 
-/// Return the row that a run comes from, and the part of the run that comes from inside the frame.
+/// Store blocks from a buffer.
 #[inline(always)]
-fn inside(run: Run, row: usize, rows: usize, columns: usize) -> Option<(usize, Run)> {
-    let row = row.checked_add_signed(run.shift[0] as isize)?;
-    let shift = run.shift[1] as isize;
-    let end = columns.saturating_add_signed(-shift).min(run.end);
-    let start = run.start.max(0usize.saturating_add_signed(-shift));
-    (row < rows && start < end).then_some((row, Run { start, end, ..run }))
+fn store(buffer: &Buffer, frames: usize, blocks: Range<usize>, group: &mut Group) {
+    for (bits, group) in buffer[..frames].iter().zip(group) {
+        for (target, bits) in group[blocks.clone()].iter_mut().zip(bits) {
+            *target = bits.to_be_bytes();
+        }
+    }
 }

@@ -3,16 +3,25 @@
 use std::borrow::Cow;
 
 use ndarray::parallel::prelude::*;
-use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis, s};
+use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
 
-pub use super::row::BLOCK;
+pub use super::lines::BLOCK;
 
 use super::field::Displacements;
-use super::row_counter::{Input, RowCounter};
-use crate::bits::{FRAMES_PER_GROUP, PackedBits, check_mask};
+use super::frames::{Frames, Input};
+use super::row::{RowMotion, set_row};
+use super::row_counter::RowCounters;
+use super::source::Frame;
+use crate::bits::{FRAMES_PER_GROUP, PackedBits, check_mask, check_sum, packed_width, trials};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
 use crate::interrupt;
+
+/// The maximum number of rows and columns, up to which `f32` represents positions of pixels.
+const MAX_SIZE: usize = 1 << 24;
+
+/// The maximum number of bytes of a frame. Their indices are `i32`.
+const MAX_FRAME_BYTES: usize = i32::MAX as usize;
 
 /// The number of rows that one task counts. Its counters fit in the cache.
 const ROWS_PER_TASK: usize = 16;
@@ -37,7 +46,8 @@ pub struct ShiftedCounts<'a> {
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if a time is not in
-/// \[-1, 2\], or a count could exceed the `i32`.
+/// \[-1, 2\], a count could exceed the `i32`, or a frame has more than 2^24 rows or columns, or 2^31
+/// bytes.
 pub fn add_shifted_counts(
     bits: &PackedBits<'_>,
     motion: &Displacements<'_>,
@@ -55,8 +65,7 @@ pub fn add_shifted_counts(
         valid: valid.map(contiguous_mask),
         motion,
         times,
-        rows,
-        columns,
+        frame: Frame { rows, columns },
     };
     let ShiftedCounts {
         ones,
@@ -86,6 +95,14 @@ fn check(
     sums: &ShiftedCounts<'_>,
 ) -> Result<()> {
     let (frames, rows, columns) = bits.shape();
+    if rows.max(columns) > MAX_SIZE || rows * packed_width(columns) > MAX_FRAME_BYTES {
+        let expected = format!("at most {MAX_SIZE} rows and columns, and {MAX_FRAME_BYTES} bytes");
+        return Err(Error::range(
+            "frames",
+            expected,
+            format!("{rows} x {columns}"),
+        ));
+    }
     if times.len() != frames {
         return Err(Error::shape("times of the frames", frames, times.len()));
     }
@@ -97,12 +114,7 @@ fn check(
         if counts.dim() != (rows, columns) {
             return Err(Error::shape("counts", (rows, columns), counts.dim()));
         }
-        let max = counts.iter().copied().max().unwrap_or(0);
-        let frames = i32::try_from(frames).ok();
-        if frames.and_then(|frames| max.checked_add(frames)).is_none() {
-            let received = format!("a count of {max} and {} more bits", times.len());
-            return Err(Error::range("counts", "sums of less than 2^31", received));
-        }
+        check_sum(trials(frames, 1)?, counts)?;
     }
     let blocks = (rows, 2, columns.div_ceil(BLOCK));
     if sums.remainders.dim() != blocks {
@@ -127,31 +139,38 @@ levels! {
 
 #[inline(always)]
 fn count_rows_inlined(input: &Input<'_, '_>, first_row: usize, mut sums: ShiftedCounts<'_>) {
-    let mut rows: Vec<RowCounter> = (first_row..first_row + sums.ones.nrows())
-        .map(|row| RowCounter::new(input, row))
-        .collect();
-    for first_frame in (0..input.times.len()).step_by(FRAMES_PER_GROUP) {
+    let (rows, frames) = (sums.ones.nrows(), input.times.len());
+    let mut counters = RowCounters::new(input, first_row, rows);
+    let times: f64 = input.times.iter().copied().map(f64::from).sum();
+    let mean_time = (times / frames as f64) as f32;
+    let mut motions = vec![RowMotion::new(input.motion.columns()); rows];
+    for (row, motion) in motions.iter_mut().enumerate() {
+        let means = counters.displacements(row);
+        set_row(motion, input.motion, first_row + row, mean_time, means);
+    }
+    for first in (0..frames).step_by(FRAMES_PER_GROUP) {
         if interrupt::is_requested() {
             return;
         }
-        for row in &mut rows {
-            row.count_group(input, first_frame);
+        let group = Frames::new(input, first);
+        counters.begin_group(&group);
+        for (row, motion) in motions.iter().enumerate() {
+            counters.copy_row(row, motion, &group);
         }
+        counters.end_group();
     }
-    let mut counts = vec![0; input.columns];
-    for (index, row) in rows.iter().enumerate() {
-        row.ones(&mut counts);
-        let mut ones = sums.ones.row_mut(index);
+    let mut counts = vec![0; input.frame.columns];
+    for row in 0..rows {
+        counters.ones(row, &mut counts);
+        let mut ones = sums.ones.row_mut(row);
         ones += &ArrayView1::from(&counts);
-        row.trials(&mut counts);
-        let mut trials = sums.trials.row_mut(index);
+        counters.trials(row, frames, &mut counts);
+        let mut trials = sums.trials.row_mut(row);
         trials += &ArrayView1::from(&counts);
-        let displacements = row.motion.sums_of_displacements(input.times);
-        for direction in 0..2 {
-            let shifts = row.shifts[direction].iter().zip(&displacements[direction]);
-            let remainders = sums.remainders.slice_mut(s![index, direction, ..]);
-            for (sum, (shift, displacement)) in remainders.into_iter().zip(shifts) {
-                *sum += shift - displacement;
+        let mut remainders = sums.remainders.index_axis_mut(Axis(0), row);
+        for (direction, mut remainders) in remainders.rows_mut().into_iter().enumerate() {
+            for (block, sum) in remainders.iter_mut().enumerate() {
+                *sum += counters.remainder(direction, row, block, frames);
             }
         }
     }

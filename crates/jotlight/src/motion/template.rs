@@ -17,7 +17,7 @@ pub(super) const SHARE_OF_TEMPLATE: f32 = 0.25;
 /// The probability of a one at each pixel at the reference time, after a Gaussian filter, with its
 /// derivatives.
 ///
-/// The rows of all planes are padded to a multiple of [`LANES`] values.
+/// The rows of all planes are padded to a multiple of `LANES` values.
 #[derive(Clone, Debug)]
 pub struct Template {
     pub(super) size: (usize, usize),
