@@ -6,8 +6,8 @@ PHOTOGRAPHS is a folder. The first table is for static scenes of random photogra
 exposures, and numbers of frames: the largest score and the number of false alarms.
 
 - steady: nothing changes.
-- flicker: the light changes by up to ±30 % between groups of frames. This change itself changes
-  along 320 columns.
+- flicker: the light changes by up to ±30 % between groups of frames, by other amounts in other
+  columns.
 - hot jots: 2 % of the jots have up to one dark count per frame.
 - afterpulsing: each 1 causes a 1 in the next frame with a probability of 5 %.
 
@@ -93,7 +93,8 @@ def static_bits(images: list[Image], kind: str) -> Iterator[jl.Bits]:
             parts.append(exposure.expose(light, rng).packed)
         packed = np.concatenate(parts)
         if kind == "afterpulsing":
-            pulses = np.packbits(rng.random((frames - 1, size, size)) < 0.05, axis=2)
+            numbers = rng.integers(0, 256, (frames - 1, size, size), np.uint8)
+            pulses = np.packbits(numbers < 0.05 * 256, axis=2)
             packed[1:] |= packed[:-1] & pulses
         yield jl.Bits(packed, size)
 

@@ -1,4 +1,4 @@
-"""The advice of `reconstruct` where no shipped network fits the capture."""
+"""The advice where no shipped network fits the capture, or where the scene moves."""
 
 import gzip
 import shlex
@@ -75,13 +75,13 @@ def test_the_range_of_a_known_sensor_is_used(run):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("level", [0.3, 5.0])
-def test_advice_for_a_video_is_printed_once(run, level):
+def test_advice_for_a_film_is_printed_once(run, level):
     save_capture(level * PHOTO, frames=40)
-    arguments = ["reconstruct", "capture.npy", "-o", "video.npy", "--window", 16, "--step", 12]
+    arguments = ["film", "capture.npy", "-o", "film.npy", "--window", 16, "--step", 12]
     status, output = run(*arguments)
     assert status == 0
     assert "jotlight train" not in output
-    assert (np.load("video.npy").max() > 1) == (level > 1)
+    assert (np.load("film.npy").max() > 1) == (level > 1)
     status, output = run(*arguments, "--method", "network-two-layer")
     assert status == 0
     command = command_in(output)
@@ -91,7 +91,7 @@ def test_advice_for_a_video_is_printed_once(run, level):
     assert Network.load("model.safetensors").sensor.frames == 16
     status, output = run(*arguments, "--model", "model.safetensors")
     assert status == 0, output
-    assert np.load("video.npy").shape == (3, 256, 256)
+    assert np.load("film.npy").shape == (3, 256, 256)
 
 
 @pytest.fixture
@@ -209,3 +209,26 @@ def test_the_bits_beside_a_description_may_be_compressed(run, tmp_path, name):
     status, output = run("train", "--sensor", "capture.json", "-o", "own.safetensors", *QUICK)
     assert status == 0, output
     assert f"{name}: the brightness of the scene" in output
+
+
+@pytest.mark.parametrize("motion", ["static", "shake"])
+def test_motion_is_advised_only_where_the_scene_moves(run, motion):
+    scene = jl.datasets.moving(
+        PHOTO, motion, sensor=jl.Sensor(frames=64), shape=(96, 96), photons=0.3, rng=1
+    )
+    jl.save(scene.bits, "a.npy")
+    counts = scene.bits.to_array().reshape(16, 4, 96, 96).sum(axis=1).astype(np.uint16)
+    np.save("counts.npy", counts)
+    for arguments in (
+        ["reconstruct", "a.npy", "-o", "out.png"],
+        ["reconstruct", "counts.npy", "--frames", 64, "-o", "out.png"],
+        ["film", "a.npy", "-o", "out.npy", "--window", 64],
+    ):
+        status, output = run(*arguments, "-m", "mle")
+        assert status == 0
+        expected = "motion: the scene moves, so the image is blurred; --motion aligns its frames"
+        assert (expected in output) == (motion == "shake")
+    # A window is so short that the scene hardly moves.
+    status, output = run("film", "a.npy", "-o", "out.npy", "--window", 1, "-m", "mle")
+    assert status == 0
+    assert "the scene moves" not in output

@@ -154,18 +154,18 @@ def test_photons_refer_to_the_median_jot(run, tmp_path, brightest):
     bits = camera.expose(truth, 3)
     jl.save(jl.Bits(bits.packed, bits.width), "capture.npy")
     assert run("calibrate", "dark.npy", "flat.npy", "-o", "c.safetensors")[0] == 0
-    command = ("reconstruct", "capture.npy", "-m", "mle", "--calibration", "c.safetensors")
+    command = ("capture.npy", "-m", "mle", "--calibration", "c.safetensors")
     arguments = ("-o", "a.tif", "--units", "photons", "--uncertainty", "u.npz")
-    assert run(*command, *arguments)[0] == 0
+    assert run("reconstruct", *command, *arguments)[0] == 0
     estimate = read_image(tmp_path / "a.tif")
     assert np.median(estimate) == pytest.approx(0.4, rel=0.01)
     with np.load("u.npz") as bounds:
         inside = (bounds["low"] <= 0.4) & (bounds["high"] >= 0.4)
         assert np.median(bounds["standard_error"]) == pytest.approx(estimate.std(), rel=0.5)
     assert inside.mean() > 0.9
-    video = ("-o", "video.npy", "--units", "photons", "--window", 256)
-    assert run(*command, *video)[0] == 0
-    assert np.median(np.load("video.npy")) == pytest.approx(0.4, rel=0.01)
+    arguments = ("-o", "film.npy", "--units", "photons", "--window", 256)
+    assert run("film", *command, *arguments)[0] == 0
+    assert np.median(np.load("film.npy")) == pytest.approx(0.4, rel=0.01)
 
 
 def test_the_default_method_supports_a_calibrated_sensor(run, captures, calibrated):

@@ -17,6 +17,8 @@ resource = pytest.importorskip("resource", reason="needs limits of the operating
 pytestmark = pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
 
 RECONSTRUCT = "reconstruct IN/bits.npy --method mle -o"
+FILM = "film IN/bits.npy --method mle -o"
+MOTION = "reconstruct IN/bits.npy --method mle --motion --motion-file IN/motion.safetensors -o"
 TRAIN = "train IN/photos --steps 2 --batch 2 --patch 16 --restart -o out.safetensors"
 
 CONVERSIONS = {
@@ -37,9 +39,11 @@ COMMANDS = CONVERSIONS | {
     "uncertainty npz": f"{RECONSTRUCT} out.jpg --uncertainty u.npz",
     "uncertainty npy": f"{RECONSTRUCT} out.jpg --uncertainty u.npy",
     "uncertainty tif": f"{RECONSTRUCT} out.jpg --uncertainty u.tif",
-    "video npy": f"{RECONSTRUCT} out.npy --window 2",
-    "video mp4": f"{RECONSTRUCT} out.mp4 --window 1",
-    "video folder": f"{RECONSTRUCT} out --window 2",
+    "maps npz": f"{MOTION} out.jpg --maps maps.npz",
+    "film npy": f"{FILM} out.npy --window 2",
+    "film mp4": f"{FILM} out.mp4 --window 1",
+    "film gif": f"{FILM} out.gif --window 1",
+    "film folder": f"{FILM} out --window 2",
     "calibrate": "calibrate IN/bits.npy -o out.safetensors",
     "calibrate --plot": "calibrate IN/bits.npy -o out.safetensors --plot out.png",
     "record of a calibration": f"{RECONSTRUCT} out.png --calibration IN/calibration.safetensors",
@@ -56,7 +60,7 @@ COMMANDS = CONVERSIONS | {
 FAST = ("bits to npy", "bits to hdf5", "bits to visionsim", "counts to zarr", "jpg", "exr")
 """Commands whose libraries crash or lie if they are used carelessly. The others take longer."""
 
-PACKAGES = {"exr": "OpenEXR", "video mp4": "imageio_ffmpeg"} | {
+PACKAGES = {"exr": "OpenEXR", "film mp4": "imageio_ffmpeg"} | {
     f"{kind} to {name}": package for name, package in NEEDS.items() for kind in ("bits", "counts")
 }
 
@@ -72,6 +76,7 @@ def material(tmp_path_factory):
     jl.save(rng.integers(0, 9, (50, 60), np.int32), folder / "counts.tif")
     np.save(folder / "dark.npy", np.full((96, 128), 0.01, np.float32))
     jl.calibrate(bits.counts(1), frames=4).save(folder / "calibration.safetensors")
+    jl.align(bits, model="none").save(folder / "motion.safetensors")
     (folder / "photos").mkdir()
     for path in (folder / "photo.png", folder / "photos/1.png", folder / "photos/2.png"):
         Image.fromarray(rng.integers(0, 256, (24, 32), np.uint8)).save(path)

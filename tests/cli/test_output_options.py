@@ -1,4 +1,4 @@
-"""The outputs of `reconstruct`: units, previews, uncertainty, and videos."""
+"""The outputs of `reconstruct`: units, previews, and uncertainty."""
 
 import json
 
@@ -7,7 +7,6 @@ import pytest
 import tifffile
 
 import jotlight as jl
-from jotlight.evaluation.methods import METHODS
 from jotlight.images.io import read_image
 
 SENSOR = jl.Sensor(frames=40, gain=10.0, max_intensity=14.0)
@@ -93,24 +92,6 @@ def test_uncertainty_is_written_in_the_units_of_the_estimate(run, capture, tmp_p
     assert (planes[3] == expected.flags()).all()
 
 
-@pytest.mark.parametrize("method", ["mle", "noniterative-gaussian"])
-def test_a_video_has_the_estimate_of_each_window(run, capture, tmp_path, method):
-    arguments = ["reconstruct", "known.npy", "-m", method, "--window", 16, "--step", 10]
-    status, output = run(*arguments, "-o", "video.npy", "--units", "photons")
-    assert status == 0
-    assert "3 images of 24 x 30 from 16 frames each" in output
-    assert "4 frames at the end lie in no window" in output
-    found = np.load(tmp_path / "video.npy")
-    function = METHODS[method].run
-    for number in range(3):
-        part = capture[10 * number : 10 * number + 16]
-        expected = function(part, part.sensor) * np.float32(0.25)
-        np.testing.assert_array_equal(found[number], expected)
-    status, output = run(*arguments, "-o", "video")
-    assert status == 0
-    assert files(tmp_path / "video") == ["00000.png", "00001.png", "00002.png"]
-
-
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
@@ -128,16 +109,6 @@ def test_a_video_has_the_estimate_of_each_window(run, capture, tmp_path, method)
         ),
         (["-o", "a.npy", "--curve", "sepia"], "linear, gamma, log, reinhard"),
         (["-o", "a.npy", "--curve", "log"], "is for a .png or .jpg"),
-        (["-o", "a.npy", "--step", 3], "--window selects"),
-        (["-o", "a.npy", "--window", 41], "1 to the capture's 40 frames, got 41"),
-        (["-o", "a.npy", "--window", 4, "--frames", 4], "--frame-range selects"),
-        (["-o", "a.npy", "--window", 4, "--step", 0], "1 frame or more"),
-        (["-o", "a.gif", "--window", 4], "new folder of .png"),
-        (["-o", "a", "--window", 4, "--units", "photons"], "are for floats"),
-        (["-o", "a.npy", "--window", 4, "--curve", "log"], "not for the floats of a.npy"),
-        (["-o", "a.npy", "--window", 4, "--preview", "b.png"], "preview: is for a single image"),
-        (["-o", "a", "--window", 4, "--fps", -1], "fps"),
-        (["-o", "a", "--window", 4, "--depth", 12], "expected 8"),
     ],
 )
 def test_bad_input_gets_one_clear_line_and_leaves_no_files(

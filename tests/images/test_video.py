@@ -6,6 +6,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import jotlight as jl
 from jotlight.images.io import read_image
@@ -58,7 +59,22 @@ def test_an_mp4_contains_every_image(tmp_path, shape):
     np.testing.assert_allclose(levels, np.arange(6) * 51, atol=6)
 
 
-@pytest.mark.parametrize("name", ["a.npy", "a", "a.mp4"])
+@pytest.mark.parametrize("shape", [(5, 7), (32, 48, 3)])
+def test_a_gif_contains_every_image(tmp_path, shape):
+    with video_writer(tmp_path / "a.gif", 4, fps=10) as add:
+        for number in range(4):
+            add(np.full(shape, number / 5, np.float32))
+    with Image.open(tmp_path / "a.gif") as animation:
+        assert animation.n_frames == 4
+        for number in range(4):
+            animation.seek(number)
+            assert animation.info["duration"] == 100
+            levels = np.asarray(animation.convert("RGB"))
+            assert levels.shape == (*shape[:2], 3)
+            np.testing.assert_allclose(levels, number * 51, atol=1)
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a", "a.gif", "a.mp4"])
 def test_an_interrupted_video_leaves_no_file(tmp_path, name):
     if name == "a.mp4":
         pytest.importorskip("imageio_ffmpeg")

@@ -7,7 +7,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.formats.capture import CountStack
-from jotlight.motion.film import carry, divide_by_steps, film, select_frames
+from jotlight.motion.film import carry, divide_by_steps, film
 from jotlight.sensing.provenance import Provenance
 
 PHOTO = jl.datasets.photograph("camera")
@@ -128,13 +128,6 @@ def test_blocks_are_shared_by_windows(frames, step):
         # The last block is longer or shorter, so that all frames lie in one.
         shared = edges[(edges >= step) & (edges < frames)] - step
         assert set(shared) <= set(edges.tolist())
-
-
-def test_frames_are_selected_without_their_sensor():
-    _, bits = moving("static", 16, (16, 24))
-    part = select_frames(bits, slice(3, 9))
-    assert part.sensor is None
-    np.testing.assert_array_equal(part.to_array(), bits.to_array()[3:9])
 
 
 def test_the_carried_motion_shows_the_middle_of_its_window():

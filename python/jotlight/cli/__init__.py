@@ -3,11 +3,14 @@
 In reading order:
 
 - ``app``: all commands, the translation of errors into exit codes, and the entry point.
-- One module per command: ``demo``, ``compare``, ``simulate``, ``reconstruct``, ``calibrate``,
-  ``train``, ``fine_tune``, ``evaluate``, ``reproduce``, ``plan``, ``info``, ``convert``.
+- One module per command: ``demo``, ``compare``, ``simulate``, ``reconstruct``, ``film``,
+  ``calibrate``, ``train``, ``fine_tune``, ``evaluate``, ``reproduce``, ``plan``, ``info``,
+  ``convert``.
 - Option groups, each declared once as a dataclass: ``common_options``, ``capture_options``,
-  ``sensor_options``, ``method_options``, ``output_options``, ``training_options``.
-- Steps of ``reconstruct``: ``captured``, ``applied_calibration``, ``video``, ``advice``.
+  ``sensor_options``, ``method_options``, ``motion_options``, ``output_options``,
+  ``training_options``.
+- Steps of ``reconstruct`` and ``film``: ``captured``, ``applied_calibration``, ``reconstruction``,
+  ``advice``.
 - Steps of ``train`` and ``fine-tune``: ``learners``, ``training_data``, ``training_run``.
 - Terminal: ``console`` for output, ``signals`` for termination.
 """

@@ -1,12 +1,17 @@
-"""Advice where no shipped network fits a capture: the command that trains one."""
+"""Advice where no shipped network fits a capture, or where the scene moves."""
 
 import dataclasses
 import shlex
+from collections.abc import Iterable
 from pathlib import Path
 
 from jotlight.cli.capture_options import CaptureOptions
+from jotlight.cli.console import caution
 from jotlight.cli.sensor_options import CalibratedSensorOptions
 from jotlight.evaluation.methods import DEFAULT_METHOD, Choice
+from jotlight.formats.capture import Capture
+from jotlight.motion.detection import THRESHOLD, motion_score
+from jotlight.sensing.sensor import Sensor
 
 _DIM = 0.7
 """Brightness of a scene below which the shipped networks lose quality."""
@@ -32,7 +37,7 @@ def training_advice(
     capture, sensor : CaptureOptions, CalibratedSensorOptions
         Options of the capture and its sensor.
     window : int or None
-        Frames of each image of a video.
+        Frames of each image of a film.
     is_bits : bool
         Whether the capture holds bits, which state their number of frames.
     """
@@ -76,3 +81,25 @@ def range_advice(choice: Choice, maximum: float, brightness: float, training: st
             f"brightness of this scene is {brightness:.2g}; {training}"
         )
     return None
+
+
+def caution_about_motion(parts: Iterable[Capture], sensor: Sensor, threads: int | None) -> None:
+    """Print a remark if the scene moves in one of some parts of a capture.
+
+    Parameters
+    ----------
+    parts : iterable of Bits or CountStack
+        The frames of an image each.
+    sensor : Sensor
+        The sensor of each part.
+    threads : int, optional
+        Number of threads. Default: all.
+    """
+    for part in parts:
+        trials = max(1, sensor.trials // len(part))
+        score = motion_score(part, trials=trials, threshold=sensor.threshold, threads=threads)
+        if score > THRESHOLD:
+            caution(
+                "motion", "the scene moves, so the image is blurred; --motion aligns its frames"
+            )
+            return

@@ -13,6 +13,7 @@ from jotlight.cli.console import err, error, out, show_warning
 from jotlight.cli.convert import convert
 from jotlight.cli.demo import demo
 from jotlight.cli.evaluate import evaluate
+from jotlight.cli.film import film
 from jotlight.cli.fine_tune import fine_tune
 from jotlight.cli.info import info
 from jotlight.cli.plan import plan
@@ -32,6 +33,7 @@ COMMANDS: tuple[Callable[..., None], ...] = (
     compare,
     simulate,
     reconstruct,
+    film,
     calibrate,
     train,
     fine_tune,

@@ -4,10 +4,8 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from jotlight.calibration import Calibration
+from jotlight.checks import Counts
 from jotlight.cli.console import progress
 from jotlight.files import refuse_overwrite
 from jotlight.formats.capture import Capture, CountStack
@@ -22,11 +20,18 @@ from jotlight.sensing.sensor import Sensor
 class Captured:
     """Bits or counts with their sensor."""
 
-    data: Bits | npt.NDArray[np.int32]
+    data: Capture
     sensor: Sensor
     has_own_sensor: bool
     """Whether the file states the sensor."""
     provenance: Provenance | None
+
+    def summed(self) -> Bits | Counts:
+        """Return the bits, or the sum of a stack of counts."""
+        if isinstance(self.data, Bits):
+            return self.data
+        with progress(1) as begin:
+            return self.data.sum(begin("summing"))
 
     def notes(self) -> list[str]:
         """Return the assumptions about the file and the sensor, one line each."""
@@ -57,7 +62,7 @@ def add_sensor(
     Parameters
     ----------
     capture : Bits or CountStack
-        Opened capture. A stack is summed.
+        Opened capture.
     path : Path
         Name for messages.
     sensor_kwargs : dict
@@ -68,16 +73,14 @@ def add_sensor(
     if isinstance(capture, Bits):
         return _add_sensor_to_bits(capture, sensor_kwargs, calibration)
     sensor_kwargs = _with_trials(capture, path, sensor_kwargs)
-    with progress(1) as begin:
-        counts = capture.sum(begin("summing"))
     if calibration is None:
         sensor = Sensor(**sensor_kwargs)
     else:
         side = sensor_kwargs.get("oversampling", 1)
-        jots = tuple(side * size for size in counts.shape[:2])
+        jots = tuple(side * size for size in capture.images.shape[1:3])
         calibration.check_capture(jots, capture.provenance)
         sensor = calibration.sensor(**sensor_kwargs)
-    return Captured(counts, sensor, False, capture.provenance)
+    return Captured(capture, sensor, False, capture.provenance)
 
 
 def _add_sensor_to_bits(

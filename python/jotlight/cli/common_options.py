@@ -11,7 +11,7 @@ NETWORK_PANEL = Group("Network", sort_key=3)
 SENSOR_PANEL = Group("Sensor", sort_key=4)
 CAPTURE_PANEL = Group("Capture", sort_key=5)
 OUTPUT_PANEL = Group("Output", sort_key=6)
-VIDEO_PANEL = Group("Video", sort_key=7)
+FILM_PANEL = Group("Film", sort_key=7)
 MOTION_PANEL = Group("Motion", sort_key=8)
 
 CapturePath = Annotated[Path, Parameter(help="A capture of bits or counts: a file or a folder.")]

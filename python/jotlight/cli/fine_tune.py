@@ -58,7 +58,7 @@ def fine_tune(
         run = functools.partial(
             fine_tuning.fine_tune,
             network,
-            captured.data,
+            captured.summed(),
             captured.sensor,
             steps=steps,
             learning_rate=rate,

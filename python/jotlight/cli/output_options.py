@@ -1,8 +1,6 @@
-"""Options that name the output files of ``jotlight reconstruct``, and their writing."""
+"""Options that name the output files of an image, and their writing."""
 
-import contextlib
 import dataclasses
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,14 +9,13 @@ import numpy.typing as npt
 from cyclopts import Parameter
 
 from jotlight._engine import __version__
-from jotlight.cli.captured import Captured
 from jotlight.cli.common_options import OUTPUT_PANEL
 from jotlight.estimators.brightness import detected_photons
 from jotlight.estimators.uncertainty import uncertainty
-from jotlight.files import atomic_write_together
 from jotlight.images.image_stack import stack_writer
 from jotlight.images.io import DISPLAYED, FLOATS, image_writer
 from jotlight.images.tone import CURVES, Tone, check_curve
+from jotlight.sensing.pixel_counts import Data
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
@@ -31,7 +28,7 @@ _DEFAULT_CURVE = "gamma"
 @Parameter(name="*", group=OUTPUT_PANEL)
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class OutputOptions:
-    """Files to write, and their contents."""
+    """The file to write, and its contents."""
 
     output: Annotated[
         Path,
@@ -48,17 +45,39 @@ class OutputOptions:
             "of median response detects per frame."
         ),
     ] = "intensity"
-    preview: Annotated[
-        Path | None,
-        Parameter(help="A .png or .jpg in addition, for display. White is at a percentile."),
-    ] = None
     curve: Annotated[
         str | None,
         Parameter(
             help=f"Tone curve of an image for display: {', '.join(CURVES)}. Default: "
-            f"{_DEFAULT_CURVE} for a preview or a video. An output in .png or .jpg is linear, "
+            f"{_DEFAULT_CURVE} for a preview or a film. An output in .png or .jpg is linear, "
             "with white at the largest intensity."
         ),
+    ] = None
+    depth: Annotated[int, Parameter(help="Bits per value of a .png: 8 or 16.")] = 8
+
+    def check(self) -> None:
+        """Raise ValueError for options that do not belong together."""
+        if self.units not in UNITS:
+            raise ValueError(f"units: expected one of {', '.join(UNITS)}, got {self.units!r}")
+        if self.curve is not None:
+            check_curve(self.curve)
+
+    def scale(self, sensor: Sensor) -> np.float32:
+        """Return the factor from intensity to the units."""
+        return np.float32(detected_photons(sensor) if self.units == "photons" else 1)
+
+    def fit_tone(self, estimates: npt.NDArray[np.float32]) -> Tone:
+        """Return the tone curve for estimates that are displayed."""
+        return Tone.fit(estimates, self.curve or _DEFAULT_CURVE)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ImageOutputOptions(OutputOptions):
+    """The files of one image, and their contents."""
+
+    preview: Annotated[
+        Path | None,
+        Parameter(help="A .png or .jpg in addition, for display. White is at a percentile."),
     ] = None
     uncertainty: Annotated[
         Path | None,
@@ -68,23 +87,17 @@ class OutputOptions:
         ),
     ] = None
     level: Annotated[float, Parameter(help="Coverage of the confidence interval.")] = 0.95
-    depth: Annotated[int, Parameter(help="Bits per value of a .png: 8 or 16.")] = 8
 
     def check(self) -> None:
         """Raise ValueError for options that do not belong together."""
+        super().check()
         displayed = self.output.suffix.lower() in DISPLAYED
-        if self.units not in UNITS:
-            raise ValueError(f"units: expected one of {', '.join(UNITS)}, got {self.units!r}")
-        if self.curve is not None:
-            check_curve(self.curve)
-            if self.preview is None and self.output.suffix.lower() in FLOATS:
-                raise ValueError(
-                    f"curve: is for a .png or .jpg, not for the floats of {self.output}; "
-                    "--preview writes an image for display in addition"
-                )
-        names = [path.resolve() for path in self.paths()]
-        if len(set(names)) < len(names):
-            raise ValueError("expected a different name for each output, got the same name twice")
+        is_floats = self.output.suffix.lower() in FLOATS
+        if self.curve is not None and self.preview is None and is_floats:
+            raise ValueError(
+                f"curve: is for a .png or .jpg, not for the floats of {self.output}; --preview "
+                "writes an image for display in addition"
+            )
         if self.preview is not None and self.preview.suffix.lower() not in DISPLAYED:
             raise ValueError(f"preview: expected a name in .png or .jpg, got {self.preview}")
         if self.units != "intensity" and displayed:
@@ -102,27 +115,12 @@ class OutputOptions:
         paths = (self.output, self.preview, self.uncertainty)
         return [path for path in paths if path is not None]
 
-    def scale(self, sensor: Sensor) -> np.float32:
-        """Return the factor from intensity to the units."""
-        return np.float32(detected_photons(sensor) if self.units == "photons" else 1)
-
-    @contextlib.contextmanager
-    def temporary_files(self) -> Iterator[list[Path]]:
-        """Create the files, which reveals a folder that cannot be written before any work.
-
-        Yields
-        ------
-        list of Path
-            A temporary file for each of :meth:`paths`.
-        """
-        with atomic_write_together(self.paths()) as temporaries:
-            yield temporaries
-
     def write(
         self,
         files: list[Path],
         estimate: npt.NDArray[np.float32],
-        captured: Captured,
+        data: Data,
+        sensor: Sensor,
         *,
         white: float,
         metadata: dict[str, Any],
@@ -130,7 +128,7 @@ class OutputOptions:
     ) -> None:
         """Write the temporary files, in the order of :meth:`paths`."""
         remaining = list(files)
-        scale = self.scale(captured.sensor)
+        scale = self.scale(sensor)
         if self.output.suffix.lower() in DISPLAYED and self.curve is not None:
             write = image_writer(self.output, depth=self.depth)
             write(remaining.pop(0), Tone.fit(estimate, self.curve)(estimate))
@@ -138,12 +136,10 @@ class OutputOptions:
             write = image_writer(self.output, depth=self.depth, white=white, note=metadata)
             write(remaining.pop(0), estimate * scale)
         if self.preview is not None:
-            tone = Tone.fit(estimate, self.curve or _DEFAULT_CURVE)
+            tone = self.fit_tone(estimate)
             image_writer(self.preview)(remaining.pop(0), tone(estimate))
         if self.uncertainty is not None:
-            known = uncertainty(
-                captured.data, captured.sensor, confidence_level=self.level, threads=threads
-            )
+            known = uncertainty(data, sensor, confidence_level=self.level, threads=threads)
             facts = {**metadata, "level": self.level, "flags": "1 unlit, 2 saturated, 4 dead"}
             write_stack = stack_writer(self.uncertainty, facts)
             write_stack(remaining.pop(0), known.arrays(float(scale)))
@@ -160,7 +156,3 @@ class OutputOptions:
             "sensor": {**sensor.scalars(), **dict.fromkeys(sensor.maps(), "a map")},
             "provenance": None if provenance is None else provenance.to_json(),
         }
-
-    def video_tone(self, estimates: list[npt.NDArray[np.float32]]) -> Tone:
-        """Return one tone curve for a video, fitted to some of its images, to avoid flicker."""
-        return Tone.fit(np.stack(estimates), self.curve or _DEFAULT_CURVE)

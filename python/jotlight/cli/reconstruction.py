@@ -6,34 +6,149 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from jotlight.cli.advice import range_advice, training_advice
 from jotlight.cli.applied_calibration import AppliedCalibration, recorded
-from jotlight.cli.captured import Captured
-from jotlight.cli.console import live_iterations, progress, report
-from jotlight.cli.output_options import UNITS, OutputOptions
+from jotlight.cli.capture_options import CaptureOptions
+from jotlight.cli.captured import Captured, add_sensor, refuse_capture_overwrite
+from jotlight.cli.console import caution, live_iterations, progress, report
+from jotlight.cli.method_options import MethodOptions
+from jotlight.cli.motion_options import ImageMotionOptions, MotionOptions, describe
+from jotlight.cli.output_options import UNITS, ImageOutputOptions
+from jotlight.cli.sensor_options import CalibratedSensorOptions
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE
 from jotlight.estimators.problem import ConvergenceHistories
-from jotlight.evaluation.methods import METHODS, Choice, Run
+from jotlight.evaluation.methods import METHODS, Choice, Run, choose_method
+from jotlight.files import atomic_write_together, refuse_overwrite
+from jotlight.images.video import windows
+from jotlight.networks.network import Network
+from jotlight.networks.pretrained import pretrained
+from jotlight.sensing.bits import Bits, check_fits
+from jotlight.sensing.pixel_counts import Data
 
 
 @dataclasses.dataclass(frozen=True)
 class Reconstruction:
-    """All that determines an estimate and its files."""
+    """All that determines the estimate of an image."""
 
     path: Path
     captured: Captured
+    """The capture, whose sensor has the frames of one image."""
     choice: Choice
     run: Run
     settings: dict[str, Any]
     """Keyword arguments of the method."""
-    outputs: OutputOptions
     calibration: AppliedCalibration | None
+    training: str
+    """Advice to train a network for the capture."""
 
     @property
     def record_arguments(self) -> tuple[Any, ...]:
         """Arguments of the function that :func:`recorded` yields."""
         captured = self.captured
         return captured.sensor, self.choice.method, self.path.name, captured.provenance
+
+
+@dataclasses.dataclass(frozen=True)
+class Inputs:
+    """The options that say what to reconstruct, and how."""
+
+    path: Path
+    method: MethodOptions
+    capture: CaptureOptions
+    sensor: CalibratedSensorOptions
+    motion: MotionOptions
+
+    def check_outputs(self, outputs: list[Path]) -> None:
+        """Raise ValueError when outputs have the same name, or that of a file to read."""
+        if len({path.resolve() for path in outputs}) < len(outputs):
+            raise ValueError("expected a different name for each output, got the same name twice")
+        files = [self.method.model, self.sensor.calibration, *self.sensor.map_files()]
+        for path in outputs:
+            refuse_overwrite(path, [*files, *self.motion.files()])
+            refuse_capture_overwrite(path, self.path)
+
+    def prepare(
+        self,
+        output: Path,
+        *,
+        window: int | None = None,
+        needs_uncertainty: bool = False,
+    ) -> Reconstruction:
+        """Return the reconstruction of an image.
+
+        Parameters
+        ----------
+        output : Path
+            Output, beside which the calibration is recorded.
+        window : int, optional
+            Number of frames of the image. Default: all.
+        needs_uncertainty : bool
+            Whether the uncertainty of the estimate is needed.
+        """
+        request = self.method.request(needs_uncertainty=needs_uncertainty)
+        network = None if self.method.model is None else Network.load(self.method.model)
+        sensor_kwargs = self.sensor.to_kwargs()
+        opened = self.capture.open(self.path)
+        calibration = None
+        if self.sensor.calibration is not None:
+            calibration = AppliedCalibration.read(self.sensor.calibration, output)
+            self.check_outputs([calibration.record])
+        known = None if calibration is None else calibration.calibration
+        captured = add_sensor(opened, self.path, sensor_kwargs, known)
+        if (
+            network is not None
+            and network.trials_range is None
+            and self.sensor.max_intensity is None
+        ):
+            captured = _with_max_intensity(captured, network.sensor.max_intensity)
+        is_bits = isinstance(captured.data, Bits)
+        if window is not None:
+            if is_bits and self.sensor.frames is not None:
+                raise ValueError(
+                    "frames: --window states the frames of each image; --frame-range selects "
+                    "frames of the capture"
+                )
+            captured = _of_window(captured, window)
+        training = training_advice(
+            self.path, self.capture, self.sensor, window=window, is_bits=is_bits
+        )
+        choice = choose_method(
+            captured.sensor,
+            requested=request,
+            network=network,
+            # Aligned bits are counted.
+            is_bits=is_bits and not self.motion.motion,
+            is_range_known=captured.has_own_sensor or self.sensor.max_intensity is not None,
+            remedy=training,
+        )
+        if choice.quality is not None:
+            network = pretrained(captured.sensor, choice.quality)
+        captured = _with_max_intensity(captured, choice.max_intensity)
+        run = METHODS[choice.method].run if network is None else network.reconstruct
+        settings = self.method.settings()
+        return Reconstruction(self.path, captured, choice, run, settings, calibration, training)
+
+
+def _with_max_intensity(captured: Captured, max_intensity: float) -> Captured:
+    sensor = captured.sensor.replace(max_intensity=max_intensity)
+    return dataclasses.replace(captured, sensor=sensor)
+
+
+def _of_window(captured: Captured, window: int) -> Captured:
+    """Return a capture with the sensor of one window of its frames."""
+    data, sensor = captured.data, captured.sensor
+    windows(data, window)
+    if isinstance(data, Bits):
+        check_fits(data, sensor)
+    # A frame of counts has several readings.
+    each, rest = divmod(sensor.frames, len(data))
+    if rest:
+        raise ValueError(
+            f"frames: expected a multiple of the {len(data)} images of counts, got {sensor.frames}"
+        )
+    return dataclasses.replace(captured, sensor=sensor.replace(frames=each * window))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,32 +159,38 @@ class Brightness:
     quantile: float
 
 
-def reconstruct_image(job: Reconstruction, threads: int | None) -> Brightness:
-    """Write and report the estimate of one image and return its brightness."""
-    captured, outputs = job.captured, job.outputs
-    ending = ""
-    with outputs.temporary_files() as files, recorded(job.calibration) as record:
-        start = time.perf_counter()
-        run, title = job.run, job.choice.title
-        if job.choice.method in METHODS and METHODS[job.choice.method].iterative:
-            with live_iterations(title) as callback:
-                estimate, histories = run(
-                    captured.data,
-                    captured.sensor,
-                    threads=threads,
-                    callback=callback,
-                    return_history=True,
-                    **job.settings,
-                )
-            ending = f" ({_describe_convergence(histories)})"
-        else:
-            with progress(None) as begin:
-                begin(title)
-                estimate = run(captured.data, captured.sensor, threads=threads, **job.settings)
-        seconds = time.perf_counter() - start
+def reconstruct_image(
+    job: Reconstruction,
+    outputs: ImageOutputOptions,
+    motion: ImageMotionOptions,
+    threads: int | None,
+) -> None:
+    """Write and report the estimate of one image."""
+    captured, title = job.captured, job.choice.title
+    found = []
+    paths = outputs.paths()
+    with (
+        # Creating the files reveals a folder that cannot be written before any work.
+        atomic_write_together([*paths, *motion.paths()]) as files,
+        recorded(job.calibration) as record,
+    ):
         metadata = outputs.metadata(captured.sensor, title, captured.provenance)
+        if motion.motion:
+            merged, path = motion.align(captured, threads)
+            motion.write(files[len(paths) :], merged, path, metadata)
+            found = describe(merged, path)
+        data = merged if motion.motion else captured.summed()
+        start = time.perf_counter()
+        estimate, ending = _estimate(job, data, threads)
+        seconds = time.perf_counter() - start
         outputs.write(
-            files, estimate, captured, white=job.choice.white, metadata=metadata, threads=threads
+            files[: len(paths)],
+            estimate,
+            data,
+            captured.sensor,
+            white=job.choice.white,
+            metadata=metadata,
+            threads=threads,
         )
         record(*job.record_arguments)
     scale = outputs.scale(captured.sensor)
@@ -83,7 +204,31 @@ def reconstruct_image(job: Reconstruction, threads: int | None) -> Brightness:
         report(f"{outputs.preview}: image for display")
     if outputs.uncertainty is not None:
         report(f"{outputs.uncertainty}: confidence intervals of {outputs.level:g}")
-    return Brightness(float(estimate.max()), float(np.quantile(estimate, BRIGHTNESS_QUANTILE)))
+    report(*found)
+    report_assumptions(
+        job, Brightness(float(estimate.max()), float(np.quantile(estimate, BRIGHTNESS_QUANTILE)))
+    )
+
+
+def _estimate(
+    job: Reconstruction, data: Data, threads: int | None
+) -> tuple[npt.NDArray[np.float32], str]:
+    """Return the estimate of an image, and how the iterations ended."""
+    title, sensor = job.choice.title, job.captured.sensor
+    if job.choice.method in METHODS and METHODS[job.choice.method].iterative:
+        with live_iterations(title) as callback:
+            estimate, histories = job.run(
+                data,
+                sensor,
+                threads=threads,
+                callback=callback,
+                return_history=True,
+                **job.settings,
+            )
+        return estimate, f" ({_describe_convergence(histories)})"
+    with progress(None) as begin:
+        begin(title)
+        return job.run(data, sensor, threads=threads, **job.settings), ""
 
 
 def _describe_convergence(histories: ConvergenceHistories) -> str:
@@ -96,3 +241,20 @@ def _describe_convergence(histories: ConvergenceHistories) -> str:
     if (weight := float(np.mean([np.mean(history.weight) for history in each]))) > 0:
         text += f", weight {weight:.3g}"
     return text
+
+
+def report_assumptions(job: Reconstruction, brightness: Brightness) -> None:
+    """Print what was assumed, and what could be better."""
+    captured, label = job.captured, f"by {job.choice.method}"
+    *about_file, about_sensor = captured.notes()
+    applied = (
+        []
+        if job.calibration is None
+        else job.calibration.notes(captured.sensor, captured.provenance)
+    )
+    report(*about_file, *applied, about_sensor, *job.choice.notes)
+    for message in job.choice.warnings:
+        caution(label, message)
+    remark = range_advice(job.choice, brightness.maximum, brightness.quantile, job.training)
+    if remark is not None:
+        caution(label, remark)

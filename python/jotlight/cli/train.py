@@ -75,7 +75,7 @@ def train(
             name="--sensor",
             group=CAPTURE_PANEL,
             help="A capture, or the .json beside it. The network is trained for its sensor, and "
-            "for scenes of its brightness. For bits, --frames is the size of a video's windows.",
+            "for scenes of its brightness. For bits, --frames is the size of a film's windows.",
         ),
     ] = None,
     capture: TargetCaptureOptions = TargetCaptureOptions(),

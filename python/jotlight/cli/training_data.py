@@ -103,14 +103,14 @@ def read_training_sensor(
     kwargs = sensor_options.to_kwargs()
     chosen = {name: kwargs[name] for name in ("frames", "max_intensity") if name in kwargs}
     if isinstance(capture, Bits):
-        # The capture states its own number of frames. The option states that of a video's windows.
+        # The capture states its own number of frames. The option states that of a film's windows.
         kwargs.pop("frames", None)
     calibration = sensor_options.calibration
     captured = add_sensor(
         capture, path, kwargs, None if calibration is None else Calibration.load(calibration)
     )
     report(*captured.notes())
-    sensor, scale = training_sensor(captured.data, captured.sensor, threads=threads)
+    sensor, scale = training_sensor(captured.summed(), captured.sensor, threads=threads)
     sensor = patch_sensor(sensor.replace(**chosen))
     report(f"{path}: the brightness of the scene is {scale:.3g}; training for {sensor!r}")
     return sensor, scale

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,8 @@ class CountStack:
     >>> stack = CountStack(np.ones((5, 2, 2), np.uint8), Provenance("npy", "a.npy"), trials=10)
     >>> stack.sum().tolist(), stack.total_trials
     ([[5, 5], [5, 5]], 50)
+    >>> len(stack[1:3])
+    2
     """
 
     images: npt.NDArray[Any] | Frames
@@ -36,6 +38,14 @@ class CountStack:
     def total_trials(self) -> int | None:
         """Number of binary readings behind each count of the sum, or None if it is unknown."""
         return None if self.trials is None else self.trials * len(self.images)
+
+    def __len__(self) -> int:
+        """Return the number of images."""
+        return len(self.images)
+
+    def __getitem__(self, frames: slice) -> Self:
+        """Return a view of some images."""
+        return dataclasses.replace(self, images=self.images[frames])
 
     def sum(self, progress: Callable[[float], object] | None = None) -> Counts:
         """Return the sum of all images, (H, W) or (H, W, C), in the memory of a few images.

@@ -5,6 +5,6 @@
 - `color`: color to gray.
 - `tone`: curves from intensities to a display.
 - `image_stack`: several named images in one file.
-- `video`: one estimate per window of frames.
+- `video`: one image per window of frames.
 - `exr`: the OpenEXR format.
 """

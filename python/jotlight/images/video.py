@@ -60,15 +60,15 @@ def is_floats(path: Path) -> bool:
         If the ending is unknown.
     """
     suffix = path.suffix.lower()
-    if suffix not in ("", ".npy", ".mp4"):
+    if suffix not in ("", ".npy", ".mp4", ".gif"):
         raise ValueError(
-            f"{path}: expected a name for a video: one that ends in .npy (floats) or .mp4, or a "
-            f"name without ending for a new folder of .png, got {suffix}"
+            f"{path}: expected a name for a video: one that ends in .npy (floats), .mp4 or .gif, "
+            f"or a name without ending for a new folder of .png, got {suffix}"
         )
     if suffix == ".mp4" and find_spec("imageio_ffmpeg") is None:
         raise MissingExtraError(
             "videos in .mp4 need the package imageio-ffmpeg, which is not installed: "
-            "pip install 'jotlight[video]'; .npy and folders of .png work without it"
+            "pip install 'jotlight[video]'; .npy, .gif and folders of .png work without it"
         )
     return suffix == ".npy"
 
@@ -83,13 +83,14 @@ def video_writer(
     ----------
     path : path
         `.npy`: float32 (N, H, W) or (N, H, W, C), unchanged. `.mp4`: H.264; an odd last row or
-        column is repeated. No ending: a new folder of `00000.png` and so on.
+        column is repeated. `.gif`: 256 levels or colors; all images are in memory. No ending: a
+        new folder of `00000.png` and so on.
     number : int
         N, the number of images.
     tone : Tone, optional
         The curve from intensities to the display, for all images. Default: linear, 1 is white.
     fps : float
-        Images per second of a `.mp4`.
+        Images per second of a `.mp4` or `.gif`.
     depth : {8, 16}
         Bits of a `.png`.
 
@@ -107,6 +108,11 @@ def video_writer(
     if is_floats(path):
         with atomic_write(path) as temporary, open_output(temporary) as file:
             yield lambda image: _append(file, image, number)
+    elif path.suffix.lower() == ".gif":
+        images: list[npt.NDArray[np.uint8]] = []
+        with atomic_write(path) as temporary:
+            yield lambda image: images.append(np.rint(curve(image) * 255).astype(np.uint8))
+            _write_gif(temporary, images, fps)
     elif path.suffix:
         with atomic_write(path) as temporary, mp4_writer(temporary, fps) as send:
             yield lambda image: send(curve(image))
@@ -123,3 +129,12 @@ def _append(file: OutputFile, image: FloatImage, number: int) -> None:
         header = {"descr": "<f4", "fortran_order": False, "shape": (number, *image.shape)}
         np.lib.format.write_array_header_1_0(file, header)
     file.write(image.astype("<f4").tobytes())
+
+
+def _write_gif(path: Path, images: list[npt.NDArray[np.uint8]], fps: float) -> None:
+    """Write images (H, W) or (H, W, 3) as an animation that repeats."""
+    from PIL import Image as PillowImage
+
+    first, *others = (PillowImage.fromarray(image) for image in images)
+    with open_output(path) as file:
+        first.save(file, "GIF", save_all=True, append_images=others, duration=1000 / fps, loop=0)

@@ -105,7 +105,7 @@ def film(
     burst, sensor = prepare_burst(data, sensor)
     if model != "auto" and model not in MODELS:
         raise ValueError(f"model: expected auto or one of {', '.join(MODELS)}, got {model!r}")
-    spans = windows(range(len(burst)), window, step)
+    spans = windows(data, window, step)
     # A frame of counts has several readings.
     part = sensor.replace(frames=sensor.frames * window // len(burst))
     return _images(data, part, spans, model, threads)
@@ -122,7 +122,7 @@ def _images(
     motion: Motion | None = None
     number, usual, step = 0, 0.0, 0
     for index, span in enumerate(spans):
-        part = select_frames(data, span)
+        part = data[span]
         if index:
             step = span.start - spans[index - 1].start
         shared = (span.stop - span.start - step) / (span.stop - span.start)
@@ -138,13 +138,6 @@ def _images(
         merged = merge(part, sensor, motion=motion, threads=threads)
         number, usual = 0, _accepted(merged)
         yield FilmImage(merged, motion, False)
-
-
-def select_frames(data: Bits | CountStack, frames: slice) -> Bits | CountStack:
-    """Return some frames of bits or counts, without a sensor."""
-    if isinstance(data, CountStack):
-        return dataclasses.replace(data, images=data.images[frames])
-    return Bits(data.packed[frames], data.width)
 
 
 def _accepted(merged: Merged) -> float:

@@ -74,7 +74,7 @@ class Network:
         self.sensor = sensor
         self.trials_range = trials_range
         self.history = dict(history or {})
-        # Cache for the windows of a video: K, layers, and conditioned layers of the last call.
+        # Cache for the windows of a film: K, layers, and conditioned layers of the last call.
         self._conditioned: tuple[int, tuple[Layer, ...], tuple[Layer, ...]] | None = None
         check_layers(self.layers, sensor, trials_range)
         # A K-conditioned network divides the counts by K.

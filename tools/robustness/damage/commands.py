@@ -84,7 +84,7 @@ def conversions() -> Iterator[Command]:
 
 
 def reconstructions() -> Iterator[Command]:
-    """Yield a reconstruction for each format of images, records, and videos."""
+    """Yield a reconstruction for each format of images, records, maps, and films."""
     line = "reconstruct in/small.npy -m mle -o out/a"
     for ending in (".png", ".jpg", ".tif", ".exr", ".npy"):
         needs = "OpenEXR" if ending == ".exr" else "numpy"
@@ -100,9 +100,15 @@ def reconstructions() -> Iterator[Command]:
         "reconstruct in/calibrated.npy -m mle -o out/a.npy "
         "--calibration in/calibration.safetensors",
     )
-    yield command("reconstruct: video, folder", f"{line} --window 2", replaces=False)
-    yield command("reconstruct: video, .npy", f"{line}.npy --window 2")
-    yield command("reconstruct: video, .mp4", f"{line}.mp4 --window 2", needs="imageio_ffmpeg")
+    yield command(
+        "reconstruct: maps of the motion",
+        f"{line}.npy --motion --motion-file in/motion.safetensors --maps out/b.npz",
+    )
+    line = "film in/small.npy -m mle --window 2 -o out/a"
+    yield command("film: folder", line, replaces=False)
+    for ending in (".npy", ".gif"):
+        yield command(f"film: {ending}", f"{line}{ending}")
+    yield command("film: .mp4", f"{line}.mp4", needs="imageio_ffmpeg")
 
 
 def figures() -> Iterator[Command]:

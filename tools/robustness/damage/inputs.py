@@ -11,7 +11,7 @@ from jotlight.images.io import image_writer
 
 
 def make_inputs(folder: Path, seed: int, frames: int) -> None:
-    """Write inputs into a new folder: captures, a photograph, and a network.
+    """Write inputs into a new folder: captures, a photograph, a motion, and a network.
 
     `bits.npy` and `half.npy` have this number of frames, in the sizes of SPAD512S and SwissSPAD2.
     """
@@ -28,6 +28,15 @@ def make_inputs(folder: Path, seed: int, frames: int) -> None:
     jl.save(jl.Bits(sparse), folder / "dark.npy")
     sensor = jl.Sensor(frames=8)
     jl.save(sensor.expose(photograph, rng=seed), folder / "small.npy")
+    tiles = 8, 12
+    jl.Motion(
+        np.zeros((1, 2, 2, *tiles), np.float32),
+        np.zeros(photograph.shape, np.uint8),
+        np.array([0.0, 7.0]),
+        4.0,
+        "affine",
+        np.ones((1, 2, 3, *tiles), np.float32),
+    ).save(folder / "motion.safetensors")
     maps = sensor.replace(
         dark_counts=rng.random(photograph.shape) / 20, mask=rng.random(photograph.shape) < 0.01
     )

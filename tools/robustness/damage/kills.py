@@ -29,7 +29,8 @@ BETWEEN = "some files of the output are old, and some are new"
 SHARES = {
     "simulate": 14,
     "convert": 46,
-    "reconstruct": 12,
+    "reconstruct": 8,
+    "film": 4,
     "train": 12,
     "fine-tune": 6,
     "reproduce": 10,
@@ -72,7 +73,7 @@ def _plan(quick: bool) -> list[tuple[Command, int]]:
             each for each in COMMANDS if each.arguments[0] == word and "figure" not in each.name
         ]
         if word == "reconstruct":  # A few kinds of its output represent all of them.
-            found = [each for each in found if "png" in each.name or "video" in each.name]
+            found = [each for each in found if "png" in each.name or "maps" in each.name]
         if quick:
             found = found[:1] if word == "simulate" else []
             share = 2

@@ -1,0 +1,226 @@
+"""``jotlight film``: an image of each of many windows of frames."""
+
+import dataclasses
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import numpy.typing as npt
+from cyclopts import Parameter
+
+from jotlight.cli.advice import caution_about_motion
+from jotlight.cli.applied_calibration import recorded
+from jotlight.cli.capture_options import CaptureOptions
+from jotlight.cli.common_options import FILM_PANEL, CapturePath, Threads
+from jotlight.cli.console import progress, report
+from jotlight.cli.method_options import MethodOptions
+from jotlight.cli.motion_options import MotionOptions
+from jotlight.cli.output_options import UNITS, OutputOptions
+from jotlight.cli.reconstruction import Brightness, Inputs, Reconstruction, report_assumptions
+from jotlight.cli.sensor_options import CalibratedSensorOptions
+from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE
+from jotlight.formats.capture import Capture
+from jotlight.images.io import image_writer
+from jotlight.images.tone import Tone
+from jotlight.images.video import is_floats, video_writer, windows
+from jotlight.motion.film import FilmImage
+from jotlight.motion.film import film as merge_windows
+from jotlight.sensing.bits import Bits
+
+Image = npt.NDArray[np.float32]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FilmOptions(OutputOptions):
+    """Windows of frames, one for each image of a film, and the file to write."""
+
+    output: Annotated[
+        Path,
+        Parameter(
+            alias="-o",
+            help="A .mp4, a .gif, or a name without ending for a new folder of .png, for display; "
+            "a .npy for floats that are never clipped.",
+        ),
+    ]
+    window: Annotated[
+        int, Parameter(group=FILM_PANEL, help="Number of frames of each image of the film.")
+    ]
+    step: Annotated[
+        int | None,
+        Parameter(
+            group=FILM_PANEL,
+            help="Frames from one window to the next. Default: the size of a window.",
+        ),
+    ] = None
+    fps: Annotated[
+        float, Parameter(group=FILM_PANEL, help="Images per second of a .mp4 or .gif.")
+    ] = 25.0
+
+    def check(self) -> None:
+        """Raise ValueError or OSError for options that do not suit a film."""
+        super().check()
+        floats = is_floats(self.output)
+        if self.units != "intensity" and not floats:
+            raise ValueError(f"units: are for floats, .npy, and {self.output} is for display")
+        if self.curve is not None and floats:
+            raise ValueError(f"curve: is for display, not for the floats of {self.output}")
+        image_writer("a.npy" if self.output.suffix else "a.png", depth=self.depth)
+        if not 0 < self.fps < 1e4:
+            raise ValueError(f"fps: expected images per second above 0, got {self.fps}")
+        if self.output.suffix == "" and self.output.exists():
+            raise FileExistsError(
+                f"cannot write {self.output}: it exists already; choose another name"
+            )
+
+
+def film(
+    data: CapturePath,
+    /,
+    *,
+    outputs: FilmOptions,
+    method: MethodOptions = MethodOptions(),
+    capture: CaptureOptions = CaptureOptions(),
+    sensor: CalibratedSensorOptions = CalibratedSensorOptions(),
+    motion: MotionOptions = MotionOptions(),
+    threads: Threads = None,
+) -> None:
+    """Reconstruct a film from bits or counts: an image of each window of frames.
+
+    With --motion, each image shows the middle of its window, and the motion is carried from image
+    to image.
+    """
+    inputs = Inputs(data, method, capture, sensor, motion)
+    outputs.check()
+    motion.check()
+    inputs.check_outputs([outputs.output])
+    job = inputs.prepare(outputs.output, window=outputs.window)
+    spans = windows(job.captured.data, outputs.window, outputs.step)
+    brightness = _write(job, outputs, motion, spans, threads)
+    report_assumptions(job, brightness)
+    if not motion.motion:
+        parts = (job.captured.data[span] for span in _samples(spans))
+        caution_about_motion(parts, job.captured.sensor, threads)
+
+
+def _write(
+    job: Reconstruction,
+    outputs: FilmOptions,
+    motion: MotionOptions,
+    spans: list[slice],
+    threads: int | None,
+) -> Brightness:
+    """Write and report the estimate of every window, and return the maximum brightness.
+
+    One window at a time is in memory.
+    """
+    data, scale = job.captured.data, outputs.scale(job.captured.sensor)
+    minimum, maximum, brightness = np.inf, 0.0, 0.0
+    summary = _Summary()
+    start = time.perf_counter()
+    with recorded(job.calibration) as record:
+        with progress(len(spans)) as begin:
+            tone = None
+            if not is_floats(outputs.output):
+                # Sums of moving frames are about as bright as merged ones, and take less time.
+                begin("choosing the tone curve", 0)
+                samples = [_estimate(job, data[span], threads) for span in _samples(spans)]
+                tone = outputs.fit_tone(np.stack(samples))
+            with video_writer(
+                outputs.output, len(spans), tone=tone, fps=outputs.fps, depth=outputs.depth
+            ) as add:
+                images = _images(job, outputs, motion, spans, summary, threads)
+                for number in range(len(spans)):
+                    begin(f"image {number + 1} of {len(spans)}")
+                    image = next(images)
+                    minimum = min(minimum, float(image.min()))
+                    maximum = max(maximum, float(image.max()))
+                    brightness = max(brightness, float(np.quantile(image, BRIGHTNESS_QUANTILE)))
+                    add(image * scale)
+        seconds = time.perf_counter() - start
+        record(*job.record_arguments)
+    unused = len(data) - spans[-1].stop
+    window = outputs.window
+    report(
+        f"{outputs.output}: {len(spans)} image{'s' * (len(spans) > 1)} of "
+        f"{' x '.join(map(str, image.shape))} from {window} frame{'s' * (window > 1)} each, "
+        f"values {scale * minimum:.3g} to {scale * maximum:.3g} ({_display(outputs, tone)}), by "
+        f"{job.choice.title} in {seconds:.3g} s"
+        + (f"; {unused} frames at the end lie in no window" if unused else "")
+    )
+    report(*summary.lines())
+    return Brightness(maximum, brightness)
+
+
+@dataclasses.dataclass
+class _Summary:
+    """What was found about the motion of all images of a film."""
+
+    models: list[str] = dataclasses.field(default_factory=list)
+    """Models of the motions that were estimated afresh."""
+    accepted: list[float] = dataclasses.field(default_factory=list)
+    """Fraction of the bits of each image that agree."""
+
+    def add(self, image: FilmImage) -> None:
+        """Add an image."""
+        if not image.is_carried:
+            self.models.append(image.motion.model)
+        if image.merged.acceptance is not None:
+            self.accepted.append(float(image.merged.acceptance.mean()))
+
+    def lines(self) -> list[str]:
+        """Return what was found, in one line, or nothing without motion."""
+        if not self.accepted:
+            return []
+        number, models = len(self.models), ", ".join(sorted(set(self.models)))
+        return [
+            f"motion: {models}; estimated afresh for {number} image{'s' * (number > 1)}, and "
+            f"carried to the others; {np.mean(self.accepted):.1%} of the bits agree and are used, "
+            f"and {min(self.accepted):.1%} or more of each image"
+        ]
+
+
+def _images(
+    job: Reconstruction,
+    outputs: FilmOptions,
+    motion: MotionOptions,
+    spans: list[slice],
+    summary: _Summary,
+    threads: int | None,
+) -> Iterator[Image]:
+    """Yield the estimates of all windows."""
+    data, sensor = job.captured.data, job.captured.sensor
+    if not motion.motion:
+        for span in spans:
+            yield _estimate(job, data[span], threads)
+        return
+    whole = sensor.replace(frames=sensor.frames // outputs.window * len(data))
+    for image in merge_windows(
+        data,
+        whole,
+        window=outputs.window,
+        step=outputs.step,
+        model=motion.model,
+        threads=threads,
+    ):
+        summary.add(image)
+        yield job.run(image.merged, sensor, threads=threads, **job.settings)
+
+
+def _estimate(job: Reconstruction, part: Capture, threads: int | None) -> Image:
+    """Return the estimate of a window without alignment."""
+    pixels = part if isinstance(part, Bits) else part.sum()
+    return job.run(pixels, job.captured.sensor, threads=threads, **job.settings)
+
+
+def _samples(spans: list[slice]) -> list[slice]:
+    """Return the first, the middle and the last window, which stand for all."""
+    return [spans[index] for index in sorted({0, len(spans) // 2, len(spans) - 1})]
+
+
+def _display(outputs: FilmOptions, tone: Tone | None) -> str:
+    """Return the units of floats, or the tone curve."""
+    return (
+        UNITS[outputs.units] if tone is None else f"{tone.curve} curve, white at {tone.white:.3g}"
+    )

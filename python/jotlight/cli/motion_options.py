@@ -1,0 +1,178 @@
+"""Options that align the frames of a moving scene."""
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import numpy.typing as npt
+from cyclopts import Parameter
+
+from jotlight.cli.captured import Captured
+from jotlight.cli.common_options import MOTION_PANEL
+from jotlight.cli.console import progress
+from jotlight.formats.capture import Capture
+from jotlight.images.image_stack import stack_writer
+from jotlight.motion.align import align
+from jotlight.motion.merge import merge
+from jotlight.motion.motion import MODELS, Motion
+from jotlight.sensing.merged import Merged
+
+_ALIGNING = 0.8
+"""Part of the progress bar that aligning takes; merging takes the rest."""
+
+
+@Parameter(name="*", group=MOTION_PANEL)
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class MotionOptions:
+    """How the frames of a moving scene are aligned."""
+
+    motion: Annotated[
+        bool, Parameter(help="Align the frames along the motion of the scene, for a sharp image.")
+    ] = False
+    motion_model: Annotated[
+        str | None,
+        Parameter(
+            help=f"Model of the motion: auto, {', '.join(MODELS)}. Default: auto, the one that "
+            "explains the bits best."
+        ),
+    ] = None
+
+    def check(self) -> None:
+        """Raise ValueError for options that do not belong together."""
+        for field in dataclasses.fields(self):
+            if not self.motion and getattr(self, field.name) is not None and field.name != "motion":
+                name = field.name.replace("_", "-")
+                raise ValueError(f"{name}: is for the motion of the scene; add --motion")
+        if self.model not in ("auto", *MODELS):
+            raise ValueError(
+                f"motion-model: expected auto or one of {', '.join(MODELS)}, got {self.model!r}"
+            )
+
+    def files(self) -> list[Path]:
+        """Return the files to read."""
+        return []
+
+    @property
+    def model(self) -> str:
+        """The model of the motion."""
+        return self.motion_model or "auto"
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ImageMotionOptions(MotionOptions):
+    """How the frames of one image are aligned, and the files of the motion."""
+
+    at: Annotated[
+        float | None,
+        Parameter(
+            help="Frame that the image shows, counted from 0 within the frame range. Default: the "
+            "middle."
+        ),
+    ] = None
+    motion_file: Annotated[
+        Path | None,
+        Parameter(help="A motion that --save-motion wrote. It is used as it is."),
+    ] = None
+    save_motion: Annotated[
+        Path | None, Parameter(help="A .safetensors for the motion that was found.")
+    ] = None
+    maps: Annotated[
+        Path | None,
+        Parameter(
+            help="A .npz, .npy or .tif with the trials, the fraction of the bits that agree, and "
+            "the error of the displacement of each pixel."
+        ),
+    ] = None
+
+    def check(self) -> None:
+        """Raise ValueError for options that do not belong together."""
+        super().check()
+        for name in ("motion_model", "save_motion"):
+            if self.motion_file is not None and getattr(self, name) is not None:
+                option = name.replace("_", "-")
+                raise ValueError(f"{option}: is for a new motion; leave out --motion-file")
+        if self.save_motion is not None and self.save_motion.suffix.lower() != ".safetensors":
+            raise ValueError(
+                f"save-motion: expected a name that ends in .safetensors, got {self.save_motion}"
+            )
+        if self.maps is not None:
+            stack_writer(self.maps)
+
+    def files(self) -> list[Path]:
+        """Return the files to read."""
+        return [] if self.motion_file is None else [self.motion_file]
+
+    def paths(self) -> list[Path]:
+        """Return all files to write."""
+        return [path for path in (self.save_motion, self.maps) if path is not None]
+
+    def align(self, captured: Captured, threads: int | None) -> tuple[Merged, Motion]:
+        """Return the counts of a capture along its motion, and this motion."""
+        data, sensor = captured.data, captured.sensor
+        with progress(1) as begin:
+            if self.motion_file is None:
+                show = begin("aligning", _ALIGNING)
+                motion = align(data, sensor, self.at, self.model, threads=threads, progress=show)
+            else:
+                motion = Motion.load(self.motion_file)
+                _check_times(motion, data, self.motion_file)
+            show = begin("merging", 1 - _ALIGNING)
+            merged = merge(data, sensor, self.at, motion, threads=threads, progress=show)
+        return merged, motion
+
+    def write(
+        self, files: list[Path], merged: Merged, motion: Motion, metadata: dict[str, Any]
+    ) -> None:
+        """Write the temporary files, in the order of :meth:`paths`."""
+        remaining = list(files)
+        if self.save_motion is not None:
+            motion.save(remaining.pop(0))
+        if self.maps is not None:
+            stack_writer(self.maps, metadata)(remaining.pop(0), _maps(merged))
+
+
+def _maps(merged: Merged) -> dict[str, npt.NDArray[Any]]:
+    """Return the maps of merged counts by name, all in the shape of the image."""
+    found = {
+        name: getattr(merged, name) for name in ("trials", "acceptance", "posterior_error", "flags")
+    }
+    return {name: _fill(map_, merged.shape) for name, map_ in found.items() if map_ is not None}
+
+
+def _fill(values: npt.ArrayLike, shape: tuple[int, ...]) -> npt.NDArray[Any]:
+    """Return a number, or a map (H, W), in the shape of an image, (H, W) or (H, W, C)."""
+    array = np.asarray(values)
+    is_of_pixels = array.ndim == 2 and len(shape) == 3
+    return np.broadcast_to(array[..., None] if is_of_pixels else array, shape)
+
+
+def _check_times(motion: Motion, data: Capture, path: Path) -> None:
+    """Raise ValueError for a motion of other frames."""
+    last = len(data) - 1
+    first, end = motion.times[[0, -1]]
+    margin = float(np.diff(motion.times).max())
+    if first < 0 or first > margin or end > last or end < last - margin:
+        raise ValueError(
+            f"{path}: expected the motion of frames 0 to {last}, got that of frames {first:g} to "
+            f"{end:g}; align this capture with --motion"
+        )
+
+
+def describe(merged: Merged, motion: Motion) -> list[str]:
+    """Return what was found, one line each."""
+    trials = np.broadcast_to(merged.trials, merged.shape)
+    numbers = f"{trials.min():g} trials per pixel or more, {np.median(trials):g} in the median"
+    if motion.model == "none":
+        return [f"motion: none, the scene stands still; {numbers}"]
+    distance = float(np.sqrt((motion.nodes**2).sum(axis=2)).max())
+    lines = [f"motion: {motion.model}, up to {distance:.3g} pixels; {numbers}"]
+    if merged.acceptance is not None and merged.posterior_error is not None:
+        lines.append(
+            f"{merged.acceptance.mean():.1%} of the bits along the motion agree and are used; the "
+            f"error of the displacements is {np.median(merged.posterior_error):.2g} pixels in the "
+            "median"
+        )
+    if merged.flags is not None:
+        lines.append(f"{merged.flags.mean():.1%} of the pixels may have larger errors than others")
+    return lines

@@ -1,0 +1,126 @@
+"""`jotlight film`: windows of frames, with and without motion."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import jotlight as jl
+from jotlight.evaluation.methods import METHODS
+from jotlight.motion.film import film
+
+SENSOR = jl.Sensor(frames=40, gain=10.0, max_intensity=14.0)
+SCENE = np.linspace(0.2, 12, 24 * 30).reshape(24, 30)
+
+
+@pytest.fixture
+def capture(tmp_path):
+    bits = SENSOR.expose(SCENE, rng=0)
+    jl.save(bits, tmp_path / "known.npy")
+    return bits
+
+
+@pytest.fixture
+def moving(tmp_path):
+    scene = jl.datasets.moving(
+        motion="shake", sensor=jl.Sensor(frames=64), shape=(48, 64), photons=0.5, rng=0
+    )
+    bits = jl.Bits(np.asarray(scene.bits.packed), scene.bits.width, scene.sensor)
+    jl.save(bits, tmp_path / "moving.npy")
+    return bits
+
+
+def files(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+@pytest.mark.parametrize("method", ["mle", "noniterative-gaussian"])
+def test_a_film_has_the_estimate_of_each_window(run, capture, tmp_path, method):
+    arguments = ["film", "known.npy", "-m", method, "--window", 16, "--step", 10]
+    status, output = run(*arguments, "-o", "film.npy", "--units", "photons")
+    assert status == 0
+    assert "3 images of 24 x 30 from 16 frames each" in output
+    assert "4 frames at the end lie in no window" in output
+    found = np.load(tmp_path / "film.npy")
+    function = METHODS[method].run
+    for number in range(3):
+        part = capture[10 * number : 10 * number + 16]
+        expected = function(part, part.sensor) * np.float32(0.25)
+        np.testing.assert_array_equal(found[number], expected)
+    status, output = run(*arguments, "-o", "film")
+    assert status == 0
+    assert files(tmp_path / "film") == ["00000.png", "00001.png", "00002.png"]
+    status, output = run(*arguments, "-o", "film.gif", "--fps", 5)
+    assert status == 0
+    with Image.open(tmp_path / "film.gif") as animation:
+        assert (animation.n_frames, animation.size, animation.info["duration"]) == (
+            3,
+            (30, 24),
+            200,
+        )
+
+
+def test_images_of_counts_are_filmed(run, capture, tmp_path):
+    counts = capture.to_array().reshape(10, 4, 24, 30).sum(axis=1).astype(np.uint16)
+    np.save("counts.npy", counts)
+    arguments = ["-m", "mle", "--window", 3, "--step", 2, "--max-intensity", 1]
+    status, output = run("film", "counts.npy", "-o", "film.npy", *arguments, "--frames", 40)
+    assert status == 0
+    found = np.load(tmp_path / "film.npy")
+    assert len(found) == 4
+    for number in range(4):
+        expected = jl.mle(counts[2 * number : 2 * number + 3].sum(axis=0), jl.Sensor(frames=12))
+        np.testing.assert_array_equal(found[number], expected)
+    status, output = run("film", "counts.npy", "-o", "b.npy", *arguments, "--frames", 42)
+    assert status == 1
+    assert "frames: expected a multiple of the 10 images of counts, got 42" in output
+
+
+def test_each_image_is_merged_along_the_motion(run, moving, tmp_path):
+    arguments = ["film", "moving.npy", "--motion", "--window", 32, "--step", 16, "-m", "mle"]
+    status, output = run(*arguments, "-o", "film.npy")
+    assert status == 0, output
+    assert "3 images of 48 x 64 from 32 frames each" in output
+    found, images = np.load(tmp_path / "film.npy"), list(film(moving, window=32, step=16))
+    for image, expected in zip(found, images, strict=True):
+        np.testing.assert_array_equal(image, jl.mle(expected.merged))
+    fresh = sum(not image.is_carried for image in images)
+    assert f"estimated afresh for {fresh} image" in output
+    accepted = [image.merged.acceptance.mean() for image in images]
+    assert f"; {np.mean(accepted):.1%} of the bits agree and are used, and " in output
+    assert f"and {min(accepted):.1%} or more of each image" in output
+    assert run(*arguments, "-o", "film.gif", "--motion-model", "none")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["-o", "a.npy", "--window", 41], "1 to the capture's 40 frames, got 41"),
+        (["-o", "a.npy", "--window", 4, "--frames", 4], "--frame-range selects"),
+        (["-o", "a.npy", "--window", 4, "--step", 0], "1 frame or more"),
+        (["-o", "a.avi", "--window", 4], "new folder of .png"),
+        (["-o", "a", "--window", 4, "--units", "photons"], "are for floats"),
+        (["-o", "a.npy", "--window", 4, "--units", "lux"], "one of intensity, photons"),
+        (["-o", "a.npy", "--window", 4, "--curve", "log"], "not for the floats of a.npy"),
+        (["-o", "a", "--window", 4, "--fps", -1], "fps"),
+        (["-o", "a", "--window", 4, "--depth", 12], "expected 8"),
+        (["-o", "a", "--window", 4, "--motion-model", "affine"], "add --motion"),
+        (["-o", "a", "--window", 4, "--motion", "--motion-model", "rigid"], "expected auto or"),
+        (["-o", "known.npy", "--window", 4], "choose another name"),
+    ],
+)
+def test_bad_input_gets_one_clear_line_and_leaves_no_files(
+    run, capture, tmp_path, arguments, expected
+):
+    before = files(tmp_path)
+    status, output = run("film", "known.npy", *arguments)
+    assert status == 1
+    [line] = output.splitlines()
+    assert line.startswith("error: ")
+    assert expected in line
+    assert files(tmp_path) == before
+
+
+def test_the_window_is_required(run, capture):
+    status, output = run("film", "known.npy", "-o", "a.npy")
+    assert status == 2
+    assert "--window requires an argument" in output

@@ -1,0 +1,169 @@
+"""`reconstruct --motion`: bits, counts, and colors along the motion of the scene, and its files."""
+
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import tifffile
+
+import jotlight as jl
+from jotlight.formats.capture import CountStack
+from jotlight.images.io import read_image
+from jotlight.sensing.provenance import Provenance
+
+
+@pytest.fixture
+def moving(tmp_path):
+    scene = jl.datasets.moving(
+        motion="shake", sensor=jl.Sensor(frames=48), shape=(48, 64), photons=0.5, rng=0
+    )
+    bits = jl.Bits(np.asarray(scene.bits.packed), scene.bits.width, scene.sensor)
+    jl.save(bits, tmp_path / "moving.npy")
+    return bits
+
+
+def files(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_the_image_is_that_of_the_merged_bits(run, moving, tmp_path):
+    arguments = ["reconstruct", "moving.npy", "--motion", "-o", "a.npy"]
+    more = ["--save-motion", "m.safetensors", "--maps", "maps.npz", "--at", 10]
+    status, output = run(*arguments, *more)
+    assert status == 0, output
+    motion = jl.align(moving, at=10)
+    merged = jl.merge(moving, motion=motion)
+    expected = jl.pretrained(moving.sensor).reconstruct(merged)
+    np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), expected)
+    np.testing.assert_array_equal(jl.Motion.load("m.safetensors").nodes, motion.nodes)
+    with np.load("maps.npz") as maps:
+        for name in set(maps) | {"trials", "acceptance", "posterior_error"}:
+            np.testing.assert_array_equal(maps[name], getattr(merged, name))
+    assert "motion: affine, up to " in output
+    low, middle = merged.trials.min(), np.median(merged.trials)
+    assert f"; {low:g} trials per pixel or more, {middle:g} in the median" in output
+    assert f"{merged.acceptance.mean():.1%} of the bits along the motion agree" in output
+    assert f"is {np.median(merged.posterior_error):.2g} pixels in the median" in output
+    assert "the scene moves" not in output
+
+
+def test_a_motion_is_used_again(run, moving, tmp_path):
+    arguments = ["reconstruct", "moving.npy", "--motion", "-m", "mle"]
+    assert run(*arguments, "-o", "a.npy", "--save-motion", "m.safetensors")[0] == 0
+    again = ["--motion-file", "m.safetensors"]
+    assert run(*arguments, "-o", "b.npy", *again)[0] == 0
+    np.testing.assert_array_equal(np.load("a.npy"), np.load("b.npy"))
+    assert run(*arguments, "-o", "c.npy", *again, "--at", 5)[0] == 0
+    motion = jl.Motion.load("m.safetensors")
+    expected = jl.mle(jl.merge(moving, at=5, motion=motion))
+    np.testing.assert_array_equal(np.load("c.npy"), expected)
+    status, output = run(*arguments, "-o", "d.npy", *again, "--frame-range", "0:30")
+    assert status == 1
+    assert "m.safetensors: expected the motion of frames 0 to 29, got that of frames 1 to" in output
+    status, output = run(*arguments, "-o", "e.npy", *again, "--maps", "m.safetensors")
+    assert status == 1
+    assert "ends in .npz, .npy, .tif" in output
+    (tmp_path / "m.npy").write_bytes((tmp_path / "m.safetensors").read_bytes())
+    status, output = run(*arguments, "-o", "m.npy", "--motion-file", "m.npy")
+    assert status == 1
+    assert "choose another name" in output
+
+
+def test_counts_are_aligned(run, moving, tmp_path):
+    counts = moving.to_array().reshape(24, 2, 48, 64).sum(axis=1).astype(np.uint16)
+    stack = CountStack(counts, Provenance("npy", "counts"), trials=2)
+    np.save("counts.npy", counts)
+    arguments = ["reconstruct", "counts.npy", "--frames", 48, "--motion"]
+    status, output = run(*arguments, "-m", "mle", "-o", "a.npy", "--max-intensity", 1)
+    assert status == 0, output
+    expected = jl.mle(jl.merge(stack))
+    np.testing.assert_array_equal(np.load("a.npy"), expected)
+    assert "motion: affine" in output
+
+
+def test_colors_share_one_motion(run, moving, tmp_path):
+    frames = moving.to_array()
+    colors = jl.Bits.from_array(np.stack([frames, frames, frames[:, ::-1]], axis=3))
+    jl.save(colors, "color.npy")
+    arguments = ["reconstruct", "color.npy", "--motion", "--motion-model", "affine", "-m", "mle"]
+    status, output = run(*arguments, "-o", "a.tif", "--maps", "maps.tif")
+    assert status == 0, output
+    image = read_image(tmp_path / "a.tif")
+    assert image.shape == (48, 64, 3)
+    np.testing.assert_array_equal(image[..., 0], image[..., 1])
+    assert tifffile.imread(tmp_path / "maps.tif").shape[1:] == (48, 64, 3)
+
+
+def test_uncertainty_is_that_of_the_merged_bits(run, moving, tmp_path):
+    arguments = ["reconstruct", "moving.npy", "--motion", "--motion-model", "none", "-o", "a.npy"]
+    status, output = run(*arguments, "--uncertainty", "u.npz")
+    assert status == 0, output
+    assert "motion: none, the scene stands still" in output
+    merged = jl.merge(moving, motion=jl.align(moving, model="none"))
+    with np.load("u.npz") as found:
+        np.testing.assert_array_equal(
+            found["standard_error"], jl.uncertainty(merged).standard_error
+        )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["--at", 3], "at: is for the motion of the scene; add --motion"),
+        (["--motion-model", "affine"], "motion-model: is for the motion of the scene; add"),
+        (["--maps", "m.npz"], "maps: is for the motion of the scene; add --motion"),
+        (["--motion", "--motion-model", "rigid"], "motion-model: expected auto or one of none"),
+        (["--motion", "--at", 48], "at: expected a time from 0 to 47 in frames, got 48"),
+        (["--motion", "--maps", "m.png"], "ends in .npz, .npy, .tif"),
+        (["--motion", "--save-motion", "m.npz"], "save-motion: expected a name that ends in .saf"),
+        (["--motion", "--save-motion", "a.png"], "save-motion: expected a name that ends in .saf"),
+        (["--motion", "--maps", "b.npy"], "the same name twice"),
+        (["--motion", "--motion-file", "no.safetensors"], "there is no file no.safetensors"),
+        (
+            ["--motion", "--motion-file", "m.safetensors", "--motion-model", "auto"],
+            "motion-model: is for a new motion; leave out --motion-file",
+        ),
+        (["--motion", "--motion-file", "moving.npy"], "moving.npy"),
+    ],
+)
+def test_bad_input_gets_one_clear_line_and_leaves_no_files(
+    run, moving, tmp_path, arguments, expected
+):
+    before = files(tmp_path)
+    output_file = "b.npy" if "b.npy" in arguments else "a.png"
+    status, output = run("reconstruct", "moving.npy", "-o", output_file, *arguments)
+    assert status == 1
+    [line] = output.splitlines()
+    assert line.startswith("error: ")
+    assert expected in line
+    assert files(tmp_path) == before
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="sends signals")
+def test_ctrl_c_stops_the_alignment_and_leaves_no_files(tmp_path):
+    scene = jl.datasets.moving(
+        motion="shake", sensor=jl.Sensor(frames=256), shape=(256, 300), photons=0.5, rng=0
+    )
+    jl.save(scene.bits, tmp_path / "moving.npy")
+    before = files(tmp_path)
+    code = (
+        "import sys, signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
+        "sys.argv = 'jotlight reconstruct moving.npy --motion -o a.png'.split();"
+        "from jotlight.cli.app import main; main()"
+    )
+    child = subprocess.Popen(
+        [sys.executable, "-c", code], cwd=tmp_path, stderr=subprocess.PIPE, text=True
+    )
+    end = time.monotonic() + 30
+    while files(tmp_path) == before and time.monotonic() < end:
+        time.sleep(0.01)
+    time.sleep(1)
+    assert child.poll() is None
+    child.send_signal(2)
+    _, output = child.communicate(timeout=30)
+    assert child.returncode == 130
+    assert output.splitlines()[-1] == "error: stopped"
+    assert files(tmp_path) == before
