@@ -38,6 +38,16 @@ def moved(shifts, **options):
     return scene, in_memory(scene)
 
 
+def two_halves(velocities, frames):
+    """Return the bits of a scene whose left and right halves of 96 columns move differently."""
+    times = np.arange(frames) - frames // 2
+    halves = [
+        moved(np.outer(times, each), shape=(96, 96), photons=0.4, rng=0)[1].to_array()
+        for each in velocities
+    ]
+    return jl.Bits.from_array(np.concatenate(halves, axis=2))
+
+
 def as_burst_of(array):
     """Return an array of bits (T, H, W) as a burst."""
     from jotlight.motion.burst import as_burst
