@@ -100,7 +100,7 @@ def rotation(times: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 
 def layers(times: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Return a background, and an object in front of it that moves in the opposite direction."""
+    """Return a background, and an object that moves in the opposite direction."""
     nodes = np.zeros((2, *tile_counts(SIZE)))
     nodes[0], nodes[1] = 6, 3
     nodes[0, 5:12, 10:17], nodes[1, 5:12, 10:17] = -16, -8
