@@ -8,16 +8,16 @@ import numpy.typing as npt
 
 from jotlight.formats.capture import CountStack
 from jotlight.images.video import windows
-from jotlight.motion.affine import extrapolate, improve, improve_together
+from jotlight.motion.affine import extrapolate, improve, improve_together, template_of
 from jotlight.motion.align import align, as_motion, prepare_burst, valid_jots
-from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.blocks import Blocks
 from jotlight.motion.deformation import improve_tiles, improve_tiles_together
 from jotlight.motion.merge import as_paths, merge
 from jotlight.motion.model import divide
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.outlines import choose
 from jotlight.motion.regularize import fit_affine
-from jotlight.motion.scoring import Template, make_template, normal_equations
+from jotlight.motion.scoring import normal_equations
 from jotlight.motion.tiles import affine_basis, mean_tiles, tile_counts
 from jotlight.motion.track import Paths, Track
 from jotlight.sensing.bits import Bits
@@ -206,7 +206,7 @@ def _add_blocks(
     """Align the new blocks of a track with those that are known, and improve all together."""
     track.known = known.copy()
     velocity = np.zeros(track.nodes.shape[1:])
-    template = _known_template(track)
+    template = template_of(track)
     for block in np.flatnonzero(~known):
         extrapolate(track, int(block), velocity)
         for sigma in _SIGMAS:
@@ -216,21 +216,15 @@ def _add_blocks(
                 improve(track, int(block), template, sigma, weights)
         track.known[block] = True
     if is_of_tiles:
-        improve_tiles_together(track)
+        improve_tiles_together(track, template)
     else:
-        improve_together(track, weights)
-
-
-def _known_template(track: Track) -> Template:
-    """Return the template of the blocks that are known."""
-    known = [track.sums(int(block)) for block in np.flatnonzero(track.known)]
-    return make_template(Sums.total(known), track.blocks.threads)
+        improve_together(track, weights, template=template)
 
 
 def _begins_to_move(track: Track, known: npt.NDArray[np.bool_]) -> bool:
     """Return whether the new blocks of a scene that stood still have moved."""
     track.known = known.copy()
-    template = _known_template(track)
+    template = template_of(track)
     basis = affine_basis(tile_counts(track.blocks.size))
     track.known[:] = True
     for block in np.flatnonzero(~known):
