@@ -1,7 +1,14 @@
 import numpy as np
 import pytest
 
-from jotlight.motion.tiles import affine_basis, interpolate, sum_tiles, tile_counts
+from jotlight.motion.tiles import (
+    affine_basis,
+    interpolate,
+    interpolate_at,
+    mean_tiles,
+    sum_tiles,
+    tile_counts,
+)
 from reference.motion import interpolate_tiles
 
 
@@ -42,3 +49,32 @@ def test_the_affine_basis_is_orthogonal():
     basis = affine_basis((7, 12))
     product = basis.T @ basis
     np.testing.assert_allclose(product, np.diag(np.diag(product)), atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (16, 16), (17, 40), (250, 33)])
+def test_displacements_at_places_are_those_of_pixels(size):
+    nodes = np.random.default_rng(1).normal(0, 9, (2, *tile_counts(size))).astype(np.float32)
+    places = np.indices(size, np.float32)
+    np.testing.assert_allclose(
+        interpolate_at(nodes, places), interpolate(nodes, size), atol=2e-4, rtol=1e-4
+    )
+
+
+def test_displacements_between_pixels_are_bilinear():
+    rng = np.random.default_rng(2)
+    nodes = rng.normal(0, 9, (2, 4, 5)).astype(np.float32)
+    places = rng.uniform([[-20], [-20]], [[84], [100]], (2, 50)).astype(np.float32)
+    for place, found in zip(places.T, interpolate_at(nodes, places).T, strict=True):
+        row, column = (place - 7.5) / 16
+        top, left = int(np.clip(row // 1, 0, 2)), int(np.clip(column // 1, 0, 3))
+        down, right = row - top, column - left
+        corners = nodes[:, top : top + 2, left : left + 2].astype(float)
+        weights = np.outer([1 - down, down], [1 - right, right])
+        np.testing.assert_allclose(found, (corners * weights).sum(axis=(1, 2)), atol=1e-3)
+
+
+def test_means_over_tiles_are_those_of_a_loop():
+    image = np.random.default_rng(3).normal(size=(2, 40, 50))
+    means = mean_tiles(image)
+    assert means[1, 2, 3] == pytest.approx(image[1, 32:, 48:].mean())
+    assert means[0, 1, 1] == pytest.approx(image[0, 16:32, 16:32].mean())

@@ -117,6 +117,11 @@ def prepare_burst(data: Bits | CountStack, sensor: Sensor | None) -> tuple[Burst
     if not isinstance(sensor, Sensor | None):
         raise TypeError(f"sensor: expected a jotlight.Sensor, got {type(sensor).__name__}")
     if isinstance(data, CountStack):
+        if sensor is not None and sensor.oversampling > 1:
+            raise ValueError(
+                "sensor: expected an oversampling of 1, because images of counts show pixels; "
+                f"take sensor.replace(oversampling=1, frames={sensor.trials})"
+            )
         given = None if sensor is None else sensor.trials // max(1, len(data.images))
         burst = as_burst(data, given or None)
         readings = burst.trials // burst.channels * len(burst)

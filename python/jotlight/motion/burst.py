@@ -72,22 +72,20 @@ def as_burst(data: Bits | CountStack, trials: int | None = None) -> Burst:
     TypeError
         When the data are neither bits nor a stack of counts.
     ValueError
-        When the number of trials of counts is unknown.
+        When the number of trials of counts is unknown, or the sum of all frames may exceed int32.
     """
-    if isinstance(data, Bits):
-        return _burst_of_bits(data)
-    if not isinstance(data, CountStack):
+    if not isinstance(data, Bits | CountStack):
         raise TypeError(
             "data: expected jotlight.Bits, or a stack of counts that jotlight.open returns, got "
             f"{type(data).__name__}; Bits.from_array packs frames (T, H, W) of 0 and 1"
         )
-    trials = data.trials or trials
-    if trials is None:
+    burst = _burst_of_bits(data) if isinstance(data, Bits) else _burst_of_counts(data, trials)
+    if burst.trials * len(burst) >= 2**31:
         raise ValueError(
-            f"{data.provenance.name}: holds counts of an unknown number of trials; pass a sensor "
-            "whose K is the number of trials of the whole stack"
+            "data: expected fewer than 2**31 readings of a pixel in all of its channels, got "
+            f"{burst.trials * len(burst)}; take a part of the frames"
         )
-    return _burst_of_counts(data, trials)
+    return burst
 
 
 def _burst_of_bits(bits: Bits) -> Burst:
@@ -104,7 +102,13 @@ def _burst_of_bits(bits: Bits) -> Burst:
     return Burst(frames, (height, width), number, number, frame_bytes, read)
 
 
-def _burst_of_counts(stack: CountStack, trials: int) -> Burst:
+def _burst_of_counts(stack: CountStack, given: int | None) -> Burst:
+    trials = stack.trials or given
+    if trials is None:
+        raise ValueError(
+            f"{stack.provenance.name}: holds counts of an unknown number of trials; pass a sensor "
+            "whose K is the number of trials of the whole stack"
+        )
     images = stack.images
     frames, height, width, *channels = images.shape
     number = channels[0] if channels else 1

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import real_number
 from jotlight.motion.figure import draw_change, draw_paths
 from jotlight.motion.reference import move_labels, move_nodes
 from jotlight.motion.tiles import interpolate, tile_counts
@@ -88,15 +89,20 @@ class Motion:
                 "labels: expected an array (H, W) of uint8, got "
                 f"{self.labels.dtype} of shape {self.labels.shape}"
             )
-        shape = (nodes.shape[0], len(times), 2, *tile_counts(self.size))
-        if nodes.shape != shape or len(times) < 2 or not 1 <= len(nodes) <= _MAX_FIELDS:
+        if times.ndim != 1 or times.dtype.kind != "f":
+            raise ValueError(
+                f"times: expected an array (n,) of float, got {times.dtype} of shape {times.shape}"
+            )
+        fields = nodes.shape[0] if nodes.ndim else 0
+        shape = (fields, len(times), 2, *tile_counts(self.size))
+        if nodes.shape != shape or len(times) < 2 or not 1 <= fields <= _MAX_FIELDS:
             raise ValueError(
                 f"nodes: expected shape (m, n, 2, rows, columns) = {shape} with two times or more, "
                 f"got {nodes.shape}"
             )
-        if self.labels.max() >= len(nodes):
+        if self.labels.max() >= fields:
             raise ValueError(
-                f"labels: expected indices below {len(nodes)}, got up to {self.labels.max()}"
+                f"labels: expected indices below {fields}, got up to {self.labels.max()}"
             )
         expected = (*shape[:2], 3, *shape[3:])
         if self.information.shape != expected:
@@ -105,8 +111,9 @@ class Motion:
             )
         if not np.isfinite(times).all() or not (np.diff(times) > 0).all():
             raise ValueError("times: expected finite numbers that increase")
-        if not np.isfinite(nodes).all() or not np.isfinite(self.information).all():
-            raise ValueError("nodes and information: expected finite numbers")
+        for name, values in (("nodes", nodes), ("information", self.information)):
+            if values.dtype.kind != "f" or not np.isfinite(values).all():
+                raise ValueError(f"{name}: expected finite numbers of float, got {values.dtype}")
         if not np.isfinite(self.reference):
             raise ValueError(f"reference: expected a finite time, got {self.reference}")
         if self.model not in MODELS:
@@ -179,10 +186,10 @@ class Motion:
                     raise ValueError(f"{name}: expected {dtype}, got {tensors[name].dtype}")
             return cls(
                 **{name: tensors[name] for name in _TYPES},
-                reference=float(json.loads(metadata["reference"])),
+                reference=float(real_number(json.loads(metadata["reference"]))),
                 model=metadata["model"],
             )
-        except (KeyError, TypeError, ValueError, RecursionError, IndexError) as error:
+        except (KeyError, ValueError, OverflowError, RecursionError) as error:
             raise ValueError(f"{path}: damaged file of a motion: {error}") from error
 
     def plot(self) -> "Figure":

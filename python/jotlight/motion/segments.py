@@ -29,6 +29,12 @@ _MIN_TILES = 4
 _MIN_ENERGY = 0.05
 """Minimum energy of a segment, as a fraction of that of the strongest one."""
 
+_MIN_CLEARNESS = 1.5
+"""Minimum energy of a tile of some velocity, in standard deviations of that of noise."""
+
+_MOST_PROBABLE = 4
+"""Number of velocities that are refined if no segment is clear."""
+
 _ROUNDS = ((8, (4.0, 2.0)), (4, (2.0, 1.0)))
 """Rounds that refine a velocity: the frames before and after the reference time, as a fraction 1/n
 of all, and the widths of the filters."""
@@ -55,6 +61,8 @@ def find_segments(blocks: Blocks, reference: int) -> list[Segment]:
     candidates = find_velocities(blocks.burst, reference, blocks.threads)
     fields = [np.broadcast_to(each.reshape(2, 1, 1), (2, *shape)).copy() for each in candidates]
     energies = [_energy(blocks, reference, field) for field in fields]
+    if not _is_clear(blocks, reference, energies):
+        return [_find_one(blocks, reference, fields, energies)]
     found: list[int] = []
     strongest = 0.0
     while len(found) < len(fields):
@@ -83,6 +91,36 @@ def find_segments(blocks: Blocks, reference: int) -> list[Segment]:
         for position, index in enumerate(found)
         if len(found) == 1 or (labels == position).sum() >= _MIN_TILES
     ]
+
+
+def _is_clear(blocks: Blocks, reference: int, energies: list[Array]) -> bool:
+    """Return whether the tiles of some velocity have clearly more energy than noise."""
+    trials = 2 * central_half(blocks, reference) * blocks.trials
+    # The energy of noise fluctuates less than its mean: it is averaged over a wider filter.
+    noise = _FINE / _ENERGY_BLUR / (trials * 4 * np.pi * _FINE**2)
+    labels = _majority(energies)
+    of_tiles = [
+        energy[labels == index].mean()
+        for index, energy in enumerate(energies)
+        if (labels == index).sum() >= _MIN_TILES
+    ]
+    return max(of_tiles, default=0.0) > _MIN_CLEARNESS * noise
+
+
+def _find_one(
+    blocks: Blocks, reference: int, fields: list[Array], energies: list[Array]
+) -> Segment:
+    """Return the whole scene as one segment, with the best of the most probable velocities."""
+    everywhere = np.ones(fields[0].shape[1:])
+    totals = [float(energy.sum()) for energy in energies]
+    best = int(np.argmax(totals))
+    result = fields[best], totals[best]
+    for index in np.argsort(totals)[::-1][:_MOST_PROBABLE]:
+        refined = _refine(blocks, reference, fields[index], everywhere)
+        energy = float(_energy(blocks, reference, refined).sum())
+        if energy > result[1]:
+            result = refined, energy
+    return Segment(result[0], everywhere, result[1])
 
 
 def _energy(blocks: Blocks, reference: int, field: Array) -> Array:

@@ -79,7 +79,11 @@ def _count_blocks(burst: Burst, reference: int, length: int, threads: int | None
 
 
 def _peaks(blocks: Images, length: int) -> Iterator[Array]:
-    """Yield the velocities of the windows: the best one, then the best of the other windows."""
+    """Yield the best velocity of the whole image, and those of windows.
+
+    The second is the best one of all windows together. The others are the best ones of windows that
+    the ones before do not explain.
+    """
     lags = [lag for lag in _LAGS if lag < len(blocks)]
     if not lags:
         return
@@ -87,20 +91,30 @@ def _peaks(blocks: Images, length: int) -> Iterator[Array]:
     width = min(min(window.shape[1:]) for window in windows)
     steps = int(_RANGE * width)
     line = np.arange(-steps, steps + 1) / (length * lags[-1])
+    every = list(range(1, lags[-1] + 1))
+    if (velocity := _best(_scores(blocks, every, line * length), line)) is not None:
+        yield velocity
     scores = np.stack([_scores(window, lags, line * length) for window in windows])
     active = np.ones(len(scores), bool)
     best = scores.reshape(len(scores), -1).max(axis=1)
     for _ in range(_MAX_PEAKS):
         total = scores[active].sum(axis=0)
+        if (velocity := _best(total, line)) is not None:
+            yield velocity
         row, column = np.unravel_index(int(np.argmax(total)), total.shape)
-        is_inside = 0 < row < len(line) - 1 and 0 < column < len(line) - 1
-        if total[row, column] - total.mean() < _MIN_PEAK * total.std():
-            return
-        if is_inside:
-            yield np.array([line[row], line[column]])
         active &= scores[:, row, column] < _EXPLAINED * best
         if not active.any():
             return
+
+
+def _best(scores: npt.NDArray[np.float32], line: Array) -> Array | None:
+    """Return the velocity with the best score, or None if it is not a clear peak."""
+    row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
+    last = len(line) - 1
+    is_clear = scores[row, column] - scores.mean() >= _MIN_PEAK * scores.std()
+    if not is_clear or row in (0, last) or column in (0, last):
+        return None
+    return np.array([line[row], line[column]])
 
 
 def _windows(blocks: Images) -> Iterator[Images]:

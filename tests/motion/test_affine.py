@@ -1,0 +1,113 @@
+"""Affine motions of segments: what they follow, and how well they are known."""
+
+import numpy as np
+import pytest
+
+from jotlight.motion.affine import _information, _smooth, extrapolate, follow, is_renewed, start
+from jotlight.motion.segments import Segment
+from jotlight.motion.tiles import affine_basis, tile_counts
+from moving import blocks_of, record
+
+
+def follow_scene(scene, bits):
+    blocks = blocks_of(bits)
+    shape = tile_counts(blocks.size)
+    velocity = (scene.motion(26) - scene.motion(22)) / 4
+    nodes = velocity[:, 8::16, 8::16][:, : shape[0], : shape[1]].astype(float)
+    return follow(blocks, scene.reference, Segment(nodes, np.ones(shape)))
+
+
+@pytest.mark.parametrize(("motion", "limit"), [("shake", 0.25), ("rotate", 0.35)])
+def test_an_affine_motion_is_followed_from_its_velocity(motion, limit):
+    scene, bits = record(motion, photons=0.3)
+    track = follow_scene(scene, bits)
+    assert track.known.all()
+    errors = [
+        track.displacements(block) - scene.motion(time)
+        for block, time in enumerate(track.blocks.centers)
+    ]
+    assert np.sqrt(np.mean(np.square(errors))) < limit
+    # All displacements are affine in space.
+    basis = affine_basis(track.nodes.shape[2:])
+    nodes = track.nodes.reshape(-1, len(basis)).T
+    fit = basis @ np.linalg.lstsq(basis, nodes, rcond=None)[0]
+    np.testing.assert_allclose(fit, nodes, atol=1e-6)
+
+
+def test_the_two_central_blocks_start_at_the_velocity():
+    _, bits = record("shake")
+    blocks = blocks_of(bits)
+    velocity = np.random.default_rng(0).normal(size=(2, *tile_counts(blocks.size)))
+    track = start(blocks, 24, velocity)
+    assert np.flatnonzero(track.known).tolist() == [7, 8]
+    for block in (7, 8):
+        expected = velocity * (blocks.centers[block] - 24)
+        np.testing.assert_allclose(track.nodes[block], expected)
+
+
+def test_displacements_are_extrapolated_with_the_last_velocity():
+    _, bits = record("shake")
+    blocks = blocks_of(bits)
+    shape = tile_counts(blocks.size)
+    velocity = np.random.default_rng(1).normal(size=(2, *shape))
+    track = start(blocks, 24, 0 * velocity)
+    # All known blocks lie on a line, so its continuation is exact.
+    for block in (6, 7, 8, 9):
+        track.nodes[block] = velocity * blocks.centers[block] + 5
+        track.known[block] = True
+    for block in (5, 10):
+        extrapolate(track, block, np.full((2, *shape), 100.0))
+        np.testing.assert_allclose(track.nodes[block], velocity * blocks.centers[block] + 5)
+    track.known[:] = False
+    track.known[7] = True
+    extrapolate(track, 8, velocity)
+    change = track.nodes[8] - track.nodes[7]
+    np.testing.assert_allclose(change, velocity * (blocks.centers[8] - blocks.centers[7]))
+
+
+def test_the_template_is_renewed_when_it_has_doubled():
+    assert [n for n in range(1, 70) if is_renewed(n)] == [1, 2, 4, 8, 16, 32, 48, 64]
+
+
+def test_the_information_of_tiles_is_that_of_random_draws():
+    rng = np.random.default_rng(2)
+    basis = affine_basis((3, 4))
+    root = rng.normal(size=(6, 6))
+    covariance = root @ root.T
+    draws = rng.multivariate_normal(np.zeros(6), covariance, 100_000).reshape(-1, 2, 3)
+    displacements = np.zeros((5, 2, 12))
+    found = _information(np.stack([covariance] * 5), basis, displacements)
+    for tile in (0, 7, 11):
+        samples = draws @ basis[tile]
+        expected = np.cov(samples.T) + 0.05**2 * np.eye(2)
+        rows, mixed, columns = found[2, :, tile]
+        inverse = np.linalg.inv([[rows, mixed], [mixed, columns]])
+        np.testing.assert_allclose(inverse, expected, rtol=0.05, atol=0.03 * expected.max())
+
+
+def test_curved_paths_are_known_less_well():
+    basis = affine_basis((2, 2))
+    covariances = np.stack([1e-4 * np.eye(6)] * 7)
+    parabola = np.zeros((7, 2, 4)) + 0.5 * np.arange(7.0)[:, None, None] ** 2
+    straight, curved = (
+        _information(covariances, basis, displacements)
+        for displacements in (0 * parabola, parabola)
+    )
+    difference = 1 / curved[:, 0] - 1 / straight[:, 0]
+    # The second difference is 1, and a quarter of it is the error of linear interpolation.
+    np.testing.assert_allclose(difference, 0.25**2, rtol=0.05)
+
+
+def test_smooth_parameters_have_the_variance_of_single_blocks_at_most():
+    rng = np.random.default_rng(3)
+    root = rng.normal(size=(6, 6)) + 3 * np.eye(6)
+    matrices = np.stack([share * root @ root.T for share in np.linspace(0.5, 2, 20)])
+    truth = np.linspace(-3, 3, 20)[:, None] ** 2 * rng.normal(size=6)
+    errors, deviations = [], []
+    for _ in range(50):
+        noise = [rng.multivariate_normal(np.zeros(6), np.linalg.inv(each)) for each in matrices]
+        smooth, covariances = _smooth(truth + noise, matrices)
+        errors.append(smooth - truth)
+        deviations.append(np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)))
+    scaled = np.square(np.array(errors) / deviations).mean()
+    assert 0.02 < scaled < 1

@@ -1,0 +1,66 @@
+"""Motions of tiles, for scenes that deform."""
+
+import numpy as np
+import pytest
+
+from jotlight.motion.deformation import _add_prior, _at_reference, follow_tiles
+from jotlight.motion.regularize import Equations
+from jotlight.motion.tiles import tile_counts
+from jotlight.motion.track import Track
+from moving import blocks_of, record
+
+
+def errors_of(track, scene):
+    return [
+        (track.displacements(block) - scene.motion(time))[:, scene.visible(time)].ravel()
+        for block, time in enumerate(track.blocks.centers)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("motion", "limit"),
+    [("shake", 0.5), pytest.param("sheet", 1.8, marks=pytest.mark.slow)],
+)
+def test_tiles_are_followed_from_their_velocities(motion, limit):
+    frames, shape = (48, (96, 96)) if motion == "shake" else (128, (160, 160))
+    scene, bits = record(motion, frames=frames, shape=shape)
+    blocks = blocks_of(bits)
+    rows, columns = tile_counts(blocks.size)
+    near = (scene.motion(scene.reference + 2) - scene.motion(scene.reference - 2)) / 4
+    velocity = near[:, 8::16, 8::16][:, :rows, :columns].astype(float)
+    track = follow_tiles(blocks, scene.reference, velocity)
+    errors = np.concatenate(errors_of(track, scene))
+    assert np.sqrt((errors**2).mean()) < limit
+    # It is better than no motion, and than the constant velocity from which it starts.
+    still = [scene.motion(time)[:, scene.visible(time)].ravel() for time in blocks.centers]
+    assert (errors**2).mean() < 0.1 * (np.concatenate(still) ** 2).mean()
+    assert (track.information[:, [0, 2]] >= 0).all()
+
+
+def test_a_prior_is_a_further_measurement():
+    """The minimum of the energy with the prior is that of a direct sum of both energies."""
+    rng = np.random.default_rng(0)
+    roots = rng.normal(size=(3, 4, 2, 2))
+    matrices = roots @ roots.swapaxes(-1, -2)
+    right, deviation = rng.normal(size=(2, 2, 3, 4))
+    information = np.stack([matrices[..., 0, 0], matrices[..., 0, 1], matrices[..., 1, 1]])
+    share = 0.25
+    both = _add_prior(Equations(information, right), deviation, share)
+    for row, column in np.ndindex(3, 4):
+        matrix = matrices[row, column] + np.eye(2)
+        vector = right[:, row, column] / (1 - share) + deviation[:, row, column]
+        found = both.information[:, row, column]
+        np.testing.assert_allclose([[found[0], found[1]], [found[1], found[2]]], matrix, atol=1e-12)
+        np.testing.assert_allclose(both.right[:, row, column], vector)
+
+
+def test_the_displacement_at_the_reference_is_that_of_a_smooth_path():
+    _, bits = record("shake")
+    blocks = blocks_of(bits)
+    shape, number = tile_counts(blocks.size), len(blocks.centers)
+    path = 0.01 * (blocks.centers - 10) ** 2
+    nodes = path[:, None, None, None] * np.ones((2, *shape))
+    information = np.full((number, 3, *shape), 1e4)
+    information[:, 1] = 0
+    track = Track(blocks, 24, nodes, np.ones(number, bool), information)
+    np.testing.assert_allclose(_at_reference(track, nodes), 0.01 * 14**2, atol=1e-3)

@@ -1,0 +1,95 @@
+"""The model of a motion: blocks, names, and which model explains the bits best."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.motion.model import _share_of_unknown, _still, divide, find_paths
+from jotlight.motion.track import Paths
+from moving import blocks_of, record, two_halves
+
+
+@pytest.mark.parametrize("frames", [1, 2, 15, 16, 17, 31, 64, 200, 999, 1024, 1025, 50_000])
+def test_blocks_cover_all_frames_once_and_have_similar_lengths(frames):
+    edges = divide(frames)
+    lengths = np.diff(edges)
+    assert edges[0] == 0
+    assert edges[-1] == frames
+    assert lengths.min() >= 1
+    assert lengths.max() - lengths.min() <= 1
+    assert len(lengths) <= frames
+    if frames >= 16:
+        assert len(lengths) >= 16
+
+
+@pytest.mark.parametrize("frames", [32, 48, 96, 100, 256, 1000, 4096])
+def test_blocks_are_the_same_in_reversed_time(frames):
+    edges = divide(frames)
+    np.testing.assert_array_equal(edges, frames - edges[::-1])
+
+
+def test_many_frames_have_more_and_longer_blocks():
+    lengths, numbers = zip(
+        *((np.diff(divide(frames)).mean(), len(divide(frames))) for frames in (1024, 4096, 16384)),
+        strict=True,
+    )
+    assert lengths[2] / lengths[0] == pytest.approx(4, rel=0.05)
+    assert numbers[2] / numbers[0] == pytest.approx(4, rel=0.05)
+
+
+def find(bits, model, reference=24):
+    progress = []
+    paths, name = find_paths(blocks_of(bits), reference, model, progress.append)
+    assert progress[0] == 0
+    assert progress[-1] == 1
+    assert progress == sorted(progress)
+    return paths, name
+
+
+@pytest.mark.parametrize("model", ["none", "affine"])
+def test_a_requested_model_is_used(model):
+    _, bits = record("shake", photons=0.3)
+    paths, name = find(bits, model)
+    assert name == model
+    assert len(paths.tracks) == 1
+    assert (paths.labels == 0).all()
+    assert (paths.tracks[0].nodes == 0).all() == (model == "none")
+
+
+def test_two_segments_are_found():
+    velocities = (0.4, 0.3), (-0.3, 0.5)
+    paths, name = find(two_halves(velocities, 48), "segments")
+    assert name == "segments"
+    assert len(paths.tracks) == 2
+    speeds = [np.diff(track.nodes[[0, -1]], axis=0).mean(axis=(2, 3))[0] for track in paths.tracks]
+    span = paths.blocks.centers[-1] - paths.blocks.centers[0]
+    for velocity, columns in zip(velocities, (slice(16, 80), slice(112, 176)), strict=True):
+        label = np.bincount(paths.labels[:, columns].ravel()).argmax()
+        np.testing.assert_allclose(speeds[label] / span, velocity, atol=0.05)
+
+
+def test_noise_stands_still():
+    rng = np.random.default_rng(0)
+    for density in (0.01, 0.5):
+        bits = jl.Bits.from_array(rng.random((32, 64, 64)) < density)
+        assert find(bits, "auto", 16)[1] == "none"
+
+
+def test_pixels_whose_bits_disagree_are_unknown_but_dead_ones_are_not():
+    rng = np.random.default_rng(1)
+    stripes = np.where(np.arange(48) // 8 % 2, 0.5, 0.05)[:, None]
+    p = np.where(np.arange(48) < 32, stripes, 0.275) * np.ones((64, 1, 1))
+    # In the right third, the stripes of the central frames differ from those of all others.
+    p[:, :, 32:] = 0.55 - stripes
+    p[28:36, :, 32:] = stripes
+    blocks = blocks_of(jl.Bits.from_array(rng.random((64, 48, 48)) < p))
+    paths = Paths([_still(blocks, 32)], np.zeros((48, 48), np.uint8))
+    assert 0.2 < _share_of_unknown(paths) < 0.45
+    valid = np.zeros((48, 48), bool)
+    valid[:, :24] = True
+    masked = dataclasses.replace(blocks, valid=np.packbits(valid, axis=1))
+    assert _share_of_unknown(Paths([_still(masked, 32)], paths.labels)) < 0.02
+    nothing = dataclasses.replace(blocks, valid=np.zeros((48, 6), np.uint8))
+    assert _share_of_unknown(Paths([_still(nothing, 32)], paths.labels)) == 0

@@ -1,0 +1,124 @@
+"""Segments: which parts of a scene move differently."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+import jotlight as jl
+from jotlight.motion.segments import (
+    _energy,
+    _majority,
+    _refine,
+    count_at_velocity,
+    find_segments,
+    limit_length,
+)
+from jotlight.motion.tiles import tile_counts
+from moving import as_burst_of, blocks_of, moved, record, two_halves
+
+
+def field_of(velocity, blocks):
+    field = np.asarray(velocity, float).reshape(2, 1, 1)
+    return np.broadcast_to(field, (2, *tile_counts(blocks.size))).copy()
+
+
+def test_one_motion_is_one_segment():
+    scene, bits = record("shake", photons=0.3)
+    segments = find_segments(blocks_of(bits), scene.reference)
+    assert len(segments) == 1
+    assert (segments[0].weights == 1).all()
+    speed = (scene.motion(28) - scene.motion(20))[:, 0, 0] / 8
+    np.testing.assert_allclose(segments[0].velocity.mean(axis=(1, 2)), speed, atol=0.1)
+
+
+def test_halves_that_move_differently_are_two_segments():
+    velocities = (0.4, 0.3), (-0.3, 0.5)
+    bits = two_halves(velocities, 48)
+    segments = find_segments(blocks_of(bits), 24)
+    assert len(segments) >= 2
+    # The border is between the columns 5 and 6 of tiles.
+    for velocity, inner in zip(velocities, (slice(1, 5), slice(7, 11)), strict=True):
+        largest = max(segments, key=lambda each: each.weights[:, inner].sum())
+        assert largest.weights[:, inner].mean() > 0.8
+        found = largest.velocity[:, :, inner].mean(axis=(1, 2))
+        np.testing.assert_allclose(found, velocity, atol=0.05)
+    total = np.sum([segment.weights for segment in segments], axis=0)
+    assert total.max() == 1
+    assert total.mean() > 0.9
+
+
+def test_the_energy_is_largest_at_the_true_velocity():
+    velocity = 0.5, -0.25
+    bits = moved(np.outer(np.arange(48) - 24, velocity), shape=(80, 80), photons=0.3, rng=0)[1]
+    blocks = blocks_of(bits)
+    energies = {
+        (rows, columns): _energy(blocks, 24, field_of((rows, columns), blocks)).mean()
+        for rows in (0.3, 0.5, 0.7)
+        for columns in (-0.45, -0.25, -0.05)
+    }
+    assert max(energies, key=energies.get) == (0.5, -0.25)
+
+
+def test_the_energy_of_noise_is_about_zero_and_that_of_details_is_their_power():
+    rng = np.random.default_rng(0)
+    flat = blocks_of(jl.Bits.from_array(rng.random((64, 80, 80)) < 0.3))
+    still = field_of((0, 0), flat)
+    noise = 1 / 32 / (4 * np.pi * 1.5**2)
+    assert abs(_energy(flat, 32, still).mean()) < 0.1 * noise
+    texture = gaussian_filter(rng.normal(size=(80, 80)), 2)
+    p = 0.3 + 0.05 * texture / texture.std()
+    blocks = blocks_of(jl.Bits.from_array(rng.random((64, 80, 80)) < p))
+    power = gaussian_filter(p - gaussian_filter(p, 6), 1.5)[8:-8, 8:-8].var()
+    assert _energy(blocks, 32, still).mean() == pytest.approx(power / (0.3 * 0.7), rel=0.15)
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_the_majority_is_that_of_a_loop(number):
+    energies = list(np.random.default_rng(number).normal(size=(number, 5, 7)))
+    best = np.argmax(energies, axis=0)
+    expected = np.zeros((5, 7), int)
+    for row, column in np.ndindex(5, 7):
+        rows = np.clip([row - 1, row, row + 1], 0, 4)
+        columns = np.clip([column - 1, column, column + 1], 0, 6)
+        votes = np.bincount(best[np.ix_(rows, columns)].ravel(), minlength=number)
+        expected[row, column] = votes.argmax()
+    np.testing.assert_array_equal(_majority(energies), expected)
+
+
+def test_a_velocity_is_refined():
+    velocity = 0.5, -0.25
+    bits = moved(np.outer(np.arange(48) - 24, velocity), shape=(80, 80), photons=0.3, rng=0)[1]
+    blocks = blocks_of(bits)
+    start = field_of((0.56, -0.3), blocks)
+    found = _refine(blocks, 24, start, np.ones(tile_counts(blocks.size)))
+    np.testing.assert_allclose(found.mean(axis=(1, 2)), velocity, atol=0.02)
+
+
+def test_frames_at_a_whole_velocity_are_shifted_and_added():
+    rng = np.random.default_rng(1)
+    bits = rng.random((10, 30, 40)) < 0.4
+    blocks = blocks_of(jl.Bits.from_array(bits), 2)
+    sums = count_at_velocity(blocks, range(2, 9), field_of((1, -2), blocks), 5)
+    expected, trials = np.zeros((30, 40), int), np.zeros((30, 40), int)
+    for frame in range(2, 9):
+        for row, column in np.ndindex(30, 40):
+            y, x = row + (frame - 5), column - 2 * (frame - 5)
+            if 0 <= y < 30 and 0 <= x < 40:
+                expected[row, column] += bits[frame, y, x]
+                trials[row, column] += 1
+    np.testing.assert_array_equal(sums.ones, expected)
+    np.testing.assert_array_equal(sums.trials, trials)
+
+
+def test_long_vectors_are_shortened_and_short_ones_are_kept():
+    vectors = np.array([[3.0, 0.3, 0], [4, 0.4, 0]])
+    np.testing.assert_allclose(limit_length(vectors, 1), [[0.6, 0.3, 0], [0.8, 0.4, 0]])
+
+
+@pytest.mark.parametrize("value", [False, True])
+def test_bits_that_are_all_equal_are_one_segment_that_stands_still(value):
+    from jotlight.motion.blocks import Blocks
+
+    burst = as_burst_of(np.full((32, 40, 40), value))
+    (segment,) = find_segments(Blocks(burst, np.arange(0, 33, 2)), 16)
+    np.testing.assert_allclose(segment.velocity, 0, atol=1e-6)

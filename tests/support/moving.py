@@ -1,0 +1,92 @@
+"""Moving scenes whose bits are in memory, their estimated motions, and the errors of these."""
+
+import functools
+
+import numpy as np
+
+import jotlight as jl
+
+
+@functools.cache
+def record(motion, frames=48, shape=(96, 96), photons=0.5, rng=0, **sensor):
+    """Return a moving scene and its bits."""
+    scene = jl.datasets.moving(
+        motion=motion,
+        sensor=jl.Sensor(frames=frames, **sensor),
+        shape=shape,
+        photons=photons,
+        rng=rng,
+    )
+    return scene, in_memory(scene)
+
+
+def in_memory(scene):
+    """Return the bits of a scene, drawn only once."""
+    return jl.Bits(np.asarray(scene.bits.packed), scene.bits.width, scene.sensor)
+
+
+@functools.cache
+def aligned(motion, **options):
+    """Return a recorded scene, its bits, and its estimated motion. See :func:`record`."""
+    scene, bits = record(motion, **options)
+    return scene, bits, jl.align(bits)
+
+
+def moved(shifts, **options):
+    """Return a scene that shifts by rows and columns in each frame, (T, 2), and its bits."""
+    scene = jl.datasets.moving(motion=np.asarray(shifts, float), **options)
+    return scene, in_memory(scene)
+
+
+def two_halves(velocities, frames):
+    """Return the bits of a scene whose left and right halves of 96 columns move differently."""
+    times = np.arange(frames) - frames // 2
+    halves = [
+        moved(np.outer(times, each), shape=(96, 96), photons=0.4, rng=0)[1].to_array()
+        for each in velocities
+    ]
+    return jl.Bits.from_array(np.concatenate(halves, axis=2))
+
+
+def as_burst_of(array):
+    """Return an array of bits (T, H, W) as a burst."""
+    from jotlight.motion.burst import as_burst
+
+    return as_burst(jl.Bits.from_array(array))
+
+
+def blocks_of(bits, number=None, **options):
+    """Return bits as blocks: as many as an alignment uses, or a number."""
+    from jotlight.motion.blocks import Blocks
+    from jotlight.motion.burst import as_burst
+    from jotlight.motion.model import divide
+
+    burst = as_burst(bits)
+    edges = divide(len(burst))
+    if number is not None:
+        edges = np.round(np.linspace(0, len(burst), number + 1)).astype(np.intp)
+    return Blocks(burst, edges, **options)
+
+
+def rms_error(motion, scene, step=5):
+    """Return the root mean square of the errors of a motion at visible points, in pixels."""
+    errors = [
+        ((motion.at(time) - scene.motion(time, at=motion.reference)) ** 2).sum(axis=0)[
+            scene.visible(time, at=motion.reference)
+        ]
+        for time in range(0, scene.sensor.frames, step)
+    ]
+    return np.sqrt(np.concatenate(errors).mean() / 2)
+
+
+def constant_motion(shifts, size, times, reference, model="affine"):
+    """Return the motion of an image that moves by shifts (n, 2) at some times."""
+    from jotlight.motion.tiles import tile_counts
+
+    rows, columns = tile_counts(size)
+    nodes = np.zeros((1, len(times), 2, rows, columns), np.float32)
+    nodes += np.asarray(shifts, np.float32)[None, :, :, None, None]
+    information = np.zeros((1, len(times), 3, rows, columns), np.float32)
+    information[:, :, [0, 2]] = 100
+    labels = np.zeros(size, np.uint8)
+    return jl.Motion(nodes, labels, np.asarray(times, float), float(reference), model, information)
