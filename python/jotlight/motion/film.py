@@ -35,7 +35,7 @@ _MAX_CARRIED = 32
 _MIN_OVERLAP = 0.5
 """Minimum fraction of a window that the next one shares, for the motion to be carried."""
 
-_MAX_LOSS = 0.05
+_MAX_LOSS = 0.03
 """The motion is estimated afresh if the fraction of accepted bits falls by more than this."""
 
 _MIN_FRACTION = 0.5
@@ -160,7 +160,8 @@ def carry(
     Returns
     -------
     Motion or None
-        None if a scene that stood still begins to move.
+        None if a scene that stood still begins to move, or if nothing stays in view, as after a cut
+        to another scene.
     """
     burst, sensor = prepare_burst(data, sensor)
     blocks = Blocks(burst, divide_by_steps(len(burst), step), valid_jots(sensor), threads)
@@ -168,6 +169,8 @@ def carry(
         motion, times=motion.times - step, reference=motion.reference - step
     )
     paths = as_paths(before.seen_from(float(len(burst) // 2)), blocks)
+    if not _stays_in_view(paths):
+        return None
     # Edges are rounded, so centers differ by up to half a frame.
     known = blocks.centers <= before.times[-1] + 0.5
     if motion.model == "none":
@@ -178,7 +181,15 @@ def carry(
         # The field of tiles is the last one.
         is_of_tiles = motion.model == "tiles" and track is paths.tracks[-1]
         _add_blocks(track, known, weights if weights.any() else share, is_of_tiles)
+    if not _stays_in_view(paths):
+        return None
     return as_motion(Paths(paths.tracks, choose(paths.tracks)), motion.model)
+
+
+def _stays_in_view(paths: Paths) -> bool:
+    """Return whether all displacements are smaller than the image."""
+    longest = max(float(abs(track.nodes).max()) for track in paths.tracks)
+    return longest < max(paths.blocks.size)  # False for NaN, too
 
 
 def divide_by_steps(frames: int, step: int) -> npt.NDArray[np.intp]:
