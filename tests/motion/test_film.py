@@ -38,7 +38,8 @@ def quality(merged, truth):
 def test_each_image_is_as_good_as_with_a_fresh_alignment(motion, window, step):
     scene, bits = moving(motion)
     images = list(film(bits, window=window, step=step))
-    assert [image.is_carried for image in images] == [False, *[True] * (len(images) - 1)]
+    assert not images[0].is_carried
+    assert motion == "layers" or all(image.is_carried for image in images[1:])
     for index, image in itertools.islice(enumerate(images), 0, None, 2):
         start = index * step
         part = bits[start : start + window]

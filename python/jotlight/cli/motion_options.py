@@ -80,8 +80,8 @@ class ImageMotionOptions(MotionOptions):
     maps: Annotated[
         Path | None,
         Parameter(
-            help="A .npz, .npy or .tif with the trials, the fraction of the bits that agree, and "
-            "the error of the displacement of each pixel."
+            help="A .npz, .npy or .tif with the trials, the fraction of the bits that agree, the "
+            "error of the displacement, and the flag of each pixel."
         ),
     ] = None
 

@@ -87,11 +87,13 @@ def improve(track: Track, block: int, template: Template, sigma: float, weights:
     track.nodes[block] -= limit_length(step, 2 * sigma)
 
 
-def improve_together(track: Track, weights: Array, sigma: float = 1.0) -> None:
-    """Update all blocks against the template of all of them, as a smooth curve in time."""
+def improve_together(
+    track: Track, weights: Array, sigma: float = 1.0, template: Template | None = None
+) -> None:
+    """Update all blocks against a template, that of all of them, as a smooth curve in time."""
     number = len(track.nodes)
-    total = Sums.total([track.sums(block) for block in range(number)])
-    template = make_template(total, track.blocks.threads)
+    if template is None:
+        template = template_of(track)
     basis = affine_basis(tile_counts(track.blocks.size))
     to_parameters = np.linalg.pinv(basis)
     parameters, matrices = np.empty((number, 6)), np.empty((number, 6, 6))
@@ -99,7 +101,7 @@ def improve_together(track: Track, weights: Array, sigma: float = 1.0) -> None:
         sums = track.sums(block)
         equations = normal_equations(sums, template, sigma)
         # The block itself is a share of the template, which makes its apparent error smaller.
-        share = float(sums.trials.mean() / max(total.trials.mean(), 1e-9))
+        share = float(sums.trials.mean() / max(template.trials.mean(), 1e-9))
         right = equations.right / max(1 - share, _MIN_SHARE_OF_OTHERS)
         step, matrices[block] = fit_affine(Equations(equations.information, right), weights)
         nodes = (track.nodes[block] - step).reshape(2, -1)
@@ -113,6 +115,12 @@ def improve_together(track: Track, weights: Array, sigma: float = 1.0) -> None:
     track.nodes = displacements.reshape(track.nodes.shape)
     information = _information(covariances, basis, displacements)
     track.information = information.reshape(track.information.shape)
+
+
+def template_of(track: Track) -> Template:
+    """Return the template of the blocks that are known."""
+    known = [track.sums(int(block)) for block in np.flatnonzero(track.known)]
+    return make_template(Sums.total(known), track.blocks.threads)
 
 
 def _smooth(parameters: Array, matrices: Array) -> tuple[Array, Array]:

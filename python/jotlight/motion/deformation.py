@@ -3,8 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.affine import extrapolate, is_renewed, start
-from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.affine import extrapolate, is_renewed, start, template_of
+from jotlight.motion.blocks import Blocks
 from jotlight.motion.regularize import Equations, Smoothness, fit_affine, solve_field
 from jotlight.motion.scoring import Template, make_template, normal_equations
 from jotlight.motion.segments import limit_length
@@ -67,20 +67,20 @@ def improve_tiles(track: Track, block: int, template: Template, sigma: float) ->
     track.nodes[block] = now + limit_length(step, 2 * sigma)
 
 
-def improve_tiles_together(track: Track) -> None:
-    """Update all blocks against the template of all of them.
+def improve_tiles_together(track: Track, template: Template | None = None) -> None:
+    """Update all blocks against a template, that of all of them.
 
     Fourth differences in time keep the displacements of each tile smooth.
     """
     number = len(track.nodes)
-    total = Sums.total([track.sums(block) for block in range(number)])
-    template = make_template(total, track.blocks.threads)
+    if template is None:
+        template = template_of(track)
     old, new = track.nodes, track.nodes.copy()
     for block in range(number):
         sums = track.sums(block)
         equations = normal_equations(sums, template, _SIGMAS[-1])
         track.information[block] = equations.information
-        share = float(sums.trials.mean() / max(total.trials.mean(), 1e-9))
+        share = float(sums.trials.mean() / max(template.trials.mean(), 1e-9))
         smooth = old[block]
         if 2 <= block < number - 2:
             near = old[block - 1] + old[block + 1]

@@ -8,16 +8,16 @@ import numpy.typing as npt
 
 from jotlight.formats.capture import CountStack
 from jotlight.images.video import windows
-from jotlight.motion.affine import extrapolate, improve, improve_together
+from jotlight.motion.affine import extrapolate, improve, improve_together, template_of
 from jotlight.motion.align import align, as_motion, prepare_burst, valid_jots
-from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.blocks import Blocks
 from jotlight.motion.deformation import improve_tiles, improve_tiles_together
 from jotlight.motion.merge import as_paths, merge
 from jotlight.motion.model import divide
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.outlines import choose
 from jotlight.motion.regularize import fit_affine
-from jotlight.motion.scoring import Template, make_template, normal_equations
+from jotlight.motion.scoring import normal_equations
 from jotlight.motion.tiles import affine_basis, mean_tiles, tile_counts
 from jotlight.motion.track import Paths, Track
 from jotlight.sensing.bits import Bits
@@ -35,7 +35,7 @@ _MAX_CARRIED = 32
 _MIN_OVERLAP = 0.5
 """Minimum fraction of a window that the next one shares, for the motion to be carried."""
 
-_MAX_LOSS = 0.05
+_MAX_LOSS = 0.03
 """The motion is estimated afresh if the fraction of accepted bits falls by more than this."""
 
 _MIN_FRACTION = 0.5
@@ -160,7 +160,8 @@ def carry(
     Returns
     -------
     Motion or None
-        None if a scene that stood still begins to move.
+        None if a scene that stood still begins to move, or if nothing stays in view, as after a cut
+        to another scene.
     """
     burst, sensor = prepare_burst(data, sensor)
     blocks = Blocks(burst, divide_by_steps(len(burst), step), valid_jots(sensor), threads)
@@ -168,6 +169,8 @@ def carry(
         motion, times=motion.times - step, reference=motion.reference - step
     )
     paths = as_paths(before.seen_from(float(len(burst) // 2)), blocks)
+    if not _stays_in_view(paths):
+        return None
     # Edges are rounded, so centers differ by up to half a frame.
     known = blocks.centers <= before.times[-1] + 0.5
     if motion.model == "none":
@@ -178,7 +181,15 @@ def carry(
         # The field of tiles is the last one.
         is_of_tiles = motion.model == "tiles" and track is paths.tracks[-1]
         _add_blocks(track, known, weights if weights.any() else share, is_of_tiles)
+    if not _stays_in_view(paths):
+        return None
     return as_motion(Paths(paths.tracks, choose(paths.tracks)), motion.model)
+
+
+def _stays_in_view(paths: Paths) -> bool:
+    """Return whether all displacements are smaller than the image."""
+    longest = max(float(abs(track.nodes).max()) for track in paths.tracks)
+    return longest < max(paths.blocks.size)  # False for NaN, too
 
 
 def divide_by_steps(frames: int, step: int) -> npt.NDArray[np.intp]:
@@ -206,7 +217,7 @@ def _add_blocks(
     """Align the new blocks of a track with those that are known, and improve all together."""
     track.known = known.copy()
     velocity = np.zeros(track.nodes.shape[1:])
-    template = _known_template(track)
+    template = template_of(track)
     for block in np.flatnonzero(~known):
         extrapolate(track, int(block), velocity)
         for sigma in _SIGMAS:
@@ -216,21 +227,15 @@ def _add_blocks(
                 improve(track, int(block), template, sigma, weights)
         track.known[block] = True
     if is_of_tiles:
-        improve_tiles_together(track)
+        improve_tiles_together(track, template)
     else:
-        improve_together(track, weights)
-
-
-def _known_template(track: Track) -> Template:
-    """Return the template of the blocks that are known."""
-    known = [track.sums(int(block)) for block in np.flatnonzero(track.known)]
-    return make_template(Sums.total(known), track.blocks.threads)
+        improve_together(track, weights, template=template)
 
 
 def _begins_to_move(track: Track, known: npt.NDArray[np.bool_]) -> bool:
     """Return whether the new blocks of a scene that stood still have moved."""
     track.known = known.copy()
-    template = _known_template(track)
+    template = template_of(track)
     basis = affine_basis(tile_counts(track.blocks.size))
     track.known[:] = True
     for block in np.flatnonzero(~known):

@@ -46,6 +46,8 @@ def move_labels(labels: npt.NDArray[np.uint8], now: Field) -> npt.NDArray[np.uin
     background. A pixel that none claims belongs to the most frequent one.
     """
     numbers = np.bincount(labels.ravel(), minlength=len(now))
+    if numbers.max() == labels.size:
+        return labels.copy()
     moved = np.full(labels.shape, int(numbers.argmax()), np.uint8)
     pixels = np.indices(labels.shape, np.float32)
     limits = np.array(labels.shape).reshape(2, 1, 1) - 1
