@@ -30,6 +30,9 @@ _TYPES = {"nodes": "float32", "labels": "uint8", "times": "float64", "informatio
 _PANEL = 4.2
 """Width of a panel of a figure in inches."""
 
+MAX_DISPLACEMENT = np.float32(1e5)
+"""Largest displacement in pixels, also of extrapolated ones."""
+
 _MAX_FIELDS = 256
 """Maximum number of fields, so that labels are bytes."""
 
@@ -114,6 +117,11 @@ class Motion:
         for name, values in (("nodes", nodes), ("information", self.information)):
             if values.dtype.kind != "f" or not np.isfinite(values).all():
                 raise ValueError(f"{name}: expected finite numbers of float, got {values.dtype}")
+        if abs(nodes).max() > MAX_DISPLACEMENT:
+            raise ValueError(
+                f"nodes: expected displacements of up to {MAX_DISPLACEMENT:g} pixels, got "
+                f"{abs(nodes).max():g}"
+            )
         if not np.isfinite(self.reference):
             raise ValueError(f"reference: expected a finite time, got {self.reference}")
         if self.model not in MODELS:
@@ -130,9 +138,10 @@ class Motion:
         last = len(self.times) - 2
         index = int(np.clip(np.searchsorted(self.times, time, "right") - 1, 0, last))
         before, after = self.times[index], self.times[index + 1]
-        fraction = np.float32((time - before) / (after - before))
+        fraction = np.float32(np.clip((time - before) / (after - before), -1e9, 1e9))
         change = self.nodes[:, index + 1] - self.nodes[:, index]
-        return np.asarray(self.nodes[:, index] + fraction * change)
+        nodes = self.nodes[:, index] + fraction * change
+        return np.asarray(np.clip(nodes, -MAX_DISPLACEMENT, MAX_DISPLACEMENT))
 
     def at(self, time: float) -> npt.NDArray[np.float32]:
         """Return u of each jot at a time, (2, H, W): rows and columns in pixels."""
