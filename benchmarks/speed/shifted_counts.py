@@ -33,7 +33,11 @@ def main() -> None:
     rng = np.random.default_rng(0)
     bits = np.packbits(rng.random((options.frames, *SIZE), np.float32) < DENSITY, axis=2)
     valid = np.packbits(rng.random(SIZE) > 1e-2, axis=1)
-    cases = {"plain counting": lambda: count_plainly(bits)}
+    cases = {
+        "plain counting": lambda: count_plainly(bits, options.frames),
+        "plain counting, calls of 8 frames": lambda: count_plainly(bits, 8),
+        "plain counting, calls of 4 frames": lambda: count_plainly(bits, 4),
+    }
     for name, motion, length in motions(rng):
         calls = divide(motion, options.frames, min(length or options.frames, options.frames))
         cases[name] = lambda calls=calls: count(bits, calls, None)
@@ -96,7 +100,7 @@ def rotation(times: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 
 def layers(times: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Return a background, and an object in front of it that moves in the opposite direction."""
+    """Return a background, and an object that moves in the opposite direction."""
     nodes = np.zeros((2, *tile_counts(SIZE)))
     nodes[0], nodes[1] = 6, 3
     nodes[0, 5:12, 10:17], nodes[1, 5:12, 10:17] = -16, -8
@@ -114,9 +118,11 @@ def divide(motion: Motion, frames: int, length: int) -> list[tuple[slice, Field,
     ]
 
 
-def count_plainly(bits: npt.NDArray[np.uint8]) -> None:
-    """Count the ones of all frames."""
-    engine.add_block_counts(bits, SIZE[1], 1, None, np.zeros(SIZE, np.int32), 1)
+def count_plainly(bits: npt.NDArray[np.uint8], length: int) -> None:
+    """Count the ones of all frames, some in each call."""
+    counts = np.zeros(SIZE, np.int32)
+    for start in range(0, len(bits), length):
+        engine.add_block_counts(bits[start : start + length], SIZE[1], 1, None, counts, 1)
 
 
 def count(

@@ -14,7 +14,7 @@ def follow_scene(scene, bits):
     shape = tile_counts(blocks.size)
     velocity = (scene.motion(26) - scene.motion(22)) / 4
     nodes = velocity[:, 8::16, 8::16][:, : shape[0], : shape[1]].astype(float)
-    return follow(blocks, scene.reference, Segment(nodes, np.ones(shape)))
+    return follow(blocks, scene.reference, Segment(nodes, np.ones(shape), 1.0))
 
 
 @pytest.mark.parametrize(("motion", "limit"), [("shake", 0.25), ("rotate", 0.35)])

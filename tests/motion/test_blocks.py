@@ -165,8 +165,6 @@ def test_blocks_return_remainders_per_frame():
     sums = blocks.count(range(12), (field, field), (0, 12))
     # The shift is 0 rows and -8 columns.
     np.testing.assert_allclose(sums.remainders, -0.25 * 12, atol=1e-4)
-    np.testing.assert_allclose(sums.mean_remainders(), -0.25, atol=1e-5)
-    assert sums.mean_remainders().shape == (2, 40, 50)
     np.testing.assert_array_equal(sums.trials[:, :8], 0)
     np.testing.assert_array_equal(sums.ones[:, 8:], bits.to_array()[:, :, :42].sum(axis=0))
     both = sums + Sums.zeros((40, 50))
@@ -210,9 +208,10 @@ def test_tiles_and_pixels_agree():
     bits, times = rng.random((10, 40, 100)) < 0.3, np.linspace(0, 1, 10)
     first, last = rng.normal(0, 4, (2, 2, 3, 7)).astype(np.float32)
     pixels = [interpolate_tiles(field, 16, (40, 100)) for field in (first, last)]
-    tiles = count(bits, first, last, 16, times)
-    for one, other in zip(tiles, count(bits, *pixels, None, times), strict=True):
-        np.testing.assert_array_equal(one, other)
+    tiles, of_pixels = count(bits, first, last, 16, times), count(bits, *pixels, None, times)
+    np.testing.assert_array_equal(tiles[0], of_pixels[0])
+    np.testing.assert_array_equal(tiles[1], of_pixels[1])
+    np.testing.assert_allclose(tiles[2], of_pixels[2], atol=1e-4)
 
 
 def test_pixels_are_selected_from_several_sums():

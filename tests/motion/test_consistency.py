@@ -109,15 +109,16 @@ def test_what_hides_the_scene_is_left_out():
     assert found.accepted[:, 60:].mean() > 0.98
     # The sums are those of the accepted blocks.
     ones, trials = np.zeros((64, 80), int), np.zeros((64, 80), int)
-    for block in range(16):
-        mask = found.mask(block)
+    masks = np.unpackbits(found.masks, axis=2, count=80).astype(bool)
+    for block, mask in enumerate(masks):
         ones += np.where(mask, bits[4 * block : 4 * block + 4].sum(axis=0), 0)
         trials += np.where(mask, 4, 0)
     np.testing.assert_array_equal(found.total.ones, ones)
     np.testing.assert_array_equal(found.total.trials, trials)
     np.testing.assert_allclose(found.accepted, trials / 64)
-    assert found.mask(7).all()
-    assert found.mask(8).all()
+    assert masks[7:9].all()
+    np.testing.assert_array_equal(found.before.trials + found.after.trials, trials)
+    assert found.before.trials.max() <= 32
 
 
 def test_other_channels_are_counted_where_their_sum_agrees():
@@ -150,4 +151,4 @@ def test_pixels_without_bits_have_no_accepted_bits():
     found = find_consistent(_still(blocks, 16))
     assert (found.total.trials[~valid] == 0).all()
     assert (found.accepted[~valid] == 0).all()
-    assert found.accepted[valid].mean() > 0.97
+    assert found.accepted[valid].mean() > 0.95

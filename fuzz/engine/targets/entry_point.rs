@@ -12,6 +12,7 @@ mod forward;
 mod input;
 mod layers;
 mod likelihood;
+mod motion;
 mod sensing;
 mod simple;
 mod training;
@@ -31,6 +32,7 @@ fn all_checks() -> Vec<(&'static str, Check)> {
     [
         simple::CHECKS,
         counting::CHECKS,
+        motion::CHECKS,
         sensing::CHECKS,
         likelihood::CHECKS,
         estimating::CHECKS,

@@ -60,7 +60,8 @@ def disagreement(first: Sums, second: Sums) -> Image:
     brightness = expected[both].sum() / max(float(others[both].sum()), 1.0)
     others = np.asarray(others * np.clip(brightness, 0.1, 10), np.float32)
     number = trials + other_trials
-    p = _box(np.minimum((ones + others) / np.maximum(number, 1), 1), _SMALL_BOX)
+    # Pixels without trials, such as those of dead jots, must not make p smaller.
+    p = np.minimum(_box(ones + others, _SMALL_BOX) / np.maximum(_box(number, _SMALL_BOX), 1e-3), 1)
     difference = ones * other_trials - others * trials
     variance = p * (1 - p) * trials * other_trials * number
     squared = _box(difference, _SMALL_BOX) ** 2 * np.float32(_SMALL_BOX**2)

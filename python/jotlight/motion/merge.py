@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.errors import warn
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import align, prepare_burst, reference_time
 from jotlight.motion.blocks import Blocks, Sums
-from jotlight.motion.consistency import Consistent, find_consistent
+from jotlight.motion.consistency import find_consistent
 from jotlight.motion.flags import find_flags
+from jotlight.motion.guard import count_window, find_window
 from jotlight.motion.model import divide
 from jotlight.motion.motion import Motion
 from jotlight.motion.posterior import posterior_error
@@ -22,6 +24,9 @@ from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor
 
 Map = npt.NDArray[np.float64]
+
+_MAX_FLAGGED = 0.15
+"""Fraction of flagged pixels above which the image is compared with sums without motion."""
 
 _MIN_FLAGGED = 0.5
 """Fraction of the jots of a pixel that are flagged, above which the pixel is."""
@@ -67,6 +72,12 @@ def merge(
     TypeError, ValueError
         When the data, the sensor, and the motion do not fit together.
 
+    Warns
+    -----
+    JotlightWarning
+        When bits that were held out show that a short window without motion is better than the
+        merged image. That window is then returned.
+
     Examples
     --------
     >>> from jotlight.datasets import moving
@@ -91,12 +102,23 @@ def merge(
     blocks = Blocks(burst, divide(len(burst)), valid, threads)
     paths = as_paths(motion, blocks)
     consistent = find_consistent(paths)
+    accepted, flags = consistent.accepted, find_flags(consistent, motion.labels)
     advance(0.95)
-    channels = [consistent.total]
-    if burst.channels > 1:
-        each = [_of_channel(paths, channel) for channel in range(burst.channels)]
-        channels = [consistent.count(channel) for channel in each]
-    merged = _as_merged(channels, consistent, motion, sensor, paths)
+    channels = [None] if burst.channels == 1 else list(range(burst.channels))
+    of_channels = [_of_channel(paths, channel) for channel in channels]
+    window = find_window(paths, consistent.total) if flags.mean() > _MAX_FLAGGED else None
+    if window is not None:
+        warn(
+            f"the motion explains the scene worse than no motion; only {len(window)} frames are "
+            "used, and all pixels are flagged"
+        )
+        sums = [count_window(each, window) for each in of_channels]
+        accepted, flags = np.full_like(accepted, len(window) / len(burst)), np.ones_like(flags)
+    elif len(channels) == 1:
+        sums = [consistent.total]
+    else:
+        sums = [consistent.count(each) for each in of_channels]
+    merged = _as_merged(sums, accepted, flags, motion, sensor, paths)
     advance(1.0)
     return merged
 
@@ -113,8 +135,8 @@ def as_paths(motion: Motion, blocks: Blocks) -> Paths:
     return Paths(tracks, motion.labels)
 
 
-def _of_channel(paths: Paths, channel: int) -> Paths:
-    """Return the same paths over the bits of one channel."""
+def _of_channel(paths: Paths, channel: int | None) -> Paths:
+    """Return the same paths over the bits of one channel, or of the sum of all."""
     blocks = dataclasses.replace(paths.blocks, channel=channel)
     tracks = [dataclasses.replace(track, blocks=blocks) for track in paths.tracks]
     return Paths(tracks, paths.labels)
@@ -122,7 +144,8 @@ def _of_channel(paths: Paths, channel: int) -> Paths:
 
 def _as_merged(
     channels: list[Sums],
-    consistent: Consistent,
+    accepted: npt.NDArray[np.float32],
+    flags: npt.NDArray[np.bool_],
     motion: Motion,
     sensor: Sensor,
     paths: Paths,
@@ -131,7 +154,6 @@ def _as_merged(
     side, color = sensor.oversampling, len(channels) > 1
     trials = channels[0].trials.astype(np.float64)
     each_jot = np.ones_like(trials)
-    flags = find_flags(consistent, motion.labels).astype(np.float32)
 
     def expected(value: float | npt.NDArray[np.float32]) -> Any:
         if not isinstance(value, np.ndarray):
@@ -146,9 +168,9 @@ def _as_merged(
         sensor,
         expected(sensor.dark_counts),
         expected(sensor.efficiency),
-        _mean_of_pixels(consistent.accepted, each_jot, side).astype(np.float32),
+        _mean_of_pixels(accepted, each_jot, side).astype(np.float32),
         _mean_of_pixels(posterior_error(motion), each_jot, side).astype(np.float32),
-        _mean_of_pixels(flags, each_jot, side) >= _MIN_FLAGGED,
+        _mean_of_pixels(flags.astype(np.float32), each_jot, side) >= _MIN_FLAGGED,
     )
 
 

@@ -58,7 +58,7 @@ def blur(image: npt.NDArray[np.floating], sigma: float) -> Image:
 
 
 @functools.cache
-def _network() -> Network:
+def read_network() -> Network:
     """Return the K-conditioned network. It is read only once."""
     return Network.load(FOLDER / f"{CONDITIONAL_SIZE}.safetensors")
 
@@ -68,7 +68,7 @@ def make_template(sums: Sums, threads: int | None) -> Template:
     known = sums.trials > 0
     fraction = fill_from_nearest(sums.ones / np.maximum(sums.trials, 1), known)
     trials = int(np.clip(np.median(sums.trials[known]) if known.any() else 1, 1, MAX_TRIALS))
-    probability = _network().denoise_probability(fraction, trials, threads=threads)
+    probability = read_network().denoise_probability(fraction, trials, threads=threads)
     # The remainders have shifted the ones on average. This removes the shift to first order.
     moved = np.empty_like(probability)
     engine.undo_remainders(probability, sums.remainders, sums.frames, moved, threads)

@@ -1,4 +1,4 @@
-"""Examples of networks, calibrations, and checkpoints, all `.safetensors`."""
+"""Examples of networks, calibrations, motions, and checkpoints, all `.safetensors`."""
 
 import contextlib
 import functools
@@ -39,6 +39,22 @@ def _checkpoint(path):
     Checkpoint(RUN, np.arange(5.0), {"memory": np.ones((2, 5))}, history).save(path)
 
 
+def _motion(path):
+    rng = np.random.default_rng(0)
+    nodes = rng.normal(size=(2, 3, 2, 2, 3)).astype(np.float32)
+    information = np.ones((2, 3, 3, 2, 3), np.float32)
+    labels = rng.integers(0, 2, (20, 40), np.uint8)
+    jl.Motion(nodes, labels, np.array([0.5, 2, 4]), 2.0, "segments", information).save(path)
+
+
+def _use_motion(path):
+    """Load a motion and use it."""
+    motion = jl.Motion.load(path)
+    motion.at(3)
+    motion.seen_from(3).at(0)
+    return repr(motion)
+
+
 def _use_network(path):
     """Load a network and use it, which may raise only ValueError or TypeError."""
     network = jl.Network.load(path)
@@ -61,6 +77,8 @@ MODELS = {
     "calibration-header": Reader(
         "a.safetensors", _use_calibration, (save_calibration,), **around_header(save_calibration)
     ),
+    "motion": Reader("a.safetensors", _use_motion, (_motion,)),
+    "motion-header": Reader("a.safetensors", _use_motion, (_motion,), **around_header(_motion)),
     "checkpoint": Reader(
         "a.safetensors",
         functools.partial(Checkpoint.load, run=RUN),

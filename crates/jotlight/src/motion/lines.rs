@@ -112,28 +112,37 @@ impl Lines {
     /// Return the part of each block that has the shift of its first pixel, and both shifts.
     #[inline(always)]
     fn split(&self, time: f32) -> Split {
-        let mut split = Split::default();
         let [left, right] = self.ends(time);
+        let (mut low, mut high) = ([0; BLOCKS_PER_STEP], [0; BLOCKS_PER_STEP]);
         for i in 0..BLOCKS_PER_STEP {
-            let (left, right, margin) = (left[i], right[i], self.margin[i]);
-            let [low, high] = [min(left, right) - margin, max(left, right) + margin];
-            let is_constant = round(low) == round(high);
+            low[i] = round(min(left[i], right[i]) - self.margin[i]);
+            high[i] = round(max(left[i], right[i]) + self.margin[i]);
+        }
+        let mut split = Split {
+            first: low,
+            last: low,
+            length: [BLOCK as i32; BLOCKS_PER_STEP],
+            is_certain: [1; BLOCKS_PER_STEP],
+        };
+        if low == high {
+            return split;
+        }
+        for i in 0..BLOCKS_PER_STEP {
+            let (left, right) = (left[i], right[i]);
             let (first, last) = (round(left), round(right));
             // The line crosses this boundary between two shifts, at this pixel.
             let boundary = 0.5 * (first as f32 + last as f32);
             let pixels = (BLOCK - 1) as f32;
             let place = (boundary - left) / (right - left) * pixels;
-            let place = if place > 0.0 && place < pixels {
-                place
-            } else {
-                0.0
-            };
+            let is_between = place > 0.0 && place < pixels;
+            let place = if is_between { place } else { 0.0 };
             let nearest = round(place);
             let before = nearest - i32::from(nearest as f32 > place);
             let fraction = place - before as f32;
             // How far the displacements of the next pixels are from the boundary.
             let distance = min(fraction, 1.0 - fraction) * (right - left).abs();
-            let is_certain = (last - first).abs() == 1 && distance > pixels * margin;
+            let is_certain = (last - first).abs() == 1 && distance > pixels * self.margin[i];
+            let is_constant = low[i] == high[i];
             split.first[i] = first;
             split.last[i] = last;
             split.length[i] = if is_constant {
@@ -200,7 +209,6 @@ pub(super) fn mean(pixels: &[f32; BLOCK], length: usize) -> f32 {
 }
 
 /// Blocks with up to two shifts in one direction.
-#[derive(Clone, Copy, Default)]
 struct Split {
     first: Blocks<i32>,
     last: Blocks<i32>,

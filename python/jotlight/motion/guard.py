@@ -1,0 +1,91 @@
+"""A guard: where the motion is wrong, a short window without alignment may be better."""
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.motion.blocks import Sums
+from jotlight.motion.scoring import read_network
+from jotlight.motion.track import Paths
+from jotlight.networks.trials_map import denoise_map
+
+Counts = npt.NDArray[np.signedinteger]
+
+Probability = npt.NDArray[np.float64]
+
+_FRACTIONS = (1, 2, 4, 8, 16)
+"""The windows have all frames, a half, a quarter, and so on."""
+
+_CENTRAL_FRACTION = 16
+"""Bits are held out from 1/16 of all frames."""
+
+_MIN_GAIN = 3.0
+"""Minimum gain of a window in standard deviations, for the motion to be wrong."""
+
+_MIN_PROBABILITY = 1e-4
+"""Smallest distance of an estimated probability from 0 and from 1."""
+
+
+def find_window(paths: Paths, total: Sums) -> range | None:
+    """Return the frames whose sum without motion is better than the merged counts, or None.
+
+    Half of the bits of a few frames at the reference time are held out, at random. The estimate of
+    the network from the other bits that makes them most probable is the best one.
+
+    Parameters
+    ----------
+    paths : Paths
+        The motion.
+    total : Sums
+        The merged counts of all frames.
+    """
+    blocks = paths.blocks
+    frames = len(blocks.burst)
+    center = count_window(paths, _window(paths, max(2, frames // _CENTRAL_FRACTION)))
+    held_trials = (center.trials // 2).astype(np.int64)
+    # The seed is fixed, so that results repeat.
+    held_ones = np.random.default_rng(0).hypergeometric(
+        center.ones, center.trials - center.ones, held_trials
+    )
+    # The merged counts contain these bits, too, but at positions that rounding may have shifted.
+    held = np.minimum(held_ones, total.ones), np.minimum(held_trials, total.trials)
+    merged = _estimate(total.ones - held[0], total.trials - held[1])
+    best: tuple[float, range | None] = 0.0, None
+    for fraction in _FRACTIONS:
+        window = _window(paths, frames // fraction)
+        if len(window) < frames // _CENTRAL_FRACTION:
+            break
+        counted = count_window(paths, window)
+        estimate = _estimate(counted.ones - held_ones, counted.trials - held_trials)
+        gain, error = _gain(estimate, merged, held_ones, held_trials)
+        if gain > max(best[0], _MIN_GAIN * error):
+            best = gain, window
+    return best[1]
+
+
+def _window(paths: Paths, length: int) -> range:
+    """Return the frames around the reference time, two or more."""
+    frames, half = len(paths.blocks.burst), max(1, length // 2)
+    middle = int(np.clip(round(paths.reference), half, max(half, frames - half)))
+    return range(middle - half, min(middle + half, frames))
+
+
+def count_window(paths: Paths, window: range) -> Sums:
+    """Return the sums of frames without motion."""
+    still = np.zeros((2, *paths.tracks[0].nodes.shape[2:]), np.float32)
+    return paths.blocks.count(window, (still, still), (window.start, window.stop))
+
+
+def _estimate(ones: Counts, trials: Counts) -> Probability:
+    """Return the probabilities that the network estimates, (H, W)."""
+    estimate = denoise_map(read_network(), ones.astype(np.float32), trials.astype(np.float32))
+    return np.clip(estimate.astype(np.float64), _MIN_PROBABILITY, 1 - _MIN_PROBABILITY)
+
+
+def _gain(
+    first: Probability, second: Probability, ones: Counts, trials: Counts
+) -> tuple[float, float]:
+    """Return by how many nats bits are more probable under the first estimate, and its error."""
+    of_one, of_zero = np.log(first / second), np.log((1 - first) / (1 - second))
+    gain = float((ones * of_one + (trials - ones) * of_zero).sum())
+    variance = trials * first * (1 - first) * (of_one - of_zero) ** 2
+    return gain, float(np.sqrt(variance.sum()))
