@@ -168,8 +168,8 @@ def describe(merged: Merged, motion: Motion) -> list[str]:
     lengths = np.max([np.hypot(*motion.at(time)) for time in motion.times], axis=0)
     half, tenth = np.quantile(lengths, (0.5, 0.9))
     lines = [
-        f"motion: {motion.model}; half of the scene moves by {half:.3g} pixels or more, and a tenth "
-        f"by {tenth:.3g} or more",
+        f"motion: {motion.model}; half of the scene moves by {half:.3g} pixels or more, and a "
+        f"tenth by {tenth:.3g} or more",
         numbers,
     ]
     if merged.acceptance is not None and merged.posterior_error is not None:
