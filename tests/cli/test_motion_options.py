@@ -42,13 +42,16 @@ def test_the_image_is_that_of_the_merged_bits(run, moving, tmp_path):
         assert set(maps) == {"trials", "acceptance", "posterior_error", "flags"}
         for name in maps:
             np.testing.assert_array_equal(maps[name], getattr(merged, name))
-    assert f"motion: {motion.model}, up to " in output
+    paths = np.stack([motion.at(time) for time in motion.times])
+    half, tenth = np.quantile(np.sqrt((paths**2).sum(axis=1)).max(axis=0), (0.5, 0.9))
+    assert f"motion: {motion.model}; half of the scene moves by {half:.3g} pixels" in output
+    assert f"and a tenth by {tenth:.3g} or more" in output
     assert f"{merged.flags.mean():.1%} of the pixels may have larger errors" in output
     low, middle = merged.trials.min(), np.median(merged.trials)
-    assert f"; {low:g} trials per pixel or more, {middle:g} in the median" in output
+    assert f"{low:g} trials per pixel or more, {middle:g} in the median" in output
     assert f"{merged.acceptance.mean():.1%} of the bits along the motion agree" in output
     assert f"is {np.median(merged.posterior_error):.2g} pixels in the median" in output
-    assert "the scene moves" not in output
+    assert "the scene moves, so" not in output
 
 
 def test_a_motion_is_used_again(run, moving, tmp_path):
@@ -82,7 +85,7 @@ def test_counts_are_aligned(run, moving, tmp_path):
     assert status == 0, output
     motion = jl.align(stack)
     np.testing.assert_array_equal(np.load("a.npy"), jl.mle(jl.merge(stack, motion=motion)))
-    assert f"motion: {motion.model}, up to " in output
+    assert f"motion: {motion.model}; half of the scene moves by " in output
 
 
 @pytest.mark.filterwarnings("ignore:the motion explains the scene worse")

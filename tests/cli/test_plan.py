@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.motion.cost import motion_cost
 
 
 @pytest.mark.slow
@@ -55,10 +56,22 @@ def test_a_calibration_is_replaced_by_its_median_jot(run):
     assert run(*arguments)[1] == run("plan", "0.1:2", "-q", 2, "--dark-counts", 0.5)[1]
 
 
+def test_the_cost_of_motion_is_printed(run):
+    for more, frames, size in (([], 100, (256, 512)), (["--size", "64x48"], 100, (64, 48))):
+        status, output = run("plan", "0.5", "--frames", frames, *more)
+        assert status == 0
+        cost = motion_cost(frames, size)
+        assert f"--motion takes about {cost.seconds:.2g} s on one thread and " in output
+        assert f"{cost.memory / 1e6:.2g} MB for 100 frames of {size[0]} x {size[1]} jots" in output
+        assert f"and {cost.further_seconds:.2g} s for each further image" in output
+
+
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
         (["2:1"], "MIN:MAX"),
+        (["1:2", "--size", "256"], "size: expected HEIGHTxWIDTH in jots"),
+        (["1:2", "--size", "0x9"], "size: expected HEIGHTxWIDTH in jots"),
         (["dim"], "MIN:MAX"),
         (["1:2", "--frame-rate", 0], "frame-rate"),
         (["1:2", "--plot", "a.txt"], "ends in .png"),

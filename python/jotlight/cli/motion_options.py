@@ -165,8 +165,13 @@ def describe(merged: Merged, motion: Motion) -> list[str]:
     numbers = f"{trials.min():g} trials per pixel or more, {np.median(trials):g} in the median"
     if motion.model == "none":
         return [f"motion: none, the scene stands still; {numbers}"]
-    distance = float(np.sqrt((motion.nodes**2).sum(axis=2)).max())
-    lines = [f"motion: {motion.model}, up to {distance:.3g} pixels; {numbers}"]
+    lengths = np.max([np.hypot(*motion.at(time)) for time in motion.times], axis=0)
+    half, tenth = np.quantile(lengths, (0.5, 0.9))
+    lines = [
+        f"motion: {motion.model}; half of the scene moves by {half:.3g} pixels or more, and a "
+        f"tenth by {tenth:.3g} or more",
+        numbers,
+    ]
     if merged.acceptance is not None and merged.posterior_error is not None:
         lines.append(
             f"{merged.acceptance.mean():.1%} of the bits along the motion agree and are used; the "

@@ -1,5 +1,6 @@
 """``jotlight plan``: the number of frames that a quality takes."""
 
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +13,7 @@ from jotlight.cli.sensor_options import CalibratedSensorOptions
 from jotlight.estimators.planning import Plan
 from jotlight.estimators.planning import plan as predict
 from jotlight.files import refuse_overwrite
+from jotlight.motion.cost import motion_cost
 from jotlight.sensing.sensor import Sensor
 
 _ROWS = 13
@@ -35,10 +37,14 @@ def plan(
     target: Annotated[
         float | None, Parameter(help="A PSNR in dB. The last line states the frames it takes.")
     ] = None,
+    size: Annotated[
+        str,
+        Parameter(help="Height and width in jots, for the cost of --motion."),
+    ] = "256x512",
     plot: Annotated[Path | None, Parameter(help="A figure, .png, .pdf, .svg or .jpg.")] = None,
     sensor: CalibratedSensorOptions = CalibratedSensorOptions(),
 ) -> None:
-    """Predict the quality of maximum likelihood, by the number of frames.
+    """Predict the quality of maximum likelihood by the number of frames, and the cost of motion.
 
     --frames is the last row of the table. PSNR is that of a scene whose light is uniform between
     the minimum and the maximum, with the maximum as peak. SNR is the light over the error of the
@@ -48,6 +54,7 @@ def plan(
     if frame_rate is not None and not 0 < frame_rate < float("inf"):
         raise ValueError(f"frame-rate: expected frames per second above 0, got {frame_rate}")
     minimum, maximum = _light_range(light)
+    height, width = _size(size)
     if plot is not None:
         from jotlight.plots import check_figure
 
@@ -69,7 +76,7 @@ def plan(
         max_intensity=max_intensity,
     )
     out.print(_table(predicted, frame_rate))
-    report(*_explanation(predicted, frame_rate))
+    report(*_explanation(predicted, frame_rate), _motion_line(last, (height, width)))
     if plot is not None:
         from jotlight.plots import expectation, save_figure
 
@@ -87,6 +94,24 @@ def _light_range(text: str) -> tuple[float, float]:
             f"light: expected MIN:MAX in photons, above 0, such as 0.01:1, got {text!r}"
         )
     return numbers[0], numbers[-1]
+
+
+def _size(text: str) -> tuple[int, int]:
+    match = re.fullmatch(r"(\d{1,6})x(\d{1,6})", text.strip(), re.ASCII)
+    if match is None or min(int(match[1]), int(match[2])) < 1:
+        raise ValueError(f"size: expected HEIGHTxWIDTH in jots, such as 256x512, got {text!r}")
+    return int(match[1]), int(match[2])
+
+
+def _motion_line(frames: int, size: tuple[int, int]) -> str:
+    """Return what aligning the frames costs."""
+    cost = motion_cost(frames, size)
+    return (
+        f"If the scene moves, --motion takes about {cost.seconds:.2g} s on one thread and "
+        f"{cost.memory / 1e6:.2g} MB for {frames} frame{'s' * (frames > 1)} of "
+        f"{size[0]} x {size[1]} jots, and {cost.further_seconds:.2g} s for each further image of a "
+        "film."
+    )
 
 
 def _frame_numbers(last: int) -> list[int]:

@@ -1,11 +1,13 @@
 """Films: the motion of a scene, carried from image to image."""
 
 import dataclasses
+import warnings
 from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.errors import JotlightWarning
 from jotlight.formats.capture import CountStack
 from jotlight.images.video import windows
 from jotlight.motion.affine import extrapolate, improve, improve_together, template_of
@@ -29,7 +31,7 @@ Array = npt.NDArray[np.float64]
 _SIGMAS = (2.0, 1.0)
 """Widths of the filters with which new blocks are aligned."""
 
-_MAX_CARRIED = 32
+_MAX_CARRIED = 33
 """Number of images after which the motion is estimated afresh."""
 
 _MIN_OVERLAP = 0.5
@@ -119,25 +121,44 @@ def _images(
     threads: int | None,
 ) -> Iterator[FilmImage]:
     """Yield the images of all windows, whose sensor is given."""
-    motion: Motion | None = None
+    before: FilmImage | None = None
     number, usual, step = 0, 0.0, 0
     for index, span in enumerate(spans):
         part = data[span]
         if index:
             step = span.start - spans[index - 1].start
-        shared = (span.stop - span.start - step) / (span.stop - span.start)
-        if motion is not None and number < _MAX_CARRIED and shared >= _MIN_OVERLAP:
-            motion = carry(motion, part, sensor, step, threads)
-            if motion is not None:
-                merged = merge(part, sensor, motion=motion, threads=threads)
-                if _accepted(merged) >= usual - _MAX_LOSS:
-                    number += 1
-                    yield FilmImage(merged, motion, True)
-                    continue
-        motion = align(part, sensor, model=model, threads=threads)
-        merged = merge(part, sensor, motion=motion, threads=threads)
-        number, usual = 0, _accepted(merged)
-        yield FilmImage(merged, motion, False)
+        shared = 1 - step / (span.stop - span.start)
+        image = None
+        if before is not None and number < _MAX_CARRIED and shared >= _MIN_OVERLAP:
+            image = _carried_image(before.motion, part, sensor, step, usual - _MAX_LOSS, threads)
+        if image is None:
+            motion = align(part, sensor, model=model, threads=threads)
+            merged = merge(part, sensor, motion=motion, threads=threads)
+            image = FilmImage(merged, motion, False)
+            number, usual = 0, _accepted(merged)
+        number += 1
+        yield image
+        # Where merging has rejected the motion, it is not carried.
+        before = None if image.merged.flags is not None and image.merged.flags.all() else image
+
+
+def _carried_image(
+    motion: Motion,
+    part: Bits | CountStack,
+    sensor: Sensor,
+    step: int,
+    min_accepted: float,
+    threads: int | None,
+) -> FilmImage | None:
+    """Return the image of a window along the motion of the one before, or None if it is lost."""
+    carried = carry(motion, part, sensor, step, threads)
+    if carried is None:
+        return None
+    with warnings.catch_warnings():
+        # A motion that is lost is estimated afresh, so a warning about it would mislead.
+        warnings.simplefilter("ignore", JotlightWarning)
+        merged = merge(part, sensor, motion=carried, threads=threads)
+    return FilmImage(merged, carried, True) if _accepted(merged) >= min_accepted else None
 
 
 def _accepted(merged: Merged) -> float:
