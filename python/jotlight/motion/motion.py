@@ -30,6 +30,9 @@ _TYPES = {"nodes": "float32", "labels": "uint8", "times": "float64", "informatio
 _PANEL = 4.2
 """Width of a panel of a figure in inches."""
 
+_MAX_DISPLACEMENT = 1e5
+"""Largest displacement in pixels, as in the engine."""
+
 _MAX_FIELDS = 256
 """Maximum number of fields, so that labels are bytes."""
 
@@ -114,6 +117,11 @@ class Motion:
         for name, values in (("nodes", nodes), ("information", self.information)):
             if values.dtype.kind != "f" or not np.isfinite(values).all():
                 raise ValueError(f"{name}: expected finite numbers of float, got {values.dtype}")
+        if abs(nodes).max() > _MAX_DISPLACEMENT:
+            raise ValueError(
+                f"nodes: expected displacements of at most {_MAX_DISPLACEMENT:g} pixels, got "
+                f"{abs(nodes).max():g}"
+            )
         if not np.isfinite(self.reference):
             raise ValueError(f"reference: expected a finite time, got {self.reference}")
         if self.model not in MODELS:
@@ -142,6 +150,11 @@ class Motion:
     def seen_from(self, time: float) -> "Motion":
         """Return the same motion as seen from another reference time.
 
+        Raises
+        ------
+        ValueError
+            When the scene has moved by more than 100,000 pixels at this time.
+
         Examples
         --------
         >>> nodes = np.zeros((1, 2, 2, 1, 1), np.float32)
@@ -152,7 +165,13 @@ class Motion:
         >>> motion.seen_from(6).at(0)[:, 4, 4].tolist()
         [-3.0, -3.0]
         """
-        now = self.nodes_at(time)
+        with np.errstate(over="ignore", invalid="ignore"):
+            now = self.nodes_at(time)
+        if not (abs(now) <= _MAX_DISPLACEMENT).all():
+            raise ValueError(
+                f"time: expected one at which the scene has moved by at most {_MAX_DISPLACEMENT:g} "
+                f"pixels, got {time}"
+            )
         nodes = np.stack([move_nodes(*pair) for pair in zip(self.nodes, now, strict=True)])
         labels = move_labels(self.labels, now)
         return dataclasses.replace(self, nodes=nodes, labels=labels, reference=time)

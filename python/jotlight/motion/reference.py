@@ -10,6 +10,9 @@ Field = npt.NDArray[np.float32]
 _ROUNDS = 8
 """Rounds of the fixed-point iteration that inverts a displacement."""
 
+_FARTHEST = 1e6
+"""Largest distance in pixels of a place outside of the image."""
+
 
 def move_nodes(nodes: Field, now: Field) -> Field:
     """Return displacements (n, 2, rows, columns) as seen from a new reference time.
@@ -63,5 +66,6 @@ def _origins(places: Field, now: Field) -> Field:
     """Return the places y with y + u(y) = x for places x, (2, ...)."""
     origin = places
     for _ in range(_ROUNDS):
-        origin = places - interpolate_at(now, origin)
+        # A motion that folds the image has no such places, and the iteration diverges.
+        origin = np.clip(places - interpolate_at(now, origin), -_FARTHEST, _FARTHEST)
     return origin

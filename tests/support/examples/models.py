@@ -51,7 +51,8 @@ def _use_motion(path):
     """Load a motion and use it."""
     motion = jl.Motion.load(path)
     motion.at(3)
-    motion.seen_from(3).at(0)
+    with contextlib.suppress(ValueError):  # beyond the last time, it may have moved too far
+        motion.seen_from(3).at(0)
     return repr(motion)
 
 
