@@ -60,6 +60,7 @@ def test_a_static_scene_stays_static():
         np.testing.assert_array_equal(image.merged.ones[whole], counts[whole])
 
 
+@pytest.mark.filterwarnings("ignore:the motion explains the scene worse")
 def test_a_scene_that_begins_to_move_is_aligned_afresh():
     _, still = moving("static", 96)
     scene, bits = moving("shake", 96)
@@ -73,6 +74,7 @@ def test_a_scene_that_begins_to_move_is_aligned_afresh():
     assert quality(images[-1].merged, truth) > fresh - 0.3
 
 
+@pytest.mark.filterwarnings("ignore:the motion explains the scene worse")
 def test_another_scene_is_aligned_afresh():
     _, first = moving("shake", 64)
     second = jl.datasets.moving(
@@ -107,6 +109,7 @@ def test_counts_are_filmed_as_bits_are():
     assert image.merged.trials.max() == 48
 
 
+@pytest.mark.filterwarnings("ignore:the motion explains the scene worse")
 def test_color_is_filmed():
     _, bits = moving("shake", 64, (48, 48))
     colors = jl.Bits.from_array(np.stack([bits.to_array()] * 2, axis=3))

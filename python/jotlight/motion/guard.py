@@ -10,11 +10,16 @@ from jotlight.networks.trials_map import denoise_map
 
 Counts = npt.NDArray[np.signedinteger]
 
+Probability = npt.NDArray[np.float64]
+
 _FRACTIONS = (1, 2, 4, 8, 16)
 """The windows have all frames, a half, a quarter, and so on."""
 
 _CENTRAL_FRACTION = 16
 """Bits are held out from 1/16 of all frames."""
+
+_MIN_GAIN = 3.0
+"""Minimum gain of a window in standard deviations, for the motion to be wrong."""
 
 _MIN_PROBABILITY = 1e-4
 """Smallest distance of an estimated probability from 0 and from 1."""
@@ -43,18 +48,17 @@ def find_window(paths: Paths, total: Sums) -> range | None:
     )
     # The merged counts contain these bits, too, but at positions that rounding may have shifted.
     held = np.minimum(held_ones, total.ones), np.minimum(held_trials, total.trials)
-    merged = _likelihood(total.ones - held[0], total.trials - held[1], held_ones, held_trials)
-    best: tuple[float, range | None] = merged, None
+    merged = _estimate(total.ones - held[0], total.trials - held[1])
+    best: tuple[float, range | None] = 0.0, None
     for fraction in _FRACTIONS:
         window = _window(paths, frames // fraction)
         if len(window) < frames // _CENTRAL_FRACTION:
             break
         counted = count_window(paths, window)
-        likelihood = _likelihood(
-            counted.ones - held_ones, counted.trials - held_trials, held_ones, held_trials
-        )
-        if likelihood > best[0]:
-            best = likelihood, window
+        estimate = _estimate(counted.ones - held_ones, counted.trials - held_trials)
+        gain, error = _gain(estimate, merged, held_ones, held_trials)
+        if gain > max(best[0], _MIN_GAIN * error):
+            best = gain, window
     return best[1]
 
 
@@ -71,8 +75,17 @@ def count_window(paths: Paths, window: range) -> Sums:
     return paths.blocks.count(window, (still, still), (window.start, window.stop))
 
 
-def _likelihood(ones: Counts, trials: Counts, held_ones: Counts, held_trials: Counts) -> float:
-    """Return the log-likelihood of bits that were held out, in nats."""
+def _estimate(ones: Counts, trials: Counts) -> Probability:
+    """Return the probabilities that the network estimates, (H, W)."""
     estimate = denoise_map(read_network(), ones.astype(np.float32), trials.astype(np.float32))
-    p = np.clip(estimate.astype(np.float64), _MIN_PROBABILITY, 1 - _MIN_PROBABILITY)
-    return float((held_ones * np.log(p) + (held_trials - held_ones) * np.log1p(-p)).sum())
+    return np.clip(estimate.astype(np.float64), _MIN_PROBABILITY, 1 - _MIN_PROBABILITY)
+
+
+def _gain(
+    first: Probability, second: Probability, ones: Counts, trials: Counts
+) -> tuple[float, float]:
+    """Return by how many nats bits are more probable under the first estimate, and its error."""
+    of_one, of_zero = np.log(first / second), np.log((1 - first) / (1 - second))
+    gain = float((ones * of_one + (trials - ones) * of_zero).sum())
+    variance = trials * first * (1 - first) * (of_one - of_zero) ** 2
+    return gain, float(np.sqrt(variance.sum()))
