@@ -10,8 +10,8 @@ Field = npt.NDArray[np.float32]
 _ROUNDS = 8
 """Rounds of the fixed-point iteration that inverts a displacement."""
 
-_FARTHEST = 1e6
-"""Largest distance in pixels of a place outside of the image."""
+_FAR = np.float32(1e6)
+"""Largest coordinate of an origin in pixels."""
 
 
 def move_nodes(nodes: Field, now: Field) -> Field:
@@ -66,6 +66,6 @@ def _origins(places: Field, now: Field) -> Field:
     """Return the places y with y + u(y) = x for places x, (2, ...)."""
     origin = places
     for _ in range(_ROUNDS):
-        # A motion that folds the image has no such places, and the iteration diverges.
-        origin = np.clip(places - interpolate_at(now, origin), -_FARTHEST, _FARTHEST)
+        # Impossible motions may diverge.
+        origin = np.clip(places - interpolate_at(now, origin), -_FAR, _FAR)
     return origin
