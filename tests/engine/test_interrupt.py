@@ -28,6 +28,8 @@ import jotlight as jl
 counts = np.full((4000, 4000), 50, np.int32)
 maps = jl.Sensor(frames=100, threshold=50, dark_counts=np.tile(np.float32([0, 1]), (4000, 2000)))
 smooth = jl.Bits(np.broadcast_to(np.uint8(85), (9, 4000, 500)))
+small = jl.Bits(np.random.default_rng(0).integers(0, 256, (64, 128, 16), np.uint8))
+still = jl.align(small, model="none")
 inbox, outbox = os.pipe()
 os.set_blocking(outbox, False)
 signal.set_wakeup_fd(outbox)
@@ -102,6 +104,11 @@ CALLS = {
         "jl.Network.initial(jl.Sensor(4), taps=201, tied=False).reconstruct("
         "jl.Bits(np.broadcast_to(np.uint8(85), (1, 16000, 2000))))"
     ),
+    "align": (
+        "jl.align(jl.Bits(np.random.default_rng(0).integers(0, 256, (200, 2000, 250), np.uint8)))"
+    ),
+    "align, small": "[jl.align(small) for _ in range(999)]",
+    "merge": "[jl.merge(small, motion=still) for _ in range(999)]",
     "Gauss-Newton": "jl.train(jl.Network.initial({0}), np.full((9, 512, 512), 0.5), patch=512)",
     "Adam": (
         "jl.train(jl.pretrained(jl.Sensor(4), 'two-layer'), np.full((2, 2000, 2000), 0.5), "

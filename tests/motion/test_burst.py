@@ -111,6 +111,7 @@ def test_frames_are_read_when_they_are_needed():
 
 @pytest.mark.filterwarnings("ignore:the motion explains the scene worse")
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:the motion explains the scene worse")
 def test_long_bursts_take_no_more_memory_than_short_ones(monkeypatch):
     monkeypatch.setattr(module, "_BYTES_AT_ONCE", 1 << 16)
     rng = np.random.default_rng(1)

@@ -58,6 +58,7 @@ def test_a_requested_model_is_used(model):
     assert (paths.tracks[0].nodes == 0).all() == (model == "none")
 
 
+@pytest.mark.slow
 def test_two_segments_are_found():
     velocities = (0.4, 0.3), (-0.3, 0.5)
     paths, name = find(two_halves(velocities, 48), "segments")

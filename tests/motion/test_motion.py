@@ -75,6 +75,10 @@ BAD = {
     ),
     "a number for times": ({"times": np.float64(3)}, "times: expected an"),
     "NaN": ({"nodes": np.full((2, 4, 2, 3, 5), np.nan, np.float32)}, "expected finite numbers"),
+    "huge displacements": (
+        {"nodes": np.full((2, 4, 2, 3, 5), 2e5, np.float32)},
+        "up to 100000 pixels, got 200000",
+    ),
     "an infinite time": ({"reference": np.inf}, "reference: expected a finite time"),
     "another model": ({"model": "flow"}, "model: expected one of none, affine, segments, tiles"),
     "labels of fields that are missing": (

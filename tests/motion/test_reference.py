@@ -103,3 +103,21 @@ def test_labels_stay_where_nothing_moves(fields):
     labels = np.random.default_rng(3).integers(0, fields, SIZE, np.uint8)
     still = np.zeros((fields, 2, *tile_counts(SIZE)), np.float32)
     np.testing.assert_array_equal(move_labels(labels, still), labels)
+
+
+def test_times_far_from_the_burst_have_a_limited_displacement():
+    motion = constant_motion([(0, 0), (2, -4)], (40, 60), [0, 4], 0)
+    assert motion.seen_from(1e4).reference == 1e4
+    for time in (1e9, -1e300):
+        assert abs(motion.at(time)).max() == 1e5
+    for time in (-1e300, np.inf, np.nan):
+        with pytest.raises(ValueError, match="expected"):
+            motion.seen_from(time)
+
+
+def test_motions_that_fold_the_image_have_finite_displacements():
+    nodes = np.random.default_rng(4).normal(0, 1e4, (4, 2, *tile_counts(SIZE))).astype(np.float32)
+    moved = move_nodes(nodes, nodes[1])
+    assert np.isfinite(moved).all()
+    labels = np.random.default_rng(5).integers(0, 2, SIZE, np.uint8)
+    assert move_labels(labels, nodes[:2]).max() <= 1

@@ -13,8 +13,8 @@ from moving import as_burst_of, moved
 
 @pytest.mark.parametrize(
     "velocity",
-    [(0, 0), (1.0, -0.5)]
-    + [pytest.param(each, marks=pytest.mark.slow) for each in ((-0.17, 1.9), (0.02, 0.04))],
+    [(1.0, -0.5)]
+    + [pytest.param(each, marks=pytest.mark.slow) for each in ((0, 0), (-0.17, 1.9), (0.02, 0.04))],
 )
 def test_the_velocity_of_dim_frames_is_found(velocity):
     shifts = np.outer(np.arange(64) - 32, velocity)
@@ -24,6 +24,7 @@ def test_the_velocity_of_dim_frames_is_found(velocity):
     assert np.hypot(*(found - velocity).T).min() < 0.08
 
 
+@pytest.mark.slow
 def test_two_parts_have_two_velocities():
     left, right = (
         moved(np.outer(np.arange(64) - 32, velocity), shape=(96, 96), photons=0.3, rng=0)[1]

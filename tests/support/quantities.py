@@ -12,6 +12,7 @@ SMOOTH = SENSOR.replace(kernel="cubic", threshold=2)
 IMAGE = np.linspace(0.02, 1, 131 * 97).reshape(131, 97)
 BITS = SENSOR.expose(IMAGE, rng=0, threads=1)
 COUNTS = BITS.counts(2, threads=1)
+SHAKEN = jl.datasets.moving(sensor=jl.Sensor(frames=32), shape=(64, 96), photons=0.5, rng=0).bits
 DARK = jl.Sensor(frames=99, dark_counts=0.01).expose(0 * IMAGE, rng=0, threads=1)
 JOTS = 262, 194
 MASKED = SENSOR.replace(mask=np.arange(JOTS[0] * JOTS[1]).reshape(JOTS) % 7 == 0)
@@ -34,6 +35,12 @@ def likelihood(threads):
     cells = jl.Likelihood(ones, 4, threshold=2, dark_counts=0.1, threads=threads)
     light = light.reshape(JOTS)
     return *cells.gradient_and_curvature(light), cells.information(light), cells.value(light)
+
+
+def motion(threads):
+    found = jl.align(SHAKEN, threads=threads)
+    merged = jl.merge(SHAKEN, motion=found, threads=threads)
+    return found.nodes, found.labels, found.information, merged.ones, merged.trials, merged.flags
 
 
 def training(threads):
@@ -70,6 +77,7 @@ QUANTITIES = {
     "untied network": lambda threads: jl.Network.initial(SENSOR, tied=False).reconstruct(
         BITS, threads=threads
     ),
+    "motion": motion,
     "training": training,
     "calibration": calibration,
     # The threads of BM3D's package add in a random order.
