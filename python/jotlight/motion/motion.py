@@ -135,6 +135,8 @@ class Motion:
 
     def nodes_at(self, time: float) -> npt.NDArray[np.float32]:
         """Return u at the centers of the tiles at a time, (m, 2, rows, columns)."""
+        if not np.isfinite(time):
+            raise ValueError(f"time: expected a finite number of frames, got {time}")
         last = len(self.times) - 2
         index = int(np.clip(np.searchsorted(self.times, time, "right") - 1, 0, last))
         before, after = self.times[index], self.times[index + 1]
