@@ -10,7 +10,7 @@ from PIL import Image
 
 import jotlight as jl
 from jotlight.cli import app
-from jotlight.evaluation.methods import DEEP_NETWORKS, METHODS
+from jotlight.evaluation.methods import DEEP_NETWORKS, LARGE_METHOD, METHODS
 from jotlight.experiments import EXPERIMENTS
 from jotlight.experiments.bsds_methods import crop_center
 from jotlight.experiments.experiment import Data
@@ -46,7 +46,7 @@ def available_methods():
     return {
         name
         for name, method in METHODS.items()
-        if method.available and name not in ("mle-iterative", *DEEP_NETWORKS)
+        if method.available and name not in ("mle-iterative", LARGE_METHOD, *DEEP_NETWORKS)
     }
 
 

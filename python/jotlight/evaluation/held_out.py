@@ -280,9 +280,10 @@ def minimize_on_simplex(hessian: Array, linear: Array) -> Weights:
             # Equal methods make the system singular; least squares finds one of the solutions.
             system = edges @ hessian @ edges.T
             moves = np.linalg.lstsq(system, -edges @ (linear + hessian @ corner))[0]
-            candidate = corner + moves @ edges
-            if (candidate < 0).any():
+            # With almost no curvature, the moves are huge or not finite.
+            if not ((moves >= 0).all() and moves.sum() <= 1):
                 continue
+            candidate = corner + moves @ edges
             value = float(candidate @ hessian @ candidate / 2 + linear @ candidate)
             if value < best_value:
                 best, best_value = candidate, value
