@@ -22,6 +22,12 @@ _JOINT_SIGMAS = (2.0, 1.0, 1.0)
 _SYSTEMATIC_ERROR = 0.05
 """Standard deviation of the errors that do not depend on the number of photons, in pixels."""
 
+_SMALL = 0.3
+"""Steps up to this length in pixels need no further round with a narrower filter."""
+
+_TINY = 0.03
+"""Steps up to this length in pixels end the rounds of all blocks together."""
+
 _INTERPOLATION = 0.25
 """Error of linear interpolation between blocks, as a fraction of their second difference."""
 
@@ -38,13 +44,15 @@ def follow(blocks: Blocks, reference: int, segment: Segment) -> Track:
     for number, block in enumerate(order[2:], 3):
         extrapolate(track, block, segment.velocity)
         for sigma in _SIGMAS:
-            improve(track, block, template, sigma, segment.weights)
+            if improve(track, block, template, sigma, segment.weights) <= _SMALL:
+                break
         track.known[block] = True
-        total = total + track.sums(block)
+        total = total + track.nearby_sums(block)
         if is_renewed(number):
             template = make_template(total, blocks.threads)
     for sigma in _JOINT_SIGMAS:
-        improve_together(track, segment.weights, sigma)
+        if improve_together(track, segment.weights, sigma) <= _TINY and sigma == _JOINT_SIGMAS[-1]:
+            break
     return track
 
 
@@ -80,17 +88,22 @@ def is_renewed(number: int) -> bool:
     return number.bit_count() == 1 or number % 16 == 0
 
 
-def improve(track: Track, block: int, template: Template, sigma: float, weights: Array) -> None:
-    """Update the displacements of a block."""
-    equations = normal_equations(track.sums(block), template, sigma)
+def improve(track: Track, block: int, template: Template, sigma: float, weights: Array) -> float:
+    """Update the displacements of a block, and return the length of the longest step."""
+    equations = normal_equations(track.nearby_sums(block), template, sigma)
     step, _ = fit_affine(equations, weights)
-    track.nodes[block] -= limit_length(step, 2 * sigma)
+    step = limit_length(step, 2 * sigma)
+    track.nodes[block] -= step
+    return float(np.hypot(*step).max())
 
 
 def improve_together(
     track: Track, weights: Array, sigma: float = 1.0, template: Template | None = None
-) -> None:
-    """Update all blocks against a template, that of all of them, as a smooth curve in time."""
+) -> float:
+    """Update all blocks against a template, that of all of them, as a smooth curve in time.
+
+    Return the root-mean-square length of the steps.
+    """
     number = len(track.nodes)
     if template is None:
         template = template_of(track)
@@ -98,7 +111,7 @@ def improve_together(
     to_parameters = np.linalg.pinv(basis)
     parameters, matrices = np.empty((number, 6)), np.empty((number, 6, 6))
     for block in range(number):
-        sums = track.sums(block)
+        sums = track.nearby_sums(block)
         equations = normal_equations(sums, template, sigma)
         # The block itself is a share of the template, which makes its apparent error smaller.
         share = float(sums.trials.mean() / max(template.trials.mean(), 1e-9))
@@ -111,15 +124,17 @@ def improve_together(
     at_reference = cubic_weights(number, place)
     smooth -= at_reference @ smooth
     covariances = covariances + np.tensordot(at_reference**2, covariances, axes=1)
-    displacements = smooth.reshape(number, 2, 3) @ basis.T
-    track.nodes = displacements.reshape(track.nodes.shape)
-    information = _information(covariances, basis, displacements)
+    displacements = (smooth.reshape(number, 2, 3) @ basis.T).reshape(track.nodes.shape)
+    length = float(np.sqrt(2 * np.mean((displacements - track.nodes) ** 2)))
+    track.nodes = displacements
+    information = _information(covariances, basis, displacements.reshape(number, 2, -1))
     track.information = information.reshape(track.information.shape)
+    return length
 
 
 def template_of(track: Track) -> Template:
     """Return the template of the blocks that are known."""
-    known = [track.sums(int(block)) for block in np.flatnonzero(track.known)]
+    known = [track.nearby_sums(int(block)) for block in np.flatnonzero(track.known)]
     return make_template(Sums.total(known), track.blocks.threads)
 
 

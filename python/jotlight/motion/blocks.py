@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.motion.burst import Burst
-from jotlight.motion.tiles import TILE
+from jotlight.motion.tiles import TILE, interpolate_rows
 
 Counts = npt.NDArray[np.int32]
 
@@ -83,6 +83,18 @@ class Sums:
             self.frames + other.frames,
         )
 
+    def seen_along(self, change: npt.NDArray[np.floating]) -> "Sums":
+        """Return the same counts with the remainders of a changed motion.
+
+        Parameters
+        ----------
+        change : ndarray of float, shape (2, rows, columns)
+            By how much the displacements of tile centers increase.
+        """
+        rows = interpolate_rows(change, self.ones.shape[0])
+        remainders = self.remainders - np.float32(self.frames) * rows.transpose(1, 0, 2)
+        return dataclasses.replace(self, remainders=remainders)
+
     def masked(self, pixels: npt.NDArray[np.bool_]) -> "Sums":
         """Return the sums of some pixels (H, W), and 0 for the others."""
         return dataclasses.replace(self, ones=self.ones * pixels, trials=self.trials * pixels)
@@ -147,7 +159,7 @@ class Blocks:
         """Add the counts of some frames to sums, as :meth:`count` counts them."""
         first, last = (np.ascontiguousarray(field, np.float32) for field in fields)
         for part, planes in self.burst.parts(frames, self.channel):
-            fractions = (np.arange(part.start, part.stop) - times[0]) / (times[1] - times[0])
+            fractions = (np.asarray(part) - times[0]) / (times[1] - times[0])
             for number, (weight, packed) in enumerate(planes):
                 is_plain = weight == 1 and self.trials == 1
                 target = sums if is_plain else Sums.zeros(self.size)

@@ -44,9 +44,13 @@ class Burst:
     def parts(self, frames: range, channel: int | None = None) -> Iterator[tuple[range, Planes]]:
         """Yield the planes of frames in parts that fit in memory, of a channel or of their sum."""
         length = max(1, _BYTES_AT_ONCE // self.frame_bytes)
-        for start in range(frames.start, frames.stop, length):
-            stop = min(start + length, frames.stop)
-            yield range(start, stop), self.read(start, stop, channel)
+        for first in range(0, len(frames), length):
+            part = frames[first : first + length]
+            if part.step == 1:
+                yield part, self.read(part.start, part.stop, channel)
+            else:
+                each = [self.read(frame, frame + 1, channel) for frame in part]
+                yield part, _join(each)
 
     def counts(self, frames: range, threads: int | None) -> npt.NDArray[np.int32]:
         """Return the counts of frames without motion, (H, W)."""
@@ -55,6 +59,22 @@ class Burst:
             for weight, packed in planes:
                 total += weight * Bits(packed, self.size[1]).counts(1, threads=threads)
         return total
+
+
+def _join(frames: list[Planes]) -> Planes:
+    """Return the planes of single frames as planes of all of them.
+
+    Frames of small counts have fewer planes than others.
+    """
+    longest = max(frames, key=len)
+    empty = np.zeros_like(longest[0][1])
+    return [
+        (
+            weight,
+            np.concatenate([planes[n][1] if n < len(planes) else empty for planes in frames]),
+        )
+        for n, (weight, _) in enumerate(longest)
+    ]
 
 
 def as_burst(data: Bits | CountStack, trials: int | None = None) -> Burst:

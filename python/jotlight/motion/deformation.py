@@ -47,7 +47,7 @@ def follow_tiles(blocks: Blocks, reference: int, velocity: Array) -> Track:
         for sigma in _SIGMAS:
             improve_tiles(track, block, template, sigma)
         track.known[block] = True
-        total = total + track.sums(block)
+        total = total + track.nearby_sums(block)
         if is_renewed(number):
             template = make_template(total, blocks.threads)
     for _ in range(_JOINT_ROUNDS):
@@ -58,10 +58,10 @@ def follow_tiles(blocks: Blocks, reference: int, velocity: Array) -> Track:
 def improve_tiles(track: Track, block: int, template: Template, sigma: float) -> None:
     """Update the displacements of a block: first an affine part, then each tile."""
     predicted = track.nodes[block].copy()
-    equations = normal_equations(track.sums(block), template, sigma)
+    equations = normal_equations(track.nearby_sums(block), template, sigma)
     step, _ = fit_affine(equations, np.ones(predicted.shape[1:]))
     track.nodes[block] -= limit_length(step, 2 * sigma)
-    equations = normal_equations(track.sums(block), template, sigma)
+    equations = normal_equations(track.nearby_sums(block), template, sigma)
     now = track.nodes[block]
     step = solve_field(equations, now, predicted, _SMOOTHNESS) - now
     track.nodes[block] = now + limit_length(step, 2 * sigma)
@@ -77,7 +77,7 @@ def improve_tiles_together(track: Track, template: Template | None = None) -> No
         template = template_of(track)
     old, new = track.nodes, track.nodes.copy()
     for block in range(number):
-        sums = track.sums(block)
+        sums = track.nearby_sums(block)
         equations = normal_equations(sums, template, _SIGMAS[-1])
         track.information[block] = equations.information
         share = float(sums.trials.mean() / max(template.trials.mean(), 1e-9))

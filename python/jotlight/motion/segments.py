@@ -42,6 +42,9 @@ of all, and the widths of the filters."""
 _MIN_FRAMES = 4
 """Minimum number of frames before or after the reference time that are compared."""
 
+_MAX_COUNTED = 128
+"""Maximum number of frames of a sum. Of more frames, every second, third, or nth is counted."""
+
 
 @dataclasses.dataclass
 class Segment:
@@ -95,7 +98,7 @@ def find_segments(blocks: Blocks, reference: int) -> list[Segment]:
 
 def _is_clear(blocks: Blocks, reference: int, energies: list[Array]) -> bool:
     """Return whether the tiles of some velocity have clearly more energy than noise."""
-    trials = 2 * central_half(blocks, reference) * blocks.trials
+    trials = min(2 * central_half(blocks, reference), _MAX_COUNTED) * blocks.trials
     # The energy of noise fluctuates less than its mean: it is averaged over a wider filter.
     noise = _FINE / _ENERGY_BLUR / (trials * 4 * np.pi * _FINE**2)
     labels = _majority(energies)
@@ -182,6 +185,7 @@ def _refine(blocks: Blocks, reference: int, field: Array, weights: Array) -> Arr
 
 def count_at_velocity(blocks: Blocks, frames: range, field: Array, reference: int) -> Sums:
     """Return the sums of frames whose points move at a constant velocity."""
+    frames = frames[:: -(-len(frames) // _MAX_COUNTED)]
     times = frames.start, frames.stop
     fields = field * (times[0] - reference), field * (times[1] - reference)
     return blocks.count(frames, fields, times)

@@ -75,6 +75,12 @@ def interpolate(nodes: npt.NDArray[np.floating], size: tuple[int, int]) -> npt.N
     return np.asarray(rows @ nodes.astype(np.float32) @ columns.T)
 
 
+def interpolate_rows(nodes: npt.NDArray[np.floating], height: int) -> npt.NDArray[np.float32]:
+    """Return the displacements of all rows at the centers of tile columns, (2, H, columns)."""
+    return np.asarray(_interpolation(height, nodes.shape[1]) @ nodes.astype(np.float32))
+
+
+@functools.lru_cache(maxsize=8)
 def _interpolation(length: int, tiles: int) -> npt.NDArray[np.float32]:
     """Return the matrix that interpolates values at the centers of tiles, (length, tiles)."""
     pixels = np.arange(length)
@@ -84,7 +90,9 @@ def _interpolation(length: int, tiles: int) -> npt.NDArray[np.float32]:
     matrix[pixels, index] = 1 - (place - index)
     matrix[pixels, index + 1] = place - index
     # A single tile has the same value everywhere.
-    return matrix if tiles > 1 else np.ones((length, 1), np.float32)
+    matrix = matrix if tiles > 1 else np.ones((length, 1), np.float32)
+    matrix.flags.writeable = False
+    return matrix
 
 
 def interpolate_at(

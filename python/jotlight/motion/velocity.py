@@ -5,6 +5,7 @@ something moves at the velocity v, those of pairs that are n frames apart have t
 Parts of the scene may have different velocities, so they are correlated in windows.
 """
 
+import functools
 from collections.abc import Iterator
 
 import numpy as np
@@ -21,14 +22,17 @@ _MAX_BLOCKS = 32
 _LAGS = (1, 2, 3, 4, 6, 8, 12, 16)
 """Distances in blocks of the pairs that are correlated."""
 
-_WINDOW, _STRIDE = 96, 64
-"""Width of a window, and maximum distance of neighboring windows, in pixels."""
+_BIN = 2
+"""Width of the squares whose counts are added, in pixels. Finer details hardly correlate."""
+
+_WINDOW, _STRIDE = 96 // _BIN, 64 // _BIN
+"""Width of a window, and maximum distance of neighboring windows, in bins."""
 
 _RANGE = 0.45
 """Maximum displacement between two blocks, as a fraction of the width of a window."""
 
-_BAND = 1.0, 12.0
-"""Standard deviations of the filters between which details are correlated, in pixels."""
+_BAND = 1.0 / _BIN, 12.0 / _BIN
+"""Standard deviations of the filters between which details are correlated, in bins."""
 
 _MIN_PEAK = 3.0
 """Minimum height of a peak, in standard deviations of the scores."""
@@ -70,12 +74,20 @@ def find_velocities(burst: Burst, reference: int, threads: int | None) -> Array:
 
 
 def _count_blocks(burst: Burst, reference: int, length: int, threads: int | None) -> Images:
-    """Return the counts of blocks of frames around a time, (n, H, W)."""
+    """Return the counts of blocks of frames around a time, in squares of pixels, (n, h, w)."""
     number = min(_MAX_BLOCKS, 2 * (min(reference, len(burst) - reference) // length))
     start = reference - number // 2 * length
     starts = range(start, start + number * length, length)
-    counts = [burst.counts(range(first, first + length), threads) for first in starts]
-    return np.stack(counts).astype(np.float32)
+    counts = [_bin(burst.counts(range(first, first + length), threads)) for first in starts]
+    return np.stack(counts)
+
+
+def _bin(counts: npt.NDArray[np.int32]) -> Images:
+    """Return the sums over squares, without the rest at the right and at the bottom."""
+    side = _BIN if min(counts.shape) > _BIN else 1
+    height, width = (length // side for length in counts.shape)
+    squares = counts[: height * side, : width * side].reshape(height, side, width, side)
+    return np.asarray(squares.sum(axis=(1, 3)), np.float32)
 
 
 def _peaks(blocks: Images, length: int) -> Iterator[Array]:
@@ -90,11 +102,11 @@ def _peaks(blocks: Images, length: int) -> Iterator[Array]:
     windows = list(_windows(blocks))
     width = min(min(window.shape[1:]) for window in windows)
     steps = int(_RANGE * width)
-    line = np.arange(-steps, steps + 1) / (length * lags[-1])
+    line = _BIN * np.arange(-steps, steps + 1) / (length * lags[-1])
     every = list(range(1, lags[-1] + 1))
-    if (velocity := _best(_scores(blocks, every, line * length), line)) is not None:
+    if (velocity := _best(_scores(blocks, every, line * (length / _BIN)), line)) is not None:
         yield velocity
-    scores = np.stack([_scores(window, lags, line * length) for window in windows])
+    scores = np.stack([_scores(window, lags, line * (length / _BIN)) for window in windows])
     active = np.ones(len(scores), bool)
     best = scores.reshape(len(scores), -1).max(axis=1)
     for _ in range(_MAX_PEAKS):
@@ -160,12 +172,14 @@ def _scores(window: Images, lags: list[int], line: Array) -> npt.NDArray[np.floa
         cross /= np.sqrt(magnitude + 1e-9 * magnitude.max() + 1e-30)
         correlation = fft.irfft2(cross, s=(height, width))
         correlation /= max(float(correlation.std()), 1e-30)
-        rows, columns = (_interpolation(lag * line, size) for size in (height, width))
+        places = tuple(lag * line)
+        rows, columns = (_interpolation(places, size) for size in (height, width))
         total += rows @ correlation @ columns.T
     return total
 
 
-def _interpolation(places: Array, size: int) -> npt.NDArray[np.float32]:
+@functools.lru_cache(maxsize=64)
+def _interpolation(places: tuple[float, ...], size: int) -> npt.NDArray[np.float32]:
     """Return the matrix that interpolates `size` periodic values at the places, linearly."""
     wrapped = np.mod(places, size)
     index = np.floor(wrapped).astype(int)
