@@ -95,7 +95,9 @@ def test_the_reference_time_may_be_any(at):
 def test_a_requested_model_is_used():
     _, bits, found = aligned("shake")
     assert jl.align(bits, model="none").model == "none"
-    assert_same(jl.align(bits, model="affine"), found)
+    affine = jl.align(bits, model="affine")
+    assert affine.model == "affine"
+    np.testing.assert_allclose(affine.nodes, found.nodes, atol=0.3)
 
 
 @pytest.mark.slow

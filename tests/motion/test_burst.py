@@ -8,6 +8,7 @@ import pytest
 import jotlight as jl
 from jotlight.formats.capture import CountStack
 from jotlight.motion import burst as module
+from jotlight.motion import track
 from jotlight.motion.burst import as_burst
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.provenance import Provenance
@@ -51,6 +52,16 @@ def test_planes_add_up_to_the_counts(name, bytes_at_once, monkeypatch):
     np.testing.assert_array_equal(content(burst, range(9)), expected)
     np.testing.assert_array_equal(content(burst, range(2, 7)), expected[2:7])
     np.testing.assert_array_equal(burst.counts(range(3, 8), 2), expected[3:8].sum(axis=0))
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("bytes_at_once", [1, 1 << 25])
+@pytest.mark.parametrize("step", [2, 3, 20])
+def test_every_nth_frame_can_be_read(name, bytes_at_once, step, monkeypatch):
+    monkeypatch.setattr(module, "_BYTES_AT_ONCE", bytes_at_once)
+    data, expected, *_ = CASES[name]
+    found = content(as_burst(data), range(1, 9, step))
+    np.testing.assert_array_equal(found, expected[1:9:step])
 
 
 @pytest.mark.parametrize("name", ["color", "counts of colors"])
@@ -114,6 +125,7 @@ def test_frames_are_read_when_they_are_needed():
 @pytest.mark.filterwarnings("ignore:the motion explains the scene worse")
 def test_long_bursts_take_no_more_memory_than_short_ones(monkeypatch):
     monkeypatch.setattr(module, "_BYTES_AT_ONCE", 1 << 16)
+    monkeypatch.setattr(track, "_MAX_KEPT_BYTES", 0)
     rng = np.random.default_rng(1)
     texture = rng.random((60, 60)) < 0.5
     shifts = *range(16), *range(16, 0, -1)

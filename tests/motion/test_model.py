@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.motion.consistency import find_consistent
 from jotlight.motion.model import _share_of_unknown, _still, divide, find_paths
 from jotlight.motion.track import Paths
 from moving import blocks_of, record, two_halves
@@ -41,11 +42,11 @@ def test_many_frames_have_more_and_longer_blocks():
 
 def find(bits, model, reference=24):
     progress = []
-    paths, name = find_paths(blocks_of(bits), reference, model, progress.append)
+    found = find_paths(blocks_of(bits), reference, model, progress.append)
     assert progress[0] == 0
     assert progress[-1] == 1
     assert progress == sorted(progress)
-    return paths, name
+    return found.paths, found.model
 
 
 @pytest.mark.parametrize("model", ["none", "affine"])
@@ -78,6 +79,10 @@ def test_noise_stands_still():
         assert find(bits, "auto", 16)[1] == "none"
 
 
+def share_of_unknown(paths):
+    return _share_of_unknown(find_consistent(paths))
+
+
 def test_pixels_whose_bits_disagree_are_unknown_but_dead_ones_are_not():
     rng = np.random.default_rng(1)
     stripes = np.where(np.arange(48) // 8 % 2, 0.5, 0.05)[:, None]
@@ -87,10 +92,10 @@ def test_pixels_whose_bits_disagree_are_unknown_but_dead_ones_are_not():
     p[28:36, :, 32:] = stripes
     blocks = blocks_of(jl.Bits.from_array(rng.random((64, 48, 48)) < p))
     paths = Paths([_still(blocks, 32)], np.zeros((48, 48), np.uint8))
-    assert 0.2 < _share_of_unknown(paths) < 0.45
+    assert 0.2 < share_of_unknown(paths) < 0.45
     valid = np.zeros((48, 48), bool)
     valid[:, :24] = True
     masked = dataclasses.replace(blocks, valid=np.packbits(valid, axis=1))
-    assert _share_of_unknown(Paths([_still(masked, 32)], paths.labels)) < 0.02
+    assert share_of_unknown(Paths([_still(masked, 32)], paths.labels)) < 0.02
     nothing = dataclasses.replace(blocks, valid=np.zeros((48, 6), np.uint8))
-    assert _share_of_unknown(Paths([_still(nothing, 32)], paths.labels)) == 0
+    assert share_of_unknown(Paths([_still(nothing, 32)], paths.labels)) == 0

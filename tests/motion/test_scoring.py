@@ -8,7 +8,14 @@ from scipy.ndimage import gaussian_filter, shift, uniform_filter
 
 from jotlight import _engine as engine
 from jotlight.motion.blocks import Sums
-from jotlight.motion.scoring import Template, make_template, normal_equations
+from jotlight.motion.scoring import (
+    Template,
+    blur,
+    blur_coarsely,
+    make_blurred_template,
+    make_template,
+    normal_equations,
+)
 from reference import motion as reference
 
 
@@ -224,3 +231,28 @@ def test_templates_are_smooth_and_undo_the_mean_remainder():
     assert errors[1] < 0.2 * errors[0]
     assert uniform_filter(abs(corrected.probability - probability), 5).max() < 0.1
     assert corrected.trials is sums.trials
+
+
+@pytest.mark.parametrize("size", [(64, 96), (61, 91), (7, 50), (3, 3)])
+@pytest.mark.parametrize("sigma", [2.0, 4.0, 8.0])
+def test_a_coarse_blur_is_about_a_blur(size, sigma):
+    image = np.random.default_rng(0).random(size).astype(np.float32)
+    found = blur_coarsely(image, sigma)
+    assert found.shape == size
+    assert abs(found - blur(image, sigma)).max() < 0.06
+    np.testing.assert_allclose(blur_coarsely(np.ones(size, np.float32), sigma), 1, rtol=1e-5)
+
+
+def test_blurred_templates_have_no_noise_and_undo_the_mean_remainder():
+    truth = 0.3 + 0.1 * np.sin(np.arange(96) / 8) * np.ones((64, 1))
+    rng = np.random.default_rng(0)
+    trials = np.full(truth.shape, 60, np.int32)
+    trials[20:30, 20:30] = 0
+    moved = 0.3 + 0.1 * np.sin((np.arange(96) + 0.3) / 8) * np.ones((64, 1))
+    remainders = np.zeros((64, 2, 6), np.float32)
+    remainders[:, 1] = 0.3 * 60
+    sums = Sums(rng.binomial(trials, moved).astype(np.int32), trials, remainders, 60)
+    found = make_blurred_template(sums, None).probability
+    error = (found - truth)[:, 8:-8]
+    assert np.sqrt((error**2).mean()) < 0.018
+    assert abs(error.mean()) < 0.002

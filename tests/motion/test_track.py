@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.motion import track as module
 from jotlight.motion.tiles import tile_counts
 from jotlight.motion.track import Paths, Track
 from moving import blocks_of
@@ -106,3 +107,36 @@ def test_blocks_are_ordered_by_their_distance_from_the_reference(reference, expe
     track, _ = random_track(6)
     track.reference = reference
     assert track.from_center().tolist() == expected
+
+
+def test_counted_blocks_are_kept_until_their_displacements_change(monkeypatch):
+    track, _ = random_track(6)
+    first = track.sums(2)
+    assert track.sums(2) is first
+    track.nodes[3] += 0.7  # a neighbor, toward which the displacements change
+    changed = track.sums(2)
+    assert changed is not first
+    fresh = Track(track.blocks, 12, track.nodes, track.known, track.information)
+    np.testing.assert_array_equal(changed.ones, fresh.sums(2).ones)
+    np.testing.assert_array_equal(changed.remainders, fresh.sums(2).remainders)
+    monkeypatch.setattr(module, "_MAX_KEPT_BYTES", 0)
+    assert fresh.sums(3) is not fresh.sums(3)
+
+
+def test_nearby_sums_have_the_remainders_of_the_new_displacements():
+    track, _ = random_track(6)
+    before = track.sums(2)
+    track.nodes += np.random.default_rng(1).uniform(-0.2, 0.2, (1, 2, *track.nodes.shape[2:]))
+    nearby, exact = (
+        track.nearby_sums(2),
+        Track(track.blocks, 12, track.nodes, track.known, track.information).sums(2),
+    )
+    np.testing.assert_array_equal(nearby.ones, before.ones)
+    # Shift minus displacement: counting again may round the shift of some bits otherwise.
+    shifted = nearby.remainders - before.remainders
+    rounded = exact.remainders - before.remainders - shifted
+    assert abs(shifted).max() > 0.3
+    assert abs(rounded / before.frames).max() < 1.01
+    track.nodes[2] += 5
+    np.testing.assert_array_equal(track.nearby_sums(2).ones, track.sums(2).ones)
+    assert (track.nearby_sums(2).ones != before.ones).any()

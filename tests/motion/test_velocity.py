@@ -18,6 +18,11 @@ from jotlight.motion.velocity import (
 from moving import as_burst_of, moved
 
 
+def distances(found, velocity):
+    """Return the largest distance of each field from a velocity in pixels per frame."""
+    return np.hypot(*np.moveaxis(found - np.reshape(velocity, (2, 1, 1)), 1, 0)).max(axis=(1, 2))
+
+
 @pytest.mark.parametrize(
     "velocity",
     [(1.0, -0.5)]
@@ -27,8 +32,8 @@ def test_the_velocity_of_dim_frames_is_found(velocity):
     shifts = np.outer(np.arange(64) - 32, velocity)
     bits = moved(shifts, shape=(112, 96), photons=0.1, rng=0)[1]
     found = find_velocities(as_burst(bits), 32, 2)
-    assert found[0].tolist() == [0, 0]
-    assert np.hypot(*(found - velocity).T).min() < 0.08
+    assert not found[0].any()
+    assert distances(found, velocity).min() < 0.08
 
 
 @pytest.mark.slow
@@ -40,13 +45,13 @@ def test_two_parts_have_two_velocities():
     both = np.concatenate([left.to_array(), right.to_array()], axis=2)
     found = find_velocities(as_burst_of(both), 32, None)
     for velocity in ((0.5, 0.3), (-0.4, 0.6)):
-        assert np.hypot(*(found - velocity).T).min() < 0.08
+        assert distances(found, velocity).min() < 0.08
 
 
 @pytest.mark.parametrize("value", [False, True])
 def test_bits_that_are_all_equal_do_not_move(value):
     bits = jl.Bits.from_array(np.full((32, 40, 48), value))
-    np.testing.assert_array_equal(find_velocities(as_burst(bits), 16, 1), [[0, 0]])
+    np.testing.assert_array_equal(find_velocities(as_burst(bits), 16, 1), np.zeros((1, 2, 3, 3)))
 
 
 @pytest.mark.parametrize("reference", [0, 1, 2, 31, 32])
@@ -55,7 +60,7 @@ def test_any_reference_time_gives_finite_velocities(reference):
     burst = as_burst_of(rng.random((32, 20, 30)) < 0.3)
     found = find_velocities(burst, reference, None)
     assert np.isfinite(found).all()
-    assert found[0].tolist() == [0, 0]
+    assert not found[0].any()
 
 
 def test_scores_are_largest_at_the_displacement_of_periodic_images():

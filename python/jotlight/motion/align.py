@@ -10,8 +10,10 @@ from jotlight.errors import warn
 from jotlight.formats.capture import CountStack
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import Burst, as_burst
+from jotlight.motion.consistency import Consistent
 from jotlight.motion.model import divide, find_paths
 from jotlight.motion.motion import MODELS, Motion
+from jotlight.motion.tiles import TILE, tile_counts
 from jotlight.motion.track import Paths
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.pixel_counts import carried_sensor
@@ -85,6 +87,18 @@ def align(
     >>> motion.model, motion.at(31).shape
     ('affine', (2, 64, 96))
     """
+    return find_motion(data, sensor, at, model, threads, progress)[0]
+
+
+def find_motion(
+    data: Bits | CountStack,
+    sensor: Sensor | None,
+    at: float | None,
+    model: str,
+    threads: int | None,
+    progress: Callable[[float], object] | None,
+) -> tuple[Motion, Consistent | None]:
+    """Return the motion that :func:`align` returns, and the sums along it if they are known."""
     burst, sensor = prepare_burst(data, sensor)
     if model != "auto" and model not in MODELS:
         raise ValueError(f"model: expected auto or one of {', '.join(MODELS)}, got {model!r}")
@@ -93,15 +107,16 @@ def align(
     if (reason := _unusable(blocks)) is not None:
         warn(f"{reason}; the scene is assumed to stand still")
         model = "none"
-    advance = progress or (lambda _: None)
-    paths, found = find_paths(blocks, len(burst) // 2, model, advance)
-    if (hidden := _frames_out_of_view(paths)) > 0:
+    found = find_paths(blocks, len(burst) // 2, model, progress or (lambda _: None))
+    if (hidden := _frames_out_of_view(found.paths)) > 0:
         warn(
             f"what the image shows is out of view in {hidden} of {len(burst)} frames, which are "
             "not used; take a shorter part of the burst, or another time `at`"
         )
-    motion = as_motion(paths, found)
-    return motion if time == motion.reference else motion.seen_from(time)
+    motion = as_motion(found.paths, found.model)
+    if time != motion.reference:
+        return motion.seen_from(time), None
+    return motion, found.consistent
 
 
 def prepare_burst(data: Bits | CountStack, sensor: Sensor | None) -> tuple[Burst, Sensor]:
@@ -157,14 +172,21 @@ def reference_time(at: float | None, burst: Burst) -> float:
 def valid_jots(sensor: Sensor) -> npt.NDArray[np.uint8] | None:
     """Return the packed mask of the jots that are neither dead nor hot, or None if all are good."""
     excluded = sensor.mask
-    dark = sensor.dark_counts
-    if isinstance(dark, np.ndarray):
-        light = sensor.light_per_intensity * sensor.max_intensity
-        hot = (dark > _MIN_HOT_RATIO * np.median(dark)) & (dark > 0.01 * light)
+    if (hot := hot_jots(sensor)) is not None:
         excluded = hot if excluded is None else excluded | hot
     if excluded is None or not excluded.any():
         return None
     return np.packbits(~excluded, axis=1)
+
+
+def hot_jots(sensor: Sensor) -> npt.NDArray[np.bool_] | None:
+    """Return the hot jots, or None if there are none."""
+    dark = sensor.dark_counts
+    if not isinstance(dark, np.ndarray):
+        return None
+    light = sensor.light_per_intensity * sensor.max_intensity
+    hot = (dark > _MIN_HOT_RATIO * np.median(dark)) & (dark > 0.01 * light)
+    return hot if hot.any() else None
 
 
 def _unusable(blocks: Blocks) -> str | None:
@@ -182,14 +204,15 @@ def _unusable(blocks: Blocks) -> str | None:
 
 def _frames_out_of_view(paths: Paths) -> int:
     """Return the number of frames in blocks that show no point of the image."""
-    lengths = np.diff(paths.blocks.edges)
-    limits = np.array(paths.blocks.size).reshape(2, 1, 1) - 1
-    pixels = np.indices(paths.blocks.size)
+    size = np.array(paths.blocks.size).reshape(2, 1, 1)
+    corners = TILE * np.indices(tile_counts(paths.blocks.size))
     hidden = 0
-    for block, length in enumerate(lengths):
-        place = pixels + np.rint(paths.displacements(block))
-        if not ((place >= 0) & (place <= limits)).all(axis=0).any():
-            hidden += int(length)
+    for block, length in enumerate(np.diff(paths.blocks.edges)):
+        in_view = False
+        for track in paths.tracks:
+            place = corners + track.nodes[block]
+            in_view |= bool(((place > -TILE) & (place < size)).all(axis=0).any())
+        hidden += 0 if in_view else int(length)
     return hidden
 
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.motion.blocks import Sums
-from jotlight.motion.scoring import Template, blur, make_template
+from jotlight.motion.scoring import Template, blur_coarsely, make_template
 from jotlight.motion.track import Counted, from_center
 
 Image = npt.NDArray[np.float32]
@@ -67,8 +67,8 @@ def disagreement(first: Sums, second: Sums) -> Image:
     squared = _box(difference, _SMALL_BOX) ** 2 * np.float32(_SMALL_BOX**2)
     known_variance = np.maximum(_box(variance, _SMALL_BOX), np.float32(1e-3))
     ratio = (squared / known_variance * both).astype(np.float32)
-    known = blur(both.astype(np.float32), _SPREAD)
-    return np.asarray((blur(ratio, _SPREAD) + _PRIOR) / (known + _PRIOR), np.float32)
+    known = blur_coarsely(both.astype(np.float32), _SPREAD)
+    return np.asarray((blur_coarsely(ratio, _SPREAD) + _PRIOR) / (known + _PRIOR), np.float32)
 
 
 def _box(image: npt.NDArray[np.floating], width: int) -> Image:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from jotlight.errors import warn
 from jotlight.formats.capture import CountStack
-from jotlight.motion.align import align, prepare_burst, reference_time
+from jotlight.motion.align import find_motion, hot_jots, prepare_burst, reference_time
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.consistency import find_consistent
 from jotlight.motion.flags import find_flags
@@ -88,8 +88,11 @@ def merge(
     """
     burst, sensor = prepare_burst(data, sensor)
     advance = progress or (lambda _: None)
+    consistent = None
     if motion is None:
-        motion = align(data, sensor, at, threads=threads, progress=lambda part: advance(0.8 * part))
+        motion, consistent = find_motion(
+            data, sensor, at, "auto", threads, lambda part: advance(0.8 * part)
+        )
     if motion.size != burst.size:
         raise ValueError(
             f"motion: expected that of {burst.size[0]} x {burst.size[1]} jots, got "
@@ -101,7 +104,9 @@ def merge(
     valid = None if sensor.mask is None else np.packbits(~sensor.mask, axis=1)
     blocks = Blocks(burst, divide(len(burst)), valid, threads)
     paths = as_paths(motion, blocks)
-    consistent = find_consistent(paths)
+    # Without hot jots, the alignment has used the same ones.
+    if consistent is None or hot_jots(sensor) is not None:
+        consistent = find_consistent(paths)
     accepted, flags = consistent.accepted, find_flags(consistent, motion.labels)
     advance(0.95)
     channels = [None] if burst.channels == 1 else list(range(burst.channels))

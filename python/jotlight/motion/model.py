@@ -8,9 +8,10 @@ import numpy.typing as npt
 
 from jotlight.motion.affine import follow, improve_together
 from jotlight.motion.blocks import Blocks, Sums
-from jotlight.motion.consistency import find_consistent
+from jotlight.motion.consistency import Consistent, find_consistent
 from jotlight.motion.deformation import follow_tiles
 from jotlight.motion.outlines import choose
+from jotlight.motion.scoring import make_blurred_template
 from jotlight.motion.segments import Segment, central_half, energy_of, find_segments
 from jotlight.motion.selection import likelihood_gain
 from jotlight.motion.tiles import mean_tiles, tile_counts
@@ -29,6 +30,9 @@ _MIN_FRACTION = 0.5
 
 _PARAMETERS = 6
 """Number of parameters of an affine motion of each block. A motion must gain as many nats."""
+
+_CLEAR = 10.0
+"""With more than this multiple of this gain under blurred templates, better ones are not needed."""
 
 _MIN_ACCEPTED = 0.6
 """Fraction of the bits of a pixel that must agree with the rest, for its motion to be known."""
@@ -57,10 +61,21 @@ def divide(frames: int) -> npt.NDArray[np.intp]:
     return np.round(np.linspace(0, frames, min(number, frames) + 1)).astype(np.intp)
 
 
+@dataclasses.dataclass(frozen=True)
+class Found:
+    """The paths that explain the bits best."""
+
+    paths: Paths
+    model: str
+    """One of MODELS."""
+    consistent: Consistent | None
+    """The sums along the paths, if they were computed."""
+
+
 def find_paths(
     blocks: Blocks, reference: int, model: str, advance: Callable[[float], object]
-) -> tuple[Paths, str]:
-    """Return the paths of all pixels under a model of their motion, and the name of the model.
+) -> Found:
+    """Return the paths of all pixels under a model of their motion.
 
     Parameters
     ----------
@@ -77,7 +92,7 @@ def find_paths(
     advance(0.0)
     if model == "none":
         advance(1.0)
-        return still, model
+        return Found(still, model, None)
     segments = find_segments(blocks, reference)
     advance(0.2)
     if model == "affine":
@@ -89,18 +104,20 @@ def find_paths(
     if len(tracks) > 1:
         paths = _improve_segments(paths)
     advance(0.7)
-    if model == "tiles" or (model == "auto" and _share_of_unknown(paths) > _MAX_UNKNOWN):
+    consistent = find_consistent(paths) if model == "auto" else None
+    if model == "tiles" or (consistent and _share_of_unknown(consistent) > _MAX_UNKNOWN):
+        consistent = None
         tiles = follow_tiles(blocks, reference, _velocity(paths, segments))
         paths = Paths([*tracks, tiles], choose([*tracks, tiles]))
     advance(0.9)
-    gain = likelihood_gain(paths, still)
+    explains = model != "auto" or _explains_more(paths, still)
     advance(1.0)
-    if model == "auto" and gain <= _PARAMETERS * len(blocks.centers):
-        return still, "none"
+    if not explains:
+        return Found(still, "none", None)
     used = np.unique(paths.labels)
     if len(tracks) in used:
-        return paths, "tiles"
-    return paths, "affine" if len(used) == 1 else "segments"
+        return Found(paths, "tiles", consistent)
+    return Found(paths, "affine" if len(used) == 1 else "segments", consistent)
 
 
 def _follow(
@@ -131,12 +148,18 @@ def _energy_along(track: Track) -> Array:
     return energy_of(Sums.total([track.sums(int(block)) for block in central]))
 
 
-def _share_of_unknown(paths: Paths) -> float:
+def _explains_more(paths: Paths, still: Paths) -> bool:
+    """Return whether paths explain the bits better than no motion."""
+    needed = _PARAMETERS * len(paths.blocks.centers)
+    gain = likelihood_gain(paths, still, make_blurred_template)
+    return gain > _CLEAR * needed or likelihood_gain(paths, still) > needed
+
+
+def _share_of_unknown(consistent: Consistent) -> float:
     """Return the fraction of pixels of which many bits disagree with the rest.
 
     Pixels without bits, such as those of dead jots, do not count.
     """
-    consistent = find_consistent(paths)
     unknown = consistent.accepted[consistent.total.trials > 0] < _MIN_ACCEPTED
     return float(unknown.sum() / max(unknown.size, 1))
 

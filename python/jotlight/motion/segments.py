@@ -5,17 +5,23 @@ of the details of this sum above that of noise, is compared with those of other 
 """
 
 import dataclasses
+import functools
+import math
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.burst import Burst
 from jotlight.motion.regularize import fit_affine
-from jotlight.motion.scoring import blur, make_template, normal_equations
-from jotlight.motion.tiles import mean_tiles, tile_counts
+from jotlight.motion.scoring import blur, blur_coarsely, make_blurred_template, normal_equations
+from jotlight.motion.tiles import mean_tiles
 from jotlight.motion.velocity import find_velocities
 
 Array = npt.NDArray[np.float64]
+
+Part = tuple[Array, Array]
+"""The velocities of all tiles, and their energies along them."""
 
 _FINE, _COARSE = 1.5, 6.0
 """Standard deviations of the filters between which details are compared, in pixels."""
@@ -29,11 +35,17 @@ _MIN_TILES = 4
 _MIN_ENERGY = 0.05
 """Minimum energy of a segment, as a fraction of that of the strongest one."""
 
-_MIN_CLEARNESS = 1.5
-"""Minimum energy of a tile of some velocity, in standard deviations of that of noise."""
+_CLEAR = 4.0
+"""Number of standard deviations by which an energy clearly differs from another one."""
 
-_MOST_PROBABLE = 4
-"""Number of velocities that are refined if no segment is clear."""
+_CORRELATED = 3.0
+"""Number of tiles over which the noise of the energy is correlated."""
+
+_CHOSEN = 0.6
+"""Energy of noise in a tile that was chosen for its energy, in standard deviations."""
+
+_STARTS = 3
+"""Number of velocities that are refined for the whole scene."""
 
 _ROUNDS = ((8, (4.0, 2.0)), (4, (2.0, 1.0)))
 """Rounds that refine a velocity: the frames before and after the reference time, as a fraction 1/n
@@ -42,8 +54,11 @@ of all, and the widths of the filters."""
 _MIN_FRAMES = 4
 """Minimum number of frames before or after the reference time that are compared."""
 
-_MAX_COUNTED = 128
-"""Maximum number of frames of a sum. Of more frames, every second, third, or nth is counted."""
+_LIGHT = 32.0
+"""Number of ones per pixel that suffice. Of more frames, every second, third, or nth is counted."""
+
+_MIN_COUNTED, _MAX_COUNTED = 32, 128
+"""Minimum and maximum number of frames that are counted, if there are more."""
 
 
 @dataclasses.dataclass
@@ -59,71 +74,93 @@ class Segment:
 
 
 def find_segments(blocks: Blocks, reference: int) -> list[Segment]:
-    """Return the segments of a scene around a reference time, the strongest first."""
-    shape = tile_counts(blocks.size)
-    candidates = find_velocities(blocks.burst, reference, blocks.threads)
-    fields = [np.broadcast_to(each.reshape(2, 1, 1), (2, *shape)).copy() for each in candidates]
-    energies = [_energy(blocks, reference, field) for field in fields]
-    if not _is_clear(blocks, reference, energies):
-        return [_find_one(blocks, reference, fields, energies)]
-    found: list[int] = []
-    strongest = 0.0
-    while len(found) < len(fields):
-        labels = _majority(energies)
-        own = [
-            -np.inf if index in found else float(energies[index][labels == index].clip(0).sum())
-            for index in range(len(fields))
+    """Return the segments of a scene around a reference time, the strongest first.
+
+    The search begins with the best affine velocity of the whole scene, and with the best of those
+    that :func:`find_velocities` has found. The better result of the two is returned. An affine
+    velocity may be a compromise between two parts that move differently.
+    """
+    scene = blocks, reference
+    candidates = list(find_velocities(blocks.burst, reference, blocks.threads))
+    energies = [_energy(*scene, field) for field in candidates]
+    whole = _best_of_all(*scene, candidates, energies)
+    starts = whole, max(zip(candidates, energies, strict=True), key=lambda each: each[1].sum())
+    parts = [_add_segments(*scene, start, candidates, energies) for start in starts]
+    if len(parts[1]) > 1:
+        is_first = _majority([energy for _, energy in parts[1]]) == 0
+        parts[1][0] = _refined(*scene, parts[1][0], is_first)
+    noise = _noise(*scene)
+    found = max(parts, key=lambda each: _score([energy for _, energy in each], noise))
+    labels = _majority([energy for _, energy in found])
+    segments = [
+        Segment(field, (labels == position).astype(float), float(energy[labels == position].sum()))
+        for position, (field, energy) in enumerate(found)
+        if position == 0 or (labels == position).sum() >= _MIN_TILES
+    ]
+    return sorted(segments, key=lambda segment: -segment.energy)
+
+
+def _add_segments(
+    blocks: Blocks, reference: int, start: Part, candidates: list[Array], energies: list[Array]
+) -> list[Part]:
+    """Return a first velocity and others, as long as some region clearly has more energy."""
+    found = [start]
+    remaining = list(zip(candidates, energies, strict=True))
+    noise = _noise(blocks, reference)
+    while remaining:
+        best = np.max([energy for _, energy in found], axis=0)
+        regions = [_majority([best, energy]) == 1 for _, energy in remaining]
+        gains = [
+            float((energy - best)[region].sum()) - _by_chance(int(region.sum()), noise)
+            for (_, energy), region in zip(remaining, regions, strict=True)
         ]
-        index = int(np.argmax(own))
-        tiles = labels == index
-        if found and (tiles.sum() < _MIN_TILES or own[index] < _MIN_ENERGY * strongest):
+        index = int(np.argmax(gains))
+        if gains[index] <= max(0.0, _MIN_ENERGY * float(start[1].sum())):
             break
-        strongest = max(strongest, own[index])
-        found.append(index)
-        refined = _refine(blocks, reference, fields[index], tiles.astype(float))
-        energy = _energy(blocks, reference, refined)
-        if energy[tiles].sum() > energies[index][tiles].sum():
-            fields[index], energies[index] = refined, energy
-    labels = _majority([energies[index] for index in found])
-    return [
-        Segment(
-            fields[index],
-            (labels == position).astype(float),
-            float(energies[index][labels == position].sum()),
-        )
-        for position, index in enumerate(found)
-        if len(found) == 1 or (labels == position).sum() >= _MIN_TILES
-    ]
+        found.append(_refined(blocks, reference, remaining.pop(index), regions[index]))
+    return found
 
 
-def _is_clear(blocks: Blocks, reference: int, energies: list[Array]) -> bool:
-    """Return whether the tiles of some velocity have clearly more energy than noise."""
-    trials = min(2 * central_half(blocks, reference), _MAX_COUNTED) * blocks.trials
-    # The energy of noise fluctuates less than its mean: it is averaged over a wider filter.
-    noise = _FINE / _ENERGY_BLUR / (trials * 4 * np.pi * _FINE**2)
+def _refined(blocks: Blocks, reference: int, part: Part, region: npt.NDArray[np.bool_]) -> Part:
+    """Return a better velocity of a region and its energy, or the same if none is better."""
+    field = _refine(blocks, reference, part[0], region.astype(float))
+    energy = _energy(blocks, reference, field)
+    return (field, energy) if energy[region].sum() > part[1][region].sum() else part
+
+
+def _score(energies: list[Array], noise: float) -> float:
+    """Return the energy of all tiles, without that by which a choice of velocities gains."""
     labels = _majority(energies)
-    of_tiles = [
-        energy[labels == index].mean()
-        for index, energy in enumerate(energies)
-        if (labels == index).sum() >= _MIN_TILES
-    ]
-    return max(of_tiles, default=0.0) > _MIN_CLEARNESS * noise
+    chosen = np.choose(labels, energies).sum()
+    return float(chosen) - sum(
+        _by_chance(int((labels == position).sum()), noise) for position in range(1, len(energies))
+    )
 
 
-def _find_one(
-    blocks: Blocks, reference: int, fields: list[Array], energies: list[Array]
-) -> Segment:
-    """Return the whole scene as one segment, with the best of the most probable velocities."""
-    everywhere = np.ones(fields[0].shape[1:])
-    totals = [float(energy.sum()) for energy in energies]
-    best = int(np.argmax(totals))
-    result = fields[best], totals[best]
-    for index in np.argsort(totals)[::-1][:_MOST_PROBABLE]:
-        refined = _refine(blocks, reference, fields[index], everywhere)
-        energy = float(_energy(blocks, reference, refined).sum())
-        if energy > result[1]:
-            result = refined, energy
-    return Segment(result[0], everywhere, result[1])
+def _best_of_all(
+    blocks: Blocks, reference: int, candidates: list[Array], energies: list[Array]
+) -> Part:
+    """Return the affine velocity with the most energy in the whole scene, from several starts."""
+    everywhere = np.ones(energies[0].shape, bool)
+    order = np.argsort([-energy.sum() for energy in energies])[:_STARTS]
+    starts = [(candidates[index], energies[index]) for index in order]
+    refined = [_refined(blocks, reference, start, everywhere) for start in starts]
+    return max(refined, key=lambda part: part[1].sum())
+
+
+def _noise(blocks: Blocks, reference: int) -> float:
+    """Return the standard deviation of the energy of a tile without details."""
+    trials = min(2 * central_half(blocks, reference), _most_counted(blocks.burst)) * blocks.trials
+    # The energy of noise fluctuates less than its mean: it is averaged over a wider filter.
+    return _FINE / _ENERGY_BLUR / (trials * 4 * np.pi * _FINE**2)
+
+
+def _by_chance(number: int, noise: float) -> float:
+    """Return the gain of energy that a region with a number of tiles may have by chance.
+
+    The energies of neighboring tiles are correlated. And the region was chosen for its energy.
+    """
+    return noise * (_CLEAR * math.sqrt(_CORRELATED * number) + _CHOSEN * number)
 
 
 def _energy(blocks: Blocks, reference: int, field: Array) -> Array:
@@ -147,7 +184,8 @@ def energy_of(sums: Sums) -> Array:
     variance = np.clip(mean * (1 - mean), 1e-4, None)
     # The filter averages the noise of 4 π σ² pixels.
     noise = variance / np.maximum(sums.trials, 1) / (4 * np.pi * _FINE**2)
-    energy = blur((details**2 - noise) / variance, _ENERGY_BLUR)
+    ratio = np.asarray((details**2 - noise) / variance, np.float32)
+    energy = blur_coarsely(ratio, _ENERGY_BLUR)
     return mean_tiles(energy)
 
 
@@ -176,7 +214,7 @@ def _refine(blocks: Blocks, reference: int, field: Array, weights: Array) -> Arr
                     range(reference, reference + half),
                 )
             )
-            template = make_template(before, blocks.threads)
+            template = make_blurred_template(before, blocks.threads)
             equations = normal_equations(after, template, sigma)
             step, _ = fit_affine(equations, weights)
             field = field - limit_length(step, 1.5 * sigma) / half
@@ -185,10 +223,19 @@ def _refine(blocks: Blocks, reference: int, field: Array, weights: Array) -> Arr
 
 def count_at_velocity(blocks: Blocks, frames: range, field: Array, reference: int) -> Sums:
     """Return the sums of frames whose points move at a constant velocity."""
-    frames = frames[:: -(-len(frames) // _MAX_COUNTED)]
+    frames = frames[:: -(-len(frames) // _most_counted(blocks.burst))]
     times = frames.start, frames.stop
     fields = field * (times[0] - reference), field * (times[1] - reference)
     return blocks.count(frames, fields, times)
+
+
+@functools.lru_cache(maxsize=4)
+def _most_counted(burst: Burst) -> int:
+    """Return the number of frames that have enough light together."""
+    start = max(0, (len(burst) - _MIN_COUNTED) // 2)
+    frames = range(start, min(start + _MIN_COUNTED, len(burst)))
+    mean = float(burst.counts(frames, None).mean()) / len(frames)
+    return int(np.clip(_LIGHT / max(mean, 1e-9), _MIN_COUNTED, _MAX_COUNTED))
 
 
 def limit_length(vectors: Array, longest: float) -> Array:

@@ -23,6 +23,17 @@ def tile_counts(size: tuple[int, int]) -> tuple[int, int]:
     return rows, columns
 
 
+def tile_centers(size: tuple[int, int]) -> Array:
+    """Return the positions of the centers of tiles in pixels, (2, rows, columns).
+
+    Examples
+    --------
+    >>> tile_centers((16, 32))[1].tolist()
+    [[7.5, 23.5]]
+    """
+    return TILE * np.indices(tile_counts(size), np.float64) + (TILE - 1) / 2
+
+
 def sum_tiles(values: npt.NDArray[np.floating]) -> Array:
     """Return the sums over tiles, (..., rows, columns), of images (..., H, W).
 

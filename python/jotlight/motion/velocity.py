@@ -12,12 +12,17 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.burst import Burst
+from jotlight.motion.rotation import find_rotation
+from jotlight.motion.tiles import tile_centers
 
 Array = npt.NDArray[np.float64]
 Images = npt.NDArray[np.float32]
 
 _MAX_BLOCKS = 32
 """Maximum number of blocks that are correlated."""
+
+_SHORT = 8
+"""Longer blocks are shortened to a quarter, and others to a half."""
 
 _LAGS = (1, 2, 3, 4, 6, 8, 12, 16)
 """Distances in blocks of the pairs that are correlated."""
@@ -45,9 +50,10 @@ _EXPLAINED = 0.7
 
 
 def find_velocities(burst: Burst, reference: int, threads: int | None) -> Array:
-    """Return the velocities that occur around a reference time, (n, 2), in pixels per frame.
+    """Return the velocities around a reference time, (n, 2, rows, columns), in pixels per frame.
 
-    The first one is 0. Long blocks show slow motions best, and short ones fast motions.
+    They are fields of the velocities of tiles. The first one is 0. Others are constant, or a
+    rotation with a zoom. Long blocks show slow motions best, and short ones fast motions.
 
     Parameters
     ----------
@@ -58,18 +64,20 @@ def find_velocities(burst: Burst, reference: int, threads: int | None) -> Array:
     threads : int, optional
         Number of threads.
     """
-    found = [np.zeros(2)]
+    places = tile_centers(burst.size) - (np.array(burst.size).reshape(2, 1, 1) - 1) / 2
+    found = [np.zeros_like(places)]
     available = min(reference, len(burst) - reference)
     length = max(1, 2 * available // _MAX_BLOCKS)
     while available > 0:
         blocks = _count_blocks(burst, reference, length, threads)
-        for velocity in _peaks(blocks, length):
-            difference = np.stack(found) - velocity
-            if (np.hypot(*difference.T) * length * len(blocks) > 2).all():
-                found.append(velocity)
+        for velocity, matrix in _peaks(blocks, length):
+            field = velocity[:, None, None] + np.tensordot(matrix, places, axes=1)
+            difference = np.hypot(*np.moveaxis(np.stack(found) - field, 1, 0)).max(axis=(1, 2))
+            if (difference * length * len(blocks) > 2).all():
+                found.append(field)
         if length == 1:
             break
-        length //= 2
+        length //= 4 if length > _SHORT else 2
     return np.stack(found)
 
 
@@ -85,17 +93,20 @@ def _count_blocks(burst: Burst, reference: int, length: int, threads: int | None
 def _bin(counts: npt.NDArray[np.int32]) -> Images:
     """Return the sums over squares, without the rest at the right and at the bottom."""
     side = _BIN if min(counts.shape) > _BIN else 1
-    height, width = (length // side for length in counts.shape)
-    squares = counts[: height * side, : width * side].reshape(height, side, width, side)
-    return np.asarray(squares.sum(axis=(1, 3)), np.float32)
+    height, width = (length // side * side for length in counts.shape)
+    rows = np.sum([counts[row:height:side] for row in range(side)], axis=0)
+    columns = [rows[:, column:width:side] for column in range(side)]
+    return np.asarray(np.sum(columns, axis=0), np.float32)
 
 
-def _peaks(blocks: Images, length: int) -> Iterator[Array]:
-    """Yield the best velocity of the whole image, and those of windows.
+def _peaks(blocks: Images, length: int) -> Iterator[tuple[Array, Array]]:
+    """Yield the best velocities, each with the matrix by which it changes per pixel.
 
-    The second is the best one of all windows together. The others are the best ones of windows that
-    the ones before do not explain.
+    The first one is that of the whole image, and the second is a rotation. The third is the best
+    one of all windows together. The others are the best ones of windows that the third one and
+    those after it do not explain.
     """
+    constant = np.zeros((2, 2))
     lags = [lag for lag in _LAGS if lag < len(blocks)]
     if not lags:
         return
@@ -105,14 +116,16 @@ def _peaks(blocks: Images, length: int) -> Iterator[Array]:
     line = _BIN * np.arange(-steps, steps + 1) / (length * lags[-1])
     every = list(range(1, lags[-1] + 1))
     if (velocity := _best(_scores(blocks, every, line * (length / _BIN)), line)) is not None:
-        yield velocity
+        yield velocity, constant
     scores = np.stack([_scores(window, lags, line * (length / _BIN)) for window in windows])
+    if (rotation := find_rotation(scores, _BIN * _window_centers(blocks), line)) is not None:
+        yield rotation
     active = np.ones(len(scores), bool)
     best = scores.reshape(len(scores), -1).max(axis=1)
     for _ in range(_MAX_PEAKS):
         total = scores[active].sum(axis=0)
         if (velocity := _best(total, line)) is not None:
-            yield velocity
+            yield velocity, constant
         row, column = np.unravel_index(int(np.argmax(total)), total.shape)
         active &= scores[:, row, column] < _EXPLAINED * best
         if not active.any():
@@ -135,6 +148,15 @@ def _windows(blocks: Images) -> Iterator[Images]:
     for row in rows:
         for column in columns:
             yield blocks[:, row : row + _WINDOW, column : column + _WINDOW]
+
+
+def _window_centers(blocks: Images) -> Array:
+    """Return the centers of the windows, (n, 2), relative to that of the image."""
+    rows, columns = (
+        np.array(_starts(length)) + (min(length, _WINDOW) - length) / 2
+        for length in blocks.shape[1:]
+    )
+    return np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
 def _starts(length: int) -> list[int]:
@@ -164,9 +186,10 @@ def _scores(window: Images, lags: list[int], line: Array) -> npt.NDArray[np.floa
     band = (fine - coarse).astype(np.float32)
     mean = window.mean(axis=(1, 2), keepdims=True)
     spectra = fft.rfft2((window - mean) * taper) * band
+    conjugate = np.conj(spectra)
     total = np.zeros((len(line), len(line)), np.float32)
     for lag in lags:
-        cross = (np.conj(spectra[:-lag]) * spectra[lag:]).sum(axis=0)
+        cross = np.einsum("nij,nij->ij", conjugate[:-lag], spectra[lag:])
         magnitude = abs(cross)
         # The root is between correlation, whose peaks are wide, and phase correlation.
         cross /= np.sqrt(magnitude + 1e-9 * magnitude.max() + 1e-30)
