@@ -2,10 +2,11 @@
 
     python benchmarks/studies/moving_scenes.py PHOTOGRAPHS [--images 6] [--seeds 3]
         [--motions static shake rotate fast layers] [--frames 64 256 1000]
-        [--photons 0.05 0.2 0.7] [--output docs/results]
+        [--photons 0.05 0.2 0.7] [--output docs/results] [--workers 2]
 
 PHOTOGRAPHS is a folder. Its first images in the order of their names are the backgrounds, each with
-the next one as foreground. The network "medium" estimates all images, of 256 x 256 pixels. The
+the next one as foreground. A run continues the table of an earlier one in the same folder. The
+network "medium" estimates all images, of 256 x 256 pixels. The
 table shows the PSNR in dB without a border of 8 pixels, averaged over images and seeds:
 
 - sum: all frames, without alignment.
@@ -23,8 +24,12 @@ scene of 256 frames takes about five seconds on two cores.
 
 import argparse
 import csv
+import functools
 import importlib.util
 import itertools
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -56,33 +61,61 @@ Row = dict[str, Any]
 def main() -> None:
     """Measure all scenes, and print a row for each kind."""
     options = arguments()
-    names, images = read_image_set(options.photographs, first=options.images + 1)
+    path = None if options.output is None else options.output / "moving_scenes.csv"
+    rows = read_table(path) if path is not None and path.exists() else []
     print("| motion | frames | photons | " + " | ".join(METHODS), end=" | ")
     print("largest loss | smallest gain | flagged | explained |")
     print(f"| --- |{' ---: |' * (len(METHODS) + 6)}")
-    rows: list[Row] = []
-    for motion, frames, photons in itertools.product(
-        options.motions, options.frames, options.photons
-    ):
-        if motion == "fast" and frames > MAX_FAST:
-            continue
-        own = []
-        for index, seed in itertools.product(range(options.images), range(options.seeds)):
-            scene = jl.datasets.moving(
-                images[index],
-                motion,
-                sensor=jl.Sensor(frames=frames),
-                foreground=images[index + 1],
-                shape=SIZE,
-                photons=photons,
-                rng=seed,
-            )
-            kind = {"motion": motion, "frames": frames, "photons": photons, "seed": seed}
-            own.append(kind | {"image": Path(names[index]).stem} | measure(scene))
-        rows += own
-        print_row(own)
-        if options.output is not None:
-            write_table(options.output / "moving_scenes.csv", rows)
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(options.workers, context) as workers:
+        for motion, frames, photons in itertools.product(
+            options.motions, options.frames, options.photons
+        ):
+            if motion == "fast" and frames > MAX_FAST:
+                continue
+            scenes = [
+                {
+                    "motion": motion,
+                    "frames": frames,
+                    "photons": photons,
+                    "image": image,
+                    "seed": seed,
+                }
+                for image, seed in itertools.product(range(options.images), range(options.seeds))
+            ]
+            known = [row for row in rows if any(is_of(row, scene) for scene in scenes)]
+            missing = [scene for scene in scenes if not any(is_of(row, scene) for row in known)]
+            new = list(workers.map(partial(measure_scene, options.photographs), missing))
+            rows += new
+            print_row(known + new)
+            if path is not None:
+                write_table(path, rows)
+
+
+def is_of(row: Row, scene: Row) -> bool:
+    """Return whether a row is that of a scene."""
+    return all(row[name] == value for name, value in scene.items())
+
+
+def measure_scene(photographs: Path, kind: Row) -> Row:
+    """Return the row of a scene."""
+    images = read_photographs(photographs, kind["image"] + 2)
+    scene = jl.datasets.moving(
+        images[kind["image"]],
+        kind["motion"],
+        sensor=jl.Sensor(frames=kind["frames"]),
+        foreground=images[kind["image"] + 1],
+        shape=SIZE,
+        photons=kind["photons"],
+        rng=kind["seed"],
+    )
+    return kind | measure(scene)
+
+
+@functools.cache
+def read_photographs(folder: Path, number: int) -> list[Image]:
+    """Return the first images of a folder, in the order of their names."""
+    return read_image_set(folder, first=number)[1]
 
 
 def arguments() -> argparse.Namespace:
@@ -97,6 +130,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--frames", nargs="+", type=int, default=[64, 256, 1000])
     parser.add_argument("--photons", nargs="+", type=float, default=[0.05, 0.2, 0.7])
     parser.add_argument("--output", type=Path, help="folder for moving_scenes.csv")
+    parser.add_argument("--workers", type=int, help="number of processes, all cores by default")
     return parser.parse_args()
 
 
@@ -121,8 +155,24 @@ def write_table(path: Path, rows: list[Row]) -> None:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
         for row in rows:
-            text = {name: f"{v:.3f}" for name, v in row.items() if isinstance(v, np.floating)}
+            text = {name: f"{row[name]:.3f}" for name in (*METHODS, "flagged", "explained")}
             writer.writerow(row | text)
+
+
+def read_table(path: Path) -> list[Row]:
+    """Return the scenes of a CSV file."""
+    with path.open(newline="", encoding="utf-8") as file:
+        return [
+            {name: read_value(name, text) for name, text in row.items()}
+            for row in csv.DictReader(file)
+        ]
+
+
+def read_value(name: str, text: str) -> Any:
+    """Return the value of a column."""
+    if name in ("motion", "model"):
+        return text
+    return int(text) if name in ("frames", "image", "seed") else np.float64(text)
 
 
 def measure(scene: MovingScene) -> Row:

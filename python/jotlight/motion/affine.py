@@ -7,6 +7,13 @@ from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.regularize import Equations, fit_affine
 from jotlight.motion.scoring import Template, make_template, normal_equations
 from jotlight.motion.segments import Segment, limit_length
+from jotlight.motion.shrinkage import (
+    LINEAR,
+    TRANSLATION,
+    information_of_linear,
+    shrink_field,
+    shrinkage_factor,
+)
 from jotlight.motion.smoothing import cubic_weights, smoothing_matrix
 from jotlight.motion.tiles import affine_basis, tile_counts
 from jotlight.motion.track import Track
@@ -91,8 +98,7 @@ def is_renewed(number: int) -> bool:
 def improve(track: Track, block: int, template: Template, sigma: float, weights: Array) -> float:
     """Update the displacements of a block, and return the length of the longest step."""
     equations = normal_equations(track.nearby_sums(block), template, sigma)
-    step, _ = fit_affine(equations, weights)
-    step = limit_length(step, 2 * sigma)
+    step = limit_length(shrink_field(*fit_affine(equations, weights)), 2 * sigma)
     track.nodes[block] -= step
     return float(np.hypot(*step).max())
 
@@ -119,10 +125,9 @@ def improve_together(
         step, matrices[block] = fit_affine(Equations(equations.information, right), weights)
         nodes = (track.nodes[block] - step).reshape(2, -1)
         parameters[block] = (nodes @ to_parameters.T).ravel()
-    smooth, covariances = _smooth(parameters, matrices)
     place = float(np.interp(track.reference, track.blocks.centers, np.arange(number)))
     at_reference = cubic_weights(number, place)
-    smooth -= at_reference @ smooth
+    smooth, covariances = _smooth(parameters, matrices, at_reference)
     covariances = covariances + np.tensordot(at_reference**2, covariances, axes=1)
     displacements = (smooth.reshape(number, 2, 3) @ basis.T).reshape(track.nodes.shape)
     length = float(np.sqrt(2 * np.mean((displacements - track.nodes) ** 2)))
@@ -138,17 +143,29 @@ def template_of(track: Track) -> Template:
     return make_template(Sums.total(known), track.blocks.threads)
 
 
-def _smooth(parameters: Array, matrices: Array) -> tuple[Array, Array]:
+def _smooth(parameters: Array, matrices: Array, at_reference: Array) -> tuple[Array, Array]:
     """Return smooth series of the parameters (n, 6), and their covariances (n, 6, 6).
 
-    `matrices` is the information about the parameters, (n, 6, 6).
+    `matrices` is the information about the parameters, (n, 6, 6). The series are 0 at the reference
+    time: their sum with the weights `at_reference` (n,).
     """
     mean = matrices.mean(axis=0)
     mean += 1e-6 * np.trace(mean) * np.eye(6) + 1e-12 * np.eye(6)
     inverse = np.linalg.inv(mean)
     information = np.einsum("nij,ji->n", matrices, inverse) / 6
-    root = np.linalg.cholesky(mean)
-    smooth = smoothing_matrix(parameters @ root, information) @ parameters
+    marginal, effect = information_of_linear(mean)
+    estimate = parameters[:, LINEAR]
+    matrix = smoothing_matrix(estimate @ np.linalg.cholesky(marginal), information)
+    linear = matrix @ estimate
+    linear -= at_reference @ linear
+    chi_squared = np.einsum("n,ni,ij,nj->", information, linear, marginal, linear)
+    linear *= shrinkage_factor(float(chi_squared), len(LINEAR) * float((matrix**2).sum()))
+    translation = parameters[:, TRANSLATION] + (estimate - linear) @ effect.T
+    root = np.linalg.cholesky(mean[np.ix_(TRANSLATION, TRANSLATION)])
+    translation = smoothing_matrix(translation @ root, information) @ translation
+    smooth = np.empty_like(parameters)
+    smooth[:, LINEAR] = linear
+    smooth[:, TRANSLATION] = translation - at_reference @ translation
     # The curve has less noise, but also a bias. The variance without smoothing exceeds both.
     return smooth, inverse / np.maximum(information, 1e-9)[:, None, None]
 

@@ -15,6 +15,7 @@ from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.burst import Burst
 from jotlight.motion.regularize import fit_affine
 from jotlight.motion.scoring import blur, blur_coarsely, make_blurred_template, normal_equations
+from jotlight.motion.shrinkage import shrink_field
 from jotlight.motion.tiles import mean_tiles
 from jotlight.motion.velocity import find_velocities
 
@@ -216,7 +217,7 @@ def _refine(blocks: Blocks, reference: int, field: Array, weights: Array) -> Arr
             )
             template = make_blurred_template(before, blocks.threads)
             equations = normal_equations(after, template, sigma)
-            step, _ = fit_affine(equations, weights)
+            step = shrink_field(*fit_affine(equations, weights))
             field = field - limit_length(step, 1.5 * sigma) / half
     return field
 
