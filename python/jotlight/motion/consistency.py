@@ -19,6 +19,9 @@ _MAX_CHI_SQUARED = 2.5
 _MAX_DISAGREEMENT = 1.4
 """Pixels of one side of a ring are accepted up to this value."""
 
+_STILL_MARGIN = 1.15
+"""Factor of both limits for a scene that stands still, where no motion can be wrong."""
+
 _FIRST_RING = 2
 """Number of blocks in the middle, which are not tested."""
 
@@ -105,14 +108,22 @@ class Consistent:
         return total
 
 
-def find_consistent(motion: Counted) -> Consistent:
+def find_consistent(motion: Counted, *, is_still: bool = False) -> Consistent:
     """Return the sums of all blocks along a motion, without pixels that disagree.
 
     The blocks are tested from the reference time outward, in rings of 2, 4, 8, and so on. First,
     each block is compared with all that are nearer. It is tested together with its neighbors on
     the same side, because one block has few photons. Then the two sides of the ring are compared
     with all nearer blocks. This detects small errors of the motion that grow with time.
+
+    Parameters
+    ----------
+    motion : Counted
+        The motion.
+    is_still : bool
+        Whether nothing moves. Then fewer pixels are rejected.
     """
+    margin = _STILL_MARGIN if is_still else 1.0
     order = [int(block) for block in from_center(motion)]
     is_after = motion.blocks.centers > motion.reference
     size = motion.blocks.size
@@ -132,11 +143,11 @@ def find_consistent(motion: Counted) -> Consistent:
             blocks = [block for block in ring if is_after[block] == side]
             total = Sums.zeros(size)
             for block, sums, pooled in _pool(motion, blocks, is_after == bool(side)):
-                accepted = chi_squared(pooled, template) < _MAX_CHI_SQUARED
+                accepted = chi_squared(pooled, template) < margin * _MAX_CHI_SQUARED
                 available += sums.trials
                 total += sums.masked(accepted)
                 masks[block] = np.packbits(accepted, axis=1)
-            agrees = disagreement(nearer, total) < _MAX_DISAGREEMENT
+            agrees = disagreement(nearer, total) < margin * _MAX_DISAGREEMENT
             sides[side] += total.masked(agrees)
             masks[blocks] &= np.packbits(agrees, axis=1)
         start *= 2

@@ -17,19 +17,35 @@ _MARGIN = 4
 _OUTLINE = 8
 """Distance in pixels at which pixels near an outline are flagged."""
 
+_MAX_REJECTED = 0.02
+"""Fraction of rejected bits above which the scene is unclear, unless it has segments."""
 
-def find_flags(consistent: Consistent, labels: npt.NDArray[np.uint8]) -> npt.NDArray[np.bool_]:
+_UNCLEAR_MARGIN, _UNCLEAR_GROWTH = 12, 8
+"""Distances in unclear scenes: near pixels with few accepted bits, and near those that disagree."""
+
+
+def find_flags(
+    consistent: Consistent, labels: npt.NDArray[np.uint8], model: str
+) -> npt.NDArray[np.bool_]:
     """Return the pixels (H, W) that may have larger errors than their number of trials explains.
 
     They are near outlines, their bits were rejected, or the frames before and after the reference
-    time disagree, which shows errors of the motion.
+    time disagree, which shows errors of the motion. A scene is unclear if each tile has its own
+    motion, or if many bits are rejected although only one motion is known. Then more neighbors of
+    such pixels are flagged.
     """
+    rejected = 1 - float(consistent.accepted.mean())
+    is_unclear = model == "tiles" or (model != "segments" and rejected > _MAX_REJECTED)
     unsteady = disagreement(consistent.before, consistent.after) > _MAX_DISAGREEMENT
-    rejected = consistent.accepted < _MIN_ACCEPTED
+    few = consistent.accepted < _MIN_ACCEPTED
     outlines = np.zeros(labels.shape, bool)
     outlines[:, 1:] |= labels[:, 1:] != labels[:, :-1]
     outlines[1:] |= labels[1:] != labels[:-1]
-    return unsteady | _grow(rejected, _MARGIN) | _grow(outlines, _OUTLINE)
+    return (
+        _grow(unsteady, _UNCLEAR_GROWTH if is_unclear else 0)
+        | _grow(few, _UNCLEAR_MARGIN if is_unclear else _MARGIN)
+        | _grow(outlines, _OUTLINE)
+    )
 
 
 def _grow(pixels: npt.NDArray[np.bool_], distance: int) -> npt.NDArray[np.bool_]:

@@ -12,11 +12,11 @@ Counts = npt.NDArray[np.signedinteger]
 
 Probability = npt.NDArray[np.float64]
 
-_FRACTIONS = (1, 2, 4, 8, 16)
+_FRACTIONS = (1, 2, 4, 8, 16, 32)
 """The windows have all frames, a half, a quarter, and so on."""
 
-_CENTRAL_FRACTION = 16
-"""Bits are held out from 1/16 of all frames."""
+_CENTRAL_FRACTION = 32
+"""Bits are held out from 1/32 of all frames."""
 
 _MIN_GAIN = 3.0
 """Minimum gain of a window in standard deviations, for the motion to be wrong."""

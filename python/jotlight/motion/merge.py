@@ -106,8 +106,8 @@ def merge(
     paths = as_paths(motion, blocks)
     # Without hot jots, the alignment has used the same ones.
     if consistent is None or hot_jots(sensor) is not None:
-        consistent = find_consistent(paths)
-    accepted, flags = consistent.accepted, find_flags(consistent, motion.labels)
+        consistent = find_consistent(paths, is_still=motion.model == "none")
+    accepted, flags = consistent.accepted, find_flags(consistent, motion.labels, motion.model)
     advance(0.95)
     channels = [None] if burst.channels == 1 else list(range(burst.channels))
     of_channels = [_of_channel(paths, channel) for channel in channels]

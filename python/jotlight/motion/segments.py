@@ -183,9 +183,11 @@ def energy_of(sums: Sums) -> Array:
     mean = blur(fraction * known, _COARSE) / np.maximum(blur(known, _COARSE), 1e-3)
     details = blur((fraction - mean) * known, _FINE)
     variance = np.clip(mean * (1 - mean), 1e-4, None)
-    # The filter averages the noise of 4 π σ² pixels.
-    noise = variance / np.maximum(sums.trials, 1) / (4 * np.pi * _FINE**2)
-    ratio = np.asarray((details**2 - noise) / variance, np.float32)
+    # The filter averages the noise of 4 π σ² pixels: its square is a filter, too.
+    noise = blur(known / np.maximum(sums.trials, 1), _FINE / math.sqrt(2)) / (4 * np.pi * _FINE**2)
+    # Where few frames show the scene, the energy of noise fluctuates much, so it has less weight.
+    share = sums.trials / max(int(sums.trials.max()), 1)
+    ratio = np.asarray(share**2 * (details**2 / variance - noise), np.float32)
     energy = blur_coarsely(ratio, _ENERGY_BLUR)
     return mean_tiles(energy)
 
