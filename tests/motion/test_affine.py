@@ -106,7 +106,7 @@ def test_smooth_parameters_have_the_variance_of_single_blocks_at_most():
     errors, deviations = [], []
     for _ in range(50):
         noise = [rng.multivariate_normal(np.zeros(6), np.linalg.inv(each)) for each in matrices]
-        smooth, covariances = _smooth(truth + noise, matrices)
+        smooth, covariances = _smooth(truth + noise, matrices, np.zeros(20))
         errors.append(smooth - truth)
         deviations.append(np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)))
     scaled = np.square(np.array(errors) / deviations).mean()

@@ -8,17 +8,8 @@ from jotlight.motion.model import _still
 from jotlight.motion.scoring import make_template
 from jotlight.motion.selection import likelihood_gain
 from jotlight.motion.tiles import tile_counts
-from jotlight.motion.track import Paths, Track
-from moving import blocks_of, record
-
-
-def paths_of(blocks, shifts, reference):
-    """Return the paths of an image that moves by shifts (n, 2) at the centers of the blocks."""
-    shape, number = tile_counts(blocks.size), len(blocks.centers)
-    nodes = np.zeros((number, 2, *shape)) + np.asarray(shifts)[:, :, None, None]
-    information = np.zeros((number, 3, *shape))
-    track = Track(blocks, reference, nodes, np.ones(number, bool), information)
-    return Paths([track], np.zeros(blocks.size, np.uint8))
+from jotlight.motion.track import Paths
+from moving import blocks_of, paths_of, record
 
 
 def still(blocks, reference):

@@ -90,3 +90,15 @@ def constant_motion(shifts, size, times, reference, model="affine"):
     information[:, :, [0, 2]] = 100
     labels = np.zeros(size, np.uint8)
     return jl.Motion(nodes, labels, np.asarray(times, float), float(reference), model, information)
+
+
+def paths_of(blocks, shifts, reference):
+    """Return the paths of an image that moves by shifts (n, 2) at the centers of the blocks."""
+    from jotlight.motion.tiles import tile_counts
+    from jotlight.motion.track import Paths, Track
+
+    shape, number = tile_counts(blocks.size), len(blocks.centers)
+    nodes = np.zeros((number, 2, *shape)) + np.asarray(shifts)[:, :, None, None]
+    information = np.zeros((number, 3, *shape))
+    track = Track(blocks, reference, nodes, np.ones(number, bool), information)
+    return Paths([track], np.zeros(blocks.size, np.uint8))

@@ -13,14 +13,14 @@ from jotlight.motion.track import Counted, from_center
 
 Image = npt.NDArray[np.float32]
 
-_MAX_CHI_SQUARED = 2.5
-"""Pixels of a block are accepted up to this value of χ², which is about 1 if they agree."""
+_LIMITS = 2.5, 1.4
+"""Pixels of a block are accepted up to this value of χ², which is about 1 if they agree.
 
-_MAX_DISAGREEMENT = 1.4
-"""Pixels of one side of a ring are accepted up to this value."""
+Pixels of one side of a ring are accepted up to the second value.
+"""
 
-_STILL_MARGIN = 1.15
-"""Factor of both limits for a scene that stands still, where no motion can be wrong."""
+_LIMITS_IF_STILL = 3.5, 1.6
+"""The same for a scene that stands still, where no motion can be wrong."""
 
 _FIRST_RING = 2
 """Number of blocks in the middle, which are not tested."""
@@ -123,7 +123,7 @@ def find_consistent(motion: Counted, *, is_still: bool = False) -> Consistent:
     is_still : bool
         Whether nothing moves. Then fewer pixels are rejected.
     """
-    margin = _STILL_MARGIN if is_still else 1.0
+    max_chi_squared, max_disagreement = _LIMITS_IF_STILL if is_still else _LIMITS
     order = [int(block) for block in from_center(motion)]
     is_after = motion.blocks.centers > motion.reference
     size = motion.blocks.size
@@ -143,11 +143,11 @@ def find_consistent(motion: Counted, *, is_still: bool = False) -> Consistent:
             blocks = [block for block in ring if is_after[block] == side]
             total = Sums.zeros(size)
             for block, sums, pooled in _pool(motion, blocks, is_after == bool(side)):
-                accepted = chi_squared(pooled, template) < margin * _MAX_CHI_SQUARED
+                accepted = chi_squared(pooled, template) < max_chi_squared
                 available += sums.trials
                 total += sums.masked(accepted)
                 masks[block] = np.packbits(accepted, axis=1)
-            agrees = disagreement(nearer, total) < margin * _MAX_DISAGREEMENT
+            agrees = disagreement(nearer, total) < max_disagreement
             sides[side] += total.masked(agrees)
             masks[blocks] &= np.packbits(agrees, axis=1)
         start *= 2
