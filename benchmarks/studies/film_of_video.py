@@ -1,0 +1,122 @@
+"""Record a video with a simulated sensor, and make a film of its bits.
+
+    python benchmarks/studies/film_of_video.py VIDEO [--video-frames 48] [--window 256]
+        [--step 16] [--output FOLDER]
+
+VIDEO is a folder with the frames of a video as numbered images. Each is reduced to half its size
+and seen by 16 binary frames, with 0.2 photons per pixel and frame on average. The table shows for
+each image of the film its time in frames of the video, the model of the motion, whether it was
+carried from the image before, the fraction of flagged pixels, and the PSNR in dB against the frame
+of the video at this time: of the film, and of the best window without alignment, chosen with the
+true image. The network "medium" estimates all images. With --output, comparisons are written to a
+folder: the video, the best window, the film, and the film with flags in red.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+import jotlight as jl
+from jotlight.motion.film import FilmImage, film
+
+PER_FRAME = 16
+"""Number of binary frames of each frame of the video."""
+
+PHOTONS = 0.2
+"""Mean number of photons per pixel and binary frame."""
+
+WINDOWS = (2, 4, 8, 16, 32, 64, 128, 256)
+INNER = (slice(8, -8),) * 2
+
+Gray = npt.NDArray[np.float32]
+
+
+def main() -> None:
+    """Print a row for each image of the film, and the means."""
+    options = arguments()
+    paths = sorted(options.video.glob("*.jpg"), key=lambda path: int(path.stem))
+    video = np.stack([read_gray(path) for path in paths[: options.video_frames]])
+    # Images show the middle of the binary frames of a frame of the video.
+    bits = record(video)[PER_FRAME // 2 :]
+    print("| time | model | carried | flagged | window | film | gain |")
+    print("| ---: | --- | --- | ---: | ---: | ---: | ---: |")
+    rows = []
+    for index, image in enumerate(film(bits, window=options.window, step=options.step)):
+        middle = index * options.step + options.window // 2
+        time = (middle + PER_FRAME // 2) / PER_FRAME
+        truth = video[int(time)]
+        rows.append(measure(bits, middle, truth, image, options.output))
+        window, merged = rows[-1]
+        print(
+            f"| {time:.1f} | {image.motion.model} | {image.is_carried} | "
+            f"{image.merged.flags.mean():.2f} | {window:.2f} | {merged:.2f} | "
+            f"{merged - window:+.2f} |",
+            flush=True,
+        )
+    window, merged = np.mean(rows, axis=0)
+    print(f"| mean | | | | {window:.2f} | {merged:.2f} | {merged - window:+.2f} |")
+
+
+def arguments() -> argparse.Namespace:
+    """Return the options."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("video", type=Path)
+    parser.add_argument("--video-frames", type=int, default=48)
+    parser.add_argument("--window", type=int, default=256)
+    parser.add_argument("--step", type=int, default=PER_FRAME)
+    parser.add_argument("--output", type=Path)
+    return parser.parse_args()
+
+
+def read_gray(path: Path) -> Gray:
+    """Return an image in gray at half its size, in [0, 1]."""
+    with Image.open(path) as file:
+        gray = file.convert("L").reduce(2)
+    return np.asarray(gray, np.float32) / 255
+
+
+def record(video: Gray) -> jl.Bits:
+    """Return the bits of a video."""
+    frames = PER_FRAME * len(video)
+    # A pixel of intensity 1 receives `gain` photons in all frames together.
+    sensor = jl.Sensor(frames=frames, gain=PHOTONS / float(video.mean()) * frames)
+    part = sensor.replace(frames=PER_FRAME, gain=sensor.gain / len(video))
+    packed = [np.asarray(part.expose(image, rng=seed).packed) for seed, image in enumerate(video)]
+    return jl.Bits(np.concatenate(packed), video.shape[2], sensor)
+
+
+def measure(
+    bits: jl.Bits, middle: int, truth: Gray, image: FilmImage, folder: Path | None
+) -> tuple[float, float]:
+    """Return the PSNR of the best window and of the film, and write a comparison."""
+    network = jl.pretrained(bits.sensor)
+
+    def estimate(data: jl.Bits | jl.Merged) -> Gray:
+        return network.reconstruct(data, data.sensor)
+
+    windows = [estimate(bits[middle - n // 2 : middle + n // 2]) for n in WINDOWS]
+    best = max(windows, key=lambda each: quality(each, truth))
+    merged = estimate(image.merged)
+    if folder is not None:
+        folder.mkdir(exist_ok=True)
+        flagged = np.where(image.merged.flags, 0.5 * merged, merged)
+        colors = np.stack(
+            [np.maximum(flagged, 0.4 * image.merged.flags), flagged, flagged], axis=-1
+        )
+        grays = [each[..., None].repeat(3, axis=-1) for each in (truth, best, merged)]
+        rows = [np.concatenate(pair, axis=1) for pair in (grays[:2], [grays[2], colors])]
+        pixels = np.clip(255 * np.concatenate(rows), 0, 255).astype(np.uint8)
+        Image.fromarray(pixels).save(folder / f"{middle:05}.jpg", quality=90)
+    return quality(best, truth), quality(merged, truth)
+
+
+def quality(image: Gray, truth: Gray) -> float:
+    """Return the PSNR in dB, without a border."""
+    return float(jl.metrics.psnr(image[INNER], truth[INNER], peak=1.0))
+
+
+if __name__ == "__main__":
+    main()
