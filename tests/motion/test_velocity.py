@@ -10,7 +10,7 @@ from jotlight.motion.burst import as_burst
 from jotlight.motion.velocity import (
     _STRIDE,
     _WINDOW,
-    _interpolation,
+    _interpolate,
     _scores,
     _starts,
     find_velocities,
@@ -69,7 +69,7 @@ def test_scores_are_largest_at_the_displacement_of_periodic_images():
     texture = rng.random((64, 64))
     images = np.stack([np.roll(texture, (2 * n, -3 * n), (0, 1)) for n in range(6)])
     line = np.arange(-8, 9) / 2
-    scores = _scores(images.astype(np.float32), [1, 2], line)
+    (scores,) = _scores(images[None].astype(np.float32), [1, 2], line)
     row, column = np.unravel_index(scores.argmax(), scores.shape)
     best = max(
         ((y, x) for y in range(-4, 5) for x in range(-4, 5)),
@@ -84,7 +84,8 @@ def test_scores_are_largest_at_the_displacement_of_periodic_images():
 def test_interpolation_is_periodic_and_linear():
     values, places = np.random.default_rng(2).random(10), np.array([0.0, 2.25, -0.5, 12.75, -10])
     expected = [np.interp(place % 10, np.arange(11), [*values, values[0]]) for place in places]
-    np.testing.assert_allclose(_interpolation(tuple(places), 10) @ values, expected, atol=1e-6)
+    found = _interpolate(values.reshape(1, 10, 1), places, 1, 10).ravel()
+    np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("length", [1, 47, 48, 49, 80, 256])

@@ -55,7 +55,7 @@ def follow(blocks: Blocks, reference: int, segment: Segment) -> Track:
                 break
         track.known[block] = True
         total = total + track.nearby_sums(block)
-        if is_renewed(number):
+        if is_renewed(number) and number < len(order):
             template = make_template(total, blocks.threads)
     for sigma in _JOINT_SIGMAS:
         if improve_together(track, segment.weights, sigma) <= _TINY and sigma == _JOINT_SIGMAS[-1]:

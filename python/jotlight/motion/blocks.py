@@ -10,6 +10,7 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.motion.burst import Burst
 from jotlight.motion.tiles import TILE, interpolate_rows
+from jotlight.sensing.bits import Bits
 
 Counts = npt.NDArray[np.int32]
 
@@ -158,6 +159,9 @@ class Blocks:
     def add(self, sums: Sums, frames: range, fields: Fields, times: tuple[float, float]) -> None:
         """Add the counts of some frames to sums, as :meth:`count` counts them."""
         first, last = (np.ascontiguousarray(field, np.float32) for field in fields)
+        if not first.any() and not last.any():
+            self._add_unmoved(sums, frames)
+            return
         for part, planes in self.burst.parts(frames, self.channel):
             fractions = (np.asarray(part) - times[0]) / (times[1] - times[0])
             for number, (weight, packed) in enumerate(planes):
@@ -181,4 +185,16 @@ class Blocks:
                     if number == 0:
                         sums.trials += self.trials * target.trials
                         sums.remainders += target.remainders
+        sums.frames += len(frames)
+
+    def _add_unmoved(self, sums: Sums, frames: range) -> None:
+        """Add the counts of frames that stand still."""
+        valid: npt.NDArray[np.bool_] | bool = True
+        if self.valid is not None:
+            valid = np.unpackbits(self.valid, axis=1, count=self.size[1]).view(np.bool_)
+        for _, planes in self.burst.parts(frames, self.channel):
+            for weight, packed in planes:
+                counts = Bits(packed, self.size[1]).counts(1, threads=self.threads)
+                sums.ones += weight * counts * valid
+        sums.trials += np.int32(self.trials * len(frames)) * valid
         sums.frames += len(frames)

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.burst import Burst
+from jotlight.motion.parallel import map_in_threads
 from jotlight.motion.regularize import fit_affine
 from jotlight.motion.scoring import blur, blur_coarsely, make_blurred_template, normal_equations
 from jotlight.motion.shrinkage import shrink_field
@@ -47,6 +48,9 @@ _CHOSEN = 0.6
 
 _STARTS = 3
 """Number of velocities that are refined for the whole scene."""
+
+_CAPTURE = 4.0
+"""Distance in pixels over which the refinement surely finds a motion."""
 
 _ROUNDS = ((8, (4.0, 2.0)), (4, (2.0, 1.0)))
 """Rounds that refine a velocity: the frames before and after the reference time, as a fraction 1/n
@@ -83,7 +87,7 @@ def find_segments(blocks: Blocks, reference: int) -> list[Segment]:
     """
     scene = blocks, reference
     candidates = list(find_velocities(blocks.burst, reference, blocks.threads))
-    energies = [_energy(*scene, field) for field in candidates]
+    energies = map_in_threads(lambda field: _energy(*scene, field), candidates, blocks.threads)
     whole = _best_of_all(*scene, candidates, energies)
     starts = whole, max(zip(candidates, energies, strict=True), key=lambda each: each[1].sum())
     parts = [_add_segments(*scene, start, candidates, energies) for start in starts]
@@ -143,9 +147,14 @@ def _best_of_all(
 ) -> Part:
     """Return the affine velocity with the most energy in the whole scene, from several starts."""
     everywhere = np.ones(energies[0].shape, bool)
-    order = np.argsort([-energy.sum() for energy in energies])[:_STARTS]
-    starts = [(candidates[index], energies[index]) for index in order]
-    refined = [_refined(blocks, reference, start, everywhere) for start in starts]
+    frames = max(_MIN_FRAMES, len(blocks.burst) // _ROUNDS[0][0])
+    totals = np.array([energy.sum() for energy in energies])
+    refined: list[Part] = []
+    for index in np.argsort(-totals)[:_STARTS]:
+        field = candidates[index]
+        # The refinement would end at the same velocity again.
+        if all(abs(found - field).max() * frames > _CAPTURE for found, _ in refined):
+            refined.append(_refined(blocks, reference, (field, energies[index]), everywhere))
     return max(refined, key=lambda part: part[1].sum())
 
 

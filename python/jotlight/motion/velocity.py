@@ -5,13 +5,13 @@ something moves at the velocity v, those of pairs that are n frames apart have t
 Parts of the scene may have different velocities, so they are correlated in windows.
 """
 
-import functools
 from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.burst import Burst
+from jotlight.motion.parallel import map_in_threads
 from jotlight.motion.rotation import find_rotation
 from jotlight.motion.tiles import tile_centers
 
@@ -32,6 +32,9 @@ _BIN = 2
 
 _WINDOW, _STRIDE = 96 // _BIN, 64 // _BIN
 """Width of a window, and maximum distance of neighboring windows, in bins."""
+
+_WINDOWS_AT_ONCE = 16
+"""Maximum number of windows that are correlated together."""
 
 _RANGE = 0.45
 """Maximum displacement between two blocks, as a fraction of the width of a window."""
@@ -66,19 +69,35 @@ def find_velocities(burst: Burst, reference: int, threads: int | None) -> Array:
     """
     places = tile_centers(burst.size) - (np.array(burst.size).reshape(2, 1, 1) - 1) / 2
     found = [np.zeros_like(places)]
-    available = min(reference, len(burst) - reference)
-    length = max(1, 2 * available // _MAX_BLOCKS)
-    while available > 0:
+    lengths = _lengths(min(reference, len(burst) - reference))
+
+    def search(length: int) -> tuple[int, list[tuple[Array, Array]]]:
         blocks = _count_blocks(burst, reference, length, threads)
-        for velocity, matrix in _peaks(blocks, length):
+        return length * len(blocks), list(_peaks(blocks, length))
+
+    for frames, peaks in map_in_threads(search, lengths, threads):
+        for velocity, matrix in peaks:
             field = velocity[:, None, None] + np.tensordot(matrix, places, axes=1)
             difference = np.hypot(*np.moveaxis(np.stack(found) - field, 1, 0)).max(axis=(1, 2))
-            if (difference * length * len(blocks) > 2).all():
+            if (difference * frames > 2).all():
                 found.append(field)
-        if length == 1:
-            break
-        length //= 4 if length > _SHORT else 2
     return np.stack(found)
+
+
+def _lengths(available: int) -> list[int]:
+    """Return the lengths of blocks that are correlated, with a number of frames on each side.
+
+    Examples
+    --------
+    >>> [_lengths(available) for available in (0, 10, 500)]
+    [[], [1], [31, 7, 3, 1]]
+    """
+    lengths = []
+    length = max(1, 2 * available // _MAX_BLOCKS) if available > 0 else 0
+    while length > 0:
+        lengths.append(length)
+        length = length // 4 if length > _SHORT else length // 2
+    return lengths
 
 
 def _count_blocks(burst: Burst, reference: int, length: int, threads: int | None) -> Images:
@@ -110,14 +129,16 @@ def _peaks(blocks: Images, length: int) -> Iterator[tuple[Array, Array]]:
     lags = [lag for lag in _LAGS if lag < len(blocks)]
     if not lags:
         return
-    windows = list(_windows(blocks))
-    width = min(min(window.shape[1:]) for window in windows)
+    windows = np.stack(list(_windows(blocks)))
+    width = min(windows.shape[2:])
     steps = int(_RANGE * width)
     line = _BIN * np.arange(-steps, steps + 1) / (length * lags[-1])
     every = list(range(1, lags[-1] + 1))
-    if (velocity := _best(_scores(blocks, every, line * (length / _BIN)), line)) is not None:
+    (whole,) = _scores(blocks[None], every, line * (length / _BIN))
+    if (velocity := _best(whole, line)) is not None:
         yield velocity, constant
-    scores = np.stack([_scores(window, lags, line * (length / _BIN)) for window in windows])
+    parts = np.array_split(windows, -(-len(windows) // _WINDOWS_AT_ONCE))
+    scores = np.concatenate([_scores(part, lags, line * (length / _BIN)) for part in parts])
     if (rotation := find_rotation(scores, _BIN * _window_centers(blocks), line)) is not None:
         yield rotation
     active = np.ones(len(scores), bool)
@@ -164,51 +185,57 @@ def _starts(length: int) -> list[int]:
     return [round(start) for start in np.linspace(0, max(0, length - _WINDOW), number)]
 
 
-def _scores(window: Images, lags: list[int], line: Array) -> npt.NDArray[np.float32]:
+def _scores(windows: Images, lags: list[int], line: Array) -> Images:
     """Return the scores of displacements per block, in units of the noise of the correlations.
 
     Parameters
     ----------
-    window : ndarray of float32, shape (n, h, w)
-        Counts of the blocks.
+    windows : ndarray of float32, shape (w, n, h, w)
+        Counts of the n blocks in each window.
     lags : list of int
         Distances of the pairs.
     line : ndarray of float, shape (m,)
         Displacements per block, in rows and in columns.
+
+    Returns
+    -------
+    ndarray of float32, shape (w, m, m)
+        Scores of each window.
     """
     from scipy import fft
 
-    _, height, width = window.shape
+    height, width = windows.shape[2:]
     taper = (np.hanning(height)[:, None] * np.hanning(width)).astype(np.float32)
     squared = (2 * np.pi * fft.fftfreq(height)[:, None]) ** 2
     squared = squared + (2 * np.pi * fft.rfftfreq(width)) ** 2
     fine, coarse = (np.exp(-squared * sigma**2 / 2) for sigma in _BAND)
     band = (fine - coarse).astype(np.float32)
-    mean = window.mean(axis=(1, 2), keepdims=True)
-    spectra = fft.rfft2((window - mean) * taper) * band
+    mean = windows.mean(axis=(2, 3), keepdims=True)
+    spectra = fft.rfft2((windows - mean) * taper) * band
     conjugate = np.conj(spectra)
-    total = np.zeros((len(line), len(line)), np.float32)
+    total = np.zeros((len(windows), len(line), len(line)), np.float32)
     for lag in lags:
-        cross = np.einsum("nij,nij->ij", conjugate[:-lag], spectra[lag:])
+        cross = np.einsum("wnij,wnij->wij", conjugate[:, :-lag], spectra[:, lag:])
         magnitude = abs(cross)
+        largest = magnitude.max(axis=(1, 2), keepdims=True)
         # The root is between correlation, whose peaks are wide, and phase correlation.
-        cross /= np.sqrt(magnitude + 1e-9 * magnitude.max() + 1e-30)
+        cross /= np.sqrt(magnitude + np.float32(1e-9) * largest + np.float32(1e-30))
         correlation = fft.irfft2(cross, s=(height, width))
-        correlation /= max(float(correlation.std()), 1e-30)
-        places = tuple(lag * line)
-        rows, columns = (_interpolation(places, size) for size in (height, width))
-        total += rows @ correlation @ columns.T
+        correlation /= np.maximum(correlation.std(axis=(1, 2), keepdims=True), np.float32(1e-30))
+        for axis, size in ((1, height), (2, width)):
+            correlation = _interpolate(correlation, lag * line, axis, size)
+        total += correlation
     return total
 
 
-@functools.lru_cache(maxsize=64)
-def _interpolation(places: tuple[float, ...], size: int) -> npt.NDArray[np.float32]:
-    """Return the matrix that interpolates `size` periodic values at the places, linearly."""
-    wrapped = np.mod(places, size)
-    index = np.floor(wrapped).astype(int)
-    fraction = wrapped - index
-    matrix = np.zeros((len(places), size), np.float32)
-    rows = np.arange(len(places))
-    np.add.at(matrix, (rows, index % size), 1 - fraction)
-    np.add.at(matrix, (rows, (index + 1) % size), fraction)
-    return matrix
+def _interpolate(values: Images, places: Array, axis: int, size: int) -> Images:
+    """Return `size` periodic values along an axis, interpolated linearly at the places.
+
+    Matrix products would be slower, because several of them run at the same time.
+    """
+    first = np.floor(places).astype(int)
+    shape = [1] * values.ndim
+    shape[axis] = len(places)
+    fraction = (places - first).astype(np.float32).reshape(shape)
+    before, after = (values.take((first + step) % size, axis=axis) for step in (0, 1))
+    return np.asarray(before + fraction * (after - before), np.float32)
