@@ -5,7 +5,7 @@ import pytest
 
 from jotlight.motion.blocks import Sums
 from jotlight.motion.consistency import Consistent
-from jotlight.motion.flags import find_flags
+from jotlight.motion.flags import find_flags, is_unclear
 
 SIZE = 192, 256
 NOWHERE = np.zeros(SIZE, np.uint8)
@@ -25,17 +25,15 @@ def consistent(accepted=1.0, change=None):
     return Consistent(*halves, share, np.zeros((0, *SIZE), np.uint8))
 
 
-@pytest.mark.parametrize(
-    ("model", "share"), [("none", 0.1), ("affine", 0.1), ("segments", 0.1), ("tiles", 0.25)]
-)
-def test_a_consistent_scene_has_few_flags(model, share):
-    assert find_flags(consistent(), NOWHERE, model).mean() < share
+@pytest.mark.parametrize(("unclear", "share"), [(False, 0.1), (True, 0.25)])
+def test_a_consistent_scene_has_few_flags(unclear, share):
+    assert find_flags(consistent(), NOWHERE, is_unclear=unclear).mean() < share
 
 
 def test_outlines_are_flagged_within_eight_pixels():
     labels = NOWHERE.copy()
     labels[:, 40:] = 1
-    flags = find_flags(consistent(), labels, "segments")
+    flags = find_flags(consistent(), labels)
     assert flags[:, 32:49].all()
     assert flags[:, :31].mean() < 0.15
     assert flags[:, 50:].mean() < 0.15
@@ -44,22 +42,37 @@ def test_outlines_are_flagged_within_eight_pixels():
 def test_pixels_whose_bits_were_rejected_are_flagged():
     accepted = np.ones(SIZE)
     accepted[30, 40] = 0.5
-    flags = find_flags(consistent(accepted), NOWHERE, "affine")
+    flags = find_flags(consistent(accepted), NOWHERE)
     assert flags[26:35, 36:45].all()
     assert flags.mean() < 0.1
 
 
 def test_a_change_after_the_reference_time_is_flagged():
-    flags = find_flags(consistent(change=(slice(20, 44), slice(30, 60))), NOWHERE, "affine")
+    flags = find_flags(consistent(change=(slice(20, 44), slice(30, 60))), NOWHERE)
     assert flags[20:44, 30:60].all()
     assert not flags.all()
 
 
-@pytest.mark.parametrize(("model", "share"), [("tiles", 1.0), ("affine", 0.96), ("none", 0.96)])
-def test_more_neighbors_are_flagged_in_unclear_scenes(model, share):
-    accepted = np.full(SIZE, share)
+def test_more_neighbors_are_flagged_in_unclear_scenes():
+    accepted = np.ones(SIZE)
     accepted[30, 40] = 0.5
-    flags = find_flags(consistent(accepted), NOWHERE, model)
-    assert flags[18:43, 28:53].all()
-    clear = find_flags(consistent(accepted), NOWHERE, "segments")
-    assert clear.sum() < flags.sum()
+    few, more = (
+        find_flags(consistent(accepted), NOWHERE, is_unclear=unclear) for unclear in (False, True)
+    )
+    assert more[18:43, 28:53].all()
+    assert (few <= more).all()
+    assert few.sum() < more.sum()
+
+
+@pytest.mark.parametrize(
+    ("model", "accepted", "unclear"),
+    [
+        ("tiles", 1.0, True),
+        ("affine", 0.96, True),
+        ("none", 0.96, True),
+        ("affine", 0.995, False),
+        ("segments", 0.96, False),
+    ],
+)
+def test_scenes_are_unclear_if_the_model_does_not_explain_them(model, accepted, unclear):
+    assert is_unclear(consistent(accepted), model) == unclear

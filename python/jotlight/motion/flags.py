@@ -18,24 +18,31 @@ _OUTLINE = 8
 """Distance in pixels at which pixels near an outline are flagged."""
 
 _MAX_REJECTED = 0.02
-"""Fraction of rejected bits above which the scene is unclear, unless it has segments."""
+"""Fraction of rejected bits above which a scene is unclear, unless it has segments."""
 
 _UNCLEAR_MARGIN, _UNCLEAR_GROWTH = 12, 8
 """Distances in unclear scenes: near pixels with few accepted bits, and near those that disagree."""
 
 
+def is_unclear(consistent: Consistent, model: str) -> bool:
+    """Return whether the model does not explain the scene well.
+
+    This is so if each tile has its own motion, or if many bits are rejected although only one
+    motion is known.
+    """
+    rejected = 1 - float(consistent.accepted.mean())
+    return model == "tiles" or (model != "segments" and rejected > _MAX_REJECTED)
+
+
 def find_flags(
-    consistent: Consistent, labels: npt.NDArray[np.uint8], model: str
+    consistent: Consistent, labels: npt.NDArray[np.uint8], *, is_unclear: bool = False
 ) -> npt.NDArray[np.bool_]:
     """Return the pixels (H, W) that may have larger errors than their number of trials explains.
 
     They are near outlines, their bits were rejected, or the frames before and after the reference
-    time disagree, which shows errors of the motion. A scene is unclear if each tile has its own
-    motion, or if many bits are rejected although only one motion is known. Then more neighbors of
-    such pixels are flagged.
+    time disagree, which shows errors of the motion. In unclear scenes, more neighbors of such
+    pixels are flagged.
     """
-    rejected = 1 - float(consistent.accepted.mean())
-    is_unclear = model == "tiles" or (model != "segments" and rejected > _MAX_REJECTED)
     unsteady = disagreement(consistent.before, consistent.after) > _MAX_DISAGREEMENT
     few = consistent.accepted < _MIN_ACCEPTED
     outlines = np.zeros(labels.shape, bool)

@@ -15,8 +15,8 @@ Probability = npt.NDArray[np.float64]
 _FRACTIONS = (1, 2, 4, 8, 16, 32)
 """The windows have all frames, a half, a quarter, and so on."""
 
-_CENTRAL_FRACTION = 32
-"""Bits are held out from 1/32 of all frames."""
+_CENTRAL = 2
+"""Number of frames from which bits are held out. The scene hardly moves between them."""
 
 _MIN_GAIN = 3.0
 """Minimum gain of a window in standard deviations, for the motion to be wrong."""
@@ -28,7 +28,7 @@ _MIN_PROBABILITY = 1e-4
 def find_window(paths: Paths, total: Sums) -> range | None:
     """Return the frames whose sum without motion is better than the merged counts, or None.
 
-    Half of the bits of a few frames at the reference time are held out, at random. The estimate of
+    Half of the bits of two frames at the reference time are held out, at random. The estimate of
     the network from the other bits that makes them most probable is the best one.
 
     Parameters
@@ -40,7 +40,7 @@ def find_window(paths: Paths, total: Sums) -> range | None:
     """
     blocks = paths.blocks
     frames = len(blocks.burst)
-    center = count_window(paths, _window(paths, max(2, frames // _CENTRAL_FRACTION)))
+    center = count_window(paths, _window(paths, _CENTRAL))
     held_trials = (center.trials // 2).astype(np.int64)
     # The seed is fixed, so that results repeat.
     held_ones = np.random.default_rng(0).hypergeometric(
@@ -52,8 +52,6 @@ def find_window(paths: Paths, total: Sums) -> range | None:
     best: tuple[float, range | None] = 0.0, None
     for fraction in _FRACTIONS:
         window = _window(paths, frames // fraction)
-        if len(window) < frames // _CENTRAL_FRACTION:
-            break
         counted = count_window(paths, window)
         estimate = _estimate(counted.ones - held_ones, counted.trials - held_trials)
         gain, error = _gain(estimate, merged, held_ones, held_trials)

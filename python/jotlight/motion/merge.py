@@ -12,7 +12,7 @@ from jotlight.formats.capture import CountStack
 from jotlight.motion.align import find_motion, hot_jots, prepare_burst, reference_time
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.consistency import find_consistent
-from jotlight.motion.flags import find_flags
+from jotlight.motion.flags import find_flags, is_unclear
 from jotlight.motion.guard import count_window, find_window
 from jotlight.motion.model import divide
 from jotlight.motion.motion import Motion
@@ -107,7 +107,7 @@ def merge(
     # Without hot jots, the alignment has used the same ones.
     if consistent is None or hot_jots(sensor) is not None:
         consistent = find_consistent(paths, is_still=motion.model == "none")
-    accepted, flags = consistent.accepted, find_flags(consistent, motion.labels, motion.model)
+    accepted, flags = consistent.accepted, find_flags(consistent, motion.labels)
     advance(0.95)
     channels = [None] if burst.channels == 1 else list(range(burst.channels))
     of_channels = [_of_channel(paths, channel) for channel in channels]
@@ -119,10 +119,11 @@ def merge(
         )
         sums = [count_window(each, window) for each in of_channels]
         accepted, flags = np.full_like(accepted, len(window) / len(burst)), np.ones_like(flags)
-    elif len(channels) == 1:
-        sums = [consistent.total]
     else:
-        sums = [consistent.count(each) for each in of_channels]
+        if is_unclear(consistent, motion.model):
+            flags = find_flags(consistent, motion.labels, is_unclear=True)
+        is_gray = len(channels) == 1
+        sums = [consistent.total if is_gray else consistent.count(each) for each in of_channels]
     merged = _as_merged(sums, accepted, flags, motion, sensor, paths)
     advance(1.0)
     return merged
