@@ -93,8 +93,29 @@ def find_paths(
     if model == "none":
         advance(1.0)
         return Found(still, model, None)
-    segments = find_segments(blocks, reference)
+    divisions = find_segments(blocks, reference)
     advance(0.2)
+    for number, segments in enumerate(divisions):
+        found = _explain(blocks, reference, segments, model, advance if number == 0 else _ignore)
+        if model != "auto" or _explains_more(found.paths, still):
+            advance(1.0)
+            return found
+    advance(1.0)
+    return Found(still, "none", None)
+
+
+def _ignore(_: float) -> None:
+    """Ignore the progress."""
+
+
+def _explain(
+    blocks: Blocks,
+    reference: int,
+    segments: list[Segment],
+    model: str,
+    advance: Callable[[float], object],
+) -> Found:
+    """Return the paths of all pixels, if the scene is divided into segments."""
     if model == "affine":
         weights = np.ones_like(segments[0].weights)
         segments = [dataclasses.replace(segments[0], weights=weights)]
@@ -110,10 +131,6 @@ def find_paths(
         tiles = follow_tiles(blocks, reference, _velocity(paths, segments))
         paths = Paths([*tracks, tiles], choose([*tracks, tiles]))
     advance(0.9)
-    explains = model != "auto" or _explains_more(paths, still)
-    advance(1.0)
-    if not explains:
-        return Found(still, "none", None)
     used = np.unique(paths.labels)
     if len(tracks) in used:
         return Found(paths, "tiles", consistent)
@@ -150,7 +167,7 @@ def _energy_along(track: Track) -> Array:
 
 def _explains_more(paths: Paths, still: Paths) -> bool:
     """Return whether paths explain the bits better than no motion."""
-    needed = _PARAMETERS * len(paths.blocks.centers)
+    needed = _PARAMETERS * len(paths.blocks.centers) * len(np.unique(paths.labels))
     gain = likelihood_gain(paths, still, make_blurred_template)
     return gain > _CLEAR * needed or likelihood_gain(paths, still) > needed
 

@@ -37,8 +37,11 @@ _MIN_TILES = 4
 _MIN_ENERGY = 0.05
 """Minimum energy of a segment, as a fraction of that of the strongest one."""
 
-_CLEAR = 4.0
-"""Number of standard deviations by which an energy clearly differs from another one."""
+_CLEAR, _LESS_CLEAR = 4.0, 2.5
+"""Number of standard deviations by which an energy clearly differs from another one.
+
+The lower number is that for segments that are tried if the more probable ones explain nothing.
+"""
 
 _CORRELATED = 3.0
 """Number of tiles over which the noise of the energy is correlated."""
@@ -78,45 +81,55 @@ class Segment:
     """Energy of its tiles along its velocity."""
 
 
-def find_segments(blocks: Blocks, reference: int) -> list[Segment]:
-    """Return the segments of a scene around a reference time, the strongest first.
+def find_segments(blocks: Blocks, reference: int) -> list[list[Segment]]:
+    """Return one or two divisions of a scene into segments, the more probable one first.
 
-    The search begins with the best affine velocity of the whole scene, and with the best of those
-    that :func:`find_velocities` has found. The better result of the two is returned. An affine
-    velocity may be a compromise between two parts that move differently.
+    One search begins with the best affine velocity of the whole scene. The other begins with a
+    constant velocity: an affine one may be a compromise between two parts that move differently.
+    In dim light, it adds segments that are less clear. The segments of a division are in the order
+    of their energies.
     """
     scene = blocks, reference
     candidates = list(find_velocities(blocks.burst, reference, blocks.threads))
     energies = map_in_threads(lambda field: _energy(*scene, field), candidates, blocks.threads)
-    whole = _best_of_all(*scene, candidates, energies)
-    starts = whole, max(zip(candidates, energies, strict=True), key=lambda each: each[1].sum())
-    parts = [_add_segments(*scene, start, candidates, energies) for start in starts]
-    if len(parts[1]) > 1:
-        is_first = _majority([energy for _, energy in parts[1]]) == 0
-        parts[1][0] = _refined(*scene, parts[1][0], is_first)
+    pairs = list(zip(candidates, energies, strict=True))
+    constant = [pair for pair in pairs if np.ptp(pair[0], axis=(1, 2)).max() == 0]
+    start = max(constant, key=lambda pair: float(pair[1].sum()))
+    divisions = [_add_segments(*scene, _best_of_all(*scene, candidates, energies), pairs, _CLEAR)]
+    several = _add_segments(*scene, start, pairs, _LESS_CLEAR)
+    if len(several) > 1:
+        is_first = _majority([energy for _, energy in several]) == 0
+        divisions.append([_refined(*scene, several[0], is_first), *several[1:]])
     noise = _noise(*scene)
-    found = max(parts, key=lambda each: _score([energy for _, energy in each], noise))
-    labels = _majority([energy for _, energy in found])
+    divisions.sort(key=lambda parts: -_score([energy for _, energy in parts], noise))
+    return [_as_segments(parts) for parts in divisions]
+
+
+def _as_segments(parts: list[Part]) -> list[Segment]:
+    """Return the segments with the given velocities, without small ones."""
+    labels = _majority([energy for _, energy in parts])
     segments = [
         Segment(field, (labels == position).astype(float), float(energy[labels == position].sum()))
-        for position, (field, energy) in enumerate(found)
+        for position, (field, energy) in enumerate(parts)
         if position == 0 or (labels == position).sum() >= _MIN_TILES
     ]
     return sorted(segments, key=lambda segment: -segment.energy)
 
 
 def _add_segments(
-    blocks: Blocks, reference: int, start: Part, candidates: list[Array], energies: list[Array]
+    blocks: Blocks, reference: int, start: Part, candidates: list[Part], clear: float
 ) -> list[Part]:
-    """Return a first velocity and others, as long as some region clearly has more energy."""
-    found = [start]
-    remaining = list(zip(candidates, energies, strict=True))
+    """Return a first velocity and others, as long as some region clearly has more energy.
+
+    An energy is clear if it exceeds another one by `clear` standard deviations of noise.
+    """
+    found, remaining = [start], list(candidates)
     noise = _noise(blocks, reference)
     while remaining:
         best = np.max([energy for _, energy in found], axis=0)
         regions = [_majority([best, energy]) == 1 for _, energy in remaining]
         gains = [
-            float((energy - best)[region].sum()) - _by_chance(int(region.sum()), noise)
+            float((energy - best)[region].sum()) - _by_chance(int(region.sum()), noise, clear)
             for (_, energy), region in zip(remaining, regions, strict=True)
         ]
         index = int(np.argmax(gains))
@@ -165,12 +178,12 @@ def _noise(blocks: Blocks, reference: int) -> float:
     return _FINE / _ENERGY_BLUR / (trials * 4 * np.pi * _FINE**2)
 
 
-def _by_chance(number: int, noise: float) -> float:
+def _by_chance(number: int, noise: float, clear: float = _CLEAR) -> float:
     """Return the gain of energy that a region with a number of tiles may have by chance.
 
     The energies of neighboring tiles are correlated. And the region was chosen for its energy.
     """
-    return noise * (_CLEAR * math.sqrt(_CORRELATED * number) + _CHOSEN * number)
+    return noise * (clear * math.sqrt(_CORRELATED * number) + _CHOSEN * number)
 
 
 def _energy(blocks: Blocks, reference: int, field: Array) -> Array:
