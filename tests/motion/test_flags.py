@@ -59,7 +59,7 @@ def test_more_neighbors_are_flagged_in_unclear_scenes():
     few, more = (
         find_flags(consistent(accepted), NOWHERE, is_unclear=unclear) for unclear in (False, True)
     )
-    assert more[18:43, 28:53].all()
+    assert more[22:39, 32:49].all()
     assert (few <= more).all()
     assert few.sum() < more.sum()
 
