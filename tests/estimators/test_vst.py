@@ -166,6 +166,7 @@ def test_a_constant_map_of_trials_equals_a_number(inverse):
     )
 
 
+@pytest.mark.slow
 def test_the_exact_inverse_of_a_map_is_near_the_inverse_of_each_number():
     trials = np.random.default_rng(0).integers(1, 3000, 600)
     fraction = np.random.default_rng(1).random(600)

@@ -75,6 +75,7 @@ def test_a_scene_that_begins_to_move_is_aligned_afresh():
 
 
 @pytest.mark.filterwarnings("ignore:the motion explains the scene worse")
+@pytest.mark.slow
 def test_another_scene_is_aligned_afresh():
     _, first = moving("shake", 64)
     second = jl.datasets.moving(
@@ -86,6 +87,7 @@ def test_another_scene_is_aligned_afresh():
     assert images[-1].merged.acceptance.mean() > 0.9
 
 
+@pytest.mark.slow
 def test_windows_that_share_few_frames_are_aligned_afresh():
     _, bits = moving("shake", 96)
     for window, step in ((32, 20), (32, None)):
@@ -95,6 +97,7 @@ def test_windows_that_share_few_frames_are_aligned_afresh():
     np.testing.assert_array_equal(images[-1].merged.ones, last.ones)
 
 
+@pytest.mark.slow
 def test_counts_are_filmed_as_bits_are():
     _, bits = moving("shake", 96)
     stack = CountStack(bits.to_array().astype(np.uint8), Provenance("npy", "a.npy"), trials=1)

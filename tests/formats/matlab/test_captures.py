@@ -121,6 +121,7 @@ def test_info_holds_checksums_and_the_numbers_that_other_software_reads(tmp_path
         assert hashlib.sha256((tmp_path / "a" / name).read_bytes()).hexdigest() == checksum
 
 
+@pytest.mark.slow
 def test_equal_frames_make_equal_files_at_any_time(tmp_path):
     bits = random_bits((3, 4, 9))
     for name in "ab":
