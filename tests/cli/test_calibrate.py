@@ -96,6 +96,7 @@ def test_counts_need_the_option_frames(run, captures):
 
 @pytest.mark.parametrize("method", ["mle", "noniterative-tv", "admm-tv", "mle-iterative"])
 @pytest.mark.parametrize("data", ["capture.npy", "counts.npy"])
+@pytest.mark.slow
 def test_a_calibration_and_its_maps_lead_to_the_same_estimate(
     run, captures, calibrated, method, data
 ):

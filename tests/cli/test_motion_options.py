@@ -76,6 +76,7 @@ def test_a_motion_is_used_again(run, moving, tmp_path):
     assert "choose another name" in output
 
 
+@pytest.mark.slow
 def test_counts_are_aligned(run, moving, tmp_path):
     counts = moving.to_array().reshape(24, 2, 48, 64).sum(axis=1).astype(np.uint16)
     stack = CountStack(counts, Provenance("npy", "counts"), trials=2)

@@ -76,6 +76,7 @@ def smooth_bits(kernel, oversampling, threshold, **options):
         pytest.param("cubic", 4, 1, marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.slow
 def test_the_likelihood_equals_the_maximum_that_scipy_finds(kernel, oversampling, threshold):
     sensor, bits = smooth_bits(kernel, oversampling, threshold)
     cost = iterative.build_cost(bits, sensor)
@@ -118,6 +119,7 @@ def test_the_likelihood_increases_in_every_iteration(threshold, solver):
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("kernel", ["linear", "quadratic", "cubic"])
+@pytest.mark.slow
 def test_fewer_ones_than_pixels_reach_the_maximum_too(kernel, solver):
     """The likelihood then has no curvature along some directions."""
     sensor = jl.Sensor(oversampling=2, frames=5, gain=2.0, kernel=kernel)

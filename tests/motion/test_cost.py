@@ -20,6 +20,7 @@ def test_the_cost_grows_with_frames_and_pixels():
     assert costs[3].memory == pytest.approx(2 * costs[2].memory)
 
 
+@pytest.mark.slow
 def test_the_memory_is_that_of_numpy():
     scene = jl.datasets.moving(
         motion="shake", sensor=jl.Sensor(frames=256), shape=(96, 128), photons=0.3, rng=0

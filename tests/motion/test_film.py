@@ -61,6 +61,7 @@ def test_a_static_scene_stays_static():
 
 
 @pytest.mark.filterwarnings("ignore:the motion explains the scene worse")
+@pytest.mark.slow
 def test_a_scene_that_begins_to_move_is_aligned_afresh():
     _, still = moving("static", 96)
     scene, bits = moving("shake", 96)
@@ -113,6 +114,7 @@ def test_counts_are_filmed_as_bits_are():
 
 
 @pytest.mark.filterwarnings("ignore:the motion explains the scene worse")
+@pytest.mark.slow
 def test_color_is_filmed():
     _, bits = moving("shake", 64, (48, 48))
     colors = jl.Bits.from_array(np.stack([bits.to_array()] * 2, axis=3))
