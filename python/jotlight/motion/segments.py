@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.burst import Burst
-from jotlight.motion.parallel import map_in_threads
 from jotlight.motion.regularize import fit_affine
 from jotlight.motion.scoring import blur, blur_coarsely, make_blurred_template, normal_equations
 from jotlight.motion.shrinkage import shrink_field
@@ -91,7 +90,7 @@ def find_segments(blocks: Blocks, reference: int) -> list[list[Segment]]:
     """
     scene = blocks, reference
     candidates = list(find_velocities(blocks.burst, reference, blocks.threads))
-    energies = map_in_threads(lambda field: _energy(*scene, field), candidates, blocks.threads)
+    energies = [_energy(*scene, field) for field in candidates]
     pairs = list(zip(candidates, energies, strict=True))
     constant = [pair for pair in pairs if np.ptp(pair[0], axis=(1, 2)).max() == 0]
     start = max(constant, key=lambda pair: float(pair[1].sum()))

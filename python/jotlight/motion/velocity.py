@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.burst import Burst
-from jotlight.motion.parallel import map_in_threads
 from jotlight.motion.rotation import find_rotation
 from jotlight.motion.tiles import tile_centers
 
@@ -69,14 +68,10 @@ def find_velocities(burst: Burst, reference: int, threads: int | None) -> Array:
     """
     places = tile_centers(burst.size) - (np.array(burst.size).reshape(2, 1, 1) - 1) / 2
     found = [np.zeros_like(places)]
-    lengths = _lengths(min(reference, len(burst) - reference))
-
-    def search(length: int) -> tuple[int, list[tuple[Array, Array]]]:
+    for length in _lengths(min(reference, len(burst) - reference)):
         blocks = _count_blocks(burst, reference, length, threads)
-        return length * len(blocks), list(_peaks(blocks, length))
-
-    for frames, peaks in map_in_threads(search, lengths, threads):
-        for velocity, matrix in peaks:
+        frames = length * len(blocks)
+        for velocity, matrix in _peaks(blocks, length):
             field = velocity[:, None, None] + np.tensordot(matrix, places, axes=1)
             difference = np.hypot(*np.moveaxis(np.stack(found) - field, 1, 0)).max(axis=(1, 2))
             if (difference * frames > 2).all():
@@ -231,7 +226,7 @@ def _scores(windows: Images, lags: list[int], line: Array) -> Images:
 def _interpolate(values: Images, places: Array, axis: int, size: int) -> Images:
     """Return `size` periodic values along an axis, interpolated linearly at the places.
 
-    Matrix products would be slower, because several of them run at the same time.
+    Products with sparse matrices would be slower.
     """
     first = np.floor(places).astype(int)
     shape = [1] * values.ndim

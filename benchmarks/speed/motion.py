@@ -1,0 +1,86 @@
+"""Compare the time of aligned images with that of the network that estimates them.
+
+    python benchmarks/speed/motion.py [--frames 1000 10000] [--rounds 3]
+
+The frames have 256 x 512 jots, with 0.2 photons per jot and frame on average, and come from a
+camera that shakes. The table shows the best time of several rounds, and its ratio to that of the
+network "medium" for an image of this size: of the whole path from bits to an image, for bursts of
+different lengths, and of an image of a film with a window of 256 frames and a step of 16, whose
+motion is carried from the image before.
+"""
+
+import argparse
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+import jotlight as jl
+from jotlight.motion.film import film
+
+SIZE = 256, 512
+WINDOW, STEP = 256, 16
+FILM_IMAGES = 6
+
+
+def main() -> None:
+    """Time all cases, and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--frames", nargs="+", type=int, default=[1000, 10_000])
+    parser.add_argument("--rounds", type=int, default=3)
+    options = parser.parse_args()
+    network = jl.pretrained(jl.Sensor())
+    bursts = {frames: record(frames) for frames in options.frames}
+    first = bursts[options.frames[0]]
+    counts, sensor = first[:WINDOW].counts(), jl.Sensor(frames=WINDOW)
+    jl.merge(first[:64])  # imports, and the file of the network
+    of_network = best(lambda: network.reconstruct(counts, sensor), 3 * options.rounds)
+    print("| case | s | ratio |")
+    print("| --- | ---: | ---: |")
+    print(f"| network | {of_network:.4f} | 1 |", flush=True)
+    for frames, bits in bursts.items():
+        seconds = best(lambda bits=bits: network.reconstruct(jl.merge(bits)), options.rounds)
+        print(f"| {frames:,} frames | {seconds:.3f} | {seconds / of_network:.0f} |", flush=True)
+    seconds = time_of_film(first, network)
+    print(f"| image of a film | {seconds:.3f} | {seconds / of_network:.0f} |")
+
+
+def record(frames: int) -> jl.Bits:
+    """Return the bits of a shaken camera, in memory."""
+    scene = jl.datasets.moving(
+        jl.datasets.photograph("camera").repeat(2, axis=1),
+        "shake",
+        sensor=jl.Sensor(frames=frames),
+        shape=SIZE,
+        photons=0.2,
+        rng=0,
+    )
+    return jl.Bits(np.asarray(scene.bits.packed), scene.bits.width, scene.sensor)
+
+
+def best(run: Callable[[], object], rounds: int) -> float:
+    """Return the best time in seconds."""
+    times = []
+    for _ in range(rounds):
+        start = time.perf_counter()
+        run()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def time_of_film(bits: jl.Bits, network: jl.Network) -> float:
+    """Return the best time of an image whose motion is carried, in seconds."""
+    images = film(bits[: WINDOW + FILM_IMAGES * STEP], window=WINDOW, step=STEP)
+    times = []
+    start = time.perf_counter()
+    for image in images:
+        network.reconstruct(image.merged)
+        now = time.perf_counter()
+        if image.is_carried:
+            times.append(now - start)
+        start = now
+    return min(times)
+
+
+if __name__ == "__main__":
+    main()
