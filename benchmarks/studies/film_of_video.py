@@ -97,7 +97,8 @@ def measure(
     def estimate(data: jl.Bits | jl.Merged) -> Gray:
         return network.reconstruct(data, data.sensor)
 
-    windows = [estimate(bits[middle - n // 2 : middle + n // 2]) for n in WINDOWS]
+    lengths = [length for length in WINDOWS if length <= 2 * middle]
+    windows = [estimate(bits[middle - n // 2 : middle + n // 2]) for n in lengths]
     best = max(windows, key=lambda each: quality(each, truth))
     merged = estimate(image.merged)
     if folder is not None:
