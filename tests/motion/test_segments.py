@@ -62,7 +62,7 @@ def test_the_energy_is_largest_at_the_true_velocity():
 
 def test_the_energy_of_noise_is_about_zero_and_that_of_details_is_their_power():
     rng = np.random.default_rng(0)
-    flat = blocks_of(jl.Bits.from_array(rng.random((64, 80, 80)) < 0.3))
+    flat = blocks_of(jl.Bits.from_array(rng.random((64, 160, 160)) < 0.3))
     still = field_of((0, 0), flat)
     noise = 1 / 32 / (4 * np.pi * 1.5**2)
     assert abs(_energy(flat, 32, still).mean()) < 0.1 * noise

@@ -32,7 +32,7 @@ _SYSTEMATIC_ERROR = 0.05
 _SMALL = 0.3
 """Steps up to this length in pixels need no further round with a narrower filter."""
 
-_TINY = 0.03
+_TINY = 0.1
 """Steps up to this length in pixels end the rounds of all blocks together."""
 
 _INTERPOLATION = 0.25

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.burst import Burst
 from jotlight.motion.regularize import fit_affine
-from jotlight.motion.scoring import blur, blur_coarsely, make_blurred_template, normal_equations
+from jotlight.motion.scoring import blur, make_blurred_template, normal_equations
 from jotlight.motion.shrinkage import shrink_field
 from jotlight.motion.tiles import mean_tiles
 from jotlight.motion.velocity import find_velocities
@@ -26,6 +26,9 @@ Part = tuple[Array, Array]
 
 _FINE, _COARSE = 1.5, 6.0
 """Standard deviations of the filters between which details are compared, in pixels."""
+
+_SQUARE = 2
+"""Width of the squares whose counts are added before details are compared, in pixels."""
 
 _ENERGY_BLUR = 8.0
 """Standard deviation of the filter that averages the energy, in pixels."""
@@ -198,19 +201,33 @@ def central_half(blocks: Blocks, reference: float) -> int:
 
 
 def energy_of(sums: Sums) -> Array:
-    """Return the energy of sums, (rows, columns), in units of the variance of a bit."""
-    known = (sums.trials > 0).astype(np.float32)
-    fraction = sums.ones / np.maximum(sums.trials, 1)
-    mean = blur(fraction * known, _COARSE) / np.maximum(blur(known, _COARSE), 1e-3)
-    details = blur((fraction - mean) * known, _FINE)
+    """Return the energy of sums, (rows, columns), in units of the variance of a bit.
+
+    Counts are added in squares, which the filter for details hardly notices.
+    """
+    ones, trials = (_add_squares(each) for each in (sums.ones, sums.trials))
+    known = (trials > 0).astype(np.float32)
+    fraction = ones / np.maximum(trials, 1)
+    coarse, fine = _COARSE / _SQUARE, _FINE / _SQUARE
+    mean = blur(fraction * known, coarse) / np.maximum(blur(known, coarse), 1e-3)
+    details = blur((fraction - mean) * known, fine)
     variance = np.clip(mean * (1 - mean), 1e-4, None)
-    # The filter averages the noise of 4 π σ² pixels: its square is a filter, too.
-    noise = blur(known / np.maximum(sums.trials, 1), _FINE / math.sqrt(2)) / (4 * np.pi * _FINE**2)
+    # The filter averages the noise of 4 π σ² squares: its square is a filter, too.
+    noise = blur(known / np.maximum(trials, 1), fine / math.sqrt(2)) / (4 * np.pi * fine**2)
     # Where few frames show the scene, the energy of noise fluctuates much, so it has less weight.
-    share = sums.trials / max(int(sums.trials.max()), 1)
-    ratio = np.asarray(share**2 * (details**2 / variance - noise), np.float32)
-    energy = blur_coarsely(ratio, _ENERGY_BLUR)
-    return mean_tiles(energy)
+    share = trials / max(float(trials.max()), 1.0)
+    energy = blur(share**2 * (details**2 / variance - noise), _ENERGY_BLUR / _SQUARE)
+    height, width = sums.ones.shape
+    return mean_tiles(energy.repeat(_SQUARE, axis=0).repeat(_SQUARE, axis=1)[:height, :width])
+
+
+def _add_squares(counts: npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
+    """Return the sums over squares. Those at the right and at the bottom may be incomplete."""
+    side = _SQUARE
+    height, width = counts.shape
+    padded = np.pad(counts, ((0, -height % side), (0, -width % side))).astype(np.float32)
+    rows = np.sum([padded[row::side] for row in range(side)], axis=0)
+    return np.asarray(np.sum([rows[:, column::side] for column in range(side)], axis=0))
 
 
 def _majority(energies: list[Array]) -> npt.NDArray[np.intp]:
