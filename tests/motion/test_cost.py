@@ -15,9 +15,10 @@ def test_the_cost_grows_with_frames_and_pixels():
         assert getattr(large, name) == pytest.approx(2 * getattr(small, name))
     costs = [motion_cost(frames, (256, 256)) for frames in (16, 256, 1024, 4096, 10**6)]
     assert all(np.diff([cost.seconds for cost in costs]) > 0)
-    assert all(cost.further_seconds < cost.seconds / 5 for cost in costs)
-    assert costs[0].memory == costs[2].memory
-    assert costs[3].memory == pytest.approx(2 * costs[2].memory)
+    assert all(cost.further_seconds < cost.seconds / 3 for cost in costs)
+    assert costs[0].memory < costs[2].memory < costs[3].memory
+    # The sums of so many blocks are not kept.
+    assert motion_cost(10**6, (256, 512)).memory < 300e6
 
 
 @pytest.mark.slow

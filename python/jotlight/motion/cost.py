@@ -3,18 +3,19 @@
 import dataclasses
 
 from jotlight.motion.model import divide
+from jotlight.motion.track import keeps_sums
 
-_SECONDS_PER_PIXEL, _SECONDS_PER_BIT = 5e-5, 7e-8
+_SECONDS_PER_PIXEL, _SECONDS_PER_BIT = 1.1e-5, 1.5e-8
 """Time for one image: that of the templates and equations of up to 32 blocks, and of counting."""
 
-_FURTHER_SECONDS_PER_PIXEL, _FURTHER_SECONDS_PER_BIT = 3.3e-6, 3.1e-9
+_FURTHER_SECONDS_PER_PIXEL, _FURTHER_SECONDS_PER_BIT = 2.6e-6, 3e-9
 """Time for a further image of a film, to which the motion is carried."""
 
-_BYTES_PER_PIXEL = 520
-"""Memory with 32 blocks or less."""
+_BYTES_PER_PIXEL, _BYTES_PER_BLOCK = 180, 16
+"""Memory per pixel, and per pixel and block while the sums of blocks are kept."""
 
 _MEASURED_BLOCKS = 32
-"""Number of blocks above which time and memory grow with it."""
+"""Number of blocks above which the time grows with it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,17 +55,19 @@ def motion_cost(frames: int, size: tuple[int, int]) -> MotionCost:
     --------
     >>> cost = motion_cost(256, (256, 512))
     >>> round(cost.seconds), round(cost.memory / 1e6)
-    (9, 68)
+    (2, 91)
     """
     if frames < 1 or min(size) < 1:
         raise ValueError(
             f"expected 1 frame or more of 1 x 1 jots or more, got {frames} of {size[0]} x {size[1]}"
         )
     pixels = size[0] * size[1]
-    growth = max(1.0, (len(divide(frames)) - 1) / _MEASURED_BLOCKS)
+    blocks = len(divide(frames)) - 1
+    growth = max(1.0, blocks / _MEASURED_BLOCKS)
+    kept = blocks if keeps_sums(size, blocks) else 0
     return MotionCost(
         seconds=pixels * (_SECONDS_PER_PIXEL * growth + _SECONDS_PER_BIT * frames),
         further_seconds=pixels
         * (_FURTHER_SECONDS_PER_PIXEL * growth + _FURTHER_SECONDS_PER_BIT * frames),
-        memory=pixels * _BYTES_PER_PIXEL * growth,
+        memory=pixels * (_BYTES_PER_PIXEL + _BYTES_PER_BLOCK * kept + blocks / 8),
     )

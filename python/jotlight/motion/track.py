@@ -14,6 +14,9 @@ Array = npt.NDArray[np.float64]
 _MAX_KEPT_BYTES = 1 << 28
 """Maximum number of bytes of the sums of all blocks, up to which they are kept."""
 
+_BYTES_OF_SUMS = 8
+"""Bytes of the ones and trials of a pixel."""
+
 _NEAR = 0.3
 """Change of the displacements in pixels, up to which counts are corrected to first order."""
 
@@ -69,7 +72,7 @@ class Track:
         total = Sums.zeros(self.blocks.size)
         for part in parts:
             self.blocks.add(total, part.frames, part.fields, part.times)
-        if total.ones.nbytes * 2 * len(self.nodes) <= _MAX_KEPT_BYTES:
+        if keeps_sums(self.blocks.size, len(self.nodes)):
             self._kept[block] = parts, total
         return total
 
@@ -144,6 +147,11 @@ class Paths:
         """Return the displacements of all pixels in the middle of a block, (2, H, W)."""
         fields = [track.displacements(block) for track in self.tracks]
         return np.choose(self.labels, fields) if len(fields) > 1 else fields[0]
+
+
+def keeps_sums(size: tuple[int, int], blocks: int) -> bool:
+    """Return whether the sums of all blocks of an image of H x W pixels are kept."""
+    return size[0] * size[1] * _BYTES_OF_SUMS * blocks <= _MAX_KEPT_BYTES
 
 
 def _are_equal(first: list[_Part], second: list[_Part]) -> bool:
