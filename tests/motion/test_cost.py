@@ -17,7 +17,7 @@ def test_the_cost_grows_with_frames_and_pixels():
     assert all(np.diff([cost.seconds for cost in costs]) > 0)
     assert all(cost.further_seconds < cost.seconds / 3 for cost in costs)
     assert costs[0].memory < costs[2].memory < costs[3].memory
-    # The sums of so many blocks are not kept.
+    # The sums of many blocks are not kept.
     assert motion_cost(10**6, (256, 512)).memory < 300e6
 
 
