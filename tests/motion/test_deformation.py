@@ -1,10 +1,15 @@
 """Motions of tiles, for scenes that deform."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+from jotlight.motion.affine import against_others
+from jotlight.motion.blocks import Sums
 from jotlight.motion.deformation import _add_prior, _at_reference, follow_tiles
 from jotlight.motion.regularize import Equations
+from jotlight.motion.scoring import Template
 from jotlight.motion.tiles import tile_counts
 from jotlight.motion.track import Track
 from moving import blocks_of, record
@@ -45,7 +50,12 @@ def test_a_prior_is_a_further_measurement():
     right, deviation = rng.normal(size=(2, 2, 3, 4))
     information = np.stack([matrices[..., 0, 0], matrices[..., 0, 1], matrices[..., 1, 1]])
     share = 0.25
-    both = _add_prior(Equations(information, right), deviation, share)
+    size = 48, 64
+    trials = np.full(size, 12, np.int32)
+    block = dataclasses.replace(Sums.zeros(size), trials=(share * trials).astype(np.int32))
+    template = Template(np.full(size, 0.3, np.float32), trials)
+    relative = against_others(Equations(information, right), block, template)
+    both = _add_prior(relative, deviation)
     for row, column in np.ndindex(3, 4):
         matrix = matrices[row, column] + np.eye(2)
         vector = right[:, row, column] / (1 - share) + deviation[:, row, column]

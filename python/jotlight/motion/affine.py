@@ -20,7 +20,7 @@ from jotlight.motion.track import Track
 
 Array = npt.NDArray[np.float64]
 
-_SIGMAS = (2.0, 1.0)
+SIGMAS = (2.0, 1.0)
 """Widths of the filters with which each block is aligned."""
 
 _JOINT_SIGMAS = (2.0, 1.0, 1.0)
@@ -50,7 +50,7 @@ def follow(blocks: Blocks, reference: int, segment: Segment) -> Track:
     template = make_template(total, blocks.threads)
     for number, block in enumerate(order[2:], 3):
         extrapolate(track, block, segment.velocity)
-        for sigma in _SIGMAS:
+        for sigma in SIGMAS:
             if improve(track, block, template, sigma, segment.weights) <= _SMALL:
                 break
         track.known[block] = True
@@ -119,10 +119,7 @@ def improve_together(
     for block in range(number):
         sums = track.nearby_sums(block)
         equations = normal_equations(sums, template, sigma)
-        # The block itself is a share of the template, which makes its apparent error smaller.
-        share = float(sums.trials.mean() / max(template.trials.mean(), 1e-9))
-        right = equations.right / max(1 - share, _MIN_SHARE_OF_OTHERS)
-        step, matrices[block] = fit_affine(Equations(equations.information, right), weights)
+        step, matrices[block] = fit_affine(against_others(equations, sums, template), weights)
         nodes = (track.nodes[block] - step).reshape(2, -1)
         parameters[block] = (nodes @ to_parameters.T).ravel()
     place = float(np.interp(track.reference, track.blocks.centers, np.arange(number)))
@@ -135,6 +132,16 @@ def improve_together(
     information = _information(covariances, basis, displacements.reshape(number, 2, -1))
     track.information = information.reshape(track.information.shape)
     return length
+
+
+def against_others(equations: Equations, sums: Sums, template: Template) -> Equations:
+    """Return the equations of a block relative to the other blocks of the template.
+
+    The block itself is a share of the template, which makes its apparent error smaller.
+    """
+    share = float(sums.trials.mean() / max(template.trials.mean(), 1e-9))
+    right = equations.right / max(1 - share, _MIN_SHARE_OF_OTHERS)
+    return Equations(equations.information, right)
 
 
 def template_of(track: Track) -> Template:

@@ -3,7 +3,14 @@
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.affine import extrapolate, is_renewed, start, template_of
+from jotlight.motion.affine import (
+    SIGMAS,
+    against_others,
+    extrapolate,
+    is_renewed,
+    start,
+    template_of,
+)
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.regularize import Equations, Smoothness, fit_affine, solve_field
 from jotlight.motion.scoring import Template, make_template, normal_equations
@@ -14,16 +21,10 @@ from jotlight.motion.track import Track
 Array = npt.NDArray[np.float64]
 
 _SMOOTHNESS = Smoothness()
-_SIGMAS = (2.0, 1.0)
-"""Widths of the filters with which each block is aligned."""
-
 _JOINT_ROUNDS = 2
 
 _TIME_PRIOR = 1.0
 """Information with which the displacements of neighboring blocks are added to each tile."""
-
-_MIN_SHARE_OF_OTHERS = 0.3
-"""Smallest assumed share of the other blocks in the template."""
 
 
 def follow_tiles(blocks: Blocks, reference: int, velocity: Array) -> Track:
@@ -44,7 +45,7 @@ def follow_tiles(blocks: Blocks, reference: int, velocity: Array) -> Track:
     template = make_template(total, blocks.threads)
     for number, block in enumerate(order[2:], 3):
         extrapolate(track, block, velocity)
-        for sigma in _SIGMAS:
+        for sigma in SIGMAS:
             improve_tiles(track, block, template, sigma)
         track.known[block] = True
         total = total + track.nearby_sums(block)
@@ -78,27 +79,23 @@ def improve_tiles_together(track: Track, template: Template | None = None) -> No
     old, new = track.nodes, track.nodes.copy()
     for block in range(number):
         sums = track.nearby_sums(block)
-        equations = normal_equations(sums, template, _SIGMAS[-1])
+        equations = normal_equations(sums, template, SIGMAS[-1])
         track.information[block] = equations.information
-        share = float(sums.trials.mean() / max(template.trials.mean(), 1e-9))
         smooth = old[block]
         if 2 <= block < number - 2:
             near = old[block - 1] + old[block + 1]
             smooth = 0.5 * old[block] + (4 * near - old[block - 2] - old[block + 2]) / 12
-        with_prior = _add_prior(equations, old[block] - smooth, share)
+        relative = against_others(equations, sums, template)
+        with_prior = _add_prior(relative, old[block] - smooth)
         new[block] = solve_field(with_prior, old[block], smooth, _SMOOTHNESS)
     track.nodes = new - _at_reference(track, new)
 
 
-def _add_prior(equations: Equations, deviation: Array, share: float) -> Equations:
-    """Return equations that also draw a tile toward a prediction.
-
-    The block itself is a share of the template, which makes its apparent error smaller.
-    """
+def _add_prior(equations: Equations, deviation: Array) -> Equations:
+    """Return equations that also draw a tile toward a prediction."""
     information = equations.information.copy()
     information[[0, 2]] += _TIME_PRIOR
-    right = equations.right / max(1 - share, _MIN_SHARE_OF_OTHERS)
-    return Equations(information, right + _TIME_PRIOR * deviation)
+    return Equations(information, equations.right + _TIME_PRIOR * deviation)
 
 
 def _at_reference(track: Track, nodes: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from jotlight.errors import JotlightWarning
 from jotlight.formats.capture import CountStack
 from jotlight.images.video import windows
-from jotlight.motion.affine import extrapolate, improve, improve_together, template_of
+from jotlight.motion.affine import SIGMAS, extrapolate, improve, improve_together, template_of
 from jotlight.motion.align import align, as_motion, prepare_burst, valid_jots
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.deformation import improve_tiles, improve_tiles_together
@@ -27,9 +27,6 @@ from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor
 
 Array = npt.NDArray[np.float64]
-
-_SIGMAS = (2.0, 1.0)
-"""Widths of the filters with which new blocks are aligned."""
 
 _MAX_CARRIED = 33
 """Number of images after which the motion is estimated afresh."""
@@ -241,7 +238,7 @@ def _add_blocks(
     template = template_of(track)
     for block in np.flatnonzero(~known):
         extrapolate(track, int(block), velocity)
-        for sigma in _SIGMAS:
+        for sigma in SIGMAS:
             if is_of_tiles:
                 improve_tiles(track, int(block), template, sigma)
             else:
@@ -260,7 +257,7 @@ def _begins_to_move(track: Track, known: npt.NDArray[np.bool_]) -> bool:
     basis = affine_basis(tile_counts(track.blocks.size))
     track.known[:] = True
     for block in np.flatnonzero(~known):
-        equations = normal_equations(track.sums(int(block)), template, _SIGMAS[-1])
+        equations = normal_equations(track.sums(int(block)), template, SIGMAS[-1])
         errors, information = fit_affine(equations, np.ones(track.nodes.shape[2:]))
         parameters = (errors.reshape(2, -1) @ np.linalg.pinv(basis).T).ravel()
         if parameters @ information @ parameters / 2 > _MAX_STILL_GAIN:

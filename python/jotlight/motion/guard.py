@@ -50,8 +50,8 @@ def find_window(paths: Paths, total: Sums) -> range | None:
     held = np.minimum(held_ones, total.ones), np.minimum(held_trials, total.trials)
     merged = _estimate(total.ones - held[0], total.trials - held[1])
     best: tuple[float, range | None] = 0.0, None
-    for fraction in _FRACTIONS:
-        window = _window(paths, frames // fraction)
+    for length in sorted({max(_CENTRAL, frames // fraction) for fraction in _FRACTIONS}):
+        window = _window(paths, length)
         counted = count_window(paths, window)
         estimate = _estimate(counted.ones - held_ones, counted.trials - held_trials)
         gain, error = _gain(estimate, merged, held_ones, held_trials)
