@@ -138,12 +138,6 @@ fn naive_equations(case: &Case, sigma: f64) -> Array3<f64> {
             .map(|(k, tap)| (place(k).0, place(k).1, tap));
         correlate(&p, &taps.collect::<Vec<_>>())
     });
-    let along = [0, 1].map(|direction| {
-        blur(Array2::from_shape_fn(case.size(), |(row, column)| {
-            let sum = case.remainders[[row, direction, column / BLOCK]];
-            f64::from(sum) / 8.0 * f64::from(case.trials[[row, column]])
-        }))
-    });
     let ones = blur(case.ones.mapv(f64::from) / brightness(case, &p));
     let trials = blur(case.trials.mapv(f64::from));
     let variance = variance_per_trial(case, &p);
@@ -156,7 +150,10 @@ fn naive_equations(case: &Case, sigma: f64) -> Array3<f64> {
     {
         let i = [row, column];
         let g = [gradient[0][i], gradient[1][i]];
-        let residual = ones[i] - trials[i] * p[i] - g[0] * along[0][i] - g[1] * along[1][i];
+        let shift = [0, 1]
+            .map(|direction| f64::from(case.remainders[[row, direction, column / BLOCK]]) / 8.0);
+        let expected = p[i] + g[0] * shift[0] + g[1] * shift[1];
+        let residual = ones[i] - trials[i] * expected;
         let (number, weight) = (f64::from(number), 1.0 / variance[i]);
         let terms = [
             weight * number * g[0] * g[0],

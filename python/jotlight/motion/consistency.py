@@ -25,11 +25,11 @@ _LIMITS_IF_STILL = 3.5, 1.6
 _FIRST_RING = 2
 """Number of blocks in the middle, which are not tested."""
 
-_SMALL_BOX = 3
-"""Width of the squares over which counts are added before they are compared."""
-
 _SPREAD = 8.0
 """Standard deviation of the filter that averages the disagreement, in pixels."""
+
+_MIN_VARIANCE = np.float32(1e-3)
+"""Smallest variance by which a squared difference is divided."""
 
 _PRIOR = 0.01
 """Weight with which pixels are assumed to agree where few are known."""
@@ -54,31 +54,30 @@ def disagreement(first: Sums, second: Sums) -> Image:
     It is the square of the difference of their counts in units of its variance, averaged over many
     pixels: about 1 if they agree. A common difference in brightness does not count.
     """
-    ones, others = first.ones.astype(np.float32), second.ones.astype(np.float32)
     trials, other_trials = first.trials.astype(np.float32), second.trials.astype(np.float32)
-    both = (trials > 0) & (other_trials > 0)
+    weight = trials * other_trials
+    both = weight > 0
     if not both.any():
-        return np.ones(ones.shape, np.float32)
-    expected = other_trials * ones / np.maximum(trials, 1)
-    brightness = expected[both].sum() / max(float(others[both].sum()), 1.0)
-    others = np.asarray(others * np.clip(brightness, 0.1, 10), np.float32)
+        return np.ones(both.shape, np.float32)
+    expected = other_trials[both] * first.ones[both] / trials[both]
+    brightness = float(expected.sum()) / max(float(second.ones[both].sum()), 1.0)
+    others = second.ones.astype(np.float32) * np.float32(np.clip(brightness, 0.1, 10))
+    ones = first.ones.astype(np.float32)
     number = trials + other_trials
     # Pixels without trials, such as those of dead jots, must not make p smaller.
-    p = np.minimum(_box(ones + others, _SMALL_BOX) / np.maximum(_box(number, _SMALL_BOX), 1e-3), 1)
-    difference = ones * other_trials - others * trials
-    variance = p * (1 - p) * trials * other_trials * number
-    squared = _box(difference, _SMALL_BOX) ** 2 * np.float32(_SMALL_BOX**2)
-    known_variance = np.maximum(_box(variance, _SMALL_BOX), np.float32(1e-3))
-    ratio = (squared / known_variance * both).astype(np.float32)
+    p = np.minimum(_box(ones + others) / np.maximum(_box(number), np.float32(1)), 1)
+    variance = p * (1 - p) * _box(weight * number)
+    squared = _box(ones * other_trials - others * trials) ** 2
+    ratio = squared / np.maximum(variance, _MIN_VARIANCE) * both
     known = blur_coarsely(both.astype(np.float32), _SPREAD)
-    return np.asarray((blur_coarsely(ratio, _SPREAD) + _PRIOR) / (known + _PRIOR), np.float32)
+    return (blur_coarsely(ratio, _SPREAD) + _PRIOR) / (known + _PRIOR)
 
 
-def _box(image: npt.NDArray[np.floating], width: int) -> Image:
-    """Return the means over squares of a width."""
-    from scipy.ndimage import uniform_filter
-
-    return np.asarray(uniform_filter(image, width, mode="reflect"), np.float32)
+def _box(image: Image) -> Image:
+    """Return the sums over squares of 3 pixels."""
+    extended = np.pad(image, 1, mode="edge")
+    rows = extended[:-2] + extended[1:-1] + extended[2:]
+    return rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:]
 
 
 @dataclasses.dataclass(frozen=True)

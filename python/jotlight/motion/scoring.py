@@ -11,9 +11,12 @@ from jotlight.estimators.trial_levels import fill_from_nearest
 from jotlight.motion.blocks import Counts, Sums
 from jotlight.motion.regularize import Equations
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import CONDITIONAL_SIZE, FOLDER, MAX_TRIALS
+from jotlight.networks.pretrained import FOLDER, MAX_TRIALS
 
 Image = npt.NDArray[np.float32]
+
+_SIZE = "small"
+"""Size of the network that denoises templates. A larger one hardly improves the motion."""
 
 _MIN_PROBABILITY = 1e-4
 """Smallest distance of a probability of the template from 0 and from 1."""
@@ -73,16 +76,23 @@ def blur_coarsely(image: npt.NDArray[np.floating], sigma: float) -> Image:
         return blur(image, sigma)
     height, width = image.shape
     padded = np.pad(image, ((0, -height % side), (0, -width % side)), mode="edge")
-    rows = np.sum([padded[row::side] for row in range(side)], axis=0)
-    cells = np.sum([rows[:, column::side] for column in range(side)], axis=0) / side**2
-    smooth = blur(cells, sigma / side)
+    smooth = blur(add_squares(padded, side) / side**2, sigma / side)
     return smooth.repeat(side, axis=0).repeat(side, axis=1)[:height, :width]
+
+
+def add_squares(counts: npt.NDArray[np.generic], side: int) -> Image:
+    """Return the sums over squares. Those at the right and at the bottom may be incomplete."""
+    height, width = counts.shape
+    if height % side or width % side:
+        counts = np.pad(counts, ((0, -height % side), (0, -width % side)))
+    rows = np.sum([counts[row::side] for row in range(side)], axis=0)
+    return np.asarray(np.sum([rows[:, column::side] for column in range(side)], axis=0), np.float32)
 
 
 @functools.cache
 def read_network() -> Network:
-    """Return the K-conditioned network. It is read only once."""
-    return Network.load(FOLDER / f"{CONDITIONAL_SIZE}.safetensors")
+    """Return the K-conditioned network of templates. It is read only once."""
+    return Network.load(FOLDER / f"{_SIZE}.safetensors")
 
 
 def make_template(sums: Sums, threads: int | None) -> Template:

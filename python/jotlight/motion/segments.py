@@ -14,7 +14,7 @@ import numpy.typing as npt
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.burst import Burst
 from jotlight.motion.regularize import fit_affine
-from jotlight.motion.scoring import blur, make_blurred_template, normal_equations
+from jotlight.motion.scoring import add_squares, blur, make_blurred_template, normal_equations
 from jotlight.motion.shrinkage import shrink_field
 from jotlight.motion.tiles import mean_tiles
 from jotlight.motion.velocity import find_velocities
@@ -205,7 +205,7 @@ def energy_of(sums: Sums) -> Array:
 
     Counts are added in squares, which the filter for details hardly notices.
     """
-    ones, trials = (_add_squares(each) for each in (sums.ones, sums.trials))
+    ones, trials = (add_squares(each, _SQUARE) for each in (sums.ones, sums.trials))
     known = (trials > 0).astype(np.float32)
     fraction = ones / np.maximum(trials, 1)
     coarse, fine = _COARSE / _SQUARE, _FINE / _SQUARE
@@ -219,15 +219,6 @@ def energy_of(sums: Sums) -> Array:
     energy = blur(share**2 * (details**2 / variance - noise), _ENERGY_BLUR / _SQUARE)
     height, width = sums.ones.shape
     return mean_tiles(energy.repeat(_SQUARE, axis=0).repeat(_SQUARE, axis=1)[:height, :width])
-
-
-def _add_squares(counts: npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
-    """Return the sums over squares. Those at the right and at the bottom may be incomplete."""
-    side = _SQUARE
-    height, width = counts.shape
-    padded = np.pad(counts, ((0, -height % side), (0, -width % side))).astype(np.float32)
-    rows = np.sum([padded[row::side] for row in range(side)], axis=0)
-    return np.asarray(np.sum([rows[:, column::side] for column in range(side)], axis=0))
 
 
 def _majority(energies: list[Array]) -> npt.NDArray[np.intp]:

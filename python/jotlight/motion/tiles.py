@@ -82,28 +82,34 @@ def interpolate(nodes: npt.NDArray[np.floating], size: tuple[int, int]) -> npt.N
     >>> interpolate(nodes, (1, 32))[1, 0, [0, 8, 31]].tolist()
     [-7.5, 0.5, 23.5]
     """
-    rows, columns = (_interpolation(*pair) for pair in zip(size, nodes.shape[1:], strict=True))
-    return np.asarray(rows @ nodes.astype(np.float32) @ columns.T)
+    return _between_centers(interpolate_rows(nodes, size[0]), size[1], axis=2)
 
 
 def interpolate_rows(nodes: npt.NDArray[np.floating], height: int) -> npt.NDArray[np.float32]:
     """Return the displacements of all rows at the centers of tile columns, (2, H, columns)."""
-    return np.asarray(_interpolation(height, nodes.shape[1]) @ nodes.astype(np.float32))
+    return _between_centers(nodes.astype(np.float32), height, axis=1)
+
+
+def _between_centers(
+    values: npt.NDArray[np.float32], length: int, axis: int
+) -> npt.NDArray[np.float32]:
+    """Return values at all pixels along an axis, from those at the centers of tiles.
+
+    A product with a matrix would start threads that compete with those of the engine.
+    """
+    first, fraction = _places(length, values.shape[axis])
+    fraction = np.expand_dims(fraction, tuple(range(1, values.ndim - axis)))
+    last = min(1, values.shape[axis] - 1)
+    start = values.take(first, axis)
+    return start + fraction * (values.take(first + last, axis) - start)
 
 
 @functools.lru_cache(maxsize=8)
-def _interpolation(length: int, tiles: int) -> npt.NDArray[np.float32]:
-    """Return the matrix that interpolates values at the centers of tiles, (length, tiles)."""
-    pixels = np.arange(length)
-    place = (pixels - (TILE - 1) / 2) / TILE
-    index = np.clip(np.floor(place), 0, max(0, tiles - 2)).astype(int)
-    matrix = np.zeros((length, max(tiles, 2)), np.float32)
-    matrix[pixels, index] = 1 - (place - index)
-    matrix[pixels, index + 1] = place - index
-    # A single tile has the same value everywhere.
-    matrix = matrix if tiles > 1 else np.ones((length, 1), np.float32)
-    matrix.flags.writeable = False
-    return matrix
+def _places(length: int, tiles: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float32]]:
+    """Return the tile before each pixel, and the distance from its center in tiles."""
+    place = (np.arange(length) - (TILE - 1) / 2) / TILE
+    first = np.clip(np.floor(place), 0, max(0, tiles - 2)).astype(np.intp)
+    return first, (place - first).astype(np.float32)
 
 
 def interpolate_at(

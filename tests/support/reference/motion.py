@@ -74,9 +74,8 @@ def normal_equations(sums, probability, trials_of_template, sigma):
     p = blur(probability)
     rows, columns = (correlate1d(p, DERIVATIVE, axis, mode="reflect") for axis in (0, 1))
     means = np.repeat(sums.remainders / max(sums.frames, 1), 16, axis=2)[:, :, : p.shape[1]]
-    along_rows, along_columns = (blur(means[:, axis] * sums.trials) for axis in (0, 1))
     ones = blur(sums.ones) / brightness(sums.ones, sums.trials, p)
-    residual = ones - blur(sums.trials) * p - rows * along_rows - columns * along_columns
+    residual = ones - blur(sums.trials) * (p + rows * means[:, 0] + columns * means[:, 1])
     weight = (sums.trials > 0) / variance_per_trial(p, sums.trials, trials_of_template)
     information = weight * sums.trials * np.stack([rows * rows, rows * columns, columns * columns])
     right = weight * residual * np.stack([rows, columns])

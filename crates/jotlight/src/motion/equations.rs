@@ -17,6 +17,9 @@ use crate::interrupt;
 /// The width of a tile in pixels.
 pub const TILE: usize = 16;
 
+// The remainders of a tile in a row are those of one block of pixels.
+const _: () = assert!(TILE == BLOCK);
+
 /// The number of sums of a tile: three of A, and two of b.
 const SUMS: usize = 5;
 
@@ -77,8 +80,8 @@ impl EquationsView<'_> {
 /// Return the normal equations of the displacement errors of a block of frames.
 ///
 /// The ones N of the block are expected to be D p(x + e), with the filtered probabilities p of the
-/// template. With the filter G, g = ∇p, and the sums m of the remainders, the residual counts are
-/// ρ = G N/β − (G D) p − g · G m, and their weights are w = 1/\[p(1 − p)(1 + ¼ D/D_R)\], or 0 where
+/// template. With the filter G, g = ∇p, and the mean remainders r̄, the residual counts are
+/// ρ = G N/β − (G D)(p + g · r̄), and their weights are w = 1/\[p(1 − p)(1 + ¼ D/D_R)\], or 0 where
 /// D is 0. β is the brightness of the block, the ratio of Σ N to Σ D p. The equations are
 /// A = Σ w D g gᵀ and b = Σ w ρ g, summed over tiles of [`TILE`] pixels.
 ///
@@ -142,6 +145,7 @@ fn add_row_of_tiles_inlined(
         filter_twice(plane, &template.taps, &mut out, size.1);
         out
     });
+    let per_frame = 1.0 / sums.frames.max(1) as f32;
     let mut lanes = vec![[[0.0; TILE]; SUMS]; out.len()];
     for row in 0..rows {
         let trials = &planes[1][(row + radius) * stride..][..stride];
@@ -160,7 +164,14 @@ fn add_row_of_tiles_inlined(
             let filtered = filtered
                 .each_ref()
                 .map(|plane| part(&plane[row * stride..]));
-            add_pixels(lanes, of_template.map(part), part(trials), &filtered);
+            let remainders = [0, 1].map(|k| per_frame * sums.remainders[[first + row, k, tile]]);
+            add_pixels(
+                lanes,
+                of_template.map(part),
+                part(trials),
+                &filtered,
+                remainders,
+            );
         }
     }
     for (out, lanes) in out.iter_mut().zip(&lanes) {
@@ -168,9 +179,7 @@ fn add_row_of_tiles_inlined(
     }
 }
 
-/// Return the rows of N, D, and both components of m that a row of tiles reads.
-///
-/// Rows outside the image are reflected.
+/// Return the rows of N and D that a row of tiles reads. Rows outside the image are reflected.
 #[inline(always)]
 fn gather(
     sums: Sums<'_>,
@@ -178,28 +187,16 @@ fn gather(
     rows: usize,
     radius: usize,
     stride: usize,
-) -> [Vec<f32>; 4] {
+) -> [Vec<f32>; 2] {
     let (height, width) = sums.ones.dim();
     let length = (rows + 2 * radius) * stride;
-    let mut planes = [(); 4].map(|()| vec![0.0; length]);
-    let per_frame = 1.0 / sums.frames.max(1) as f32;
-    let [ones, trials, along_rows, along_columns] = &mut planes;
+    let mut planes = [(); 2].map(|()| vec![0.0; length]);
+    let [ones, trials] = &mut planes;
     for index in 0..rows + 2 * radius {
         let row = reflect((first + index) as isize - radius as isize, height);
         let range = index * stride..index * stride + width;
         convert(sums.ones.row(row), &mut ones[range.clone()]);
-        convert(sums.trials.row(row), &mut trials[range.clone()]);
-        let trials = trials[range.clone()].chunks(BLOCK);
-        let out = along_rows[range.clone()]
-            .chunks_mut(BLOCK)
-            .zip(along_columns[range].chunks_mut(BLOCK));
-        for (block, (trials, (along_rows, along_columns))) in trials.zip(out).enumerate() {
-            let mean = [0, 1].map(|direction| per_frame * sums.remainders[[row, direction, block]]);
-            for pixel in 0..trials.len() {
-                along_rows[pixel] = mean[0] * trials[pixel];
-                along_columns[pixel] = mean[1] * trials[pixel];
-            }
-        }
+        convert(sums.trials.row(row), &mut trials[range]);
     }
     planes
 }
@@ -218,13 +215,12 @@ fn add_pixels(
     sums: &mut [[f32; TILE]; SUMS],
     [p, rows, columns, of_template]: [[f32; TILE]; 4],
     trials: [f32; TILE],
-    [ones, filtered_trials, along_rows, along_columns]: &[[f32; TILE]; 4],
+    [ones, filtered_trials]: &[[f32; TILE]; 2],
+    [along_rows, along_columns]: [f32; 2],
 ) {
     for i in 0..TILE {
-        let residual = ones[i]
-            - filtered_trials[i] * p[i]
-            - rows[i] * along_rows[i]
-            - columns[i] * along_columns[i];
+        let expected = p[i] + rows[i] * along_rows + columns[i] * along_columns;
+        let residual = ones[i] - filtered_trials[i] * expected;
         let variance = p[i] * (1.0 - p[i]) * (of_template[i] + SHARE_OF_TEMPLATE * trials[i]);
         let weight = of_template[i] / variance;
         let weight = if trials[i] > 0.0 { weight } else { 0.0 };
