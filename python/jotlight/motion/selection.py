@@ -9,7 +9,11 @@ from jotlight.motion.blocks import Sums
 from jotlight.motion.scoring import Template, make_template
 from jotlight.motion.track import Counted
 
+Share = npt.NDArray[np.float32]
 Make = Callable[[Sums, int | None], Template]
+
+_STEP = 4
+"""Distance of the rows and columns at which it is tested whether a position is seen."""
 
 
 def likelihood_gain(moving: Counted, still: Counted, make: Make = make_template) -> float:
@@ -20,6 +24,8 @@ def likelihood_gain(moving: Counted, still: Counted, make: Make = make_template)
 
     Bits that leave the view under the motion are left out of both: they may be easier or harder to
     explain than the others. For the same reason, likelihoods are relative to that of the mean p₀.
+    If the scene stands still, a position has a share of bits that stay in view in each half of the
+    blocks.
 
     Parameters
     ----------
@@ -30,43 +36,55 @@ def likelihood_gain(moving: Counted, still: Counted, make: Make = make_template)
         or a faster one.
     """
     blocks = moving.blocks
-    own, unmoved, seen = ([Sums.zeros(blocks.size) for _ in range(2)] for _ in range(3))
+    own, unmoved = ([Sums.zeros(blocks.size) for _ in range(2)] for _ in range(2))
+    seen = [np.zeros(blocks.size, np.float32)[::_STEP, ::_STEP] for _ in range(2)]
     for block in range(len(blocks.centers)):
         half = block % 2
-        at_rest = still.sums(block)
         own[half] += moving.sums(block)
+        at_rest = still.sums(block)
         unmoved[half] += at_rest
-        seen[half] += at_rest.masked(_positions_seen(moving, block))
+        seen[half] += np.float32(at_rest.frames) * _positions_seen(moving, block)
     every = Sums.total(unmoved)
     mean = float(np.clip(every.ones.sum() / max(int(every.trials.sum()), 1), 1e-9, 1 - 1e-9))
-    gain = _log_likelihood(own, own, mean, make, blocks.threads)
-    loss = _log_likelihood(seen, unmoved, mean, make, blocks.threads)
-    kept, visible = (sum(float(each.trials.sum()) for each in part) for part in (own, seen))
+    gain, kept = _log_likelihood(own, None, mean, make, blocks.threads)
+    shares = [
+        _at_pixels(part / np.float32(max(sums.frames, 1)), blocks.size)
+        for part, sums in zip(seen, unmoved, strict=True)
+    ]
+    loss, visible = _log_likelihood(unmoved, shares, mean, make, blocks.threads)
     return gain - loss * (kept / max(visible, 1.0))
 
 
 def _log_likelihood(
-    halves: list[Sums], templates: list[Sums], mean: float, make: Make, threads: int | None
-) -> float:
-    """Return the log-likelihood of each half under the template of the other one.
+    halves: list[Sums], shares: list[Share] | None, mean: float, make: Make, threads: int | None
+) -> tuple[float, float]:
+    """Return the log-likelihood of each half under the template of the other, and the trials.
 
-    It is Σ N log p/p₀ + (D - N) log (1 - p)/(1 - p₀).
+    It is Σ s [N log p/p₀ + (D - N) log (1 - p)/(1 - p₀)], with a share s of the bits of each pixel.
     """
-    total = 0.0
-    for half, other in zip(halves, reversed(templates), strict=True):
-        p = make(other, threads).probability.astype(np.float64)
-        terms = half.ones * np.log(p / mean)
-        terms += (half.trials - half.ones) * np.log((1 - p) / (1 - mean))
-        total += float(terms.sum())
-    return total
+    total, trials = 0.0, 0.0
+    for index, (half, other) in enumerate(zip(halves, reversed(halves), strict=True)):
+        p = make(other, threads).probability
+        terms = half.ones * np.log(p / np.float32(mean))
+        terms += (half.trials - half.ones) * np.log((1 - p) / np.float32(1 - mean))
+        share = shares[index] if shares else np.float32(1)
+        total += float((terms * share).sum(dtype=np.float64))
+        trials += float((half.trials * share).sum(dtype=np.float64))
+    return total, trials
 
 
 def _positions_seen(motion: Counted, block: int) -> npt.NDArray[np.bool_]:
-    """Return the positions in a block that some pixel counts, (H, W)."""
+    """Return whether some pixel counts a position in a block, at every fourth row and column."""
     size = motion.blocks.size
     # Motions are so smooth that the displacement of the position is nearly that of the pixel.
-    displaced = np.rint(motion.displacements(block))
-    rows = np.arange(size[0], dtype=np.float32)[:, None] - displaced[0]
-    columns = np.arange(size[1], dtype=np.float32) - displaced[1]
+    displaced = np.rint(motion.displacements(block)[:, ::_STEP, ::_STEP])
+    rows = np.arange(0, size[0], _STEP, dtype=np.float32)[:, None] - displaced[0]
+    columns = np.arange(0, size[1], _STEP, dtype=np.float32) - displaced[1]
     inside = (rows >= 0) & (rows < size[0]) & (columns >= 0) & (columns < size[1])
     return np.asarray(inside)
+
+
+def _at_pixels(samples: Share, size: tuple[int, int]) -> Share:
+    """Return samples of every fourth row and column at all pixels, (H, W)."""
+    pixels = samples.repeat(_STEP, axis=0).repeat(_STEP, axis=1)
+    return pixels[: size[0], : size[1]]
