@@ -7,6 +7,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.formats.capture import CountStack
+from jotlight.motion.align import as_motion
 from jotlight.motion.film import carry, divide_by_steps, film
 from jotlight.sensing.provenance import Provenance
 
@@ -142,7 +143,7 @@ def test_blocks_are_shared_by_windows(frames, step):
 def test_the_carried_motion_shows_the_middle_of_its_window():
     scene, bits = moving("shake")
     before = jl.align(bits[:64])
-    motion = carry(before, bits[16:80], jl.Sensor(frames=64), 16)
+    motion = as_motion(carry(before, bits[16:80], jl.Sensor(frames=64), 16), "affine")
     assert motion.reference == 32
     np.testing.assert_allclose(motion.at(32), 0, atol=0.3)
     # The exact motion from frame 48 of the scene to frame 70.

@@ -70,7 +70,7 @@ def disagreement(first: Sums, second: Sums) -> Image:
     squared = _box(ones * other_trials - others * trials) ** 2
     ratio = squared / np.maximum(variance, _MIN_VARIANCE) * both
     known = blur_coarsely(both.astype(np.float32), _SPREAD)
-    return (blur_coarsely(ratio, _SPREAD) + _PRIOR) / (known + _PRIOR)
+    return np.asarray((blur_coarsely(ratio, _SPREAD) + _PRIOR) / (known + _PRIOR))
 
 
 def _box(image: Image) -> Image:

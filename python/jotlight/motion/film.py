@@ -11,10 +11,10 @@ from jotlight.errors import JotlightWarning
 from jotlight.formats.capture import CountStack
 from jotlight.images.video import windows
 from jotlight.motion.affine import SIGMAS, extrapolate, improve, improve_together, template_of
-from jotlight.motion.align import align, as_motion, prepare_burst, valid_jots
+from jotlight.motion.align import align, as_motion, hot_jots, prepare_burst, valid_jots
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.deformation import improve_tiles, improve_tiles_together
-from jotlight.motion.merge import as_paths, merge
+from jotlight.motion.merge import as_paths, merge, merge_along
 from jotlight.motion.model import divide
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.outlines import choose
@@ -148,13 +148,18 @@ def _carried_image(
     threads: int | None,
 ) -> FilmImage | None:
     """Return the image of a window along the motion of the one before, or None if it is lost."""
-    carried = carry(motion, part, sensor, step, threads)
-    if carried is None:
+    paths = carry(motion, part, sensor, step, threads)
+    if paths is None:
         return None
+    carried = as_motion(paths, motion.model)
     with warnings.catch_warnings():
         # A motion that is lost is estimated afresh, so a warning about it would mislead.
         warnings.simplefilter("ignore", JotlightWarning)
-        merged = merge(part, sensor, motion=carried, threads=threads)
+        if hot_jots(sensor) is None:
+            merged = merge_along(paths, carried, sensor)
+        else:
+            # The alignment leaves out hot jots, but merging does not.
+            merged = merge(part, sensor, motion=carried, threads=threads)
     return FilmImage(merged, carried, True) if _accepted(merged) >= min_accepted else None
 
 
@@ -169,15 +174,15 @@ def carry(
     sensor: Sensor,
     step: int,
     threads: int | None = None,
-) -> Motion | None:
-    """Return the motion of a window, from that of the window that begins `step` frames before.
+) -> Paths | None:
+    """Return the paths of a window, from the motion of the window that begins `step` frames before.
 
     The blocks that both windows share keep their displacements. New ones are aligned with them.
     Then all are improved together.
 
     Returns
     -------
-    Motion or None
+    Paths or None
         None if a scene that stood still begins to move, or if nothing stays in view, as after a cut
         to another scene.
     """
@@ -192,7 +197,7 @@ def carry(
     # Edges are rounded, so centers differ by up to half a frame.
     known = blocks.centers <= before.times[-1] + 0.5
     if motion.model == "none":
-        return None if _begins_to_move(paths.tracks[0], known) else as_motion(paths, "none")
+        return None if _begins_to_move(paths.tracks[0], known) else paths
     for field, track in enumerate(paths.tracks):
         share = mean_tiles((paths.labels == field).astype(np.float32))
         weights = np.where(share >= _MIN_FRACTION, share, 0)
@@ -201,7 +206,7 @@ def carry(
         _add_blocks(track, known, weights if weights.any() else share, is_of_tiles)
     if not _stays_in_view(paths):
         return None
-    return as_motion(Paths(paths.tracks, choose(paths.tracks)), motion.model)
+    return Paths(paths.tracks, choose(paths.tracks))
 
 
 def _stays_in_view(paths: Paths) -> bool:

@@ -11,7 +11,7 @@ from jotlight.errors import warn
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import find_motion, hot_jots, prepare_burst, reference_time
 from jotlight.motion.blocks import Blocks, Sums
-from jotlight.motion.consistency import find_consistent
+from jotlight.motion.consistency import Consistent, find_consistent
 from jotlight.motion.flags import find_flags, is_unclear
 from jotlight.motion.guard import count_window, find_window
 from jotlight.motion.model import divide
@@ -105,10 +105,24 @@ def merge(
     blocks = Blocks(burst, divide(len(burst)), valid, threads)
     paths = as_paths(motion, blocks)
     # Without hot jots, the alignment has used the same ones.
-    if consistent is None or hot_jots(sensor) is not None:
+    if hot_jots(sensor) is not None:
+        consistent = None
+    merged = merge_along(paths, motion, sensor, consistent)
+    advance(1.0)
+    return merged
+
+
+def merge_along(
+    paths: Paths, motion: Motion, sensor: Sensor, consistent: Consistent | None = None
+) -> Merged:
+    """Return the counts of the bits along paths, which are those of a motion.
+
+    The sums along them are computed if they are not given.
+    """
+    burst = paths.blocks.burst
+    if consistent is None:
         consistent = find_consistent(paths, is_still=motion.model == "none")
     accepted, flags = consistent.accepted, find_flags(consistent, motion.labels)
-    advance(0.95)
     channels = [None] if burst.channels == 1 else list(range(burst.channels))
     of_channels = [_of_channel(paths, channel) for channel in channels]
     window = find_window(paths, consistent.total) if flags.mean() > _MAX_FLAGGED else None
@@ -124,9 +138,7 @@ def merge(
             flags = find_flags(consistent, motion.labels, is_unclear=True)
         is_gray = len(channels) == 1
         sums = [consistent.total if is_gray else consistent.count(each) for each in of_channels]
-    merged = _as_merged(sums, accepted, flags, motion, sensor, paths)
-    advance(1.0)
-    return merged
+    return _as_merged(sums, accepted, flags, motion, sensor, paths)
 
 
 def as_paths(motion: Motion, blocks: Blocks) -> Paths:

@@ -101,7 +101,7 @@ def _between_centers(
     fraction = np.expand_dims(fraction, tuple(range(1, values.ndim - axis)))
     last = min(1, values.shape[axis] - 1)
     start = values.take(first, axis)
-    return start + fraction * (values.take(first + last, axis) - start)
+    return np.asarray(start + fraction * (values.take(first + last, axis) - start))
 
 
 @functools.lru_cache(maxsize=8)
