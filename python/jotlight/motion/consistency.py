@@ -77,7 +77,7 @@ def _box(image: Image) -> Image:
     """Return the sums over squares of 3 pixels."""
     extended = np.pad(image, 1, mode="edge")
     rows = extended[:-2] + extended[1:-1] + extended[2:]
-    return rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:]
+    return np.asarray(rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:])
 
 
 @dataclasses.dataclass(frozen=True)

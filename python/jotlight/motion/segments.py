@@ -164,12 +164,17 @@ def _best_of_all(
     everywhere = np.ones(energies[0].shape, bool)
     frames = max(_MIN_FRAMES, len(blocks.burst) // _ROUNDS[0][0])
     totals = np.array([energy.sum() for energy in energies])
+    by_chance = _by_chance(everywhere.size, _noise(blocks, reference))
     refined: list[Part] = []
     for index in np.argsort(-totals)[:_STARTS]:
         field = candidates[index]
         # The refinement would end at the same velocity again.
-        if all(abs(found - field).max() * frames > _CAPTURE for found, _ in refined):
-            refined.append(_refined(blocks, reference, (field, energies[index]), everywhere))
+        if any(abs(found - field).max() * frames <= _CAPTURE for found, _ in refined):
+            continue
+        # Worse starts hardly ever end at a better velocity than one that is clearly better.
+        if any(energy.sum() > totals[index] + by_chance for _, energy in refined):
+            break
+        refined.append(_refined(blocks, reference, (field, energies[index]), everywhere))
     return max(refined, key=lambda part: part[1].sum())
 
 
