@@ -183,8 +183,9 @@ def _information(covariances: Array, basis: Array, displacements: Array) -> Arra
     The covariances (n, 6, 6) are those of the coefficients of the basis (tiles, 3). Between the
     blocks, the displacements (n, 2, tiles) are interpolated linearly, which adds an error.
     """
-    blocks = covariances.reshape(-1, 2, 3, 2, 3)
-    variances = np.einsum("ti,naibj,tj->nabt", basis, blocks, basis)
+    blocks = covariances.reshape(-1, 2, 3, 2, 3).transpose(0, 1, 3, 2, 4).reshape(-1, 2, 2, 9)
+    products = (basis[:, :, None] * basis[:, None, :]).reshape(-1, 9)
+    variances = np.einsum("nabp,tp->nabt", blocks, products)
     curvature = np.zeros_like(displacements)
     curvature[1:-1] = np.diff(displacements, 2, axis=0)
     curvature[[0, -1]] = curvature[[1, -2]]

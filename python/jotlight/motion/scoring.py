@@ -99,7 +99,8 @@ def make_template(sums: Sums, threads: int | None) -> Template:
     """Return the template of sums: the fraction of ones, denoised by the K-conditioned network."""
     known = sums.trials > 0
     fraction = fill_from_nearest(sums.ones / np.maximum(sums.trials, 1), known)
-    trials = int(np.clip(np.median(sums.trials[known]) if known.any() else 1, 1, MAX_TRIALS))
+    # Most pixels have about the same number of trials.
+    trials = int(np.clip(sums.trials.sum() / max(int(known.sum()), 1), 1, MAX_TRIALS))
     probability = read_network().denoise_probability(fraction, trials, threads=threads)
     return _without_shift(probability, sums, threads)
 
