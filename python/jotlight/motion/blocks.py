@@ -10,7 +10,6 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.motion.burst import Burst
 from jotlight.motion.tiles import TILE, interpolate_rows
-from jotlight.sensing.bits import Bits
 
 Counts = npt.NDArray[np.int32]
 
@@ -191,14 +190,17 @@ class Blocks:
 
     def _add_unmoved(self, sums: Sums, frames: range) -> None:
         """Add the counts of frames that stand still."""
-        valid: npt.NDArray[np.bool_] | bool = True
-        if self.valid is not None:
-            valid = np.unpackbits(self.valid, axis=1, count=self.size[1]).view(np.bool_)
         for _, planes in self.burst.parts(frames, self.channel):
             for weight, packed in planes:
-                counts = Bits(packed, self.size[1]).counts(1, threads=self.threads)
-                sums.ones += weight * counts * valid
-        sums.trials += np.int32(self.trials * len(frames)) * valid
+                target = sums.ones if weight == 1 else np.zeros_like(sums.ones)
+                engine.add_block_counts(packed, self.size[1], 1, self.valid, target, self.threads)
+                if weight > 1:
+                    sums.ones += weight * target
+        trials = np.int32(self.trials * len(frames))
+        if self.valid is None:
+            sums.trials += trials
+        else:
+            sums.trials += trials * np.unpackbits(self.valid, axis=1, count=self.size[1])
         sums.frames += len(frames)
 
 
