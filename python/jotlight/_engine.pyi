@@ -11,6 +11,7 @@ __all__ = [
     "activate",
     "activate_backward",
     "add_block_counts",
+    "add_counts_of_blocks",
     "add_shifted_counts",
     "anscombe",
     "chi_squared",
@@ -43,6 +44,7 @@ __all__ = [
     "mle_from_probability",
     "multiply_adds",
     "normal_equations",
+    "peak_of_shifted_scores",
     "probability",
     "rate",
     "read_words",
@@ -55,6 +57,7 @@ __all__ = [
     "total_variation",
     "total_variation_admm_update",
     "undo_remainders",
+    "velocity_scores",
 ]
 
 __version__: str
@@ -89,6 +92,16 @@ def add_block_counts(
     width: int,
     oversampling: int,
     valid: npt.NDArray[np.uint8] | None,
+    counts: npt.NDArray[np.int32],
+    threads: int | None,
+) -> None: ...
+def add_counts_of_blocks(
+    packed: npt.NDArray[np.uint8],
+    width: int,
+    side: int,
+    before: int,
+    length: int,
+    weight: int,
     counts: npt.NDArray[np.int32],
     threads: int | None,
 ) -> None: ...
@@ -152,6 +165,20 @@ def solve_field(
     basis: npt.NDArray[np.float64],
     smoothness: tuple[float, float, float],
 ) -> npt.NDArray[np.float64]: ...
+def velocity_scores(
+    blocks: npt.NDArray[np.int32],
+    corners: list[tuple[int, int]],
+    size: tuple[int, int],
+    filters: tuple[float, float],
+    lags: list[int],
+    line: npt.NDArray[np.float64],
+    threads: int | None,
+) -> npt.NDArray[np.float32]: ...
+def peak_of_shifted_scores(
+    scores: npt.NDArray[np.float32],
+    shifts: npt.NDArray[np.int64],
+    threads: int | None,
+) -> list[tuple[float, tuple[int, int]]]: ...
 def expose(
     sensor: dict[str, Any],
     image: _Image,

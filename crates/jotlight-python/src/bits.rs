@@ -1,7 +1,7 @@
 //! Counts of the ones in packed bits.
 
-use jotlight::bits::{self, PackedBits};
-use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2};
+use jotlight::bits::{self, Blocks, PackedBits};
+use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::prelude::*;
 
 use crate::run;
@@ -27,5 +27,31 @@ pub fn add_block_counts(
             valid,
             counts,
         )
+    })
+}
+
+/// Add the number of ones of each square of jots in each block of frames to `counts`.
+#[pyfunction]
+#[pyo3(signature = (packed, width, side, before, length, weight, counts, threads))]
+#[allow(clippy::too_many_arguments)]
+pub fn add_counts_of_blocks(
+    py: Python<'_>,
+    packed: PyReadonlyArray3<'_, u8>,
+    width: usize,
+    side: usize,
+    before: usize,
+    length: usize,
+    weight: i32,
+    mut counts: PyReadwriteArray3<'_, i32>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let (packed, counts) = (packed.as_array(), counts.as_array_mut());
+    let blocks = Blocks {
+        before,
+        length,
+        weight,
+    };
+    run(py, threads, || {
+        bits::add_counts_of_blocks(&PackedBits::new(packed, width)?, side, blocks, counts)
     })
 }

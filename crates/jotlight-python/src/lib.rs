@@ -28,7 +28,7 @@ mod _engine {
     use pyo3::prelude::*;
 
     #[pymodule_export]
-    use super::bits::add_block_counts;
+    use super::bits::{add_block_counts, add_counts_of_blocks};
     #[pymodule_export]
     use super::cpu::{choose_cpu_level, cpu_level, cpu_levels, multiply_adds, read_words};
     #[pymodule_export]
@@ -42,7 +42,7 @@ mod _engine {
     #[pymodule_export]
     use super::motion::{
         FilteredTemplate, add_shifted_counts, chi_squared, displacement_equations, fit_affine,
-        solve_field, undo_remainders,
+        peak_of_shifted_scores, solve_field, undo_remainders, velocity_scores,
     };
     #[pymodule_export]
     use super::network::{

@@ -3,7 +3,7 @@
 use jotlight::bits::PackedBits;
 use jotlight::motion::{
     self, AffineFit, Comparison, Displacements, Equations, EquationsView, ShiftedCounts,
-    Smoothness, Start, Sums, Template,
+    Smoothness, Start, Sums, Template, Windows,
 };
 use numpy::{IntoPyArray, PyArray2, PyArray3};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4};
@@ -203,4 +203,48 @@ pub fn solve_field<'py>(
         motion::solve_field(equations, start, basis, smoothness)
     })?;
     Ok(field.into_pyarray(py))
+}
+
+/// Return the scores of displacements per block in each window.
+///
+/// `filters` are the widths of the filters between which details are correlated, in pixels.
+#[pyfunction]
+#[pyo3(signature = (blocks, corners, size, filters, lags, line, threads))]
+#[allow(clippy::too_many_arguments)]
+pub fn velocity_scores<'py>(
+    py: Python<'py>,
+    blocks: PyReadonlyArray3<'_, i32>,
+    corners: Vec<(usize, usize)>,
+    size: (usize, usize),
+    filters: (f64, f64),
+    lags: Vec<usize>,
+    line: PyReadonlyArray1<'_, f64>,
+    threads: Option<isize>,
+) -> PyResult<Bound<'py, PyArray3<f32>>> {
+    let (blocks, line) = (blocks.as_array(), line.as_slice()?);
+    let windows = Windows {
+        corners: &corners,
+        size,
+        filters,
+    };
+    let scores = run(py, threads, || {
+        motion::velocity_scores(blocks, windows, &lags, line)
+    })?;
+    Ok(scores.into_pyarray(py))
+}
+
+/// Return the largest sums of shifted scores, each with its row and its column.
+#[pyfunction]
+#[pyo3(signature = (scores, shifts, threads))]
+pub fn peak_of_shifted_scores(
+    py: Python<'_>,
+    scores: PyReadonlyArray3<'_, f32>,
+    shifts: PyReadonlyArray3<'_, i64>,
+    threads: Option<isize>,
+) -> PyResult<Vec<(f32, (usize, usize))>> {
+    let (scores, shifts) = (scores.as_array(), shifts.as_array());
+    let peaks = run(py, threads, || {
+        motion::peak_of_shifted_scores(scores, shifts)
+    })?;
+    Ok(peaks.iter().map(|peak| (peak.score, peak.place)).collect())
 }

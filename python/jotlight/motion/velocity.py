@@ -5,17 +5,19 @@ something moves at the velocity v, those of pairs that are n frames apart have t
 Parts of the scene may have different velocities, so they are correlated in windows.
 """
 
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
 
+import jotlight._engine as engine
 from jotlight.motion.burst import Burst
 from jotlight.motion.rotation import find_rotation
 from jotlight.motion.tiles import tile_centers
 
 Array = npt.NDArray[np.float64]
-Images = npt.NDArray[np.float32]
+Counts = npt.NDArray[np.int32]
 
 _MAX_BLOCKS = 32
 """Maximum number of blocks that are correlated."""
@@ -31,9 +33,6 @@ _BIN = 2
 
 _WINDOW, _STRIDE = 96 // _BIN, 64 // _BIN
 """Width of a window, and maximum distance of neighboring windows, in bins."""
-
-_WINDOWS_AT_ONCE = 16
-"""Maximum number of windows that are correlated together."""
 
 _RANGE = 0.45
 """Maximum displacement between two blocks, as a fraction of the width of a window."""
@@ -71,7 +70,7 @@ def find_velocities(burst: Burst, reference: int, threads: int | None) -> Array:
     for length in _lengths(min(reference, len(burst) - reference)):
         blocks = _count_blocks(burst, reference, length, threads)
         frames = length * len(blocks)
-        for velocity, matrix in _peaks(blocks, length):
+        for velocity, matrix in _peaks(blocks, length, threads):
             field = velocity[:, None, None] + np.tensordot(matrix, places, axes=1)
             difference = np.hypot(*np.moveaxis(np.stack(found) - field, 1, 0)).max(axis=(1, 2))
             if (difference * frames > 2).all():
@@ -95,25 +94,35 @@ def _lengths(available: int) -> list[int]:
     return lengths
 
 
-def _count_blocks(burst: Burst, reference: int, length: int, threads: int | None) -> Images:
-    """Return the counts of blocks of frames around a time, in squares of pixels, (n, h, w)."""
+def _count_blocks(burst: Burst, reference: int, length: int, threads: int | None) -> Counts:
+    """Return the counts of blocks of frames around a time, in squares of pixels, (n, h, w).
+
+    The rest at the right and at the bottom is left out.
+    """
     number = min(_MAX_BLOCKS, 2 * (min(reference, len(burst) - reference) // length))
     start = reference - number // 2 * length
-    starts = range(start, start + number * length, length)
-    counts = [_bin(burst.counts(range(first, first + length), threads)) for first in starts]
-    return np.stack(counts)
+    side = _BIN if min(burst.size) > _BIN else 1
+    height, width = (jots // side for jots in burst.size)
+    counts = np.zeros((number, height, width), np.int32)
+    row = slice(0, height * side), slice(0, -(-width * side // 8))
+    for part, planes in burst.parts(range(start, start + number * length)):
+        for weight, packed in planes:
+            before = part.start - start
+            block = before // length
+            engine.add_counts_of_blocks(
+                packed[:, *row],
+                width * side,
+                side,
+                before % length,
+                length,
+                weight,
+                counts[block:],
+                threads,
+            )
+    return counts
 
 
-def _bin(counts: npt.NDArray[np.int32]) -> Images:
-    """Return the sums over squares, without the rest at the right and at the bottom."""
-    side = _BIN if min(counts.shape) > _BIN else 1
-    height, width = (length // side * side for length in counts.shape)
-    rows = np.sum([counts[row:height:side] for row in range(side)], axis=0)
-    columns = [rows[:, column:width:side] for column in range(side)]
-    return np.asarray(np.sum(columns, axis=0), np.float32)
-
-
-def _peaks(blocks: Images, length: int) -> Iterator[tuple[Array, Array]]:
+def _peaks(blocks: Counts, length: int, threads: int | None) -> Iterator[tuple[Array, Array]]:
     """Yield the best velocities, each with the matrix by which it changes per pixel.
 
     The first one is that of the whole image, and the second is a rotation. The third is the best
@@ -124,17 +133,21 @@ def _peaks(blocks: Images, length: int) -> Iterator[tuple[Array, Array]]:
     lags = [lag for lag in _LAGS if lag < len(blocks)]
     if not lags:
         return
-    windows = np.stack(list(_windows(blocks)))
-    width = min(windows.shape[2:])
-    steps = int(_RANGE * width)
-    line = _BIN * np.arange(-steps, steps + 1) / (length * lags[-1])
+    height, width = blocks.shape[1:]
+    size = min(height, _WINDOW), min(width, _WINDOW)
+    steps = int(_RANGE * min(size))
+    places = np.arange(-steps, steps + 1) / lags[-1]
+    line = _BIN * places / length
     every = list(range(1, lags[-1] + 1))
-    (whole,) = _scores(blocks[None], every, line * (length / _BIN))
+    (whole,) = engine.velocity_scores(
+        blocks, [(0, 0)], (height, width), _BAND, every, places, threads
+    )
     if (velocity := _best(whole, line)) is not None:
         yield velocity, constant
-    parts = np.array_split(windows, -(-len(windows) // _WINDOWS_AT_ONCE))
-    scores = np.concatenate([_scores(part, lags, line * (length / _BIN)) for part in parts])
-    if (rotation := find_rotation(scores, _BIN * _window_centers(blocks), line)) is not None:
+    corners = list(itertools.product(_starts(height), _starts(width)))
+    scores = engine.velocity_scores(blocks, corners, size, _BAND, lags, places, threads)
+    centers = _BIN * (np.array(corners) + (np.array(size) - (height, width)) / 2)
+    if (rotation := find_rotation(scores, centers, line, threads)) is not None:
         yield rotation
     active = np.ones(len(scores), bool)
     best = scores.reshape(len(scores), -1).max(axis=1)
@@ -158,79 +171,13 @@ def _best(scores: npt.NDArray[np.float32], line: Array) -> Array | None:
     return np.array([line[row], line[column]])
 
 
-def _windows(blocks: Images) -> Iterator[Images]:
-    """Yield parts of the blocks that overlap, (n, h, w)."""
-    rows, columns = (_starts(length) for length in blocks.shape[1:])
-    for row in rows:
-        for column in columns:
-            yield blocks[:, row : row + _WINDOW, column : column + _WINDOW]
-
-
-def _window_centers(blocks: Images) -> Array:
-    """Return the centers of the windows, (n, 2), relative to that of the image."""
-    rows, columns = (
-        np.array(_starts(length)) + (min(length, _WINDOW) - length) / 2
-        for length in blocks.shape[1:]
-    )
-    return np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2)
-
-
 def _starts(length: int) -> list[int]:
+    """Return the first rows or columns of windows that overlap and cover a length, in bins.
+
+    Examples
+    --------
+    >>> [_starts(length) for length in (30, 128)]
+    [[0], [0, 27, 53, 80]]
+    """
     number = 1 + max(0, -(-(length - _WINDOW) // _STRIDE))
     return [round(start) for start in np.linspace(0, max(0, length - _WINDOW), number)]
-
-
-def _scores(windows: Images, lags: list[int], line: Array) -> Images:
-    """Return the scores of displacements per block, in units of the noise of the correlations.
-
-    Parameters
-    ----------
-    windows : ndarray of float32, shape (w, n, h, w)
-        Counts of the n blocks in each window.
-    lags : list of int
-        Distances of the pairs.
-    line : ndarray of float, shape (m,)
-        Displacements per block, in rows and in columns.
-
-    Returns
-    -------
-    ndarray of float32, shape (w, m, m)
-        Scores of each window.
-    """
-    from scipy import fft
-
-    height, width = windows.shape[2:]
-    taper = (np.hanning(height)[:, None] * np.hanning(width)).astype(np.float32)
-    squared = (2 * np.pi * fft.fftfreq(height)[:, None]) ** 2
-    squared = squared + (2 * np.pi * fft.rfftfreq(width)) ** 2
-    fine, coarse = (np.exp(-squared * sigma**2 / 2) for sigma in _BAND)
-    band = (fine - coarse).astype(np.float32)
-    mean = windows.mean(axis=(2, 3), keepdims=True)
-    spectra = fft.rfft2((windows - mean) * taper) * band
-    conjugate = np.conj(spectra)
-    total = np.zeros((len(windows), len(line), len(line)), np.float32)
-    for lag in lags:
-        cross = np.einsum("wnij,wnij->wij", conjugate[:, :-lag], spectra[:, lag:])
-        magnitude = abs(cross)
-        largest = magnitude.max(axis=(1, 2), keepdims=True)
-        # The root is between correlation, whose peaks are wide, and phase correlation.
-        cross /= np.sqrt(magnitude + np.float32(1e-9) * largest + np.float32(1e-30))
-        correlation = fft.irfft2(cross, s=(height, width))
-        correlation /= np.maximum(correlation.std(axis=(1, 2), keepdims=True), np.float32(1e-30))
-        for axis, size in ((1, height), (2, width)):
-            correlation = _interpolate(correlation, lag * line, axis, size)
-        total += correlation
-    return total
-
-
-def _interpolate(values: Images, places: Array, axis: int, size: int) -> Images:
-    """Return `size` periodic values along an axis, interpolated linearly at the places.
-
-    Products with sparse matrices would be slower.
-    """
-    first = np.floor(places).astype(int)
-    shape = [1] * values.ndim
-    shape[axis] = len(places)
-    fraction = (places - first).astype(np.float32).reshape(shape)
-    before, after = (values.take((first + step) % size, axis=axis) for step in (0, 1))
-    return np.asarray(before + fraction * (after - before), np.float32)

@@ -173,3 +173,47 @@ def solve_field(information, right, now, predicted, basis, smoothness):
         matrix = data + sparse.block_diag([smooth, smooth])
         field = spsolve(matrix.tocsc(), vector).reshape(2, tiles)
     return field.reshape(shape)
+
+
+def fast_length(length):
+    """Return the smallest even number, at least `length`, without prime factors above 5."""
+    rest = number = length + length % 2
+    for factor in (2, 3, 5):
+        while rest % factor == 0:
+            rest //= factor
+    return number if rest == 1 else fast_length(number + 2)
+
+
+def velocity_scores(blocks, corners, size, filters, lags, line):
+    """Return the scores of displacements per block in windows, (windows, m, m)."""
+    rows, columns = size
+    windows = np.stack([blocks[:, y : y + rows, x : x + columns] for y, x in corners])
+    taper = np.hanning(rows)[:, None] * np.hanning(columns)
+    height, width = (fast_length(length) for length in size)
+    squared = (2 * np.pi * np.fft.fftfreq(height)[:, None]) ** 2
+    squared = squared + (2 * np.pi * np.fft.rfftfreq(width)) ** 2
+    fine, coarse = (np.exp(-squared * sigma**2 / 2) for sigma in filters)
+    mean = windows.mean(axis=(2, 3), keepdims=True)
+    spectra = np.fft.rfft2((windows - mean) * taper, s=(height, width)) * (fine - coarse)
+    total = np.zeros((len(windows), len(line), len(line)))
+    for lag in lags:
+        cross = np.einsum("wnij,wnij->wij", np.conj(spectra[:, :-lag]), spectra[:, lag:])
+        magnitude = abs(cross)
+        largest = magnitude.max(axis=(1, 2), keepdims=True)
+        cross /= np.sqrt(magnitude + 1e-9 * largest + 1e-30)
+        correlation = np.fft.irfft2(cross, s=(height, width))
+        correlation /= np.maximum(correlation.std(axis=(1, 2), keepdims=True), 1e-30)
+        for axis, length in ((1, height), (2, width)):
+            correlation = interpolate_periodically(correlation, lag * line, axis, length)
+        total += correlation
+    return total
+
+
+def interpolate_periodically(values, places, axis, length):
+    """Return periodic values along an axis, interpolated linearly at the places."""
+    first = np.floor(places).astype(int)
+    shape = [1] * values.ndim
+    shape[axis] = len(places)
+    fraction = (places - first).reshape(shape)
+    before, after = (values.take((first + step) % length, axis=axis) for step in (0, 1))
+    return before + fraction * (after - before)

@@ -155,6 +155,15 @@ levels! {
     fn add_rows(
         bytes: &[u8], oversampling: usize, counts: &mut ArrayViewMut2<'_, i32>,
     ) = add_rows_inlined;
+    /// Add the counts of each pair of jots.
+    fn add_pairs(jots: &[i32], counts: &mut [i32]) = add_pairs_inlined;
+}
+
+#[inline(always)]
+fn add_pairs_inlined(jots: &[i32], counts: &mut [i32]) {
+    for (count, [left, right]) in counts.iter_mut().zip(jots.as_chunks().0) {
+        *count += left + right;
+    }
 }
 
 #[inline(always)]
@@ -268,6 +277,10 @@ fn add_with_bit_planes(
         if oversampling == 1 {
             // The compiler vectorizes this addition.
             counts += &ArrayView1::from(&jots);
+            continue;
+        }
+        if let (2, Some(counts)) = (oversampling, counts.as_slice_mut()) {
+            add_pairs(&jots, counts);
             continue;
         }
         for (count, jots) in counts.iter_mut().zip(jots.chunks_exact(oversampling)) {

@@ -4,6 +4,7 @@
 //! significant bit of a byte, as in `numpy.packbits`.
 
 mod bit_planes;
+mod blocks;
 mod count;
 
 use std::borrow::Cow;
@@ -14,6 +15,7 @@ use ndarray::{ArrayView1, ArrayView2, ArrayView3, s};
 use crate::error::{Error, Result};
 
 pub(crate) use bit_planes::{BitCounters, FRAMES_PER_GROUP};
+pub use blocks::{Blocks, add_counts_of_blocks};
 pub use count::add_block_counts;
 pub(crate) use count::{check_mask, check_sum, trials};
 
@@ -51,6 +53,12 @@ impl<'a> PackedBits<'a> {
     pub fn shape(&self) -> (usize, usize, usize) {
         let (frames, rows, _) = self.bytes.dim();
         (frames, rows, self.width)
+    }
+
+    /// Return the bits of a range of frames.
+    pub(crate) fn frames(&self, frames: Range<usize>) -> Self {
+        let bytes = self.bytes.slice_move(s![frames, .., ..]);
+        Self { bytes, ..*self }
     }
 
     pub(crate) fn row(&self, frame: usize, row: usize) -> Cow<'a, [u8]> {

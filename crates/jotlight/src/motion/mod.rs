@@ -9,6 +9,8 @@
 //! The counts of a block of frames are compared with a [`Template`]. [`normal_equations`] are about
 //! the displacement errors of tiles of pixels, and [`fit_affine`] and [`solve_field`] solve them for
 //! all tiles together. [`chi_squared`] tests which pixels agree with the template.
+//!
+//! Before, [`velocity_scores`] tells how probable velocities are in windows of the scene.
 
 mod affine;
 mod brightness;
@@ -24,11 +26,14 @@ mod row;
 mod row_counter;
 mod search;
 mod shifted_counts;
+mod shifted_scores;
 mod solve_field;
 mod source;
+mod spectra;
 mod sums;
 mod template;
 mod tile_matrix;
+mod velocity_scores;
 
 pub use affine::{AffineFit, fit_affine};
 pub use chi_squared::{Comparison, chi_squared};
@@ -36,6 +41,8 @@ pub use equations::{Equations, EquationsView, TILE, normal_equations};
 pub use field::Displacements;
 pub use gradient::undo_remainders;
 pub use shifted_counts::{BLOCK, ShiftedCounts, add_shifted_counts};
+pub use shifted_scores::{Peak, peak_of_shifted_scores};
 pub use solve_field::{Smoothness, Start, solve_field};
 pub use sums::Sums;
 pub use template::Template;
+pub use velocity_scores::{Windows, velocity_scores};
