@@ -34,6 +34,7 @@ STAGES: dict[str, Stages] = {
         *((36_000, 3e-3), (24_000, 2e-3), (70_000, 2.5e-3), (45_000, 2e-3), (7_000, 1e-3)),
         *((75_000, 2e-3), (22_000, 1.2e-3)),
     ),
+    "small": ((16_000, 3e-3), (8_000, 1.2e-3), (30_000, 2.5e-3), (12_000, 1e-3)),
     "medium-k16": ((25_000, 3e-3),),
     "large-k16": ((24_000, 3e-3), (12_000, 1.5e-3), (5_000, 1e-3), (10_000, 1.2e-3)),
 }
@@ -41,20 +42,21 @@ OTHER_SMALL_STAGES: Stages = ((8_000, 1.5e-3),)
 """Stages of the other small networks, after the first stage of `small-k16`."""
 
 NOTES = {
-    "small": "No training patch was strongly over- or underexposed; for such captures, medium is "
+    "small": "The alignment of moving scenes denoises its templates with this network.",
+    "small-k": "No training patch was strongly over- or underexposed; for such captures, medium is "
     "better.",
     "medium": "In the first stage, the coarse filters had no parameter sets for K, and typical "
     "exposures of photographs were not drawn more often than others. The last four stages drew K "
     "from 9 to 100 in half of the steps. The last two stages drew most exposures from 0.08 to 1 "
     "photon per jot and frame, the previous ones from 0.15 to 1.",
-    "large": "Only the last stage used patches that are strongly over- or underexposed.",
+    "large-k": "Only the last stage used patches that are strongly over- or underexposed.",
 }
-"""Notes on the training of the shipped networks that the stages do not show, by size."""
+"""Notes on the training of the shipped networks that the stages do not show, by name without K."""
 
 TWO_LAYER = [f"two-layer-k{bits}" for bits in TRAINED_TRIALS]
 TWO_LAYER_STEPS, TWO_LAYER_BATCH, TWO_LAYER_PATCH, TWO_LAYER_SEED = 60, 512, 64, 0
 SMALL = [f"small-k{bits}" for bits in (16, *(bits for bits in TRAINED_TRIALS if bits != 16))]
-SHIPPED = [*TWO_LAYER, *SMALL, "medium", "large-k16"]
+SHIPPED = [*TWO_LAYER, *SMALL, "small", "medium", "large-k16"]
 COMPARISONS = ["medium-k16"]
 
 
@@ -116,8 +118,8 @@ def two_layer_recipe(seconds: float) -> str:
 
 def deep_start(name: str, scratch: Path) -> jl.Network:
     """Return the network before its first stage."""
-    if name == "medium":
-        return jl.Network.conditional("medium", rng=0)
+    if name in ("small", "medium"):
+        return jl.Network.conditional(name, rng=0)
     sensor = jl.Sensor(frames=trials(name))
     start = jl.Network.residual(sensor, name.split("-")[0], rng=0)
     if name in STAGES:
@@ -172,7 +174,7 @@ def deep_recipe(name: str) -> str:
     )
     if name in SMALL[1:]:
         stages += ", starting from the first stage of small-k16"
-    note = NOTES[name.split("-")[0]] if name in SHIPPED else ""
+    note = NOTES.get(name.rstrip("0123456789"), "")
     return f"`jotlight.torch.train` for {stages}. {note}".strip()
 
 

@@ -96,6 +96,6 @@ def test_pixels_whose_bits_disagree_are_unknown_but_dead_ones_are_not():
     valid = np.zeros((48, 48), bool)
     valid[:, :24] = True
     masked = dataclasses.replace(blocks, valid=np.packbits(valid, axis=1))
-    assert share_of_unknown(Paths([_still(masked, 32)], paths.labels)) < 0.02
+    assert share_of_unknown(Paths([_still(masked, 32)], paths.labels)) < 0.05
     nothing = dataclasses.replace(blocks, valid=np.zeros((48, 6), np.uint8))
     assert share_of_unknown(Paths([_still(nothing, 32)], paths.labels)) == 0
