@@ -18,6 +18,9 @@ Image = npt.NDArray[np.float32]
 _SIZE = "small"
 """Size of the network that denoises templates. A larger one hardly improves the motion."""
 
+_EQUAL_TRIALS = np.float32(1024)
+"""Number of trials above those that the network serves, for which its error equals the noise."""
+
 _MIN_PROBABILITY = 1e-4
 """Smallest distance of a probability of the template from 0 and from 1."""
 
@@ -96,12 +99,18 @@ def read_network() -> Network:
 
 
 def make_template(sums: Sums, threads: int | None) -> Template:
-    """Return the template of sums: the fraction of ones, denoised by the K-conditioned network."""
+    """Return the template of sums: the fraction of ones, denoised by the K-conditioned network.
+
+    Of more trials than the network serves, the fraction itself has an increasing weight.
+    """
     known = sums.trials > 0
     fraction = fill_from_nearest(sums.ones / np.maximum(sums.trials, 1), known)
     # Most pixels have about the same number of trials.
     trials = int(np.clip(sums.trials.sum() / max(int(known.sum()), 1), 1, MAX_TRIALS))
     probability = read_network().denoise_probability(fraction, trials, threads=threads)
+    excess = np.maximum(sums.trials - MAX_TRIALS, 0).astype(np.float32)
+    if excess.any():
+        probability += excess / (excess + _EQUAL_TRIALS) * (fraction - probability)
     return _without_shift(probability, sums, threads)
 
 

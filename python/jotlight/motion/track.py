@@ -91,7 +91,10 @@ class Track:
         if block not in self._kept:
             return self.sums(block)
         before, sums = self._kept[block]
-        change = self._curve(block).mean() - before.mean()
+        curve = self._curve(block)
+        if curve == before:
+            return sums
+        change = curve.mean() - before.mean()
         if abs(change).max() > _NEAR:
             return self.sums(block)
         return sums.seen_along(change)
