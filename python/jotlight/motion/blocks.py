@@ -204,7 +204,9 @@ class Blocks:
         sums.frames += len(frames)
 
 
-def locate(frames: range, times: Times) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float64]]:
+def locate(
+    frames: range | npt.NDArray[np.float64], times: Times
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float64]]:
     """Return the last of some times before each frame, but not the very last one, and its place.
 
     The place is from 0 at this time to 1 at the next time, or beyond for frames before the first

@@ -17,6 +17,9 @@ _MAX_KEPT_BYTES = 1 << 28
 _BYTES_OF_SUMS = 8
 """Bytes of the ones and trials of a pixel."""
 
+_SAME = 0.05
+"""Change of the displacements in pixels, up to which blocks are not counted again."""
+
 _NEAR = 0.3
 """Change of the displacements in pixels, up to which counts are corrected to first order."""
 
@@ -32,7 +35,7 @@ class Counted(Protocol):
     def displacements(self, block: int) -> npt.NDArray[np.float32]: ...  # noqa: D102
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True)
 class _Curve:
     """Displacements of the frames of a block, which are linear between two fields."""
 
@@ -42,17 +45,27 @@ class _Curve:
 
     def mean(self) -> Array:
         """Return the mean displacements of the frames, (2, rows, columns)."""
-        index, place = locate(self.frames, self.times)
-        weights = np.bincount(index, 1 - place, len(self.times))
-        weights += np.bincount(index + 1, place, len(self.times))
-        return np.tensordot(weights / len(self.frames), self.fields, 1)
+        return np.tensordot(self._weights(self.frames).mean(axis=0), self.fields, 1)
 
-    def __eq__(self, other: object) -> bool:
-        return (
-            isinstance(other, _Curve)
-            and np.array_equal(self.times, other.times)
-            and np.array_equal(self.fields, other.fields)
-        )
+    def distance(self, other: "_Curve") -> float:
+        """Return the largest difference of the displacements in three frames, in pixels.
+
+        They are the first, the middle, and the last frame.
+        """
+        if len(self.times) == len(other.times) and np.array_equal(self.fields, other.fields):
+            return 0.0
+        first, last = self.frames[0], self.frames[-1]
+        three = np.array([first, (first + last) / 2, last])
+        one, two = (np.tensordot(each._weights(three), each.fields, 1) for each in (self, other))
+        return float(abs(one - two).max())
+
+    def _weights(self, frames: range | Array) -> Array:
+        """Return the weights of the fields in each frame, (n, m)."""
+        index, place = locate(frames, self.times)
+        weights = np.zeros((len(index), len(self.times)))
+        weights[np.arange(len(index)), index] = 1 - place
+        weights[np.arange(len(index)), index + 1] = place
+        return weights
 
 
 @dataclasses.dataclass
@@ -70,12 +83,15 @@ class Track:
     _kept: dict[int, tuple[_Curve, Sums]] = dataclasses.field(
         default_factory=dict, init=False, repr=False, compare=False
     )
-    """The parts and the sums of blocks that were counted, so that none is counted twice."""
+    """The curves and the sums of blocks that were counted, so that none is counted twice."""
 
     def sums(self, block: int) -> Sums:
-        """Return the sums of a block along the motion. Their arrays must not be changed."""
+        """Return the sums of a block along the motion. Their arrays must not be changed.
+
+        They are kept while the displacements change by less than the error of an estimate.
+        """
         curve = self._curve(block)
-        if block in self._kept and self._kept[block][0] == curve:
+        if block in self._kept and self._kept[block][0].distance(curve) <= _SAME:
             return self._kept[block][1]
         sums = self.blocks.count(curve.frames, curve.fields, curve.times)
         if keeps_sums(self.blocks.size, len(self.nodes)):
@@ -92,12 +108,12 @@ class Track:
             return self.sums(block)
         before, sums = self._kept[block]
         curve = self._curve(block)
-        if curve == before:
+        distance = before.distance(curve)
+        if distance == 0:
             return sums
-        change = curve.mean() - before.mean()
-        if abs(change).max() > _NEAR:
+        if distance > _NEAR:
             return self.sums(block)
-        return sums.seen_along(change)
+        return sums.seen_along(curve.mean() - before.mean())
 
     def _curve(self, block: int) -> _Curve:
         """Return the displacements of a block, which change linearly to its neighbors'."""
