@@ -22,7 +22,9 @@ SIZE = 256, 512
 DENSITY = 0.2
 """Share of ones."""
 
-Field = npt.NDArray[np.float32]
+Fields = npt.NDArray[np.float32]
+"""Displacements at two times."""
+
 Motion = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]]
 """A function from times in [-1, 1] to displacements (n, 2, rows, columns)."""
 
@@ -107,13 +109,13 @@ def layers(times: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return np.multiply.outer(times, nodes)
 
 
-def divide(motion: Motion, frames: int, length: int) -> list[tuple[slice, Field, Field]]:
+def divide(motion: Motion, frames: int, length: int) -> list[tuple[slice, Fields]]:
     """Return the frames of each call, and the fields before its first and after its last frame."""
     starts = range(0, frames, length)
     edges = 2 * np.array([*starts, frames]) / frames - 1
     fields = motion(edges).astype(np.float32)
     return [
-        (slice(start, start + length), *fields[index : index + 2])
+        (slice(start, start + length), fields[index : index + 2])
         for index, start in enumerate(starts)
     ]
 
@@ -127,18 +129,18 @@ def count_plainly(bits: npt.NDArray[np.uint8], length: int) -> None:
 
 def count(
     bits: npt.NDArray[np.uint8],
-    calls: list[tuple[slice, Field, Field]],
+    calls: list[tuple[slice, Fields]],
     valid: npt.NDArray[np.uint8] | None,
 ) -> None:
     """Count the ones of all frames along a motion."""
     ones, trials = np.zeros((2, *SIZE), np.int32)
     remainders = np.zeros((SIZE[0], 2, SIZE[1] // 16), np.float32)
-    for frames, first, last in calls:
+    for frames, fields in calls:
         part = bits[frames]
-        tile = None if first.shape[1:] == SIZE else TILE
-        times = ((np.arange(len(part)) + 0.5) / len(part)).astype(np.float32)
+        tile = None if fields.shape[2:] == SIZE else TILE
+        times = (np.arange(len(part)) + 0.5) / len(part)
         engine.add_shifted_counts(
-            part, SIZE[1], first, last, tile, times, valid, ones, trials, remainders, 1
+            part, SIZE[1], fields, tile, times, valid, ones, trials, remainders, 1
         )
 
 

@@ -95,10 +95,9 @@ def add_block_counts(
 def add_shifted_counts(
     packed: npt.NDArray[np.uint8],
     width: int,
-    first: npt.NDArray[np.float32],
-    last: npt.NDArray[np.float32],
+    fields: npt.NDArray[np.float32],
     tile: int | None,
-    times: npt.NDArray[np.float32],
+    times: npt.NDArray[np.float64],
     valid: npt.NDArray[np.uint8] | None,
     ones: npt.NDArray[np.int32],
     trials: npt.NDArray[np.int32],

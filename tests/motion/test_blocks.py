@@ -15,14 +15,15 @@ from moving import blocks_of
 from reference.motion import interpolate_tiles, shifted_counts
 
 
-def count(bits, first, last, tile, times, valid=None, threads=None):
+def count(bits, fields, tile, times, valid=None, threads=None):
     """Return ones, trials, and remainders from the engine, for an array of bits."""
+    fields = np.ascontiguousarray(fields)
     _, height, width = bits.shape
     ones, trials = np.zeros((2, height, width), np.int32)
     remainders = np.zeros((height, 2, -(-width // 16)), np.float32)
     mask = None if valid is None else np.packbits(valid, axis=1)
     engine.add_shifted_counts(
-        np.packbits(bits, axis=2), width, first, last, tile, np.float32(times), mask,
+        np.packbits(bits, axis=2), width, fields, tile, np.float64(times), mask,
         ones, trials, remainders, threads,
     )  # fmt: skip
     return ones, trials, remainders
@@ -49,7 +50,7 @@ def bursts(draw):
 @given(bursts())
 def test_counts_are_those_of_the_twin(burst):
     bits, first, last, tile, times, valid = burst
-    ones, trials, remainders = count(bits, first, last, tile, times, valid)
+    ones, trials, remainders = count(bits, (first, last), tile, times, valid)
     expected = shifted_counts(bits, first, last, tile, times, valid)
     np.testing.assert_array_equal(ones, expected[0])
     np.testing.assert_array_equal(trials, expected[1])
@@ -60,11 +61,29 @@ def test_counts_are_those_of_the_twin(burst):
 @given(bursts(), st.integers(1, 4))
 def test_counts_are_the_same_for_any_number_of_threads(burst, threads):
     bits, first, last, tile, times, valid = burst
-    whole = count(bits, first, last, tile, times, valid, 1)
+    whole = count(bits, (first, last), tile, times, valid, 1)
     for one, other in zip(
-        whole, count(bits, first, last, tile, times, valid, threads), strict=True
+        whole, count(bits, (first, last), tile, times, valid, threads), strict=True
     ):
         np.testing.assert_array_equal(one, other)
+
+
+@settings(max_examples=40)
+@given(bursts(), st.integers(1, 5))
+def test_motions_are_linear_between_two_fields(burst, number):
+    bits, first, last, tile, times, valid = burst
+    fields = np.stack([first, last, first + 1, -last, 2 * first])[:number]
+    times = np.clip(times.astype(np.float64) * number, -1, number)
+    found = count(bits, fields, tile, times, valid)
+    index = np.clip(np.floor(times), 0, max(number - 2, 0)).astype(int)
+    pairs = [(fields[n], fields[min(n + 1, number - 1)]) for n in index]
+    frames = [
+        shifted_counts(frame[None], *pair, tile, [time], valid)
+        for frame, pair, time in zip(bits, pairs, times - index, strict=True)
+    ]
+    for engine_sum, expected in zip(found, map(sum, zip(*frames, strict=True)), strict=True):
+        scale = 1e-4 * len(times) * (1 + abs(fields).max())
+        np.testing.assert_allclose(engine_sum, expected, atol=scale)
 
 
 def test_whole_shifts_give_the_sum_of_shifted_frames():
@@ -72,7 +91,7 @@ def test_whole_shifts_give_the_sum_of_shifted_frames():
     bits = rng.random((9, 40, 150)) < 0.3
     for rows, columns in ((0, 0), (3, -7), (-40, 2), (5, 149), (1, 150), (-39, 64)):
         field = np.broadcast_to(np.float32([[[rows]], [[columns]]]), (2, 3, 10)).copy()
-        ones, trials, remainders = count(bits, field, field, 16, np.zeros(9))
+        ones, trials, remainders = count(bits, (field, field), 16, np.zeros(9))
         expected, inside = np.zeros((2, 40, 150), int)
         for y in range(40):
             for x in range(150):
@@ -88,8 +107,8 @@ def test_reversed_time_gives_the_same_counts():
     rng = np.random.default_rng(1)
     bits, times = rng.random((20, 33, 70)) < 0.3, np.linspace(0, 1, 20)
     first, last = rng.normal(0, 4, (2, 2, 3, 5)).astype(np.float32)
-    forward = count(bits, first, last, 16, times)
-    backward = count(bits[::-1], last, first, 16, 1 - times[::-1])
+    forward = count(bits, (first, last), 16, times)
+    backward = count(bits[::-1], (last, first), 16, 1 - times[::-1])
     # In the other direction, rounding to float32 may move a displacement across a half.
     assert (forward[0] != backward[0]).mean() < 1e-3
     assert (forward[1] != backward[1]).mean() < 1e-3
@@ -103,10 +122,10 @@ def test_strided_bits_are_counted_like_contiguous_ones():
     ones, trials = np.zeros((2, 20, 70), np.int32)
     remainders = np.zeros((20, 2, 5), np.float32)
     engine.add_shifted_counts(
-        packed[..., 1], 70, field, field, 16, np.zeros(8, np.float32), None, ones, trials,
+        packed[..., 1], 70, np.stack([field] * 2), 16, np.zeros(8), None, ones, trials,
         remainders, None,
     )  # fmt: skip
-    np.testing.assert_array_equal(ones, count(color[..., 1], field, field, 16, np.zeros(8))[0])
+    np.testing.assert_array_equal(ones, count(color[..., 1], (field, field), 16, np.zeros(8))[0])
 
 
 def test_counts_are_added():
@@ -114,8 +133,8 @@ def test_counts_are_added():
     field = np.zeros((2, 1, 2), np.float32)
     ones, trials = np.full((2, 5, 20), 10, np.int32)
     engine.add_shifted_counts(
-        np.packbits(bits, axis=2), 20, field, field, 16, np.zeros(3, np.float32), None, ones,
-        trials, np.zeros((5, 2, 2), np.float32), None,
+        np.packbits(bits, axis=2), 20, np.stack([field] * 2), 16, np.zeros(3), None, ones, trials,
+        np.zeros((5, 2, 2), np.float32), None,
     )  # fmt: skip
     assert (ones == 13).all()
     assert (trials == 13).all()
@@ -124,13 +143,17 @@ def test_counts_are_added():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"first": np.zeros((2, 2, 2), np.float32)}, "displacements"),
-        ({"first": np.full((2, 1, 2), np.nan, np.float32)}, "displacements: expected numbers"),
-        ({"last": np.full((2, 1, 2), 2e5, np.float32)}, "displacements: expected numbers"),
+        ({"fields": np.zeros((2, 2, 2, 2), np.float32)}, "displacements"),
+        (
+            {"fields": np.zeros((0, 2, 1, 2), np.float32)},
+            "fields of displacements: expected at least 1",
+        ),
+        ({"fields": np.full((2, 2, 1, 2), np.nan, np.float32)}, "displacements: expected numbers"),
+        ({"fields": np.full((2, 2, 1, 2), 2e5, np.float32)}, "displacements: expected numbers"),
         ({"tile": 0}, "width of a tile: expected at least 1"),
-        ({"times": np.zeros(2, np.float32)}, "times of the frames"),
-        ({"times": np.full(3, 3, np.float32)}, "expected -1 to 2"),
-        ({"times": np.full(3, np.nan, np.float32)}, "expected -1 to 2"),
+        ({"times": np.zeros(2)}, "times of the frames"),
+        ({"times": np.full(3, 2.5)}, "expected -1 to 2"),
+        ({"times": np.full(3, np.nan)}, "expected -1 to 2"),
         ({"valid": np.zeros((5, 9), np.uint8)}, "packed mask"),
         ({"ones": np.zeros((5, 21), np.int32)}, "counts"),
         ({"trials": np.full((5, 20), 2**31 - 2, np.int32)}, "sums of less than 2\\^31"),
@@ -142,10 +165,9 @@ def test_arguments_that_do_not_fit_are_refused(changes, message):
     arguments = {
         "packed": np.zeros((3, 5, 3), np.uint8),
         "width": 20,
-        "first": np.zeros((2, 1, 2), np.float32),
-        "last": np.zeros((2, 1, 2), np.float32),
+        "fields": np.zeros((2, 2, 1, 2), np.float32),
         "tile": 16,
-        "times": np.zeros(3, np.float32),
+        "times": np.zeros(3),
         "valid": None,
         "ones": np.zeros((5, 20), np.int32),
         "trials": np.zeros((5, 20), np.int32),
@@ -208,7 +230,7 @@ def test_tiles_and_pixels_agree():
     bits, times = rng.random((10, 40, 100)) < 0.3, np.linspace(0, 1, 10)
     first, last = rng.normal(0, 4, (2, 2, 3, 7)).astype(np.float32)
     pixels = [interpolate_tiles(field, 16, (40, 100)) for field in (first, last)]
-    tiles, of_pixels = count(bits, first, last, 16, times), count(bits, *pixels, None, times)
+    tiles, of_pixels = count(bits, (first, last), 16, times), count(bits, pixels, None, times)
     np.testing.assert_array_equal(tiles[0], of_pixels[0])
     np.testing.assert_array_equal(tiles[1], of_pixels[1])
     np.testing.assert_allclose(tiles[2], of_pixels[2], atol=1e-4)

@@ -6,7 +6,7 @@ use jotlight::motion::{
     Smoothness, Start, Sums, Template,
 };
 use numpy::{IntoPyArray, PyArray2, PyArray3};
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4};
 use numpy::{PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::prelude::*;
 
@@ -14,28 +14,27 @@ use crate::{run, to_python};
 
 /// Count the ones of frames whose pixels are displaced, and add them to `ones` and the others.
 ///
-/// `tile` is the width of the tiles of the fields, or None for a displacement of each pixel.
+/// `tile` is the width of the tiles of the fields, or None for a displacement of each pixel. At time
+/// n, a frame has the displacements of field n.
 #[pyfunction]
 #[pyo3(signature = (
-    packed, width, first, last, tile, times, valid, ones, trials, remainders, threads
+    packed, width, fields, tile, times, valid, ones, trials, remainders, threads
 ))]
 #[allow(clippy::too_many_arguments)]
 pub fn add_shifted_counts(
     py: Python<'_>,
     packed: PyReadonlyArray3<'_, u8>,
     width: usize,
-    first: PyReadonlyArray3<'_, f32>,
-    last: PyReadonlyArray3<'_, f32>,
+    fields: PyReadonlyArray4<'_, f32>,
     tile: Option<usize>,
-    times: PyReadonlyArray1<'_, f32>,
+    times: PyReadonlyArray1<'_, f64>,
     valid: Option<PyReadonlyArray2<'_, u8>>,
     mut ones: PyReadwriteArray2<'_, i32>,
     mut trials: PyReadwriteArray2<'_, i32>,
     mut remainders: PyReadwriteArray3<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let packed = packed.as_array();
-    let (first, last) = (first.as_array(), last.as_array());
+    let (packed, fields) = (packed.as_array(), fields.as_array());
     let (times, valid) = (
         times.as_slice()?,
         valid.as_ref().map(|valid| valid.as_array()),
@@ -49,7 +48,7 @@ pub fn add_shifted_counts(
         let rows = packed.dim().1;
         motion::add_shifted_counts(
             &PackedBits::new(packed, width)?,
-            &Displacements::new(first, last, tile, rows, width)?,
+            &Displacements::new(fields, tile, rows, width)?,
             times,
             valid,
             sums,

@@ -4,7 +4,7 @@ use jotlight::bits::{PackedBits, packed_width};
 use jotlight::cpu::Level;
 use jotlight::error::{Error, Result};
 use jotlight::motion::{BLOCK, Displacements, ShiftedCounts, add_shifted_counts};
-use ndarray::{Array2, Array3, ArrayView2};
+use ndarray::{Array2, Array3, ArrayView2, Axis, stack};
 
 /// Pseudorandom numbers.
 struct Random(u32);
@@ -40,20 +40,23 @@ impl Sums {
     fn add(
         &mut self,
         bytes: &Array3<u8>,
-        fields: [&Array3<f32>; 2],
+        fields: &[&Array3<f32>],
         tile: Option<usize>,
-        times: &[f32],
+        times: &[f64],
         valid: Option<ArrayView2<'_, u8>>,
     ) -> Result<()> {
         let (rows, columns) = self.ones.dim();
-        let [first, last] = fields.map(|field| field.view());
+        let views: Vec<_> = fields.iter().map(|field| field.view()).collect();
+        let Ok(fields) = stack(Axis(0), &views) else {
+            unreachable!("fields of several shapes");
+        };
         let sums = ShiftedCounts {
             ones: self.ones.view_mut(),
             trials: self.trials.view_mut(),
             remainders: self.remainders.view_mut(),
         };
         let bits = PackedBits::new(bytes.view(), columns)?;
-        let motion = Displacements::new(first, last, tile, rows, columns)?;
+        let motion = Displacements::new(fields.view(), tile, rows, columns)?;
         add_shifted_counts(&bits, &motion, times, valid, sums)
     }
 }
@@ -110,7 +113,7 @@ fn counts_are_those_of_single_bits_on_every_level() -> Result<()> {
             scale * (smooth[direction] + 0.01 * column as f32) + 0.6 * random.number()
         });
         let times = vec![0.25; frames];
-        let fields = [&displacements; 2];
+        let fields = &[&displacements; 2];
         for mask in [None, Some(&valid)] {
             let expected = naive(&bytes, &displacements, mask);
             for level in Level::supported() {
@@ -156,7 +159,7 @@ fn smooth_displacements_are_those_of_single_bits_on_every_level() -> Result<()> 
         for level in Level::supported() {
             Level::choose(Some(level.name()))?;
             let mut sums = Sums::new(rows, columns);
-            sums.add(&bytes, [&displacements; 2], None, &vec![0.5; frames], None)?;
+            sums.add(&bytes, &[&displacements; 2], None, &vec![0.5; frames], None)?;
             assert_eq!(sums.ones, expected[0]);
             assert_eq!(sums.trials, expected[1]);
         }
@@ -186,7 +189,7 @@ fn tiles_are_interpolated_and_remainders_are_means() -> Result<()> {
     let mut random = Random(2);
     let bytes = Array3::from_shape_simple_fn((10, rows, 4), || random.next() as u8);
     let mut sums = Sums::new(rows, columns);
-    sums.add(&bytes, [&nodes; 2], Some(tile), &[0.0; 10], None)?;
+    sums.add(&bytes, &[&nodes; 2], Some(tile), &[0.0; 10], None)?;
     let expected = naive(&bytes, &pixels, None);
     assert_eq!(sums.ones, expected[0]);
     assert_eq!(sums.trials, expected[1]);
@@ -208,7 +211,7 @@ fn empty_bursts_and_images_change_nothing() -> Result<()> {
         let bytes = Array3::zeros((frames, rows, packed_width(columns)));
         let field = Array3::zeros((2, rows, columns));
         let mut sums = Sums::new(rows, columns);
-        sums.add(&bytes, [&field; 2], None, &vec![0.0; frames], None)?;
+        sums.add(&bytes, &[&field; 2], None, &vec![0.0; frames], None)?;
         assert_eq!(sums.trials.sum(), 0);
     }
     Ok(())
@@ -219,17 +222,18 @@ fn fields_and_times_that_do_not_fit_are_errors() {
     let bytes = Array3::zeros((2, 3, 1));
     let mut sums = Sums::new(3, 5);
     let field = Array3::zeros((2, 3, 5));
-    let mut add = |fields, tile, times: &[f32]| sums.add(&bytes, fields, tile, times, None);
+    let mut add =
+        |fields: &[&Array3<f32>], tile, times: &[f64]| sums.add(&bytes, fields, tile, times, None);
     let (small, infinite) = (
         Array3::zeros((2, 3, 4)),
         Array3::from_elem((2, 3, 5), f32::INFINITY),
     );
     for (result, is_shape) in [
-        (add([&field; 2], None, &[0.0]), true),
-        (add([&field, &small], None, &[0.0; 2]), true),
-        (add([&field; 2], Some(1), &[0.0, f32::NAN]), false),
-        (add([&infinite, &field], None, &[0.0; 2]), false),
-        (add([&field; 2], Some(0), &[0.0; 2]), false),
+        (add(&[&field; 2], None, &[0.0]), true),
+        (add(&[&small; 2], None, &[0.0; 2]), true),
+        (add(&[&field; 2], Some(1), &[0.0, f64::NAN]), false),
+        (add(&[&infinite, &field], None, &[0.0; 2]), false),
+        (add(&[&field; 2], Some(0), &[0.0; 2]), false),
     ] {
         match result {
             Err(Error::Shape { .. }) => assert!(is_shape),

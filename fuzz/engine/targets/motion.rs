@@ -2,7 +2,7 @@
 
 use jotlight::bits::{PackedBits, packed_width};
 use jotlight::motion::{BLOCK, Displacements, ShiftedCounts, add_shifted_counts};
-use ndarray::{Array3, ArrayView2, ArrayView3, Ix2, Ix3};
+use ndarray::{Array3, ArrayView2, ArrayView3, Axis, Ix2, Ix3, Ix4};
 
 use crate::Check;
 use crate::arrays::{Grid, consistent};
@@ -32,19 +32,13 @@ fn check_add_shifted_counts(input: &mut Input<'_>) -> Option<()> {
         2 => Some(input.size()),
         _ => Some(input.number()),
     };
-    let fields = [
-        draw_field(input, tile, rows, columns),
-        draw_field(input, tile, rows, columns),
-    ];
-    let times: Vec<f32> = if input.rarely(8) {
-        input
-            .floats(frames)
-            .into_iter()
-            .map(|time| time as f32)
-            .collect()
+    let number = input.almost(2);
+    let fields = draw_fields(input, number, tile, rows, columns);
+    let times: Vec<f64> = if input.rarely(8) {
+        input.floats(frames)
     } else {
         (0..frames)
-            .map(|_| (input.random() % 97) as f32 / 32.0 - 1.0)
+            .map(|_| (input.random() % (32 * number as u64 + 33)) as f64 / 32.0 - 1.0)
             .collect()
     };
     let counts_shape = (input.almost(rows), input.almost(columns));
@@ -55,12 +49,11 @@ fn check_add_shifted_counts(input: &mut Input<'_>) -> Option<()> {
     let result = consistent(|is_standard| {
         let packed = packed.arranged(is_standard);
         let valid = valid.as_ref().map(|mask| mask.arranged(is_standard));
-        let fields = fields.each_ref().map(|field| field.arranged(is_standard));
+        let fields = fields.arranged(is_standard);
         let [mut ones, mut trials] = [(); 2].map(|()| counts.arranged(is_standard));
         let mut remainders = remainders.arranged(is_standard);
         let bits = PackedBits::new(packed.view(), columns)?;
-        let (first, last) = (fields[0].view(), fields[1].view());
-        let motion = Displacements::new(first, last, tile, rows, columns)?;
+        let motion = Displacements::new(fields.view(), tile, rows, columns)?;
         let sums = ShiftedCounts {
             ones: ones.view_mut(),
             trials: trials.view_mut(),
@@ -77,10 +70,14 @@ fn check_add_shifted_counts(input: &mut Input<'_>) -> Option<()> {
             .all(|remainder| remainder.abs() <= largest)
     );
     if tile.is_none() {
-        let [first, last] = fields
-            .each_ref()
-            .map(|field| field.view::<Ix3>().to_owned());
-        let displacements = |time: f32| &first + (&last - &first) * time;
+        let fields = fields.view::<Ix4>();
+        let displacements = |time: f64| {
+            let index = (time.max(0.0) as usize).min(number.saturating_sub(2));
+            let [first, last] = [index, (index + 1).min(number - 1)]
+                .map(|field| fields.index_axis(Axis(0), field).to_owned());
+            let change = last - &first;
+            first + change * (time - index as f64) as f32
+        };
         let mask = valid.as_ref().map(|mask| mask.view::<Ix2>());
         let mut expected = [initial.clone(), initial];
         for (&time, frame) in times.iter().zip(packed.view::<Ix3>().outer_iter()) {
@@ -91,16 +88,18 @@ fn check_add_shifted_counts(input: &mut Input<'_>) -> Option<()> {
     Some(())
 }
 
-/// Draw a field: small displacements, which may be smooth, or any ones.
-fn draw_field(
+/// Draw fields of one kind: small displacements, which may be smooth, or any ones.
+fn draw_fields(
     input: &mut Input<'_>,
+    number: usize,
     tile: Option<usize>,
     rows: usize,
     columns: usize,
 ) -> Grid<f32> {
     let tiles = |length: usize| tile.map_or(length, |tile| length.div_ceil(tile.max(1)));
-    let shape = (2, input.almost(tiles(rows)), input.almost(tiles(columns)));
-    let length = shape.0 * shape.1 * shape.2;
+    let (rows, columns) = (input.almost(tiles(rows)), input.almost(tiles(columns)));
+    let shape = (number, 2, rows, columns);
+    let length = number * 2 * rows * columns;
     let values: Vec<f32> = match input.below(8) {
         0 => input.floats(length).into_iter().map(|x| x as f32).collect(),
         1 => (0..length)
@@ -113,12 +112,11 @@ fn draw_field(
             let slopes =
                 [input.below(17), input.below(17)].map(|slope| slope as f32 / 64.0 - 0.125);
             let start = input.below(33) as f32 / 4.0 - 4.0;
-            let value =
-                |(_, row, column)| start + slopes[0] * row as f32 + slopes[1] * column as f32;
-            let indices = ndarray::indices(shape).into_iter();
-            indices
-                .map(|(direction, row, column)| value((direction, row, column)))
-                .collect()
+            // Each field is a multiple of the first one.
+            let value = |(field, _, row, column)| {
+                (1 + field) as f32 * (start + slopes[0] * row as f32 + slopes[1] * column as f32)
+            };
+            ndarray::indices(shape).into_iter().map(value).collect()
         }
     };
     Grid::new(input, shape, values)

@@ -14,8 +14,11 @@ from jotlight.sensing.bits import Bits
 
 Counts = npt.NDArray[np.int32]
 
-Fields = tuple[npt.NDArray[np.floating], npt.NDArray[np.floating]]
-"""Displacements at two times."""
+Fields = Sequence[npt.NDArray[np.floating]] | npt.NDArray[np.floating]
+"""Displacements at two or more times."""
+
+Times = Sequence[float] | npt.NDArray[np.float64]
+"""These times, in increasing order."""
 
 _REMAINDER_PIXELS = 16
 """Number of pixels of a row for which the engine returns one remainder."""
@@ -140,40 +143,39 @@ class Blocks:
         """Number of binary readings behind a count of one frame."""
         return self.burst.trials // (1 if self.channel is None else self.burst.channels)
 
-    def count(self, frames: range, fields: Fields, times: tuple[float, float]) -> Sums:
-        """Return the sums of some frames, whose displacements are linear in time.
+    def count(self, frames: range, fields: Fields, times: Times) -> Sums:
+        """Return the sums of some frames, whose displacements are linear between two fields.
 
         Parameters
         ----------
         frames : range
             The frames.
-        fields : (ndarray of float, ndarray of float), shape (2, rows, columns) or (2, H, W)
-            Displacements of tile centers or of all pixels, at two times.
-        times : (float, float)
-            These times.
+        fields : ndarray of float, shape (m, 2, rows, columns) or (m, 2, H, W)
+            Displacements of tile centers or of all pixels, at two or more times.
+        times : ndarray of float, shape (m,)
+            These times, in increasing order.
         """
         sums = Sums.zeros(self.size)
         self.add(sums, frames, fields, times)
         return sums
 
-    def add(self, sums: Sums, frames: range, fields: Fields, times: tuple[float, float]) -> None:
+    def add(self, sums: Sums, frames: range, fields: Fields, times: Times) -> None:
         """Add the counts of some frames to sums, as :meth:`count` counts them."""
-        first, last = (np.ascontiguousarray(field, np.float32) for field in fields)
-        if not first.any() and not last.any():
+        fields = np.ascontiguousarray(fields, np.float32)
+        if not fields.any():
             self._add_unmoved(sums, frames)
             return
         for part, planes in self.burst.parts(frames, self.channel):
-            fractions = (np.asarray(part) - times[0]) / (times[1] - times[0])
+            index, fraction = locate(part, times)
             for number, (weight, packed) in enumerate(planes):
                 is_plain = weight == 1 and self.trials == 1
                 target = sums if is_plain else Sums.zeros(self.size)
                 engine.add_shifted_counts(
                     packed,
                     self.size[1],
-                    first,
-                    last,
-                    None if first.shape[1:] == self.size else TILE,
-                    fractions.astype(np.float32),
+                    fields,
+                    None if fields.shape[2:] == self.size else TILE,
+                    index + fraction,
                     self.valid,
                     target.ones,
                     target.trials,
@@ -198,3 +200,20 @@ class Blocks:
                 sums.ones += weight * counts * valid
         sums.trials += np.int32(self.trials * len(frames)) * valid
         sums.frames += len(frames)
+
+
+def locate(frames: range, times: Times) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float64]]:
+    """Return the last of some times before each frame, but not the very last one, and its place.
+
+    The place is from 0 at this time to 1 at the next time, or beyond for frames before the first
+    and after the last time.
+
+    Examples
+    --------
+    >>> index, place = locate(range(5), [1, 2, 4])
+    >>> index.tolist(), place.tolist()
+    ([0, 0, 1, 1, 1], [-1.0, 0.0, 0.0, 0.5, 1.0])
+    """
+    times, frames_of = np.asarray(times, np.float64), np.asarray(frames)
+    index = np.clip(np.searchsorted(times, frames_of, "right") - 1, 0, len(times) - 2)
+    return index, (frames_of - times[index]) / (times[index + 1] - times[index])

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.blocks import Blocks, Sums, locate
 from jotlight.motion.tiles import interpolate
 
 Array = npt.NDArray[np.float64]
@@ -32,19 +32,27 @@ class Counted(Protocol):
     def displacements(self, block: int) -> npt.NDArray[np.float32]: ...  # noqa: D102
 
 
-@dataclasses.dataclass(frozen=True)
-class _Part:
-    """Frames whose displacements are linear in time."""
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Curve:
+    """Displacements of the frames of a block, which are linear between two fields."""
 
     frames: range
-    fields: tuple[Array, Array]
-    times: tuple[float, float]
+    fields: Array
+    times: Array
 
     def mean(self) -> Array:
         """Return the mean displacements of the frames, (2, rows, columns)."""
-        middle = (self.frames.start + self.frames.stop - 1) / 2
-        fraction = (middle - self.times[0]) / max(self.times[1] - self.times[0], 1e-9)
-        return self.fields[0] + fraction * (self.fields[1] - self.fields[0])
+        index, place = locate(self.frames, self.times)
+        weights = np.bincount(index, 1 - place, len(self.times))
+        weights += np.bincount(index + 1, place, len(self.times))
+        return np.tensordot(weights / len(self.frames), self.fields, 1)
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, _Curve)
+            and np.array_equal(self.times, other.times)
+            and np.array_equal(self.fields, other.fields)
+        )
 
 
 @dataclasses.dataclass
@@ -59,22 +67,20 @@ class Track:
     """The blocks whose displacements are estimated."""
     information: Array
     """Information about the displacements in nats/px², (n, 3, rows, columns)."""
-    _kept: dict[int, tuple[list[_Part], Sums]] = dataclasses.field(
+    _kept: dict[int, tuple[_Curve, Sums]] = dataclasses.field(
         default_factory=dict, init=False, repr=False, compare=False
     )
     """The parts and the sums of blocks that were counted, so that none is counted twice."""
 
     def sums(self, block: int) -> Sums:
         """Return the sums of a block along the motion. Their arrays must not be changed."""
-        parts = self._parts(block)
-        if block in self._kept and _are_equal(self._kept[block][0], parts):
+        curve = self._curve(block)
+        if block in self._kept and self._kept[block][0] == curve:
             return self._kept[block][1]
-        total = Sums.zeros(self.blocks.size)
-        for part in parts:
-            self.blocks.add(total, part.frames, part.fields, part.times)
+        sums = self.blocks.count(curve.frames, curve.fields, curve.times)
         if keeps_sums(self.blocks.size, len(self.nodes)):
-            self._kept[block] = parts, total
-        return total
+            self._kept[block] = curve, sums
+        return sums
 
     def nearby_sums(self, block: int) -> Sums:
         """Return the sums of a block along nearly the same motion, with the right remainders.
@@ -85,30 +91,20 @@ class Track:
         if block not in self._kept:
             return self.sums(block)
         before, sums = self._kept[block]
-        change = _mean(self._parts(block)) - _mean(before)
+        change = self._curve(block).mean() - before.mean()
         if abs(change).max() > _NEAR:
             return self.sums(block)
         return sums.seen_along(change)
 
-    def _parts(self, block: int) -> list[_Part]:
-        """Return the parts of a block: its displacements change linearly to its neighbors'."""
-        centers = self.blocks.centers
+    def _curve(self, block: int) -> _Curve:
+        """Return the displacements of a block, which change linearly to its neighbors'."""
         start, end = (int(edge) for edge in self.blocks.edges[block : block + 2])
-        middle = int(np.ceil(centers[block]))
-        parts = []
-        for frames, side in ((range(start, middle), -1), (range(middle, end), 1)):
-            other = block + side
-            if not (0 <= other < len(centers) and self.known[other]):
-                other = block - side
-            if 0 <= other < len(centers):
-                first, last = sorted((block, other))
-                times = float(centers[first]), float(centers[last])
-            else:
-                first, last, times = block, block, (float(start), float(end))
-            if len(frames) > 0:
-                fields = self.nodes[first].copy(), self.nodes[last].copy()
-                parts.append(_Part(frames, fields, times))
-        return parts
+        near = range(max(0, block - 1), min(block + 2, len(self.nodes)))
+        used = [other for other in near if other == block or self.known[other]]
+        times = self.blocks.centers[used]
+        if len(used) == 1:
+            used, times = [block, block], np.array([start, end], np.float64)
+        return _Curve(range(start, end), self.nodes[used], times)
 
     def displacements(self, block: int) -> npt.NDArray[np.float32]:
         """Return the displacements of all pixels in the middle of a block, (2, H, W)."""
@@ -152,20 +148,6 @@ class Paths:
 def keeps_sums(size: tuple[int, int], blocks: int) -> bool:
     """Return whether the sums of all blocks of an image of H x W pixels are kept."""
     return size[0] * size[1] * _BYTES_OF_SUMS * blocks <= _MAX_KEPT_BYTES
-
-
-def _are_equal(first: list[_Part], second: list[_Part]) -> bool:
-    """Return whether the frames of two lists of parts have the same displacements."""
-    return len(first) == len(second) and all(
-        one.times == other.times and np.array_equal(one.fields, other.fields)
-        for one, other in zip(first, second, strict=True)
-    )
-
-
-def _mean(parts: list[_Part]) -> Array:
-    """Return the mean displacements of the frames of all parts, (2, rows, columns)."""
-    total = np.sum([len(part.frames) * part.mean() for part in parts], axis=0)
-    return np.asarray(total / sum(len(part.frames) for part in parts))
 
 
 def from_center(motion: Counted) -> npt.NDArray[np.intp]:

@@ -1,6 +1,6 @@
 //! Displacements of pixels.
 
-use ndarray::{ArrayView3, s};
+use ndarray::{ArrayView3, ArrayView4, s};
 
 use super::columns::{Columns, interval};
 use crate::bits::contiguous;
@@ -9,27 +9,27 @@ use crate::error::{Error, Result};
 /// The maximum displacement in rows and columns.
 const MAX_DISPLACEMENT: f32 = 100_000.0;
 
-/// Displacements that change linearly between two times.
+/// Displacements that change linearly from each field to the next one.
 #[derive(Clone, Debug)]
 pub struct Displacements<'a> {
-    fields: [ArrayView3<'a, f32>; 2],
+    fields: ArrayView4<'a, f32>,
     tile: Option<usize>,
     columns: Columns,
 }
 
 impl<'a> Displacements<'a> {
-    /// Return the displacements between two fields.
+    /// Return the displacements between one or more fields `(m, 2, rows, columns)`.
     ///
     /// A field has one displacement in rows and columns at the center of each square tile, shape
     /// `(2, ⌈H/tile⌉, ⌈W/tile⌉)`. Between the centers, they are interpolated linearly; beyond them,
     /// extrapolated. If `tile` is `None`, a field has one displacement for each pixel, `(2, H, W)`.
     ///
     /// # Errors
-    /// [`Error::Shape`] and [`Error::Range`] if the width of a tile is 0, or a field does not cover
-    /// `rows` × `columns` pixels, or has displacements that are not finite or above 100,000 pixels.
+    /// [`Error::Shape`] and [`Error::Range`] if the width of a tile is 0, there is no field, or a
+    /// field does not cover `rows` × `columns` pixels, or has displacements that are not finite or
+    /// above 100,000 pixels.
     pub fn new(
-        first: ArrayView3<'a, f32>,
-        last: ArrayView3<'a, f32>,
+        fields: ArrayView4<'a, f32>,
         tile: Option<usize>,
         rows: usize,
         columns: usize,
@@ -38,15 +38,18 @@ impl<'a> Displacements<'a> {
         if tile == Some(0) {
             return Err(Error::range("width of a tile", "at least 1", 0));
         }
-        let expected = (2, tiles(rows), tiles(columns));
-        for field in [first, last] {
-            if field.dim() != expected {
-                return Err(Error::shape("displacements", expected, field.dim()));
-            }
+        if fields.dim().0 == 0 {
+            return Err(Error::range("fields of displacements", "at least 1", 0));
+        }
+        let expected = (fields.dim().0, 2, tiles(rows), tiles(columns));
+        if fields.dim() != expected {
+            return Err(Error::shape("displacements", expected, fields.dim()));
+        }
+        for field in fields.outer_iter() {
             check_range(field)?;
         }
         Ok(Self {
-            fields: [first, last],
+            fields,
             tile,
             columns: Columns::new(columns, tile),
         })
@@ -57,16 +60,21 @@ impl<'a> Displacements<'a> {
         &self.columns
     }
 
-    /// Replace `values` with those of a row of pixels: in rows, then in columns, and each at the
-    /// first and at the last time.
+    /// Return the number of fields.
+    pub(super) fn number(&self) -> usize {
+        self.fields.dim().0
+    }
+
+    /// Replace `values` with those of a row of pixels: in rows, then in columns, and each in the
+    /// field of an index and in the next one, if there is one.
     ///
     /// They are displacements of tile centers, the last of which is repeated, or of pixels.
     #[inline(always)]
-    pub(super) fn read_row(&self, row: usize, values: &mut Vec<f32>) {
+    pub(super) fn read_row(&self, index: usize, row: usize, values: &mut Vec<f32>) {
         values.clear();
         for direction in 0..2 {
-            for field in &self.fields {
-                let plane = field.slice_move(s![direction, .., ..]);
+            for field in [index, (index + 1).min(self.number() - 1)] {
+                let plane = self.fields.slice_move(s![field, direction, .., ..]);
                 let Some(tile) = self.tile else {
                     values.extend_from_slice(&contiguous(plane.row(row)));
                     continue;

@@ -1,6 +1,7 @@
 //! The frames whose bits are counted along a motion.
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use super::field::Displacements;
 use super::search::Times;
@@ -12,8 +13,34 @@ pub(super) struct Input<'a, 'b> {
     pub bits: Cow<'a, [u8]>,
     pub valid: Option<Cow<'a, [u8]>>,
     pub motion: &'a Displacements<'b>,
-    pub times: &'a [f32],
+    /// The time of each frame, from its [`Piece::field`] (0) to the next one (1).
+    pub times: Vec<f32>,
+    pub pieces: Vec<Piece>,
     pub frame: Frame,
+}
+
+/// Consecutive frames between the same two fields.
+pub(super) struct Piece {
+    /// The index of the first field.
+    pub field: usize,
+    pub frames: Range<usize>,
+}
+
+impl Piece {
+    /// Divide frames, given their times between `fields` fields. Return also the times in a piece.
+    pub fn divide(times: &[f64], fields: usize) -> (Vec<Self>, Vec<f32>) {
+        let field = |time: f64| (time.max(0.0) as usize).min(fields.saturating_sub(2));
+        let mut pieces = Vec::new();
+        let mut start = 0;
+        for part in times.chunk_by(|&a, &b| field(a) == field(b)) {
+            let frames = start..start + part.len();
+            start = frames.end;
+            let field = field(part[0]);
+            pieces.push(Self { field, frames });
+        }
+        let fraction = |&time: &f64| (time - field(time) as f64) as f32;
+        (pieces, times.iter().map(fraction).collect())
+    }
 }
 
 /// A group of frames.
@@ -24,10 +51,10 @@ pub(super) struct Frames<'a> {
 }
 
 impl<'a> Frames<'a> {
-    /// Return the group that begins with a frame.
-    pub fn new(input: &'a Input<'_, '_>, first: usize) -> Self {
+    /// Return the group that begins with a frame, before the frame `end`.
+    pub fn new(input: &'a Input<'_, '_>, first: usize, end: usize) -> Self {
         let frame_bytes = input.frame.rows * input.frame.row_bytes();
-        let last = (first + FRAMES_PER_GROUP).min(input.times.len()) - 1;
+        let last = (first + FRAMES_PER_GROUP).min(end) - 1;
         let mut frames = Self {
             times: Times {
                 number: last + 1 - first,

@@ -28,17 +28,17 @@ impl<'a> RowMotion<'a> {
         }
     }
 
-    /// Replace the displacements with those of a row. Write the means of the displacements of each
-    /// block at a time, in rows and columns.
+    /// Replace the displacements with those of a field and a row. Add the mean displacements of each
+    /// block, in rows and columns: their sum over a number of times, given also the sum of the times.
     #[inline(always)]
     fn set_inlined(
         &mut self,
         motion: &Displacements<'_>,
-        row: usize,
-        time: f32,
-        means: &mut [[f32; 2]],
+        (field, row): (usize, usize),
+        times: (usize, f64),
+        sums: &mut [[f64; 2]],
     ) {
-        motion.read_row(row, &mut self.values);
+        motion.read_row(field, row, &mut self.values);
         for direction in 0..2 {
             for step in 0..self.steps.len() {
                 let mut lines = Lines::default();
@@ -46,8 +46,9 @@ impl<'a> RowMotion<'a> {
                     let block = step * BLOCKS_PER_STEP + index;
                     let line = self.line(direction, block);
                     lines.set(index, &line);
-                    if let Some(mean) = means.get_mut(block) {
-                        mean[direction] = line.mean[0] + time * line.mean[1];
+                    if let Some(sum) = sums.get_mut(block) {
+                        let [first, change] = line.mean.map(f64::from);
+                        sum[direction] += times.0 as f64 * first + times.1 * change;
                     }
                 }
                 self.steps[step].lines[direction] = lines;
@@ -149,10 +150,10 @@ impl Pixels {
 }
 
 levels! {
-    /// Replace the displacements with those of a row. Write the means of the displacements of each
-    /// block at a time, in rows and columns.
+    /// Replace the displacements with those of a field and a row. Add the mean displacements of each
+    /// block, in rows and columns: their sum over a number of times, given also the sum of the times.
     pub(super) fn set_row(
-        target: &mut RowMotion<'_>, motion: &Displacements<'_>, row: usize, time: f32,
-        means: &mut [[f32; 2]],
+        target: &mut RowMotion<'_>, motion: &Displacements<'_>, field_and_row: (usize, usize),
+        times: (usize, f64), sums: &mut [[f64; 2]],
     ) = RowMotion::set_inlined;
 }

@@ -32,8 +32,8 @@ pub(super) struct RowCounters<'a> {
     shifts_of_rows: Vec<[i64; 2]>,
     /// The sum over the other frames and over the pixels of each block.
     shifts_of_blocks: Vec<[i64; 2]>,
-    /// The mean displacement over all frames and over the pixels of each block.
-    displacements: Vec<[f32; 2]>,
+    /// The sum over all frames of the mean displacement of each block.
+    displacements: Vec<[f64; 2]>,
     found: Vec<Found>,
 }
 
@@ -59,8 +59,8 @@ impl<'a> RowCounters<'a> {
         }
     }
 
-    /// Return the mean displacements of the blocks of a row.
-    pub fn displacements(&mut self, row: usize) -> &mut [[f32; 2]] {
+    /// Return the sums of the displacements of the blocks of a row.
+    pub fn displacements(&mut self, row: usize) -> &mut [[f64; 2]] {
         &mut self.displacements[row * self.blocks..(row + 1) * self.blocks]
     }
 
@@ -316,13 +316,12 @@ impl<'a> RowCounters<'a> {
 
     /// Return the sum over frames of the mean remainder of a block in one direction.
     #[inline(always)]
-    pub fn remainder(&self, direction: usize, row: usize, block: usize, frames: usize) -> f32 {
+    pub fn remainder(&self, direction: usize, row: usize, block: usize) -> f32 {
         let index = row * self.blocks + block;
         let length = (self.frame.columns - block * BLOCK).min(BLOCK);
         let of_pixels = self.shifts_of_blocks[index][direction] as f64 / length as f64;
         let shift = self.shifts_of_rows[row][direction] as f64 + of_pixels;
-        let displacement = f64::from(self.displacements[index][direction]);
-        (shift - frames as f64 * displacement) as f32
+        (shift - self.displacements[index][direction]) as f32
     }
 
     /// Return the bytes of a row in the counters.

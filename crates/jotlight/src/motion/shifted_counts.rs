@@ -8,7 +8,7 @@ use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
 pub use super::lines::BLOCK;
 
 use super::field::Displacements;
-use super::frames::{Frames, Input};
+use super::frames::{Frames, Input, Piece};
 use super::row::{RowMotion, set_row};
 use super::row_counter::RowCounters;
 use super::source::Frame;
@@ -40,31 +40,32 @@ pub struct ShiftedCounts<'a> {
 
 /// Count the ones of frames whose pixels are displaced, and add them to `sums`.
 ///
-/// `times[t]` is the time of frame t between the first (0) and the last field (1) of the
-/// displacements. Bits that come from outside the frame, or whose bit in the packed mask `valid`
+/// `times[t]` is the time of frame t: at an integer n, it has the displacements of field n. Bits that come from outside the frame, or whose bit in the packed mask `valid`
 /// `(H, ⌈W/8⌉)` is 0, are no trials.
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if a time is not in
-/// \[-1, 2\], a count could exceed the `i32`, or a frame has more than 2^24 rows or columns, or 2^31
+/// \[-1, m\] for m fields, a count could exceed the `i32`, or a frame has more than 2^24 rows or columns, or 2^31
 /// bytes.
 pub fn add_shifted_counts(
     bits: &PackedBits<'_>,
     motion: &Displacements<'_>,
-    times: &[f32],
+    times: &[f64],
     valid: Option<ArrayView2<'_, u8>>,
     mut sums: ShiftedCounts<'_>,
 ) -> Result<()> {
     let (frames, rows, columns) = bits.shape();
-    check(bits, times, valid, &sums)?;
+    check(bits, times, motion.number(), valid, &sums)?;
     if frames == 0 || rows == 0 || columns == 0 {
         return Ok(());
     }
+    let (pieces, times) = Piece::divide(times, motion.number());
     let input = Input {
         bits: bits.contiguous(),
         valid: valid.map(contiguous_mask),
         motion,
         times,
+        pieces,
         frame: Frame { rows, columns },
     };
     let ShiftedCounts {
@@ -90,7 +91,8 @@ pub fn add_shifted_counts(
 
 fn check(
     bits: &PackedBits<'_>,
-    times: &[f32],
+    times: &[f64],
+    fields: usize,
     valid: Option<ArrayView2<'_, u8>>,
     sums: &ShiftedCounts<'_>,
 ) -> Result<()> {
@@ -106,8 +108,10 @@ fn check(
     if times.len() != frames {
         return Err(Error::shape("times of the frames", frames, times.len()));
     }
-    if let Some(time) = times.iter().find(|time| !(-1.0..=2.0).contains(*time)) {
-        return Err(Error::range("times of the frames", "-1 to 2", time));
+    let range = -1.0..=fields as f64;
+    if let Some(time) = times.iter().find(|time| !range.contains(*time)) {
+        let expected = format!("-1 to {fields}");
+        return Err(Error::range("times of the frames", expected, time));
     }
     check_mask(valid, rows, columns)?;
     for counts in [sums.ones.view(), sums.trials.view()] {
@@ -141,23 +145,32 @@ levels! {
 fn count_rows_inlined(input: &Input<'_, '_>, first_row: usize, mut sums: ShiftedCounts<'_>) {
     let (rows, frames) = (sums.ones.nrows(), input.times.len());
     let mut counters = RowCounters::new(input, first_row, rows);
-    let times: f64 = input.times.iter().copied().map(f64::from).sum();
-    let mean_time = (times / frames as f64) as f32;
     let mut motions = vec![RowMotion::new(input.motion.columns()); rows];
-    for (row, motion) in motions.iter_mut().enumerate() {
-        let means = counters.displacements(row);
-        set_row(motion, input.motion, first_row + row, mean_time, means);
-    }
-    for first in (0..frames).step_by(FRAMES_PER_GROUP) {
-        if interrupt::is_requested() {
-            return;
+    for piece in &input.pieces {
+        let times = input.times[piece.frames.clone()].iter();
+        let time: f64 = times.copied().map(f64::from).sum();
+        for (row, motion) in motions.iter_mut().enumerate() {
+            let sums = counters.displacements(row);
+            let times = (piece.frames.len(), time);
+            set_row(
+                motion,
+                input.motion,
+                (piece.field, first_row + row),
+                times,
+                sums,
+            );
         }
-        let group = Frames::new(input, first);
-        counters.begin_group(&group);
-        for (row, motion) in motions.iter().enumerate() {
-            counters.copy_row(row, motion, &group);
+        for first in piece.frames.clone().step_by(FRAMES_PER_GROUP) {
+            if interrupt::is_requested() {
+                return;
+            }
+            let group = Frames::new(input, first, piece.frames.end);
+            counters.begin_group(&group);
+            for (row, motion) in motions.iter().enumerate() {
+                counters.copy_row(row, motion, &group);
+            }
+            counters.end_group();
         }
-        counters.end_group();
     }
     let mut counts = vec![0; input.frame.columns];
     for row in 0..rows {
@@ -170,7 +183,7 @@ fn count_rows_inlined(input: &Input<'_, '_>, first_row: usize, mut sums: Shifted
         let mut remainders = sums.remainders.index_axis_mut(Axis(0), row);
         for (direction, mut remainders) in remainders.rows_mut().into_iter().enumerate() {
             for (block, sum) in remainders.iter_mut().enumerate() {
-                *sum += counters.remainder(direction, row, block, frames);
+                *sum += counters.remainder(direction, row, block);
             }
         }
     }
