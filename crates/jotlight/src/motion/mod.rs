@@ -11,6 +11,7 @@
 //! all tiles together. [`chi_squared`] tests which pixels agree with the template.
 
 mod affine;
+mod bounds;
 mod brightness;
 mod chi_squared;
 mod columns;
@@ -20,9 +21,11 @@ mod filter;
 mod frames;
 mod gradient;
 mod lines;
+mod rounding;
 mod row;
 mod row_counter;
 mod search;
+mod shift_sums;
 mod shifted_counts;
 mod solve_field;
 mod source;
