@@ -73,7 +73,7 @@ def test_counts_are_the_same_for_any_number_of_threads(burst, threads):
 def test_motions_are_linear_between_two_fields(burst, number):
     bits, first, last, tile, times, valid = burst
     fields = np.stack([first, last, first + 1, -last, 2 * first])[:number]
-    times = np.minimum(times.astype(np.float64) * number, number)
+    times = np.clip(times.astype(np.float64) * number, -1, number)
     found = count(bits, fields, tile, times, valid)
     index = np.clip(np.floor(times), 0, max(number - 2, 0)).astype(int)
     pairs = [(fields[n], fields[min(n + 1, number - 1)]) for n in index]

@@ -47,7 +47,9 @@ impl Sums {
     ) -> Result<()> {
         let (rows, columns) = self.ones.dim();
         let views: Vec<_> = fields.iter().map(|field| field.view()).collect();
-        let fields = stack(Axis(0), &views).map_err(|error| Error::range("fields", "", error))?;
+        let Ok(fields) = stack(Axis(0), &views) else {
+            unreachable!("fields of several shapes");
+        };
         let sums = ShiftedCounts {
             ones: self.ones.view_mut(),
             trials: self.trials.view_mut(),

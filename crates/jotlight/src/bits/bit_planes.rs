@@ -40,6 +40,15 @@ impl BitCounters {
         }
     }
 
+    /// Set all counters to 0.
+    pub(crate) fn clear(&mut self) {
+        for digit in &mut self.digits {
+            digit.fill([0; 8]);
+        }
+        self.free
+            .extend(self.pending.iter_mut().filter_map(Option::take));
+    }
+
     /// Add a group of byte sequences. Each has the length `bytes` of [`BitCounters::new`].
     pub(crate) fn add(&mut self, group: &[&[u8]; FRAMES_PER_GROUP]) {
         let mut carry = self.free.pop().unwrap_or_else(|| vec![[0; 8]; self.words]);
@@ -76,7 +85,7 @@ impl BitCounters {
     ///
     /// Counters past the end of `counts` are ignored.
     pub(crate) fn add_to_counts(&self, bytes: std::ops::Range<usize>, counts: &mut [i32]) {
-        let mut planes = Vec::new();
+        let mut planes = Vec::with_capacity(2 * DIGITS_PER_SUM);
         for first in (0..self.digits.len()).step_by(DIGITS_PER_SUM) {
             let digits = self.digits[first..].iter().zip(&self.pending[first..]);
             planes.clear();

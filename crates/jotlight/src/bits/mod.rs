@@ -142,39 +142,3 @@ pub(crate) fn bit_field(bytes: &[u8], start: usize, length: usize) -> u64 {
 
 /// The maximum `length` in [`bit_field`]: eight bytes hold that many bits after any `start`.
 pub(crate) const MAX_FIELD_BITS: usize = 57;
-
-/// Copy bits, starting at bit `from` of `source`, to whole bytes.
-#[inline(always)]
-pub(crate) fn copy_bytes(source: &[u8], from: usize, target: &mut [u8]) {
-    let (first, shift) = (from / 8, from % 8);
-    let bytes = target.len();
-    if shift == 0 {
-        target.copy_from_slice(&source[first..first + bytes]);
-    } else {
-        let (left, right) = (&source[first..][..bytes], &source[first + 1..][..bytes]);
-        let shifted = |left: &[u8; 8], right: &[u8; 8]| {
-            let [left, right] = [u64::from_be_bytes(*left), u64::from_be_bytes(*right)];
-            (left << shift | right >> (8 - shift)).to_be_bytes()
-        };
-        let pairs = left.as_chunks().0.iter().zip(right.as_chunks().0);
-        for (word, (left, right)) in target.as_chunks_mut().0.iter_mut().zip(pairs) {
-            *word = shifted(left, right);
-        }
-        if bytes.is_multiple_of(8) {
-            return;
-        }
-        let last = (
-            left.last_chunk(),
-            right.last_chunk(),
-            target.last_chunk_mut(),
-        );
-        if let (Some(left), Some(right), Some(word)) = last {
-            // The last word includes bytes of the word before it.
-            *word = shifted(left, right);
-        } else {
-            for ((byte, &left), &right) in target.iter_mut().zip(left).zip(right) {
-                *byte = left << shift | right >> (8 - shift);
-            }
-        }
-    }
-}

@@ -1,6 +1,7 @@
 //! The columns of pixels, and the interpolation of displacements between the centers of tiles.
 
 use super::lines::BLOCK;
+use super::rounding::{fold, fold_halves};
 
 /// The number of neighboring pixels that are interpolated together. It divides [`BLOCK`].
 const PIXELS_PER_STEP: usize = 8;
@@ -11,25 +12,18 @@ pub(super) struct Columns {
     number: usize,
     /// Where the columns are between the centers of tiles, if there are tiles.
     places: Vec<Place>,
-    /// The same for blocks of columns. It ends before the first block with several centers.
-    block_places: Vec<BlockPlace>,
+    /// Whether each block is a tile.
+    blocks_are_tiles: bool,
 }
 
 impl Columns {
     /// Return `number` columns, given the width of tiles.
     pub fn new(number: usize, tile: Option<usize>) -> Self {
-        let tiles = |tile| (tile, number.div_ceil(tile));
-        let (places, block_places) = match tile.map(tiles) {
-            Some((tile, tiles)) => (
-                Place::all(number, tile, tiles),
-                BlockPlace::all(number, tile, tiles),
-            ),
-            None => (Vec::new(), Vec::new()),
-        };
+        let places = tile.map(|tile| Place::all(number, tile, number.div_ceil(tile)));
         Self {
             number,
-            places,
-            block_places,
+            places: places.unwrap_or_default(),
+            blocks_are_tiles: tile == Some(BLOCK),
         }
     }
 
@@ -38,15 +32,27 @@ impl Columns {
         self.number
     }
 
+    /// Return the number of columns of a block.
+    #[inline(always)]
+    pub fn length(&self, block: usize) -> usize {
+        self.number.saturating_sub(block * BLOCK).min(BLOCK)
+    }
+
+    /// Return whether each block is a tile.
+    #[inline(always)]
+    pub fn blocks_are_tiles(&self) -> bool {
+        self.blocks_are_tiles
+    }
+
     /// Return the displacements of the pixels of a block, from the values of its row at one time.
     /// After the last column, they are those of this column.
     #[inline(always)]
     pub fn pixels(&self, block: usize, values: &[f32]) -> [f32; BLOCK] {
-        let mut pixels = [values[values.len() - 1]; BLOCK];
+        // The value before the first one is only needed around the centers of tiles.
+        let values = &values[1..];
+        let mut pixels = [0.0; BLOCK];
         if self.places.is_empty() {
-            let values = &values[(block * BLOCK).min(values.len())..];
-            let length = values.len().min(BLOCK);
-            pixels[..length].copy_from_slice(&values[..length]);
+            pixels.copy_from_slice(&values[block * BLOCK..][..BLOCK]);
             return pixels;
         }
         let (steps, _) = pixels.as_chunks_mut::<PIXELS_PER_STEP>();
@@ -57,10 +63,29 @@ impl Columns {
         pixels
     }
 
-    /// Return where a block is between the centers of tiles, if at most one of them is inside.
+    /// Replace `means` with the mean displacement of each block, from the values of its row.
     #[inline(always)]
-    pub fn block_place(&self, block: usize) -> Option<&BlockPlace> {
-        self.block_places.get(block)
+    pub fn average(&self, values: &[f32], means: &mut [f32]) {
+        let add = |a: f32, b: f32| a + b;
+        let whole = if self.blocks_are_tiles {
+            self.number / BLOCK
+        } else {
+            0
+        };
+        let neighbors = values.iter().zip(&values[1..]).zip(&values[2..]);
+        for (mean, ((left, value), right)) in means[..whole].iter_mut().zip(neighbors) {
+            // The pixels on either side of the center are a quarter of a tile away from it.
+            *mean = value + 0.125 * (left - value + (right - value));
+        }
+        for block in whole..means.len() {
+            let (length, pixels) = (self.length(block), self.pixels(block, values));
+            let sum = if length == BLOCK {
+                fold(&fold_halves(&pixels, &add), add)
+            } else {
+                pixels[..length].iter().sum()
+            };
+            means[block] = sum / length as f32;
+        }
     }
 }
 
@@ -109,80 +134,6 @@ impl Place {
             }
         }
         pixels
-    }
-}
-
-/// Where a block is between the centers of tiles. At most one center is inside.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct BlockPlace {
-    /// The index of the tile on the left, for the first and the last pixel.
-    left: [usize; 2],
-    /// The distance from its center, in tiles.
-    fractions: [f32; 2],
-    /// The share of the pixels in each of the two intervals, and their mean distance from the center
-    /// on the left, times this share.
-    shares: [f32; 2],
-    distances: [f32; 2],
-    /// The maximum difference from a line through the first and the last pixel, if the slope changes
-    /// at a center by 1 per tile.
-    height: f32,
-}
-
-/// The displacements of a block at one time, which are one or two parts of lines.
-#[derive(Clone, Copy)]
-pub(super) struct Ends {
-    /// The displacements of the first and the last pixel.
-    pub first_and_last: [f32; 2],
-    pub mean: f32,
-    /// The maximum difference from a line through both ends, with a sign.
-    pub corner: f32,
-    /// A number that is not smaller than any number that was used.
-    pub magnitude: f32,
-}
-
-impl BlockPlace {
-    /// Return the places of all whole blocks before the first block with several centers.
-    fn all(columns: usize, tile: usize, tiles: usize) -> Vec<Self> {
-        let place_of = |block: usize| {
-            let place = |pixel| interval(block * BLOCK + pixel, tile, tiles);
-            let ends = [place(0), place(BLOCK - 1)];
-            let left = ends.map(|(left, _)| left);
-            let (mut shares, mut distances) = ([0.0; 2], [0.0; 2]);
-            for pixel in 0..BLOCK {
-                let (interval, fraction) = place(pixel);
-                let part = usize::from(interval != left[0]);
-                shares[part] += 1.0 / BLOCK as f32;
-                distances[part] += fraction / BLOCK as f32;
-            }
-            // The difference is largest if the slope changes in the middle.
-            let height = (BLOCK - 1) as f32 / 4.0 / tile as f32;
-            (left[1] <= left[0] + 1).then_some(Self {
-                left,
-                fractions: ends.map(|(_, fraction)| fraction),
-                shares,
-                distances,
-                height,
-            })
-        };
-        (0..columns / BLOCK).map_while(place_of).collect()
-    }
-
-    /// Return the displacements of the block, from the values of the centers of tiles.
-    #[inline(always)]
-    pub fn ends(&self, values: &[f32]) -> Ends {
-        let [a, b] = self.left;
-        let [value_a, value_b] = [values[a], values[b]];
-        let [change_a, change_b] = [values[a + 1] - value_a, values[b + 1] - value_b];
-        let first = value_a + self.fractions[0] * change_a;
-        let last = value_b + self.fractions[1] * change_b;
-        let mean_a = self.shares[0] * value_a + self.distances[0] * change_a;
-        let mean_b = self.shares[1] * value_b + self.distances[1] * change_b;
-        Ends {
-            first_and_last: [first, last],
-            mean: mean_a + mean_b,
-            corner: self.height * (change_b - change_a),
-            magnitude: value_a.abs() + value_b.abs() + change_a.abs() + change_b.abs(),
-        }
     }
 }
 

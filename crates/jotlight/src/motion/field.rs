@@ -1,8 +1,11 @@
 //! Displacements of pixels.
 
-use ndarray::{ArrayView3, ArrayView4, s};
+use std::borrow::Cow;
+
+use ndarray::{ArrayView3, ArrayView4};
 
 use super::columns::{Columns, interval};
+use super::lines::{BLOCK, BLOCKS_PER_STEP};
 use crate::bits::contiguous;
 use crate::error::{Error, Result};
 
@@ -12,7 +15,12 @@ const MAX_DISPLACEMENT: f32 = 100_000.0;
 /// Displacements that change linearly from each field to the next one.
 #[derive(Clone, Debug)]
 pub struct Displacements<'a> {
-    fields: ArrayView4<'a, f32>,
+    /// The values of all fields, one after the other.
+    fields: Cow<'a, [f32]>,
+    /// The numbers of fields, and of rows and columns of a field.
+    number: usize,
+    rows: usize,
+    row_length: usize,
     tile: Option<usize>,
     columns: Columns,
 }
@@ -38,21 +46,42 @@ impl<'a> Displacements<'a> {
         if tile == Some(0) {
             return Err(Error::range("width of a tile", "at least 1", 0));
         }
-        if fields.dim().0 == 0 {
+        let number = fields.dim().0;
+        if number == 0 {
             return Err(Error::range("fields of displacements", "at least 1", 0));
         }
-        let expected = (fields.dim().0, 2, tiles(rows), tiles(columns));
+        let expected = (number, 2, tiles(rows), tiles(columns));
         if fields.dim() != expected {
             return Err(Error::shape("displacements", expected, fields.dim()));
         }
         for field in fields.outer_iter() {
             check_range(field)?;
         }
+        let values = fields.to_slice().map(Cow::Borrowed);
         Ok(Self {
-            fields,
+            fields: values.unwrap_or_else(|| fields.iter().copied().collect()),
+            number,
+            rows: tiles(rows),
+            row_length: tiles(columns),
             tile,
             columns: Columns::new(columns, tile),
         })
+    }
+
+    /// Return the mean displacements over time, given the share of each field.
+    pub(super) fn mean(&self, shares: &[f64]) -> Displacements<'static> {
+        let mut sum = vec![0.0; self.fields.len() / self.number];
+        for (field, share) in self.fields.chunks_exact(sum.len()).zip(shares) {
+            for (sum, &value) in sum.iter_mut().zip(field) {
+                *sum += *share as f32 * value;
+            }
+        }
+        Displacements {
+            fields: Cow::Owned(sum),
+            number: 1,
+            columns: self.columns.clone(),
+            ..*self
+        }
     }
 
     /// Return the columns of pixels.
@@ -62,33 +91,46 @@ impl<'a> Displacements<'a> {
 
     /// Return the number of fields.
     pub(super) fn number(&self) -> usize {
-        self.fields.dim().0
+        self.number
     }
 
-    /// Replace `values` with those of a row of pixels: in rows, then in columns, and each in the
-    /// field of an index and in the next one, if there is one.
+    /// Replace the [`Displacements::padded_length`] values with those of a row of pixels, of a field
+    /// and a direction.
     ///
-    /// They are displacements of tile centers, the last of which is repeated, or of pixels.
+    /// They are displacements of tile centers or of pixels. One value comes before the first one,
+    /// and some after the last one. If a block is a tile, the next ones are extrapolated.
     #[inline(always)]
-    pub(super) fn read_row(&self, index: usize, row: usize, values: &mut Vec<f32>) {
-        values.clear();
-        for direction in 0..2 {
-            for field in [index, (index + 1).min(self.number() - 1)] {
-                let plane = self.fields.slice_move(s![field, direction, .., ..]);
-                let Some(tile) = self.tile else {
-                    values.extend_from_slice(&contiguous(plane.row(row)));
-                    continue;
-                };
-                let (above, fraction) = interval(row, tile, plane.nrows());
-                let below = contiguous(plane.row((above + 1).min(plane.nrows() - 1)));
-                let start = values.len();
-                values.extend_from_slice(&contiguous(plane.row(above)));
-                for (value, below) in values[start..].iter_mut().zip(&*below) {
-                    *value += fraction * (below - *value);
-                }
-                values.push(values[values.len() - 1]);
-            }
+    pub(super) fn read_row(
+        &self,
+        (field, direction): (usize, usize),
+        row: usize,
+        values: &mut [f32],
+    ) {
+        let (above, fraction) = match self.tile {
+            Some(tile) => interval(row, tile, self.rows),
+            None => (row, 0.0),
+        };
+        let below = (above + 1).min(self.rows - 1);
+        let [above, below] = [above, below].map(|row| {
+            let start = ((2 * field + direction) * self.rows + row) * self.row_length;
+            &self.fields[start..start + self.row_length]
+        });
+        let last = self.row_length - 1;
+        let (inner, after) = values[1..].split_at_mut(self.row_length);
+        for ((value, above), below) in inner.iter_mut().zip(above).zip(below) {
+            *value = above + fraction * (below - above);
         }
+        // The first and the last value of pixels are repeated.
+        let slope = if self.tile.is_none() { 0.0 } else { 1.0 };
+        after.fill(inner[last]);
+        after[0] += slope * (inner[last] - inner[last.saturating_sub(1)]);
+        values[0] = values[1] + slope * (values[1] - values[1 + last.min(1)]);
+    }
+
+    /// Return the number of values of a row, with those before and after it.
+    pub(super) fn padded_length(&self) -> usize {
+        let step = BLOCKS_PER_STEP * if self.tile.is_none() { BLOCK } else { 1 };
+        self.row_length.next_multiple_of(step) + 2
     }
 }
 

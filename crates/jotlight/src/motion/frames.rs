@@ -13,6 +13,8 @@ pub(super) struct Input<'a, 'b> {
     pub bits: Cow<'a, [u8]>,
     pub valid: Option<Cow<'a, [u8]>>,
     pub motion: &'a Displacements<'b>,
+    /// The mean displacements of all frames.
+    pub mean: Displacements<'static>,
     /// The time of each frame, from its [`Piece::field`] (0) to the next one (1).
     pub times: Vec<f32>,
     pub pieces: Vec<Piece>,
@@ -40,6 +42,19 @@ impl Piece {
         }
         let fraction = |&time: &f64| (time - field(time) as f64) as f32;
         (pieces, times.iter().map(fraction).collect())
+    }
+
+    /// Return the mean share of each of the fields in the displacements of all frames.
+    pub fn shares(pieces: &[Self], times: &[f32], fields: usize) -> Vec<f64> {
+        let mut shares = vec![0.0; fields];
+        for piece in pieces {
+            for &time in &times[piece.frames.clone()] {
+                let share = f64::from(time) / times.len() as f64;
+                shares[piece.field] += 1.0 / times.len() as f64 - share;
+                shares[(piece.field + 1).min(fields - 1)] += share;
+            }
+        }
+        shares
     }
 }
 

@@ -1,63 +1,23 @@
 //! Displacements of blocks of pixels, searched for parts with one shift.
 
+use super::rounding::{fold, fold_halves, margin, max, min, round};
+
 /// The number of neighboring pixels whose shifts are searched together.
 pub const BLOCK: usize = 16;
 
 /// The number of neighboring blocks whose shifts are searched together.
-pub(super) const BLOCKS_PER_STEP: usize = 8;
+pub(super) const BLOCKS_PER_STEP: usize = 16;
 
 /// A number for each block of a step.
 pub(super) type Blocks<T> = [T; BLOCKS_PER_STEP];
-
-/// The sum of a displacement and this number has the rounded displacement in its last bits, because
-/// at this magnitude, the last bit of the mantissa is worth 1.
-const UNIT_ULP: f32 = 12_582_912.0;
 
 /// The numbers of the pixels of a block.
 const PIXELS: [f32; BLOCK] = [
     0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0,
 ];
 
-/// Return x, rounded to the nearest whole number, for |x| < 2²². Halves become even numbers.
-#[inline(always)]
-pub(super) fn round(x: f32) -> i32 {
-    let bits = (x + UNIT_ULP).to_bits();
-    bits.wrapping_sub(UNIT_ULP.to_bits()).cast_signed()
-}
-
-/// Combine all values of a block.
-#[inline(always)]
-fn fold(values: &[f32; BLOCK], combine: impl Fn(f32, f32) -> f32) -> f32 {
-    let values: [f32; 8] = fold_halves(values, &combine);
-    let values: [f32; 4] = fold_halves(&values, &combine);
-    let values: [f32; 2] = fold_halves(&values, &combine);
-    combine(values[0], values[1])
-}
-
-/// Combine the first half of some values with the second one.
-#[inline(always)]
-fn fold_halves<const FROM: usize, const TO: usize>(
-    values: &[f32; FROM],
-    combine: &impl Fn(f32, f32) -> f32,
-) -> [f32; TO] {
-    let mut combined = [0.0; TO];
-    for i in 0..TO {
-        combined[i] = combine(values[i], values[TO + i]);
-    }
-    combined
-}
-
-/// Return the larger one of two numbers that are not NaN.
-#[inline(always)]
-fn max(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
-}
-
-/// Return the smaller one of two numbers that are not NaN.
-#[inline(always)]
-fn min(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
+/// Values at the centers of the blocks of a step, and of one block before and after them.
+pub(super) type Centers = [f32; BLOCKS_PER_STEP + 2];
 
 /// Displacements of blocks in one direction. They are nearly linear functions of the pixel.
 #[derive(Clone, Copy, Default)]
@@ -69,9 +29,22 @@ pub(super) struct Lines {
     /// The maximum difference between a displacement and the line through the first and the last
     /// one, at any time from -1 to 2, with errors of rounding.
     margin: Blocks<f32>,
+    /// Whether the first and the last pixel of each block always have the same displacement. Then no
+    /// block is divided.
+    ///
+    /// This is known before the times. A branch that depends on a time would often be mispredicted.
+    is_flat: bool,
 }
 
 impl Lines {
+    /// Update what depends on all blocks, after each of them was set.
+    #[inline(always)]
+    pub fn finish(&mut self) {
+        let [first, change] =
+            [self.first, self.change].map(|ends| ends.map(|end| end.map(f32::to_bits)));
+        self.is_flat = first[0] == first[1] && change[0] == change[1];
+    }
+
     /// Replace the line of a block.
     #[inline(always)]
     pub fn set(&mut self, block: usize, line: &BlockLine) {
@@ -79,8 +52,38 @@ impl Lines {
         self.first[1][block] = line.first[1];
         self.change[0][block] = line.change[0];
         self.change[1][block] = line.change[1];
-        // Each of a few roundings causes an error of up to 2^-24 of the largest value.
-        self.margin[block] = line.difference + 1e-6 * (2.0 + line.magnitude);
+        self.margin[block] = margin(line.difference, line.magnitude);
+    }
+
+    /// Replace the lines with those around the centers of tiles that are as wide as a block, given the
+    /// first and the last values at these centers and at those of their neighbors on both sides.
+    #[inline(always)]
+    pub fn set_around_centers(&mut self, first: &Centers, last: &Centers) {
+        // The distance of the first and the last pixel from the center, in tiles.
+        const DISTANCE: f32 = (BLOCK - 1) as f32 / 2.0 / BLOCK as f32;
+        for i in 0..BLOCKS_PER_STEP {
+            let (value, left, right) = (
+                first[i + 1],
+                first[i] - first[i + 1],
+                first[i + 2] - first[i + 1],
+            );
+            let ends = [value + DISTANCE * left, value + DISTANCE * right];
+            let bend = left + right;
+            let magnitude = value.abs() + left.abs() + right.abs();
+            let (value, left, right) = (
+                last[i + 1],
+                last[i] - last[i + 1],
+                last[i + 2] - last[i + 1],
+            );
+            self.first[0][i] = ends[0];
+            self.first[1][i] = ends[1];
+            self.change[0][i] = value + DISTANCE * left - ends[0];
+            self.change[1][i] = value + DISTANCE * right - ends[1];
+            // The difference from the line is largest at the center.
+            let difference = bend.abs() + 2.0 * (left + right - bend).abs();
+            let magnitude = magnitude + value.abs() + left.abs() + right.abs();
+            self.margin[i] = margin(DISTANCE / 2.0 * difference, 6.0 * magnitude);
+        }
     }
 
     /// Return the displacements of the first and the last pixel.
@@ -124,24 +127,27 @@ impl Lines {
             length: [BLOCK as i32; BLOCKS_PER_STEP],
             is_certain: [1; BLOCKS_PER_STEP],
         };
-        if low == high {
+        if self.is_flat {
+            for i in 0..BLOCKS_PER_STEP {
+                split.is_certain[i] = i32::from(low[i] == high[i]);
+            }
             return split;
         }
         for i in 0..BLOCKS_PER_STEP {
             let (left, right) = (left[i], right[i]);
             let (first, last) = (round(left), round(right));
             // The line crosses this boundary between two shifts, at this pixel.
-            let boundary = 0.5 * (first as f32 + last as f32);
+            let boundary = 0.5 * (first + last) as f32;
             let pixels = (BLOCK - 1) as f32;
-            let place = (boundary - left) / (right - left) * pixels;
-            let is_between = place > 0.0 && place < pixels;
-            let place = if is_between { place } else { 0.0 };
-            let nearest = round(place);
-            let before = nearest - i32::from(nearest as f32 > place);
+            let pixels_per_change = pixels / (right - left);
+            let place = max(min((boundary - left) * pixels_per_change, pixels), 0.0);
+            // If the place is a whole number, the distance is 0, and any rounding is right.
+            let before = round(place - 0.5);
             let fraction = place - before as f32;
-            // How far the displacements of the next pixels are from the boundary.
-            let distance = min(fraction, 1.0 - fraction) * (right - left).abs();
-            let is_certain = (last - first).abs() == 1 && distance > pixels * self.margin[i];
+            // How far the next pixels are from the boundary.
+            let distance = min(fraction, 1.0 - fraction);
+            let is_next = (last - first).abs() == 1;
+            let is_certain = is_next & (distance > self.margin[i] * pixels_per_change.abs());
             let is_constant = low[i] == high[i];
             split.first[i] = first;
             split.last[i] = last;
@@ -167,12 +173,10 @@ pub(super) struct BlockLine {
     pub difference: f32,
     /// A number that is not smaller than any number that was used.
     pub magnitude: f32,
-    /// The means of the first values and of the changes.
-    pub mean: [f32; 2],
 }
 
 impl BlockLine {
-    /// Return the line through the first and the last of some displacements. The means are 0.
+    /// Return the line through the first and the last of some displacements.
     #[inline(always)]
     pub fn through(first: &[f32; BLOCK], change: &[f32; BLOCK]) -> Self {
         let [first_ends, change_ends] =
@@ -188,24 +192,12 @@ impl BlockLine {
         Self {
             first: first_ends,
             change: change_ends,
-            difference: fold(&differences, max),
+            difference: fold(&fold_halves(&differences, &max), max),
             magnitude: first_ends[0].abs()
                 + first_ends[1].abs()
                 + 2.0 * (change_ends[0].abs() + change_ends[1].abs()),
-            mean: [0.0; 2],
         }
     }
-}
-
-/// Return the mean of the first `length` pixels.
-#[inline(always)]
-pub(super) fn mean(pixels: &[f32; BLOCK], length: usize) -> f32 {
-    let sum = if length == BLOCK {
-        fold(pixels, |a, b| a + b)
-    } else {
-        pixels[..length].iter().sum()
-    };
-    sum / length as f32
 }
 
 /// Blocks with up to two shifts in one direction.
@@ -237,6 +229,12 @@ pub(super) struct Parts {
 }
 
 impl Step {
+    /// Return whether no block is divided into two parts.
+    #[inline(always)]
+    pub fn is_flat(&self) -> bool {
+        self.lines[0].is_flat && self.lines[1].is_flat
+    }
+
     /// Return the parts of all blocks.
     #[inline(always)]
     pub fn parts(&self, time: f32) -> Parts {
@@ -266,58 +264,5 @@ impl Step {
             differences[i] = (rows[0][i] ^ rows[1][i]) | (columns[0][i] ^ columns[1][i]);
         }
         ([rows[0], columns[0]], differences)
-    }
-}
-
-/// Bounds of the displacements of a row in one direction.
-#[derive(Clone, Copy)]
-pub(super) struct Bounds {
-    /// The smallest and the largest first value, and the same of the changes.
-    first: [f32; 2],
-    change: [f32; 2],
-    margin: f32,
-}
-
-impl Bounds {
-    /// Return the bounds of the lines of a direction in some steps.
-    #[inline(always)]
-    pub fn new(steps: &[Step], direction: usize) -> Self {
-        let mut low = [[f32::INFINITY; BLOCKS_PER_STEP]; 2];
-        let mut high = [[f32::NEG_INFINITY; BLOCKS_PER_STEP]; 2];
-        let mut margin = [0.0; BLOCKS_PER_STEP];
-        for step in steps {
-            let lines = &step.lines[direction];
-            for (index, ends) in [lines.first, lines.change].into_iter().enumerate() {
-                for i in 0..BLOCKS_PER_STEP {
-                    low[index][i] = min(low[index][i], min(ends[0][i], ends[1][i]));
-                    high[index][i] = max(high[index][i], max(ends[0][i], ends[1][i]));
-                }
-            }
-            for i in 0..BLOCKS_PER_STEP {
-                margin[i] = max(margin[i], lines.margin[i]);
-            }
-        }
-        let lowest = |values: Blocks<f32>| values.into_iter().fold(f32::INFINITY, min);
-        let highest = |values: Blocks<f32>| values.into_iter().fold(f32::NEG_INFINITY, max);
-        Self {
-            first: [lowest(low[0]), highest(high[0])],
-            change: [lowest(low[1]), highest(high[1])],
-            margin: highest(margin),
-        }
-    }
-
-    /// Return the smallest and the largest shift from the first to the last time.
-    #[inline(always)]
-    pub fn shifts(&self, times: [f32; 2]) -> [i32; 2] {
-        let [low, high] = self.change;
-        let [a, b] = [times[0] * low, times[0] * high];
-        let [c, d] = [times[1] * low, times[1] * high];
-        let low = self.first[0] + min(min(a, b), min(c, d));
-        let high = self.first[1] + max(max(a, b), max(c, d));
-        // The margin of a block does not include errors from the sum of the bounds.
-        [
-            round(low - 2.0 * self.margin),
-            round(high + 2.0 * self.margin),
-        ]
     }
 }

@@ -13,6 +13,7 @@
 //! Before, [`velocity_scores`] tells how probable velocities are in windows of the scene.
 
 mod affine;
+mod bounds;
 mod brightness;
 mod chi_squared;
 mod columns;
@@ -22,9 +23,11 @@ mod filter;
 mod frames;
 mod gradient;
 mod lines;
+mod rounding;
 mod row;
 mod row_counter;
 mod search;
+mod shift_sums;
 mod shifted_counts;
 mod shifted_scores;
 mod solve_field;

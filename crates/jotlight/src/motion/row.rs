@@ -1,16 +1,18 @@
 //! The displacements and shifts of a row of pixels.
 
+use super::bounds::Bounds;
 use super::columns::Columns;
 use super::field::Displacements;
-use super::lines::{BLOCK, BLOCKS_PER_STEP, BlockLine, Bounds, Lines, Step, mean, round};
-use crate::cpu::levels;
+use super::lines::{BLOCK, BLOCKS_PER_STEP, BlockLine, Step};
+use super::rounding::round;
 
 /// The displacements of a row of pixels: `first + time · change`.
 #[derive(Clone)]
 pub(super) struct RowMotion<'a> {
     columns: &'a Columns,
-    /// The values of [`Displacements::read_row`].
-    values: Vec<f32>,
+    /// The values of [`Displacements::read_row`] in rows and in columns, at the first and at the
+    /// last time.
+    values: [[Vec<f32>; 2]; 2],
     steps: Vec<Step>,
     /// The bounds of all displacements, in rows and columns.
     bounds: [Bounds; 2],
@@ -18,80 +20,59 @@ pub(super) struct RowMotion<'a> {
 
 impl<'a> RowMotion<'a> {
     /// Return a row that does not move.
-    pub fn new(columns: &'a Columns) -> Self {
+    pub fn new(motion: &'a Displacements<'_>) -> Self {
+        let columns = motion.columns();
         let blocks = columns.number().div_ceil(BLOCK);
+        let values = || vec![0.0; motion.padded_length()];
         Self {
             columns,
-            values: Vec::new(),
+            values: [[values(), values()], [values(), values()]],
             steps: vec![Step::default(); blocks.div_ceil(BLOCKS_PER_STEP)],
-            bounds: [Bounds::new(&[], 0); 2],
+            bounds: [Bounds::default(); 2],
         }
     }
 
-    /// Replace the displacements with those of a field and a row. Add the mean displacements of each
-    /// block, in rows and columns: their sum over a number of times, given also the sum of the times.
+    /// Replace the displacements with those of a row, from a field to the next one, if there is one.
     #[inline(always)]
-    fn set_inlined(
-        &mut self,
-        motion: &Displacements<'_>,
-        (field, row): (usize, usize),
-        times: (usize, f64),
-        sums: &mut [[f64; 2]],
-    ) {
-        motion.read_row(field, row, &mut self.values);
+    pub fn set(&mut self, motion: &Displacements<'_>, field: usize, row: usize) {
+        let fields = [field, (field + 1).min(motion.number() - 1)];
         for direction in 0..2 {
-            for step in 0..self.steps.len() {
-                let mut lines = Lines::default();
-                for index in 0..BLOCKS_PER_STEP {
-                    let block = step * BLOCKS_PER_STEP + index;
-                    let line = self.line(direction, block);
-                    lines.set(index, &line);
-                    if let Some(sum) = sums.get_mut(block) {
-                        let [first, change] = line.mean.map(f64::from);
-                        sum[direction] += times.0 as f64 * first + times.1 * change;
-                    }
-                }
-                self.steps[step].lines[direction] = lines;
+            for (values, field) in self.values[direction].iter_mut().zip(fields) {
+                motion.read_row((field, direction), row, values);
             }
-            self.bounds[direction] = Bounds::new(&self.steps, direction);
+            for step in 0..self.steps.len() {
+                self.set_lines(direction, step);
+            }
+            let [first, last] = &self.values[direction];
+            self.bounds[direction] = Bounds::new(first, last);
         }
     }
 
-    /// Return the values in one direction at the first and at the last time.
+    /// Set the lines of the blocks of a step in one direction.
     #[inline(always)]
-    fn values(&self, direction: usize) -> [&[f32]; 2] {
-        let length = self.values.len() / 4;
-        let (first, last) = self.values[2 * direction * length..].split_at(length);
-        [first, &last[..length]]
-    }
-
-    /// Return the displacements of a block in one direction, as a line.
-    #[inline(always)]
-    fn line(&self, direction: usize, block: usize) -> BlockLine {
-        let Some(place) = self.columns.block_place(block) else {
-            let Pixels { first, change } = self.pixels(direction, block);
-            let length = self.length(block).max(1);
-            return BlockLine {
-                mean: [mean(&first, length), mean(&change, length)],
-                ..BlockLine::through(&first, &change)
-            };
-        };
-        let [first, last] = self.values(direction);
-        let [first, last] = [place.ends(first), place.ends(last)];
-        let (start, end) = (first.first_and_last, last.first_and_last);
-        BlockLine {
-            first: start,
-            change: [end[0] - start[0], end[1] - start[1]],
-            difference: first.corner.abs() + 2.0 * (last.corner - first.corner).abs(),
-            magnitude: 3.0 * first.magnitude + 2.0 * last.magnitude,
-            mean: [first.mean, last.mean - first.mean],
+    fn set_lines(&mut self, direction: usize, step: usize) {
+        let first_block = step * BLOCKS_PER_STEP;
+        let [first, last] = &self.values[direction];
+        if self.columns.blocks_are_tiles()
+            && let Some(first) = first[first_block..].first_chunk()
+            && let Some(last) = last[first_block..].first_chunk()
+        {
+            self.steps[step].lines[direction].set_around_centers(first, last);
+            self.steps[step].lines[direction].finish();
+            return;
         }
+        for index in 0..BLOCKS_PER_STEP {
+            let Pixels { first, change } = self.pixels(direction, first_block + index);
+            let line = BlockLine::through(&first, &change);
+            self.steps[step].lines[direction].set(index, &line);
+        }
+        self.steps[step].lines[direction].finish();
     }
 
     /// Return the displacements of the pixels of a block in one direction.
     #[inline(always)]
     fn pixels(&self, direction: usize, block: usize) -> Pixels {
-        let [first, last] = self.values(direction);
+        let [first, last] = &self.values[direction];
         let first = self.columns.pixels(block, first);
         let mut change = self.columns.pixels(block, last);
         for pixel in 0..BLOCK {
@@ -120,8 +101,7 @@ impl<'a> RowMotion<'a> {
     /// Return the number of pixels of a block.
     #[inline(always)]
     pub fn length(&self, block: usize) -> usize {
-        let columns = self.columns.number();
-        columns.saturating_sub(block * BLOCK).min(BLOCK)
+        self.columns.length(block)
     }
 
     /// Return the blocks, [`BLOCKS_PER_STEP`] at a time.
@@ -147,13 +127,4 @@ impl Pixels {
         }
         shifts
     }
-}
-
-levels! {
-    /// Replace the displacements with those of a field and a row. Add the mean displacements of each
-    /// block, in rows and columns: their sum over a number of times, given also the sum of the times.
-    pub(super) fn set_row(
-        target: &mut RowMotion<'_>, motion: &Displacements<'_>, field_and_row: (usize, usize),
-        times: (usize, f64), sums: &mut [[f64; 2]],
-    ) = RowMotion::set_inlined;
 }

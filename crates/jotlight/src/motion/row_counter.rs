@@ -3,65 +3,64 @@
 use std::ops::Range;
 
 use super::frames::{Frames, Input};
-use super::lines::{BLOCK, BLOCKS_PER_STEP, Blocks};
+use super::lines::{BLOCK, BLOCKS_PER_STEP};
 use super::row::{Pixels, RowMotion};
 use super::search::{Found, Places, blocks_in, search};
-use super::source::{Frame, Origins, PixelOrigins};
+use super::shift_sums::ShiftSums;
+use super::source::{Frame, PixelOrigins, WORD, WORDS_PER_STEP};
 use crate::bits::{BitCounters, FRAMES_PER_GROUP};
 
-/// Shifted blocks of bits, in a group of frames.
-type Group = [Vec<[u8; BLOCK / 8]>; FRAMES_PER_GROUP];
-
-/// Some shifted blocks of a row, in a group of frames.
-type Buffer = [Blocks<u16>; FRAMES_PER_GROUP];
+/// Shifted bits, in a group of frames.
+type Group = [Vec<[u8; WORD / 8]>; FRAMES_PER_GROUP];
 
 /// The counters of neighboring rows of pixels.
 pub(super) struct RowCounters<'a> {
     frame: Frame,
     mask: Option<&'a [u8]>,
     first_row: usize,
-    /// The number of blocks in a row.
-    blocks: usize,
+    /// The number of steps in a row.
+    steps: usize,
     ones: BitCounters,
     shifted: Group,
     /// The counters of valid bits and the shifted mask, if there is one.
     valid: Option<(BitCounters, Group)>,
-    /// The number of frames in which a pixel comes from outside, if there is no mask.
-    outside: Vec<[i32; BLOCK]>,
-    /// The sum over frames of the shift of a row, where all pixels have the same shift.
-    shifts_of_rows: Vec<[i64; 2]>,
-    /// The sum over the other frames and over the pixels of each block.
-    shifts_of_blocks: Vec<[i64; 2]>,
-    /// The sum over all frames of the mean displacement of each block.
-    displacements: Vec<[f64; 2]>,
+    /// For each row, the number of frames in which a pixel comes from outside, if there is no mask.
+    /// The row is empty until there is such a pixel.
+    outside: Vec<Vec<[i32; BLOCK]>>,
+    shifts: Vec<ShiftSums>,
     found: Vec<Found>,
 }
 
 impl<'a> RowCounters<'a> {
     #[inline(always)]
-    pub fn new(input: &'a Input<'_, '_>, first_row: usize, rows: usize) -> Self {
-        let blocks = input.frame.columns.div_ceil(BLOCK);
-        let counters = || BitCounters::new(rows * blocks * BLOCK / 8);
-        let group = || std::array::from_fn(|_| vec![[0; 2]; rows * blocks]);
+    pub fn new(input: &'a Input<'_, '_>, rows: usize) -> Self {
+        let steps = input.frame.columns.div_ceil(BLOCKS_PER_STEP * BLOCK);
+        let words = rows * steps * WORDS_PER_STEP;
+        let counters = || BitCounters::new(words * WORD / 8);
+        let group = || std::array::from_fn(|_| vec![[0; WORD / 8]; words]);
         Self {
             frame: input.frame,
             mask: input.valid.as_deref(),
-            first_row,
-            blocks,
+            first_row: 0,
+            steps,
             ones: counters(),
             shifted: group(),
             valid: input.valid.as_ref().map(|_| (counters(), group())),
-            outside: vec![[0; BLOCK]; rows * blocks],
-            shifts_of_rows: vec![[0; 2]; rows],
-            shifts_of_blocks: vec![[0; 2]; rows * blocks],
-            displacements: vec![[0.0; 2]; rows * blocks],
-            found: vec![Found::default(); blocks.div_ceil(BLOCKS_PER_STEP)],
+            outside: vec![Vec::new(); rows],
+            shifts: vec![ShiftSums::new(input.frame.columns); rows],
+            found: vec![Found::default(); steps],
         }
     }
 
-    /// Return the sums of the displacements of the blocks of a row.
-    pub fn displacements(&mut self, row: usize) -> &mut [[f64; 2]] {
-        &mut self.displacements[row * self.blocks..(row + 1) * self.blocks]
+    /// Set all counters to 0, for rows from `first_row` on.
+    pub fn clear(&mut self, first_row: usize) {
+        self.first_row = first_row;
+        self.ones.clear();
+        if let Some((counters, _)) = &mut self.valid {
+            counters.clear();
+        }
+        self.outside.iter_mut().for_each(Vec::clear);
+        self.shifts.iter_mut().for_each(ShiftSums::clear);
     }
 
     /// Begin a group of frames: set the bits of frames after the last one to 0.
@@ -69,8 +68,8 @@ impl<'a> RowCounters<'a> {
     pub fn begin_group(&mut self, frames: &Frames<'_>) {
         let groups = std::iter::once(&mut self.shifted);
         for group in groups.chain(self.valid.as_mut().map(|(_, mask)| mask)) {
-            for blocks in &mut group[frames.times.number..] {
-                blocks.fill([0; 2]);
+            for words in &mut group[frames.times.number..] {
+                words.fill([0; WORD / 8]);
             }
         }
     }
@@ -79,9 +78,9 @@ impl<'a> RowCounters<'a> {
     #[inline(always)]
     pub fn end_group(&mut self) {
         self.ones
-            .add(&self.shifted.each_ref().map(|blocks| blocks.as_flattened()));
+            .add(&self.shifted.each_ref().map(|words| words.as_flattened()));
         if let Some((counters, mask)) = &mut self.valid {
-            counters.add(&mask.each_ref().map(|blocks| blocks.as_flattened()));
+            counters.add(&mask.each_ref().map(|words| words.as_flattened()));
         }
     }
 
@@ -121,33 +120,34 @@ impl<'a> RowCounters<'a> {
         shift: [i32; 2],
     ) {
         let image_row = self.first_row + row;
-        let blocks = row * self.blocks..(row + 1) * self.blocks;
+        let words = self.words(row);
         let inside = self.frame.columns_inside(image_row, shift);
         let number = indices.len();
         for index in indices {
             let source = frames.bytes[index];
-            let target = self.shifted[index][blocks.clone()].as_flattened_mut();
+            let target = &mut self.shifted[index][words.clone()];
             self.frame
                 .copy_row(source, image_row, shift, inside.clone(), target);
             if let (Some(mask), Some((_, valid))) = (self.mask, &mut self.valid) {
-                let valid = valid[index][blocks.clone()].as_flattened_mut();
+                let valid = &mut valid[index][words.clone()];
                 self.frame
                     .copy_row(mask, image_row, shift, inside.clone(), valid);
-                for (bits, valid) in target.iter_mut().zip(valid) {
+                let valid = valid.as_flattened().iter();
+                for (bits, valid) in target.as_flattened_mut().iter_mut().zip(valid) {
                     *bits &= *valid;
                 }
             }
         }
-        let outside = self.outside[blocks].as_flattened_mut();
-        for count in &mut outside[..inside.start] {
-            *count += number as i32;
+        if inside.len() < self.frame.columns {
+            let outside = self.outside(row).as_flattened_mut();
+            for count in &mut outside[..inside.start] {
+                *count += number as i32;
+            }
+            for count in &mut outside[inside.end..] {
+                *count += number as i32;
+            }
         }
-        for count in &mut outside[inside.end..] {
-            *count += number as i32;
-        }
-        for (sum, shift) in self.shifts_of_rows[row].iter_mut().zip(shift) {
-            *sum += i64::from(shift) * number as i64;
-        }
+        self.shifts[row].add_row(shift, number);
     }
 
     /// Copy the blocks of a step of a row.
@@ -160,89 +160,67 @@ impl<'a> RowCounters<'a> {
         frames: &Frames<'_>,
     ) {
         let number = frames.times.number;
-        let first = step * BLOCKS_PER_STEP;
-        let blocks = row * self.blocks + first..row * self.blocks + self.blocks;
-        let blocks = blocks.start..blocks.end.min(blocks.start + BLOCKS_PER_STEP);
-        let mut buffers = [[[0; BLOCKS_PER_STEP]; FRAMES_PER_GROUP]; 2];
-        let mut uncertain = 0;
-        if found.is_constant {
-            let places = &found.places[0];
-            self.copy_constant(&places.parts[0], frames, &mut buffers);
-            self.count_outside(blocks.start, number, places);
+        let (places, repeated) = if found.is_constant {
+            (&found.places[..1], number)
         } else {
-            for (index, places) in found.places[..number].iter().enumerate() {
-                self.copy_parts(places, frames.bytes[index], index, &mut buffers);
-                self.count_outside(blocks.start, 1, places);
-                uncertain |= places.uncertain;
-            }
+            (&found.places[..number], 1)
+        };
+        for index in 0..number {
+            let places = &places[index / repeated];
+            self.copy_words((row, step), places, frames.bytes[index], index);
         }
-        for block in blocks_in(uncertain) {
-            let pixels = motion.block(first + block);
-            for (index, places) in found.places[..number].iter().enumerate() {
-                if places.uncertain >> block & 1 == 1 {
-                    let block = (row, first + block);
-                    self.copy_pixels(block, &pixels, frames, index, &mut buffers);
-                }
-            }
+        if found.outside != [0; BLOCKS_PER_STEP] {
+            self.count_outside((row, step), repeated, found, places);
         }
-        for (block, sums) in self.shifts_of_blocks[blocks.clone()].iter_mut().enumerate() {
-            for direction in 0..2 {
-                sums[direction] += i64::from(found.shifts[direction][block]);
-            }
+        if found.uncertain != [0; BLOCKS_PER_STEP] {
+            self.copy_uncertain((row, step), motion, found, frames);
         }
-        store(&buffers[0], number, blocks.clone(), &mut self.shifted);
-        if let Some((_, group)) = &mut self.valid {
-            store(&buffers[1], number, blocks, group);
-        }
+        self.shifts[row].add_step(step, &found.shifts);
     }
 
-    /// Copy blocks that come from the same places in all frames.
+    /// Copy the words of a step in a frame.
     #[inline(always)]
-    fn copy_constant(
-        &self,
-        origins: &Origins,
-        frames: &Frames<'_>,
-        [shifted, valid]: &mut [Buffer; 2],
-    ) {
-        for block in 0..BLOCKS_PER_STEP {
-            let mut counted = u16::MAX;
-            if let Some(mask) = self.mask {
-                counted = origins.bits(mask, block);
-                for valid in &mut *valid {
-                    valid[block] = counted;
-                }
-            }
-            for (shifted, source) in shifted.iter_mut().zip(frames.bytes) {
-                shifted[block] = origins.bits(source, block) & counted;
-            }
-        }
-    }
-
-    /// Copy blocks with up to two parts in a frame.
-    #[inline(always)]
-    fn copy_parts(
-        &self,
+    fn copy_words(
+        &mut self,
+        (row, step): (usize, usize),
         places: &Places,
         source: &[u8],
         index: usize,
-        [shifted, valid]: &mut [Buffer; 2],
     ) {
-        let [first, second] = &places.parts;
-        for block in 0..BLOCKS_PER_STEP {
-            shifted[index][block] = first.bits(source, block);
-        }
-        if places.has_second_parts {
-            for block in 0..BLOCKS_PER_STEP {
-                shifted[index][block] |= second.bits(source, block);
+        let first = (row * self.steps + step) * WORDS_PER_STEP;
+        let words = first..first + WORDS_PER_STEP;
+        let mut shifted = places.bits(source);
+        if let (Some(mask), Some((_, valid))) = (self.mask, &mut self.valid) {
+            let counted = places.bits(mask);
+            for (target, (shifted, counted)) in valid[index][words.clone()]
+                .iter_mut()
+                .zip(shifted.iter_mut().zip(counted))
+            {
+                *shifted &= counted;
+                *target = counted.to_be_bytes();
             }
         }
-        if let Some(mask) = self.mask {
-            for block in 0..BLOCKS_PER_STEP {
-                valid[index][block] = first.bits(mask, block);
-                if places.has_second_parts {
-                    valid[index][block] |= second.bits(mask, block);
+        for (target, word) in self.shifted[index][words].iter_mut().zip(shifted) {
+            *target = word.to_be_bytes();
+        }
+    }
+
+    /// Copy the pixels of the blocks of a step that are uncertain in some frames of a group.
+    #[inline(always)]
+    fn copy_uncertain(
+        &mut self,
+        (row, step): (usize, usize),
+        motion: &RowMotion<'_>,
+        found: &Found,
+        frames: &Frames<'_>,
+    ) {
+        for block in blocks_in(&found.uncertain) {
+            let in_row = step * BLOCKS_PER_STEP + block;
+            let pixels = motion.block(in_row);
+            for (index, places) in found.places[..frames.times.number].iter().enumerate() {
+                if places.uncertain[block] != 0 {
+                    self.copy_pixels((row, in_row), &pixels, frames, index);
                 }
-                shifted[index][block] &= valid[index][block];
             }
         }
     }
@@ -255,88 +233,92 @@ impl<'a> RowCounters<'a> {
         pixels: &[Pixels; 2],
         frames: &Frames<'_>,
         index: usize,
-        [shifted, valid]: &mut [Buffer; 2],
     ) {
         let time = frames.times.each[index];
         let shifts = [pixels[0].shifts(time), pixels[1].shifts(time)];
         let length = (self.frame.columns - block * BLOCK).min(BLOCK);
         let (image_row, column) = (self.first_row + row, block * BLOCK);
         let origins = PixelOrigins::new(self.frame, image_row, column, length, &shifts);
+        let first = self.words(row).start * WORD / 8 + block * BLOCK / 8;
+        let bytes = first..first + BLOCK / 8;
         let mut bits = origins.bits(frames.bytes[index]);
-        if let Some(mask) = self.mask {
+        if let (Some(mask), Some((_, valid))) = (self.mask, &mut self.valid) {
             let counted = origins.bits(mask);
             bits &= counted;
-            valid[index][block % BLOCKS_PER_STEP] = counted;
-        } else {
-            let outside = &mut self.outside[row * self.blocks + block];
+            valid[index].as_flattened_mut()[bytes.clone()].copy_from_slice(&counted.to_be_bytes());
+        } else if origins.are_inside != [1; BLOCK] {
+            let outside = &mut self.outside(row)[block];
             for (count, is_inside) in outside.iter_mut().zip(origins.are_inside) {
                 *count += i32::from(is_inside == 0);
             }
         }
-        shifted[index][block % BLOCKS_PER_STEP] = bits;
-        let sums = &mut self.shifts_of_blocks[row * self.blocks + block];
-        for (sum, shifts) in sums.iter_mut().zip(&shifts) {
-            *sum += i64::from(shifts[..length].iter().sum::<i32>());
-        }
+        self.shifted[index].as_flattened_mut()[bytes].copy_from_slice(&bits.to_be_bytes());
+        self.shifts[row].add_pixels(block, shifts.each_ref().map(|shifts| &shifts[..length]));
     }
 
-    /// Count the pixels of the blocks from `first` on that come from outside the frame, in some
-    /// frames.
+    /// Count the pixels of a step that come from outside. Each place is that in some frames.
     #[inline(always)]
-    fn count_outside(&mut self, first: usize, frames: usize, places: &Places) {
-        for block in blocks_in(places.outside) {
-            let mut inside = places.parts[0].inside[block];
-            if places.has_second_parts {
-                inside |= places.parts[1].inside[block];
-            }
-            for (pixel, count) in self.outside[first + block].iter_mut().enumerate() {
-                *count += frames as i32 * (inside >> (BLOCK - 1 - pixel) & 1 ^ 1);
+    fn count_outside(
+        &mut self,
+        (row, step): (usize, usize),
+        frames: usize,
+        found: &Found,
+        places: &[Places],
+    ) {
+        let counts = &mut self.outside(row)[step * BLOCKS_PER_STEP..][..BLOCKS_PER_STEP];
+        for block in blocks_in(&found.outside) {
+            for places in places {
+                for (pixel, count) in counts[block].iter_mut().enumerate() {
+                    *count += frames as i32 * (places.outside[block] >> (BLOCK - 1 - pixel) & 1);
+                }
             }
         }
     }
 
-    /// Replace `counts` with the number of ones of each pixel of a row.
-    pub fn ones(&self, row: usize, counts: &mut [i32]) {
-        counts.fill(0);
+    /// Return the number of frames in which each pixel of a row comes from outside.
+    #[inline(always)]
+    fn outside(&mut self, row: usize) -> &mut [[i32; BLOCK]] {
+        let blocks = self.steps * BLOCKS_PER_STEP;
+        let outside = &mut self.outside[row];
+        if outside.is_empty() {
+            outside.resize(blocks, [0; BLOCK]);
+        }
+        outside
+    }
+
+    /// Add the number of ones of each pixel of a row to `counts`.
+    pub fn add_ones(&self, row: usize, counts: &mut [i32]) {
         self.ones.add_to_counts(self.bytes(row), counts);
     }
 
-    /// Replace `counts` with the number of trials of each pixel of a row, in all frames.
-    pub fn trials(&self, row: usize, frames: usize, counts: &mut [i32]) {
+    /// Add the number of trials of each pixel of a row to `counts`, in all frames.
+    pub fn add_trials(&self, row: usize, frames: usize, counts: &mut [i32]) {
         if let Some((counters, _)) = &self.valid {
-            counts.fill(0);
             counters.add_to_counts(self.bytes(row), counts);
             return;
         }
-        let outside = &self.outside[row * self.blocks..(row + 1) * self.blocks];
-        for (count, outside) in counts.iter_mut().zip(outside.as_flattened()) {
-            *count = frames as i32 - outside;
+        for count in &mut *counts {
+            *count += frames as i32;
+        }
+        for (count, outside) in counts.iter_mut().zip(self.outside[row].as_flattened()) {
+            *count -= outside;
         }
     }
 
-    /// Return the sum over frames of the mean remainder of a block in one direction.
-    #[inline(always)]
-    pub fn remainder(&self, direction: usize, row: usize, block: usize) -> f32 {
-        let index = row * self.blocks + block;
-        let length = (self.frame.columns - block * BLOCK).min(BLOCK);
-        let of_pixels = self.shifts_of_blocks[index][direction] as f64 / length as f64;
-        let shift = self.shifts_of_rows[row][direction] as f64 + of_pixels;
-        (shift - self.displacements[index][direction]) as f32
+    /// Return the sums of the shifts of a row.
+    pub fn shifts(&self, row: usize) -> &ShiftSums {
+        &self.shifts[row]
+    }
+
+    /// Return the words of a row.
+    fn words(&self, row: usize) -> Range<usize> {
+        let words = self.steps * WORDS_PER_STEP;
+        row * words..(row + 1) * words
     }
 
     /// Return the bytes of a row in the counters.
     fn bytes(&self, row: usize) -> Range<usize> {
-        let bytes = self.blocks * BLOCK / 8;
+        let bytes = self.steps * WORDS_PER_STEP * WORD / 8;
         row * bytes..(row + 1) * bytes
-    }
-}
-
-/// Store blocks from a buffer.
-#[inline(always)]
-fn store(buffer: &Buffer, frames: usize, blocks: Range<usize>, group: &mut Group) {
-    for (bits, group) in buffer[..frames].iter().zip(group) {
-        for (target, bits) in group[blocks.clone()].iter_mut().zip(bits) {
-            *target = bits.to_be_bytes();
-        }
     }
 }

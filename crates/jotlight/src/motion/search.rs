@@ -2,9 +2,8 @@
 
 use super::lines::{BLOCK, BLOCKS_PER_STEP, Blocks, Parts};
 use super::row::RowMotion;
-use super::source::{Frame, Origins};
+use super::source::{Frame, Origins, Words};
 use crate::bits::FRAMES_PER_GROUP;
-use crate::cpu::levels;
 
 /// The times of a group of frames.
 pub(super) struct Times {
@@ -21,6 +20,10 @@ pub(super) struct Times {
 pub(super) struct Found {
     /// Whether the places are the same in all frames. Then only those of the first one are set.
     pub is_constant: bool,
+    /// The blocks that are uncertain in some frame, and others that have pixels from outside, as
+    /// numbers that are not 0.
+    pub uncertain: Blocks<i32>,
+    pub outside: Blocks<i32>,
     pub places: [Places; FRAMES_PER_GROUP],
     /// The sum of the shifts over the frames and pixels of the blocks that are certain.
     pub shifts: [Blocks<i32>; 2],
@@ -31,23 +34,18 @@ pub(super) struct Found {
 pub(super) struct Places {
     /// The origins of the first part of each block, and of the second one if there are such parts.
     pub parts: [Origins; 2],
-    /// The blocks whose pixels may have other shifts, as bits. The first block is the lowest bit.
-    pub uncertain: u32,
-    /// The other blocks with pixels that come from outside the frame.
-    pub outside: u32,
     /// Whether blocks have second parts.
     pub has_second_parts: bool,
+    /// 1 for blocks whose pixels may have other shifts.
+    pub uncertain: Blocks<i32>,
+    /// The pixels of the other blocks that come from outside the frame. The first pixel is the
+    /// highest bit.
+    pub outside: Blocks<i32>,
 }
 
-levels! {
-    /// Find the places that the bits of all steps of a row come from.
-    pub(super) fn search(
-        motion: &RowMotion<'_>, frame: Frame, row: usize, times: &Times, found: &mut [Found],
-    ) = search_inlined;
-}
-
+/// Find the places that the bits of all steps of a row come from.
 #[inline(always)]
-fn search_inlined(
+pub(super) fn search(
     motion: &RowMotion<'_>,
     frame: Frame,
     row: usize,
@@ -60,13 +58,19 @@ fn search_inlined(
         for block in 0..BLOCKS_PER_STEP {
             lengths[block] = motion.length(index * BLOCKS_PER_STEP + block) as i32;
         }
-        let present = bits(lengths);
+        let present = lengths.map(|length| i32::from(length > 0));
         let (shifts, differences) = step.common_shifts(times.range);
         found.is_constant = differences == [0; BLOCKS_PER_STEP];
         if found.is_constant {
             let places = &mut found.places[0];
-            places.parts[0] = frame.origins(row, column, &shifts);
-            places.set_outside(present);
+            let origins = frame.origins(row, column, &shifts);
+            places.has_second_parts = false;
+            for block in 0..BLOCKS_PER_STEP {
+                places.outside[block] = (origins.inside[block] ^ 0xffff) * present[block];
+            }
+            found.uncertain = [0; BLOCKS_PER_STEP];
+            found.outside = places.outside;
+            places.parts[0] = origins;
             for direction in 0..2 {
                 for block in 0..BLOCKS_PER_STEP {
                     let pixels = lengths[block] * times.number as i32;
@@ -76,36 +80,37 @@ fn search_inlined(
             continue;
         }
         let (mut rows, mut columns) = ([0; BLOCKS_PER_STEP], [0; BLOCKS_PER_STEP]);
+        let has_second_parts = !step.is_flat();
+        let (mut uncertain, mut outside) = ([0; BLOCKS_PER_STEP], [0; BLOCKS_PER_STEP]);
         for (places, &time) in found.places[..times.number].iter_mut().zip(&times.each) {
             let parts = step.parts(time);
-            places.set(&parts, frame, (row, column), present);
+            places.has_second_parts = has_second_parts;
+            places.set(&parts, frame, (row, column), &present);
+            for block in 0..BLOCKS_PER_STEP {
+                uncertain[block] |= places.uncertain[block];
+                outside[block] |= places.outside[block];
+            }
             add_shifts(&parts, 0, &lengths, &mut rows);
             add_shifts(&parts, 1, &lengths, &mut columns);
         }
+        (found.uncertain, found.outside) = (uncertain, outside);
         found.shifts = [rows, columns];
     }
 }
 
 impl Places {
-    /// Set the places of blocks without second parts, of which only some are present. The origins
-    /// of the first parts are set.
+    /// Set the places of blocks from their parts and the position of the first pixel. Only some
+    /// blocks are present.
     #[inline(always)]
-    fn set_outside(&mut self, present: u32) {
-        self.has_second_parts = false;
-        self.uncertain = 0;
-        let mut outside = self.parts[0].inside;
-        for outside in &mut outside {
-            *outside ^= 0xffff;
-        }
-        self.outside = bits(outside) & present;
-    }
-
-    /// Set the places of blocks from their parts and the position of the first pixel.
-    #[inline(always)]
-    fn set(&mut self, parts: &Parts, frame: Frame, (row, column): (usize, usize), present: u32) {
+    fn set(
+        &mut self,
+        parts: &Parts,
+        frame: Frame,
+        (row, column): (usize, usize),
+        present: &Blocks<i32>,
+    ) {
         let mut first = frame.origins(row, column, &parts.first);
-        let (mut outside, mut uncertain) = (first.inside, parts.is_certain);
-        self.has_second_parts = parts.length != [BLOCK as i32; BLOCKS_PER_STEP];
+        let mut inside = first.inside;
         if self.has_second_parts {
             let mut second = frame.origins(row, column, &parts.last);
             for block in 0..BLOCKS_PER_STEP {
@@ -115,19 +120,29 @@ impl Places {
                 second.inside[block] &= 0xffff >> parts.length[block];
             }
             for block in 0..BLOCKS_PER_STEP {
-                outside[block] = first.inside[block] | second.inside[block];
+                inside[block] = first.inside[block] | second.inside[block];
             }
             self.parts[1] = second;
         }
-        for block in 0..BLOCKS_PER_STEP {
-            outside[block] ^= 0xffff;
-        }
-        for block in 0..BLOCKS_PER_STEP {
-            uncertain[block] ^= 1;
-        }
         self.parts[0] = first;
-        self.uncertain = bits(uncertain) & present;
-        self.outside = bits(outside) & present & !self.uncertain;
+        for block in 0..BLOCKS_PER_STEP {
+            self.uncertain[block] = (parts.is_certain[block] ^ 1) & present[block];
+            let is_counted = parts.is_certain[block] & present[block];
+            self.outside[block] = (inside[block] ^ 0xffff) & -is_counted;
+        }
+    }
+
+    /// Return the bits of the step.
+    #[inline(always)]
+    pub fn bits(&self, source: &[u8]) -> Words {
+        let mut words = self.parts[0].words(source);
+        if self.has_second_parts {
+            let second = self.parts[1].words(source);
+            for (word, second) in words.iter_mut().zip(second) {
+                *word |= second;
+            }
+        }
+        words
     }
 }
 
@@ -137,31 +152,13 @@ fn add_shifts(parts: &Parts, direction: usize, lengths: &Blocks<i32>, sums: &mut
     let (first, last) = (parts.first[direction], parts.last[direction]);
     for block in 0..BLOCKS_PER_STEP {
         let number = parts.length[block].min(lengths[block]);
-        let sum = first[block] * number + last[block] * (lengths[block] - number);
+        let sum = last[block] * lengths[block] + (first[block] - last[block]) * number;
         sums[block] += sum * parts.is_certain[block];
     }
 }
 
-/// Return which values differ from 0, as bits. The first value is the lowest bit.
+/// Return the blocks whose values are not 0.
 #[inline(always)]
-fn bits(values: Blocks<i32>) -> u32 {
-    if values == [0; BLOCKS_PER_STEP] {
-        return 0;
-    }
-    let mut bits = 0;
-    for (index, value) in values.into_iter().enumerate() {
-        bits |= u32::from(value != 0) << index;
-    }
-    bits
-}
-
-/// Return the numbers of the blocks whose bits are 1.
-#[inline(always)]
-pub(super) fn blocks_in(mut bits: u32) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let block = bits.trailing_zeros() as usize;
-        let is_any = bits != 0;
-        bits &= bits.wrapping_sub(1);
-        is_any.then_some(block)
-    })
+pub(super) fn blocks_in(values: &Blocks<i32>) -> impl Iterator<Item = usize> {
+    (0..BLOCKS_PER_STEP).filter(|&block| values[block] != 0)
 }

@@ -3,13 +3,13 @@
 use std::borrow::Cow;
 
 use ndarray::parallel::prelude::*;
-use ndarray::{ArrayView1, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
+use ndarray::{ArrayView2, ArrayViewMut1, ArrayViewMut2, ArrayViewMut3, Axis};
 
 pub use super::lines::BLOCK;
 
 use super::field::Displacements;
 use super::frames::{Frames, Input, Piece};
-use super::row::{RowMotion, set_row};
+use super::row::RowMotion;
 use super::row_counter::RowCounters;
 use super::source::Frame;
 use crate::bits::{FRAMES_PER_GROUP, PackedBits, check_mask, check_sum, packed_width, trials};
@@ -46,7 +46,7 @@ pub struct ShiftedCounts<'a> {
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if a time is not in
 /// \[-1, m\] for m fields, a count could exceed the `i32`, or a frame has more than 2^24 rows or columns, or 2^31
-/// bytes.
+/// bytes. If a count could exceed the `i32`, the sums are incomplete.
 pub fn add_shifted_counts(
     bits: &PackedBits<'_>,
     motion: &Displacements<'_>,
@@ -59,11 +59,14 @@ pub fn add_shifted_counts(
     if frames == 0 || rows == 0 || columns == 0 {
         return Ok(());
     }
+    let most = trials(frames, 1)?;
     let (pieces, times) = Piece::divide(times, motion.number());
+    let mean = motion.mean(&Piece::shares(&pieces, &times, motion.number()));
     let input = Input {
         bits: bits.contiguous(),
         valid: valid.map(contiguous_mask),
         motion,
+        mean,
         times,
         pieces,
         frame: Frame { rows, columns },
@@ -78,15 +81,44 @@ pub fn add_shifted_counts(
         .zip(trials.axis_chunks_iter_mut(Axis(0), ROWS_PER_TASK))
         .zip(remainders.axis_chunks_iter_mut(Axis(0), ROWS_PER_TASK))
         .enumerate()
-        .for_each(|(chunk, ((ones, trials), remainders))| {
-            let part = ShiftedCounts {
-                ones,
-                trials,
-                remainders,
-            };
-            count_rows(&input, chunk * ROWS_PER_TASK, part);
-        });
-    Ok(())
+        .try_for_each_init(
+            || Task::new(&input),
+            |task, (chunk, ((ones, trials), remainders))| {
+                check_sum(most, ones.view())?;
+                check_sum(most, trials.view())?;
+                let part = ShiftedCounts {
+                    ones,
+                    trials,
+                    remainders,
+                };
+                count_rows(&input, chunk * ROWS_PER_TASK, task, part);
+                Ok(())
+            },
+        )
+}
+
+/// What a task needs to count rows. Several tasks use it, one after the other.
+struct Task<'a> {
+    motions: Vec<RowMotion<'a>>,
+    counters: RowCounters<'a>,
+    /// The mean displacements and shifts of a row in one direction.
+    values: Vec<f32>,
+    displacements: Vec<f32>,
+    shifts: Vec<f64>,
+}
+
+impl<'a> Task<'a> {
+    fn new(input: &'a Input<'_, '_>) -> Self {
+        let rows = ROWS_PER_TASK.min(input.frame.rows);
+        let blocks = input.frame.columns.div_ceil(BLOCK);
+        Self {
+            motions: vec![RowMotion::new(input.motion); rows],
+            counters: RowCounters::new(input, rows),
+            values: vec![0.0; input.mean.padded_length()],
+            displacements: vec![0.0; blocks],
+            shifts: vec![0.0; blocks],
+        }
+    }
 }
 
 fn check(
@@ -118,7 +150,6 @@ fn check(
         if counts.dim() != (rows, columns) {
             return Err(Error::shape("counts", (rows, columns), counts.dim()));
         }
-        check_sum(trials(frames, 1)?, counts)?;
     }
     let blocks = (rows, 2, columns.div_ceil(BLOCK));
     if sums.remainders.dim() != blocks {
@@ -137,28 +168,23 @@ fn contiguous_mask(mask: ArrayView2<'_, u8>) -> Cow<'_, [u8]> {
 levels! {
     /// Count some rows of pixels, of which `first_row` is the first.
     fn count_rows(
-        input: &Input<'_, '_>, first_row: usize, sums: ShiftedCounts<'_>,
+        input: &Input<'_, '_>, first_row: usize, task: &mut Task<'_>, sums: ShiftedCounts<'_>,
     ) = count_rows_inlined;
 }
 
 #[inline(always)]
-fn count_rows_inlined(input: &Input<'_, '_>, first_row: usize, mut sums: ShiftedCounts<'_>) {
+fn count_rows_inlined(
+    input: &Input<'_, '_>,
+    first_row: usize,
+    task: &mut Task<'_>,
+    mut sums: ShiftedCounts<'_>,
+) {
     let (rows, frames) = (sums.ones.nrows(), input.times.len());
-    let mut counters = RowCounters::new(input, first_row, rows);
-    let mut motions = vec![RowMotion::new(input.motion.columns()); rows];
+    let (counters, motions) = (&mut task.counters, &mut task.motions[..rows]);
+    counters.clear(first_row);
     for piece in &input.pieces {
-        let times = input.times[piece.frames.clone()].iter();
-        let time: f64 = times.copied().map(f64::from).sum();
         for (row, motion) in motions.iter_mut().enumerate() {
-            let sums = counters.displacements(row);
-            let times = (piece.frames.len(), time);
-            set_row(
-                motion,
-                input.motion,
-                (piece.field, first_row + row),
-                times,
-                sums,
-            );
+            motion.set(input.motion, piece.field, first_row + row);
         }
         for first in piece.frames.clone().step_by(FRAMES_PER_GROUP) {
             if interrupt::is_requested() {
@@ -172,19 +198,37 @@ fn count_rows_inlined(input: &Input<'_, '_>, first_row: usize, mut sums: Shifted
             counters.end_group();
         }
     }
-    let mut counts = vec![0; input.frame.columns];
     for row in 0..rows {
-        counters.ones(row, &mut counts);
-        let mut ones = sums.ones.row_mut(row);
-        ones += &ArrayView1::from(&counts);
-        counters.trials(row, frames, &mut counts);
-        let mut trials = sums.trials.row_mut(row);
-        trials += &ArrayView1::from(&counts);
+        with_slice(sums.ones.row_mut(row), |ones| counters.add_ones(row, ones));
+        with_slice(sums.trials.row_mut(row), |trials| {
+            counters.add_trials(row, frames, trials);
+        });
         let mut remainders = sums.remainders.index_axis_mut(Axis(0), row);
         for (direction, mut remainders) in remainders.rows_mut().into_iter().enumerate() {
-            for (block, sum) in remainders.iter_mut().enumerate() {
-                *sum += counters.remainder(direction, row, block);
+            let place = (0, direction);
+            input
+                .mean
+                .read_row(place, first_row + row, &mut task.values);
+            let columns = input.mean.columns();
+            columns.average(&task.values, &mut task.displacements);
+            counters.shifts(row).average(direction, &mut task.shifts);
+            let means = task.shifts.iter().zip(&task.displacements);
+            for (sum, (shift, &displacement)) in remainders.iter_mut().zip(means) {
+                *sum += (shift - frames as f64 * f64::from(displacement)) as f32;
             }
         }
+    }
+}
+
+/// Change a row as a slice.
+fn with_slice(mut row: ArrayViewMut1<'_, i32>, change: impl FnOnce(&mut [i32])) {
+    if let Some(slice) = row.as_slice_mut() {
+        change(slice);
+        return;
+    }
+    let mut copy = row.to_vec();
+    change(&mut copy);
+    for (value, copy) in row.iter_mut().zip(copy) {
+        *value = copy;
     }
 }

@@ -3,7 +3,15 @@
 use std::ops::Range;
 
 use super::lines::{BLOCK, BLOCKS_PER_STEP, Blocks};
-use crate::bits::{bit_field, copy_bytes};
+
+/// The number of bits in a word.
+pub(super) const WORD: usize = 64;
+
+/// The number of words in a step.
+pub(super) const WORDS_PER_STEP: usize = BLOCKS_PER_STEP * BLOCK / WORD;
+
+/// The bits of a step.
+pub(super) type Words = [u64; WORDS_PER_STEP];
 
 /// The size of the frames that bits are copied from.
 #[derive(Clone, Copy)]
@@ -15,36 +23,67 @@ pub(super) struct Frame {
 /// Where the bits of each block of a step come from, if all bits of a block have the same shift.
 #[derive(Clone, Default)]
 pub(super) struct Origins {
-    /// The byte of the frame with the first bit inside it, and the number of bits before this bit.
+    /// The byte of the frame with the first bit inside it.
     bytes: Blocks<u32>,
-    bits_before: Blocks<i32>,
-    /// The number of bits after the last one of a block in a word of 32 bits. Bits from outside the
-    /// frame come before its first bit.
+    /// The number of bits after the last one of a block in a word of 32 bits from this byte. Bits
+    /// from outside the frame come before its first bit.
     bits_after: Blocks<i32>,
     /// The pixels whose bits come from inside the frame. The first pixel is the highest bit.
     pub inside: Blocks<i32>,
 }
 
 impl Origins {
+    /// Return the bits of a step. Those from outside the frame are 0.
+    #[inline(always)]
+    pub fn words(&self, source: &[u8]) -> Words {
+        let mut words = [0; WORDS_PER_STEP];
+        for (index, word) in words.iter_mut().enumerate() {
+            for block in 0..WORD / BLOCK {
+                *word = *word << BLOCK | self.bits(source, index * (WORD / BLOCK) + block);
+            }
+        }
+        words
+    }
+
     /// Return the bits of a block. Those from outside the frame are 0.
     #[inline(always)]
-    pub fn bits(&self, source: &[u8], block: usize) -> u16 {
+    fn bits(&self, source: &[u8], block: usize) -> u64 {
         let first = self.bytes[block] as usize;
-        let word = match source.get(first..first + 4) {
-            Some(four) => u32::from_be_bytes([four[0], four[1], four[2], four[3]]),
-            None => last_word(&source[first..]),
+        let word = match source[first..].first_chunk() {
+            Some(four) => u32::from_be_bytes(*four),
+            None => (last_word(&source[first..]) >> 32) as u32,
         };
-        let bits = word << (self.bits_before[block] & 31) >> (self.bits_after[block] & 31);
-        bits as u16 & self.inside[block] as u16
+        u64::from(word >> (self.bits_after[block] & 31) & self.inside[block] as u32)
     }
 }
 
-/// Return up to three bytes, with zeros past the end.
+/// Return 64 bits after the first `start` bits, with zeros past the end.
+#[inline(always)]
+fn read_word(source: &[u8], start: usize) -> u64 {
+    let bytes = &source[start / 8..];
+    let [left, right] = match bytes.first_chunk::<9>() {
+        Some(&[a, b, c, d, e, f, g, h, i]) => {
+            [[a, b, c, d, e, f, g, h], [b, c, d, e, f, g, h, i]].map(u64::from_be_bytes)
+        }
+        None => [last_word(bytes), last_word(&bytes[1.min(bytes.len())..])],
+    };
+    join(left, right, start % 8)
+}
+
+/// Return the bits after the first `shift` ones of two words, the second of which begins a byte
+/// later.
+#[inline(always)]
+fn join(left: u64, right: u64, shift: usize) -> u64 {
+    left << shift | right >> (8 - shift)
+}
+
+/// Return up to eight bytes, with zeros past the end.
 #[cold]
-fn last_word(bytes: &[u8]) -> u32 {
-    let mut word = [0; 4];
-    word[..bytes.len()].copy_from_slice(bytes);
-    u32::from_be_bytes(word)
+fn last_word(bytes: &[u8]) -> u64 {
+    let mut word = [0; 8];
+    let length = bytes.len().min(8);
+    word[..length].copy_from_slice(&bytes[..length]);
+    u64::from_be_bytes(word)
 }
 
 impl Frame {
@@ -71,8 +110,7 @@ impl Frame {
             let start = if is_inside { column + skipped } else { 0 };
             let row_start = if is_inside { row * row_bytes } else { 0 };
             origins.bytes[i] = (row_start + (start >> 3)) as u32;
-            origins.bits_before[i] = start & 7;
-            origins.bits_after[i] = 16 + (skipped & 15);
+            origins.bits_after[i] = 16 - (start & 7) + (skipped & 15);
             let inside = (0xffff >> skipped) & !(0xffff >> length);
             origins.inside[i] = if is_inside { inside } else { 0 };
         }
@@ -101,36 +139,59 @@ impl Frame {
         row: usize,
         shift: [i32; 2],
         columns: Range<usize>,
-        target: &mut [u8],
+        target: &mut [[u8; WORD / 8]],
     ) {
         if columns.is_empty() {
-            target.fill(0);
+            target.fill([0; WORD / 8]);
             return;
         }
         let row_start = (row as i64 + i64::from(shift[0])) * 8 * self.row_bytes() as i64;
-        let place = |column: usize| (row_start + column as i64 + i64::from(shift[1])) as usize;
-        let bytes = columns.start.div_ceil(8)..columns.end / 8;
-        if bytes.start > bytes.end {
-            // All columns are in the same byte.
-            target.fill(0);
-            let field = bit_field(source, place(columns.start), columns.len()) as u8;
-            target[bytes.end] = field << (8 - columns.end % 8);
-            return;
+        let place = |column: usize| row_start + column as i64 + i64::from(shift[1]);
+        let bytes = target.len() * WORD / 8;
+        match usize::try_from(place(0)) {
+            // Bits of other rows are removed later.
+            Ok(start) if start / 8 + bytes < source.len() => copy_words(source, start, target),
+            _ => {
+                for (index, word) in target.iter_mut().enumerate() {
+                    let first = columns.start.max(index * WORD);
+                    let is_inside = first < columns.end.min((index + 1) * WORD);
+                    *word = [0; WORD / 8];
+                    if is_inside {
+                        let bits = read_word(source, place(first) as usize);
+                        *word = (bits >> (first - index * WORD)).to_be_bytes();
+                    }
+                }
+            }
         }
-        target[..bytes.start].fill(0);
-        target[bytes.end..].fill(0);
-        let before = 8 * bytes.start - columns.start;
-        if before > 0 {
-            target[bytes.start - 1] = bit_field(source, place(columns.start), before) as u8;
-        }
-        let after = columns.end - 8 * bytes.end;
-        if after > 0 {
-            let field = bit_field(source, place(8 * bytes.end), after) as u8;
-            target[bytes.end] = field << (8 - after);
-        }
-        if !bytes.is_empty() {
-            copy_bytes(source, place(8 * bytes.start), &mut target[bytes]);
-        }
+        keep(columns, target);
+    }
+}
+
+/// Set the bits of all columns but some to 0.
+#[inline(always)]
+fn keep(columns: Range<usize>, target: &mut [[u8; WORD / 8]]) {
+    let mut mask = |index: usize, mask: u64| {
+        target[index] = (u64::from_be_bytes(target[index]) & mask).to_be_bytes();
+    };
+    let (first, last) = (columns.start / WORD, columns.end / WORD);
+    mask(first, u64::MAX >> (columns.start % WORD));
+    if !columns.end.is_multiple_of(WORD) {
+        mask(last, !(u64::MAX >> (columns.end % WORD)));
+    }
+    target[..first].fill([0; WORD / 8]);
+    target[columns.end.div_ceil(WORD)..].fill([0; WORD / 8]);
+}
+
+/// Copy words after the first `start` bits. A byte must follow them.
+#[inline(always)]
+fn copy_words(source: &[u8], start: usize, target: &mut [[u8; WORD / 8]]) {
+    let (first, shift) = (start / 8, start % 8);
+    let bytes = target.len() * WORD / 8;
+    let (left, right) = (&source[first..][..bytes], &source[first + 1..][..bytes]);
+    let pairs = left.as_chunks().0.iter().zip(right.as_chunks().0);
+    for (word, (left, right)) in target.iter_mut().zip(pairs) {
+        let [left, right] = [left, right].map(|bytes| u64::from_be_bytes(*bytes));
+        *word = join(left, right, shift).to_be_bytes();
     }
 }
 
