@@ -3,18 +3,20 @@
 import numpy as np
 import pytest
 
+import jotlight as jl
 from jotlight.motion.affine import _information, _smooth, extrapolate, follow, is_renewed, start
 from jotlight.motion.segments import Segment
 from jotlight.motion.tiles import affine_basis, tile_counts
-from moving import blocks_of, record
+from moving import blocks_of, moved, record
 
 
 def follow_scene(scene, bits):
     blocks = blocks_of(bits)
     shape = tile_counts(blocks.size)
-    velocity = (scene.motion(26) - scene.motion(22)) / 4
+    at = scene.reference
+    velocity = (scene.motion(at + 2) - scene.motion(at - 2)) / 4
     nodes = velocity[:, 8::16, 8::16][:, : shape[0], : shape[1]].astype(float)
-    return follow(blocks, scene.reference, Segment(nodes, np.ones(shape), 1.0))
+    return follow(blocks, at, Segment(nodes, np.ones(shape), 1.0))
 
 
 @pytest.mark.parametrize(("motion", "limit"), [("shake", 0.25), ("rotate", 0.35)])
@@ -32,6 +34,22 @@ def test_an_affine_motion_is_followed_from_its_velocity(motion, limit):
     nodes = track.nodes.reshape(-1, len(basis)).T
     fit = basis @ np.linalg.lstsq(basis, nodes, rcond=None)[0]
     np.testing.assert_allclose(fit, nodes, atol=1e-6)
+
+
+def test_an_object_does_not_draw_the_motion_away():
+    options = {"shape": (128, 128), "photons": 0.3}
+    scene, bits = record("shake", 64, rng=3, **options)
+    times = np.arange(64)
+    path = 6 * np.stack([np.sin(0.1 * times), np.cos(0.07 * times)], axis=1)
+    _, object_bits = moved(path, rng=53, **options)
+    frames = bits.to_array().copy()
+    frames[:, 30:110, 30:110] = object_bits.to_array()[:, 30:110, 30:110]
+    track = follow_scene(scene, jl.Bits.from_array(frames))
+    errors = [
+        track.displacements(block) - scene.motion(time)
+        for block, time in enumerate(track.blocks.centers)
+    ]
+    assert np.sqrt(np.mean(np.square(errors))) < 0.2
 
 
 def test_the_two_central_blocks_start_at_the_velocity():

@@ -1,5 +1,6 @@
 """Films: the motion that is carried from window to window, against a fresh alignment of each."""
 
+import dataclasses
 import itertools
 
 import numpy as np
@@ -92,7 +93,7 @@ def test_another_scene_is_aligned_afresh():
 @pytest.mark.slow
 def test_windows_that_share_few_frames_are_aligned_afresh():
     _, bits = moving("shake", 96)
-    for window, step in ((32, 20), (32, None)):
+    for window, step in ((32, 10), (32, None)):
         images = list(film(bits, window=window, step=step))
         assert not any(image.is_carried for image in images)
     last = jl.merge(bits[64:96])
@@ -119,7 +120,7 @@ def test_counts_are_filmed_as_bits_are():
 def test_color_is_filmed():
     _, bits = moving("shake", 64, (48, 48))
     colors = jl.Bits.from_array(np.stack([bits.to_array()] * 2, axis=3))
-    images = list(film(colors, window=32, step=16))
+    images = list(film(colors, window=32, step=8))
     assert images[-1].merged.shape == (48, 48, 2)
     np.testing.assert_array_equal(images[-1].merged.ones[..., 0], images[-1].merged.ones[..., 1])
 
@@ -138,6 +139,16 @@ def test_blocks_are_shared_by_windows(frames, step):
         # The last block is longer or shorter, so that all frames lie in one.
         shared = edges[(edges >= step) & (edges < frames)] - step
         assert set(shared) <= set(edges.tolist())
+
+
+def test_a_motion_that_folds_the_image_is_not_carried():
+    _, bits = moving("shake", 64)
+    motion = jl.align(bits[:32])
+    nodes = np.random.default_rng(1).normal(0, 1e4, motion.nodes.shape).astype(np.float32)
+    folded = dataclasses.replace(motion, nodes=nodes)
+    with pytest.raises(ValueError, match="nodes: expected displacements"):
+        folded.seen_from(24)
+    assert carry(folded, bits[8:40], bits[8:40].sensor, 8) is None
 
 
 def test_the_carried_motion_shows_the_middle_of_its_window():

@@ -9,6 +9,7 @@ from jotlight.motion.shrinkage import (
     information_of_linear,
     shrink_field,
     shrinkage_factor,
+    translation_of,
 )
 from jotlight.motion.tiles import affine_basis
 
@@ -55,6 +56,14 @@ def test_linear_coefficients_that_are_noise_vanish(information):
     _, effect = information_of_linear(information)
     expected = coefficients[TRANSLATION] + effect @ coefficients[LINEAR]
     np.testing.assert_allclose(found[TRANSLATION], expected)
+
+
+def test_the_best_translation_minimizes_the_quadratic_form(information):
+    coefficients = np.array([1.0, 2, -1, 0.5, 1, -2])
+    found = coefficients_of(translation_of(field_of(coefficients), information))
+    np.testing.assert_allclose(found[LINEAR], 0, atol=1e-9)
+    gradient = information @ (found - coefficients)
+    np.testing.assert_allclose(gradient[TRANSLATION], 0, atol=1e-9)
 
 
 def test_shrinking_is_better_than_the_estimate_for_any_truth(information):

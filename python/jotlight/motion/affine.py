@@ -4,6 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.consistency import chi_squared
 from jotlight.motion.regularize import Equations, fit_affine
 from jotlight.motion.scoring import Template, make_template, normal_equations
 from jotlight.motion.segments import Segment, limit_length
@@ -11,11 +12,11 @@ from jotlight.motion.shrinkage import (
     LINEAR,
     TRANSLATION,
     information_of_linear,
-    shrink_field,
     shrinkage_factor,
+    translation_of,
 )
 from jotlight.motion.smoothing import cubic_weights, smoothing_matrix
-from jotlight.motion.tiles import affine_basis, tile_counts
+from jotlight.motion.tiles import affine_basis, mean_tiles, tile_counts
 from jotlight.motion.track import Track
 
 Array = npt.NDArray[np.float64]
@@ -37,6 +38,12 @@ _TINY = 0.1
 
 _INTERPOLATION = 0.25
 """Error of linear interpolation between blocks, as a fraction of their second difference."""
+
+_GROUPS = 4
+"""Number of groups of blocks that are compared with the template of all."""
+
+_MAX_EXCESS = 0.3
+"""Mean of χ² - 1 in a tile at which it has half its weight, if no more is usual."""
 
 _MIN_SHARE_OF_OTHERS = 0.3
 """Smallest assumed share of the other blocks in the template."""
@@ -96,11 +103,14 @@ def is_renewed(number: int) -> bool:
 
 
 def improve(track: Track, block: int, template: Template, sigma: float, weights: Array) -> float:
-    """Update the displacements of a block, and return the length of the longest step."""
+    """Translate the displacements of a block, and return the length of the step.
+
+    A block has few photons. Objects that move on their own would make it rotate and shear.
+    """
     equations = normal_equations(track.nearby_sums(block), template, sigma)
-    step = limit_length(shrink_field(*fit_affine(equations, weights)), 2 * sigma)
+    step = limit_length(translation_of(*fit_affine(equations, weights)), 2 * sigma)
     track.nodes[block] -= step
-    return float(np.hypot(*step).max())
+    return float(np.hypot(*step[:, 0, 0]))
 
 
 def improve_together(
@@ -113,6 +123,7 @@ def improve_together(
     number = len(track.nodes)
     if template is None:
         template = template_of(track)
+    weights = weights * _agreement(track, template)
     basis = affine_basis(tile_counts(track.blocks.size))
     to_parameters = np.linalg.pinv(basis)
     parameters, matrices = np.empty((number, 6)), np.empty((number, 6, 6))
@@ -142,6 +153,23 @@ def against_others(equations: Equations, sums: Sums, template: Template) -> Equa
     share = float(sums.trials.mean() / max(template.trials.mean(), 1e-9))
     right = equations.right / max(1 - share, _MIN_SHARE_OF_OTHERS)
     return Equations(equations.information, right)
+
+
+def _agreement(track: Track, template: Template) -> Array:
+    """Return weights of tiles, (rows, columns): 1 where the blocks agree with the template.
+
+    Objects that hide parts of a segment for some time would draw its motion away. So the weight
+    tends to 0 where χ² is large.
+    """
+    groups = np.array_split(np.flatnonzero(track.known), _GROUPS)
+    sums = [
+        Sums.total([track.nearby_sums(int(block)) for block in group])
+        for group in groups
+        if len(group)
+    ]
+    excess = np.mean([mean_tiles(chi_squared(each, template)) - 1 for each in sums], axis=0)
+    usual = max(_MAX_EXCESS, float(np.median(excess)))
+    return np.asarray(1 / (1 + (np.maximum(excess, 0) / usual) ** 2))
 
 
 def template_of(track: Track) -> Template:

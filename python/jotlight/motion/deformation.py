@@ -15,6 +15,7 @@ from jotlight.motion.blocks import Blocks
 from jotlight.motion.regularize import Equations, Smoothness, fit_affine, solve_field
 from jotlight.motion.scoring import Template, make_template, normal_equations
 from jotlight.motion.segments import limit_length
+from jotlight.motion.shrinkage import translation_of
 from jotlight.motion.smoothing import cubic_weights, smoothing_matrix
 from jotlight.motion.track import Track
 
@@ -57,10 +58,10 @@ def follow_tiles(blocks: Blocks, reference: int, velocity: Array) -> Track:
 
 
 def improve_tiles(track: Track, block: int, template: Template, sigma: float) -> None:
-    """Update the displacements of a block: first an affine part, then each tile."""
+    """Update the displacements of a block: first a translation, then each tile."""
     predicted = track.nodes[block].copy()
     equations = normal_equations(track.nearby_sums(block), template, sigma)
-    step, _ = fit_affine(equations, np.ones(predicted.shape[1:]))
+    step = translation_of(*fit_affine(equations, np.ones(predicted.shape[1:])))
     track.nodes[block] -= limit_length(step, 2 * sigma)
     equations = normal_equations(track.nearby_sums(block), template, sigma)
     now = track.nodes[block]

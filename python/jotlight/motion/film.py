@@ -31,7 +31,7 @@ Array = npt.NDArray[np.float64]
 _MAX_CARRIED = 33
 """Number of images after which the motion is estimated afresh."""
 
-_MIN_OVERLAP = 0.5
+_MIN_OVERLAP = 0.75
 """Minimum fraction of a window that the next one shares, for the motion to be carried."""
 
 _MAX_LOSS = 0.03
@@ -82,8 +82,8 @@ def film(
     window : int
         Number of frames of each image, from 1 to T.
     step : int, optional
-        Frames from one window to the next. Default: the size of a window. If it exceeds half a
-        window, the motion of each window is estimated afresh.
+        Frames from one window to the next. Default: the size of a window. If it exceeds a
+        quarter of a window, the motion of each window is estimated afresh.
     model : {"auto", "none", "affine", "segments", "tiles"}
         The model of the motion, as in :func:`jotlight.align`.
     threads : int, optional
@@ -184,14 +184,19 @@ def carry(
     -------
     Paths or None
         None if a scene that stood still begins to move, or if nothing stays in view, as after a cut
-        to another scene.
+        to another scene, or if the motion folds the image.
     """
     burst, sensor = prepare_burst(data, sensor)
     blocks = Blocks(burst, divide_by_steps(len(burst), step), valid_jots(sensor), threads)
     before = dataclasses.replace(
         motion, times=motion.times - step, reference=motion.reference - step
     )
-    paths = as_paths(before.seen_from(float(len(burst) // 2)), blocks)
+    try:
+        seen = before.seen_from(float(len(burst) // 2))
+    except ValueError:
+        # A wrong motion of tiles may fold the image, so that its displacements have no bounds.
+        return None
+    paths = as_paths(seen, blocks)
     if not _stays_in_view(paths):
         return None
     # Edges are rounded, so centers differ by up to half a frame.

@@ -104,6 +104,24 @@ def find_paths(
     return Found(still, "none", None)
 
 
+def _with_tiles(
+    paths: Paths, tiles: Track, consistent: Consistent | None
+) -> tuple[Paths, Consistent | None]:
+    """Return paths with the tiles as a further track, and the sums along them.
+
+    If the sums along the given paths are known, and fewer bits agree with the tiles, these paths
+    are returned.
+    """
+    tracks = [*paths.tracks, tiles]
+    more = Paths(tracks, choose(tracks))
+    if consistent is None:
+        return more, None
+    others = find_consistent(more)
+    if others.accepted.mean() > consistent.accepted.mean():
+        return more, others
+    return paths, consistent
+
+
 def _ignore(_: float) -> None:
     """Ignore the progress."""
 
@@ -127,9 +145,8 @@ def _explain(
     advance(0.7)
     consistent = find_consistent(paths) if model == "auto" else None
     if model == "tiles" or (consistent and _share_of_unknown(consistent) > _MAX_UNKNOWN):
-        consistent = None
         tiles = follow_tiles(blocks, reference, _velocity(paths, segments))
-        paths = Paths([*tracks, tiles], choose([*tracks, tiles]))
+        paths, consistent = _with_tiles(paths, tiles, consistent)
     advance(0.9)
     used = np.unique(paths.labels)
     if len(tracks) in used:

@@ -66,3 +66,15 @@ def shrink_field(field: Array, information: Array) -> Array:
     coefficients[TRANSLATION] += effect @ (linear - shrunk)
     coefficients[LINEAR] = shrunk
     return np.asarray((coefficients.reshape(2, 3) @ basis.T).reshape(field.shape))
+
+
+def translation_of(field: Array, information: Array) -> Array:
+    """Return the translation (2, rows, columns) that fits best if nothing else moves.
+
+    The parameters are those of :func:`shrink_field`.
+    """
+    basis = affine_basis((field.shape[1], field.shape[2]))
+    coefficients = (field.reshape(2, -1) @ np.linalg.pinv(basis).T).ravel()
+    _, effect = information_of_linear(information)
+    translation = coefficients[TRANSLATION] + effect @ coefficients[LINEAR]
+    return np.broadcast_to(translation[:, None, None], field.shape).copy()
