@@ -32,7 +32,7 @@ pub(super) struct Lines {
     /// Whether the first and the last pixel of each block always have the same displacement. Then no
     /// block is divided.
     ///
-    /// This is known before the times. A branch that depends on a time would often be mispredicted.
+    /// This does not depend on the time. A branch for each frame made counting up to a fifth slower.
     is_flat: bool,
 }
 
@@ -68,7 +68,7 @@ impl Lines {
                 first[i + 2] - first[i + 1],
             );
             let ends = [value + DISTANCE * left, value + DISTANCE * right];
-            let bend = left + right;
+            let corner = left + right;
             let magnitude = value.abs() + left.abs() + right.abs();
             let (value, left, right) = (
                 last[i + 1],
@@ -80,7 +80,7 @@ impl Lines {
             self.change[0][i] = value + DISTANCE * left - ends[0];
             self.change[1][i] = value + DISTANCE * right - ends[1];
             // The difference from the line is largest at the center.
-            let difference = bend.abs() + 2.0 * (left + right - bend).abs();
+            let difference = corner.abs() + 2.0 * (left + right - corner).abs();
             let magnitude = magnitude + value.abs() + left.abs() + right.abs();
             self.margin[i] = margin(DISTANCE / 2.0 * difference, 6.0 * magnitude);
         }
