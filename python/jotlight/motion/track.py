@@ -48,12 +48,13 @@ class _Curve:
         return np.tensordot(self._weights(self.frames).mean(axis=0), self.fields, 1)
 
     def distance(self, other: "_Curve") -> float:
-        """Return the largest difference of the displacements in three frames, in pixels.
+        """Return the largest difference of the displacements in pixels.
 
-        They are the first, the middle, and the last frame.
+        It is that of the fields, or of the first, the middle, and the last frame if there are not
+        equally many fields.
         """
-        if len(self.times) == len(other.times) and np.array_equal(self.fields, other.fields):
-            return 0.0
+        if len(self.times) == len(other.times):
+            return float(abs(self.fields - other.fields).max())
         first, last = self.frames[0], self.frames[-1]
         three = np.array([first, (first + last) / 2, last])
         one, two = (np.tensordot(each._weights(three), each.fields, 1) for each in (self, other))
