@@ -43,7 +43,6 @@ from jotlight.motion.align import prepare_burst
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.consistency import find_consistent
 from jotlight.motion.model import divide
-from jotlight.motion.scoring import make_template
 
 SIZE = 256, 256
 INNER = (slice(8, -8),) * 2
@@ -266,11 +265,11 @@ def merge_by_flow(bits: jl.Bits) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.
 
     burst, _ = prepare_burst(bits, None)
     blocks = Blocks(burst, divide(len(burst)))
-    still = [np.zeros((2, *SIZE), np.float32)] * len(blocks.centers)
-    images = [
-        np.rint(255 * make_template(Flow(blocks, 0, still).sums(block), None).probability)
-        for block in range(len(still))
-    ]
+    network = jl.pretrained(bits.sensor)
+    images = []
+    for start, end in itertools.pairwise(blocks.edges.tolist()):
+        fraction = bits[start:end].counts() / np.float32(end - start)
+        images.append(255 * network.denoise_probability(fraction.astype(np.float32), end - start))
     scale = 255 / max(float(max(image.max() for image in images)), 1.0)
     bytes_ = [np.clip(scale * image, 0, 255).astype(np.uint8) for image in images]
     reference = len(burst) // 2

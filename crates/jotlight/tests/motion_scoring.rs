@@ -104,7 +104,7 @@ fn square(radius: isize, weight: impl Fn(isize, isize) -> f64) -> Vec<(isize, is
 
 fn variance_per_trial(case: &Case, p: &Array2<f64>) -> Array2<f64> {
     Array2::from_shape_fn(case.size(), |i| {
-        let share = 0.25 * f64::from(case.trials[i]) / f64::from(case.of_template[i].max(1));
+        let share = 0.35 * f64::from(case.trials[i]) / f64::from(case.of_template[i].max(1));
         p[i] * (1.0 - p[i]) * (1.0 + share)
     })
 }

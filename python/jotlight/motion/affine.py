@@ -12,8 +12,8 @@ from jotlight.motion.shrinkage import (
     LINEAR,
     TRANSLATION,
     information_of_linear,
+    shrink_field,
     shrinkage_factor,
-    translation_of,
 )
 from jotlight.motion.smoothing import cubic_weights, smoothing_matrix
 from jotlight.motion.tiles import affine_basis, mean_tiles, tile_counts
@@ -54,16 +54,17 @@ def follow(blocks: Blocks, reference: int, segment: Segment) -> Track:
     track = start(blocks, reference, segment.velocity)
     order = track.from_center()
     total = track.sums(order[0]) + track.sums(order[1])
-    template = make_template(total, blocks.threads)
+    template, weights = make_template(total, blocks.threads), segment.weights
     for number, block in enumerate(order[2:], 3):
         extrapolate(track, block, segment.velocity)
         for sigma in SIGMAS:
-            if improve(track, block, template, sigma, segment.weights) <= _SMALL:
+            if improve(track, block, template, sigma, weights) <= _SMALL:
                 break
         track.known[block] = True
         total = total + track.nearby_sums(block)
         if is_renewed(number) and number < len(order):
             template = make_template(total, blocks.threads)
+            weights = segment.weights * agreement(track, template)
     for sigma in _JOINT_SIGMAS:
         if improve_together(track, segment.weights, sigma) <= _TINY and sigma == _JOINT_SIGMAS[-1]:
             break
@@ -103,14 +104,11 @@ def is_renewed(number: int) -> bool:
 
 
 def improve(track: Track, block: int, template: Template, sigma: float, weights: Array) -> float:
-    """Translate the displacements of a block, and return the length of the step.
-
-    A block has few photons. Objects that move on their own would make it rotate and shear.
-    """
+    """Update the displacements of a block, and return the length of the longest step."""
     equations = normal_equations(track.nearby_sums(block), template, sigma)
-    step = limit_length(translation_of(*fit_affine(equations, weights)), 2 * sigma)
+    step = limit_length(shrink_field(*fit_affine(equations, weights)), 2 * sigma)
     track.nodes[block] -= step
-    return float(np.hypot(*step[:, 0, 0]))
+    return float(np.hypot(*step).max())
 
 
 def improve_together(
@@ -123,7 +121,7 @@ def improve_together(
     number = len(track.nodes)
     if template is None:
         template = template_of(track)
-    weights = weights * _agreement(track, template)
+    weights = weights * agreement(track, template)
     basis = affine_basis(tile_counts(track.blocks.size))
     to_parameters = np.linalg.pinv(basis)
     parameters, matrices = np.empty((number, 6)), np.empty((number, 6, 6))
@@ -155,7 +153,7 @@ def against_others(equations: Equations, sums: Sums, template: Template) -> Equa
     return Equations(equations.information, right)
 
 
-def _agreement(track: Track, template: Template) -> Array:
+def agreement(track: Track, template: Template) -> Array:
     """Return weights of tiles, (rows, columns): 1 where the blocks agree with the template.
 
     Objects that hide parts of a segment for some time would draw its motion away. So the weight

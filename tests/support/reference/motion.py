@@ -56,7 +56,7 @@ def sum_tiles(values):
 
 def variance_per_trial(p, trials, trials_of_template):
     """Return the variance of a residual per trial, which includes the noise of the template."""
-    return p * (1 - p) * (1 + 0.25 * trials / np.maximum(trials_of_template, 1))
+    return p * (1 - p) * (1 + 0.35 * trials / np.maximum(trials_of_template, 1))
 
 
 def brightness(ones, trials, p):

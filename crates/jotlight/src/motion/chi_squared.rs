@@ -35,7 +35,7 @@ pub struct Comparison<'a> {
 
 /// Write χ² of each pixel into `out`. It is about 1 if the counts agree with the template.
 ///
-/// The residual counts N/β − D p and their variances D p(1 − p)(1 + ¼ D/D_R) are added in squares of
+/// The residual counts N/β − D p and their variances D p(1 − p)(1 + 0.35 D/D_R) are added in squares of
 /// 3 pixels. The ratio of the squared residual to the variance is averaged over those of 9 pixels
 /// that have trials, and over one more pixel whose ratio is 1. β is the brightness of the block, the
 /// ratio of Σ N to Σ D p.

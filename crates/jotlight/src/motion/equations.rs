@@ -81,7 +81,7 @@ impl EquationsView<'_> {
 ///
 /// The ones N of the block are expected to be D p(x + e), with the filtered probabilities p of the
 /// template. With the filter G, g = ∇p, and the mean remainders r̄, the residual counts are
-/// ρ = G N/β − (G D)(p + g · r̄), and their weights are w = 1/\[p(1 − p)(1 + ¼ D/D_R)\], or 0 where
+/// ρ = G N/β − (G D)(p + g · r̄), and their weights are w = 1/\[p(1 − p)(1 + 0.35 D/D_R)\], or 0 where
 /// D is 0. β is the brightness of the block, the ratio of Σ N to Σ D p. The equations are
 /// A = Σ w D g gᵀ and b = Σ w ρ g, summed over tiles of [`TILE`] pixels.
 ///

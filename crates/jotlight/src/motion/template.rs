@@ -12,7 +12,7 @@ use crate::{interrupt, memory};
 const ROWS_PER_TASK: usize = 16;
 
 /// The variance of the template of D_R trials, in units of that of the raw fraction of ones.
-pub(super) const SHARE_OF_TEMPLATE: f32 = 0.25;
+pub(super) const SHARE_OF_TEMPLATE: f32 = 0.35;
 
 /// The probability of a one at each pixel at the reference time, after a Gaussian filter, with its
 /// derivatives.
