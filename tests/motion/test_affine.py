@@ -38,10 +38,10 @@ def test_an_affine_motion_is_followed_from_its_velocity(motion, limit):
 
 def test_an_object_does_not_draw_the_motion_away():
     options = {"shape": (128, 128), "photons": 0.3}
-    scene, bits = record("shake", 64, rng=3, **options)
+    scene, bits = record("shake", 64, rng=5, **options)
     times = np.arange(64)
     path = 6 * np.stack([np.sin(0.1 * times), np.cos(0.07 * times)], axis=1)
-    _, object_bits = moved(path, rng=53, **options)
+    _, object_bits = moved(path, rng=55, **options)
     frames = bits.to_array().copy()
     frames[:, 30:110, 30:110] = object_bits.to_array()[:, 30:110, 30:110]
     track = follow_scene(scene, jl.Bits.from_array(frames))

@@ -159,7 +159,7 @@ def test_the_equations_are_derivatives_of_the_log_likelihood():
     )
     # The block may be brighter than the template as a whole.
     blurred /= reference.brightness(ones, counts, filtered)
-    variance = filtered * (1 - filtered) * (1 + 0.25 / 8)
+    variance = filtered * (1 - filtered) * (1 + 0.35 / 8)
 
     def log_likelihoods(displacement, blurred):
         """Return the log-likelihood of each tile that does not touch the border."""
