@@ -6,7 +6,7 @@ import numpy.typing as npt
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.consistency import chi_squared
 from jotlight.motion.regularize import Equations, fit_affine
-from jotlight.motion.scoring import Template, make_template, normal_equations
+from jotlight.motion.scoring import FAST, PRECISE, Template, make_template, normal_equations
 from jotlight.motion.segments import Segment, limit_length
 from jotlight.motion.shrinkage import (
     LINEAR,
@@ -120,7 +120,7 @@ def improve_together(
     """
     number = len(track.nodes)
     if template is None:
-        template = template_of(track)
+        template = template_of(track, PRECISE)
     weights = weights * agreement(track, template)
     basis = affine_basis(tile_counts(track.blocks.size))
     to_parameters = np.linalg.pinv(basis)
@@ -170,10 +170,10 @@ def agreement(track: Track, template: Template) -> Array:
     return np.asarray(1 / (1 + (np.maximum(excess, 0) / usual) ** 2))
 
 
-def template_of(track: Track) -> Template:
-    """Return the template of the blocks that are known."""
+def template_of(track: Track, size: str = FAST) -> Template:
+    """Return the template of the blocks that are known, by a network of a size."""
     known = [track.nearby_sums(int(block)) for block in np.flatnonzero(track.known)]
-    return make_template(Sums.total(known), track.blocks.threads)
+    return make_template(Sums.total(known), track.blocks.threads, size)
 
 
 def _smooth(parameters: Array, matrices: Array, at_reference: Array) -> tuple[Array, Array]:

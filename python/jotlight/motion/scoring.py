@@ -11,12 +11,12 @@ from jotlight.estimators.trial_levels import fill_from_nearest
 from jotlight.motion.blocks import Counts, Sums
 from jotlight.motion.regularize import Equations
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import FOLDER, MAX_TRIALS
+from jotlight.networks.pretrained import CONDITIONAL_SIZE, FOLDER, MAX_TRIALS
 
 Image = npt.NDArray[np.float32]
 
-_SIZE = "small"
-"""Size of the network that denoises templates. A larger one hardly improves the motion."""
+FAST, PRECISE = "small", CONDITIONAL_SIZE
+"""Sizes of the networks that denoise templates."""
 
 _EQUAL_TRIALS = np.float32(1024)
 """Number of trials above those that the network serves, for which its error equals the noise."""
@@ -93,13 +93,13 @@ def add_squares(counts: npt.NDArray[np.generic], side: int) -> Image:
 
 
 @functools.cache
-def read_network() -> Network:
-    """Return the K-conditioned network of templates. It is read only once."""
-    return Network.load(FOLDER / f"{_SIZE}.safetensors")
+def read_network(size: str = FAST) -> Network:
+    """Return a K-conditioned network. Each is read only once."""
+    return Network.load(FOLDER / f"{size}.safetensors")
 
 
-def make_template(sums: Sums, threads: int | None) -> Template:
-    """Return the template of sums: the fraction of ones, denoised by the K-conditioned network.
+def make_template(sums: Sums, threads: int | None, size: str = FAST) -> Template:
+    """Return the template of sums: the fraction of ones, denoised by a K-conditioned network.
 
     Of more trials than the network serves, the fraction itself has an increasing weight.
     """
@@ -107,7 +107,7 @@ def make_template(sums: Sums, threads: int | None) -> Template:
     fraction = fill_from_nearest(sums.ones / np.maximum(sums.trials, 1), known)
     # Most pixels have about the same number of trials.
     trials = int(np.clip(sums.trials.sum() / max(int(known.sum()), 1), 1, MAX_TRIALS))
-    probability = read_network().denoise_probability(fraction, trials, threads=threads)
+    probability = read_network(size).denoise_probability(fraction, trials, threads=threads)
     excess = np.maximum(sums.trials - MAX_TRIALS, 0).astype(np.float32)
     if excess.any():
         probability += excess / (excess + _EQUAL_TRIALS) * (fraction - probability)
