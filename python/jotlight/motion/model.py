@@ -32,7 +32,7 @@ _PARAMETERS = 6
 """Number of parameters of an affine motion of each block. A motion must gain as many nats."""
 
 _CLEAR = 10.0
-"""With more than this multiple of this gain under blurred templates, better ones are not needed."""
+"""With more than this multiple of this gain under blurred templates, a motion is clearly right."""
 
 _MIN_ACCEPTED = 0.6
 """Fraction of the bits of a pixel that must agree with the rest, for its motion to be known."""
@@ -95,13 +95,16 @@ def find_paths(
         return Found(still, model, None)
     divisions = find_segments(blocks, reference)
     advance(0.2)
+    best, most = Found(still, "none", None), 0.0
     for number, segments in enumerate(divisions):
         found = _explain(blocks, reference, segments, model, advance if number == 0 else _ignore)
-        if model != "auto" or _explains_more(found.paths, still):
-            advance(1.0)
-            return found
+        gain, is_clear = _gain_over(still, found.paths)
+        if model != "auto" or gain > most:
+            best, most = found, gain
+        if model != "auto" or is_clear:
+            break
     advance(1.0)
-    return Found(still, "none", None)
+    return best
 
 
 def _with_tiles(
@@ -182,11 +185,16 @@ def _energy_along(track: Track) -> Array:
     return energy_of(Sums.total([track.sums(int(block)) for block in central]))
 
 
-def _explains_more(paths: Paths, still: Paths) -> bool:
-    """Return whether paths explain the bits better than no motion."""
+def _gain_over(still: Paths, paths: Paths) -> tuple[float, bool]:
+    """Return by how much paths explain the bits better than no motion, and whether it is clear.
+
+    The gain is that of the log-likelihood in nats, without what its parameters gain by chance.
+    """
     needed = _PARAMETERS * len(paths.blocks.centers) * len(np.unique(paths.labels))
     gain = likelihood_gain(paths, still, make_blurred_template)
-    return gain > _CLEAR * needed or likelihood_gain(paths, still) > needed
+    if gain > _CLEAR * needed:
+        return gain - needed, True
+    return likelihood_gain(paths, still) - needed, False
 
 
 def _share_of_unknown(consistent: Consistent) -> float:
