@@ -98,10 +98,13 @@ def find_paths(
     best, most = Found(still, "none", None), 0.0
     for number, segments in enumerate(divisions):
         found = _explain(blocks, reference, segments, model, advance if number == 0 else _ignore)
+        if model != "auto":
+            best = found
+            break
         gain, is_clear = _gain_over(still, found.paths)
-        if model != "auto" or gain > most:
+        if gain > most:
             best, most = found, gain
-        if model != "auto" or is_clear:
+        if is_clear:
             break
     advance(1.0)
     return best
