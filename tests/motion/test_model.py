@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.motion import model
 from jotlight.motion.consistency import find_consistent
-from jotlight.motion.model import _share_of_unknown, _still, divide, find_paths
+from jotlight.motion.model import Found, _share_of_unknown, _still, divide, find_paths
 from jotlight.motion.track import Paths
 from moving import blocks_of, record, two_halves
 
@@ -70,6 +71,37 @@ def test_two_segments_are_found():
     for velocity, columns in zip(velocities, (slice(16, 80), slice(112, 176)), strict=True):
         label = np.bincount(paths.labels[:, columns].ravel()).argmax()
         np.testing.assert_allclose(speeds[label] / span, velocity, atol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("gains", "chosen", "tried"),
+    [
+        ([(50.0, True), (90.0, True)], 0, 1),
+        ([(50.0, False), (90.0, False)], 1, 2),
+        ([(50.0, False), (20.0, False)], 0, 2),
+        ([(-5.0, False), (20.0, False)], 1, 2),
+        ([(-5.0, False), (-9.0, False)], None, 2),
+    ],
+)
+def test_the_division_that_gains_most_is_chosen_unless_the_first_is_clear(
+    monkeypatch, gains, chosen, tried
+):
+    _, bits = record("shake", 16, shape=(32, 32))
+    blocks = blocks_of(bits)
+    paths = [Paths([_still(blocks, 8)], np.zeros(blocks.size, np.uint8)) for _ in gains]
+    explained = []
+
+    def explain(blocks, reference, segments, *others):
+        explained.append(segments)
+        return Found(paths[segments], "affine", None)
+
+    monkeypatch.setattr(model, "find_segments", lambda *_: [0, 1])
+    monkeypatch.setattr(model, "_explain", explain)
+    monkeypatch.setattr(model, "_gain_over", lambda _, found: gains[explained[-1]])
+    found = find_paths(blocks, 8, "auto", lambda _: None)
+    assert len(explained) == tried
+    assert found.model == ("none" if chosen is None else "affine")
+    assert chosen is None or found.paths is paths[chosen]
 
 
 def test_noise_stands_still():
