@@ -17,9 +17,6 @@ _MAX_KEPT_BYTES = 1 << 28
 _BYTES_OF_SUMS = 8
 """Bytes of the ones and trials of a pixel."""
 
-_SAME = 0.05
-"""Change of the displacements in pixels, up to which blocks are not counted again."""
-
 _NEAR = 0.3
 """Change of the displacements in pixels, up to which counts are corrected to first order."""
 
@@ -87,12 +84,9 @@ class Track:
     """The curves and the sums of blocks that were counted, so that none is counted twice."""
 
     def sums(self, block: int) -> Sums:
-        """Return the sums of a block along the motion. Their arrays must not be changed.
-
-        They are kept while the displacements change by less than the error of an estimate.
-        """
+        """Return the sums of a block along the motion. Their arrays must not be changed."""
         curve = self._curve(block)
-        if block in self._kept and self._kept[block][0].distance(curve) <= _SAME:
+        if block in self._kept and self._kept[block][0].distance(curve) == 0:
             return self._kept[block][1]
         sums = self.blocks.count(curve.frames, curve.fields, curve.times)
         if keeps_sums(self.blocks.size, len(self.nodes)):
