@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.motion.blocks import Sums
-from jotlight.motion.scoring import Template, blur_coarsely, make_template
+from jotlight.motion.scoring import PRECISE, Template, blur_coarsely, make_template
 from jotlight.motion.track import Counted, from_center
 
 Image = npt.NDArray[np.float32]
@@ -107,7 +107,9 @@ class Consistent:
         return total
 
 
-def find_consistent(motion: Counted, *, is_still: bool = False) -> Consistent:
+def find_consistent(
+    motion: Counted, *, is_still: bool = False, network: str = PRECISE
+) -> Consistent:
     """Return the sums of all blocks along a motion, without pixels that disagree.
 
     The blocks are tested from the reference time outward, in rings of 2, 4, 8, and so on. First,
@@ -121,6 +123,8 @@ def find_consistent(motion: Counted, *, is_still: bool = False) -> Consistent:
         The motion.
     is_still : bool
         Whether nothing moves. Then fewer pixels are rejected.
+    network : str
+        Size of the network that denoises the templates.
     """
     max_chi_squared, max_disagreement = _LIMITS_IF_STILL if is_still else _LIMITS
     order = [int(block) for block in from_center(motion)]
@@ -137,7 +141,7 @@ def find_consistent(motion: Counted, *, is_still: bool = False) -> Consistent:
     while start < len(order):
         ring = order[start : 2 * start]
         nearer = sides[0] + sides[1]
-        template = make_template(nearer, motion.blocks.threads)
+        template = make_template(nearer, motion.blocks.threads, network)
         for side in (0, 1):
             blocks = [block for block in ring if is_after[block] == side]
             total = Sums.zeros(size)

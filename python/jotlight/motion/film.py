@@ -13,13 +13,14 @@ from jotlight.images.video import windows
 from jotlight.motion.affine import SIGMAS, extrapolate, improve, improve_together, template_of
 from jotlight.motion.align import align, as_motion, hot_jots, prepare_burst, valid_jots
 from jotlight.motion.blocks import Blocks
+from jotlight.motion.consistency import find_consistent
 from jotlight.motion.deformation import improve_tiles, improve_tiles_together
 from jotlight.motion.merge import as_paths, merge, merge_along
 from jotlight.motion.model import divide
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.outlines import choose
 from jotlight.motion.regularize import fit_affine
-from jotlight.motion.scoring import normal_equations
+from jotlight.motion.scoring import FAST, normal_equations
 from jotlight.motion.tiles import affine_basis, mean_tiles, tile_counts
 from jotlight.motion.track import Paths, Track
 from jotlight.sensing.bits import Bits
@@ -156,7 +157,9 @@ def _carried_image(
         # A motion that is lost is estimated afresh, so a warning about it would mislead.
         warnings.simplefilter("ignore", JotlightWarning)
         if hot_jots(sensor) is None:
-            merged = merge_along(paths, carried, sensor)
+            is_still = motion.model == "none"
+            consistent = find_consistent(paths, is_still=is_still, network=FAST)
+            merged = merge_along(paths, carried, sensor, consistent)
         else:
             # The alignment leaves out hot jots, but merging does not.
             merged = merge(part, sensor, motion=carried, threads=threads)
