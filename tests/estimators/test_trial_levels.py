@@ -8,6 +8,7 @@ from jotlight.estimators.trial_levels import (
     fill_from_nearest,
     interpolate_levels,
     level_range,
+    level_weights,
     local_trials,
 )
 from jotlight.sensing.merged import Merged
@@ -23,7 +24,7 @@ def test_levels_are_whole_and_their_ratios_about_2_at_most(smallest, largest):
     assert (levels[1:] / levels[:-1] < 2.3).all()
 
 
-def test_each_pixel_lies_between_its_two_levels_by_the_logarithm():
+def test_pixels_halfway_between_two_levels_are_interpolated_by_the_logarithm():
     trials = np.random.default_rng(0).uniform(0.5, 90, (20, 30))
     levels = level_range(trials.min(), trials.max())
     calls = []
@@ -34,7 +35,15 @@ def test_each_pixel_lies_between_its_two_levels_by_the_logarithm():
 
     found = interpolate_levels(run, trials)
     assert calls == levels
-    np.testing.assert_allclose(found, np.log2(np.maximum(trials, 1)), atol=1e-5)
+    for place, value in np.ndenumerate(np.log2(np.maximum(trials, 1))):
+        upper = int(np.searchsorted(np.log2(levels), value))
+        low, high = np.log2(levels[max(upper - 1, 0) : upper + 1])[[0, -1]]
+        # The middle half of the way between two levels is stretched to all of it.
+        share = np.clip(2 * (value - low) / max(high - low, 1e-9) - 0.5, 0, 1)
+        assert found[place] == pytest.approx(low + share * (high - low), abs=1e-5)
+    weights = [weight for _, weight in level_weights(trials)]
+    np.testing.assert_allclose(np.sum(weights, axis=0), 1, atol=1e-6)
+    assert (np.array(weights) > 0).sum(axis=0).max() == 2
 
 
 def test_a_level_without_a_pixel_is_not_run():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.estimators.trial_levels import level_range
+from jotlight.estimators.trial_levels import level_range, level_weights, local_trials
 from jotlight.networks.trials_map import denoise_map
 
 NETWORK = jl.pretrained(jl.Sensor())
@@ -41,13 +41,35 @@ def test_trials_between_two_levels_are_interpolated():
     trials_map = np.full(IMAGE.shape, 12, np.float32)
     trials_map[:, :64] = 8
     trials_map[:, 120:] = 16
-    weight = np.log2(12 / 8)
+    weight = 2 * np.log2(12 / 8) - 0.5
     expected = (1 - weight) * left + weight * right
     middle = (slice(None), slice(74, 110))
     fraction_map = (fraction * trials_map).astype(np.float32)
     found = denoise_map(NETWORK, fraction_map, trials_map)
     np.testing.assert_allclose(found[middle], np.clip(expected, 0, 1)[middle], atol=1e-4)
     assert psnr(mixed, truth) > 28
+
+
+def test_a_level_that_only_a_corner_needs_runs_there(monkeypatch):
+    trials = np.full(IMAGE.shape, 64)
+    trials[:20, :20] = 8
+    ones, trials_map, _ = draw(trials)
+    areas = {}
+
+    def spy(fraction, trials, *, threads=None):
+        areas[trials] = areas.get(trials, 0) + fraction.size
+        return type(NETWORK).denoise_probability(NETWORK, fraction, trials, threads=threads)
+
+    monkeypatch.setattr(NETWORK, "denoise_probability", spy)
+    found = denoise_map(NETWORK, ones, trials_map)
+    assert areas[8] == 56 * 56
+    assert areas[64] == IMAGE.size
+    monkeypatch.undo()
+    # The result is the same as if each level ran everywhere.
+    weights = level_weights(local_trials(trials_map))
+    fraction = ones / trials_map
+    expected = sum(w * NETWORK.denoise_probability(fraction, level) for level, w in weights)
+    np.testing.assert_allclose(found, np.clip(expected, 0, 1), atol=1e-6)
 
 
 def test_pixels_without_trials_get_the_value_of_their_neighbors():

@@ -1,6 +1,6 @@
 """Methods for one number of trials, run at some levels of it and interpolated pixel by pixel."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,9 @@ Image = npt.NDArray[np.float32]
 
 _MAX_RATIO = 2.0
 """Maximum ratio of neighboring levels."""
+
+_PLATEAU = 0.25
+"""A level alone serves the trials up to this fraction of the way to the next one, by logarithm."""
 
 _NEIGHBORHOOD = 3.0
 """Standard deviation of the neighborhood in which noise is averaged, in pixels."""
@@ -37,6 +40,41 @@ def level_range(smallest: float, largest: float) -> list[int]:
     return sorted({round(first * ratio**step) for step in range(steps + 1)})
 
 
+def level_weights(
+    trials: npt.NDArray[np.floating],
+) -> Iterator[tuple[int, npt.NDArray[np.float32]]]:
+    """Yield the levels of a map, and their weights at each pixel, of which one is above 0.
+
+    The weights of a pixel belong to the level that is nearest to its trials, and about half way
+    between two levels to both. Their sum is 1.
+
+    Parameters
+    ----------
+    trials : ndarray, shape (H, W)
+        The number of trials of each pixel, above 0.
+
+    Examples
+    --------
+    >>> for level, weights in level_weights(np.array([4, 4.5, 5.7, 8])):
+    ...     print(level, weights.round(2))
+    4 [1.   1.   0.48 0.  ]
+    8 [0.   0.   0.52 1.  ]
+    """
+    levels = level_range(float(trials.min()), float(trials.max()))
+    if len(levels) == 1:
+        yield levels[0], np.ones(trials.shape, np.float32)
+        return
+    logarithms = np.log2(levels)
+    margin = _PLATEAU * np.diff(logarithms)
+    ends = np.stack([logarithms[:-1] + margin, logarithms[1:] - margin], axis=1)
+    places = np.repeat(np.arange(len(levels)), 2)[1:-1]
+    place = np.interp(np.log2(trials), ends.ravel(), places)
+    for index, level in enumerate(levels):
+        weight = np.maximum(1 - abs(place - index), 0).astype(np.float32)
+        if weight.any():
+            yield level, weight
+
+
 def interpolate_levels(
     run: Callable[[int], Image], trials: int | npt.NDArray[np.floating]
 ) -> Image:
@@ -51,18 +89,14 @@ def interpolate_levels(
 
     Examples
     --------
-    >>> interpolate_levels(lambda level: np.full(3, level), np.array([4, 5, 8])).round(2)
-    array([4.  , 5.29, 8.  ], dtype=float32)
+    >>> interpolate_levels(lambda level: np.full(4, level), np.array([4, 4.5, 5.7, 8])).round(2)
+    array([4.  , 4.  , 6.09, 8.  ], dtype=float32)
     """
     if not isinstance(trials, np.ndarray):
         return run(trials)
-    levels = level_range(float(trials.min()), float(trials.max()))
-    place = np.interp(np.log2(trials), np.log2(levels), np.arange(len(levels)))
     result = np.zeros(trials.shape, np.float32)
-    for index, level in enumerate(levels):
-        weight = np.maximum(1 - abs(place - index), 0).astype(np.float32)
-        if weight.any():
-            result += weight * run(level)
+    for level, weight in level_weights(trials):
+        result += weight * run(level)
     return result
 
 

@@ -1,7 +1,7 @@
 """K-conditioned networks for pixels with different numbers of trials, and for more than they know.
 
-A K-conditioned network is for one K at a time. It is run at some levels of K, and each pixel is
-interpolated between the two levels that are nearest to its own K.
+A K-conditioned network is for one K at a time. It is run at some levels of K, each of them where
+pixels need it, and pixels between two levels are interpolated.
 
 Beyond the largest K of the network, the noise is weaker than it expects. The network then removes
 details together with the noise. So the difference between the data and the estimate is amplified,
@@ -16,9 +16,10 @@ import numpy.typing as npt
 
 from jotlight.estimators.trial_levels import (
     fill_from_nearest,
-    interpolate_levels,
+    level_weights,
     local_trials,
 )
+from jotlight.networks.regions import cover, widen
 
 Image = npt.NDArray[np.float32]
 
@@ -32,6 +33,10 @@ class ConditionalDenoiser(Protocol):
     @property
     def trials_range(self) -> tuple[int, int] | None:
         """Smallest and largest K."""
+
+    @property
+    def halo(self) -> int:
+        """Radius of the receptive field in pixels."""
 
     def denoise_probability(
         self, fraction: Image, trials: int, *, threads: int | None = None
@@ -108,11 +113,19 @@ def _denoise_at_levels(
     network: ConditionalDenoiser, fraction: Image, trials: int | Image, threads: int | None
 ) -> Image:
     """Return the probabilities in [0, 1], interpolated between the levels of K."""
-
-    def run(level: int) -> Image:
-        return network.denoise_probability(fraction, level, threads=threads)
-
-    return np.clip(interpolate_levels(run, trials), 0, 1)
+    if not isinstance(trials, np.ndarray):
+        return np.clip(network.denoise_probability(fraction, trials, threads=threads), 0, 1)
+    result, halo = np.zeros(fraction.shape, np.float32), network.halo
+    for level, weight in level_weights(trials):
+        for region in cover(weight > 0, halo):
+            rows, columns = widen(region, halo, fraction.shape)
+            part = np.ascontiguousarray(fraction[rows, columns])
+            denoised = network.denoise_probability(part, level, threads=threads)
+            top, left = region[0].start - rows.start, region[1].start - columns.start
+            height, width = result[region].shape
+            inner = denoised[top : top + height, left : left + width]
+            result[region] += weight[region] * inner
+    return np.clip(result, 0, 1)
 
 
 def _stabilize(fraction: Image, trials: int | Image) -> Image:
