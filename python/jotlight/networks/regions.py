@@ -27,7 +27,7 @@ def cover(needed: npt.NDArray[np.bool_], halo: int) -> list[Region]:
     >>> needed[:40, 70:80] = True
     >>> cover(needed, 4)
     [(slice(0, 64, None), slice(64, 96, None))]
-    >>> cover(needed, 100)
+    >>> cover(needed, 300)
     [(slice(0, 100, None), slice(0, 300, None))]
     """
     height, width = needed.shape
