@@ -144,6 +144,14 @@ def chi_squared(
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...
+def disagreement(
+    ones: npt.NDArray[np.int32],
+    trials: npt.NDArray[np.int32],
+    other_ones: npt.NDArray[np.int32],
+    other_trials: npt.NDArray[np.int32],
+    out: npt.NDArray[np.float32],
+    threads: int | None,
+) -> None: ...
 def undo_remainders(
     image: npt.NDArray[np.float32],
     remainders: npt.NDArray[np.float32],

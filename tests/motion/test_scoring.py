@@ -10,8 +10,6 @@ from jotlight import _engine as engine
 from jotlight.motion.blocks import Sums
 from jotlight.motion.scoring import (
     Template,
-    blur,
-    blur_coarsely,
     make_blurred_template,
     make_template,
     normal_equations,
@@ -231,16 +229,6 @@ def test_templates_are_smooth_and_undo_the_mean_remainder():
     assert errors[1] < 0.2 * errors[0]
     assert uniform_filter(abs(corrected.probability - probability), 5).max() < 0.1
     assert corrected.trials is sums.trials
-
-
-@pytest.mark.parametrize("size", [(64, 96), (61, 91), (7, 50), (3, 3)])
-@pytest.mark.parametrize("sigma", [2.0, 4.0, 8.0])
-def test_a_coarse_blur_is_about_a_blur(size, sigma):
-    image = np.random.default_rng(0).random(size).astype(np.float32)
-    found = blur_coarsely(image, sigma)
-    assert found.shape == size
-    assert abs(found - blur(image, sigma)).max() < 0.06
-    np.testing.assert_allclose(blur_coarsely(np.ones(size, np.float32), sigma), 1, rtol=1e-5)
 
 
 def test_blurred_templates_have_no_noise_and_undo_the_mean_remainder():

@@ -2,7 +2,7 @@
 
 use jotlight::bits::PackedBits;
 use jotlight::motion::{
-    self, AffineFit, Comparison, Displacements, Equations, EquationsView, ShiftedCounts,
+    self, AffineFit, Comparison, Counts, Displacements, Equations, EquationsView, ShiftedCounts,
     Smoothness, Start, Sums, Template, Windows,
 };
 use numpy::{IntoPyArray, PyArray2, PyArray3};
@@ -141,6 +141,30 @@ pub fn chi_squared(
     };
     let out = out.as_array_mut();
     run(py, threads, || motion::chi_squared(&comparison, out))
+}
+
+/// Write how much two parts of the frames disagree in each square of pixels into `out`.
+#[pyfunction]
+#[pyo3(signature = (ones, trials, other_ones, other_trials, out, threads))]
+pub fn disagreement(
+    py: Python<'_>,
+    ones: PyReadonlyArray2<'_, i32>,
+    trials: PyReadonlyArray2<'_, i32>,
+    other_ones: PyReadonlyArray2<'_, i32>,
+    other_trials: PyReadonlyArray2<'_, i32>,
+    mut out: PyReadwriteArray3<'_, f32>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let first = Counts {
+        ones: ones.as_array(),
+        trials: trials.as_array(),
+    };
+    let second = Counts {
+        ones: other_ones.as_array(),
+        trials: other_trials.as_array(),
+    };
+    let out = out.as_array_mut();
+    run(py, threads, || motion::disagreement(&first, &second, out))
 }
 
 /// The errors of all tiles, and the information about the coefficients.

@@ -3,7 +3,8 @@
 use jotlight::cpu::Level;
 use jotlight::error::{Error, Result};
 use jotlight::motion::{
-    BLOCK, Comparison, Equations, Sums, TILE, Template, chi_squared, normal_equations,
+    BLOCK, Comparison, Counts, Equations, Sums, TILE, Template, chi_squared, disagreement,
+    normal_equations,
 };
 use jotlight::threads::install;
 use ndarray::{Array2, Array3, s};
@@ -281,4 +282,21 @@ fn empty_images_are_errors() {
         let result = Template::new(probability.view(), trials.view(), 1.0);
         assert!(matches!(result, Err(Error::Range { .. })));
     }
+}
+
+#[test]
+fn parts_that_do_not_fit_are_errors() -> Result<()> {
+    let (case, other) = (Case::new(20, 30), Case::new(20, 31));
+    let [first, second] = [&case, &other].map(|case| Counts {
+        ones: case.ones.view(),
+        trials: case.trials.view(),
+    });
+    let mut out = Array3::zeros((2, 5, 8));
+    disagreement(&first, &first, out.view_mut())?;
+    let result = disagreement(&first, &second, out.view_mut());
+    assert!(matches!(result, Err(Error::Shape { .. })));
+    let mut small = Array3::zeros((2, 5, 7));
+    let result = disagreement(&first, &first, small.view_mut());
+    assert!(matches!(result, Err(Error::Shape { .. })));
+    Ok(())
 }

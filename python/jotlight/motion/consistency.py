@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.motion.blocks import Sums
-from jotlight.motion.scoring import PRECISE, Template, blur_coarsely, make_template
+from jotlight.motion.scoring import PRECISE, Template, blur, make_template
 from jotlight.motion.track import Counted, from_center
 
 Image = npt.NDArray[np.float32]
@@ -28,8 +28,8 @@ _FIRST_RING = 2
 _SPREAD = 8.0
 """Standard deviation of the filter that averages the disagreement, in pixels."""
 
-_MIN_VARIANCE = np.float32(1e-3)
-"""Smallest variance by which a squared difference is divided."""
+_SQUARE = 4
+"""Side of the squares over which the engine adds the disagreement, in pixels."""
 
 _PRIOR = 0.01
 """Weight with which pixels are assumed to agree where few are known."""
@@ -48,36 +48,20 @@ def chi_squared(sums: Sums, template: Template) -> Image:
     return out
 
 
-def disagreement(first: Sums, second: Sums) -> Image:
+def disagreement(first: Sums, second: Sums, threads: int | None = None) -> Image:
     """Return how much two parts of the frames disagree around each pixel, (H, W).
 
     It is the square of the difference of their counts in units of its variance, averaged over many
-    pixels: about 1 if they agree. A common difference in brightness does not count.
+    pixels: about 1 if they agree. A common difference in brightness does not count. Squares of 4
+    pixels have equal values.
     """
-    trials, other_trials = first.trials.astype(np.float32), second.trials.astype(np.float32)
-    weight = trials * other_trials
-    both = weight > 0
-    if not both.any():
-        return np.ones(both.shape, np.float32)
-    expected = other_trials[both] * first.ones[both] / trials[both]
-    brightness = float(expected.sum()) / max(float(second.ones[both].sum()), 1.0)
-    others = second.ones.astype(np.float32) * np.float32(np.clip(brightness, 0.1, 10))
-    ones = first.ones.astype(np.float32)
-    number = trials + other_trials
-    # Pixels without trials, such as those of dead jots, must not make p smaller.
-    p = np.minimum(_box(ones + others) / np.maximum(_box(number), np.float32(1)), 1)
-    variance = p * (1 - p) * _box(weight * number)
-    squared = _box(ones * other_trials - others * trials) ** 2
-    ratio = squared / np.maximum(variance, _MIN_VARIANCE) * both
-    known = blur_coarsely(both.astype(np.float32), _SPREAD)
-    return np.asarray((blur_coarsely(ratio, _SPREAD) + _PRIOR) / (known + _PRIOR))
-
-
-def _box(image: Image) -> Image:
-    """Return the sums over squares of 3 pixels."""
-    extended = np.pad(image, 1, mode="edge")
-    rows = extended[:-2] + extended[1:-1] + extended[2:]
-    return np.asarray(rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:])
+    height, width = first.ones.shape
+    squares = np.empty((2, -(-height // _SQUARE), -(-width // _SQUARE)), np.float32)
+    engine.disagreement(first.ones, first.trials, second.ones, second.trials, squares, threads)
+    ratios, known = blur(squares / _SQUARE**2, _SPREAD / _SQUARE)
+    values = (ratios + _PRIOR) / (known + _PRIOR)
+    pixels = values.repeat(_SQUARE, axis=0).repeat(_SQUARE, axis=1)
+    return np.asarray(pixels[:height, :width])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -150,7 +134,7 @@ def find_consistent(
                 available += sums.trials
                 total += sums.masked(accepted)
                 masks[block] = np.packbits(accepted, axis=1)
-            agrees = disagreement(nearer, total) < max_disagreement
+            agrees = disagreement(nearer, total, motion.blocks.threads) < max_disagreement
             sides[side] += total.masked(agrees)
             masks[blocks] &= np.packbits(agrees, axis=1)
         start *= 2

@@ -131,7 +131,9 @@ def _images(
             image = _carried_image(before.motion, part, sensor, step, usual - _MAX_LOSS, threads)
         if image is None:
             motion = align(part, sensor, model=model, threads=threads)
-            merged = merge(part, sensor, motion=motion, threads=threads)
+            burst, sensor = prepare_burst(part, sensor)
+            blocks = Blocks(burst, divide(len(burst)), valid_jots(sensor), threads)
+            merged = _merge(as_paths(motion, blocks), motion, part, sensor)
             image = FilmImage(merged, motion, False)
             number, usual = 0, _accepted(merged)
         number += 1
@@ -156,14 +158,17 @@ def _carried_image(
     with warnings.catch_warnings():
         # A motion that is lost is estimated afresh, so a warning about it would mislead.
         warnings.simplefilter("ignore", JotlightWarning)
-        if hot_jots(sensor) is None:
-            is_still = motion.model == "none"
-            consistent = find_consistent(paths, is_still=is_still, network=FAST)
-            merged = merge_along(paths, carried, sensor, consistent)
-        else:
-            # The alignment leaves out hot jots, but merging does not.
-            merged = merge(part, sensor, motion=carried, threads=threads)
+        merged = _merge(paths, carried, part, sensor)
     return FilmImage(merged, carried, True) if _accepted(merged) >= min_accepted else None
+
+
+def _merge(paths: Paths, motion: Motion, part: Bits | CountStack, sensor: Sensor) -> Merged:
+    """Return the merged bits of a window, with fast templates."""
+    if hot_jots(sensor) is not None:
+        # The alignment leaves out hot jots, but merging does not.
+        return merge(part, sensor, motion=motion, threads=paths.blocks.threads)
+    consistent = find_consistent(paths, is_still=motion.model == "none", network=FAST)
+    return merge_along(paths, motion, sensor, consistent)
 
 
 def _accepted(merged: Merged) -> float:

@@ -20,7 +20,7 @@ _OUTLINE = 8
 _MAX_REJECTED = 0.02
 """Fraction of rejected bits above which a scene is unclear, unless it has segments."""
 
-_UNCLEAR_MARGIN, _UNCLEAR_GROWTH = 8, 4
+_UNCLEAR_MARGIN, _UNCLEAR_GROWTH = 16, 8
 """Distances in unclear scenes: near pixels with few accepted bits, and near those that disagree."""
 
 

@@ -24,9 +24,6 @@ _EQUAL_TRIALS = np.float32(1024)
 _MIN_PROBABILITY = 1e-4
 """Smallest distance of a probability of the template from 0 and from 1."""
 
-_CELLS = 2.0
-"""Minimum standard deviation of a Gaussian filter, in squares that have the same value."""
-
 _BLUR = 1.5
 """Standard deviation of the filter of blurred templates, in pixels."""
 
@@ -67,20 +64,6 @@ def blur(image: npt.NDArray[np.floating], sigma: float) -> Image:
 
     sigmas = (*[0.0] * (image.ndim - 2), sigma, sigma)
     return np.asarray(gaussian_filter(image, sigmas, mode="reflect", truncate=3.0), np.float32)
-
-
-def blur_coarsely(image: npt.NDArray[np.floating], sigma: float) -> Image:
-    """Return an image (H, W) after about a Gaussian filter, in less time if the filter is wide.
-
-    Squares of pixels have equal values: the filter runs on their means.
-    """
-    side = max(1, int(sigma / _CELLS))
-    if side == 1 or min(image.shape) < 2 * side:
-        return blur(image, sigma)
-    height, width = image.shape
-    padded = np.pad(image, ((0, -height % side), (0, -width % side)), mode="edge")
-    smooth = blur(add_squares(padded, side) / side**2, sigma / side)
-    return smooth.repeat(side, axis=0).repeat(side, axis=1)[:height, :width]
 
 
 def add_squares(counts: npt.NDArray[np.generic], side: int) -> Image:

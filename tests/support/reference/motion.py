@@ -102,6 +102,29 @@ def chi_squared(ones, trials, p, trials_of_template):
     return (box(ratio * counted, 9) + 1) / (box(counted, 9) + 1)
 
 
+def disagreement(ones, trials, other_ones, other_trials):
+    """Return how much two parts of the frames disagree, (2, rows, columns of squares)."""
+    first, second = ones.astype(float), other_ones.astype(float)
+    weight = trials.astype(float) * other_trials
+    both, number = weight > 0, trials + other_trials
+    expected = (other_trials[both] * first[both] / trials[both]).sum()
+    second *= np.clip(expected / max(second[both].sum(), 1), 0.1, 10)
+
+    def box(image):
+        return uniform_filter(image.astype(float), 3, mode="reflect") * 9
+
+    p = np.minimum(box(first + second) / np.maximum(box(number), 1), 1)
+    variance = np.maximum(p * (1 - p) * box(weight * number), 1e-3)
+    ratio = box(first * other_trials - second * trials) ** 2 / variance * both
+    sides = [range(0, length, 4) for length in ones.shape]
+    return np.array(
+        [
+            [[image[i : i + 4, j : j + 4].sum() for j in sides[1]] for i in sides[0]]
+            for image in (ratio, both)
+        ]
+    )
+
+
 def fit_affine(information, right, weights, basis):
     """Return the affine displacement errors of a segment, and the information about them."""
     shape = weights.shape

@@ -10,7 +10,7 @@ use super::filter::values;
 const LANES: usize = 16;
 
 /// The range of the brightness.
-const LIMITS: (f64, f64) = (0.1, 10.0);
+pub(super) const LIMITS: (f64, f64) = (0.1, 10.0);
 
 /// Return the ratio of the ones N to the number D p that a template predicts, in sums over all
 /// pixels.

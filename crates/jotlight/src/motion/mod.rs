@@ -8,15 +8,18 @@
 //!
 //! The counts of a block of frames are compared with a [`Template`]. [`normal_equations`] are about
 //! the displacement errors of tiles of pixels, and [`fit_affine`] and [`solve_field`] solve them for
-//! all tiles together. [`chi_squared`] tests which pixels agree with the template.
+//! all tiles together. [`chi_squared`] tests which pixels agree with the template, and
+//! [`disagreement`] compares two parts of the frames.
 //!
 //! Before, [`velocity_scores`] tells how probable velocities are in windows of the scene.
 
 mod affine;
 mod bounds;
+mod boxes;
 mod brightness;
 mod chi_squared;
 mod columns;
+mod disagreement;
 mod equations;
 mod field;
 mod filter;
@@ -40,6 +43,7 @@ mod velocity_scores;
 
 pub use affine::{AffineFit, fit_affine};
 pub use chi_squared::{Comparison, chi_squared};
+pub use disagreement::{Counts, SQUARE, disagreement};
 pub use equations::{Equations, EquationsView, TILE, normal_equations};
 pub use field::Displacements;
 pub use gradient::undo_remainders;

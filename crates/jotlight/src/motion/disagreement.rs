@@ -1,0 +1,191 @@
+//! How much the counts of two parts of the frames disagree.
+
+use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis, Zip};
+use rayon::prelude::*;
+
+use super::boxes::{add_neighbors, add_rows};
+use super::brightness::LIMITS;
+use super::filter::{reflect, reflect_margins, values};
+use super::sums::check_counts;
+use crate::cpu::levels;
+use crate::error::{Error, Result};
+use crate::interrupt;
+
+/// The side of the squares whose sums are computed, in pixels.
+pub const SQUARE: usize = 4;
+
+/// The number of rows of squares that one task computes.
+const SQUARES_PER_TASK: usize = 8;
+
+/// The smallest variance by which a squared difference is divided.
+const MIN_VARIANCE: f32 = 1e-3;
+
+/// The ones and trials of each pixel, `(H, W)`.
+#[derive(Clone, Copy, Debug)]
+pub struct Counts<'a> {
+    /// N, the number of ones.
+    pub ones: ArrayView2<'a, i32>,
+    /// D, the number of valid bits.
+    pub trials: ArrayView2<'a, i32>,
+}
+
+/// Write into `out` `(2, ⌈H/SQUARE⌉, ⌈W/SQUARE⌉)` how much two parts disagree, and the numbers of
+/// pixels that have trials of both: sums over squares of pixels.
+///
+/// A pixel disagrees by (Σ N₁D₂ − β N₂D₁)² / (p(1 − p) Σ D₁D₂(D₁ + D₂)), about 1 if both agree, where
+/// p is Σ(N₁ + β N₂) / Σ(D₁ + D₂). These are sums over squares of 3 pixels. β is the ratio of the
+/// brightness of the first part to that of the second. Pixels without trials of both disagree by 0.
+///
+/// # Errors
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the image is
+/// empty, or a number of ones is not from 0 to that of trials.
+pub fn disagreement<'a>(
+    first: &Counts<'a>,
+    second: &Counts<'a>,
+    mut out: ArrayViewMut3<'_, f32>,
+) -> Result<()> {
+    let size = first.ones.dim();
+    if first.ones.is_empty() {
+        let received = format!("{size:?}");
+        return Err(Error::range("size", "at least one pixel", received));
+    }
+    check_counts(first.ones, first.trials, size)?;
+    check_counts(second.ones, second.trials, size)?;
+    let shape = (2, size.0.div_ceil(SQUARE), size.1.div_ceil(SQUARE));
+    if out.dim() != shape {
+        return Err(Error::shape("output", shape, out.dim()));
+    }
+    let brightness = relative_brightness(first, second);
+    let (disagreements, numbers) = out.view_mut().split_at(Axis(0), 1);
+    let outs = [disagreements, numbers].map(|out| out.remove_axis(Axis(0)));
+    let [mut disagreements, mut numbers] = outs;
+    let bands = disagreements.axis_chunks_iter_mut(Axis(0), SQUARES_PER_TASK);
+    let numbers = numbers.axis_chunks_iter_mut(Axis(0), SQUARES_PER_TASK);
+    let bands: Vec<_> = bands.zip(numbers).enumerate().collect();
+    bands.into_par_iter().for_each(|(band, out)| {
+        if !interrupt::is_requested() {
+            let first_row = band * SQUARES_PER_TASK * SQUARE;
+            compare_band([first, second], brightness, first_row, out);
+        }
+    });
+    Ok(())
+}
+
+/// Return the ratio of the brightness of the first part to that of the second, where both have
+/// trials.
+fn relative_brightness(first: &Counts<'_>, second: &Counts<'_>) -> f32 {
+    let sums: Vec<[f64; 2]> = (0..first.ones.nrows())
+        .into_par_iter()
+        .map(|row| {
+            let mut sums = [0.0; 2];
+            Zip::from(first.ones.row(row))
+                .and(first.trials.row(row))
+                .and(second.ones.row(row))
+                .and(second.trials.row(row))
+                .for_each(|&ones, &trials, &others, &other_trials| {
+                    if trials > 0 && other_trials > 0 {
+                        sums[0] += f64::from(other_trials) * f64::from(ones) / f64::from(trials);
+                        sums[1] += f64::from(others);
+                    }
+                });
+            sums
+        })
+        .collect();
+    // The sums over the rows have a fixed order.
+    let total = |index: usize| sums.iter().map(|sums| sums[index]).sum::<f64>();
+    (total(0) / total(1).max(1.0)).clamp(LIMITS.0, LIMITS.1) as f32
+}
+
+/// The sums of a row of pixels: of the ones, of the trials, of the differences, and of their
+/// variances divided by p(1 − p).
+const TERMS: usize = 4;
+
+/// Two images of squares: the disagreements, and the numbers of pixels.
+type Squares<'a> = (ArrayViewMut2<'a, f32>, ArrayViewMut2<'a, f32>);
+
+levels! {
+    /// Compare some rows, of which `first_row` is the first.
+    fn compare_band(
+        parts: [&Counts<'_>; 2], brightness: f32, first_row: usize, out: Squares<'_>,
+    ) = compare_band_inlined;
+}
+
+#[inline(always)]
+fn compare_band_inlined(
+    parts: [&Counts<'_>; 2],
+    brightness: f32,
+    first_row: usize,
+    (mut disagreements, mut numbers): Squares<'_>,
+) {
+    let (height, width) = parts[0].ones.dim();
+    let rows = (disagreements.nrows() * SQUARE).min(height - first_row);
+    let mut terms = [(); TERMS].map(|()| vec![0.0; width + 2]);
+    let mut sums = [(); TERMS].map(|()| vec![0.0; (rows + 2) * width]);
+    let mut known = vec![0.0; (rows + 2) * width];
+    for index in 0..rows + 2 {
+        let row = reflect((first_row + index) as isize - 1, height);
+        let known = &mut known[index * width..][..width];
+        compare_row(parts, brightness, row, &mut terms, known);
+        for (sums, terms) in sums.iter_mut().zip(&terms) {
+            add_neighbors(terms, 1, &mut sums[index * width..][..width]);
+        }
+    }
+    for plane in &mut sums {
+        add_rows(plane, width, 1, rows);
+    }
+    let mut ratios = vec![0.0; width];
+    for row in 0..rows {
+        let [ones, trials, differences, variances] =
+            sums.each_ref().map(|plane| &plane[row * width..][..width]);
+        let known = &known[(row + 1) * width..][..width];
+        for i in 0..width {
+            // Pixels without trials, such as those of dead jots, must not make p smaller.
+            let number = if trials[i] > 1.0 { trials[i] } else { 1.0 };
+            let share = ones[i] / number;
+            let p = if share < 1.0 { share } else { 1.0 };
+            let variance = p * (1.0 - p) * variances[i];
+            let large = variance > MIN_VARIANCE;
+            let variance = if large { variance } else { MIN_VARIANCE };
+            ratios[i] = differences[i] * differences[i] / variance * known[i];
+        }
+        for (plane, values) in [(&mut disagreements, &ratios[..]), (&mut numbers, known)] {
+            let mut squares = plane.row_mut(row / SQUARE);
+            if row % SQUARE == 0 {
+                squares.fill(0.0);
+            }
+            for (square, values) in squares.iter_mut().zip(values.chunks(SQUARE)) {
+                *square += values.iter().sum::<f32>();
+            }
+        }
+    }
+}
+
+/// Compute the terms of a row of pixels, with one more at each end, and whether both parts have
+/// trials.
+#[inline(always)]
+fn compare_row(
+    [first, second]: [&Counts<'_>; 2],
+    brightness: f32,
+    row: usize,
+    terms: &mut [Vec<f32>; TERMS],
+    known: &mut [f32],
+) {
+    let width = known.len();
+    let (ones, trials) = (values(first.ones.row(row)), values(first.trials.row(row)));
+    let (others, other_trials) = (values(second.ones.row(row)), values(second.trials.row(row)));
+    let [all, numbers, differences, variances] =
+        terms.each_mut().map(|term| &mut term[1..][..width]);
+    for i in 0..width {
+        let (ones, others) = (ones[i] as f32, others[i] as f32 * brightness);
+        let (trials, other_trials) = (trials[i] as f32, other_trials[i] as f32);
+        let (number, weight) = (trials + other_trials, trials * other_trials);
+        all[i] = ones + others;
+        numbers[i] = number;
+        differences[i] = ones * other_trials - others * trials;
+        variances[i] = weight * number;
+        known[i] = if weight > 0.0 { 1.0 } else { 0.0 };
+    }
+    for term in terms {
+        reflect_margins(term, 1, width);
+    }
+}
