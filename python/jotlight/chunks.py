@@ -1,4 +1,4 @@
-"""Ranges of frames and rows, short enough for progress bars to respond."""
+"""Ranges of frames and rows: chunks of work, and the windows of a film."""
 
 from collections.abc import Iterator
 
@@ -39,3 +39,33 @@ def frame_chunks(
                 range(frame, min(frame + frames_per_chunk, frames)),
                 range(row, min(row + rows_per_chunk, rows)),
             )
+
+
+def windows(frames: int, window: int, step: int | None = None) -> list[slice]:
+    """Return the frames of each window as a slice: `window` frames, from every `step`-th frame on.
+
+    Parameters
+    ----------
+    frames : int
+        The number of frames of a capture.
+    window : int
+        The number of frames of a window.
+    step : int, optional
+        Frames from one window to the next. Default: the size of a window.
+
+    Raises
+    ------
+    ValueError
+        If the window is longer than the capture, or a number is below 1.
+
+    Examples
+    --------
+    >>> [(w.start, w.stop) for w in windows(10, 4, 3)]
+    [(0, 4), (3, 7), (6, 10)]
+    """
+    step = window if step is None else step
+    if step < 1:
+        raise ValueError(f"step: expected 1 frame or more, got {step}")
+    if not 1 <= window <= frames:
+        raise ValueError(f"window: expected 1 to the capture's {frames} frames, got {window}")
+    return [slice(start, start + window) for start in range(0, frames - window + 1, step)]

@@ -55,7 +55,7 @@ os._exit(0)
 ENGINE = """
 image = np.full((40, 40), 0.5, np.float32)
 counts = np.arange(1600, dtype=np.int32).reshape(40, 40) % 17
-original = jl.pretrained(jl.Sensor(4), "large")
+original = jl.pretrained(jl.Sensor(oversampling=4), "large")
 current = [original, 1]
 
 def renew(round):
@@ -64,14 +64,14 @@ def renew(round):
 
 def use():
     network, threshold = current
-    bits = jl.Sensor(4, threshold=threshold).expose(image, rng=0, threads=2)
+    bits = jl.Sensor(oversampling=4, threshold=threshold).expose(image, rng=0, threads=2)
     assert bits.counts(4, threads=2).shape == image.shape
     assert network.reconstruct(counts, threads=2).shape == counts.shape
 """
 
 # SciPy's transforms in ADMM use a pool of threads, which a fork stops and starts again.
 ADMM = """
-sensor = jl.Sensor(2, frames=4)
+sensor = jl.Sensor(oversampling=2, frames=4)
 bits = sensor.expose(np.full((60, 60), 0.5, np.float32), rng=0)
 
 def renew(round):

@@ -53,15 +53,18 @@ for call in sys.stdin:
         print(json.dumps("the call ended before the signal"), flush=True)
 """
 SENSOR = "jl.Sensor(frames=100)"
+SMOOTH = "jl.Sensor(oversampling=2, frames=9, kernel='cubic')"
 # Each call takes from many seconds to hours, and little memory until it is interrupted.
 CALLS = {
-    "rate": "jl.Sensor(16, kernel='cubic').rate(np.full((2000, 1000), 50.0))",
+    "rate": "jl.Sensor(oversampling=16, kernel='cubic').rate(np.full((2000, 1000), 50.0))",
     "probability": (
-        "jl.Sensor(8, kernel='cubic', threshold=50).probability(np.full((2000, 2000), 50.0))"
+        "jl.Sensor(oversampling=8, kernel='cubic', threshold=50)"
+        ".probability(np.full((2000, 2000), 50.0))"
     ),
     "expose": "jl.Sensor(frames=200_000).expose(np.full((512, 512), 0.5))",
     "expose, smooth": (
-        "jl.Sensor(8, frames=20, kernel='cubic', threshold=9).expose(np.full((2000, 2000), 9.0))"
+        "jl.Sensor(oversampling=8, frames=20, kernel='cubic', threshold=9)"
+        ".expose(np.full((2000, 2000), 9.0))"
     ),
     "counts": "jl.Bits(np.broadcast_to(np.uint8(1), (10**7, 512, 64))).counts()",
     "counts, oversampled": ("jl.Bits(np.broadcast_to(np.uint8(1), (10**6, 4096, 512))).counts(4)"),
@@ -71,8 +74,8 @@ CALLS = {
         "4, frames=100, dark_counts=np.tile(np.float32([0, 1]), (4000, 2000)))) for _ in range(99)]"
     ),
     "noniterative": "[jl.noniterative(counts, maps, denoiser=lambda z: z) for _ in range(99)]",
-    "mle_iterative": "jl.mle_iterative(smooth, jl.Sensor(2, frames=9, kernel='cubic'))",
-    "admm_tv": "[jl.admm_tv(smooth, jl.Sensor(2, frames=9, kernel='cubic')) for _ in range(99)]",
+    "mle_iterative": f"jl.mle_iterative(smooth, {SMOOTH})",
+    "admm_tv": f"[jl.admm_tv(smooth, {SMOOTH}) for _ in range(99)]",
     "admm_tv, q = 50": "jl.admm_tv(counts, jl.Sensor(frames=100, threshold=50))",
     "likelihood": (
         "jl.Likelihood(np.ones(10**7, np.int32), 2, threshold=65_535).proximal("
@@ -98,10 +101,11 @@ CALLS = {
     "network, small": "[jl.pretrained({0}, 'small').reconstruct(counts, {0}) for _ in range(99)]",
     "network, medium": "[jl.pretrained({0}, 'medium').reconstruct(counts, {0}) for _ in range(99)]",
     "network, large": (
-        "[jl.pretrained(jl.Sensor(4), 'large').reconstruct(counts // 4) for _ in range(99)]"
+        "[jl.pretrained(jl.Sensor(oversampling=4), 'large').reconstruct(counts // 4) "
+        "for _ in range(99)]"
     ),
     "network, untied": (
-        "jl.Network.initial(jl.Sensor(4), taps=201, tied=False).reconstruct("
+        "jl.Network.initial(jl.Sensor(oversampling=4), taps=201, tied=False).reconstruct("
         "jl.Bits(np.broadcast_to(np.uint8(85), (1, 16000, 2000))))"
     ),
     "align": (
@@ -111,8 +115,8 @@ CALLS = {
     "merge": "[jl.merge(small, motion=still) for _ in range(999)]",
     "Gauss-Newton": "jl.train(jl.Network.initial({0}), np.full((9, 512, 512), 0.5), patch=512)",
     "Adam": (
-        "jl.train(jl.pretrained(jl.Sensor(4), 'two-layer'), np.full((2, 2000, 2000), 0.5), "
-        "optimizer='adam', patch=2000, batch=9)"
+        "jl.train(jl.pretrained(jl.Sensor(oversampling=4), 'two-layer'), "
+        "np.full((2, 2000, 2000), 0.5), optimizer='adam', patch=2000, batch=9)"
     ),
 }
 MAX_SECONDS = 1

@@ -214,7 +214,7 @@ def test_counts_without_trials_need_a_sensor():
     with pytest.raises(ValueError, match=r"sensor: expected 60 frames.*sensor\.replace\(frames=60"):
         jl.align(stack, jl.Sensor(frames=20))
     with pytest.raises(ValueError, match=r"an oversampling of 1.*frames=80\)"):
-        jl.align(stack, jl.Sensor(2, 20))
+        jl.align(stack, jl.Sensor(oversampling=2, frames=20))
 
 
 @pytest.mark.parametrize("number", [40, pytest.param(3, marks=pytest.mark.slow)])

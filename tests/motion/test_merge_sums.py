@@ -118,7 +118,7 @@ def test_jots_become_pixels():
     """Each pixel has the sums of its four jots, along the motion of jots."""
     step, jots = (0, -1), (SIZE[0], SIZE[1])
     pixels = SIZE[0] // 2, SIZE[1] // 2
-    sensor = jl.Sensor(2, FRAMES)
+    sensor = jl.Sensor(oversampling=2, frames=FRAMES)
     _, bits = moved(shifts_of(step) / 2, sensor=sensor, shape=pixels, photons=0.4, rng=0)
     merged = jl.merge(bits, motion=motion_of(step, jots))
     ones, trials = (

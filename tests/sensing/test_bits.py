@@ -57,6 +57,51 @@ def test_gray_bits_are_their_own_only_channel():
     assert bits.channels() == [bits]
 
 
+def test_one_frame_is_an_array():
+    array = random_bits(3, 5, 9, 2)
+    bits = jl.Bits.from_array(array)
+    for index in (0, 2, -1, -3, np.int64(1)):
+        np.testing.assert_array_equal(bits[index], array[index])
+    assert bits[0].dtype == bool
+    for wrong in (3, -4):
+        with pytest.raises(IndexError, match=f"expected a frame from 0 to 2, got {wrong}"):
+            bits[wrong]
+    for wrong in (1.0, "a", None, ..., [0], (0, slice(3)), True, np.array([0])):
+        with pytest.raises(TypeError, match="number of a frame, or a slice"):
+            bits[wrong]
+
+
+def test_iteration_and_conversion_yield_all_frames():
+    array = random_bits(3, 5, 9)
+    bits = jl.Bits.from_array(array)
+    np.testing.assert_array_equal(np.stack(list(bits)), array)
+    np.testing.assert_array_equal(np.asarray(bits), array)
+    np.testing.assert_array_equal(np.asarray(bits, np.float32), array.astype(np.float32))
+    assert np.asarray(bits).dtype == bool
+    assert np.mean(bits) == array.mean()
+    with pytest.raises(ValueError, match="copy=False"):
+        bits.__array__(copy=False)
+
+
+def test_frames_of_files_are_read_part_by_part(tmp_path):
+    array = random_bits(64, 40, 61)
+    jl.save(jl.Bits.from_array(array), tmp_path / "bits.npy")
+    bits = jl.open(tmp_path / "bits.npy")
+    np.testing.assert_array_equal(bits[63], array[63])
+    for found, expected in zip(bits, array, strict=True):
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_windows_are_bits_whose_sensor_has_as_many_frames():
+    bits = jl.Bits.from_array(random_bits(10, 5, 9), jl.Sensor(frames=10, gain=5.0))
+    parts = list(bits.windows(4, 3))
+    assert [part.sensor for part in parts] == [jl.Sensor(frames=4, gain=2.0)] * 3
+    for index, part in enumerate(parts):
+        np.testing.assert_array_equal(part.to_array(), bits[3 * index : 3 * index + 4].to_array())
+    with pytest.raises(ValueError, match="window: expected 1 to the capture's 10 frames"):
+        bits.windows(11)
+
+
 class OtherSensor:
     """An object with the interface that bits require of a sensor."""
 
@@ -200,12 +245,6 @@ def test_a_slice_has_its_frames_and_a_sensor_of_that_number_of_frames(part):
     assert bits.sensor == jl.Sensor(frames=frames, gain=4 * frames)
     assert np.shares_memory(bits.packed, bits[:1].packed)
     assert jl.Bits.from_array(array)[part].sensor is None
-
-
-@pytest.mark.parametrize("part", [0, (slice(1), slice(1)), [0, 1], None, ...])
-def test_anything_but_a_slice_of_frames_is_refused(part):
-    with pytest.raises(TypeError, match=r"slice of frames such as bits\[:16\]"):
-        jl.Bits.from_array(random_bits(5, 4, 9))[part]
 
 
 def test_a_slice_without_frames_is_refused():

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from cyclopts import Parameter
 
+from jotlight.chunks import windows
 from jotlight.cli.advice import caution_about_motion
 from jotlight.cli.applied_calibration import recorded
 from jotlight.cli.capture_options import CaptureOptions
@@ -24,7 +25,7 @@ from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE
 from jotlight.formats.capture import Capture
 from jotlight.images.io import image_writer
 from jotlight.images.tone import Tone
-from jotlight.images.video import is_floats, video_writer, windows
+from jotlight.images.video import is_floats, video_writer
 from jotlight.motion.film import FilmImage
 from jotlight.motion.film import film as merge_windows
 from jotlight.sensing.bits import Bits
@@ -96,7 +97,7 @@ def film(
     motion.check()
     inputs.check_outputs([outputs.output])
     job = inputs.prepare(outputs.output, window=outputs.window)
-    spans = windows(job.captured.data, outputs.window, outputs.step)
+    spans = windows(len(job.captured.data), outputs.window, outputs.step)
     brightness = _write(job, outputs, motion, spans, threads)
     report_assumptions(job, brightness)
     if not motion.motion:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.chunks import windows
 from jotlight.cli.advice import range_advice, training_advice
 from jotlight.cli.applied_calibration import AppliedCalibration, recorded
 from jotlight.cli.capture_options import CaptureOptions
@@ -21,7 +22,6 @@ from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE
 from jotlight.estimators.problem import ConvergenceHistories
 from jotlight.evaluation.methods import METHODS, Choice, Run, choose_method
 from jotlight.files import atomic_write_together, refuse_overwrite
-from jotlight.images.video import windows
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import pretrained
 from jotlight.sensing.bits import Bits, check_fits
@@ -139,7 +139,7 @@ def _with_max_intensity(captured: Captured, max_intensity: float) -> Captured:
 def _of_window(captured: Captured, window: int) -> Captured:
     """Return a capture with the sensor of one window of its frames."""
     data, sensor = captured.data, captured.sensor
-    windows(data, window)
+    windows(len(data), window)
     if isinstance(data, Bits):
         check_fits(data, sensor)
     # A frame of counts has several readings.

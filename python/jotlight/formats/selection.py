@@ -7,9 +7,10 @@ import numpy.typing as npt
 
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.orientation import orient_image, orient_packed, parse_orientation
-from jotlight.sensing.bits import Bits, SensorLike
+from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, format_frame_range, read_frames
 from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.sensor_like import SensorLike
 
 
 def select(

@@ -1,7 +1,7 @@
 """Videos: one image per window of frames, written one by one."""
 
 import contextlib
-from collections.abc import Callable, Iterator, Sized
+from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -17,36 +17,6 @@ from jotlight.images.tone import Tone
 from jotlight.output_files import OutputFile, open_output
 
 AddImage = Callable[[npt.NDArray[np.float32]], None]
-
-
-def windows(frames: Sized, window: int, step: int | None = None) -> list[slice]:
-    """Return the frames of each window as a slice: `window` frames, from every `step`-th frame on.
-
-    Parameters
-    ----------
-    frames : sized
-        Bits, or images of counts. For a window w, ``bits[w]`` does not read the file.
-    window : int
-        The number of frames of a window.
-    step : int, optional
-        Frames from one window to the next. Default: the size of a window.
-
-    Raises
-    ------
-    ValueError
-        If the window is longer than the capture, or a number is below 1.
-
-    Examples
-    --------
-    >>> [(w.start, w.stop) for w in windows(range(10), 4, 3)]
-    [(0, 4), (3, 7), (6, 10)]
-    """
-    step = window if step is None else step
-    if step < 1:
-        raise ValueError(f"step: expected 1 frame or more, got {step}")
-    if not 1 <= window <= len(frames):
-        raise ValueError(f"window: expected 1 to the capture's {len(frames)} frames, got {window}")
-    return [slice(start, start + window) for start in range(0, len(frames) - window + 1, step)]
 
 
 def is_floats(path: Path) -> bool:

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.chunks import windows
 from jotlight.errors import JotlightWarning
 from jotlight.formats.capture import CountStack
-from jotlight.images.video import windows
 from jotlight.motion.affine import SIGMAS, extrapolate, improve, improve_together, template_of
 from jotlight.motion.align import align, as_motion, hot_jots, prepare_burst, valid_jots
 from jotlight.motion.blocks import Blocks
@@ -105,7 +105,7 @@ def film(
     burst, sensor = prepare_burst(data, sensor)
     if model != "auto" and model not in MODELS:
         raise ValueError(f"model: expected auto or one of {', '.join(MODELS)}, got {model!r}")
-    spans = windows(data, window, step)
+    spans = windows(len(data), window, step)
     # A frame of counts has several readings.
     part = sensor.replace(frames=sensor.frames * window // len(burst))
     return _images(data, part, spans, model, threads)

@@ -2,14 +2,15 @@
 
 import operator
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, Protocol, Self
+from typing import Any, Self, SupportsIndex, overload
 
 import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.checks import refuse_masked
-from jotlight.chunks import frame_chunks
+from jotlight.chunks import frame_chunks, windows
+from jotlight.sensing import preview
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import (
     Frames,
@@ -17,26 +18,10 @@ from jotlight.sensing.frames import (
     format_frame_range,
     map_in_thread,
     read_frames,
+    read_in_chunks,
 )
 from jotlight.sensing.provenance import Provenance
-
-
-class SensorLike(Protocol):
-    """The part of :class:`jotlight.Sensor` that bits and their files use."""
-
-    @property
-    def oversampling(self) -> int: ...  # noqa: D102
-    @property
-    def frames(self) -> int: ...  # noqa: D102
-    @property
-    def trials(self) -> int: ...  # noqa: D102
-    @property
-    def kernel(self) -> str: ...  # noqa: D102
-
-    def replace(self, **changes: Any) -> Self: ...  # noqa: D102
-    def check_map_shapes(self, height: int, width: int) -> None: ...  # noqa: D102
-    def maps(self) -> dict[str, npt.NDArray[Any]]: ...  # noqa: D102
-    def scalars(self) -> dict[str, Any]: ...  # noqa: D102
+from jotlight.sensing.sensor_like import SensorLike
 
 
 class Bits:
@@ -147,10 +132,24 @@ class Bits:
         """Return the number of frames."""
         return int(self.packed.shape[0])
 
-    def __getitem__(self, frames: slice) -> Self:
-        """Return a view of some frames. Its sensor has that number of frames."""
+    @overload
+    def __getitem__(self, frames: SupportsIndex) -> npt.NDArray[np.bool_]: ...
+    @overload
+    def __getitem__(self, frames: slice) -> Self: ...
+
+    def __getitem__(self, frames: SupportsIndex | slice) -> npt.NDArray[np.bool_] | Self:
+        """Return one frame as an array, or a view of several, whose sensor has as many frames.
+
+        Examples
+        --------
+        >>> bits = Bits.from_array([[[0, 1]], [[1, 1]], [[1, 0]]])
+        >>> bits[-1]
+        array([[ True, False]])
+        >>> bits[:2]
+        <Bits: 2 frames of 1 x 2 jots>
+        """
         if not isinstance(frames, slice):
-            raise TypeError(f"bits: expected a slice of frames such as bits[:16], got {frames!r}")
+            return self._frame(frames)
         packed = self.packed[frames]
         if len(packed) == 0:
             raise ValueError(f"bits: no frames in {format_frame_range(frames)} of {len(self)}")
@@ -161,6 +160,57 @@ class Bits:
             taken = format_frame_range(slice(start, stop, None if step == 1 else step))
             provenance = provenance.with_notes(f"frames {taken} of {len(self)}")
         return type(self)(packed, self.width, sensor, provenance)
+
+    def _frame(self, index: SupportsIndex) -> npt.NDArray[np.bool_]:
+        """Return one frame, (H, W) or (H, W, C)."""
+        # Arrays with one element have __index__, too.
+        if isinstance(index, bool | np.bool_) or not isinstance(index, int | np.integer):
+            raise TypeError(
+                f"bits: expected the number of a frame, or a slice such as bits[:16], got "
+                f"{index!r}; bits[0] is an array, with indices such as bits[0][:, 5]"
+            )
+        number = operator.index(index)
+        if not -len(self) <= number < len(self):
+            raise IndexError(f"bits: expected a frame from 0 to {len(self) - 1}, got {number}")
+        number %= len(self)
+        frame: npt.NDArray[np.bool_] = self[number : number + 1].to_array()[0]
+        return frame
+
+    def __iter__(self) -> Iterator[npt.NDArray[np.bool_]]:
+        """Yield each frame as an array, (H, W) or (H, W, C)."""
+        for _, part in read_in_chunks(self.packed):
+            yield from np.unpackbits(part, axis=2, count=self.width).view(np.bool_)
+
+    def __array__(
+        self, dtype: npt.DTypeLike | None = None, copy: bool | None = None
+    ) -> npt.NDArray[Any]:
+        """Return :meth:`to_array`, for ``numpy.asarray``."""
+        if copy is False:
+            raise ValueError("copy=False: packed bits can only be unpacked into a new array")
+        return self.to_array().astype(np.bool_ if dtype is None else dtype, copy=False)
+
+    def windows(self, window: int, step: int | None = None) -> Iterator[Self]:
+        """Return an iterator over the bits of `window` frames, from every `step`-th frame on.
+
+        Parameters
+        ----------
+        window : int
+            Number of frames, from 1 to T.
+        step : int, optional
+            Frames from one window to the next. Default: the size of a window.
+
+        Raises
+        ------
+        ValueError
+            When a number is out of range.
+
+        Examples
+        --------
+        >>> bits = Bits.from_array(np.zeros((10, 4, 4), bool))
+        >>> [len(part) for part in bits.windows(4, 3)]
+        [4, 4, 4]
+        """
+        return (self[frames] for frames in windows(len(self), window, step))
 
     def to_array(self) -> npt.NDArray[np.bool_]:
         """Return unpacked bits of bool, (T, H, W) or (T, H, W, C). They take 8 times the memory."""
@@ -249,6 +299,13 @@ class Bits:
         if len(self.shape) == 3:
             return [self]
         return [Bits(packed, self.width, self.sensor) for packed in channel_views(self.packed, 3)]
+
+    def show(self) -> None:
+        """Show how often each pixel is 1, with matplotlib. Only the first 64 MiB are read."""
+        preview.show(self)
+
+    def _repr_html_(self) -> str:
+        return preview.html_of(self)
 
     def __repr__(self) -> str:
         frames, height, width, *channels = self.shape

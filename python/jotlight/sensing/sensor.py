@@ -11,6 +11,7 @@ import jotlight._engine as engine
 from jotlight.checks import as_image, number_in_range, whole_number_in_range
 from jotlight.seeds import SeedLike, seed_bytes
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.description import html_of, repr_of
 from jotlight.sensing.maps import LIMITS, MAPS, checked_maps
 from jotlight.sensing.simulate import Window, draw_bits, evaluate_on_jots, packed_output
 
@@ -18,7 +19,7 @@ KERNELS = ("box", "linear", "quadratic", "cubic")
 """The B-spline kernels of the light field, in the order of their degree."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Sensor:
     """A quanta image sensor: each jot reports 1 when at least `threshold` photons arrive.
 
@@ -53,6 +54,8 @@ class Sensor:
 
     Raises
     ------
+    TypeError
+        When a parameter is passed without its name.
     ValueError
         When a value is out of range, or a map has the wrong shape or values.
 
@@ -80,6 +83,12 @@ class Sensor:
     efficiency: float | npt.NDArray[np.float32] = 1.0
     mask: npt.NDArray[np.bool_] | None = None
     max_intensity: float = 1.0
+
+    def __new__(cls, *unnamed: object, **_: object) -> Self:
+        """Refuse parameters without names, because Sensor(16) could mean frames or oversampling."""
+        if unnamed:
+            raise TypeError(f"sensor: expected names as in Sensor(frames=16), got {unnamed[0]!r}")
+        return super().__new__(cls)
 
     def __post_init__(self) -> None:
         for name, maximum in (("oversampling", 4096), ("frames", 2**31 - 1), ("threshold", 65535)):
@@ -255,10 +264,9 @@ class Sensor:
     def check_map_shapes(self, height: int, width: int) -> None:
         """Raise ValueError unless each map has `height` rows and `width` columns of jots."""
         for name, map_ in self.maps().items():
-            if map_.shape != (height, width):
+            if map_.shape != (expected := (height, width)):
                 raise ValueError(
-                    f"{name}: expected one value per jot, shape {(height, width)}, "
-                    f"got shape {map_.shape}"
+                    f"{name}: expected one value per jot, shape {expected}, got shape {map_.shape}"
                 )
 
     def maps(self) -> dict[str, npt.NDArray[Any]]:
@@ -331,15 +339,12 @@ class Sensor:
             and all(np.array_equal(mine[name], theirs[name]) for name in mine)
         )
 
-    __hash__ = None  # type: ignore[assignment]
+    def __hash__(self) -> int:
+        maps = ((name, map_.shape, float(map_.sum())) for name, map_ in self.maps().items())
+        return hash((*self.scalars().items(), *maps))
+
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
     def __repr__(self) -> str:
-        parts = []
-        for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
-            default = self.trials if field.name == "gain" else field.default
-            if isinstance(value, np.ndarray):
-                parts.append(f"{field.name}=<{value.shape[0]} x {value.shape[1]} map>")
-            elif value != default:
-                parts.append(f"{field.name}={value!r}")
-        return f"Sensor({', '.join(parts)})"
+        return repr_of(self, {field.name: field.default for field in dataclasses.fields(self)})

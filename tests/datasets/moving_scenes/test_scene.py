@@ -104,7 +104,10 @@ def test_an_object_that_appears_is_not_visible_before():
     assert scene.visible(late + 5, at=late)[is_object].all()
 
 
-@pytest.mark.parametrize("sensor", [jl.Sensor(2, FRAMES), jl.Sensor(1, FRAMES, 300.0, threshold=2)])
+@pytest.mark.parametrize(
+    "sensor",
+    [jl.Sensor(oversampling=2, frames=FRAMES), jl.Sensor(frames=FRAMES, gain=300.0, threshold=2)],
+)
 def test_bits_have_the_probabilities_of_the_image(sensor):
     scene = scene_of("fast", sensor=sensor)
     bits = scene.bits.to_array()
@@ -124,7 +127,7 @@ def test_maps_of_the_sensor_are_used():
     mask[3, 4] = True
     dark = np.zeros(SHAPE)
     dark[7, 8] = 100
-    counts = scene_of("shake", sensor=jl.Sensor(1, FRAMES, mask=mask, dark_counts=dark)).bits
+    counts = scene_of("shake", sensor=jl.Sensor(frames=FRAMES, mask=mask, dark_counts=dark)).bits
     counts = counts.counts()
     assert counts[3, 4] == 0
     assert counts[7, 8] == FRAMES
@@ -218,7 +221,7 @@ def test_paths_have_their_lengths(frames, motion):
         ({"photons": 0}, ValueError, "photons"),
         ({"photograph": np.zeros((9, 9)), "photons": 1}, ValueError, "that is not black"),
         ({"samples_per_frame": 0}, ValueError, "samples_per_frame"),
-        ({"sensor": jl.Sensor(1, FRAMES, mask=np.zeros((3, 3), bool))}, ValueError, "mask"),
+        ({"sensor": jl.Sensor(frames=FRAMES, mask=np.zeros((3, 3), bool))}, ValueError, "mask"),
     ],
 )
 def test_bad_arguments_are_refused(arguments, error, message):

@@ -1,0 +1,79 @@
+"""HTML for notebooks: a small image, and a table of facts."""
+
+import base64
+import html
+import io
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+_SIDE = 192
+"""Maximum height and width of a thumbnail in pixels."""
+
+_MAX_TEXT = 200
+"""Maximum length of a text. Longer texts are cut."""
+
+
+def card(
+    title: str, facts: Mapping[str, object], image: npt.NDArray[np.floating] | None = None
+) -> str:
+    """Return HTML with a title, a table of facts, and a small image.
+
+    Texts may come from files of others. They are shown as they are, and cannot act as HTML.
+
+    Parameters
+    ----------
+    title : str
+        The title.
+    facts : mapping of str to object
+        Names and values.
+    image : ndarray, shape (H, W) or (H, W, 3), optional
+        An image from 0, black, to 1, white.
+
+    Examples
+    --------
+    >>> card("Bits", {"frames": 16, "file": "<a>"})
+    '<div><b>Bits</b><table><tr><th>frames</th><td>16</td></tr><tr><th>file</th><td>&lt;a&gt;</td></tr></table></div>'
+    """
+    rows = "".join(
+        f"<tr><th>{_escape(name)}</th><td>{_escape(value)}</td></tr>"
+        for name, value in facts.items()
+    )
+    table = f"<table>{rows}</table>" if rows else ""
+    picture = "" if image is None else f'<img alt="" src="{_data_address(image)}">'
+    return f"<div><b>{_escape(title)}</b>{picture}{table}</div>"
+
+
+def shrink(image: npt.NDArray[np.floating], side: int = _SIDE) -> npt.NDArray[np.floating]:
+    """Return an image of at most `side` pixels a side, by averaging squares of pixels.
+
+    Examples
+    --------
+    >>> shrink(np.arange(16.0).reshape(4, 4), 2).tolist()
+    [[2.5, 4.5], [10.5, 12.5]]
+    """
+    factor = -(-max(image.shape[:2]) // side)
+    if factor == 1:
+        return image
+    # Thin images keep at least one row and one column.
+    rows, columns = (np.arange(0, length, factor) for length in image.shape[:2])
+    totals = np.add.reduceat(np.add.reduceat(image, rows, axis=0), columns, axis=1)
+    ones = np.ones(image.shape[:2])
+    sizes = np.add.reduceat(np.add.reduceat(ones, rows, axis=0), columns, axis=1)
+    return np.asarray(totals / (sizes if image.ndim == 2 else sizes[:, :, None]))
+
+
+def _escape(value: object) -> str:
+    text = str(value)
+    return html.escape(text if len(text) <= _MAX_TEXT else text[: _MAX_TEXT - 1] + "…")
+
+
+def _data_address(image: npt.NDArray[np.floating]) -> str:
+    """Return an image as the address of a PNG that contains it."""
+    from PIL import Image
+
+    shades = np.rint(255 * np.clip(shrink(image), 0, 1)).astype(np.uint8)
+    buffer = io.BytesIO()
+    Image.fromarray(shades).save(buffer, "png")
+    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")

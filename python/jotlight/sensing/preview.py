@@ -1,0 +1,98 @@
+"""Previews of bits: images of how often each pixel is one, for people to look at."""
+
+from typing import Any, Protocol, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.notebook import card
+from jotlight.sensing.frames import Frames
+from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.sensor_like import SensorLike
+
+MAX_BYTES = 1 << 26
+"""Maximum number of bytes of bits that a preview reads."""
+
+_WHITE = 99.5
+"""Percentile of the pixels that is shown as white."""
+
+
+class BitsLike(Protocol):
+    """The part of :class:`jotlight.Bits` that a preview uses."""
+
+    packed: npt.NDArray[np.uint8] | Frames
+    sensor: SensorLike | None
+    provenance: Provenance | None
+
+    @property
+    def shape(self) -> tuple[int, ...]: ...  # noqa: D102
+    def __len__(self) -> int: ...
+    def __getitem__(self, frames: slice) -> Self: ...
+    def counts(self, oversampling: int) -> npt.NDArray[np.int32]: ...  # noqa: D102
+
+
+def preview(bits: BitsLike, max_bytes: int = MAX_BYTES) -> tuple[npt.NDArray[np.floating], range]:
+    """Return an image from 0 to 1, and the frames that it shows: the first ones.
+
+    A single frame is shown as it is. Of several frames, each pixel shows the fraction of ones, and
+    white is the 99.5th percentile. Three channels are shown as colors, and others as their mean.
+
+    Parameters
+    ----------
+    bits : Bits
+        The bits.
+    max_bytes : int
+        Maximum number of bytes to read, unless one frame has more.
+    """
+    frame_bytes = max(1, bits.packed.nbytes // len(bits))
+    frames = range(min(len(bits), max(1, max_bytes // frame_bytes)))
+    part = bits[: len(frames)]
+    side = part.sensor.oversampling if part.sensor else 1
+    image = part.counts(side) / (len(frames) * side**2)
+    if image.ndim == 3 and image.shape[2] != 3:
+        image = image.mean(axis=2)
+    if len(frames) * side**2 == 1:
+        return image, frames
+    white = float(np.percentile(image, _WHITE)) or float(image.max()) or 1.0
+    return np.minimum(image / white, 1), frames
+
+
+def html_of(bits: BitsLike) -> str:
+    """Return HTML that describes bits, for notebooks."""
+    frames, height, width, *channels = bits.shape
+    image, shown = preview(bits)
+    facts: dict[str, Any] = {"frames": frames, "jots": f"{height} x {width}"}
+    if channels:
+        facts["channels"] = channels[0]
+    facts["size"] = f"{bits.packed.nbytes / 1e6:.3g} MB"
+    if bits.sensor is not None:
+        facts["sensor"] = bits.sensor
+    if bits.provenance is not None:
+        facts["file"] = bits.provenance
+    facts["image"] = caption(shown, frames)
+    return card("Bits", facts, image)
+
+
+def caption(shown: range, frames: int) -> str:
+    """Return what a preview shows.
+
+    Examples
+    --------
+    >>> caption(range(1), 1), caption(range(16), 16), caption(range(16), 99)
+    ('the only frame', 'how often each pixel is 1', 'how often each pixel is 1 in frames 0 to 15')
+    """
+    if frames == 1:
+        return "the only frame"
+    part = "" if len(shown) == frames else f" in frames {shown[0]} to {shown[-1]}"
+    return f"how often each pixel is 1{part}"
+
+
+def show(bits: BitsLike) -> None:
+    """Show a preview of bits with matplotlib's pyplot."""
+    import matplotlib.pyplot as plt
+
+    image, shown = preview(bits)
+    _, axes = plt.subplots(layout="constrained")
+    axes.imshow(image, cmap="gray", vmin=0, vmax=1, interpolation="nearest")
+    axes.set(title=caption(shown, len(bits)), xticks=[], yticks=[])
+    plt.show()
