@@ -36,7 +36,7 @@ def ssim_of_channel(a, b, peak):
 @pytest.mark.parametrize("peak", [1.0, 2.5])
 def test_psnr_agrees_with_scikit_image(pair, peak):
     expected = skimage.metrics.peak_signal_noise_ratio(*pair[::-1], data_range=peak)
-    assert metrics.psnr(*pair, peak=peak) == pytest.approx(expected, rel=1e-12)
+    assert metrics.psnr(*pair, data_range=peak) == pytest.approx(expected, rel=1e-12)
 
 
 def test_snr_is_the_ratio_of_the_powers(pair):
@@ -49,7 +49,7 @@ def test_snr_is_the_ratio_of_the_powers(pair):
 def test_ssim_agrees_with_the_formula_of_wang_et_al(pair, peak):
     planes = [np.atleast_3d(image).transpose(2, 0, 1) for image in pair]
     expected = np.mean([ssim_of_channel(a, b, peak) for a, b in zip(*planes, strict=True)])
-    assert metrics.ssim(*pair, peak=peak) == pytest.approx(expected, rel=1e-9)
+    assert metrics.ssim(*pair, data_range=peak) == pytest.approx(expected, rel=1e-9)
 
 
 def test_float32_images_are_compared_in_float64():

@@ -58,7 +58,7 @@ def main() -> None:
     print("| method | PSNR, dB |")
     print("| --- | ---: |")
     for name, image in rows.items():
-        print(f"| {name} | {jl.metrics.psnr(image, scene, peak=WHITE_LEVEL):.2f} |")
+        print(f"| {name} | {jl.metrics.psnr(image, scene, data_range=WHITE_LEVEL):.2f} |")
 
 
 def trained(capture: jl.Bits, sensor: jl.Sensor) -> jl.Network:

@@ -116,7 +116,7 @@ def measure(
 
 def quality(image: Gray, truth: Gray) -> float:
     """Return the PSNR in dB, without a border."""
-    return float(jl.metrics.psnr(image[INNER], truth[INNER], peak=1.0))
+    return float(jl.metrics.psnr(image[INNER], truth[INNER], data_range=1.0))
 
 
 if __name__ == "__main__":

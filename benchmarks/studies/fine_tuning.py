@@ -44,7 +44,7 @@ def main() -> None:
         capture = sensor.expose(scene, rng=5)
         found, history, seconds = tuned(capture, sensor)
         before, after = (
-            jl.metrics.psnr(each.reconstruct(capture), scene, peak=1.0) for each in (network, found)
+            jl.metrics.psnr(each.reconstruct(capture), scene) for each in (network, found)
         )
         print(
             f"| {bits} | {light:g} | {before:.2f} | {after:.2f} | {change(history)} "

@@ -78,7 +78,7 @@ def panels(name: str, scene: jl.datasets.MovingScene) -> list[tuple[str, Image]]
 
 def quality(image: Image, truth: Image) -> str:
     """Return the PSNR as text."""
-    return f"{jl.metrics.psnr(image, truth, peak=1.0):.1f} dB"
+    return f"{jl.metrics.psnr(image, truth, data_range=1.0):.1f} dB"
 
 
 if __name__ == "__main__":

@@ -198,7 +198,7 @@ def measure(scene: MovingScene) -> Row:
         return network.reconstruct(jl.Merged(ones, trials.astype(np.float64), scene.sensor))
 
     def quality(image: Image) -> np.float64:
-        return np.float64(jl.metrics.psnr(image[INNER], truth[INNER], peak=1.0))
+        return np.float64(jl.metrics.psnr(image[INNER], truth[INNER], data_range=1.0))
 
     windows = []
     for length in sorted({min(length, frames) for length in (*WINDOWS, frames)}):

@@ -85,7 +85,7 @@ def measure(
     # The intensity of bits with a gain of 16 photons in 16 frames is the mean number of photons.
     fraction = 1 - np.exp(-image)
     here = target[MARGIN : MARGIN + height, MARGIN : MARGIN + width]
-    quality = jl.metrics.psnr(fraction[INNER], here[INNER], peak=1.0)
+    quality = jl.metrics.psnr(fraction[INNER], here[INNER], data_range=1.0)
     return motion.model, float(np.max([abs(error).max() for error in errors])), quality
 
 

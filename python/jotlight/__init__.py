@@ -24,6 +24,7 @@ from jotlight.estimators.noniterative import noniterative
 from jotlight.estimators.planning import Plan, plan
 from jotlight.estimators.uncertainty import Uncertainty, uncertainty
 from jotlight.evaluation.evaluate import evaluate
+from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.formats import open, save
 from jotlight.motion.align import align
 from jotlight.motion.merge import merge
@@ -68,6 +69,7 @@ __all__ = [
     "operators",
     "plan",
     "pretrained",
+    "reconstruct",
     "save",
     "train",
     "training",

@@ -8,8 +8,8 @@ import numpy.typing as npt
 from jotlight.interrupts import interruptible
 
 
-def psnr(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, peak: float = 1.0) -> float:
-    """Return the peak signal-to-noise ratio in dB, 10 log10(peak² / mean((ĉ - c)²)).
+def psnr(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, data_range: float = 1.0) -> float:
+    """Return the peak signal-to-noise ratio in dB, 10 log10(R² / mean((ĉ - c)²)).
 
     It is infinite for equal images.
 
@@ -17,8 +17,8 @@ def psnr(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, peak: float = 1.0) ->
     ----------
     estimate, truth : array_like of float, shape (H, W) or (H, W, C)
         ĉ and c, images of the same shape.
-    peak : float
-        The largest possible intensity.
+    data_range : float
+        R: the largest possible intensity.
 
     Raises
     ------
@@ -31,7 +31,7 @@ def psnr(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, peak: float = 1.0) ->
     20.0
     """
     a, b = _pair(estimate, truth)
-    return _decibel(peak**2, np.mean((a - b) ** 2))
+    return _decibel(data_range**2, np.mean((a - b) ** 2))
 
 
 def snr(estimate: npt.ArrayLike, truth: npt.ArrayLike) -> float:
@@ -58,7 +58,7 @@ def snr(estimate: npt.ArrayLike, truth: npt.ArrayLike) -> float:
     return _decibel(np.sum(b**2), np.sum((a - b) ** 2))
 
 
-def ssim(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, peak: float = 1.0) -> float:
+def ssim(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, data_range: float = 1.0) -> float:
     """Return the structural similarity of Wang et al. (2004), at most 1.
 
     The window and the constants are those of the authors: a Gaussian of standard deviation 1.5,
@@ -69,8 +69,8 @@ def ssim(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, peak: float = 1.0) ->
     ----------
     estimate, truth : array_like of float, shape (H, W) or (H, W, C)
         ĉ and c, images of the same shape, with at least 11 x 11 pixels.
-    peak : float
-        The largest possible intensity.
+    data_range : float
+        R: the largest possible intensity.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def ssim(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, peak: float = 1.0) ->
         interruptible(structural_similarity)(
             a,
             b,
-            data_range=peak,
+            data_range=data_range,
             gaussian_weights=True,
             sigma=1.5,
             use_sample_covariance=False,

@@ -25,7 +25,7 @@ def moving(motion, frames=128, shape=(96, 96), photons=0.5, rng=1):
 def quality(merged, truth):
     inner = (slice(12, -12),) * 2
     estimate = jl.pretrained(merged.sensor).reconstruct(merged)
-    return jl.metrics.psnr(estimate[inner], truth[inner], peak=1.0)
+    return jl.metrics.psnr(estimate[inner], truth[inner], data_range=1.0)
 
 
 @pytest.mark.parametrize(

@@ -319,3 +319,18 @@ def test_an_unknown_quality_is_refused():
         pretrained(jl.Sensor(oversampling=4), "best")
     assert unsupported_message(jl.Sensor(frames=100_000)) is None
     assert "the cubic kernel" in unsupported_message(jl.Sensor(oversampling=4, kernel="cubic"))
+
+
+@pytest.mark.parametrize("quality", ["two-layer", "small", "medium", "large"])
+def test_a_network_is_bound_to_the_sensor_for_which_it_was_requested(quality):
+    sensor = jl.Sensor(oversampling=2, frames=4, dark_counts=0.02)
+    bits = sensor.expose(np.full((16, 16), 0.5), rng=0)
+    network = pretrained(sensor, quality)
+    expected = network.reconstruct(bits)
+    np.testing.assert_array_equal(network.reconstruct(bits.counts()), expected)
+    np.testing.assert_array_equal(network(bits.counts()), expected)
+    np.testing.assert_array_equal(network(bits), expected)
+    # Another sensor of the data has precedence.
+    other = sensor.replace(dark_counts=0.0)
+    found = network(bits.counts(), other, threads=1)
+    np.testing.assert_array_equal(found, pretrained(other, quality)(bits.counts()))

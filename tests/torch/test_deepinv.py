@@ -31,7 +31,7 @@ def physics_and_data(sensor, **options):
 
 
 def psnr(estimate):
-    return jl.metrics.psnr(np.asarray(estimate).squeeze(), IMAGE, peak=1.0)
+    return jl.metrics.psnr(np.asarray(estimate).squeeze(), IMAGE, data_range=1.0)
 
 
 @pytest.mark.parametrize("output", ["counts", "bits"])

@@ -22,6 +22,7 @@ from jotlight.cli.output_options import UNITS, OutputOptions
 from jotlight.cli.reconstruction import Brightness, Inputs, Reconstruction, report_assumptions
 from jotlight.cli.sensor_options import CalibratedSensorOptions
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE
+from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.formats.capture import Capture
 from jotlight.images.io import image_writer
 from jotlight.images.tone import Tone
@@ -206,13 +207,15 @@ def _images(
         threads=threads,
     ):
         summary.add(image)
-        yield job.run(image.merged, sensor, threads=threads, **job.settings)
+        yield reconstruct(image.merged, sensor, method=job.method, threads=threads, **job.settings)
 
 
 def _estimate(job: Reconstruction, part: Capture, threads: int | None) -> Image:
     """Return the estimate of a window without alignment."""
     pixels = part if isinstance(part, Bits) else part.sum()
-    return job.run(pixels, job.captured.sensor, threads=threads, **job.settings)
+    sensor = job.captured.sensor
+    image: Image = reconstruct(pixels, sensor, method=job.method, threads=threads, **job.settings)
+    return image
 
 
 def _samples(spans: list[slice]) -> list[slice]:

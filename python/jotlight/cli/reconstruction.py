@@ -20,7 +20,8 @@ from jotlight.cli.output_options import UNITS, ImageOutputOptions
 from jotlight.cli.sensor_options import CalibratedSensorOptions
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE
 from jotlight.estimators.problem import ConvergenceHistories
-from jotlight.evaluation.methods import METHODS, Choice, Run, choose_method
+from jotlight.evaluation.methods import METHODS, Choice, choose_method
+from jotlight.evaluation.reconstruct import Info, reconstruct
 from jotlight.files import atomic_write_together, refuse_overwrite
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import pretrained
@@ -36,7 +37,8 @@ class Reconstruction:
     captured: Captured
     """The capture, whose sensor has the frames of one image."""
     choice: Choice
-    run: Run
+    method: str | Network
+    """The name of the method, or the network."""
     settings: dict[str, Any]
     """Keyword arguments of the method."""
     calibration: AppliedCalibration | None
@@ -126,9 +128,9 @@ class Inputs:
         if choice.quality is not None:
             network = pretrained(captured.sensor, choice.quality)
         captured = _with_max_intensity(captured, choice.max_intensity)
-        run = METHODS[choice.method].run if network is None else network.reconstruct
+        method = choice.method if network is None else network
         settings = self.method.settings()
-        return Reconstruction(self.path, captured, choice, run, settings, calibration, training)
+        return Reconstruction(self.path, captured, choice, method, settings, calibration, training)
 
 
 def _with_max_intensity(captured: Captured, max_intensity: float) -> Captured:
@@ -214,21 +216,22 @@ def _estimate(
     job: Reconstruction, data: Data, threads: int | None
 ) -> tuple[npt.NDArray[np.float32], str]:
     """Return the estimate of an image, and how the iterations ended."""
-    title, sensor = job.choice.title, job.captured.sensor
-    if job.choice.method in METHODS and METHODS[job.choice.method].iterative:
+    title = job.choice.title
+
+    def run(**settings: Any) -> tuple[npt.NDArray[np.float32], Info]:
+        sensor, settings = job.captured.sensor, {**job.settings, **settings}
+        return reconstruct(
+            data, sensor, method=job.method, threads=threads, return_info=True, **settings
+        )
+
+    if isinstance(job.method, str) and METHODS[job.method].iterative:
         with live_iterations(title) as callback:
-            estimate, histories = job.run(
-                data,
-                sensor,
-                threads=threads,
-                callback=callback,
-                return_history=True,
-                **job.settings,
-            )
-        return estimate, f" ({_describe_convergence(histories)})"
+            estimate, info = run(callback=callback)
+        assert info.history is not None, "the progress of an iterative method"
+        return estimate, f" ({_describe_convergence(info.history)})"
     with progress(None) as begin:
         begin(title)
-        return job.run(data, sensor, threads=threads, **job.settings), ""
+        return run()[0], ""
 
 
 def _describe_convergence(histories: ConvergenceHistories) -> str:

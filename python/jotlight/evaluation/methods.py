@@ -232,6 +232,8 @@ class Choice:
     """Whether the method is a network that was trained for one S."""
     saturation: float | None
     """Intensity at which the bits saturate, if a network's fixed S is below it; otherwise None."""
+    reason: str
+    """Why the method was chosen."""
     notes: tuple[str, ...]
     """Assumptions to report."""
     warnings: tuple[str, ...]
@@ -292,19 +294,23 @@ def choose_method(
     'noniterative-tv'
     """
     warnings: list[str] = []
+    reason = "requested"
     if network is not None:
         method, quality, has_fixed_range = OWN_NETWORK, None, network.trials_range is None
     else:
         method = requested or (LARGE_METHOD if sensor.trials > LARGE_TRIALS else DEFAULT_METHOD)
+        if requested is None:
+            reason = f"the best method for {sensor.trials:,} trials per pixel"
         quality = METHODS[method].quality
         needed = CONDITIONAL_SIZE if method == LARGE_METHOD else quality
-        if needed is not None and (reason := unsupported_reason(sensor, needed)) is not None:
-            message = f"{reason}; {remedy or 'train one: ' + training_command(sensor)}"
+        if needed is not None and (missing := unsupported_reason(sensor, needed)) is not None:
+            message = f"{missing}; {remedy or 'train one: ' + training_command(sensor)}"
             if requested is not None:
                 raise ValueError(message)
             warnings.append(message)
             is_smooth = is_bits and sensor.kernel != "box"
             method, quality = SMOOTH_KERNEL_METHOD if is_smooth else FALLBACK_METHOD, None
+            reason = missing
         # The medium network serves any S. Every other size was trained for S = 1.
         has_fixed_range = quality is not None and quality != CONDITIONAL_SIZE
     white = max_intensity = sensor.max_intensity
@@ -326,6 +332,7 @@ def choose_method(
         max_intensity,
         has_fixed_range,
         limit,
+        reason,
         tuple(notes),
         tuple(warnings),
     )

@@ -74,6 +74,8 @@ class Network:
         self.sensor = sensor
         self.trials_range = trials_range
         self.history = dict(history or {})
+        self.default_sensor: Sensor | None = None
+        """Sensor of counts without a sensor of their own, if it differs from `sensor`."""
         # Cache for the windows of a film: K, layers, and conditioned layers of the last call.
         self._conditioned: tuple[int, tuple[Layer, ...], tuple[Layer, ...]] | None = None
         check_layers(self.layers, sensor, trials_range)
@@ -213,7 +215,8 @@ class Network:
             Bits; for a tied network also merged counts, or counts L of shape (H, W) or (H, W, C).
         sensor : Sensor, optional
             Sensor of the data, which may have its own dead jots and dark counts. Default: the
-            sensor that bits or merged counts carry, otherwise the network's.
+            sensor that bits or merged counts carry, else the one for which
+            :func:`jotlight.pretrained` was called, else the network's.
         trials : float or array_like of float, optional
             Number of binary readings behind each pixel of counts, 0 or more: a number, or a map of
             their shape. Default: the sensor's K.
@@ -236,7 +239,7 @@ class Network:
             When pixels without a valid bit were inpainted from their neighbors.
         """
         if sensor is None:
-            sensor = carried_sensor(data) or self.sensor
+            sensor = carried_sensor(data) or self.default_sensor or self.sensor
         data, sensor = prepare_data(data, sensor, trials)
         self.check_sensor(sensor)
         if self.trials_range is not None:
@@ -256,6 +259,17 @@ class Network:
         if low < 0 or high > max_intensity:
             np.clip(estimate, 0, max_intensity, out=estimate)
         return estimate
+
+    def __call__(
+        self,
+        data: Data,
+        sensor: Sensor | None = None,
+        *,
+        trials: npt.ArrayLike | None = None,
+        threads: int | None = None,
+    ) -> npt.NDArray[np.float32]:
+        """Return :meth:`reconstruct` of the data."""
+        return self.reconstruct(data, sensor, trials=trials, threads=threads)
 
     def conditioned_layers(self, trials: int) -> tuple[Layer, ...]:
         """Return the layers of a K-conditioned network with the parameters for K = `trials`.

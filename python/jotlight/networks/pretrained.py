@@ -48,16 +48,12 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     Returns
     -------
     Network
+        Counts without a sensor of their own are those of `sensor`.
 
     Raises
     ------
     ValueError
         When no trained network serves the sensor; the message says why, and how to train one.
-
-    Notes
-    -----
-    If the data have dark counts or dead jots and do not carry their sensor, pass it:
-    ``reconstruct(data, sensor)``.
 
     Examples
     --------
@@ -70,7 +66,9 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     if (message := unsupported_message(sensor, quality)) is not None:
         raise ValueError(message)
     name = quality if quality == CONDITIONAL_SIZE else f"{quality}-k{sensor.trials}"
-    return Network.load(FOLDER / f"{name}.safetensors")
+    network = Network.load(FOLDER / f"{name}.safetensors")
+    network.default_sensor = sensor
+    return network
 
 
 def unsupported_message(sensor: Sensor, quality: str = "medium") -> str | None:

@@ -220,7 +220,7 @@ class ImageTrainer(Trainer):
         for number, image in enumerate(self.tests):
             seed = np.random.SeedSequence(self.loader.seed, spawn_key=(_TEST_STEP, number))
             estimate = network.reconstruct(sensor.expose(image, seed), sensor)
-            values.append(psnr(estimate, image, peak=1.0))
+            values.append(psnr(estimate, image, data_range=1.0))
         return float(np.mean(values))
 
 

@@ -1,0 +1,239 @@
+"""One call that estimates an image by the best method, by a named one, or by the caller's own."""
+
+import dataclasses
+import inspect
+import time
+from collections.abc import Callable
+from typing import Any, Literal, overload
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.errors import warn
+from jotlight.estimators.problem import ConvergenceHistories
+from jotlight.evaluation.methods import METHODS, OPTION_DEFAULTS, choose_method, requested_method
+from jotlight.networks.architectures import SIZES
+from jotlight.networks.network import Network
+from jotlight.networks.pretrained import pretrained
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.pixel_counts import Data, prepare_data
+from jotlight.sensing.sensor import Sensor
+
+Image = npt.NDArray[np.float32]
+
+OwnMethod = Callable[..., npt.ArrayLike]
+"""A function ``f(data, sensor)`` or ``f(data)`` that returns an image."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Info:
+    """How an image was estimated."""
+
+    method: str
+    """Name of the method, as ``method`` of :func:`reconstruct` takes it; "network" for a network
+    of the caller, and the name of a function of the caller."""
+    title: str
+    """Name of the method in tables."""
+    reason: str
+    """Why this method was chosen."""
+    seconds: float
+    """Computing time."""
+    history: ConvergenceHistories | None = dataclasses.field(default=None, repr=False)
+    """Progress of an iterative method, or a list of it for each channel; None for others."""
+
+
+@overload
+def reconstruct(
+    data: Data,
+    sensor: Sensor | None = ...,
+    *,
+    method: str | Network | OwnMethod | None = ...,
+    quality: str | None = ...,
+    trials: npt.ArrayLike | None = ...,
+    threads: int | None = ...,
+    return_info: Literal[False] = ...,
+    **options: Any,
+) -> Image: ...
+@overload
+def reconstruct(
+    data: Data,
+    sensor: Sensor | None = ...,
+    *,
+    method: str | Network | OwnMethod | None = ...,
+    quality: str | None = ...,
+    trials: npt.ArrayLike | None = ...,
+    threads: int | None = ...,
+    return_info: Literal[True],
+    **options: Any,
+) -> tuple[Image, Info]: ...
+
+
+def reconstruct(
+    data: Data,
+    sensor: Sensor | None = None,
+    *,
+    method: str | Network | OwnMethod | None = None,
+    quality: str | None = None,
+    trials: npt.ArrayLike | None = None,
+    threads: int | None = None,
+    return_info: bool = False,
+    **options: Any,
+) -> Image | tuple[Image, Info]:
+    """Return the best available estimate of an image.
+
+    Parameters
+    ----------
+    data : Bits, Merged, or array_like of int
+        Bits, merged counts, or counts L of shape (H, W) or (H, W, C).
+    sensor : Sensor, optional
+        Sensor of the data. Default: the sensor that bits or merged counts carry. Counts need it.
+    method : str, Network, or callable, optional
+        A name in ``jotlight.evaluation.methods.METHODS``, a network, or a function ``f(data,
+        sensor)`` or ``f(data)`` that returns an image. Default: the network "medium" where it
+        serves the sensor, "held-out" above 1,000 trials per pixel, and otherwise a method that
+        needs no training.
+    quality : {"two-layer", "small", "medium", "large"}, optional
+        Size of the shipped network to use, in place of a method.
+    trials : float or array_like of float, optional
+        Number of binary readings behind each pixel of counts: a number, or a map of their shape.
+        Default: the sensor's K.
+    threads : int, optional
+        Number of threads. Default: all.
+    return_info : bool
+        Whether to return, too, which method was chosen and why.
+    **options
+        Options of the method, such as ``weight`` of "admm-tv". Without `method`, an option selects
+        the method to which it belongs.
+
+    Returns
+    -------
+    ndarray of float32, shape (H, W) or (H, W, C)
+        Intensities.
+    Info
+        Only with `return_info`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the data, their sensor, the method, and its options do not fit together.
+
+    Warns
+    -----
+    JotlightWarning
+        When no shipped network serves the sensor, so that another method was chosen.
+
+    Examples
+    --------
+    >>> from jotlight.datasets import photograph
+    >>> sensor = Sensor(oversampling=2, frames=4)
+    >>> bits = sensor.expose(photograph("camera")[::8, ::8], rng=0)
+    >>> reconstruct(bits).shape
+    (64, 64)
+    >>> _, info = reconstruct(bits.counts(), sensor, method="mle", return_info=True)
+    >>> info.title, info.reason
+    ('maximum likelihood', 'requested')
+    """
+    data, sensor = prepare_data(data, sensor, trials)
+    start = time.perf_counter()
+    if callable(method) and not isinstance(method, Network):
+        if quality is not None:
+            raise ValueError(f"quality: selects a shipped network, but method is {method!r}")
+        estimate = _run_own(method, data, sensor, options)
+        name = str(getattr(method, "__name__", type(method).__name__))
+        info = Info(name, name, "requested", time.perf_counter() - start)
+    else:
+        estimate, info = _run(data, sensor, method, quality, threads, options)
+    return (estimate, info) if return_info else estimate
+
+
+def _run(
+    data: Data,
+    sensor: Sensor,
+    method: str | Network | None,
+    quality: str | None,
+    threads: int | None,
+    options: dict[str, Any],
+) -> tuple[Image, Info]:
+    """Return the estimate of a network or of one of jotlight's methods, and how it was made."""
+    network = method if isinstance(method, Network) else None
+    if network is not None and (quality is not None or options):
+        extra = "quality" if quality is not None else next(iter(options))
+        raise ValueError(f"{extra}: is not an option of a network; leave it out")
+    requested = None if isinstance(method, Network) else _named(method, quality, options)
+    choice = choose_method(
+        sensor,
+        requested=requested,
+        network=network,
+        is_bits=isinstance(data, Bits),
+        remedy="jotlight.train(jotlight.Network.initial(sensor), photographs) trains one",
+    )
+    for message in choice.warnings:
+        warn(f"{message}; {choice.title} is used instead")
+    if choice.quality is not None:
+        network = pretrained(sensor, choice.quality)
+    history = None
+    start = time.perf_counter()
+    if network is not None:
+        estimate = network.reconstruct(data, sensor, threads=threads)
+    elif METHODS[choice.method].iterative:
+        run: Callable[..., Any] = METHODS[choice.method].run
+        estimate, history = run(data, sensor, threads=threads, return_history=True, **options)
+    else:
+        estimate = METHODS[choice.method].run(data, sensor, threads=threads, **options)
+    seconds = time.perf_counter() - start
+    return estimate, Info(choice.method, choice.title, choice.reason, seconds, history)
+
+
+def _named(method: object, quality: str | None, options: dict[str, Any]) -> str | None:
+    """Return the name of the requested method, or None if the caller requests none."""
+    if method is not None and not isinstance(method, str):
+        raise TypeError(
+            f"method: expected the name of a method, a network, or a function, got {method!r}"
+        )
+    if quality is None:
+        known = [name for name in OPTION_DEFAULTS if name != "uncertainty"]
+        if method is None and (unknown := set(options) - set(known)):
+            raise TypeError(
+                f"{min(unknown)}: without a method, expected one of the options {', '.join(known)}"
+            )
+        return requested_method(method, [name for name in options if name in known])
+    if method is not None:
+        raise ValueError(f"quality: selects a shipped network, but method is {method!r}")
+    if quality not in SIZES:
+        raise ValueError(f"quality: expected one of {', '.join(SIZES)}, got {quality!r}")
+    return requested_method(f"network-{quality}", list(options))
+
+
+def _run_own(method: OwnMethod, data: Data, sensor: Sensor, options: dict[str, Any]) -> Image:
+    """Return the estimate of a function of the caller, after checking it."""
+    name = getattr(method, "__name__", repr(method))
+    arguments = (data, sensor) if _accepts_sensor(method) else (data,)
+    estimate = np.asarray(method(*arguments, **options), np.float32)
+    expected = _shape_of_estimate(data, sensor)
+    if estimate.shape != expected:
+        raise ValueError(
+            f"method: expected an image of shape {expected} from {name}, got {estimate.shape}"
+        )
+    if not np.isfinite(estimate).all():
+        raise ValueError(f"method: expected finite intensities from {name}, got NaN or infinity")
+    return estimate
+
+
+def _accepts_sensor(method: OwnMethod) -> bool:
+    """Return whether a function takes two arguments without names."""
+    try:
+        inspect.signature(method).bind(None, None)
+    except TypeError:
+        return False
+    except ValueError:  # functions in C may have no signature
+        return True
+    return True
+
+
+def _shape_of_estimate(data: Data, sensor: Sensor) -> tuple[int, ...]:
+    """Return the shape of the image that data show."""
+    if isinstance(data, Bits):
+        _, height, width, *channels = data.shape
+        return height // sensor.oversampling, width // sensor.oversampling, *channels
+    return data.shape if isinstance(data, Merged) else np.asarray(data).shape

@@ -1,0 +1,119 @@
+"""One call for all methods: what it chooses, and what it refuses."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.evaluation.methods import METHODS
+from jotlight.evaluation.reconstruct import reconstruct
+
+IMAGE = jl.datasets.photograph()[:64:2, :96:2]
+SENSOR = jl.Sensor(oversampling=2, frames=4)
+BITS = SENSOR.expose(IMAGE, rng=0)
+COUNTS = BITS.counts()
+
+
+def test_the_best_method_is_the_default():
+    estimate, info = reconstruct(BITS, return_info=True)
+    network = jl.pretrained(SENSOR)
+    np.testing.assert_array_equal(estimate, network.reconstruct(BITS))
+    assert (info.method, info.title) == ("network-medium", "network, medium")
+    assert info.reason == "the best method for 16 trials per pixel"
+    assert info.seconds > 0
+    np.testing.assert_array_equal(reconstruct(BITS), estimate)
+    np.testing.assert_array_equal(reconstruct(COUNTS, SENSOR), estimate)
+    np.testing.assert_array_equal(reconstruct(COUNTS, SENSOR, trials=16), estimate)
+
+
+@pytest.mark.parametrize("name", ["mle", "mle-iterative", "noniterative-tv", "admm-tv"])
+def test_a_method_is_chosen_by_its_name(name):
+    estimate, info = reconstruct(BITS, method=name, return_info=True)
+    np.testing.assert_array_equal(estimate, METHODS[name].run(BITS, SENSOR))
+    assert (info.method, info.reason) == (name, "requested")
+    assert (info.history is not None) == METHODS[name].iterative
+    assert len(repr(info)) < 200
+
+
+@pytest.mark.parametrize("quality", ["two-layer", "small", "medium", "large"])
+def test_a_network_is_chosen_by_its_size(quality):
+    estimate, info = reconstruct(BITS, quality=quality, return_info=True)
+    assert info.method == f"network-{quality}"
+    np.testing.assert_array_equal(estimate, jl.pretrained(SENSOR, quality)(BITS))
+
+
+def test_an_option_chooses_its_method():
+    estimate, info = reconstruct(BITS, weight=3.0, return_info=True)
+    assert info.method == "admm-tv"
+    np.testing.assert_array_equal(estimate, jl.admm_tv(BITS, weight=3.0))
+    steps = []
+    reconstruct(BITS, method="admm-tv", callback=steps.append)
+    assert steps
+
+
+def test_a_network_and_functions_of_the_caller():
+    network = jl.Network.initial(SENSOR)
+    estimate, info = reconstruct(BITS, method=network, return_info=True)
+    np.testing.assert_array_equal(estimate, network.reconstruct(BITS))
+    assert info.method == "network"
+
+    def mine(data, sensor, power=1):
+        return np.asarray(jl.mle(data, sensor)) ** power
+
+    estimate, info = reconstruct(COUNTS, SENSOR, method=mine, power=2, return_info=True)
+    np.testing.assert_allclose(estimate, jl.mle(COUNTS, SENSOR) ** 2)
+    assert (info.method, info.title, info.reason) == ("mine", "mine", "requested")
+    np.testing.assert_array_equal(reconstruct(BITS, method=lambda bits: jl.mle(bits)), jl.mle(BITS))
+    np.testing.assert_array_equal(reconstruct(BITS, method=jl.mle), jl.mle(BITS))
+    assert reconstruct(BITS, method=lambda _: IMAGE.tolist()).dtype == np.float32
+
+
+def test_merged_counts_and_color():
+    merged = jl.Merged(COUNTS, np.full(COUNTS.shape, 16.0), SENSOR)
+    np.testing.assert_allclose(reconstruct(merged), reconstruct(BITS), atol=1e-6)
+    assert reconstruct(merged, method=lambda data: data.ones / 16).shape == COUNTS.shape
+    color = SENSOR.expose(np.stack([IMAGE] * 3, axis=2), rng=0)
+    assert reconstruct(color).shape == (*IMAGE.shape, 3)
+    assert reconstruct(color, method=lambda bits: bits.counts() / 16).shape == (*IMAGE.shape, 3)
+
+
+def test_a_sensor_without_a_network_gets_another_method_with_a_warning():
+    smooth = jl.Sensor(oversampling=2, frames=4, kernel="cubic")
+    bits = smooth.expose(IMAGE, rng=0)
+    with pytest.warns(jl.JotlightWarning, match="no trained network for the cubic kernel"):
+        estimate, info = reconstruct(bits, return_info=True)
+    assert info.method == "admm-tv"
+    assert "cubic kernel" in info.reason
+    np.testing.assert_array_equal(estimate, jl.admm_tv(bits))
+
+
+def test_many_trials_have_another_default():
+    sensor = jl.Sensor(frames=2000)
+    counts = sensor.expose(IMAGE, rng=0).counts()
+    assert reconstruct(counts, sensor, return_info=True)[1].method == "held-out"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"quality": "huge"}, ValueError, "quality: expected one of two-layer"),
+        ({"method": "best"}, ValueError, "method: expected one of mle"),
+        ({"method": 3}, TypeError, "method: expected the name of a method, a network, or a func"),
+        ({"method": "mle", "quality": "small"}, ValueError, "quality: selects a shipped network"),
+        ({"method": jl.mle, "quality": "small"}, ValueError, "quality: selects a shipped network"),
+        ({"method": "mle", "weight": 1.0}, ValueError, "weight: is an option of admm-tv"),
+        ({"weigth": 1.0}, TypeError, "weigth: without a method, expected one of the options"),
+        ({"uncertainty": True}, TypeError, "uncertainty: without a method"),
+        ({"method": jl.pretrained(SENSOR), "weight": 1.0}, ValueError, "weight: is not an option"),
+        ({"method": lambda _: np.zeros(3)}, ValueError, r"shape \(32, 48\) from <lambda>, got"),
+        ({"method": lambda _: IMAGE * np.nan}, ValueError, "expected finite intensities"),
+        ({"sensor": 16}, TypeError, "sensor: expected a jotlight.Sensor"),
+    ],
+)
+def test_requests_that_contradict_each_other_are_refused(arguments, error, message):
+    with pytest.raises(error, match=message):
+        reconstruct(BITS, **arguments)
+
+
+def test_counts_need_a_sensor():
+    with pytest.raises(TypeError, match=r"sensor: expected a jotlight\.Sensor, because counts"):
+        reconstruct(COUNTS)
