@@ -26,6 +26,8 @@ from jotlight.estimators.uncertainty import Uncertainty, uncertainty
 from jotlight.evaluation.evaluate import evaluate
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.formats import open, save
+from jotlight.images.io import read_image
+from jotlight.images.saving import save_image
 from jotlight.motion.align import align
 from jotlight.motion.merge import merge
 from jotlight.motion.motion import Motion
@@ -69,8 +71,10 @@ __all__ = [
     "operators",
     "plan",
     "pretrained",
+    "read_image",
     "reconstruct",
     "save",
+    "save_image",
     "train",
     "training",
     "tv",

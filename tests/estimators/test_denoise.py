@@ -37,6 +37,31 @@ def test_the_input_is_not_modified(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("dtype", [np.int32, np.uint8, np.float64])
+def test_integers_are_denoised_as_floats_of_the_same_values(name, dtype):
+    counts = np.random.default_rng(4).binomial(16, 0.3, (24, 32)).astype(dtype)
+    expected = denoise.DENOISERS[name](counts.astype(np.float32))
+    np.testing.assert_array_equal(denoise.DENOISERS[name](counts), expected)
+    assert expected.mean() == pytest.approx(counts.mean(), rel=0.05)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_image_of_a_stack_is_denoised(name):
+    stack = np.random.default_rng(5).normal(3, 0.5, (2, 3, 16, 20)).astype(np.float32)
+    found = denoise.DENOISERS[name](stack)
+    assert found.shape == stack.shape
+    for index in np.ndindex(2, 3):
+        np.testing.assert_array_equal(found[index], denoise.DENOISERS[name](stack[index]))
+    assert denoise.DENOISERS[name](stack[:0]).shape == (0, 3, 16, 20)
+
+
+@pytest.mark.parametrize("wrong", [np.zeros(5), [["a", "b"]], 3])
+def test_what_is_no_image_is_refused(wrong):
+    with pytest.raises(ValueError, match=r"expected numbers of shape \(H, W\)"):
+        jl.denoise.tv(wrong)
+
+
+@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("shape", [(1, 1), (8, 8), (1, 9)])
 def test_tiny_images_keep_their_shape(name, shape):
     image = np.random.default_rng(2).normal(3, 0.5, shape).astype(np.float32)

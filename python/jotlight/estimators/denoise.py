@@ -1,11 +1,14 @@
 """Denoisers for stabilized counts, whose noise has a standard deviation of 1/2.
 
-Each denoiser maps an image (H, W) of float32 to one of the same shape, and wraps a function of a
-library. The default strengths were chosen on the BSDS training images at K = 16
+Each denoiser maps an image (H, W), or each of a stack (..., H, W), to float32 of the same shape.
+Integers become floats of the same values. The denoisers wrap functions of libraries. The default
+strengths were chosen on the BSDS training images at K = 16
 (``python benchmarks/studies/denoiser_strengths.py``).
 """
 
+import functools
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,14 +24,33 @@ Denoiser = Callable[[Float32Image], npt.ArrayLike]
 """A function from an image (H, W) with white noise of standard deviation 1/2 to a denoised one."""
 
 
+def _of_each_image(denoise: Callable[..., Float32Image]) -> Callable[..., Float32Image]:
+    """Return a denoiser for arrays of any numbers, which denoises each image (H, W) of them."""
+
+    @functools.wraps(denoise)
+    def denoise_all(image: npt.ArrayLike, *args: Any, **kwargs: Any) -> Float32Image:
+        values = np.asarray(image)
+        if values.dtype.kind not in "biuf" or values.ndim < 2:
+            raise ValueError(
+                f"image: expected numbers of shape (H, W) or (..., H, W), got {values.dtype} of "
+                f"shape {values.shape}"
+            )
+        images = values.astype(np.float32).reshape(-1, *values.shape[-2:])
+        denoised = [denoise(each, *args, **kwargs) for each in images]
+        return np.reshape(denoised, values.shape) if denoised else values.astype(np.float32)
+
+    return denoise_all
+
+
+@_of_each_image
 @interruptible
 def gaussian(image: Float32Image, sigma: float = 1.5) -> Float32Image:
     """Return the image smoothed by a Gaussian (SciPy).
 
     Parameters
     ----------
-    image : ndarray of float32, shape (H, W)
-        Stabilized counts.
+    image : array_like, shape (H, W) or (..., H, W)
+        Stabilized counts, or other numbers.
     sigma : float
         The standard deviation in pixels, at least 0.
 
@@ -42,13 +64,14 @@ def gaussian(image: Float32Image, sigma: float = 1.5) -> Float32Image:
     return np.asarray(gaussian_filter(image, sigma, mode="reflect"), np.float32)
 
 
+@_of_each_image
 def tv(image: Float32Image, weight: float = 0.5) -> Float32Image:
     """Return the image denoised by total variation, with Chambolle's method (scikit-image).
 
     Parameters
     ----------
-    image : ndarray of float32, shape (H, W)
-        Stabilized counts.
+    image : array_like, shape (H, W) or (..., H, W)
+        Stabilized counts, or other numbers.
     weight : float
         The strength of the smoothing, above 0.
 
@@ -63,14 +86,15 @@ def tv(image: Float32Image, weight: float = 0.5) -> Float32Image:
     return np.asarray(denoise_tv_chambolle(image, weight=weight, max_num_iter=200), np.float32)
 
 
+@_of_each_image
 @interruptible
 def nlm(image: Float32Image, strength: float = 0.7) -> Float32Image:
     """Return the image denoised by non-local means, averages of similar patches (scikit-image).
 
     Parameters
     ----------
-    image : ndarray of float32, shape (H, W)
-        Stabilized counts.
+    image : array_like, shape (H, W) or (..., H, W)
+        Stabilized counts, or other numbers.
     strength : float
         The filter parameter h in units of the noise's standard deviation, above 0.
 
@@ -94,14 +118,15 @@ def nlm(image: Float32Image, strength: float = 0.7) -> Float32Image:
     return np.asarray(denoised, np.float32).reshape(image.shape)
 
 
+@_of_each_image
 @interruptible
 def bm3d(image: Float32Image) -> Float32Image:
     """Return the image denoised by block matching and 3D filtering, with its authors' package.
 
     Parameters
     ----------
-    image : ndarray of float32, shape (H, W)
-        Stabilized counts.
+    image : array_like, shape (H, W) or (..., H, W)
+        Stabilized counts, or other numbers.
 
     Raises
     ------

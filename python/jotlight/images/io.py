@@ -256,8 +256,7 @@ def image_writer(
             from PIL import Image as PillowImage
 
             levels = display_levels(image, white, 255).astype(np.uint8)
-            options = {"optimize": True} if suffix == ".png" else {"quality": 95}
-            kind = "PNG" if suffix == ".png" else "JPEG"
+            kind, options = ("PNG", {}) if suffix == ".png" else ("JPEG", {"quality": 95})
             PillowImage.fromarray(levels).save(handle, kind, **options)
 
     return write

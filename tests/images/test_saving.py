@@ -1,0 +1,87 @@
+"""Images of any kind of number in one call."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import jotlight as jl
+
+RANDOM = np.random.default_rng(0)
+
+
+def levels(path):
+    return np.asarray(Image.open(path)).astype(float)
+
+
+@pytest.mark.parametrize("shape", [(20, 30), (20, 30, 3)])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_intensities_from_0_to_1_are_shown_as_they_are(tmp_path, shape, dtype):
+    image = RANDOM.random(shape).astype(dtype)
+    jl.save_image(tmp_path / "a.png", image)
+    np.testing.assert_allclose(levels(tmp_path / "a.png") / 255, image, atol=0.5001 / 255)
+    jl.save_image(tmp_path / "b.png", image, depth=16)
+    np.testing.assert_allclose(jl.read_image(tmp_path / "b.png"), image, atol=0.5001 / 65535)
+
+
+def test_bits_and_integers_of_photographs_have_their_full_scale(tmp_path):
+    bits = RANDOM.random((9, 7)) < 0.5
+    jl.save_image(tmp_path / "bits.png", bits)
+    np.testing.assert_array_equal(levels(tmp_path / "bits.png"), 255 * bits)
+    photo = RANDOM.integers(0, 256, (9, 7), np.uint8)
+    jl.save_image(str(tmp_path / "photo.png"), photo)
+    np.testing.assert_array_equal(levels(tmp_path / "photo.png"), photo)
+    deep = RANDOM.integers(0, 65536, (9, 7), np.uint16)
+    jl.save_image(tmp_path / "deep.png", deep, depth=16)
+    np.testing.assert_array_equal(levels(tmp_path / "deep.png"), deep)
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        RANDOM.integers(0, 40, (30, 40)),
+        0.01 * RANDOM.random((30, 40)),
+        50 * RANDOM.random((30, 40)),
+    ],
+)
+def test_counts_and_dim_or_bright_images_are_exposed_with_a_warning(tmp_path, image):
+    white = np.percentile(image, 99.5)
+    with pytest.warns(jl.JotlightWarning, match=f"{white:.3g}, the 99.5th percentile"):
+        jl.save_image(tmp_path / "a.png", image)
+    expected = np.clip(image / white, 0, 1)
+    np.testing.assert_allclose(levels(tmp_path / "a.png") / 255, expected, atol=0.5001 / 255)
+    jl.save_image(tmp_path / "a.png", image, white=100.0)
+    expected = np.clip(image / 100, 0, 1)
+    np.testing.assert_allclose(levels(tmp_path / "a.png") / 255, expected, atol=0.5001 / 255)
+
+
+def test_a_black_image_is_black(tmp_path):
+    with pytest.warns(jl.JotlightWarning, match="shown as white"):
+        jl.save_image(tmp_path / "a.png", np.zeros((4, 4)))
+    assert not levels(tmp_path / "a.png").any()
+
+
+@pytest.mark.parametrize("name", ["a.tif", "a.npy"])
+def test_numbers_for_measurements_are_not_clipped(tmp_path, name):
+    image = (RANDOM.normal(size=(20, 30)) * 10).astype(np.float32)
+    jl.save_image(tmp_path / name, image)
+    np.testing.assert_array_equal(jl.read_image(tmp_path / name), image)
+
+
+@pytest.mark.parametrize(
+    ("image", "options", "error", "message"),
+    [
+        (np.zeros((2, 3, 4)), {}, ValueError, r"expected shape \(H, W\) or \(H, W, 3\), got"),
+        (np.zeros(5), {}, ValueError, "expected shape"),
+        (np.zeros((0, 5)), {}, ValueError, "expected shape"),
+        ([["a"]], {}, TypeError, "array of numbers"),
+        (np.full((2, 2), np.nan), {}, ValueError, "finite values"),
+        (np.ones((2, 2)), {"white": 0.0}, ValueError, "white: expected"),
+        (np.ones((2, 2)), {"depth": 12}, ValueError, "depth: expected 8, or 16"),
+    ],
+)
+def test_wrong_images_are_refused_and_nothing_is_written(tmp_path, image, options, error, message):
+    with pytest.raises(error, match=message):
+        jl.save_image(tmp_path / "a.png", image, **options)
+    with pytest.raises(ValueError, match=r"ends in \.png"):
+        jl.save_image(tmp_path / "a.gif", np.ones((2, 2)))
+    assert list(tmp_path.iterdir()) == []
