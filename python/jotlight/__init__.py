@@ -23,6 +23,7 @@ from jotlight.estimators.mle_iterative import mle_iterative
 from jotlight.estimators.noniterative import noniterative
 from jotlight.estimators.planning import Plan, plan
 from jotlight.estimators.uncertainty import Uncertainty, uncertainty
+from jotlight.evaluation.comparison import compare
 from jotlight.evaluation.evaluate import evaluate
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.formats import open, save
@@ -59,6 +60,7 @@ __all__ = [
     "admm_tv",
     "align",
     "calibrate",
+    "compare",
     "datasets",
     "denoise",
     "evaluate",

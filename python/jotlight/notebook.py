@@ -3,7 +3,7 @@
 import base64
 import html
 import io
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -43,6 +43,19 @@ def card(
     table = f"<table>{rows}</table>" if rows else ""
     picture = "" if image is None else f'<img alt="" src="{_data_address(image)}">'
     return f"<div><b>{_escape(title)}</b>{picture}{table}</div>"
+
+
+def table_of(titles: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return an HTML table with a row of titles.
+
+    Examples
+    --------
+    >>> table_of(["a"], [[1]])
+    '<table><tr><th>a</th></tr><tr><td>1</td></tr></table>'
+    """
+    head = "".join(f"<th>{_escape(title)}</th>" for title in titles)
+    body = ("".join(f"<td>{_escape(value)}</td>" for value in row) for row in rows)
+    return f"<table><tr>{head}</tr>{''.join(f'<tr>{row}</tr>' for row in body)}</table>"
 
 
 def shrink(image: npt.NDArray[np.floating], side: int = _SIDE) -> npt.NDArray[np.floating]:

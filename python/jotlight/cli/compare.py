@@ -12,12 +12,13 @@ from rich.table import Table
 from jotlight.cli.common_options import Gray, Model, Photo, Seed, Threads, White
 from jotlight.cli.console import caution, out, progress, report
 from jotlight.cli.sensor_options import ExposureOptions
-from jotlight.evaluation.compare import MethodResult, compare_methods, select_methods
-from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS, Method
+from jotlight.evaluation.compare import select_methods
+from jotlight.evaluation.comparison import COLUMNS, Comparison
+from jotlight.evaluation.comparison import compare as compare_by_title
+from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS
 from jotlight.files import atomic_write, refuse_overwrite
 from jotlight.images.io import read_image
 from jotlight.networks.network import Network
-from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
 
 
@@ -53,13 +54,14 @@ def compare(
     image = read_image(photo, white=white, gray=gray)
     output = output or Path(f"{photo.stem}-compare.png")
     refuse_overwrite(output, [photo, model, *sensor.map_files()])
-    known, selected = dict(METHODS), select_methods(exposed, names)
+    selected: dict[str, str | Network] = {
+        METHODS[name].title: name for name in select_methods(exposed, names)
+    }
     if model is not None:
         network = Network.load(model)
         network.check_sensor(exposed)
-        known[str(model)] = Method(str(model), network.reconstruct)
-        selected.append(str(model))
-    run_comparison(image, exposed, output, selected, seed=seed, threads=threads, methods=known)
+        selected[str(model)] = network
+    run_comparison(image, exposed, output, selected, seed=seed, threads=threads)
     reason = METHODS[DEFAULT_METHOD].unsupported_reason(exposed)
     if names is None and reason is not None:
         caution("Without the trained network", reason)
@@ -69,28 +71,20 @@ def run_comparison(
     image: npt.NDArray[np.floating],
     sensor: Sensor,
     output: Path,
-    names: list[str],
+    methods: Mapping[str, str | Network],
     *,
     seed: int = 0,
     threads: int | None = None,
-    methods: Mapping[str, Method] = METHODS,
 ) -> None:
-    """Expose an image, reconstruct it by each method, and write the figure and the table."""
+    """Compare methods by their titles, and write the figure and the table."""
     import jotlight.plots as plots
 
     plots.check_figure(output)
-    if image.ndim == 3 and image.shape[2] not in (1, 3):
-        raise ValueError(
-            f"image: expected a gray or RGB image to compare, got {image.shape[2]} channels"
-        )
-    with atomic_write(output) as temporary, progress(len(names) + 2) as begin:
-        bits = sensor.expose(image, seed, threads=threads, progress=begin("drawing bits"))
-        results = compare_methods(
-            image, bits, sensor, names, threads=threads, begin=begin, methods=methods
-        )
+    with atomic_write(output) as temporary, progress(len(methods) + 2) as begin:
+        found = compare_by_title(methods, image, sensor, rng=seed, threads=threads, begin=begin)
         begin("drawing the figure")
-        _draw(temporary, image, bits, sensor, results, methods)
-    out.print(_table(results, methods))
+        plots.save_figure(found.plot(), temporary)
+    out.print(_table(found))
     missing = [method.required_package for method in METHODS.values() if not method.available]
     if missing:
         extras = ", ".join(f"jotlight[{name}]" for name in missing)
@@ -101,54 +95,12 @@ def run_comparison(
     report(f"Figure: {output}")
 
 
-def _draw(
-    file: Path,
-    image: npt.NDArray[np.floating],
-    bits: Bits,
-    sensor: Sensor,
-    results: list[MethodResult],
-    methods: Mapping[str, Method],
-) -> None:
-    import jotlight.plots as plots
-
-    height, width = image.shape[:2]
-    panels = [
-        plots.Panel("photograph", f"{height} × {width} pixels", image),
-        plots.bits_panel(bits, sensor.oversampling),
-    ]
-    panels += [
-        plots.Panel(
-            methods[result.method].title,
-            f"{result.psnr:.2f} dB   SSIM {_ssim(result)}   {_time(result.seconds)}",
-            result.estimate,
-        )
-        for result in results
-    ]
-    heading = f"{sensor.trials} trials per pixel   {sensor!r}"
-    plots.save_figure(plots.comparison(panels, heading, white=sensor.max_intensity), file)
-
-
-def _table(results: list[MethodResult], methods: Mapping[str, Method]) -> Table:
+def _table(found: Comparison) -> Table:
     """Return the quality and time of each method, with the best one in green."""
     table = Table(box=None, header_style="bold", pad_edge=False)
-    table.add_column("method")
-    for column in ("PSNR", "SSIM", "time"):
-        table.add_column(column, justify="right")
-    best = max(result.psnr for result in results)
-    for result in results:
-        table.add_row(
-            methods[result.method].title,
-            f"{result.psnr:.2f} dB",
-            _ssim(result),
-            _time(result.seconds),
-            style="bold green" if result.psnr == best else "",
-        )
+    for column in COLUMNS:
+        table.add_column(column, justify="left" if column == "method" else "right")
+    best = max(result.psnr for result in found.results)
+    for row, result in zip(found.rows(), found.results, strict=True):
+        table.add_row(*row, style="bold green" if result.psnr == best else "")
     return table
-
-
-def _ssim(result: MethodResult) -> str:
-    return "none" if result.ssim is None else f"{result.ssim:.3f}"
-
-
-def _time(seconds: float) -> str:
-    return f"{1000 * seconds:.1f} ms" if seconds < 1 else f"{seconds:.2f} s"

@@ -34,4 +34,4 @@ def demo(
     )
     # Methods with an extra package take too long for a demonstration. `jotlight compare` has them.
     names = [name for name in select_methods(sensor) if METHODS[name].required_package is None]
-    run_comparison(image, sensor, output, names)
+    run_comparison(image, sensor, output, {METHODS[name].title: name for name in names})

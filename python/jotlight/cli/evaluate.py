@@ -13,7 +13,7 @@ from jotlight.cli.console import out, progress, report
 from jotlight.cli.sensor_options import SensorOptions
 from jotlight.evaluation.evaluate import METRICS, Evaluation
 from jotlight.evaluation.evaluate import evaluate as evaluate_method
-from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS, Run
+from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS
 from jotlight.files import atomic_write, refuse_overwrite
 from jotlight.images.sets import read_image_set
 from jotlight.networks.network import Network
@@ -85,21 +85,21 @@ def evaluate(
 
 def _method(
     method: str | None, model: Path | None, sensor_kwargs: dict[str, Any]
-) -> tuple[str, Run, Sensor]:
-    """Return the title and the function of a method or network, and the sensor that exposes."""
+) -> tuple[str, str | Network, Sensor]:
+    """Return the title and the name of a method, or its network, and the sensor that exposes."""
     network = None if model is None else Network.load(model)
     if network is not None and network.trials_range is None:
         sensor = network.sensor.replace(**sensor_kwargs)
     else:
         sensor = Sensor(**{"oversampling": 4, **sensor_kwargs})
     if network is not None:
-        return str(model), network.reconstruct, sensor
+        return str(model), network, sensor
     method = method or DEFAULT_METHOD
     if method not in METHODS:
         raise ValueError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
     if (reason := METHODS[method].unsupported_reason(sensor)) is not None:
         raise ValueError(reason)
-    return METHODS[method].title, METHODS[method].run, sensor
+    return METHODS[method].title, method, sensor
 
 
 def _table(result: Evaluation) -> Table:

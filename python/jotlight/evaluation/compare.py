@@ -116,7 +116,8 @@ def _warm_up(
     if min(shape[:2]) < 16:
         return
     side = sensor.oversampling
-    corner = Bits(np.ascontiguousarray(bits.packed[:, : 16 * side, : 2 * side]))
+    packed = np.ascontiguousarray(bits.packed[:, : 16 * side, : 2 * side])
+    corner = Bits(packed, sensor=sensor.without_maps())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", JotlightWarning)
-        method.run(corner, sensor.without_maps(), threads=threads)
+        method.run(corner, corner.sensor, threads=threads)

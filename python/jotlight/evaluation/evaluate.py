@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight.metrics as metrics
+from jotlight.evaluation.reconstruct import OwnMethod, reconstruct
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
 
@@ -71,7 +72,7 @@ class Evaluation:
 
 
 def evaluate(
-    method: Network | Callable[..., npt.NDArray[np.float32]],
+    method: str | Network | OwnMethod,
     images: Sequence[npt.NDArray[np.floating]] | npt.NDArray[np.floating],
     sensor: Sensor,
     *,
@@ -84,8 +85,9 @@ def evaluate(
 
     Parameters
     ----------
-    method : Network or callable
-        A callable runs as ``method(bits, sensor, threads=threads)``, like `jotlight.mle`.
+    method : str, Network, or callable
+        The name of a method, a network, or a function ``f(bits, sensor)`` or ``f(bits)``, as for
+        :func:`jotlight.reconstruct`.
     images : sequence of arrays (H, W) or (H, W, C), or one array (N, H, W)
         Intensities.
     sensor : Sensor
@@ -123,11 +125,10 @@ def evaluate(
     names = [str(number) for number in range(len(images))] if names is None else names
     if len(names) != len(images):
         raise ValueError(f"names: expected one for each of {len(images)} images, got {len(names)}")
-    run = method.reconstruct if isinstance(method, Network) else method
     scores = []
     for number, (name, image) in enumerate(zip(names, images, strict=True)):
         bits = sensor.expose(image, rng=rng + number, threads=threads)
-        estimate = run(bits, sensor, threads=threads)
+        estimate = reconstruct(bits, sensor, method=method, threads=threads)
         ssim = metrics.ssim(estimate, image) if min(image.shape[:2]) >= 11 else None
         scores.append(
             Score(name, metrics.psnr(estimate, image), metrics.snr(estimate, image), ssim)

@@ -139,6 +139,8 @@ def reconstruct(
     if callable(method) and not isinstance(method, Network):
         if quality is not None:
             raise ValueError(f"quality: selects a shipped network, but method is {method!r}")
+        if _has_parameter(method, "threads"):
+            options["threads"] = threads
         estimate = _run_own(method, data, sensor, options)
         name = str(getattr(method, "__name__", type(method).__name__))
         info = Info(name, name, "requested", time.perf_counter() - start)
@@ -208,7 +210,7 @@ def _named(method: object, quality: str | None, options: dict[str, Any]) -> str 
 def _run_own(method: OwnMethod, data: Data, sensor: Sensor, options: dict[str, Any]) -> Image:
     """Return the estimate of a function of the caller, after checking it."""
     name = getattr(method, "__name__", repr(method))
-    arguments = (data, sensor) if _accepts_sensor(method) else (data,)
+    arguments = (data, sensor) if _accepts_sensor(method, options) else (data,)
     estimate = np.asarray(method(*arguments, **options), np.float32)
     expected = _shape_of_estimate(data, sensor)
     if estimate.shape != expected:
@@ -220,10 +222,18 @@ def _run_own(method: OwnMethod, data: Data, sensor: Sensor, options: dict[str, A
     return estimate
 
 
-def _accepts_sensor(method: OwnMethod) -> bool:
-    """Return whether a function takes two arguments without names."""
+def _has_parameter(method: OwnMethod, name: str) -> bool:
+    """Return whether a function has a parameter with a name."""
     try:
-        inspect.signature(method).bind(None, None)
+        return name in inspect.signature(method).parameters
+    except (TypeError, ValueError):  # functions in C may have no signature
+        return False
+
+
+def _accepts_sensor(method: OwnMethod, options: dict[str, Any]) -> bool:
+    """Return whether a function takes two arguments without names, besides options."""
+    try:
+        inspect.signature(method).bind(None, None, **options)
     except TypeError:
         return False
     except ValueError:  # functions in C may have no signature

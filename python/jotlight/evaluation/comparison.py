@@ -1,0 +1,170 @@
+"""One call that compares methods, also those of the caller, on the bits of one image."""
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.checks import as_image
+from jotlight.evaluation.compare import MethodResult, compare_methods, select_methods
+from jotlight.evaluation.methods import METHODS, Method
+from jotlight.evaluation.reconstruct import OwnMethod, reconstruct
+from jotlight.networks.network import Network
+from jotlight.notebook import table_of
+from jotlight.seeds import SeedLike
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.sensor import Sensor
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COLUMNS = "method", "PSNR", "SSIM", "time"
+"""Titles of the columns of the table."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """Estimates of one image by several methods: a table when printed, and a figure."""
+
+    image: npt.NDArray[np.floating] = dataclasses.field(repr=False)
+    """The true image."""
+    bits: Bits
+    """Its bits."""
+    results: list[MethodResult] = dataclasses.field(repr=False)
+    """The estimates, their quality, and their computing times."""
+    titles: Mapping[str, str]
+    """Title of each method."""
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """Return the title, PSNR, SSIM, and computing time of each method as texts."""
+        return [
+            (
+                self.titles[result.method],
+                f"{result.psnr:.2f} dB",
+                "none" if result.ssim is None else f"{result.ssim:.3f}",
+                _format_time(result.seconds),
+            )
+            for result in self.results
+        ]
+
+    def __str__(self) -> str:
+        rows = [COLUMNS, *self.rows()]
+        widths = [max(len(row[column]) for row in rows) for column in range(len(COLUMNS))]
+        return "\n".join(
+            "  ".join(
+                text.rjust(width) if column else text.ljust(width)
+                for column, (text, width) in enumerate(zip(row, widths, strict=True))
+            )
+            for row in rows
+        )
+
+    def _repr_html_(self) -> str:
+        return table_of(COLUMNS, self.rows())
+
+    def plot(self) -> "Figure":
+        """Return a figure of the image, of its bits, and of all estimates, with enlarged parts."""
+        import jotlight.plots as plots
+
+        sensor, (height, width) = self.bits.sensor, self.image.shape[:2]
+        assert isinstance(sensor, Sensor), "the sensor that exposed the image"
+        panels = [
+            plots.Panel("photograph", f"{height} × {width} pixels", self.image),
+            plots.bits_panel(self.bits, sensor.oversampling),
+        ]
+        for (title, psnr, ssim, seconds), result in zip(self.rows(), self.results, strict=True):
+            text = f"{psnr}   SSIM {ssim}   {seconds}"
+            panels.append(plots.Panel(title, text, result.estimate))
+        heading = f"{sensor.trials} trials per pixel   {sensor!r}"
+        return plots.comparison(panels, heading, white=sensor.max_intensity)
+
+
+def compare(
+    methods: Mapping[str, str | Network | OwnMethod] | Sequence[str] | None,
+    image: npt.ArrayLike,
+    sensor: Sensor,
+    *,
+    rng: SeedLike = 0,
+    threads: int | None = None,
+    begin: Callable[[str], Any] = lambda title: None,
+) -> Comparison:
+    """Expose an image, and return its estimates by several methods, with their quality.
+
+    Parameters
+    ----------
+    methods : mapping of str, sequence of str, or None
+        Names of methods, as :func:`jotlight.reconstruct` takes them; or a mapping of titles to
+        names, networks, and functions ``f(bits, sensor)`` or ``f(bits)``. None: all methods that
+        are installed and serve the sensor.
+    image : array_like of float, shape (H, W), (H, W, 1), or (H, W, 3)
+        Intensities.
+    sensor : Sensor
+        Sensor that exposes the image.
+    rng : int, numpy.random.Generator, or None
+        Seed of the bits.
+    threads : int, optional
+        Number of threads. Default: all.
+    begin : callable, optional
+        A function that is called with the title of each step before it begins. If it returns a
+        function, this is called with the completed fraction of long steps.
+
+    Returns
+    -------
+    Comparison
+        Printed, it is a table; ``plot()`` returns a figure.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When a method is unknown, does not serve the sensor, or returns no image.
+
+    Examples
+    --------
+    >>> from jotlight.datasets import photograph
+    >>> mine = lambda bits: bits.counts() / 16
+    >>> found = compare({"mine": mine, "mle": "mle"}, photograph()[:64, :64], Sensor(frames=16))
+    >>> [result.method for result in found.results]
+    ['mine', 'mle']
+    """
+    known = dict(METHODS)
+    if isinstance(methods, Mapping):
+        own = {str(title): _as_method(str(title), value) for title, value in methods.items()}
+        by_name = [value for value in methods.values() if isinstance(value, str)]
+        select_methods(sensor, by_name)
+        known, names = own, list(own)
+    elif isinstance(methods, str):
+        raise TypeError(f"methods: expected a list of names or a mapping, got {methods!r}")
+    else:
+        names = select_methods(sensor, None if methods is None else list(methods))
+    if not names:
+        raise ValueError("methods: expected at least one, got none")
+    pixels = as_image(image)
+    if pixels.ndim == 3 and pixels.shape[2] not in (1, 3):
+        raise ValueError(
+            f"image: expected a gray or RGB image to compare, got {pixels.shape[2]} channels"
+        )
+    bits = sensor.expose(pixels, rng, threads=threads, progress=begin("drawing bits"))
+    results = compare_methods(
+        pixels, bits, sensor, names, threads=threads, begin=begin, methods=known
+    )
+    return Comparison(pixels, bits, results, {name: known[name].title for name in names})
+
+
+def _as_method(title: str, method: str | Network | OwnMethod) -> Method:
+    """Return a method with a title."""
+    if isinstance(method, str):
+        if method not in METHODS:
+            raise ValueError(f"methods: expected some of {', '.join(METHODS)}, got {method!r}")
+        return dataclasses.replace(METHODS[method], title=title)
+    if not callable(method):
+        raise TypeError(
+            f"methods: expected the name of a method, a network, or a function for {title!r}, got "
+            f"{method!r}"
+        )
+    return Method(title, partial(reconstruct, method=method))
+
+
+def _format_time(seconds: float) -> str:
+    return f"{1000 * seconds:.1f} ms" if seconds < 1 else f"{seconds:.2f} s"

@@ -1,0 +1,71 @@
+"""The comparison of methods, also those of the caller, on one image."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+
+SENSOR = jl.Sensor(oversampling=2, frames=4)
+IMAGE = jl.datasets.photograph()[100:140, 180:220]
+
+
+def mine(bits):
+    return bits.counts() / 16
+
+
+def test_functions_networks_and_names_are_compared_on_the_same_bits():
+    network = jl.Network.initial(SENSOR)
+    methods = {"mine": mine, "maximum": "mle", "own": network}
+    found = jl.compare(methods, IMAGE, SENSOR, rng=3, threads=1)
+    bits = SENSOR.expose(IMAGE, rng=3)
+    np.testing.assert_array_equal(found.bits.packed, bits.packed)
+    expected = [np.float32(mine(bits)), jl.mle(bits), network(bits)]
+    for result, estimate in zip(found.results, expected, strict=True):
+        np.testing.assert_array_equal(result.estimate, estimate)
+        assert result.psnr == jl.metrics.psnr(estimate, IMAGE)
+    assert [row[0] for row in found.rows()] == ["mine", "maximum", "own"]
+
+
+def test_a_comparison_is_a_table_in_terminals_and_notebooks():
+    found = jl.compare(["mle", "network-small"], IMAGE, SENSOR)
+    lines = str(found).splitlines()
+    assert lines[0].split() == ["method", "PSNR", "SSIM", "time"]
+    assert lines[1].startswith("maximum likelihood")
+    assert f"{found.results[0].psnr:.2f} dB" in lines[1]
+    assert len({len(line) for line in lines}) == 1
+    assert "<td>network, small</td>" in found._repr_html_()
+    assert len(repr(found)) < 400
+
+
+def test_the_figure_shows_the_image_the_bits_and_all_estimates():
+    figure = jl.compare({"a": mine, "b": "mle"}, IMAGE, SENSOR).plot()
+    images = [axes.images[0].get_array() for axes in figure.axes]
+    assert len(images) == 8
+    np.testing.assert_allclose(images[0], IMAGE)
+
+
+def test_all_methods_are_the_default():
+    small = IMAGE[:16, :16]
+    found = jl.compare(None, small, SENSOR)
+    assert {"mle", "admm-tv", "network-large"} <= {result.method for result in found.results}
+
+
+@pytest.mark.parametrize(
+    ("methods", "error", "message"),
+    [
+        ("mle", TypeError, "expected a list of names or a mapping"),
+        (["best"], ValueError, "methods: expected some of mle"),
+        ({"a": "best"}, ValueError, "methods: expected some of mle"),
+        ({"a": 3}, TypeError, "a function for 'a', got 3"),
+        ({}, ValueError, "methods: expected at least one"),
+        ({"a": lambda bits: np.zeros((2, 2))}, ValueError, "expected an image of shape"),
+    ],
+)
+def test_what_is_no_method_is_refused(methods, error, message):
+    with pytest.raises(error, match=message):
+        jl.compare(methods, IMAGE, SENSOR)
+
+
+def test_images_that_cannot_be_shown_are_refused():
+    with pytest.raises(ValueError, match="gray or RGB image"):
+        jl.compare(["mle"], np.full((16, 16, 4), 0.5), SENSOR)
