@@ -7,7 +7,6 @@ import sys
 import numpy as np
 import pytest
 
-import jotlight as jl
 from examples.encodings import npy_bytes
 from jotlight.formats.file_reader import FileReader
 
@@ -161,16 +160,3 @@ def test_arrays_of_every_shape_and_order_are_read(tmp_path, array, order):
     read = read_npy(tmp_path / "a.npy")
     assert (read.dtype, read.shape) == (array.dtype, array.shape)
     np.testing.assert_array_equal(read, array)
-
-
-def test_copies_of_opened_bits_do_not_need_the_file(tmp_path):
-    import copy
-    import pickle
-
-    bits = jl.Bits.from_array(np.random.default_rng(0).random((3, 5, 11)) < 0.5)
-    jl.save(bits, tmp_path / "a.npy")
-    opened = jl.open(tmp_path / "a.npy")
-    copies = [copy.deepcopy(opened), pickle.loads(pickle.dumps(opened))]
-    (tmp_path / "a.npy").unlink()
-    for each in copies:
-        np.testing.assert_array_equal(each.to_array(), bits.to_array())

@@ -105,7 +105,7 @@ def test_the_sensor_is_the_given_one_or_that_of_the_data():
         prepare_data(ONES, None)
     with pytest.raises(TypeError, match="because these bits carry none"):
         prepare_data(jl.Bits(bits.packed, bits.width), None)
-    with pytest.raises(TypeError, match=r"sensor: expected a jotlight.Sensor, got int"):
+    with pytest.raises(TypeError, match=r"sensor: expected a jotlight.Sensor, such as"):
         prepare_data(ONES, 8)
 
 

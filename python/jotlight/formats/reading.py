@@ -1,6 +1,7 @@
 """`jotlight.open`: captures of every format, read part by part as they are needed."""
 
 import dataclasses
+import functools
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -114,8 +115,24 @@ def open(
     return capture.sum()
 
 
-def open_capture(
-    path: str | os.PathLike[str],
+def open_capture(path: str | os.PathLike[str], **options: Any) -> Capture:
+    """Return a capture as :func:`open` does, with its options, but do not sum images of counts."""
+    absolute = Path(path).absolute()
+    capture = _open_once(Path(path), **options)
+    data = capture.images if isinstance(capture, CountStack) else capture.packed
+    if isinstance(data, Frames):
+        data.set_origin(functools.partial(_open_data, absolute, **options))
+    return capture
+
+
+def _open_data(path: Path, **options: Any) -> npt.NDArray[Any] | Frames:
+    """Return the frames of a capture, which a copy in another process opens again."""
+    capture = open_capture(path, **options)
+    return capture.images if isinstance(capture, CountStack) else capture.packed
+
+
+def _open_once(
+    path: Path,
     *,
     format: str | None = None,
     width: int | None = None,
@@ -127,8 +144,7 @@ def open_capture(
     unpacked: bool | None = None,
     isolate: bool = False,
 ) -> Capture:
-    """Return a capture as :func:`open` does, but do not sum images of counts."""
-    path = Path(path)
+    """Return a capture whose copies hold its content."""
     if format is not None and format not in FORMATS:
         raise ValueError(f"format: expected one of {', '.join(FORMATS)}, got {format!r}")
     entry = FORMATS[format or detect_format(path)]
@@ -155,7 +171,9 @@ def open_capture(
         if width != actual:
             raise ValueError(f"width: expected {actual}, the width of {path}, got {width}")
     selected = select(capture, frames, rotate, flip, key)
-    return selected if entry.verify is None else _verifiable(selected, path, entry.verify)
+    if entry.verify is not None:
+        selected = _verifiable(selected, path, entry.verify)
+    return selected
 
 
 def _verifiable(capture: Capture, path: Path, verify: Callable[[Path], int]) -> Capture:

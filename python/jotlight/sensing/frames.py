@@ -69,6 +69,8 @@ class Frames:
         self.dtype = np.dtype(dtype)
         self.verify = verify
         self._read = read
+        self._origin: Callable[[], Any] | None = None
+        self._selections: tuple[Any, ...] = ()
 
     @property
     def ndim(self) -> int:
@@ -87,6 +89,10 @@ class Frames:
 
     def __len__(self) -> int:
         return self.shape[0]
+
+    def set_origin(self, origin: Callable[[], Any]) -> None:
+        """Set the function that opens the same files again, for copies of these frames."""
+        self._origin, self._selections = origin, ()
 
     def read(self, start: int, stop: int) -> npt.NDArray[Any]:
         """Return the frames from `start` to `stop` as an array.
@@ -131,33 +137,64 @@ class Frames:
         return np.asarray(array, dtype)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return the content for a copy, which must not depend on the files."""
-        return np.asarray, (np.asarray(self),)
+        """Return how to open the files again for a copy, or else the content."""
+        if self._origin is None:
+            return np.asarray, (np.asarray(self),)
+        return _open_again, (self._origin, self._selections, self.shape, self.dtype)
 
     def _select_frames(self, key: slice) -> "Frames":
         start, stop, step = key.indices(len(self))
         number = len(range(start, stop, step))
         read = self.read
         if step == 1:
-            return Frames(
-                (number, *self.shape[1:]),
-                lambda a, b: read(start + a, start + b),
-                self.dtype,
-                self.verify,
+            return self._derive(
+                key, (number, *self.shape[1:]), lambda a, b: read(start + a, start + b)
             )
 
         def read_each(a: int, b: int) -> npt.NDArray[Any]:
             indices = range(start + a * step, start + b * step, step)
             return np.concatenate([read(index, index + 1) for index in indices])
 
-        return Frames((number, *self.shape[1:]), read_each, self.dtype, self.verify)
+        return self._derive(key, (number, *self.shape[1:]), read_each)
 
     def _select_part(self, key: tuple[Any, ...]) -> "Frames":
         """Return the part of each frame that `key` selects, such as a channel."""
         shape = np.broadcast_to(np.uint8(0), self.shape)[key].shape
         if len(key) >= self.ndim + 1 or shape[0] != len(self):
             raise TypeError(f"expected a part of each frame, got {key!r}")
-        return Frames(shape, lambda a, b: self.read(a, b)[key], self.dtype, self.verify)
+        return self._derive(key, shape, lambda a, b: self.read(a, b)[key])
+
+    def _derive(
+        self, key: Any, shape: tuple[int, ...], read: Callable[[int, int], npt.NDArray[Any]]
+    ) -> "Frames":
+        """Return the frames that an index selects."""
+        derived = Frames(shape, read, self.dtype, self.verify)
+        derived._origin, derived._selections = self._origin, (*self._selections, key)
+        return derived
+
+
+def _open_again(
+    origin: Callable[[], Any],
+    selections: tuple[Any, ...],
+    shape: tuple[int, ...],
+    dtype: npt.DTypeLike,
+) -> Any:
+    """Return the selected frames of files that are opened again.
+
+    Raises
+    ------
+    ValueError
+        When the files now hold other frames.
+    """
+    frames = origin()
+    for key in selections:
+        frames = frames[key]
+    if frames.shape != shape or frames.dtype != dtype:
+        raise ValueError(
+            f"expected frames of shape {shape} in {dtype}, got {frames.shape} in {frames.dtype}; a "
+            "file has changed since it was opened"
+        )
+    return frames
 
 
 def read_in_chunks(

@@ -104,7 +104,10 @@ def prepare_data(
             "recorded them, such as Sensor(frames=16) for 16 trials per pixel"
         )
     if not isinstance(sensor, Sensor):
-        raise TypeError(f"sensor: expected a jotlight.Sensor, got {type(sensor).__name__}")
+        raise TypeError(
+            "sensor: expected a jotlight.Sensor, such as Sensor(frames=16) for 16 trials per "
+            f"pixel, got {sensor!r}"
+        )
     if trials is None:
         return data, sensor
     if isinstance(data, Bits | Merged):

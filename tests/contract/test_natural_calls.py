@@ -1,0 +1,72 @@
+"""Calls as newcomers type them: each works the first time, or says what to write instead."""
+
+import pickle
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+import jotlight as jl
+
+SENSOR = jl.Sensor(frames=16)
+IMAGE = jl.datasets.photograph()[100:164, 180:260]
+BITS = SENSOR.expose(IMAGE, rng=0)
+COUNTS = BITS.counts()
+
+
+def test_estimates_need_nothing_but_the_data():
+    best = jl.reconstruct(BITS)
+    network = jl.pretrained(SENSOR)
+    for same in (network.reconstruct(COUNTS), network(COUNTS), network(BITS)):
+        np.testing.assert_array_equal(same, best)
+    assert jl.metrics.psnr(best, IMAGE, data_range=1) > 25
+    assert jl.mle(BITS).shape == IMAGE.shape
+
+
+def test_bits_are_like_an_array(monkeypatch):
+    mpl.use("agg")
+    import matplotlib.pyplot as plt
+
+    frames = np.asarray(BITS)
+    assert frames.shape == (16, *IMAGE.shape)
+    np.testing.assert_array_equal(BITS[0], frames[0])
+    assert sum(int(frame.sum()) for frame in BITS) == COUNTS.sum()
+    assert len(BITS) == 16
+    plt.imshow(COUNTS)
+    monkeypatch.setattr(plt, "show", lambda: None)
+    BITS.show()
+    plt.close("all")
+    assert "<img" in BITS._repr_html_()
+    assert "<table>" in SENSOR._repr_html_()
+
+
+def test_integer_counts_can_be_denoised():
+    assert jl.denoise.tv(COUNTS).mean() == pytest.approx(COUNTS.mean(), rel=0.01)
+
+
+def test_objects_can_be_copied_and_compared(tmp_path):
+    assert hash(SENSOR) == hash(jl.Sensor(frames=16))
+    (tmp_path / "a.bin").write_bytes(np.zeros((3, 256, 64), np.uint8).tobytes())
+    capture = jl.open(tmp_path / "a.bin", format="swissspad2")
+    assert pickle.loads(pickle.dumps(capture)).shape == capture.shape
+    assert pickle.loads(pickle.dumps(BITS)).shape == BITS.shape
+
+
+def test_images_are_read_and_saved(tmp_path):
+    jl.save_image(tmp_path / "a.png", IMAGE)
+    np.testing.assert_allclose(jl.read_image(tmp_path / "a.png"), IMAGE, atol=1 / 255)
+
+
+def test_a_function_is_compared_with_other_methods():
+    found = jl.compare({"mine": lambda bits: bits.counts() / 16, "mle": "mle"}, IMAGE, SENSOR)
+    assert [result.method for result in found.results] == ["mine", "mle"]
+    assert "PSNR" in str(found)
+
+
+def test_calls_that_cannot_work_say_what_to_write():
+    with pytest.raises(TypeError, match=r"names as in Sensor\(frames=16\)"):
+        jl.Sensor(16)
+    with pytest.raises(TypeError, match=r"such as Sensor\(frames=16\) for 16 trials per pixel"):
+        jl.mle(COUNTS, 200)
+    with pytest.raises(TypeError, match=r"such as Sensor\(frames=16\) for 16 trials per pixel"):
+        jl.mle(COUNTS)
