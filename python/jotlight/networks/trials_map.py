@@ -23,7 +23,7 @@ from jotlight.networks.regions import cover, widen
 
 Image = npt.NDArray[np.float32]
 
-_RATIO_OF_PASS = 16.0
+RATIO_OF_PASS = 16.0
 """Maximum ratio of K to that of the network for one more pass of the network."""
 
 
@@ -100,7 +100,7 @@ def denoise_fractions(
         return estimate
     data = _stabilize(fraction, trials)
     gain = np.sqrt(trials / served, dtype=np.float32)
-    for _ in range(math.ceil(math.log(excess, _RATIO_OF_PASS))):
+    for _ in range(math.ceil(math.log(excess, RATIO_OF_PASS))):
         base = np.arcsin(np.sqrt(estimate))
         raised = np.clip(base + gain * (data - base), 0, np.pi / 2)
         denoised = _denoise_at_levels(network, _fraction(raised, served), served, threads)

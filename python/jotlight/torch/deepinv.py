@@ -196,13 +196,13 @@ class NetworkReconstructor(Reconstructor):  # type: ignore[misc, unused-ignore]
         self.module = NetworkModule(network)
 
     def forward(self, y: Tensor, physics: SensorPhysics, **_: Any) -> Tensor:
-        """Return intensities (N, 1, H, W) in [0, S], or P(b = 1) for a K-conditioned network."""
-        origin, sensor = self.module.origin, physics.sensing.sensor
-        if origin.trials_range is None:
-            intensities: Tensor = self.module(y).clamp(0, origin.sensor.max_intensity)
-            return intensities
-        probabilities: Tensor = self.module(y, sensor.trials).clamp(0, 1)
-        return probabilities
+        """Return intensities (N, 1, H, W) in [0, S]."""
+        data, sensor = y, physics.sensing.sensor
+        if physics.sensing.output == "bits" and self.module.origin.tied:
+            side, (number, _, height, width) = sensor.oversampling, y.shape
+            jots = y.reshape(number, -1, height // side, side, width // side, side)
+            data = jots.sum(dim=(1, 3, 5))[:, None]
+        return self.module.reconstruct(data, sensor)
 
 
 class NetworkDenoiser(Denoiser):  # type: ignore[misc, unused-ignore]

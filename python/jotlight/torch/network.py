@@ -14,6 +14,8 @@ from jotlight.networks.conditioning import conditioning_weights, count_sets
 from jotlight.networks.graph import size_divisor, sources
 from jotlight.networks.layer import Layer
 from jotlight.networks.network import Network
+from jotlight.sensing.sensor import Sensor
+from jotlight.torch.estimates import intensity_from_probability, probability_of
 from jotlight.torch.padding import mirror_pad
 from jotlight.torch.splines import spline
 
@@ -115,6 +117,34 @@ class NetworkModule(nn.Module):
         filters, coefficients = self._interpolate(trials)
         sums = self._filter_all(data, filters, coefficients)
         return self.activate(-1, sums, coefficients[-1])
+
+    def reconstruct(self, data: Tensor, sensor: Sensor | None = None) -> Tensor:
+        """Return intensities in [0, S], shape (N, 1, H, W), as the engine's network does.
+
+        Parameters
+        ----------
+        data : Tensor
+            Counts or bits, as for :meth:`forward`.
+        sensor : Sensor, optional
+            Sensor of the data, without maps of its jots. Default: the one for which
+            :func:`jotlight.pretrained` was called, else the network's.
+
+        Raises
+        ------
+        ValueError
+            When the network does not serve the sensor, or the sensor has maps.
+        """
+        sensor = sensor or self.origin.default_sensor or self.origin.sensor
+        self.origin.check_sensor(sensor)
+        if sensor.maps():
+            raise ValueError(
+                f"sensor: expected one without maps of its jots, got {sensor!r}; the "
+                "reconstruct method of jotlight.Network takes it"
+            )
+        if self._trials_range is None:
+            return self(data).clamp(0, sensor.max_intensity)
+        probability = probability_of(self, data, sensor.trials, self._trials_range)
+        return intensity_from_probability(probability, sensor)
 
     def last_sums(self, data: Tensor, trials: int | None = None) -> Tensor:
         """Return the input of the last spline, shape (N, 1, H, W).

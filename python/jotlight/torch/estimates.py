@@ -1,0 +1,91 @@
+"""Intensities from the outputs of networks, differentiable, as the engine computes them."""
+
+import math
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+
+from jotlight.networks.trials_map import RATIO_OF_PASS
+from jotlight.sensing.reference import reference_jot
+from jotlight.sensing.response import detection_density, inverse_detection_probability
+from jotlight.sensing.sensor import Sensor
+from jotlight.torch.response import detection_probability
+
+
+def intensity_from_probability(probability: Tensor, sensor: Sensor) -> Tensor:
+    """Return the intensity in [0, S] at which bits are 1 with the given probability.
+
+    It is ``c = (K/α)(P⁻¹(q, p) - d)/η``, as in
+    :func:`jotlight.estimators.inverse_response.intensity_from_probability`, and differentiable.
+
+    Parameters
+    ----------
+    probability : Tensor of any shape
+        p.
+    sensor : Sensor
+        The sensor. Medians replace its maps of dark counts and efficiency.
+
+    Examples
+    --------
+    >>> intensity_from_probability(torch.tensor([0.0, 0.5, 1.0]), Sensor()).numpy().round(4)
+    array([0.    , 0.6931, 1.    ], dtype=float32)
+    """
+    efficiency, dark_counts = reference_jot(sensor)
+    light = efficiency * sensor.light_per_intensity
+    ends = torch.tensor([dark_counts, light * sensor.max_intensity + dark_counts])
+    low, high = detection_probability(sensor.threshold, ends.double()).tolist()
+    p = probability.double().clamp(low, high)
+    rate = _inverse(sensor.threshold, p)
+    intensity = ((rate - dark_counts) / light).clamp(0, sensor.max_intensity)
+    return intensity.to(probability)
+
+
+def _inverse(threshold: int, p: Tensor) -> Tensor:
+    """Return P⁻¹(q, p), with its derivative."""
+    if threshold == 1:
+        return -torch.log1p(-p)
+    values = p.detach().cpu().numpy()
+    rate = inverse_detection_probability(threshold, values, 1 - values)
+    slope = torch.from_numpy(detection_density(threshold, rate)).to(p)
+    # A Newton step at the solution does not change it, but carries its derivative. At p = 0, the
+    # slope may be 0.
+    step = (p - p.detach()) / slope.clamp(min=torch.finfo(p.dtype).tiny)
+    return torch.from_numpy(rate).to(p) + torch.where(slope > 0, step, 0)
+
+
+def probability_of(
+    network: Callable[[Tensor, int], Tensor],
+    counts: Tensor,
+    trials: int,
+    trials_range: tuple[int, int],
+) -> Tensor:
+    """Return P(b = 1) by a K-conditioned network, also for more trials than it knows.
+
+    The passes are those of :func:`jotlight.networks.trials_map.denoise_fractions`.
+
+    Parameters
+    ----------
+    network : callable
+        ``network(counts, K)`` returns P(b = 1) for K in the range.
+    counts : Tensor, shape (N, 1, H, W)
+        L.
+    trials : int
+        K, at least the smallest one of the range.
+    trials_range : (int, int)
+        Smallest and largest K of the network.
+    """
+    served = min(trials, trials_range[1])
+    estimate = network(counts * (served / trials), served).clamp(0, 1)
+    if trials == served:
+        return estimate
+    data = torch.arcsin(torch.sqrt((counts + 0.375) / (trials + 0.75)))
+    gain = math.sqrt(trials / served)
+    for _ in range(math.ceil(math.log(gain**2, RATIO_OF_PASS))):
+        base = torch.arcsin(torch.sqrt(estimate))
+        raised = (base + gain * (data - base)).clamp(0, math.pi / 2)
+        ones = torch.sin(raised) ** 2 * (served + 0.75) - 0.375
+        denoised = torch.arcsin(torch.sqrt(network(ones, served).clamp(0, 1)))
+        lowered = base + (denoised - base) / gain
+        estimate = torch.sin(lowered.clamp(0, math.pi / 2)) ** 2
+    return estimate

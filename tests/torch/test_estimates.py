@@ -1,0 +1,63 @@
+"""Intensities of networks in PyTorch: the engine's, with derivatives."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.estimators.inverse_response import intensity_from_probability as of_engine
+
+torch = pytest.importorskip("torch")
+from jotlight.torch.estimates import intensity_from_probability  # noqa: E402
+from jotlight.torch.network import NetworkModule  # noqa: E402
+
+IMAGE = jl.datasets.photograph("camera")[100:148, 180:228].astype(np.float32)
+SENSORS = [
+    jl.Sensor(frames=16),
+    jl.Sensor(frames=16, gain=40.0, threshold=3, dark_counts=0.02, max_intensity=3.0),
+    jl.Sensor(frames=9, oversampling=2, efficiency=0.4, threshold=2),
+]
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_the_inverse_is_that_of_the_engine(sensor):
+    p = np.linspace(0, 1, 400, dtype=np.float32)
+    found = intensity_from_probability(torch.from_numpy(p), sensor)
+    np.testing.assert_allclose(found, of_engine(p, sensor, None), atol=2e-5)
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_the_derivative_agrees_with_finite_differences(sensor):
+    middle = 0.5 * sensor.max_intensity
+    p = float(sensor.probability(np.full((1, 1), middle))[0, 0])
+    point = torch.tensor([p], dtype=torch.float64, requires_grad=True)
+    intensity_from_probability(point, sensor).backward()
+    step = 1e-5
+    ends = intensity_from_probability(torch.tensor([p - step, p + step]).double(), sensor)
+    assert point.grad.item() == pytest.approx((ends[1] - ends[0]).item() / (2 * step), rel=1e-4)
+
+
+def test_gradients_are_finite_at_the_ends():
+    for sensor in SENSORS:
+        point = torch.tensor([0.0, 1.0], requires_grad=True)
+        intensity_from_probability(point, sensor).sum().backward()
+        assert torch.isfinite(point.grad).all()
+
+
+@pytest.mark.parametrize("photons", [0.05, 0.2, 0.7, 1.5, 3.0])
+@pytest.mark.parametrize("trials", [1, 16, 256, 1000, 10_000])
+def test_the_quality_is_that_of_the_engine_at_any_exposure(photons, trials):
+    sensor = jl.Sensor(frames=trials, gain=photons * trials / float(IMAGE.mean()))
+    counts = sensor.expose(IMAGE, rng=0).counts()
+    network = jl.pretrained(sensor)
+    with torch.no_grad():
+        found = NetworkModule(network).reconstruct(torch.from_numpy(counts).float()[None, None])
+    qualities = [
+        jl.metrics.psnr(estimate, IMAGE) for estimate in (found[0, 0].numpy(), network(counts))
+    ]
+    assert qualities[0] == pytest.approx(qualities[1], abs=1e-3)
+
+
+def test_sensors_with_maps_are_refused():
+    sensor = jl.Sensor(frames=16, dark_counts=np.full((48, 48), 0.1))
+    with pytest.raises(ValueError, match="without maps of its jots"):
+        NetworkModule(jl.pretrained(sensor)).reconstruct(torch.zeros(1, 1, 48, 48))
