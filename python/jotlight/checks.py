@@ -1,11 +1,16 @@
 """Checks of arguments that several modules share: numbers, images of intensities, and counts."""
 
+import functools
+import inspect
 import math
 import operator
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+
+T = TypeVar("T")
 
 Counts = npt.NDArray[np.int32]
 """Numbers of ones, L."""
@@ -208,3 +213,38 @@ def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
     if counts.min() < 0 or counts.max() >= 2**31:
         raise ValueError(f"counts: expected 0 to 2**31 - 1, got {counts.min()} to {counts.max()}")
     return np.require(counts, np.int32, ["C", "ALIGNED"])
+
+
+def require_names(example: str) -> Callable[[type[T]], type[T]]:
+    """Return a decorator of classes whose calls must name the parameters, as in `example`.
+
+    Examples
+    --------
+    >>> @require_names("Point(row=3)")
+    ... class Point:
+    ...     def __init__(self, *, row: int = 0) -> None: ...
+    >>> Point(3)
+    Traceback (most recent call last):
+      ...
+    TypeError: Point: expected parameters with names as in Point(row=3), got 3
+    """
+
+    def decorate(cls: type[T]) -> type[T]:
+        initialize: Callable[..., None] = cls.__init__
+        known = list(inspect.signature(initialize).parameters)[1:]
+
+        @functools.wraps(initialize)
+        def initialize_by_name(self: T, *unnamed: object, **parameters: object) -> None:
+            text = ""
+            if unnamed:
+                text = f"parameters with names as in {example}, got {unnamed[0]!r}"
+            elif unknown := sorted(set(parameters) - set(known)):
+                text = f"some of {', '.join(known)}, got {', '.join(unknown)}"
+            if text:
+                raise TypeError(f"{cls.__name__}: expected {text}")
+            initialize(self, **parameters)
+
+        setattr(cls, "__init__", initialize_by_name)  # noqa: B010 - mypy refuses an assignment
+        return cls
+
+    return decorate

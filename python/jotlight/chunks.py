@@ -63,9 +63,9 @@ def windows(frames: int, window: int, step: int | None = None) -> list[slice]:
     >>> [(w.start, w.stop) for w in windows(10, 4, 3)]
     [(0, 4), (3, 7), (6, 10)]
     """
+    if not 1 <= window <= frames:
+        raise ValueError(f"window: expected 1 to the capture's {frames} frames, got {window}")
     step = window if step is None else step
     if step < 1:
         raise ValueError(f"step: expected 1 frame or more, got {step}")
-    if not 1 <= window <= frames:
-        raise ValueError(f"window: expected 1 to the capture's {frames} frames, got {window}")
     return [slice(start, start + window) for start in range(0, frames - window + 1, step)]

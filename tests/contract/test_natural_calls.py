@@ -64,7 +64,7 @@ def test_a_function_is_compared_with_other_methods():
 
 
 def test_calls_that_cannot_work_say_what_to_write():
-    with pytest.raises(TypeError, match=r"names as in Sensor\(frames=16\)"):
+    with pytest.raises(TypeError, match=r"with names as in Sensor\(frames=16\)"):
         jl.Sensor(16)
     with pytest.raises(TypeError, match=r"such as Sensor\(frames=16\) for 16 trials per pixel"):
         jl.mle(COUNTS, 200)

@@ -55,6 +55,12 @@ def test_each_image_of_a_stack_is_denoised(name):
     assert denoise.DENOISERS[name](stack[:0]).shape == (0, 3, 16, 20)
 
 
+def test_colors_are_not_taken_for_columns():
+    with pytest.raises(ValueError, match="looks like a color image; denoise each channel"):
+        jl.denoise.tv(np.zeros((24, 32, 3), np.float32))
+    assert jl.denoise.gaussian(np.zeros((0, 5))).shape == (0, 5)
+
+
 @pytest.mark.parametrize("wrong", [np.zeros(5), [["a", "b"]], 3])
 def test_what_is_no_image_is_refused(wrong):
     with pytest.raises(ValueError, match=r"expected numbers of shape \(H, W\)"):

@@ -26,6 +26,17 @@ def test_functions_networks_and_names_are_compared_on_the_same_bits():
     assert [row[0] for row in found.rows()] == ["mine", "maximum", "own"]
 
 
+def test_a_function_of_the_caller_runs_once_on_the_whole_image():
+    sizes = []
+
+    def record(bits):
+        sizes.append(bits.shape)
+        return bits.counts() / 16 * np.ones(IMAGE.shape)
+
+    jl.compare({"a": record}, IMAGE, SENSOR)
+    assert sizes == [(4, 80, 80)]
+
+
 def test_a_comparison_is_a_table_in_terminals_and_notebooks():
     found = jl.compare(["mle", "network-small"], IMAGE, SENSOR)
     lines = str(found).splitlines()
@@ -53,7 +64,10 @@ def test_all_methods_are_the_default():
 @pytest.mark.parametrize(
     ("methods", "error", "message"),
     [
-        ("mle", TypeError, "expected a list of names or a mapping"),
+        ("mle", TypeError, "expected a list of names, or a mapping"),
+        (mine, TypeError, "expected a list of names, or a mapping"),
+        (IMAGE, TypeError, "expected a list of names, or a mapping"),
+        ({1: "mle", "1": mine}, ValueError, "methods: expected different titles"),
         (["best"], ValueError, "methods: expected some of mle"),
         ({"a": "best"}, ValueError, "methods: expected some of mle"),
         ({"a": 3}, TypeError, "a function for 'a', got 3"),

@@ -1,5 +1,7 @@
 """One call for all methods: what it chooses, and what it refuses."""
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -18,7 +20,7 @@ def test_the_best_method_is_the_default():
     network = jl.pretrained(SENSOR)
     np.testing.assert_array_equal(estimate, network.reconstruct(BITS))
     assert (info.method, info.title) == ("network-medium", "network, medium")
-    assert info.reason == "the best method for 16 trials per pixel"
+    assert info.reason == "recommended for 16 trials per pixel"
     assert info.seconds > 0
     np.testing.assert_array_equal(reconstruct(BITS), estimate)
     np.testing.assert_array_equal(reconstruct(COUNTS, SENSOR), estimate)
@@ -67,6 +69,58 @@ def test_a_network_and_functions_of_the_caller():
     assert reconstruct(BITS, method=lambda _: IMAGE.tolist()).dtype == np.float32
 
 
+def test_functions_receive_the_sensor_only_if_they_ask_for_it():
+    def keyword_only(bits, *, sensor):
+        return jl.mle(bits, sensor)
+
+    class Mine:
+        def __call__(self, bits):
+            return jl.mle(bits)
+
+        def estimate(self, bits, sensor):
+            return jl.mle(bits, sensor)
+
+    expected = jl.mle(BITS)
+    for method in (
+        keyword_only,
+        Mine(),
+        Mine().estimate,
+        functools.partial(jl.mle, threads=1),
+        lambda bits, clip=False: jl.mle(bits) * (np.nan if clip else 1),
+        lambda bits, s: jl.mle(bits, s),
+        lambda *data: jl.mle(*data),
+        lambda bits, **_: jl.mle(bits),
+    ):
+        np.testing.assert_array_equal(reconstruct(BITS, method=method), expected)
+    np.testing.assert_allclose(
+        reconstruct(COUNTS, SENSOR, method=np.sqrt), np.sqrt(COUNTS), rtol=1e-6
+    )
+    np.testing.assert_array_equal(
+        reconstruct(COUNTS, SENSOR, method=jl.denoise.tv), jl.denoise.tv(COUNTS)
+    )
+
+
+def test_functions_receive_checked_data():
+    def share(data):
+        return (data.counts() if isinstance(data, jl.Bits) else data) / 16
+
+    expected = np.float32(COUNTS / 16)
+    plain = jl.Bits(BITS.packed, BITS.width)
+    for data in (COUNTS.tolist(), plain, BITS):
+        np.testing.assert_array_equal(reconstruct(data, SENSOR, method=share), expected)
+    with pytest.raises(TypeError, match="an image of counts in whole numbers"):
+        reconstruct(COUNTS + 0.5, SENSOR, method=share)
+    with pytest.raises(ValueError, match="bits: expected the sensor's 2 frames"):
+        reconstruct(BITS, SENSOR.replace(frames=2), method=share)
+    with pytest.raises(TypeError, match="expected an image of numbers"):
+        reconstruct(BITS, method=lambda _: IMAGE * 1j)
+
+
+def test_a_network_brings_its_sensor():
+    network = jl.pretrained(SENSOR)
+    np.testing.assert_array_equal(reconstruct(COUNTS, method=network), network(COUNTS))
+
+
 def test_merged_counts_and_color():
     merged = jl.Merged(COUNTS, np.full(COUNTS.shape, 16.0), SENSOR)
     np.testing.assert_allclose(reconstruct(merged), reconstruct(BITS), atol=1e-6)
@@ -106,6 +160,7 @@ def test_many_trials_have_another_default():
         ({"method": jl.pretrained(SENSOR), "weight": 1.0}, ValueError, "weight: is not an option"),
         ({"method": lambda _: np.zeros(3)}, ValueError, r"shape \(32, 48\) from <lambda>, got"),
         ({"method": lambda _: IMAGE * np.nan}, ValueError, "expected finite intensities"),
+        ({"return_history": True}, TypeError, "return_history: pass return_info=True"),
         ({"sensor": 16}, TypeError, "sensor: expected a jotlight.Sensor"),
     ],
 )

@@ -54,10 +54,39 @@ def test_counts_and_dim_or_bright_images_are_exposed_with_a_warning(tmp_path, im
     np.testing.assert_allclose(levels(tmp_path / "a.png") / 255, expected, atol=0.5001 / 255)
 
 
-def test_a_black_image_is_black(tmp_path):
-    with pytest.warns(jl.JotlightWarning, match="shown as white"):
-        jl.save_image(tmp_path / "a.png", np.zeros((4, 4)))
+def test_a_few_bright_pixels_do_not_change_an_ordinary_image(tmp_path):
+    image = 0.4 * RANDOM.random((60, 80))
+    image[5, 5] = 1.5
+    with pytest.warns(jl.JotlightWarning, match="image: 1 is shown as white"):
+        jl.save_image(tmp_path / "a.png", image)
+    expected = np.clip(image, 0, 1)
+    np.testing.assert_allclose(levels(tmp_path / "a.png") / 255, expected, atol=0.5001 / 255)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_small_integers_are_not_nearly_black(tmp_path, dtype):
+    counts = RANDOM.integers(0, 17, (30, 40)).astype(dtype)
+    with pytest.warns(jl.JotlightWarning, match="16, the 99.5th percentile, is shown as white"):
+        jl.save_image(tmp_path / "a.png", counts)
+    assert levels(tmp_path / "a.png").max() == 255
+
+
+@pytest.mark.parametrize(("image", "white"), [(np.zeros((4, 4)), 1), (-np.ones((4, 4)), 1)])
+def test_a_black_image_is_black(tmp_path, image, white):
+    with pytest.warns(jl.JotlightWarning, match=f"image: {white} is shown as white"):
+        jl.save_image(tmp_path / "a.png", image)
     assert not levels(tmp_path / "a.png").any()
+
+
+def test_one_channel_is_gray_and_integers_stay_integers(tmp_path):
+    image = RANDOM.random((9, 7, 1))
+    jl.save_image(tmp_path / "a.png", image)
+    assert levels(tmp_path / "a.png").shape == (9, 7)
+    counts = RANDOM.integers(0, 2**31 - 1, (9, 7), np.int32)
+    jl.save_image(tmp_path / "a.npy", counts)
+    np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), counts)
+    with pytest.raises(TypeError, match=r"got Bits; take one frame, bits\[0\]"):
+        jl.save_image(tmp_path / "b.png", jl.Bits.from_array(image[..., 0] > 0.5))
 
 
 @pytest.mark.parametrize("name", ["a.tif", "a.npy"])

@@ -1,6 +1,8 @@
 """Sensors as Python objects: names of parameters, hashes, copies, and HTML."""
 
 import copy
+import dataclasses
+import inspect
 import pickle
 
 import numpy as np
@@ -10,8 +12,12 @@ import jotlight as jl
 
 
 def test_parameters_need_names():
-    with pytest.raises(TypeError, match=r"expected names as in Sensor\(frames=16\), got 16"):
+    with pytest.raises(TypeError, match=r"with names as in Sensor\(frames=16\), got 16"):
         jl.Sensor(16)
+    with pytest.raises(TypeError, match=r"expected some of oversampling, frames, .* got frame"):
+        jl.Sensor(frame=16)
+    names = list(inspect.signature(jl.Sensor).parameters)
+    assert names == [field.name for field in dataclasses.fields(jl.Sensor)]
 
 
 def test_equal_sensors_have_equal_hashes_and_can_be_copied():

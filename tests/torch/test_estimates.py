@@ -32,7 +32,9 @@ def test_the_derivative_agrees_with_finite_differences(sensor):
     point = torch.tensor([p], dtype=torch.float64, requires_grad=True)
     intensity_from_probability(point, sensor).backward()
     step = 1e-5
-    ends = intensity_from_probability(torch.tensor([p - step, p + step]).double(), sensor)
+    ends = intensity_from_probability(
+        torch.tensor([p - step, p + step], dtype=torch.float64), sensor
+    )
     assert point.grad.item() == pytest.approx((ends[1] - ends[0]).item() / (2 * step), rel=1e-4)
 
 

@@ -7,6 +7,7 @@ strengths were chosen on the BSDS training images at K = 16
 """
 
 import functools
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -24,6 +25,10 @@ Denoiser = Callable[[Float32Image], npt.ArrayLike]
 """A function from an image (H, W) with white noise of standard deviation 1/2 to a denoised one."""
 
 
+_MAX_CHANNELS = 4
+"""Largest length of the last axis that may be that of colors."""
+
+
 def _of_each_image(denoise: Callable[..., Float32Image]) -> Callable[..., Float32Image]:
     """Return a denoiser for arrays of any numbers, which denoises each image (H, W) of them."""
 
@@ -35,7 +40,13 @@ def _of_each_image(denoise: Callable[..., Float32Image]) -> Callable[..., Float3
                 f"image: expected numbers of shape (H, W) or (..., H, W), got {values.dtype} of "
                 f"shape {values.shape}"
             )
-        images = values.astype(np.float32).reshape(-1, *values.shape[-2:])
+        if values.ndim == 3 and values.shape[2] <= _MAX_CHANNELS < values.shape[0]:
+            raise ValueError(
+                f"image: expected (H, W) or (..., H, W), but {values.shape} looks like a color "
+                "image; denoise each channel: image[..., 0]"
+            )
+        number = math.prod(values.shape[:-2])
+        images = values.astype(np.float32).reshape(number, *values.shape[-2:])
         denoised = [denoise(each, *args, **kwargs) for each in images]
         return np.reshape(denoised, values.shape) if denoised else values.astype(np.float32)
 

@@ -97,7 +97,8 @@ def compare_methods(
     for name in names:
         method = methods[name]
         update = begin(method.title)
-        _warm_up(method, bits, sensor, image.shape, threads)
+        if method.warms_up:
+            _warm_up(method, bits, sensor, image.shape, threads)
         options: dict[str, Any] = {}
         if method.iterative and callable(update):
             options["callback"] = lambda step, update=update: update(step.progress)

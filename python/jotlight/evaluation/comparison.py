@@ -11,7 +11,8 @@ import numpy.typing as npt
 from jotlight.checks import as_image
 from jotlight.evaluation.compare import MethodResult, compare_methods, select_methods
 from jotlight.evaluation.methods import METHODS, Method
-from jotlight.evaluation.reconstruct import OwnMethod, reconstruct
+from jotlight.evaluation.own_method import OwnMethod
+from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.networks.network import Network
 from jotlight.notebook import table_of
 from jotlight.seeds import SeedLike
@@ -131,11 +132,18 @@ def compare(
     known = dict(METHODS)
     if isinstance(methods, Mapping):
         own = {str(title): _as_method(str(title), value) for title, value in methods.items()}
+        if len(own) < len(methods):
+            raise ValueError(f"methods: expected different titles, got {list(methods)}")
         by_name = [value for value in methods.values() if isinstance(value, str)]
         select_methods(sensor, by_name)
         known, names = own, list(own)
-    elif isinstance(methods, str):
-        raise TypeError(f"methods: expected a list of names or a mapping, got {methods!r}")
+    elif methods is not None and (
+        isinstance(methods, str | np.ndarray) or not isinstance(methods, Sequence)
+    ):
+        raise TypeError(
+            "methods: expected a list of names, or a mapping such as {'mine': function}, got "
+            f"{type(methods).__name__}"
+        )
     else:
         names = select_methods(sensor, None if methods is None else list(methods))
     if not names:
@@ -163,7 +171,8 @@ def _as_method(title: str, method: str | Network | OwnMethod) -> Method:
             f"methods: expected the name of a method, a network, or a function for {title!r}, got "
             f"{method!r}"
         )
-    return Method(title, partial(reconstruct, method=method))
+    # A function of the caller may count its calls, or work for one size of images only.
+    return Method(title, partial(reconstruct, method=method), warms_up=False)
 
 
 def _format_time(seconds: float) -> str:

@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight.metrics as metrics
-from jotlight.evaluation.reconstruct import OwnMethod, reconstruct
+from jotlight.evaluation.own_method import OwnMethod
+from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
 

@@ -78,6 +78,8 @@ class Method:
     """Function that returns why the method cannot serve a sensor, or None if it can."""
     is_distinct: Callable[[Sensor], bool] = lambda _: True
     """Function that returns whether the estimate for a sensor differs from a faster method's."""
+    warms_up: bool = True
+    """Whether a comparison runs it on a corner first, so that its time is that of the method."""
     iterative: bool = False
     """Whether `run` takes `tol`, `max_iter`, `callback` and `return_history`."""
 
@@ -300,7 +302,7 @@ def choose_method(
     else:
         method = requested or (LARGE_METHOD if sensor.trials > LARGE_TRIALS else DEFAULT_METHOD)
         if requested is None:
-            reason = f"the best method for {sensor.trials:,} trials per pixel"
+            reason = f"recommended for {sensor.trials:,} trials per pixel"
         quality = METHODS[method].quality
         needed = CONDITIONAL_SIZE if method == LARGE_METHOD else quality
         if needed is not None and (missing := unsupported_reason(sensor, needed)) is not None:

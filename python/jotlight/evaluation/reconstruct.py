@@ -1,7 +1,6 @@
 """One call that estimates an image by the best method, by a named one, or by the caller's own."""
 
 import dataclasses
-import inspect
 import time
 from collections.abc import Callable
 from typing import Any, Literal, overload
@@ -12,18 +11,15 @@ import numpy.typing as npt
 from jotlight.errors import warn
 from jotlight.estimators.problem import ConvergenceHistories
 from jotlight.evaluation.methods import METHODS, OPTION_DEFAULTS, choose_method, requested_method
+from jotlight.evaluation.own_method import OwnMethod, run_own
 from jotlight.networks.architectures import SIZES
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import pretrained
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.merged import Merged
-from jotlight.sensing.pixel_counts import Data, prepare_data
+from jotlight.sensing.pixel_counts import Data, carried_sensor, prepare_data
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
-
-OwnMethod = Callable[..., npt.ArrayLike]
-"""A function ``f(data, sensor)`` or ``f(data)`` that returns an image."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,7 +76,7 @@ def reconstruct(
     return_info: bool = False,
     **options: Any,
 ) -> Image | tuple[Image, Info]:
-    """Return the best available estimate of an image.
+    """Return the estimate of an image by the recommended method, or by another one.
 
     Parameters
     ----------
@@ -134,14 +130,16 @@ def reconstruct(
     >>> info.title, info.reason
     ('maximum likelihood', 'requested')
     """
+    if "return_history" in options:
+        raise TypeError("return_history: pass return_info=True, and take the history of the info")
+    if sensor is None and isinstance(method, Network):
+        sensor = carried_sensor(data) or method.default_sensor or method.sensor
     data, sensor = prepare_data(data, sensor, trials)
     start = time.perf_counter()
     if callable(method) and not isinstance(method, Network):
         if quality is not None:
             raise ValueError(f"quality: selects a shipped network, but method is {method!r}")
-        if _has_parameter(method, "threads"):
-            options["threads"] = threads
-        estimate = _run_own(method, data, sensor, options)
+        estimate = run_own(method, data, sensor, threads, options)
         name = str(getattr(method, "__name__", type(method).__name__))
         info = Info(name, name, "requested", time.perf_counter() - start)
     else:
@@ -205,45 +203,3 @@ def _named(method: object, quality: str | None, options: dict[str, Any]) -> str 
     if quality not in SIZES:
         raise ValueError(f"quality: expected one of {', '.join(SIZES)}, got {quality!r}")
     return requested_method(f"network-{quality}", list(options))
-
-
-def _run_own(method: OwnMethod, data: Data, sensor: Sensor, options: dict[str, Any]) -> Image:
-    """Return the estimate of a function of the caller, after checking it."""
-    name = getattr(method, "__name__", repr(method))
-    arguments = (data, sensor) if _accepts_sensor(method, options) else (data,)
-    estimate = np.asarray(method(*arguments, **options), np.float32)
-    expected = _shape_of_estimate(data, sensor)
-    if estimate.shape != expected:
-        raise ValueError(
-            f"method: expected an image of shape {expected} from {name}, got {estimate.shape}"
-        )
-    if not np.isfinite(estimate).all():
-        raise ValueError(f"method: expected finite intensities from {name}, got NaN or infinity")
-    return estimate
-
-
-def _has_parameter(method: OwnMethod, name: str) -> bool:
-    """Return whether a function has a parameter with a name."""
-    try:
-        return name in inspect.signature(method).parameters
-    except (TypeError, ValueError):  # functions in C may have no signature
-        return False
-
-
-def _accepts_sensor(method: OwnMethod, options: dict[str, Any]) -> bool:
-    """Return whether a function takes two arguments without names, besides options."""
-    try:
-        inspect.signature(method).bind(None, None, **options)
-    except TypeError:
-        return False
-    except ValueError:  # functions in C may have no signature
-        return True
-    return True
-
-
-def _shape_of_estimate(data: Data, sensor: Sensor) -> tuple[int, ...]:
-    """Return the shape of the image that data show."""
-    if isinstance(data, Bits):
-        _, height, width, *channels = data.shape
-        return height // sensor.oversampling, width // sensor.oversampling, *channels
-    return data.shape if isinstance(data, Merged) else np.asarray(data).shape

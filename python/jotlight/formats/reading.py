@@ -121,12 +121,30 @@ def open_capture(path: str | os.PathLike[str], **options: Any) -> Capture:
     capture = _open_once(Path(path), **options)
     data = capture.images if isinstance(capture, CountStack) else capture.packed
     if isinstance(data, Frames):
-        data.set_origin(functools.partial(_open_data, absolute, **options))
+        data.set_origin(functools.partial(_open_data, absolute, _state_of(absolute), **options))
     return capture
 
 
-def _open_data(path: Path, **options: Any) -> npt.NDArray[Any] | Frames:
-    """Return the frames of a capture, which a copy in another process opens again."""
+def _state_of(path: Path) -> tuple[int, int, int]:
+    """Return the number, the total size, and the latest change of the files of a capture."""
+    files = [path]
+    if path.is_dir():
+        files = [Path(folder, name) for folder, _, names in os.walk(path) for name in names]
+    states = [file.stat() for file in files]
+    latest = max((state.st_mtime_ns for state in states), default=0)
+    return len(states), sum(state.st_size for state in states), latest
+
+
+def _open_data(path: Path, state: tuple[int, int, int], **options: Any) -> Any:
+    """Return the frames of a capture, which a copy in another process opens again.
+
+    Raises
+    ------
+    ValueError
+        When the files have changed since the capture was opened.
+    """
+    if _state_of(path) != state:
+        raise ValueError(f"{path}: a file has changed since it was opened")
     capture = open_capture(path, **options)
     return capture.images if isinstance(capture, CountStack) else capture.packed
 

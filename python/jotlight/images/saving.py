@@ -11,9 +11,10 @@ from jotlight.errors import warn
 from jotlight.files import atomic_write
 from jotlight.images.io import DISPLAYED, image_writer
 from jotlight.images.tone import PERCENTILE
+from jotlight.sensing.bits import Bits
 
 _DARK = 0.1
-"""Images whose bright pixels are below this are exposed automatically."""
+"""Images whose bright pixels are below this fraction of white are exposed automatically."""
 
 
 def save_image(
@@ -30,13 +31,13 @@ def save_image(
     path : path
         The ending chooses the format: `.png` and `.jpg` for display; `.tif` and `.exr` (float32)
         and `.npy` for numbers, which are never clipped.
-    image : array_like, shape (H, W) or (H, W, 3)
-        Intensities, counts, or bits.
+    image : array_like, shape (H, W), (H, W, 1), or (H, W, 3)
+        Intensities, counts, or one frame of bits.
     white : float, optional
         The value that becomes white in PNG and JPEG. Brighter pixels are white, too. Default: 1 for
-        intensities in [0, 1] and bits, and the largest value of uint8 and uint16. Counts, and
-        intensities that are all below 0.1 or exceed 1, are exposed automatically, with a warning:
-        white is the 99.5th percentile.
+        bool and floats, and the largest possible value of uint8 and uint16. Other integers, and
+        images that exceed this value or are below a tenth of it, are exposed automatically, with a
+        warning: white is about the 99.5th percentile.
     depth : {8, 16}
         Bits per value of a PNG.
 
@@ -60,9 +61,16 @@ def save_image(
     >>> path.stat().st_size > 50
     True
     """
-    path, values = Path(path), np.asarray(image)
+    path = Path(path)
+    if isinstance(image, Bits):
+        raise TypeError(
+            "image: expected an array, got Bits; take one frame, bits[0], or bits.counts()"
+        )
+    values = np.asarray(image)
     if values.dtype.kind not in "biuf":
         raise TypeError(f"image: expected an array of numbers, got {values.dtype}")
+    if values.ndim == 3 and values.shape[2] == 1:
+        values = values[..., 0]
     if not (values.ndim == 2 or (values.ndim == 3 and values.shape[2] == 3)) or values.size == 0:
         raise ValueError(f"image: expected shape (H, W) or (H, W, 3), got {values.shape}")
     if path.suffix.lower() in DISPLAYED:
@@ -72,8 +80,10 @@ def save_image(
         if not 0 < white < np.inf:
             raise ValueError(f"white: expected a finite value above 0, got {white}")
     write = image_writer(path, depth=depth, white=white or 1.0)
+    if path.suffix.lower() != ".npy" and values.dtype != np.float64:
+        values = values.astype(np.float32)
     with atomic_write(path) as temporary:
-        write(temporary, values if values.dtype == np.float64 else values.astype(np.float32))
+        write(temporary, values)
 
 
 def find_white(values: npt.NDArray[Any]) -> float:
@@ -81,16 +91,24 @@ def find_white(values: npt.NDArray[Any]) -> float:
 
     Examples
     --------
-    >>> find_white(np.array([[0.2, 0.9]])), find_white(np.zeros((2, 2), np.uint8))
+    >>> find_white(np.array([[0.2, 0.9]])), find_white(np.full((2, 2), 99, np.uint8))
     (1.0, 255.0)
     """
     if values.dtype == np.bool_:
         return 1.0
-    if values.dtype in (np.uint8, np.uint16):
-        return float(np.iinfo(values.dtype).max)
-    bright = float(np.percentile(values, PERCENTILE))
-    if values.dtype.kind == "f" and values.max() <= 1 and bright >= _DARK:
-        return 1.0
-    white = bright if bright > 0 else max(float(values.max()), 0) or 1.0
-    warn(f"image: {white:.3g}, the {PERCENTILE}th percentile, is shown as white; white= sets it")
+    full = float(np.iinfo(values.dtype).max) if values.dtype in (np.uint8, np.uint16) else 1.0
+    bright, largest = float(np.percentile(values, PERCENTILE)), float(values.max())
+    has_scale = values.dtype.kind == "f" or full > 1
+    if has_scale and largest <= full and bright >= _DARK * full:
+        return full
+    if has_scale and largest > full:
+        # A few bright pixels must not make an ordinary image brighter.
+        bright = max(bright, full)
+    if bright > 0:
+        text = f"{bright:.3g}, the {PERCENTILE}th percentile," if bright != full else f"{full:g}"
+        white = bright
+    else:
+        white = largest if largest > 0 else full
+        text = f"{white:.3g}"
+    warn(f"image: {text} is shown as white; white= sets another value")
     return white

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.checks import as_image, number_in_range, whole_number_in_range
+from jotlight.checks import as_image, number_in_range, require_names, whole_number_in_range
 from jotlight.seeds import SeedLike, seed_bytes
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.description import html_of, repr_of
@@ -19,6 +19,7 @@ KERNELS = ("box", "linear", "quadratic", "cubic")
 """The B-spline kernels of the light field, in the order of their degree."""
 
 
+@require_names("Sensor(frames=16)")
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Sensor:
     """A quanta image sensor: each jot reports 1 when at least `threshold` photons arrive.
@@ -83,12 +84,6 @@ class Sensor:
     efficiency: float | npt.NDArray[np.float32] = 1.0
     mask: npt.NDArray[np.bool_] | None = None
     max_intensity: float = 1.0
-
-    def __new__(cls, *unnamed: object, **_: object) -> Self:
-        """Refuse parameters without names, because Sensor(16) could mean frames or oversampling."""
-        if unnamed:
-            raise TypeError(f"sensor: expected names as in Sensor(frames=16), got {unnamed[0]!r}")
-        return super().__new__(cls)
 
     def __post_init__(self) -> None:
         for name, maximum in (("oversampling", 4096), ("frames", 2**31 - 1), ("threshold", 65535)):
