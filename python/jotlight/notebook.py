@@ -41,8 +41,8 @@ def card(
         for name, value in facts.items()
     )
     table = f"<table>{rows}</table>" if rows else ""
-    picture = "" if image is None else f'<img alt="" src="{_data_address(image)}">'
-    return f"<div><b>{_escape(title)}</b>{picture}{table}</div>"
+    drawing = "" if image is None else f'<img alt="" src="{_data_address(image)}">'
+    return f"<div><b>{_escape(title)}</b>{drawing}{table}</div>"
 
 
 def table_of(titles: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from jotlight.motion import guard
 from jotlight.motion.blocks import Sums
 from jotlight.motion.guard import count_window, find_window
 from moving import blocks_of, paths_of, record
@@ -37,3 +38,33 @@ def test_a_wrong_motion_is_worse_than_a_window(shake):
     expected = bits[window.start : window.stop].counts()
     np.testing.assert_array_equal(counted.ones, expected)
     assert (counted.trials == len(window)).all()
+
+
+def paths_that_drift(pixels_per_frame, photons, rng, frames=64):
+    """Return the paths of a static scene along a wrong motion of constant velocity."""
+    _, bits = record("static", frames, shape=(160, 160), photons=photons, rng=rng)
+    blocks = blocks_of(bits)
+    shifts = np.outer(blocks.centers - frames // 2, [0, pixels_per_frame])
+    return paths_of(blocks, shifts, frames // 2)
+
+
+def test_bits_of_more_frames_are_held_out_if_the_motion_is_slow(monkeypatch):
+    asked = []
+    count = guard.count_window
+
+    def spy(paths, window):
+        asked.append(len(window))
+        return count(paths, window)
+
+    monkeypatch.setattr(guard, "count_window", spy)
+    for speed, held_out in ((0.0, 4), (0.5, 4), (1.0, 2), (-3.0, 2)):
+        paths = paths_that_drift(speed, 0.3, 0, frames=32)
+        asked.clear()
+        find_window(paths, total_of(paths))
+        assert asked[0] == held_out
+
+
+def test_a_slow_wrong_motion_of_a_dim_scene_is_worse_than_a_window():
+    for rng in range(3):
+        paths = paths_that_drift(0.4, 0.05, rng)
+        assert find_window(paths, total_of(paths)) is not None

@@ -15,8 +15,11 @@ Probability = npt.NDArray[np.float64]
 _FRACTIONS = (1, 2, 4, 8, 16, 32)
 """The windows have all frames, a half, a quarter, and so on."""
 
-_CENTRAL = 2
-"""Number of frames from which bits are held out. The scene hardly moves between them."""
+_CENTRAL = 2, 4
+"""Numbers of frames from which bits are held out: of fast motions, and of slow ones."""
+
+_MAX_STEP = 3.0
+"""Displacement of a slow motion during the larger number of frames, in pixels."""
 
 _MIN_GAIN = 3.0
 """Minimum gain of a window in standard deviations, for the motion to be wrong."""
@@ -28,8 +31,10 @@ _MIN_PROBABILITY = 1e-4
 def find_window(paths: Paths, total: Sums) -> range | None:
     """Return the frames whose sum without motion is better than the merged counts, or None.
 
-    Half of the bits of two frames at the reference time are held out, at random. The estimate of
-    the network from the other bits that makes them most probable is the best one.
+    Half of the bits of a few frames at the reference time are held out, at random. The estimate of
+    the network from the other bits that makes them most probable is the best one. Between these
+    frames, the scene must hardly move. So only two of them are taken if the motion is fast, and
+    four, which contain more information, if it is slow.
 
     Parameters
     ----------
@@ -40,7 +45,8 @@ def find_window(paths: Paths, total: Sums) -> range | None:
     """
     blocks = paths.blocks
     frames = len(blocks.burst)
-    center = count_window(paths, _window(paths, _CENTRAL))
+    central = _CENTRAL[int(_longest_step(paths) <= _MAX_STEP)]
+    center = count_window(paths, _window(paths, central))
     held_trials = (center.trials // 2).astype(np.int64)
     # The seed is fixed, so that results repeat.
     held_ones = np.random.default_rng(0).hypergeometric(
@@ -50,7 +56,7 @@ def find_window(paths: Paths, total: Sums) -> range | None:
     held = np.minimum(held_ones, total.ones), np.minimum(held_trials, total.trials)
     merged = _estimate(total.ones - held[0], total.trials - held[1])
     best: tuple[float, range | None] = 0.0, None
-    for length in sorted({max(_CENTRAL, frames // fraction) for fraction in _FRACTIONS}):
+    for length in sorted({max(central, frames // fraction) for fraction in _FRACTIONS}):
         window = _window(paths, length)
         counted = count_window(paths, window)
         estimate = _estimate(counted.ones - held_ones, counted.trials - held_trials)
@@ -58,6 +64,20 @@ def find_window(paths: Paths, total: Sums) -> range | None:
         if gain > max(best[0], _MIN_GAIN * error):
             best = gain, window
     return best[1]
+
+
+def _longest_step(paths: Paths) -> float:
+    """Return the root-mean-square displacement during the larger number of central frames.
+
+    It is that of the track that moves most.
+    """
+    centers = paths.blocks.centers
+    near = np.argsort(abs(centers - paths.reference), kind="stable")[:2]
+    if len(near) < 2:
+        return 0.0
+    steps = [track.nodes[near[1]] - track.nodes[near[0]] for track in paths.tracks]
+    longest = max(float(np.sqrt(2 * np.mean(step**2))) for step in steps)
+    return longest / abs(float(centers[near[1]] - centers[near[0]])) * _CENTRAL[1]
 
 
 def _window(paths: Paths, length: int) -> range:
