@@ -71,7 +71,8 @@ CALLS = {
     "mle": "jl.mle(counts, maps)",
     "mle of jots": (
         "[jl.mle(jl.Bits(np.broadcast_to(np.uint8(85), (100, 4000, 500))), jl.Sensor("
-        "4, frames=100, dark_counts=np.tile(np.float32([0, 1]), (4000, 2000)))) for _ in range(99)]"
+        "oversampling=4, frames=100, "
+        "dark_counts=np.tile(np.float32([0, 1]), (4000, 2000)))) for _ in range(99)]"
     ),
     "noniterative": "[jl.noniterative(counts, maps, denoiser=lambda z: z) for _ in range(99)]",
     "mle_iterative": f"jl.mle_iterative(smooth, {SMOOTH})",

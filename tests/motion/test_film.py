@@ -96,8 +96,12 @@ def test_windows_that_share_few_frames_are_aligned_afresh():
     for window, step in ((32, 10), (32, None)):
         images = list(film(bits, window=window, step=step))
         assert not any(image.is_carried for image in images)
-    last = jl.merge(bits[64:96])
-    np.testing.assert_array_equal(images[-1].merged.ones, last.ones)
+    last = jl.align(bits[64:96])
+    np.testing.assert_array_equal(images[-1].motion.nodes, last.nodes)
+    # The templates of films come from a smaller network, so a few bits are accepted differently.
+    merged = jl.merge(bits[64:96], motion=last)
+    difference = images[-1].merged.acceptance.mean() - merged.acceptance.mean()
+    assert abs(difference) < 0.05
 
 
 @pytest.mark.slow
