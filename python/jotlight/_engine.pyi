@@ -21,6 +21,7 @@ __all__ = [
     "detection_probability",
     "differences",
     "differences_adjoint",
+    "disagreement",
     "displacement_equations",
     "equivalent_counts",
     "expose",
