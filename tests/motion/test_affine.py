@@ -36,6 +36,7 @@ def test_an_affine_motion_is_followed_from_its_velocity(motion, limit):
     np.testing.assert_allclose(fit, nodes, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_an_object_seldom_draws_the_motion_away():
     # The object hides 39 % of the scene, so the result depends on their details.
     options = {"shape": (128, 128), "photons": 0.3}
