@@ -80,8 +80,8 @@ def noniterative(
     Some pixels have dead jots, or an efficiency or dark counts other than the median. Their counts
     are first replaced by the counts that K valid bits of jots with the median values would show.
     Here K is the harmonic mean of the trials in the neighborhood of a pixel. Where it varies much,
-    the method runs at several K, whose ratios are at most 2, and each pixel is interpolated between
-    the two that are next to its own K.
+    the method runs at several K, whose ratios are at most 2, and pixels between two of them are
+    interpolated.
 
     Examples
     --------

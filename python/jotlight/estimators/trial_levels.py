@@ -78,7 +78,7 @@ def level_weights(
 def interpolate_levels(
     run: Callable[[int], Image], trials: int | npt.NDArray[np.floating]
 ) -> Image:
-    """Return an image whose pixels are interpolated between the levels next to their trials.
+    """Return an image whose pixels are those of their nearest level, or lie between two levels.
 
     Parameters
     ----------

@@ -101,14 +101,10 @@ def find_white(values: npt.NDArray[Any]) -> float:
     has_scale = values.dtype.kind == "f" or full > 1
     if has_scale and largest <= full and bright >= _DARK * full:
         return full
-    if has_scale and largest > full:
-        # A few bright pixels must not make an ordinary image brighter.
-        bright = max(bright, full)
-    if bright > 0:
-        text = f"{bright:.3g}, the {PERCENTILE}th percentile," if bright != full else f"{full:g}"
-        white = bright
-    else:
+    # A few bright pixels must not make an ordinary image brighter.
+    white = max(bright, full) if has_scale and largest > full else bright
+    if white <= 0:
         white = largest if largest > 0 else full
-        text = f"{white:.3g}"
-    warn(f"image: {text} is shown as white; white= sets another value")
+    percentile = f", the {PERCENTILE}th percentile," if white == bright else ""
+    warn(f"image: {white:.3g}{percentile} is shown as white; white= sets another value")
     return white

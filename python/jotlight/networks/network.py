@@ -260,16 +260,7 @@ class Network:
             np.clip(estimate, 0, max_intensity, out=estimate)
         return estimate
 
-    def __call__(
-        self,
-        data: Data,
-        sensor: Sensor | None = None,
-        *,
-        trials: npt.ArrayLike | None = None,
-        threads: int | None = None,
-    ) -> npt.NDArray[np.float32]:
-        """Return :meth:`reconstruct` of the data."""
-        return self.reconstruct(data, sensor, trials=trials, threads=threads)
+    __call__ = reconstruct
 
     def conditioned_layers(self, trials: int) -> tuple[Layer, ...]:
         """Return the layers of a K-conditioned network with the parameters for K = `trials`.
