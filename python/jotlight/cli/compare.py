@@ -81,7 +81,10 @@ def run_comparison(
 
     plots.check_figure(output)
     with atomic_write(output) as temporary, progress(len(methods) + 2) as begin:
-        found = compare_by_title(methods, image, sensor, rng=seed, threads=threads, begin=begin)
+        axis = None if image.ndim == 2 else -1
+        found = compare_by_title(
+            methods, image, sensor, channel_axis=axis, rng=seed, threads=threads, begin=begin
+        )
         begin("drawing the figure")
         plots.save_figure(found.plot(), temporary)
     out.print(_table(found))

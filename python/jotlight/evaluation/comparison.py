@@ -17,6 +17,7 @@ from jotlight.networks.network import Network
 from jotlight.notebook import table_of
 from jotlight.seeds import SeedLike
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.layout import Layout
 from jotlight.sensing.sensor import Sensor
 
 if TYPE_CHECKING:
@@ -87,6 +88,7 @@ def compare(
     image: npt.ArrayLike,
     sensor: Sensor,
     *,
+    channel_axis: int | None = None,
     rng: SeedLike = 0,
     threads: int | None = None,
     begin: Callable[[str], Any] = lambda title: None,
@@ -99,10 +101,12 @@ def compare(
         Names of methods, as :func:`jotlight.reconstruct` takes them; or a mapping of titles to
         names, networks, and functions ``f(bits, sensor)`` or ``f(bits)``. None: all methods that
         are installed and serve the sensor.
-    image : array_like of float, shape (H, W), (H, W, 1), or (H, W, 3)
-        Intensities.
+    image : array_like of float, shape (H, W)
+        Intensities. With `channel_axis` also of a color image.
     sensor : Sensor
         Sensor that exposes the image.
+    channel_axis : int, optional
+        Axis of the image that holds 1 or 3 channels. Default: none.
     rng : int, numpy.random.Generator, or None
         Seed of the bits.
     threads : int, optional
@@ -149,11 +153,14 @@ def compare(
     if not names:
         raise ValueError("methods: expected at least one, got none")
     pixels = as_image(image)
-    if pixels.ndim == 3 and pixels.shape[2] not in (1, 3):
-        raise ValueError(
-            f"image: expected a gray or RGB image to compare, got {pixels.shape[2]} channels"
-        )
-    bits = sensor.expose(pixels, rng, threads=threads, progress=begin("drawing bits"))
+    layout = Layout.of("image", pixels, channel_axis)
+    if layout.is_stack or layout.number not in (1, 3):
+        raise ValueError(f"image: expected one gray or RGB image, got shape {pixels.shape}")
+    bits = sensor.expose(
+        pixels, rng, channel_axis=channel_axis, threads=threads, progress=begin("drawing bits")
+    )
+    if channel_axis is not None:  # the estimates have the channels last
+        pixels = np.moveaxis(pixels, channel_axis, -1)
     results = compare_methods(
         pixels, bits, sensor, names, threads=threads, begin=begin, methods=known
     )

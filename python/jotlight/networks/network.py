@@ -24,7 +24,7 @@ from jotlight.networks.layer import Layer
 from jotlight.networks.layer_checks import check_layers
 from jotlight.networks.network_files import read_network, write_network
 from jotlight.networks.served_sensors import check_served
-from jotlight.sensing.pixel_counts import Data, carried_sensor, map_channels, prepare_data
+from jotlight.sensing.pixel_counts import Data, carried_sensor, gray_images, prepare_data
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
@@ -205,14 +205,15 @@ class Network:
         sensor: Sensor | None = None,
         *,
         trials: npt.ArrayLike | None = None,
+        channel_axis: int | None = None,
         threads: int | None = None,
     ) -> npt.NDArray[np.float32]:
-        """Return the estimate of the image.
+        """Return the estimate of the image, or of each image of a stack.
 
         Parameters
         ----------
-        data : Bits, Merged, or array_like of int
-            Bits; for a tied network also merged counts, or counts L of shape (H, W) or (H, W, C).
+        data : Bits, Merged, list of them, or array_like of int
+            Bits; for a tied network also merged counts, or counts L of shape (..., H, W).
         sensor : Sensor, optional
             Sensor of the data, which may have its own dead jots and dark counts. Default: the
             sensor that bits or merged counts carry, else the one for which
@@ -220,13 +221,17 @@ class Network:
         trials : float or array_like of float, optional
             Number of binary readings behind each pixel of counts, 0 or more: a number, or a map of
             their shape. Default: the sensor's K.
+        channel_axis : int, optional
+            Axis of counts that holds color channels. Default: none, and axes before the last two
+            are those of a stack.
         threads : int, optional
             Number of threads. Default: all.
 
         Returns
         -------
-        ndarray of float32, shape (H, W) or (H, W, C)
-            Intensities in [0, S].
+        ndarray of float32
+            Intensities in [0, S], of the shape of the counts. Estimates of color bits are
+            (H, W, C).
 
         Raises
         ------
@@ -240,25 +245,24 @@ class Network:
         """
         if sensor is None:
             sensor = carried_sensor(data) or self.default_sensor or self.sensor
-        data, sensor = prepare_data(data, sensor, trials)
+        data, sensor = prepare_data(data, sensor, trials, channel_axis)
         self.check_sensor(sensor)
+        images = gray_images(data)
         if self.trials_range is not None:
-            estimate = map_channels(
-                lambda channel: estimate_probability(self, channel, sensor, threads), data
-            )
+            estimate = estimate_probability(self, images, sensor, threads)
             # In place: memory may not hold the estimate twice.
-            rows_at_once = max(1, _PIXELS_AT_ONCE * len(estimate) // estimate.size)
-            for start in range(0, len(estimate), rows_at_once):
-                rows = estimate[start : start + rows_at_once]
-                rows[:] = intensity_from_probability(rows, sensor, threads)
-            return estimate
+            pixels = estimate.reshape(-1)
+            for start in range(0, len(pixels), _PIXELS_AT_ONCE):
+                part = pixels[start : start + _PIXELS_AT_ONCE]
+                part[:] = intensity_from_probability(part, sensor, threads)
+            return images.layout.arrange(estimate)
         # The check has established that both sensors detect equal light at intensity 1.
         reference = reference_jot(sensor)[0], reference_jot(self.sensor)[1]
-        estimate = map_channels(Inference(self.layers, sensor, reference, threads).run, data)
+        estimate = Inference(self.layers, sensor, reference, threads).run(images)
         (low, high), max_intensity = self._output_bounds, np.float32(sensor.max_intensity)
         if low < 0 or high > max_intensity:
             np.clip(estimate, 0, max_intensity, out=estimate)
-        return estimate
+        return images.layout.arrange(estimate)
 
     __call__ = reconstruct
 
@@ -280,11 +284,11 @@ class Network:
     def denoise_probability(
         self, fraction: npt.NDArray[np.float32], trials: int, *, threads: int | None = None
     ) -> npt.NDArray[np.float32]:
-        """Return the probabilities P(b = 1) that a K-conditioned network estimates, (H, W).
+        """Return the probabilities P(b = 1) that a K-conditioned network estimates.
 
         Parameters
         ----------
-        fraction : ndarray of float32, shape (H, W)
+        fraction : ndarray of float32, shape (H, W) or (N, H, W)
             Fraction of ones of each pixel.
         trials : int
             K, the number of bits of each pixel.
@@ -293,7 +297,8 @@ class Network:
         """
         layers = self.conditioned_layers(trials)
         inference = Inference(layers, self.sensor, reference_jot(self.sensor), threads)
-        return inference.run_counts(fraction * np.float32(trials))
+        images = fraction.reshape(-1, *fraction.shape[-2:])
+        return inference.run_counts(images * np.float32(trials)).reshape(fraction.shape)
 
     def check_sensor(self, sensor: Sensor) -> None:
         """Check that the network serves the data of a sensor.

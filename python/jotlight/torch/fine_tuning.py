@@ -16,7 +16,13 @@ from jotlight.networks.network import Network
 from jotlight.networks.served_sensors import check_trained
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.pixel_counts import PixelCounts, carried_sensor, count_pixels, split_channels
+from jotlight.sensing.pixel_counts import (
+    PixelCounts,
+    carried_sensor,
+    count_pixels,
+    gray_images,
+    prepare_data,
+)
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.bit_splitting import BitSplitter, check_kernel
 from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, thread_limit
@@ -293,7 +299,8 @@ def _count_channels(
             "split at random if all its jots have the same weight"
         )
     check_kernel(sensor)
-    channels = [count_pixels(channel, sensor, threads) for channel in split_channels(data)]
+    images = gray_images(prepare_data(data, sensor)[0])
+    channels = [count_pixels(image, sensor, threads) for image in images.data]
     if any(channel.varies_within_pixels for channel in channels):
         raise ValueError(
             "sensor: expected jots with the same efficiency and dark counts inside each pixel, "
