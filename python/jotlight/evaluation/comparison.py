@@ -155,7 +155,7 @@ def compare(
     pixels = as_image(image)
     layout = Layout.of("image", pixels, channel_axis)
     if layout.is_stack or layout.number not in (1, 3):
-        raise ValueError(f"image: expected one gray or RGB image, got shape {pixels.shape}")
+        raise ValueError(f"image: expected a gray or RGB image, got {_describe(layout)}")
     bits = sensor.expose(
         pixels, rng, channel_axis=channel_axis, threads=threads, progress=begin("drawing bits")
     )
@@ -165,6 +165,11 @@ def compare(
         pixels, bits, sensor, names, threads=threads, begin=begin, methods=known
     )
     return Comparison(pixels, bits, results, {name: known[name].title for name in names})
+
+
+def _describe(layout: Layout) -> str:
+    """Return the number of channels, or the axes of a stack."""
+    return f"a stack {layout.shape}" if layout.is_stack else f"{layout.number} channels"
 
 
 def _as_method(title: str, method: str | Network | OwnMethod) -> Method:

@@ -1,7 +1,6 @@
 """The number of ones and the number of valid bits of each pixel, from bits or counts."""
 
 import dataclasses
-import itertools
 from collections.abc import Callable, Sequence
 from typing import Any, cast
 
@@ -221,9 +220,10 @@ def _gray_images_of_list(data: Sequence[Bits | Merged]) -> GrayImages:
     if len(layouts) > 1:
         raise ValueError("data: expected the same number of channels in all, got different ones")
     layout = layouts.pop()
-    channels = list(itertools.chain.from_iterable(images.data for images in each))
-    shape = len(data), *layout.shape
-    return GrayImages(cast(Any, channels), Layout(shape, layout.channel_axis))
+    channels: list[Any] = []
+    for images in each:
+        channels += images.data
+    return GrayImages(channels, Layout((len(data), *layout.shape), layout.channel_axis))
 
 
 def _merge_counts(counts: npt.NDArray[np.int32], trials: Any, sensor: Sensor) -> Merged:
@@ -238,7 +238,7 @@ def gray_images(data: PreparedData) -> GrayImages:
     if isinstance(data, GrayImages):
         return data
     if isinstance(data, Bits | Merged):
-        channels = list(data.channels())
+        channels: list[Any] = list(data.channels())
         is_color = len(data.shape) > (3 if isinstance(data, Bits) else 2)
         return GrayImages(channels, Layout((len(channels),), -1) if is_color else Layout())
     return GrayImages(data[None], Layout())

@@ -53,6 +53,7 @@ def fine_tune(
     data: Bits | npt.ArrayLike,
     sensor: Sensor | None = None,
     *,
+    channel_axis: int | None = None,
     steps: int = STEPS,
     batch: int | None = None,
     patch: int | None = None,
@@ -77,12 +78,14 @@ def fine_tune(
         (``Network.conditional``) that was trained on photographs. A network for one K gets the
         counts of fewer bits, scaled to its K.
     data : Bits or array_like of int
-        The capture: bits, or an image of counts L of shape (H, W) or (H, W, C). The channels of a
-        color capture train together.
+        The capture: bits, or counts L of shape (..., H, W). The images of a stack and the channels
+        of a color capture train together.
     sensor : Sensor, optional
         Sensor of the capture, with the box kernel and at least two trials per pixel. Its dead jots,
         dark counts, and efficiency enter as in :meth:`jotlight.Network.reconstruct`. Default: the
         sensor that the bits carry, or else the network's.
+    channel_axis : int, optional
+        Axis of counts that holds color channels. Default: none.
     steps : int
         Number of steps of Adam. The learning rate rises over the first tenth of them and then falls
         to 0.
@@ -144,7 +147,7 @@ def fine_tune(
     """
     if sensor is None:
         sensor = carried_sensor(data) or network.sensor
-    channels = _count_channels(network, data, sensor, threads)
+    channels = _count_images(network, data, sensor, channel_axis, threads)
     chosen_device = choose_device(device)
     steps = whole_number("steps", steps, 1)
     batch = whole_number("batch", BATCH if batch is None else batch, 1)
@@ -285,10 +288,14 @@ def random_generator(seed: int, *key: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
 
 
-def _count_channels(
-    network: Network, data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None
+def _count_images(
+    network: Network,
+    data: Bits | npt.ArrayLike,
+    sensor: Sensor,
+    channel_axis: int | None,
+    threads: int | None,
 ) -> list[PixelCounts]:
-    """Return the channels of a capture, after checks that their bits can be split."""
+    """Return the counts of each gray image, after checks that their bits can be split."""
     if isinstance(data, Merged):
         raise TypeError("data: expected Bits or counts, because merged counts cannot be split")
     network.check_sensor(sensor)
@@ -299,7 +306,7 @@ def _count_channels(
             "split at random if all its jots have the same weight"
         )
     check_kernel(sensor)
-    images = gray_images(prepare_data(data, sensor)[0])
+    images = gray_images(prepare_data(data, sensor, None, channel_axis)[0])
     channels = [count_pixels(image, sensor, threads) for image in images.data]
     if any(channel.varies_within_pixels for channel in channels):
         raise ValueError(
