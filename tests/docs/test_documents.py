@@ -30,7 +30,12 @@ def blocks(page: Path, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", page.read_text("utf-8"), re.S | re.M)
 
 
-NEEDS = {"jotlight.torch": "torch", "jotlight.torch.deepinv": "deepinv"}
+NEEDS = {
+    "jotlight.torch": "torch",
+    "jotlight.torch.deepinv": "deepinv",
+    "jotlight.networks.onnx_export": "onnx",
+    "jotlight.networks.onnx_graph": "onnx",
+}
 
 
 @pytest.mark.parametrize("name", MODULES)

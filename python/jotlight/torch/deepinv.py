@@ -199,8 +199,8 @@ class NetworkReconstructor(Reconstructor):  # type: ignore[misc, unused-ignore]
         """Return intensities (N, 1, H, W) in [0, S]."""
         data, sensor = y, physics.sensing.sensor
         if physics.sensing.output == "bits" and self.module.origin.tied:
-            side, (number, _, height, width) = sensor.oversampling, y.shape
-            jots = y.reshape(number, -1, height // side, side, width // side, side)
+            side, (height, width) = sensor.oversampling, y.shape[2:]
+            jots = y.reshape(len(y), -1, height // side, side, width // side, side)
             data = jots.sum(dim=(1, 3, 5))[:, None]
         estimate: Tensor = self.module(data, sensor)
         return estimate

@@ -15,7 +15,7 @@ from jotlight.networks.conditioning import conditioning_weights, count_sets
 from jotlight.networks.graph import size_divisor, sources
 from jotlight.networks.layer import Layer
 from jotlight.networks.network import Network as EngineNetwork
-from jotlight.networks.served_sensors import check_served
+from jotlight.networks.served_sensors import choose_sensor
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.estimates import (
@@ -157,11 +157,6 @@ class Network(nn.Module):
             probability = probability_of(self.run_layers, data, sensor.trials, self._trials_range)
             return intensity_from_probability(probability, sensor)
         if reference_jot(sensor)[1] != self._dark_counts:
-            if not self._is_tied:
-                raise ValueError(
-                    f"sensor: expected the network's dark counts of {self._dark_counts:g}, got "
-                    f"{sensor.dark_counts:g}; a tied network takes others"
-                )
             data = equivalent_counts(data, sensor, self._dark_counts)
         return self.run_layers(data).clamp(0, sensor.max_intensity)
 
@@ -231,20 +226,10 @@ class Network(nn.Module):
 
     def _sensor_of(self, data: Tensor, sensor: Sensor | None) -> Sensor:
         """Return the sensor of the data, after checks."""
-        sensor = sensor or self.origin.default_sensor
-        if sensor is None:
-            if self._trials_range is not None:
-                raise ValueError(
-                    "sensor: expected the sensor of the data, because this network serves every "
-                    "number of trials per pixel, got none; write network(counts, sensor)"
-                )
-            sensor = self.origin.sensor
-        check_served(self.origin.sensor, sensor, self._trials_range, tied=self._is_tied)
-        if sensor.maps():
-            raise ValueError(
-                f"sensor: expected one without maps of its jots, got {sensor!r}; "
-                "jotlight.Network takes it"
-            )
+        origin = self.origin
+        sensor = choose_sensor(
+            sensor, origin.default_sensor, origin.sensor, self._trials_range, tied=self._is_tied
+        )
         channels = 1 if self._is_tied else sensor.frames
         if data.dim() != 4 or data.shape[1] != channels:
             kind = "counts (N, 1, H, W)" if self._is_tied else f"bits (N, {channels}, H·K̂, W·K̂)"
