@@ -240,6 +240,13 @@ def test_data_of_other_shapes_are_refused(shape):
         Network(residual("small"))(torch.zeros(shape))
 
 
+def test_arrays_and_bits_are_refused():
+    bits = SENSOR.expose(np.full((5, 6), 0.5), rng=0)
+    for data in (bits, bits.counts()):
+        with pytest.raises(TypeError, match=r"write torch\.from_numpy\(counts\)\[None, None\]"):
+            Network(residual("small"))(data)
+
+
 def test_sensors_that_a_network_does_not_serve_are_refused():
     counts = torch.zeros(1, 1, 4, 4)
     with pytest.raises(ValueError, match="sensor: expected the sensor of the data"):

@@ -148,9 +148,10 @@ class Network(nn.Module):
 
         Raises
         ------
-        ValueError
-            When the data have another shape, when the network does not serve the sensor, when the
-            sensor has maps, or when there is no sensor for a K-conditioned network.
+        TypeError, ValueError
+            When the data are no tensor or have another shape, when the network does not serve the
+            sensor, when the sensor has maps, or when there is no sensor for a K-conditioned
+            network.
         """
         sensor = self._sensor_of(data, sensor)
         if self._trials_range is not None:
@@ -231,8 +232,13 @@ class Network(nn.Module):
             sensor, origin.default_sensor, origin.sensor, self._trials_range, tied=self._is_tied
         )
         channels = 1 if self._is_tied else sensor.frames
+        kind = "counts (N, 1, H, W)" if self._is_tied else f"bits (N, {channels}, H·K̂, W·K̂)"
+        if not isinstance(data, Tensor):
+            raise TypeError(
+                f"data: expected a tensor of {kind}, got {type(data).__name__}; "
+                "for an image of counts, write torch.from_numpy(counts)[None, None]"
+            )
         if data.dim() != 4 or data.shape[1] != channels:
-            kind = "counts (N, 1, H, W)" if self._is_tied else f"bits (N, {channels}, H·K̂, W·K̂)"
             raise ValueError(f"data: expected {kind}, got shape {tuple(data.shape)}")
         return sensor
 
