@@ -23,6 +23,7 @@ from jotlight.networks.inference import Inference
 from jotlight.networks.layer import Layer
 from jotlight.networks.layer_checks import check_layers
 from jotlight.networks.network_files import read_network, write_network
+from jotlight.networks.onnx_export import write_onnx
 from jotlight.networks.served_sensors import check_served
 from jotlight.sensing.pixel_counts import Data, carried_sensor, gray_images, prepare_data
 from jotlight.sensing.reference import reference_jot
@@ -328,6 +329,19 @@ class Network:
             When it is not a network file.
         """
         return read_network(path, cls)
+
+    def export_onnx(self, path: str | os.PathLike[str], sensor: Sensor | None = None) -> None:
+        """Write an ONNX model from counts (N, 1, H, W) to intensities (extra `onnx`).
+
+        The model is for one sensor: `sensor`, else the one for which :func:`jotlight.pretrained`
+        was called, else the network's. :mod:`jotlight.networks.onnx_export` describes the model.
+
+        Raises
+        ------
+        MissingExtraError, ValueError
+            Without the package onnx; when the network does not serve the sensor, or it has maps.
+        """
+        write_onnx(path, self, sensor)
 
     def __repr__(self) -> str:
         channels = " -> ".join(str(layer.channels) for layer in self.layers)

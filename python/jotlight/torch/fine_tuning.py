@@ -26,7 +26,7 @@ from jotlight.sensing.pixel_counts import (
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.bit_splitting import BitSplitter, check_kernel
 from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, thread_limit
-from jotlight.torch.network import NetworkModule
+from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.trainer import Trainer
 from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.history import History, Record, RecordCallback
@@ -166,7 +166,7 @@ def fine_tune(
             "seed": seed,
         }
         splitter = BitSplitter(network, sensor, channels, random_generator(seed, 0))
-        module = NetworkModule(network).to(chosen_device)
+        module = TorchNetwork(network).to(chosen_device)
         tuner = FineTuner(module, splitter, settings, learning_rate, seed, batch, side, group)
         tuner.begin(checkpoint, resume)
         tuner.run(steps, checkpoint, callback)
@@ -201,7 +201,7 @@ class FineTuner(Trainer):
 
     def __init__(
         self,
-        module: NetworkModule,
+        module: TorchNetwork,
         splitter: BitSplitter,
         settings: dict[str, object],
         learning_rate: float,
@@ -222,7 +222,7 @@ class FineTuner(Trainer):
         split = self.splitter.draw(random_generator(self.seed, 1, step), self.batch, self.side)
         own = split.select(self.group.shard)
         counts = own.counts.to(self.parameters[0].device)
-        estimates = self.module(counts, own.network_trials)
+        estimates = self.module.run_layers(counts, own.network_trials)
         loss = self.splitter.negative_log_likelihood(estimates, own)
         return loss * (own.target_bits / max(split.target_bits, 1))
 
