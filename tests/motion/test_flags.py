@@ -3,12 +3,16 @@
 import numpy as np
 import pytest
 
+from jotlight.motion import flags as motion_flags
 from jotlight.motion.blocks import Sums
-from jotlight.motion.consistency import Consistent
-from jotlight.motion.flags import find_flags, is_unclear
+from jotlight.motion.consistency import Consistent, disagreement
 
 SIZE = 192, 256
 NOWHERE = np.zeros(SIZE, np.uint8)
+
+
+def find_flags(sums, labels, **options):
+    return motion_flags.find_flags(sums, disagreement(sums.before, sums.after), labels, **options)
 
 
 def consistent(accepted=1.0, change=None):
@@ -43,7 +47,7 @@ def test_pixels_whose_bits_were_rejected_are_flagged():
     accepted = np.ones(SIZE)
     accepted[30, 40] = 0.5
     flags = find_flags(consistent(accepted), NOWHERE)
-    assert flags[26:35, 36:45].all()
+    assert flags[27:34, 37:44].all()
     assert flags.mean() < 0.1
 
 
@@ -64,15 +68,31 @@ def test_more_neighbors_are_flagged_in_unclear_scenes():
     assert few.sum() < more.sum()
 
 
+def spot(size, share):
+    """Return a map with a square of some size, of whose bits only a share was accepted."""
+    accepted = np.ones(SIZE)
+    accepted[:size, :size] = share
+    return accepted
+
+
 @pytest.mark.parametrize(
     ("model", "accepted", "unclear"),
     [
         ("tiles", 1.0, True),
-        ("affine", 0.96, True),
-        ("none", 0.96, True),
-        ("affine", 0.995, False),
-        ("segments", 0.96, False),
+        ("segments", spot(60, 0.5), False),
+        ("affine", spot(60, 0.5), True),
+        ("none", spot(60, 0.5), True),
+        ("affine", spot(60, 0.9), False),  # weak
+        ("affine", spot(8, 0.5), False),  # small
+        ("affine", 0.7, False),  # everywhere, as in fine patterns
     ],
 )
-def test_scenes_are_unclear_if_the_model_does_not_explain_them(model, accepted, unclear):
-    assert is_unclear(consistent(accepted), model) == unclear
+def test_scenes_are_unclear_if_bits_of_some_parts_are_rejected(model, accepted, unclear):
+    assert motion_flags.is_unclear(consistent(accepted), np.ones(SIZE), model) == unclear
+
+
+def test_scenes_are_unclear_if_parts_change_strongly():
+    changed = consistent(change=(slice(20, 80), slice(30, 90)))
+    for sums, unclear in ((consistent(), False), (changed, True)):
+        disagreements = disagreement(sums.before, sums.after)
+        assert motion_flags.is_unclear(sums, disagreements, "affine") == unclear

@@ -3,53 +3,84 @@
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.consistency import Consistent, disagreement
+from jotlight.motion.consistency import Consistent, Image
+from jotlight.motion.scoring import blur
 
-_MAX_DISAGREEMENT = 1.2
-"""Pixels are flagged where frames before and after the reference time disagree more than this."""
+_MAX_DISAGREEMENT, _UNCLEAR_DISAGREEMENT = 1.3, 1.2
+"""Pixels are flagged where frames before and after the reference time disagree more than this.
+
+The second value is for unclear scenes.
+"""
 
 _MIN_ACCEPTED = 0.9
 """Pixels are flagged where less than this fraction of their bits was accepted."""
 
-_MARGIN = 4
+_MARGIN = 3
 """Distance in pixels at which pixels near others with few accepted bits are flagged, too."""
 
 _OUTLINE = 8
 """Distance in pixels at which pixels near an outline are flagged."""
 
-_MAX_REJECTED = 0.02
-"""Fraction of rejected bits above which a scene is unclear, unless it has segments."""
-
 _UNCLEAR_MARGIN, _UNCLEAR_GROWTH = 16, 8
 """Distances in unclear scenes: near pixels with few accepted bits, and near those that disagree."""
 
+_SPREAD = 8.0
+"""Standard deviation of the filter of rejected bits, in pixels."""
 
-def is_unclear(consistent: Consistent, model: str) -> bool:
+_MAX_REJECTED, _CONCENTRATION = 0.22, 4.0
+"""A scene is unclear where objects move by themselves: in 1 % of its pixels, more than this part
+of the filtered bits is rejected, and this many times more than on average."""
+
+_STRONG, _MAX_STRONG = 1.5, 0.01
+"""A scene is unclear if more than this fraction of the pixels (second value) disagrees by more than
+the first value."""
+
+
+def is_unclear(consistent: Consistent, disagreements: Image, model: str) -> bool:
     """Return whether the model does not explain the scene well.
 
-    This is so if each tile has its own motion, or if many bits are rejected although only one
-    motion is known.
+    This is so if each tile has its own motion. It is also so if there is one motion, but bits are
+    rejected in some places, or the frames before and after the reference time disagree strongly.
     """
-    rejected = 1 - float(consistent.accepted.mean())
-    return model == "tiles" or (model != "segments" and rejected > _MAX_REJECTED)
+    if model in ("tiles", "segments"):
+        return model == "tiles"
+    rejected = blur(1 - consistent.accepted, _SPREAD)
+    largest = float(np.quantile(rejected, 0.99))
+    is_local = largest > max(_MAX_REJECTED, _CONCENTRATION * float(rejected.mean()))
+    return is_local or float(np.mean(disagreements > _STRONG)) > _MAX_STRONG
 
 
 def find_flags(
-    consistent: Consistent, labels: npt.NDArray[np.uint8], *, is_unclear: bool = False
+    consistent: Consistent,
+    disagreements: Image,
+    labels: npt.NDArray[np.uint8],
+    *,
+    is_unclear: bool = False,
 ) -> npt.NDArray[np.bool_]:
     """Return the pixels (H, W) that may have larger errors than their number of trials explains.
 
     They are near outlines, their bits were rejected, or the frames before and after the reference
     time disagree, which shows errors of the motion. In unclear scenes, more neighbors of such
     pixels are flagged.
+
+    Parameters
+    ----------
+    consistent : Consistent
+        The sums along the motion.
+    disagreements : ndarray of float32, shape (H, W)
+        The disagreement of the frames before the reference time with those after it.
+    labels : ndarray of uint8, shape (H, W)
+        The segments of the motion.
+    is_unclear : bool
+        What :func:`is_unclear` returns.
     """
-    unsteady = disagreement(consistent.before, consistent.after) > _MAX_DISAGREEMENT
     few = consistent.accepted < _MIN_ACCEPTED
     outlines = np.zeros(labels.shape, bool)
     outlines[:, 1:] |= labels[:, 1:] != labels[:, :-1]
     outlines[1:] |= labels[1:] != labels[:-1]
+    limit = _UNCLEAR_DISAGREEMENT if is_unclear else _MAX_DISAGREEMENT
     return (
-        _grow(unsteady, _UNCLEAR_GROWTH if is_unclear else 0)
+        _grow(disagreements > limit, _UNCLEAR_GROWTH if is_unclear else 0)
         | _grow(few, _UNCLEAR_MARGIN if is_unclear else _MARGIN)
         | _grow(outlines, _OUTLINE)
     )

@@ -11,7 +11,7 @@ from jotlight.errors import warn
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import find_motion, hot_jots, prepare_burst, reference_time
 from jotlight.motion.blocks import Blocks, Sums
-from jotlight.motion.consistency import Consistent, find_consistent
+from jotlight.motion.consistency import Consistent, disagreement, find_consistent
 from jotlight.motion.flags import find_flags, is_unclear
 from jotlight.motion.guard import count_window, find_window
 from jotlight.motion.model import divide
@@ -122,7 +122,9 @@ def merge_along(
     burst = paths.blocks.burst
     if consistent is None:
         consistent = find_consistent(paths, is_still=motion.model == "none")
-    accepted, flags = consistent.accepted, find_flags(consistent, motion.labels)
+    accepted, threads = consistent.accepted, paths.blocks.threads
+    disagreements = disagreement(consistent.before, consistent.after, threads)
+    flags = find_flags(consistent, disagreements, motion.labels)
     channels = [None] if burst.channels == 1 else list(range(burst.channels))
     of_channels = [_of_channel(paths, channel) for channel in channels]
     window = find_window(paths, consistent.total) if flags.mean() > _MAX_FLAGGED else None
@@ -134,8 +136,8 @@ def merge_along(
         sums = [count_window(each, window) for each in of_channels]
         accepted, flags = np.full_like(accepted, len(window) / len(burst)), np.ones_like(flags)
     else:
-        if is_unclear(consistent, motion.model):
-            flags = find_flags(consistent, motion.labels, is_unclear=True)
+        if is_unclear(consistent, disagreements, motion.model):
+            flags = find_flags(consistent, disagreements, motion.labels, is_unclear=True)
         is_gray = len(channels) == 1
         sums = [consistent.total if is_gray else consistent.count(each) for each in of_channels]
     return _as_merged(sums, accepted, flags, motion, sensor, paths)
