@@ -49,7 +49,9 @@ def test_snr_is_the_ratio_of_the_powers(pair):
 def test_ssim_agrees_with_the_formula_of_wang_et_al(pair, peak):
     planes = [np.atleast_3d(image).transpose(2, 0, 1) for image in pair]
     expected = np.mean([ssim_of_channel(a, b, peak) for a, b in zip(*planes, strict=True)])
-    assert metrics.ssim(*pair, data_range=peak) == pytest.approx(expected, rel=1e-9)
+    axis = None if pair[0].ndim == 2 else -1
+    found = metrics.ssim(*pair, data_range=peak, channel_axis=axis)
+    assert found == pytest.approx(expected, rel=1e-9)
 
 
 def test_float32_images_are_compared_in_float64():
@@ -63,7 +65,16 @@ def test_the_ratios_of_equal_images_are_infinite(function, pair):
 
 
 def test_equal_images_have_a_similarity_of_one(pair):
-    assert metrics.ssim(pair[1], pair[1]) == pytest.approx(1, abs=1e-12)
+    axis = None if pair[0].ndim == 2 else -1
+    assert metrics.ssim(pair[1], pair[1], channel_axis=axis) == pytest.approx(1, abs=1e-12)
+
+
+def test_the_similarity_of_a_stack_is_the_mean_of_its_images():
+    first, second = np.random.default_rng(1).random((2, 5, 14, 20))
+    expected = np.mean([metrics.ssim(*each) for each in zip(first, second, strict=True)])
+    assert metrics.ssim(first, second) == pytest.approx(expected, rel=1e-12)
+    with pytest.raises(ValueError, match="looks like color; pass channel_axis=-1"):
+        metrics.ssim(first[..., :3], second[..., :3])
 
 
 def test_black_truth_has_no_signal():

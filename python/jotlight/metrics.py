@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.interrupts import interruptible
+from jotlight.layout import Layout
 
 
 def psnr(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, data_range: float = 1.0) -> float:
@@ -15,7 +16,7 @@ def psnr(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, data_range: float = 1
 
     Parameters
     ----------
-    estimate, truth : array_like of float, shape (H, W) or (H, W, C)
+    estimate, truth : array_like of float, shape (H, W) or with more axes
         ĉ and c, images of the same shape.
     data_range : float
         R: the largest possible intensity.
@@ -41,7 +42,7 @@ def snr(estimate: npt.ArrayLike, truth: npt.ArrayLike) -> float:
 
     Parameters
     ----------
-    estimate, truth : array_like of float, shape (H, W) or (H, W, C)
+    estimate, truth : array_like of float, shape (H, W) or with more axes
         ĉ and c, images of the same shape.
 
     Raises
@@ -58,24 +59,34 @@ def snr(estimate: npt.ArrayLike, truth: npt.ArrayLike) -> float:
     return _decibel(np.sum(b**2), np.sum((a - b) ** 2))
 
 
-def ssim(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, data_range: float = 1.0) -> float:
+def ssim(
+    estimate: npt.ArrayLike,
+    truth: npt.ArrayLike,
+    *,
+    data_range: float = 1.0,
+    channel_axis: int | None = None,
+) -> float:
     """Return the structural similarity of Wang et al. (2004), at most 1.
 
     The window and the constants are those of the authors: a Gaussian of standard deviation 1.5,
     truncated to 11 x 11 pixels, and K1 = 0.01 and K2 = 0.03. The covariance is the biased estimate.
-    scikit-image computes the index. For color images, the result is the mean over the channels.
+    scikit-image computes the index. For stacks and color images, the result is the mean over all
+    images and channels.
 
     Parameters
     ----------
-    estimate, truth : array_like of float, shape (H, W) or (H, W, C)
+    estimate, truth : array_like of float, shape (..., H, W)
         ĉ and c, images of the same shape, with at least 11 x 11 pixels.
     data_range : float
         R: the largest possible intensity.
+    channel_axis : int, optional
+        The axis of color channels. Default: none.
 
     Raises
     ------
     TypeError, ValueError
-        When the images are not floats, are too small, or have different shapes.
+        When the images are not floats, are too small, have different shapes, or look like color
+        although there is no channel axis.
 
     Examples
     --------
@@ -86,19 +97,21 @@ def ssim(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, data_range: float = 1
     from skimage.metrics import structural_similarity
 
     a, b = _pair(estimate, truth)
-    if min(a.shape[:2]) < 11:
-        raise ValueError(f"ssim: expected at least 11 x 11 pixels, got {a.shape}")
-    return float(
+    layout = Layout.of("estimate", a, channel_axis)
+    a, b = layout.split(a), layout.split(b)
+    if min(a.shape[1:]) < 11:
+        raise ValueError(f"ssim: expected at least 11 x 11 pixels, got {a.shape[1:]}")
+    of_each = [
         interruptible(structural_similarity)(
-            a,
-            b,
+            *pair,
             data_range=data_range,
             gaussian_weights=True,
             sigma=1.5,
             use_sample_covariance=False,
-            channel_axis=-1 if a.ndim == 3 else None,
         )
-    )
+        for pair in zip(a, b, strict=True)
+    ]
+    return float(np.mean(of_each))
 
 
 def _pair(
@@ -109,8 +122,8 @@ def _pair(
         array: npt.NDArray[Any] = np.asarray(image)
         if array.dtype.kind != "f":
             raise TypeError(f"{name}: expected floats in units of intensity, got {array.dtype}")
-        if array.ndim not in (2, 3) or array.size == 0:
-            raise ValueError(f"{name}: expected shape (H, W) or (H, W, C), got {array.shape}")
+        if array.ndim < 2 or array.size == 0:
+            raise ValueError(f"{name}: expected shape (H, W) or more axes, got {array.shape}")
         pair.append(array.astype(np.float64))
     if pair[0].shape != pair[1].shape:
         raise ValueError(

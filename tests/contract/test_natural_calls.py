@@ -23,6 +23,22 @@ def test_estimates_need_nothing_but_the_data():
     assert jl.mle(BITS).shape == IMAGE.shape
 
 
+def test_stacks_and_colors_are_estimated_at_once():
+    stack = np.stack([COUNTS, COUNTS[::-1]])
+    estimates = jl.mle(stack, SENSOR)
+    assert estimates.shape == stack.shape
+    np.testing.assert_array_equal(estimates[1], jl.mle(stack[1], SENSOR))
+    np.testing.assert_array_equal(jl.pretrained(SENSOR)(stack)[0], jl.reconstruct(BITS))
+    np.testing.assert_array_equal(jl.mle(SENSOR.expose([IMAGE, IMAGE], rng=0))[0], jl.mle(BITS))
+    color = jl.datasets.photograph("coffee")[:64, :80]
+    bits = SENSOR.expose(color, rng=0, channel_axis=-1)
+    assert jl.reconstruct(bits).shape == color.shape
+    with pytest.raises(ValueError, match="looks like color; pass channel_axis=-1"):
+        SENSOR.expose(color, rng=0)
+    with pytest.raises(ValueError, match="looks like color; pass channel_axis=-1"):
+        jl.mle(np.zeros((64, 80, 4), int), SENSOR)
+
+
 def test_bits_are_like_an_array(monkeypatch):
     mpl.use("agg")
     import matplotlib.pyplot as plt

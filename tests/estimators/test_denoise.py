@@ -52,18 +52,18 @@ def test_each_image_of_a_stack_is_denoised(name):
     assert found.shape == stack.shape
     for index in np.ndindex(2, 3):
         np.testing.assert_array_equal(found[index], denoise.DENOISERS[name](stack[index]))
-    assert denoise.DENOISERS[name](stack[:0]).shape == (0, 3, 16, 20)
+    color = denoise.DENOISERS[name](stack, channel_axis=1)
+    np.testing.assert_array_equal(color, found)
 
 
 def test_colors_are_not_taken_for_columns():
-    with pytest.raises(ValueError, match="looks like a color image; denoise each channel"):
+    with pytest.raises(ValueError, match="looks like color; pass channel_axis=-1"):
         jl.denoise.tv(np.zeros((24, 32, 3), np.float32))
-    assert jl.denoise.gaussian(np.zeros((0, 5))).shape == (0, 5)
 
 
-@pytest.mark.parametrize("wrong", [np.zeros(5), [["a", "b"]], 3])
+@pytest.mark.parametrize("wrong", [np.zeros(5), [["a", "b"]], 3, np.zeros((0, 5))])
 def test_what_is_no_image_is_refused(wrong):
-    with pytest.raises(ValueError, match=r"expected numbers of shape \(H, W\)"):
+    with pytest.raises(ValueError, match=r"image: expected (numbers|shape \(H, W\))"):
         jl.denoise.tv(wrong)
 
 

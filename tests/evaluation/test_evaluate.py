@@ -57,7 +57,7 @@ def test_color_images_are_scored():
     estimate = jl.mle(SENSOR.expose(image, rng=0, channel_axis=-1), SENSOR)
     assert (score.psnr, score.ssim) == (
         jl.metrics.psnr(estimate, image),
-        jl.metrics.ssim(estimate, image),
+        jl.metrics.ssim(estimate, image, channel_axis=-1),
     )
 
 

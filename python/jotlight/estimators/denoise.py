@@ -1,13 +1,12 @@
 """Denoisers for stabilized counts, whose noise has a standard deviation of 1/2.
 
 Each denoiser maps an image (H, W), or each of a stack (..., H, W), to float32 of the same shape.
-Integers become floats of the same values. The denoisers wrap functions of libraries. The default
-strengths were chosen on the BSDS training images at K = 16
-(``python benchmarks/studies/denoiser_strengths.py``).
+The option `channel_axis` names the axis of color channels. Integers become floats of the same
+values. The denoisers wrap functions of libraries. The default strengths were chosen on the BSDS
+training images at K = 16 (``python benchmarks/studies/denoiser_strengths.py``).
 """
 
 import functools
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -17,6 +16,7 @@ import numpy.typing as npt
 from jotlight.errors import MissingExtraError
 from jotlight.estimators.vst import NOISE
 from jotlight.interrupts import interruptible
+from jotlight.layout import Layout
 
 Float32Image = npt.NDArray[np.float32]
 """An image of float32."""
@@ -25,30 +25,19 @@ Denoiser = Callable[[Float32Image], npt.ArrayLike]
 """A function from an image (H, W) with white noise of standard deviation 1/2 to a denoised one."""
 
 
-_MAX_CHANNELS = 4
-"""Largest length of the last axis that may be that of colors."""
-
-
 def _of_each_image(denoise: Callable[..., Float32Image]) -> Callable[..., Float32Image]:
     """Return a denoiser for arrays of any numbers, which denoises each image (H, W) of them."""
 
     @functools.wraps(denoise)
-    def denoise_all(image: npt.ArrayLike, *args: Any, **kwargs: Any) -> Float32Image:
+    def denoise_all(
+        image: npt.ArrayLike, *args: Any, channel_axis: int | None = None, **kwargs: Any
+    ) -> Float32Image:
         values = np.asarray(image)
-        if values.dtype.kind not in "biuf" or values.ndim < 2:
-            raise ValueError(
-                f"image: expected numbers of shape (H, W) or (..., H, W), got {values.dtype} of "
-                f"shape {values.shape}"
-            )
-        if values.ndim == 3 and values.shape[2] <= _MAX_CHANNELS < values.shape[0]:
-            raise ValueError(
-                f"image: expected (H, W) or (..., H, W), but {values.shape} looks like a color "
-                "image; denoise each channel: image[..., 0]"
-            )
-        number = math.prod(values.shape[:-2])
-        images = values.astype(np.float32).reshape(number, *values.shape[-2:])
-        denoised = [denoise(each, *args, **kwargs) for each in images]
-        return np.reshape(denoised, values.shape) if denoised else values.astype(np.float32)
+        if values.dtype.kind not in "biuf":
+            raise ValueError(f"image: expected numbers, got {values.dtype}")
+        layout = Layout.of("image", values, channel_axis)
+        images = layout.split(values).astype(np.float32)
+        return layout.arrange(np.stack([denoise(each, *args, **kwargs) for each in images]))
 
     return denoise_all
 

@@ -9,8 +9,8 @@ import numpy.typing as npt
 from jotlight.estimators.convergence import ConvergenceHistory
 from jotlight.estimators.inpaint import check_any_valid
 from jotlight.estimators.mle import require_bits
+from jotlight.layout import Layout
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.layout import Layout
 from jotlight.sensing.likelihood import Likelihood, Problem
 from jotlight.sensing.operators import scaling, spread
 from jotlight.sensing.pixel_counts import (

@@ -13,6 +13,7 @@ import jotlight.metrics as metrics
 from jotlight.errors import JotlightWarning
 from jotlight.evaluation.methods import METHODS, Method
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.sensor import Sensor
 
 
@@ -105,7 +106,9 @@ def compare_methods(
         start = time.perf_counter()
         estimate = method.run(bits, sensor, threads=threads, **options)
         seconds = time.perf_counter() - start
-        ssim = metrics.ssim(estimate, image) if min(image.shape[:2]) >= 11 else None
+        axis = last_channel_axis(image)
+        is_large = min(image.shape[:2]) >= 11
+        ssim = metrics.ssim(estimate, image, channel_axis=axis) if is_large else None
         results.append(MethodResult(name, estimate, metrics.psnr(estimate, image), ssim, seconds))
     return results
 

@@ -13,11 +13,11 @@ from jotlight.evaluation.compare import MethodResult, compare_methods, select_me
 from jotlight.evaluation.methods import METHODS, Method
 from jotlight.evaluation.own_method import OwnMethod
 from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.layout import Layout
 from jotlight.networks.network import Network
 from jotlight.notebook import table_of
 from jotlight.seeds import SeedLike
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.layout import Layout
 from jotlight.sensing.sensor import Sensor
 
 if TYPE_CHECKING:

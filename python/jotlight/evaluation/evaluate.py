@@ -13,6 +13,7 @@ import jotlight.metrics as metrics
 from jotlight.evaluation.own_method import OwnMethod
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.networks.network import Network
+from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.sensor import Sensor
 
 METRICS = ("psnr", "snr", "ssim")
@@ -135,7 +136,9 @@ def evaluate(
         estimate = reconstruct(bits, sensor, method=method, threads=threads)
         if channel_axis is not None:  # the estimate has the channels last
             image = np.moveaxis(image, channel_axis, -1)
-        ssim = metrics.ssim(estimate, image) if min(image.shape[:2]) >= 11 else None
+        axis = last_channel_axis(image)
+        is_large = min(image.shape[:2]) >= 11
+        ssim = metrics.ssim(estimate, image, channel_axis=axis) if is_large else None
         scores.append(
             Score(name, metrics.psnr(estimate, image), metrics.snr(estimate, image), ssim)
         )

@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from jotlight.checks import as_counts
 from jotlight.errors import warn
+from jotlight.layout import Layout
 from jotlight.sensing.bits import Bits, check_fits
-from jotlight.sensing.layout import Layout
 from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor

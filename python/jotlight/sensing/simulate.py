@@ -14,8 +14,8 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.checks import as_image
 from jotlight.chunks import frame_chunks
+from jotlight.layout import Layout
 from jotlight.seeds import seed_of_image
-from jotlight.sensing.layout import Layout
 from jotlight.sensing.sensor_like import SensorLike
 
 AnySensor = TypeVar("AnySensor", bound=SensorLike)

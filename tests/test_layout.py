@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jotlight.sensing.layout import Layout
+from jotlight.layout import Layout
 
 
 @given(st.lists(st.integers(1, 4), max_size=2), st.integers(5, 7), st.integers(5, 8))
