@@ -5,6 +5,9 @@ from typing import Annotated
 
 from cyclopts import Group, Parameter
 
+from jotlight.evaluation.methods import METHODS
+from jotlight.networks.architectures import SIZES
+
 METHOD_PANEL = Group("Iterative methods", sort_key=1)
 TRAINING_PANEL = Group("Training", sort_key=2)
 NETWORK_PANEL = Group("Network", sort_key=3)
@@ -27,4 +30,13 @@ White = Annotated[
 ]
 ImageKey = Annotated[str | None, Parameter(help="Name of the array of images in a .npz.")]
 Model = Annotated[Path | None, Parameter(help="A network of your own: a .safetensors file.")]
+NAMES = ", ".join(METHODS)
+OWN = "MODULE:FUNCTION for a function of your own, such as mine:denoise in mine.py"
+Quality = Annotated[
+    str | None,
+    Parameter(
+        help=f"Size of the trained network to use in place of a method: {', '.join(SIZES)}. "
+        "Default: medium, if the method is not named."
+    ),
+]
 Threads = Annotated[int | None, Parameter(help="Number of threads. Default: all cores.")]

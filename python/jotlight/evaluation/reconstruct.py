@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from jotlight.errors import warn
 from jotlight.estimators.problem import ConvergenceHistories
-from jotlight.evaluation.methods import METHODS, OPTION_DEFAULTS, choose_method, requested_method
+from jotlight.evaluation.choice import choose_method, requested_method
+from jotlight.evaluation.methods import METHODS, OPTION_DEFAULTS, check_options
 from jotlight.evaluation.own_method import OwnMethod, run_own
 from jotlight.networks.architectures import SIZES
 from jotlight.networks.network import Network
@@ -166,7 +167,8 @@ def _run(
         requested=requested,
         network=network,
         is_bits=isinstance(data, Bits),
-        remedy="jotlight.train(jotlight.Network.initial(sensor), photographs) trains one",
+        training='train one: jotlight.torch.train(jotlight.Network.residual(sensor, "medium"), '
+        "photographs)",
     )
     for message in choice.warnings:
         warn(f"{message}; {choice.title} is used instead")
@@ -197,9 +199,13 @@ def _named(method: object, quality: str | None, options: dict[str, Any]) -> str 
             raise TypeError(
                 f"{min(unknown)}: without a method, expected one of the options {', '.join(known)}"
             )
-        return requested_method(method, [name for name in options if name in known])
+        name = requested_method(method, [option for option in options if option in known])
+        if name is not None:
+            check_options(name, options)
+        return name
     if method is not None:
         raise ValueError(f"quality: selects a shipped network, but method is {method!r}")
     if quality not in SIZES:
         raise ValueError(f"quality: expected one of {', '.join(SIZES)}, got {quality!r}")
-    return requested_method(f"network-{quality}", list(options))
+    check_options(f"network-{quality}", options)
+    return f"network-{quality}"
