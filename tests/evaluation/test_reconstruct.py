@@ -187,6 +187,25 @@ def test_a_network_that_does_not_serve_the_sensor_names_one_that_does():
         jl.pretrained(sensor, "small")
 
 
+@pytest.mark.parametrize("method", ["mle", "network-medium", lambda bits: bits.counts() / 4])
+def test_units_scale_the_estimate_by_any_method(method):
+    sensor = jl.Sensor(oversampling=2, gain=6, efficiency=0.5, exposure_time=1e-4)
+    bits = sensor.expose(IMAGE, rng=0)
+    intensity = reconstruct(bits, method=method)
+    photons = reconstruct(bits, method=method, units="photons")
+    np.testing.assert_allclose(photons, 3 * intensity, rtol=1e-6)
+    per_second = reconstruct(bits, method=method, units="photons-per-second")
+    np.testing.assert_allclose(per_second, 3e4 * intensity, rtol=1e-6)
+    assert per_second.dtype == np.float32
+
+
+def test_photons_per_second_need_an_exposure_time():
+    with pytest.raises(ValueError, match="photons per second need the exposure time"):
+        reconstruct(BITS, units="photons-per-second")
+    with pytest.raises(ValueError, match="units: expected one of intensity, photons, photons-per"):
+        reconstruct(BITS, units="lux")
+
+
 def test_counts_need_a_sensor():
     with pytest.raises(TypeError, match=r"sensor: expected a jotlight\.Sensor, because counts"):
         reconstruct(COUNTS)

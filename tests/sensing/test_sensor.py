@@ -137,7 +137,7 @@ BAD_PARAMETERS = [
     ],
     *[
         (name, value)
-        for name in ("gain", "efficiency", "max_intensity")
+        for name in ("gain", "efficiency", "max_intensity", "exposure_time")
         for value in (0, -1.0, np.nan, np.inf, True, "2", [2.0], 1j)
     ],
     ("max_intensity", None),
@@ -309,7 +309,7 @@ def test_repr_names_the_parameters_that_differ_from_their_defaults(sensor, text)
 
 
 @pytest.mark.parametrize("number", [5e-324, 9e-19, 1.1e18, 1e308, 10**400, np.nan, np.inf, -1.0])
-@pytest.mark.parametrize("name", ["gain", "max_intensity"])
+@pytest.mark.parametrize("name", ["gain", "max_intensity", "exposure_time"])
 def test_numbers_out_of_the_range_of_physics_are_refused(name, number):
     with pytest.raises(ValueError, match=rf"{name}: expected a number from 1e-18 to 1e[+]18, got"):
         jl.Sensor(**{name: number})
@@ -340,3 +340,16 @@ def test_masked_arrays_are_refused():
         jl.mle(masked.astype(int), jl.Sensor())
     with pytest.raises(TypeError, match="masked"):
         jl.Bits.from_array(masked.astype(bool))
+
+
+def test_the_exposure_time_of_a_frame_is_kept_and_part_of_the_sensor(tmp_path):
+    sensor = jl.Sensor(oversampling=2, frames=4, exposure_time=1e-5)
+    assert sensor != sensor.replace(exposure_time=None)
+    assert sensor.replace(frames=8).exposure_time == 1e-5
+    assert repr(sensor).endswith("exposure_time=1e-05)")
+    assert "exposure_time" not in jl.Sensor().scalars()
+    bits = sensor.expose(np.full((8, 8), 0.5), rng=0)
+    assert bits[1:3].sensor.exposure_time == 1e-5
+    for name in ("bits.npy", "bits.npy.gz"):
+        jl.save(bits, tmp_path / name)
+        assert jl.open(tmp_path / name).sensor == sensor

@@ -16,9 +16,9 @@ from jotlight.cli.captured import Captured, add_sensor, refuse_capture_overwrite
 from jotlight.cli.console import caution, live_iterations, progress, report
 from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import ImageMotionOptions, MotionOptions, describe
-from jotlight.cli.output_options import UNITS, ImageOutputOptions
+from jotlight.cli.output_options import ImageOutputOptions
 from jotlight.cli.sensor_options import CalibratedSensorOptions
-from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE
+from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.estimators.problem import ConvergenceHistories
 from jotlight.evaluation.choice import Choice, choose_method
 from jotlight.evaluation.methods import METHODS

@@ -60,6 +60,10 @@ class SensorOptions:
     max_intensity: Annotated[
         float | None, Parameter(help="S: largest intensity of an estimate.")
     ] = None
+    exposure_time: Annotated[
+        float | None,
+        Parameter(help="Exposure time of a frame in seconds, for photons per second."),
+    ] = None
 
     def _set(self) -> dict[str, Any]:
         fields = (field.name for field in dataclasses.fields(SensorOptions))

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
+from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.problem import ConvergenceHistories
 from jotlight.evaluation.choice import choose_method, requested_method
 from jotlight.evaluation.methods import METHODS, OPTION_DEFAULTS, check_options
@@ -48,6 +49,7 @@ def reconstruct(
     method: str | Network | OwnMethod | None = ...,
     quality: str | None = ...,
     trials: npt.ArrayLike | None = ...,
+    units: str = ...,
     threads: int | None = ...,
     return_info: Literal[False] = ...,
     **options: Any,
@@ -60,6 +62,7 @@ def reconstruct(
     method: str | Network | OwnMethod | None = ...,
     quality: str | None = ...,
     trials: npt.ArrayLike | None = ...,
+    units: str = ...,
     threads: int | None = ...,
     return_info: Literal[True],
     **options: Any,
@@ -73,6 +76,7 @@ def reconstruct(
     method: str | Network | OwnMethod | None = None,
     quality: str | None = None,
     trials: npt.ArrayLike | None = None,
+    units: str = "intensity",
     threads: int | None = None,
     return_info: bool = False,
     **options: Any,
@@ -95,6 +99,9 @@ def reconstruct(
     trials : float or array_like of float, optional
         Number of binary readings behind each pixel of counts: a number, or a map of their shape.
         Default: the sensor's K.
+    units : {"intensity", "photons", "photons-per-second"}
+        Units of the result: intensities; or detected photons per pixel and frame, or per pixel and
+        second if the sensor states its `exposure_time`.
     threads : int, optional
         Number of threads. Default: all.
     return_info : bool
@@ -106,7 +113,7 @@ def reconstruct(
     Returns
     -------
     ndarray of float32, shape (H, W) or (H, W, C)
-        Intensities.
+        Intensities, or photons as `units` states.
     Info
         Only with `return_info`.
 
@@ -130,12 +137,15 @@ def reconstruct(
     >>> _, info = reconstruct(bits.counts(), sensor, method="mle", return_info=True)
     >>> info.title, info.reason
     ('maximum likelihood', 'requested')
+    >>> timed = sensor.replace(exposure_time=1e-5)
+    >>> photons = reconstruct(bits.counts(), timed, method="mle", units="photons-per-second")
     """
     if "return_history" in options:
         raise TypeError("return_history: pass return_info=True, and take the history of the info")
     if sensor is None and isinstance(method, Network):
         sensor = carried_sensor(data) or method.default_sensor or method.sensor
     data, sensor = prepare_data(data, sensor, trials)
+    scale = np.float32(unit_scale(sensor, units))
     start = time.perf_counter()
     if callable(method) and not isinstance(method, Network):
         if quality is not None:
@@ -145,6 +155,8 @@ def reconstruct(
         info = Info(name, name, "requested", time.perf_counter() - start)
     else:
         estimate, info = _run(data, sensor, method, quality, threads, options)
+    if scale != 1:
+        estimate = estimate * scale
     return (estimate, info) if return_info else estimate
 
 
