@@ -11,7 +11,11 @@ from jotlight.networks.architectures import SIZES
 METHOD_PANEL = Group("Iterative methods", sort_key=1)
 TRAINING_PANEL = Group("Training", sort_key=2)
 NETWORK_PANEL = Group("Network", sort_key=3)
-SENSOR_PANEL = Group("Sensor", sort_key=4)
+SENSOR_PANEL = Group(
+    "Sensor",
+    help="A capture or a network that states its sensor replaces these defaults.",
+    sort_key=4,
+)
 CAPTURE_PANEL = Group("Capture", sort_key=5)
 OUTPUT_PANEL = Group("Output", sort_key=6)
 FILM_PANEL = Group("Film", sort_key=7)
@@ -24,11 +28,13 @@ Gray = Annotated[bool, Parameter(help="Convert a color photograph to gray.")]
 White = Annotated[
     float | None,
     Parameter(
-        help="Level of the photograph that stands for intensity 1. Required for integers of an "
-        "unknown scale."
+        help="Level of the photograph that stands for intensity 1. Default: the largest level of "
+        "its format, and 1 for floats. Required for integers of an unknown scale."
     ),
 ]
-ImageKey = Annotated[str | None, Parameter(help="Name of the array of images in a .npz.")]
+ImageKey = Annotated[
+    str | None, Parameter(help="Name of the array of images in a .npz. Default: its only array.")
+]
 Model = Annotated[Path | None, Parameter(help="A network of your own: a .safetensors file.")]
 NAMES = ", ".join(METHODS)
 OWN = "MODULE:FUNCTION for a function of your own, such as mine:denoise in mine.py"

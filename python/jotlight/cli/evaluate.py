@@ -48,7 +48,8 @@ def evaluate(
         Path | None, Parameter(alias="-o", help="A .csv with a row for each image.")
     ] = None,
     first: Annotated[
-        int | None, Parameter(help="Number of images to use, in the order of their names.")
+        int | None,
+        Parameter(help="Number of images to use, in the order of their names. Default: all."),
     ] = None,
     key: ImageKey = None,
     sensor: SensorOptions = SensorOptions(),

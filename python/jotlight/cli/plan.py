@@ -32,10 +32,13 @@ def plan(
     *,
     frame_rate: Annotated[
         float | None,
-        Parameter(help="Frames per second. The light is then per second."),
+        Parameter(
+            help="Frames per second. The light is then per second. Default: it is per frame."
+        ),
     ] = None,
     target: Annotated[
-        float | None, Parameter(help="A PSNR in dB. The last line states the frames it takes.")
+        float | None,
+        Parameter(help="A PSNR in dB. The last line states the frames it takes. Default: none."),
     ] = None,
     size: Annotated[
         str,

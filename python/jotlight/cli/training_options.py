@@ -149,5 +149,8 @@ class ImageOptions:
         Parameter(help="A folder or an array of test images, to measure the progress."),
     ] = None
     test_key: Annotated[
-        str | None, Parameter(help="Name of the array of images in the .npz of --test.")
+        str | None,
+        Parameter(
+            help="Name of the array of images in the .npz of --test. Default: its only array."
+        ),
     ] = None
