@@ -242,3 +242,11 @@ def test_a_quality_selects_the_trained_network(run, photo_folder):
     status, output = run("evaluate", photo_folder, "--quality", "small", "-m", "mle")
     assert status == 1
     assert "expected one of --method, --quality, --model" in output
+
+
+@pytest.mark.parametrize("arguments", [["-k", 1, "-t", 300], ["-k", 40]])
+def test_more_than_256_bits_per_pixel_are_evaluated(run, photo_folder, arguments):
+    status, output = run("evaluate", photo_folder, *arguments, "--quality", "medium")
+    assert status == 0, output
+    few = table(run("evaluate", photo_folder, "--quality", "medium", "-k", 8)[1])
+    assert table(output)["mean"][0] > few["mean"][0]

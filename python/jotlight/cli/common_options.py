@@ -11,7 +11,8 @@ from jotlight.networks.architectures import SIZES
 METHOD_PANEL = Group("Iterative methods", sort_key=1)
 TRAINING_PANEL = Group("Training", sort_key=2)
 NETWORK_PANEL = Group("Network", sort_key=3)
-SENSOR_PANEL = Group(
+SENSOR_PANEL = Group("Sensor", sort_key=4)
+KNOWN_SENSOR_PANEL = Group(
     "Sensor",
     help="A capture or a network that states its sensor replaces these defaults.",
     sort_key=4,
@@ -42,7 +43,7 @@ Quality = Annotated[
     str | None,
     Parameter(
         help=f"Size of the trained network to use in place of a method: {', '.join(SIZES)}. "
-        "Default: medium, if the method is not named."
+        "Default: that of --method."
     ),
 ]
 Threads = Annotated[int | None, Parameter(help="Number of threads. Default: all cores.")]

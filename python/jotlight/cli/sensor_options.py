@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import numpy.typing as npt
 from cyclopts import Parameter
 
-from jotlight.cli.common_options import SENSOR_PANEL
+from jotlight.cli.common_options import KNOWN_SENSOR_PANEL, SENSOR_PANEL
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.images.captures import read_mask
 from jotlight.sensing.maps import MAPS
@@ -17,7 +17,7 @@ _OVERSAMPLING = "K̂: each pixel covers K̂ x K̂ jots, the pixels of the camera
 _FRAMES = "T: number of binary frames."
 
 
-@Parameter(name="*", group=SENSOR_PANEL)
+@Parameter(name="*", group=KNOWN_SENSOR_PANEL)
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SensorOptions:
     """Parameters of a :class:`jotlight.Sensor`; None where an option is not set."""
@@ -111,6 +111,7 @@ class SensorOptions:
         ]
 
 
+@Parameter(name="*", group=SENSOR_PANEL)
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ExposureOptions(SensorOptions):
     """Parameters of a sensor to simulate."""

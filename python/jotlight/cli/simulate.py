@@ -42,7 +42,8 @@ class MotionOptions:
     photons: Annotated[
         float | None,
         Parameter(
-            help="Mean number of photons per jot and frame, in place of --gain. Default: by --gain."
+            help="Mean number of photons per jot and frame, in place of --gain. Default: as --gain "
+            "states."
         ),
     ] = None
     truth: Annotated[

@@ -50,8 +50,8 @@ def import_method(reference: str, folder: str | os.PathLike[str] | None = None) 
 
     Examples
     --------
-    >>> import_method("numpy:mean")(np.eye(2))
-    0.5
+    >>> import_method("builtins:sum")([1, 2])
+    3
     """
     name, _, attribute = reference.partition(":")
     if not re.fullmatch(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*", reference):
