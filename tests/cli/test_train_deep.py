@@ -160,7 +160,7 @@ def test_a_run_out_of_time_reports_its_steps(run, photo_folder):
         (["--bits-per-pixel", "9:4"], "bits-per-pixel: expected a number such as 16, or"),
         (["--bits-per-pixel", "0"], "bits-per-pixel: expected a number such as 16, or"),
         (["--bits-per-pixel", "20:64"], "the network is for 20 trials per pixel or more, got 16"),
-        (["--bits-per-pixel", "16", "-t", 2], "the number of bits; leave out --frames"),
+        (["--bits-per-pixel", "16", "-t", 2], "--oversampling and --frames; leave out --frames"),
     ],
 )
 def test_bad_input_gets_one_line(run, photo_folder, arguments, expected):
