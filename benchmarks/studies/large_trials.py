@@ -24,7 +24,8 @@ import numpy.typing as npt
 
 import jotlight as jl
 from jotlight.estimators.inverse_response import intensity_from_probability
-from jotlight.evaluation.methods import METHODS, choose_method
+from jotlight.evaluation.choice import choose_method
+from jotlight.evaluation.methods import METHODS
 from jotlight.experiments.bsds_methods import crop_center
 from jotlight.images.sets import read_image_set
 

@@ -9,10 +9,14 @@ import pytest
 import jotlight as jl
 from jotlight.networks.network import Network
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*no valid bit")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:.*no valid bit", "ignore:the light of a cubic kernel"
+)
 
 PHOTO = jl.datasets.photograph("camera")[100:356, 128:384]
 QUICK = ("--steps", 1, "--batch", 8)
+TWO_LAYER = ("--quality", "two-layer", *QUICK)
+"""Options that train without PyTorch; the last --quality counts."""
 
 
 def save_capture(scene, frames=16, name="capture.npy", **sensor):
@@ -32,7 +36,7 @@ def command_in(output):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("level", "fits"), [(0.3, False), (0.9, True), (5.0, False)])
-def test_training_is_advised_only_where_the_brightness_does_not_fit(run, tmp_path, level, fits):
+def test_another_size_is_advised_only_where_the_brightness_does_not_fit(run, level, fits):
     bits = save_capture(level * PHOTO)
     np.save("counts.npy", bits.counts())
     for arguments in (["capture.npy"], ["counts.npy", "--frames", 16]):
@@ -40,15 +44,11 @@ def test_training_is_advised_only_where_the_brightness_does_not_fit(run, tmp_pat
             "reconstruct", *arguments, "-o", "out.npy", "--method", "network-two-layer"
         )
         assert status == 0, output
-        if fits:
-            assert "jotlight train" not in output
-        else:
-            expected = list(map(str, [*arguments, "-o", "model.safetensors"]))
-            assert command_in(output) == ["train", "--sensor", *expected]
-        for method in ([], ["--method", "mle"]):
+        assert ("--quality medium" in output) != fits
+        for method in (["--quality", "medium"], ["--method", "mle"]):
             status, output = run("reconstruct", *arguments, "-o", "out.npy", *method)
-            assert "jotlight train" not in output
-            if not method:
+            assert "--quality" not in output
+            if method[1] == "medium":
                 assert (np.median(np.load("out.npy")) > 1) == (level > 1)
 
 
@@ -59,8 +59,7 @@ def test_a_requested_network_runs_and_warns_when_the_scene_is_too_bright(run, tm
     assert (
         "by network-two-layer: the scene reaches the largest intensity 1 of the network" in output
     )
-    assert "--method network-medium reaches 3.47" in output
-    assert command_in(output)[2] == "capture.npy"
+    assert "--quality medium reaches 3.47" in output
     expected = jl.pretrained(jl.Sensor(frames=16), "two-layer").reconstruct(bits)
     np.testing.assert_array_equal(np.load("out.npy"), expected)
 
@@ -80,15 +79,26 @@ def test_advice_for_a_film_is_printed_once(run, level):
     arguments = ["film", "capture.npy", "-o", "film.npy", "--window", 16, "--step", 12]
     status, output = run(*arguments)
     assert status == 0
-    assert "jotlight train" not in output
+    assert "--quality" not in output
     assert (np.load("film.npy").max() > 1) == (level > 1)
     status, output = run(*arguments, "--method", "network-two-layer")
     assert status == 0
+    assert output.count("--quality medium") == 1
+
+
+@pytest.mark.slow
+def test_a_network_for_the_windows_of_a_film_is_advised_for_a_smooth_kernel(run):
+    save_capture(0.3 * PHOTO, frames=40)
+    arguments = ["film", "capture.npy", "-o", "film.npy", "--window", 16, "--step", 12]
+    status, output = run(*arguments, "--kernel", "cubic", "--quality", "medium")
+    assert status == 1
     command = command_in(output)
-    assert command[1:] == ["--sensor", "capture.npy", "--frames", "16", "-o", "model.safetensors"]
-    status, output = run(*command, *QUICK)
+    options = ["--frames", "16", "--kernel", "cubic", "--quality", "medium"]
+    assert command[1:] == ["--sensor", "capture.npy", *options, "-o", "model.safetensors"]
+    status, output = run(*command, *TWO_LAYER)
     assert status == 0, output
     assert Network.load("model.safetensors").sensor.frames == 16
+    arguments += ["--kernel", "cubic"]
     status, output = run(*arguments, "--model", "model.safetensors")
     assert status == 0, output
     assert np.load("film.npy").shape == (3, 256, 256)
@@ -138,7 +148,8 @@ OPENED = {
     ],
 )
 def test_the_printed_command_trains_a_network_for_the_capture(run, camera, arguments):
-    """The test takes fewer steps than the printed command."""
+    """The test trains a smaller network than the printed command."""
+    arguments = [*arguments, "--kernel", "cubic"]
     bits = jl.open("capture.npy")
     np.savez("counts.npz", k1=bits[:1].counts(), k16=bits.counts())
     frames = np.random.default_rng(0).random((4, 256, 512)) < 0.2
@@ -149,11 +160,11 @@ def test_the_printed_command_trains_a_network_for_the_capture(run, camera, argum
     np.save("small.npy", np.stack([bits[:3].counts(), bits[3:6].counts()]).astype(np.uint8))
     np.save("dark.npy", np.full(PHOTO.shape, 0.01))
     save_capture(0.3 * PHOTO, frames=100, name="long.npy")
-    # If no network fits, this command fails with the same advice.
-    _, output = run("reconstruct", *arguments, "-o", "out.npy", "--method", "network-two-layer")
+    status, output = run("reconstruct", *arguments, "-o", "out.npy", "--quality", "medium")
+    assert status == 1
     command = command_in(output)
     assert "FOLDER_OF_PHOTOGRAPHS" not in output
-    status, output = run(*command, *QUICK)
+    status, output = run(*command, *TWO_LAYER)
     assert status == 0, output
     status, output = run("reconstruct", *arguments, "-o", "out.npy", "--model", "model.safetensors")
     assert status == 0, output

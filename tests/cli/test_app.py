@@ -1,13 +1,16 @@
 """The command line as a whole: exit codes, usage errors, help, and shell completion."""
 
+import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import jotlight as jl
 from jotlight.cli.app import COMMANDS, app
+from jotlight.cli.examples import EXAMPLES
 
 
 @pytest.mark.parametrize(
@@ -49,6 +52,36 @@ def test_every_command_has_a_help_page_with_a_text_for_each_option(run, command)
     for argument in arguments:
         if argument.show:
             assert argument.parameter.help, argument.name
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.__name__)
+def test_every_option_with_a_value_states_its_default(run, command):
+    """Options that name a further file have none: without them, there is no such file."""
+    missing = []
+    for argument in app[command.__name__.replace("_", "-")].assemble_argument_collection():
+        if not argument.show or argument.required or argument.hint is bool:
+            continue
+        has_default = argument.field_info.default not in (None, argument.field_info.empty)
+        is_file = argument.hint in (Path, Path | None)
+        if not (has_default or is_file or "Default" in argument.parameter.help):
+            missing.append(argument.name)
+    assert missing == []
+
+
+def test_each_command_has_examples():
+    names = [command.__name__.replace("_", "-") for command in COMMANDS]
+    assert list(EXAMPLES) == names
+
+
+@pytest.mark.parametrize(
+    ("command", "line"), [(name, line) for name, lines in EXAMPLES.items() for line in lines]
+)
+def test_the_examples_of_a_help_page_are_command_lines(run, command, line):
+    words = shlex.split(line)
+    assert words[:2] == ["jotlight", command]
+    assert len(line) < 80, "a line of a terminal"
+    app.parse_args(words[1:], exit_on_error=False, print_error=False)
+    assert line in " ".join(run(command, "--help")[1].split())
 
 
 def test_an_option_that_occurs_twice_takes_its_last_value(run, tmp_path):
@@ -118,3 +151,29 @@ def test_help_lists_the_iterative_methods_and_their_options(run):
     for option in ("--weight", "--norm", "--tol", "--max-iter", "isotropic", "anisotropic"):
         assert option in output
     assert "Iterative methods" in output
+
+
+LONG = {"demo", "train", "fine-tune", "reproduce"}
+"""Commands whose examples take long, or need PyTorch or further data."""
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("command", [name for name in EXAMPLES if name not in LONG])
+def test_the_examples_of_a_help_page_run(run, photo_folder, monkeypatch, command):
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    Path("mine.py").write_text("def denoise(bits):\n    return bits.counts() / 16\n")
+    Path("photo.png").write_bytes((photo_folder / "0.png").read_bytes())
+    image, flat = jl.datasets.photograph("camera")[:64, :64], np.full((32, 32), 0.5)
+    jl.save(jl.Sensor(frames=64).expose(image, rng=0), "capture.npy")
+    np.save("counts.npy", jl.open("capture.npy").counts())
+    scene = jl.datasets.moving(image, "shake", sensor=jl.Sensor(frames=64), shape=(48, 48), rng=0)
+    jl.save(scene.bits, "moving.npy")
+    jots = np.random.default_rng(0).random((8, 256, 512)) < 0.3
+    np.packbits(jots, axis=2, bitorder="little").tofile("raw.bin")
+    jl.save(jl.Sensor(frames=400, dark_counts=0.01).expose(np.zeros((32, 32)), rng=0), "dark.npy")
+    jl.save(jl.Sensor(frames=400, dark_counts=0.01).expose(flat, rng=1), "flat.npy")
+    jl.Network.initial(jl.Sensor(oversampling=4)).save("mine.safetensors")
+    for line in EXAMPLES[command]:
+        status, output = run(*shlex.split(line)[1:])
+        assert status == 0, output

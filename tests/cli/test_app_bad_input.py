@@ -32,7 +32,7 @@ import jotlight as jl
         (["reconstruct", "bits.npy", "-o", "a.png", "-m", "mle", "--inverse", "exact"], "inverse"),
         (["reconstruct", "pickle.npy", "-o", "a.png"], "Python objects"),
         (["reconstruct", "counts.npy", "-o", "a.png", "-m", "mle", "-t", "3"], "0 to K = 3"),
-        (["compare", "photo.png", "-m", "mle,magic"], "expected some of"),
+        (["compare", "photo.png", "-m", "mle,magic"], "expected one of mle"),
         (["compare", "photo.png", "-o", "a.gif"], "ends in .png"),
         (["compare", "photo.png", "-o", "photo.png"], "another name"),
         (["compare", "nan.npy", "-o", "a.png"], "finite"),

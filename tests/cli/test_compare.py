@@ -106,7 +106,7 @@ def test_compare_omits_iterative_mle_for_the_box_kernel(run, photo, without_slow
 
 
 def test_compare_shows_every_named_method(run, photo):
-    status, output = run("compare", photo, "--methods", "mle,admm-tv,mle-iterative")
+    status, output = run("compare", photo, "--method", "mle,admm-tv", "-m", "mle-iterative")
     assert status == 0
     scores = dict(re.findall(r"^(.*?) +(\S+) dB", output, re.MULTILINE))
     assert list(scores) == ["maximum likelihood", *TITLES.values()]
@@ -124,3 +124,19 @@ def test_compare_shows_both_iterative_methods_for_a_smooth_kernel(
     assert all(output.count(title) == 1 for title in TITLES.values())
     assert "not converged" not in output
     assert "photo-compare.png" in files(tmp_path)
+
+
+def test_functions_and_networks_are_compared_with_named_methods(run, photo, own_module):
+    arguments = ["-k", 2, "-m", f"mle,{own_module}:mean", "--quality", "medium"]
+    status, output = run("compare", photo, *arguments)
+    assert status == 0, output
+    titles = re.findall(r"^(.*?) +\S+ dB", output, re.MULTILINE)
+    assert titles == ["maximum likelihood", f"{own_module}:mean", "network, medium"]
+
+
+def test_a_missing_function_is_refused_before_any_work(run, photo, own_module, tmp_path):
+    before = files(tmp_path)
+    status, output = run("compare", photo, "-m", f"{own_module}:meen")
+    assert status == 1
+    assert f"did you mean {own_module}:mean?" in output
+    assert files(tmp_path) == before

@@ -52,7 +52,7 @@ COMMANDS = CONVERSIONS | {
     "train --plot pdf": f"{TRAIN} --plot out.pdf",
     "train --plot svg": f"{TRAIN} --plot out.svg",
     "evaluate": "evaluate IN/photos --method mle -o out.csv",
-    "compare": "compare IN/photo.png --methods mle -o out.jpg",
+    "compare": "compare IN/photo.png --method mle -o out.jpg",
     "plan": "plan 0.1:1 --frames 100 --plot out.png",
     "info --plot": "info IN/calibration.safetensors --plot out.png",
 }

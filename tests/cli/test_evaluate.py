@@ -150,14 +150,12 @@ def test_color_images_are_converted_to_gray(run, tmp_path):
     assert_table(output, jl.evaluate(jl.mle, images, jl.Sensor(oversampling=4)))
 
 
-def test_an_unsupported_sensor_gets_the_reason_and_the_training_command(run, photo_folder):
+def test_an_unsupported_sensor_gets_the_reason_and_a_network_that_serves_it(run, photo_folder):
     status, output = run("evaluate", photo_folder, "-k", 2, "-q", 3, "-m", "network-two-layer")
     assert status == 1
     assert output.startswith("error: there is no trained network for 4 trials per pixel")
     assert all(str(bits) in output for bits in TRAINED_TRIALS)
-    assert "jotlight train " in output
-    assert "--oversampling 2" in output
-    assert "--threshold 3" in output
+    assert output.endswith("; --quality medium serves this sensor\n")
 
 
 @pytest.mark.parametrize(
@@ -171,7 +169,7 @@ def test_an_unsupported_sensor_gets_the_reason_and_the_training_command(run, pho
         (["photos", "--model", "cube.npy"], "cube.npy: expected"),
         (
             ["photos", "--model", MODEL, "-m", "mle"],
-            "model: replaces the method; leave out --method mle",
+            "expected one of --method, --quality, --model, got --method mle and --model model",
         ),
         (["photos", "--model", MODEL, "-k", 5], "it is for Sensor(oversampling=3, frames=2)"),
         (["photos", "--model", MODEL, "-q", 2], "got Sensor(oversampling=3, frames=2, threshold"),
@@ -223,3 +221,32 @@ def test_evaluate_writes_the_scores_of_the_iterative_methods(run, photo_folder, 
     result = jl.evaluate(ITERATIVE[method], images, jl.Sensor(oversampling=4))
     scores = [float(row["psnr_db"]) for row in rows]
     np.testing.assert_allclose(scores, result.values("psnr"), atol=1e-3)
+
+
+def test_a_function_in_the_current_folder_is_evaluated(run, photo_folder, tmp_path, own_module):
+    status, output = run("evaluate", photo_folder, "-m", f"{own_module}:mean", "-k", 2)
+    assert status == 0, output
+    assert f"{own_module}:mean, 3 images, Sensor(oversampling=2)" in output
+    images = read_image_set(photo_folder)[1]
+    own = jl.evaluate(lambda bits: bits.counts() / 4, images, jl.Sensor(oversampling=2))
+    assert_table(output, own)
+    status, output = run("evaluate", photo_folder, "-m", f"{own_module}:fails")
+    assert status == 1
+    assert f"{own_module}:fails raised ZeroDivisionError" in output
+
+
+def test_a_quality_selects_the_trained_network(run, photo_folder):
+    status, output = run("evaluate", photo_folder, "--quality", "small")
+    assert status == 0
+    assert output == run("evaluate", photo_folder, "-m", "network-small")[1]
+    status, output = run("evaluate", photo_folder, "--quality", "small", "-m", "mle")
+    assert status == 1
+    assert "expected one of --method, --quality, --model" in output
+
+
+@pytest.mark.parametrize("arguments", [["-k", 1, "-t", 300], ["-k", 40]])
+def test_more_than_256_bits_per_pixel_are_evaluated(run, photo_folder, arguments):
+    status, output = run("evaluate", photo_folder, *arguments, "--quality", "medium")
+    assert status == 0, output
+    few = table(run("evaluate", photo_folder, "--quality", "medium", "-k", 8)[1])
+    assert table(output)["mean"][0] > few["mean"][0]

@@ -47,10 +47,10 @@ def test_the_held_out_bits_of_a_capture_become_more_likely(run_fine_tune, run, t
     assert status == 0
     before, after = held_out()[0], held_out()[-1]
     assert after < before - 1e-4
-    assert "starts from start.safetensors" in output
+    assert "starting from start.safetensors" in output
     assert "step 60/60  cost 0." in output
     assert f"held out {after:.5f} nats per bit" in output
-    assert f"{OWN}: trained in 60 steps" in output
+    assert "fine-tuned on this capture, trained in 60 steps" in output
     assert f"{before:.5f} to {after:.5f} nats per held-out bit" in output
     assert (tmp_path / "run.png").stat().st_size > 10_000
     assert CHECKPOINT not in files(tmp_path)
@@ -98,7 +98,7 @@ def test_without_a_start_the_chosen_network_is_printed(run_fine_tune, monkeypatc
     status, output = run_fine_tune(start=None)
     assert status == 0
     assert asked == [(SENSOR, "medium")]
-    assert "starts from the medium network that ships with jotlight" in output
+    assert "fine-tuning a medium network for any number of bits per pixel" in output
 
 
 def test_capture_options_are_those_of_reconstruct(run_fine_tune, run, tmp_path):
@@ -202,8 +202,7 @@ def test_bad_input_gets_one_line(run_fine_tune, tmp_path, arguments, expected):
     [
         ["photos"],
         ["--sensor", "capture.npy"],
-        ["--network", "small"],
-        ["--trials-range", "1:8"],
+        ["--bits-per-pixel", "8"],
         ["--test", "photos"],
         ["--seconds", 9],
         ["--optimizer", "adam"],
@@ -221,7 +220,6 @@ def test_options_of_train_are_unknown(run_fine_tune, tmp_path, arguments):
     ("sensor", "arguments", "expected"),
     [
         ({"frames": 1}, [], "data: expected pixels with two bits or more"),
-        ({"frames": 300}, [], "the network is for 1 to 256 trials per pixel, got 300"),
         ({"frames": 4, "kernel": "cubic"}, [], "expected the box kernel, got cubic"),
         ({"frames": 4}, ["--steps", 0], "steps: expected at least 1, got 0"),
         ({"frames": 4}, ["--learning-rate", 0], "learning_rate: expected a finite number above 0"),

@@ -8,8 +8,8 @@ import pytest
 import jotlight as jl
 
 NETWORK = "net.safetensors"
-DEEP = "the networks small, medium, large"
-TWO_LAYER = "the network two-layer"
+DEEP = "--quality small, medium, large"
+TWO_LAYER = "--quality two-layer"
 
 
 @pytest.fixture
@@ -28,23 +28,26 @@ def lines_of(run, *arguments):
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (["--network", "small", "--optimizer", "adam"], f"optimizer: is for {TWO_LAYER}, not for"),
-        (["--network", "medium", "--damping", 1], f"damping: is for {TWO_LAYER}"),
-        (["--network", "large", "--sigma", 1], f"sigma: is for {TWO_LAYER}"),
-        (["--network", "small", "--untied"], f"untied: is for {TWO_LAYER}"),
+        (["--quality", "small", "--optimizer", "adam"], f"optimizer: is for {TWO_LAYER}, not for"),
+        (["--quality", "medium", "--damping", 1], f"damping: is for {TWO_LAYER}"),
+        (["--quality", "large", "--sigma", 1], f"sigma: is for {TWO_LAYER}"),
+        (["--quality", "small", "--untied"], f"untied: is for {TWO_LAYER}"),
         (["--device", "cpu"], f"device: is for {DEEP}, not for {TWO_LAYER}"),
-        (["--network", "two-layer", "--learning-rate", 0.1], "learning-rate: is for adam"),
-        (["--trials-range", "1:256"], f"trials-range: is for {DEEP}"),
-        (["--network", "huge"], "one of two-layer, small, medium, large, got 'huge'"),
-        (["--network", "small", "--start", "deep.safetensors"], "leave out --network"),
+        (["--quality", "two-layer", "--learning-rate", 0.1], "learning-rate: is for adam"),
         (
-            ["--start", "deep.safetensors", "--trials-range", "1:256"],
-            "its own sigma, weights and trials range",
+            ["--bits-per-pixel", "1:256"],
+            f"bits-per-pixel: a range is for {DEEP}, not for {TWO_LAYER}",
+        ),
+        (["--quality", "huge"], "one of two-layer, small, medium, large, got 'huge'"),
+        (["--quality", "small", "--start", "deep.safetensors"], "leave out --quality"),
+        (
+            ["--start", "deep.safetensors", "--bits-per-pixel", "1:256"],
+            "its own sigma, weights and range of bits per pixel",
         ),
         (["--start", "deep.safetensors", "--damping", 1], f"damping: is for {TWO_LAYER}"),
         (
-            ["--network", "small", "--trials-range", "1:256", "--sensor", "bits.npy"],
-            "such a network is for any sensor; leave out --sensor",
+            ["--quality", "small", "--bits-per-pixel", "1:256", "--sensor", "bits.npy"],
+            "bits-per-pixel: --sensor states it; leave out one of them",
         ),
     ],
 )
@@ -59,7 +62,7 @@ def test_without_pytorch_the_error_names_the_extra(run, photo_folder, tmp_path, 
     for name in [name for name in sys.modules if name.startswith("jotlight.torch")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)
-    status, output = run("train", photo_folder, "-o", NETWORK, "--network", "small")
+    status, output = run("train", photo_folder, "-o", NETWORK, "--quality", "small")
     assert status == 1
     assert "pip install 'jotlight[torch]'" in output
     assert not (tmp_path / NETWORK).exists()

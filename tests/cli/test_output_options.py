@@ -121,3 +121,23 @@ def test_bad_input_gets_one_clear_line_and_leaves_no_files(
     assert line.startswith("error: ")
     assert expected in line
     assert files(tmp_path) == before
+
+
+def test_photons_per_second_are_those_of_python(run, tmp_path):
+    sensor = jl.Sensor(frames=9, exposure_time=2e-5)
+    bits = sensor.expose(np.full((16, 16), 0.4), rng=0)
+    jl.save(bits, "timed.npy")
+    arguments = ["reconstruct", "timed.npy", "-o", "a.npy", "--units", "photons-per-second"]
+    status, output = run(*arguments)
+    assert status == 0, output
+    assert "detected photons per pixel and second" in output
+    np.testing.assert_allclose(
+        np.load("a.npy"), jl.reconstruct(bits, units="photons-per-second"), rtol=1e-6
+    )
+    assert run(*arguments, "--exposure-time", 1e-5)[0] == 0
+    np.testing.assert_allclose(np.load("a.npy"), jl.reconstruct(bits) * 1e5, rtol=1e-6)
+    jl.save(jl.Sensor(frames=9).expose(np.full((16, 16), 0.4), rng=0), "timed.npy")
+    status, output = run(*arguments)
+    assert status == 1
+    assert "--exposure-time 1e-5" in output
+    assert "Sensor(" not in output

@@ -83,3 +83,9 @@ def test_invalid_arguments_get_one_line_that_names_the_cause(run, arguments, exp
     assert status == 1
     [line] = output.splitlines()
     assert expected in line
+
+
+def test_an_exposure_time_is_refused_with_the_option_to_use(run):
+    status, output = run("plan", "1", "--exposure-time", 1e-5)
+    assert status == 1
+    assert "--frame-rate" in output

@@ -190,7 +190,10 @@ def test_admm_is_the_default_for_bits_of_a_smooth_kernel(run, bits, tmp_path):
     ("option", "message"),
     [
         ("--inverse", "inverse: is an option of noniterative-gaussian, .*, not of {}"),
-        ("--model", "model: replaces the method; leave out --method {}"),
+        (
+            "--model",
+            "expected one of --method, --quality, --model, got --method {} and --model exact",
+        ),
     ],
 )
 def test_options_of_other_methods_are_refused_by_the_iterative_ones(

@@ -8,7 +8,12 @@ import pytest
 import jotlight as jl
 from jotlight.evaluation.methods import METHODS
 from jotlight.images.io import read_image
-from jotlight.networks.pretrained import pretrained, unsupported_message, unsupported_reason
+from jotlight.networks.pretrained import (
+    pretrained,
+    training_command,
+    unsupported_message,
+    unsupported_reason,
+)
 
 SUPPORTED = jl.Sensor(oversampling=4)
 OTHER = jl.Sensor(oversampling=2, frames=100)
@@ -43,7 +48,9 @@ def test_without_a_network_the_chosen_method_and_a_training_command_are_printed(
     status, output = run("reconstruct", "bits.npy", "-o", "out.npy")
     assert status == 0
     assert "by admm-tv: there is no trained network for the linear kernel" in output
-    assert output.endswith(": jotlight train --sensor bits.npy -o model.safetensors\n")
+    assert "train one for this capture with PyTorch" in output
+    command = "jotlight train --sensor bits.npy --quality medium -o model.safetensors"
+    assert output.endswith(f": {command}\n")
     assert "by ADMM, total variation" in output
     np.testing.assert_array_equal(np.load("out.npy"), METHODS["admm-tv"].run(bits, sensor))
 
@@ -61,10 +68,10 @@ def test_reconstruct_by_a_missing_network_fails(run, photo_folder, tmp_path):
     expose(photo_folder, OTHER)
     status, output = run("reconstruct", "bits.npy", "-o", "out.npy", "-m", "network-two-layer")
     assert status == 1
-    assert output.startswith(
-        f"error: {unsupported_reason(OTHER, 'two-layer')}; train one for this capture"
-    )
-    assert output.endswith(": jotlight train --sensor bits.npy -o model.safetensors\n")
+    reason = unsupported_reason(OTHER, "two-layer")
+    assert output == f"error: {reason}; --quality medium serves this sensor\n"
+    status, also = run("reconstruct", "bits.npy", "-o", "out.npy", "--quality", "two-layer")
+    assert (status, also) == (1, output)
     assert not (tmp_path / "out.npy").exists()
 
 
@@ -175,22 +182,34 @@ UNSUPPORTED = {
 
 
 @pytest.mark.parametrize(("reason", "sensor"), UNSUPPORTED.items(), ids=UNSUPPORTED)
-def test_an_unsupported_sensor_gets_the_reason_and_a_working_training_command(
-    run, photo_folder, reason, sensor
-):
+def test_an_unsupported_sensor_gets_the_reason_and_advice_that_works(reason, sensor):
     with pytest.raises(ValueError, match="there is no trained network for") as caught:
         pretrained(sensor, "two-layer")
     message = str(caught.value)
     assert unsupported_message(sensor, "two-layer") == message
     assert reason in message
-    arguments = shlex.split(message[message.index("jotlight train ") :])[1:]
+    if sensor.kernel == "box":
+        assert message.endswith('; quality="medium" (--quality medium) serves this sensor')
+        assert np.isfinite(pretrained(sensor, "medium").reconstruct(bits_of(sensor))).all()
+    else:
+        assert training_command(sensor) in message
+
+
+@pytest.mark.parametrize("sensor", UNSUPPORTED.values(), ids=UNSUPPORTED)
+def test_the_training_command_describes_the_sensor(run, photo_folder, sensor):
+    arguments = shlex.split(training_command(sensor))[1:]
+    assert arguments[arguments.index("--quality") + 1] == "medium"
     arguments[arguments.index("FOLDER_OF_PHOTOGRAPHS")] = str(photo_folder)
-    small = ["--steps", 1, "--patch", 24, "--batch", 2, "--optimizer", "adam"]
-    status, output = run(*arguments, *small)
+    # Without PyTorch, a two-layer network shows that the options of the sensor are right.
+    quick = ["--quality", "two-layer", "--steps", 1, "--patch", 24, "--batch", 2]
+    status, output = run(*arguments, *quick, "--optimizer", "adam")
     assert status == 0, output
-    side = 96 if sensor.oversampling == 4 else 24
-    jl.save(sensor.expose(read_image(photo_folder / "0.png"), rng=0), "bits.npy")
-    assert jl.open("bits.npy").shape[1] == side
+    jl.save(bits_of(sensor), "bits.npy")
     status, output = run("reconstruct", "bits.npy", "-o", "out.npy", "--model", "model.safetensors")
     assert status == 0, output
     assert np.isfinite(np.load("out.npy")).all()
+
+
+def bits_of(sensor):
+    """Return the bits of a photograph of 24 x 24 pixels."""
+    return sensor.expose(jl.datasets.photograph("camera")[100:124, 180:204], rng=0)

@@ -51,3 +51,23 @@ def test_the_names_in_the_help_are_those_of_the_experiments(run):
     from jotlight.cli.reproduce import EXPERIMENT_NAMES
 
     assert list(EXPERIMENTS) == list(EXPERIMENT_NAMES)
+
+
+def test_a_function_is_refused_where_no_methods_are_compared(run, own_module):
+    status, output = run("reproduce", "fig5", "--quick", "-m", f"{own_module}:mean")
+    assert status == 1
+    assert "method: fig5 compares no methods; fig7, timing, and gain do" in output
+
+
+@pytest.mark.slow
+def test_a_function_of_the_user_is_a_row_of_each_table(run, data, own_module, tmp_path):
+    arguments = ["--quick", "--data", data, "-m", f"{own_module}:mean", "-o", "out"]
+    for experiment in ("fig7", "timing", "gain"):
+        status, output = run("reproduce", experiment, *arguments)
+        assert status == 0, output
+        assert f"{own_module}:mean" in (tmp_path / f"out/results/{experiment}.csv").read_text()
+    assert f"| {own_module}:mean |" in (tmp_path / "out/results/reproduction.md").read_text()
+    (tmp_path / f"{own_module}.py").write_text("def mean(bits):\n    return bits.counts() / 5\n")
+    status, output = run("reproduce", "fig7", *arguments)
+    assert status == 1
+    assert "holds results with other settings (methods)" in output

@@ -30,7 +30,9 @@ def assert_same(first, second):
 def test_a_folder_of_images_trains_the_same_network_as_python(run, photo_folder, tmp_path):
     status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, "--seed", 7, "-t", 2)
     assert status == 0
-    assert f"{NETWORK}: trained in 3 steps" in output
+    assert f"{NETWORK}: a two-layer network for 32 bits per pixel, trained in 3 steps" in output
+    assert "--quality medium trains a better network, with PyTorch." in output
+    assert "The trained network medium serves this sensor, too" in output
     sensor = jl.Sensor(oversampling=4, frames=2)
     trained, history = jl.train(
         jl.Network.initial(sensor), read_image_set(photo_folder)[1],

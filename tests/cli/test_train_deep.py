@@ -1,4 +1,4 @@
-"""`jotlight train --network small`."""
+"""`jotlight train --quality small`."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ torch = pytest.importorskip("torch")
 from jotlight.torch import distributed, training  # noqa: E402
 from jotlight.torch.patches import Batch  # noqa: E402
 
-SMALL = ["--network", "small", "--batch", 2, "--steps", 3, "--device", "cpu", "--threads", 1]
+SMALL = ["--quality", "small", "--batch", 2, "--steps", 3, "--device", "cpu", "--threads", 1]
 NETWORK, CHECKPOINT = "net.safetensors", "net.checkpoint.safetensors"
 
 
@@ -58,7 +58,9 @@ def test_a_folder_of_images_trains_the_same_network_as_python(run, photo_folder,
     ]
     status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, *arguments)
     assert status == 0
-    assert f"{NETWORK}: trained in 3 steps" in output
+    assert "training a small network for 32 bits per pixel" in output
+    assert f"{NETWORK}: a small network for 32 bits per pixel, trained in 3 steps" in output
+    assert "--quality medium trains a better network" not in output
     assert "test PSNR" in output
     sensor = jl.Sensor(oversampling=4, frames=2)
     images = read_image_set(photo_folder)[1]
@@ -79,7 +81,7 @@ def test_a_folder_of_images_trains_the_same_network_as_python(run, photo_folder,
 
 
 def test_a_conditional_network_is_trained_and_improved(run, photo_folder, tmp_path):
-    arguments = [*SMALL, "--trials-range", "2:64", "--test", photo_folder, "--plot", "run.png"]
+    arguments = [*SMALL, "--bits-per-pixel", "2:64", "--test", photo_folder, "--plot", "run.png"]
     assert run("train", photo_folder, "-o", NETWORK, *arguments)[0] == 0
     network = jl.Network.load(NETWORK)
     assert network.trials_range == (2, 64)
@@ -89,6 +91,20 @@ def test_a_conditional_network_is_trained_and_improved(run, photo_folder, tmp_pa
     more = jl.Network.load("more.safetensors")
     assert more.trials_range == (2, 64)
     assert (parameter_vector(more) != parameter_vector(network)).any()
+
+
+def test_bits_per_pixel_state_the_sensor(run, photo_folder):
+    arguments = [*SMALL, "--steps", 1, "--bits-per-pixel"]
+    assert run("train", photo_folder, "-o", NETWORK, *arguments, 300)[0] == 0
+    assert jl.Network.load(NETWORK).sensor == jl.Sensor(frames=300)
+
+
+def test_the_tests_of_a_conditional_network_may_have_more_bits_than_it_knows(run, photo_folder):
+    arguments = [*SMALL, "--bits-per-pixel", "1:8", "-t", 4, "--test", photo_folder]
+    status, output = run("train", photo_folder, "-o", NETWORK, *arguments)
+    assert status == 0, output
+    assert "a small network for any number of bits per pixel, trained in 3 steps" in output
+    assert "test PSNR" in output
 
 
 def test_a_network_for_a_capture_has_its_brightness(run):
@@ -140,9 +156,11 @@ def test_a_run_out_of_time_reports_its_steps(run, photo_folder):
         (["--device", "tpu"], "device: expected one of cpu, cuda, got 'tpu'"),
         (["--steps", 0], "steps: expected at least 1"),
         (["--patch", 25], "25; image number 0 is 24 x 24"),
-        (["--trials-range", "1-256"], "trials-range: expected MIN:MAX"),
-        (["--trials-range", "9:4"], "trials-range: expected MIN:MAX"),
-        (["--trials-range", "1:8"], "the network is for 1 to 8 trials per pixel, got 16"),
+        (["--bits-per-pixel", "1-256"], "bits-per-pixel: expected a number such as 16, or"),
+        (["--bits-per-pixel", "9:4"], "bits-per-pixel: expected a number such as 16, or"),
+        (["--bits-per-pixel", "0"], "bits-per-pixel: expected a number such as 16, or"),
+        (["--bits-per-pixel", "20:64"], "the network is for 20 trials per pixel or more, got 16"),
+        (["--bits-per-pixel", "16", "-t", 2], "--oversampling and --frames; leave out --frames"),
     ],
 )
 def test_bad_input_gets_one_line(run, photo_folder, arguments, expected):

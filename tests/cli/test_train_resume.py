@@ -245,7 +245,8 @@ def test_a_diverging_run_names_the_option_to_lower_and_keeps_its_checkpoint(
     arguments = [*SMALL, "--steps", 300, "--optimizer", "projected-gradient"]
     status, output = run("train", photo_folder, "-o", NETWORK, *arguments, "--learning-rate", 1000)
     assert status == 1
-    *steps, line = output.splitlines()
+    title, *steps, line = output.splitlines()
+    assert title == "training a two-layer network for 16 bits per pixel"
     assert all(step.startswith("step ") for step in steps)
     assert line.startswith("error: step ")
     assert "diverges" in line
@@ -276,7 +277,10 @@ def test_a_full_disk_at_the_end_keeps_the_run(run, photo_folder, tmp_path, monke
 def test_a_run_out_of_time_reports_its_steps_and_the_option(run, photo_folder, tmp_path):
     status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, "--seconds", 1e-9)
     assert status == 0
-    assert f"{NETWORK}: trained in 1 of 3 steps and " in output
+    assert (
+        f"{NETWORK}: a two-layer network for 16 bits per pixel, trained in 1 of 3 steps and "
+        in output
+    )
     assert "; a larger --seconds allows more" in output
     assert files(tmp_path) == [NETWORK, "photos"]
     assert len(jl.Network.load(NETWORK).history["records"]["loss"]) == 2

@@ -65,7 +65,7 @@ def page_cases() -> Iterator[object]:
 def test_the_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     code = page.read_text("utf-8")
-    if "jotlight.torch" in code or "--network" in "".join(blocks(page, "sh")):
+    if "jotlight.torch" in code or "--quality" in "".join(blocks(page, "sh")):
         pytest.importorskip("torch")
     for package in ("deepinv", "onnxruntime"):
         if f"import {package}" in code:

@@ -8,6 +8,7 @@ from jotlight.estimators.brightness import (
     estimate_brightness,
     max_measurable_intensity,
     training_sensor,
+    unit_scale,
 )
 
 
@@ -42,3 +43,26 @@ def test_a_capture_without_ones_has_a_positive_brightness():
     sensor, brightness = training_sensor(np.zeros((16, 16), int), jl.Sensor(frames=16))
     assert brightness > 0
     assert sensor.max_intensity == HEADROOM * brightness
+
+
+@pytest.mark.parametrize(
+    ("units", "expected"),
+    [("intensity", 1.0), ("photons", 0.5 * 20 / 10), ("photons-per-second", 0.5 * 20 / 10 / 2e-5)],
+)
+def test_units_count_the_detected_photons_of_a_pixel(units, expected):
+    sensor = jl.Sensor(oversampling=2, frames=10, gain=20, efficiency=0.5, exposure_time=2e-5)
+    assert unit_scale(sensor, units) == pytest.approx(expected, rel=1e-12)
+    # A second has 1 / exposure_time frames, whatever their number in the capture.
+    assert unit_scale(sensor.replace(frames=40), units) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("units", "message"),
+    [
+        ("photon", "units: expected one of intensity, photons, photons-per-second, got 'photon'"),
+        ("photons-per-second", r"state it with Sensor\(exposure_time=1e-5\) \(--exposure-time"),
+    ],
+)
+def test_units_that_are_unknown_or_need_an_exposure_time_are_refused(units, message):
+    with pytest.raises(ValueError, match=message):
+        unit_scale(jl.Sensor(), units)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.evaluation.choice import choose_method
 from jotlight.evaluation.held_out import blend_weights, held_out, minimize_on_simplex
-from jotlight.evaluation.methods import LARGE_METHOD, LARGE_TRIALS, METHODS, choose_method
+from jotlight.evaluation.methods import LARGE_METHOD, LARGE_TRIALS, METHODS
 
 PHOTOGRAPH = jl.datasets.photograph("camera", gray=True)[100:292, 150:342]
 PARTS = "network-medium", "admm-tv", "mle"

@@ -156,6 +156,15 @@ def test_many_trials_have_another_default():
         ({"method": jl.mle, "quality": "small"}, ValueError, "quality: selects a shipped network"),
         ({"method": "mle", "weight": 1.0}, ValueError, "weight: is an option of admm-tv"),
         ({"weigth": 1.0}, TypeError, "weigth: without a method, expected one of the options"),
+        (
+            {"method": "admm-tv", "wieght": 1.0},
+            TypeError,
+            "options weight, .* mean weight",
+        ),
+        ({"method": "mle", "inverse_": 1}, TypeError, "inverse_: mle has no options; leave it out"),
+        ({"method": "noniterative-tv", "denoiser": "nlm"}, TypeError, "has the options inverse;"),
+        ({"quality": "small", "sigma": 1}, TypeError, "sigma: network-small has no options"),
+        ({"method": "network-mediun"}, ValueError, "did you mean network-medium"),
         ({"uncertainty": True}, TypeError, "uncertainty: without a method"),
         ({"method": jl.pretrained(SENSOR), "weight": 1.0}, ValueError, "weight: is not an option"),
         ({"method": lambda _: np.zeros(3)}, ValueError, r"shape \(32, 48\) from <lambda>, got"),
@@ -167,6 +176,34 @@ def test_many_trials_have_another_default():
 def test_requests_that_contradict_each_other_are_refused(arguments, error, message):
     with pytest.raises(error, match=message):
         reconstruct(BITS, **arguments)
+
+
+def test_a_network_that_does_not_serve_the_sensor_names_one_that_does():
+    sensor = jl.Sensor(frames=20)
+    message = r"no trained network for 20 trials .*; quality=\"medium\" \(--quality medium\) serves"
+    with pytest.raises(ValueError, match=message):
+        reconstruct(COUNTS, sensor, method="network-small")
+    with pytest.raises(ValueError, match=message):
+        jl.pretrained(sensor, "small")
+
+
+@pytest.mark.parametrize("method", ["mle", "network-medium", lambda bits: bits.counts() / 4])
+def test_units_scale_the_estimate_by_any_method(method):
+    sensor = jl.Sensor(oversampling=2, gain=6, efficiency=0.5, exposure_time=1e-4)
+    bits = sensor.expose(IMAGE, rng=0)
+    intensity = reconstruct(bits, method=method)
+    photons = reconstruct(bits, method=method, units="photons")
+    np.testing.assert_allclose(photons, 3 * intensity, rtol=1e-6)
+    per_second = reconstruct(bits, method=method, units="photons-per-second")
+    np.testing.assert_allclose(per_second, 3e4 * intensity, rtol=1e-6)
+    assert per_second.dtype == np.float32
+
+
+def test_photons_per_second_need_an_exposure_time():
+    with pytest.raises(ValueError, match="photons per second need the exposure time"):
+        reconstruct(BITS, units="photons-per-second")
+    with pytest.raises(ValueError, match="units: expected one of intensity, photons, photons-per"):
+        reconstruct(BITS, units="lux")
 
 
 def test_counts_need_a_sensor():

@@ -8,7 +8,6 @@ import pytest
 import jotlight as jl
 from jotlight.networks.conditioning import conditioning_weights, count_sets
 from jotlight.networks.graph import size_divisor
-from jotlight.networks.served_sensors import check_trained
 from reference import deep
 from reference.deep import conditional_network, random_counts
 from reference.networks import last_layer
@@ -99,10 +98,3 @@ def test_a_conditional_network_serves_different_k_in_turn():
 def test_parameters_for_a_k_out_of_range_are_refused(trials):
     with pytest.raises(ValueError, match="trials: expected 2 to 256, the K that"):
         conditioning_weights(trials, (2, 256), 5)
-
-
-@pytest.mark.parametrize("frames", [1, 257])
-def test_training_needs_a_k_in_the_range(frames):
-    check_trained(jl.Sensor(frames=frames), None)
-    with pytest.raises(ValueError, match=f"is for 2 to 256 trials per pixel, got {frames}; take"):
-        check_trained(jl.Sensor(frames=frames), (2, 256))

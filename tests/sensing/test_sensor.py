@@ -137,7 +137,7 @@ BAD_PARAMETERS = [
     ],
     *[
         (name, value)
-        for name in ("gain", "efficiency", "max_intensity")
+        for name in ("gain", "efficiency", "max_intensity", "exposure_time")
         for value in (0, -1.0, np.nan, np.inf, True, "2", [2.0], 1j)
     ],
     ("max_intensity", None),
@@ -309,7 +309,7 @@ def test_repr_names_the_parameters_that_differ_from_their_defaults(sensor, text)
 
 
 @pytest.mark.parametrize("number", [5e-324, 9e-19, 1.1e18, 1e308, 10**400, np.nan, np.inf, -1.0])
-@pytest.mark.parametrize("name", ["gain", "max_intensity"])
+@pytest.mark.parametrize("name", ["gain", "max_intensity", "exposure_time"])
 def test_numbers_out_of_the_range_of_physics_are_refused(name, number):
     with pytest.raises(ValueError, match=rf"{name}: expected a number from 1e-18 to 1e[+]18, got"):
         jl.Sensor(**{name: number})

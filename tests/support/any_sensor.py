@@ -14,6 +14,7 @@ NUMBERS = {
     "efficiency": st.floats(0.01, 1),
     "max_intensity": st.floats(0.01, 100),
     "dark_counts": st.floats(0, 3),
+    "exposure_time": st.none() | st.floats(1e-9, 10),
 }
 IMAGE_SHAPES = hnp.array_shapes(min_dims=2, max_dims=2, max_side=9)
 

@@ -12,6 +12,7 @@ from jotlight.sensing.pixel_counts import count_pixels  # noqa: E402
 from jotlight.torch import fine_tune  # noqa: E402
 from jotlight.torch.bit_splitting import BitSplitter  # noqa: E402
 from jotlight.torch.fine_tuning import random_generator  # noqa: E402
+from jotlight.torch.network import Network as TorchNetwork  # noqa: E402
 from jotlight.training import History  # noqa: E402
 
 SCENE = np.kron([[0.1, 0.7, 0.3], [0.9, 0.2, 0.5], [0.4, 0.8, 0.1]], np.ones((16, 16)))
@@ -62,6 +63,43 @@ def test_fine_tuning_raises_the_psnr(network, gain):
     assert after > before + gain
     assert history.held_out[-1] < history.held_out[0]
     assert tuned.reconstruct(BITS).max() <= 1
+
+
+MANY = jl.Sensor(frames=300)
+SHORT_RANGE = jl.Network.conditional("small", trials_range=(1, 16), rng=0)
+
+
+def test_more_bits_than_the_network_knows_are_used():
+    bits = MANY.expose(SCENE, rng=0)
+    tuned, history = tune(SHORT_RANGE, bits, steps=8, learning_rate=3e-3)
+    assert np.isfinite(parameters(tuned)).all()
+    assert np.isfinite(history.loss).all()
+    assert history.held_out[-1] < history.held_out[0]
+    before, after = (jl.metrics.psnr(x.reconstruct(bits), SCENE) for x in (SHORT_RANGE, tuned))
+    assert after > before
+
+
+def test_the_passes_of_a_step_are_those_of_the_engine():
+    bits = MANY.expose(SCENE, rng=0)
+    channels = [count_pixels(bits, MANY, None)]
+    splitter = BitSplitter(SHORT_RANGE, MANY, channels, random_generator(3, 0))
+    [split] = splitter.held_out
+    assert split.input_trials == 270
+    module = TorchNetwork(SHORT_RANGE)
+    estimate = splitter.estimate(module.run_layers, split)
+    likelihood = splitter.negative_log_likelihood(estimate, split)
+    held_out = splitter.held_out_negative_log_likelihood(SHORT_RANGE, 1)
+    assert likelihood.item() == pytest.approx(held_out, abs=1e-5)
+    likelihood.backward()
+    gradients = [each.grad for each in module.parameters() if each.requires_grad]
+    assert all(torch.isfinite(gradient).all() for gradient in gradients)
+
+
+@pytest.mark.parametrize("level", [0.0, 5.0])
+def test_derivatives_are_finite_where_all_bits_are_equal(level):
+    bits = MANY.expose(np.full((24, 24), level), rng=0)
+    tuned, _ = tune(SHORT_RANGE, bits)
+    assert np.isfinite(parameters(tuned)).all()
 
 
 def test_a_seed_determines_the_network():

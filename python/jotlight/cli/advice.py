@@ -8,9 +8,10 @@ from pathlib import Path
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.console import caution
 from jotlight.cli.sensor_options import CalibratedSensorOptions
-from jotlight.evaluation.methods import DEFAULT_METHOD, Choice
+from jotlight.evaluation.choice import Choice
 from jotlight.formats.capture import Capture
 from jotlight.motion.detection import THRESHOLD, motion_score
+from jotlight.networks.pretrained import CONDITIONAL_SIZE
 from jotlight.sensing.sensor import Sensor
 
 _DIM = 0.7
@@ -28,7 +29,7 @@ def training_advice(
     window: int | None,
     is_bits: bool,
 ) -> str:
-    """Return the advice to train a network for a capture, with the command.
+    """Return the advice to train a deep network for a capture, with the command.
 
     Parameters
     ----------
@@ -46,15 +47,15 @@ def training_advice(
         *("jotlight", "train", "--sensor", str(path)),
         *capture.to_argv("--sensor-key"),
         *dataclasses.replace(sensor, frames=frames).to_argv(),
-        *("-o", "model.safetensors"),
+        *("--quality", CONDITIONAL_SIZE, "-o", "model.safetensors"),
     ]
     return (
-        "train one for this capture in a minute, and use it with --model model.safetensors: "
+        "train one for this capture with PyTorch, and use it with --model model.safetensors: "
         + shlex.join(argv)
     )
 
 
-def range_advice(choice: Choice, maximum: float, brightness: float, training: str) -> str | None:
+def range_advice(choice: Choice, maximum: float, brightness: float) -> str | None:
     """Return a remark where the range of a network does not fit the scene, or None.
 
     Parameters
@@ -65,20 +66,18 @@ def range_advice(choice: Choice, maximum: float, brightness: float, training: st
         Largest value of the estimate.
     brightness : float
         Brightness of the estimate: all but 0.1 % of the pixels are darker.
-    training : str
-        Advice from :func:`training_advice`.
     """
     is_shipped = choice.quality is not None
     if choice.saturation is not None and maximum > _CLIPPED * choice.max_intensity:
         return (
             f"the scene reaches the largest intensity {choice.max_intensity:g} of the network; "
-            f"--method {DEFAULT_METHOD} reaches {choice.saturation:.3g}, where the bits saturate"
-            + (f"; or {training}" if is_shipped else "")
+            f"--quality {CONDITIONAL_SIZE} reaches {choice.saturation:.3g}, where the bits saturate"
         )
     if is_shipped and choice.has_fixed_range and brightness < _DIM:
         return (
-            "the network that ships with jotlight is for scenes with a brightness of 1, and the "
-            f"brightness of this scene is {brightness:.2g}; {training}"
+            f"the network {choice.quality} is for scenes with a brightness of 1, and the "
+            f"brightness of this scene is {brightness:.2g}; --quality {CONDITIONAL_SIZE} is for "
+            "every brightness"
         )
     return None
 

@@ -13,6 +13,7 @@ from jotlight.cli.console import err, error, out, show_warning
 from jotlight.cli.convert import convert
 from jotlight.cli.demo import demo
 from jotlight.cli.evaluate import evaluate
+from jotlight.cli.examples import help_epilogue
 from jotlight.cli.film import film
 from jotlight.cli.fine_tune import fine_tune
 from jotlight.cli.info import info
@@ -67,7 +68,8 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 for number, command in enumerate(COMMANDS):
-    app.command(command, sort_key=number)
+    name = command.__name__.replace("_", "-")
+    app.command(command, name=name, sort_key=number, help_epilogue=help_epilogue(name))
 app.register_install_completion_command(help="Install completion for the current shell.")
 
 

@@ -24,7 +24,10 @@ class CalibrationOptions:
     """Parameters of :func:`jotlight.calibrate`."""
 
     frames: Annotated[
-        int | None, Parameter(alias="-t", help="Number of frames that counts are out of.")
+        int | None,
+        Parameter(
+            alias="-t", help="Number of frames that counts are out of. Default: that of the file."
+        ),
     ] = None
     flat_frames: Annotated[
         int | None,

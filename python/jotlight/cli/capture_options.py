@@ -12,7 +12,7 @@ from jotlight.formats import FORMATS, open_capture
 from jotlight.formats.capture import Capture
 from jotlight.formats.orientation import FLIPS
 
-_KEY = "Name of the array in a .npz, .mat, HDF5 file or zarr folder."
+_KEY = "Name of the array in a .npz, .mat, HDF5 file or zarr folder. Default: its only array."
 
 
 @Parameter(name="*", group=CAPTURE_PANEL)
@@ -38,7 +38,8 @@ class CaptureOptions:
         ),
     ] = None
     width: Annotated[
-        int | None, Parameter(help="Width in jots, for files that do not state it.")
+        int | None,
+        Parameter(help="Width in jots, for files that do not state it. Default: that of the file."),
     ] = None
     format: Annotated[
         str | None,
@@ -51,14 +52,15 @@ class CaptureOptions:
         str | None,
         Parameter(
             help="Some of the frames, counted from 0. 100:200 is frames 100 to 199, and 0:200:2 "
-            "is every second frame."
+            "is every second frame. Default: all."
         ),
     ] = None
     rotate: Annotated[
         int, Parameter(help="Counterclockwise rotation in degrees, a multiple of 90.")
     ] = 0
     flip: Annotated[
-        str | None, Parameter(help=f"Mirror after the rotation: {' or '.join(FLIPS)}.")
+        str | None,
+        Parameter(help=f"Mirror after the rotation: {' or '.join(FLIPS)}. Default: none."),
     ] = None
 
     isolate: Annotated[

@@ -5,10 +5,18 @@ from typing import Annotated
 
 from cyclopts import Group, Parameter
 
+from jotlight.evaluation.methods import METHODS
+from jotlight.networks.architectures import SIZES
+
 METHOD_PANEL = Group("Iterative methods", sort_key=1)
 TRAINING_PANEL = Group("Training", sort_key=2)
 NETWORK_PANEL = Group("Network", sort_key=3)
 SENSOR_PANEL = Group("Sensor", sort_key=4)
+KNOWN_SENSOR_PANEL = Group(
+    "Sensor",
+    help="A capture or a network that states its sensor replaces these defaults.",
+    sort_key=4,
+)
 CAPTURE_PANEL = Group("Capture", sort_key=5)
 OUTPUT_PANEL = Group("Output", sort_key=6)
 FILM_PANEL = Group("Film", sort_key=7)
@@ -21,10 +29,21 @@ Gray = Annotated[bool, Parameter(help="Convert a color photograph to gray.")]
 White = Annotated[
     float | None,
     Parameter(
-        help="Level of the photograph that stands for intensity 1. Required for integers of an "
-        "unknown scale."
+        help="Level of the photograph that stands for intensity 1. Default: the largest level of "
+        "its format, and 1 for floats. Required for integers of an unknown scale."
     ),
 ]
-ImageKey = Annotated[str | None, Parameter(help="Name of the array of images in a .npz.")]
+ImageKey = Annotated[
+    str | None, Parameter(help="Name of the array of images in a .npz. Default: its only array.")
+]
 Model = Annotated[Path | None, Parameter(help="A network of your own: a .safetensors file.")]
+NAMES = ", ".join(METHODS)
+OWN = "MODULE:FUNCTION for a function of your own, such as mine:denoise in mine.py"
+Quality = Annotated[
+    str | None,
+    Parameter(
+        help=f"Size of the trained network to use in place of a method: {', '.join(SIZES)}. "
+        "Default: that of --method."
+    ),
+]
 Threads = Annotated[int | None, Parameter(help="Number of threads. Default: all cores.")]

@@ -9,15 +9,18 @@ import numpy.typing as npt
 from cyclopts import Parameter
 from rich.table import Table
 
-from jotlight.cli.common_options import Gray, Model, Photo, Seed, Threads, White
+from jotlight.cli.common_options import NAMES, OWN, Gray, Model, Photo, Seed, Threads, White
 from jotlight.cli.console import caution, out, progress, report
+from jotlight.cli.method_options import network_name, split_names
 from jotlight.cli.sensor_options import ExposureOptions
 from jotlight.evaluation.compare import select_methods
 from jotlight.evaluation.comparison import COLUMNS, Comparison
 from jotlight.evaluation.comparison import compare as compare_by_title
 from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS
+from jotlight.evaluation.own_method import OwnMethod, import_method
 from jotlight.files import atomic_write, refuse_overwrite
 from jotlight.images.io import read_image
+from jotlight.networks.architectures import SIZES
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
 
@@ -32,13 +35,20 @@ def compare(
             alias="-o", help="The figure, .png, .jpg, .pdf or .svg. Default: PHOTO-compare.png."
         ),
     ] = None,
-    methods: Annotated[
-        str | None,
+    method: Annotated[
+        list[str] | None,
         Parameter(
             alias="-m",
-            help=f"Some of {', '.join(METHODS)}, separated by commas. Default: all that are "
-            "installed and serve the sensor. For the box kernel mle-iterative is left out, since "
-            "it equals mle.",
+            help=f"Some of {NAMES}; or {OWN}. Separate them by commas, or repeat the option. "
+            "Default: all that are installed and serve the sensor. For the box kernel "
+            "mle-iterative is left out, since it equals mle.",
+        ),
+    ] = None,
+    quality: Annotated[
+        list[str] | None,
+        Parameter(
+            help=f"Some of the trained networks by their sizes, {', '.join(SIZES)}, in addition to "
+            "the methods that are named. Default: all that serve the sensor."
         ),
     ] = None,
     model: Model = None,
@@ -50,28 +60,38 @@ def compare(
 ) -> None:
     """Simulate the bits of a photograph, and compare its estimates by every method."""
     exposed = Sensor(**sensor.to_kwargs())
-    names = None if methods is None else [name.strip() for name in methods.split(",")]
+    names = [*split_names(method), *map(network_name, split_names(quality))]
+    selected = _select(exposed, names)
     image = read_image(photo, white=white, gray=gray)
     output = output or Path(f"{photo.stem}-compare.png")
     refuse_overwrite(output, [photo, model, *sensor.map_files()])
-    selected: dict[str, str | Network] = {
-        METHODS[name].title: name for name in select_methods(exposed, names)
-    }
     if model is not None:
         network = Network.load(model)
         network.check_sensor(exposed)
         selected[str(model)] = network
     run_comparison(image, exposed, output, selected, seed=seed, threads=threads)
     reason = METHODS[DEFAULT_METHOD].unsupported_reason(exposed)
-    if names is None and reason is not None:
+    if not names and reason is not None:
         caution("Without the trained network", reason)
+
+
+def _select(sensor: Sensor, names: list[str]) -> dict[str, str | Network | OwnMethod]:
+    """Return the methods of some names, or all that serve the sensor, by their titles."""
+    selected: dict[str, str | Network | OwnMethod] = {}
+    for name in names or select_methods(sensor):
+        if ":" in name:
+            selected[name] = import_method(name)
+        else:
+            select_methods(sensor, [name])
+            selected[METHODS[name].title] = name
+    return selected
 
 
 def run_comparison(
     image: npt.NDArray[np.floating],
     sensor: Sensor,
     output: Path,
-    methods: Mapping[str, str | Network],
+    methods: Mapping[str, str | Network | OwnMethod],
     *,
     seed: int = 0,
     threads: int | None = None,

@@ -152,8 +152,8 @@ def live_iterations(title: str) -> Iterator[Callable[[Iteration], None]]:
 
 
 @contextlib.contextmanager
-def live_training(steps: int) -> Iterator[Callable[[Record], None]]:
-    """Show a training run: a live line on a terminal, elsewhere ten lines in all.
+def live_training(title: str, steps: int) -> Iterator[Callable[[Record], None]]:
+    """Show a training run: its title, then a live line on a terminal, elsewhere ten lines in all.
 
     Yields
     ------
@@ -169,10 +169,13 @@ def live_training(steps: int) -> Iterator[Callable[[Record], None]]:
     )
     with bar:
         task = bar.add_task("starting", total=steps)
-        test = ""
+        test, is_first = "", True
 
         def show(record: Record) -> None:
-            nonlocal test
+            nonlocal test, is_first
+            if is_first:
+                err.print(title, soft_wrap=True, markup=False)
+            is_first = False
             if record.test_psnr is not None:
                 test = f"  test {record.test_psnr:.2f} dB"
             if record.held_out is not None:

@@ -8,12 +8,23 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 from rich.table import Table
 
-from jotlight.cli.common_options import ImageKey, Model, Seed, Threads, White
+from jotlight.cli.common_options import (
+    NAMES,
+    OWN,
+    ImageKey,
+    Model,
+    Quality,
+    Seed,
+    Threads,
+    White,
+)
 from jotlight.cli.console import out, progress, report
+from jotlight.cli.method_options import named_method
 from jotlight.cli.sensor_options import SensorOptions
 from jotlight.evaluation.evaluate import METRICS, Evaluation
 from jotlight.evaluation.evaluate import evaluate as evaluate_method
-from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS
+from jotlight.evaluation.methods import DEFAULT_METHOD, find_method
+from jotlight.evaluation.own_method import OwnMethod, import_method
 from jotlight.files import atomic_write, refuse_overwrite
 from jotlight.images.sets import read_image_set
 from jotlight.networks.network import Network
@@ -29,14 +40,16 @@ def evaluate(
     *,
     method: Annotated[
         str | None,
-        Parameter(alias="-m", help=f"One of {', '.join(METHODS)}. Default: {DEFAULT_METHOD}."),
+        Parameter(alias="-m", help=f"One of {NAMES}; or {OWN}. Default: {DEFAULT_METHOD}."),
     ] = None,
+    quality: Quality = None,
     model: Model = None,
     output: Annotated[
         Path | None, Parameter(alias="-o", help="A .csv with a row for each image.")
     ] = None,
     first: Annotated[
-        int | None, Parameter(help="Number of images to use, in the order of their names.")
+        int | None,
+        Parameter(help="Number of images to use, in the order of their names. Default: all."),
     ] = None,
     key: ImageKey = None,
     sensor: SensorOptions = SensorOptions(),
@@ -51,14 +64,13 @@ def evaluate(
     gray.
     """
     sensor_kwargs = sensor.to_kwargs()
-    if model is not None and method is not None:
-        raise ValueError(f"model: replaces the method; leave out --method {method}")
+    name = named_method(method, quality, model)
     if output is not None:
         if output.suffix.lower() != ".csv":
             raise ValueError(f"{output}: expected a name that ends in .csv")
         files = list(images.iterdir()) if images.is_dir() else [images]
         refuse_overwrite(output, [model, *sensor.map_files(), *files])
-    title, run, exposed = _method(method, model, sensor_kwargs)
+    title, run, exposed = _method(name, model, sensor_kwargs)
     with contextlib.ExitStack() as stack:
         # The file is created now, to reveal a folder that cannot be written before any work.
         temporary = stack.enter_context(atomic_write(output)) if output is not None else None
@@ -85,8 +97,8 @@ def evaluate(
 
 def _method(
     method: str | None, model: Path | None, sensor_kwargs: dict[str, Any]
-) -> tuple[str, str | Network, Sensor]:
-    """Return the title and the name of a method, or its network, and the sensor that exposes."""
+) -> tuple[str, str | Network | OwnMethod, Sensor]:
+    """Return the title of a method, the method, and the sensor that exposes."""
     network = None if model is None else Network.load(model)
     if network is not None and network.trials_range is None:
         sensor = network.sensor.replace(**sensor_kwargs)
@@ -95,11 +107,12 @@ def _method(
     if network is not None:
         return str(model), network, sensor
     method = method or DEFAULT_METHOD
-    if method not in METHODS:
-        raise ValueError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
-    if (reason := METHODS[method].unsupported_reason(sensor)) is not None:
+    if ":" in method:
+        return method, import_method(method), sensor
+    named = find_method(method)
+    if (reason := named.unsupported_reason(sensor)) is not None:
         raise ValueError(reason)
-    return METHODS[method].title, method, sensor
+    return named.title, method, sensor
 
 
 def _table(result: Evaluation) -> Table:

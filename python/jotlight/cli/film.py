@@ -18,10 +18,10 @@ from jotlight.cli.common_options import FILM_PANEL, CapturePath, Threads
 from jotlight.cli.console import progress, report
 from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import MotionOptions
-from jotlight.cli.output_options import UNITS, OutputOptions
+from jotlight.cli.output_options import OutputOptions
 from jotlight.cli.reconstruction import Brightness, Inputs, Reconstruction, report_assumptions
 from jotlight.cli.sensor_options import CalibratedSensorOptions
-from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE
+from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.formats.capture import Capture
 from jotlight.images.io import image_writer

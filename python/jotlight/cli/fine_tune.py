@@ -4,15 +4,17 @@ import dataclasses
 import functools
 import shlex
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from cyclopts import Parameter
 
 import jotlight.plots as plots
 from jotlight.calibration import Calibration
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import Captured, add_sensor, refuse_capture_overwrite
-from jotlight.cli.common_options import CapturePath
+from jotlight.cli.common_options import NETWORK_PANEL, CapturePath
 from jotlight.cli.console import caution, report, silenced
-from jotlight.cli.learners import check_device
+from jotlight.cli.learners import check_device, describe_kind
 from jotlight.cli.sensor_options import CalibratedSensorOptions
 from jotlight.cli.training_options import TrainingOptions
 from jotlight.cli.training_run import (
@@ -22,14 +24,12 @@ from jotlight.cli.training_run import (
     run_training,
 )
 from jotlight.files import refuse_overwrite
+from jotlight.networks.architectures import SIZES
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import pretrained, unsupported_reason
+from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import History
-
-_QUALITY = "medium"
-"""Size of the shipped network to start from."""
 
 
 def fine_tune(
@@ -37,6 +37,14 @@ def fine_tune(
     /,
     *,
     training: TrainingOptions,
+    quality: Annotated[
+        str | None,
+        Parameter(
+            group=NETWORK_PANEL,
+            help=f"Size of the trained network to start from: {', '.join(SIZES)}. Default: "
+            f"{CONDITIONAL_SIZE}.",
+        ),
+    ] = None,
     capture: CaptureOptions = CaptureOptions(),
     sensor: CalibratedSensorOptions = CalibratedSensorOptions(),
 ) -> None:
@@ -55,7 +63,12 @@ def fine_tune(
     steps = fine_tuning.STEPS if training.steps is None else training.steps
     rate = fine_tuning.LEARNING_RATE if training.learning_rate is None else training.learning_rate
     with silenced(not is_first):
-        captured, network = _capture_and_network(data, training, capture, sensor)
+        captured = _capture(data, capture, sensor)
+        network, kind, origin = _start(training.start, quality, captured.sensor)
+        if network.trials_range is None and sensor.max_intensity is None:
+            # `jotlight reconstruct` also uses the range that the network was trained for.
+            own = captured.sensor.replace(max_intensity=network.sensor.max_intensity)
+            captured = dataclasses.replace(captured, sensor=own)
         counts = captured.summed()
         run = functools.partial(
             fine_tuning.fine_tune,
@@ -79,14 +92,17 @@ def fine_tune(
     history, seconds = run_training(
         run,
         training,
+        title=f"fine-tuning {kind}, starting from {origin}",
         steps=steps,
         remedy="--learning-rate",
         provenance={"fine-tuned on": str(data)},
     )
-    _report(training, history, seconds)
+    _report(training, history, seconds, kind)
     argv = ["jotlight", "reconstruct", str(data), *capture.to_argv(), *sensor.to_argv()]
     argv += ["--model", str(training.output), "-o", "image.png"]
     report(f"Reconstruct with it: {shlex.join(argv)}")
+    if kind.startswith(("a two-layer", "a small")):
+        report(f"--quality {CONDITIONAL_SIZE}, the default, starts from a better network.")
 
 
 def _check_outputs(data: Path, training: TrainingOptions, sensor: CalibratedSensorOptions) -> None:
@@ -99,13 +115,8 @@ def _check_outputs(data: Path, training: TrainingOptions, sensor: CalibratedSens
         refuse_capture_overwrite(file, data)
 
 
-def _capture_and_network(
-    path: Path,
-    training: TrainingOptions,
-    capture: CaptureOptions,
-    sensor: CalibratedSensorOptions,
-) -> tuple[Captured, Network]:
-    """Return the data with their sensor, and the network to start from."""
+def _capture(path: Path, capture: CaptureOptions, sensor: CalibratedSensorOptions) -> Captured:
+    """Return the data with their sensor."""
     from jotlight.torch.bit_splitting import check_kernel
 
     kwargs: dict[str, Any] = sensor.to_kwargs()
@@ -114,33 +125,27 @@ def _capture_and_network(
     captured = add_sensor(opened, path, kwargs, calibration)
     report(*captured.notes())
     check_kernel(captured.sensor)
-    network = _start(training.start, captured.sensor)
-    if network.trials_range is None and "max_intensity" not in kwargs:
-        # `jotlight reconstruct` also uses the range that the network was trained for.
-        own = captured.sensor.replace(max_intensity=network.sensor.max_intensity)
-        captured = dataclasses.replace(captured, sensor=own)
-    return captured, network
+    return captured
 
 
-def _start(path: Path | None, sensor: Sensor) -> Network:
-    """Return the network to start from, and report which one it is."""
+def _start(path: Path | None, quality: str | None, sensor: Sensor) -> tuple[Network, str, str]:
+    """Return the network to start from, its kind, and its origin."""
     if path is not None:
-        report(f"starts from {path}")
-        return Network.load(path)
-    if (reason := unsupported_reason(sensor, _QUALITY)) is not None:
-        raise ValueError(
-            f"start: expected a network to start from, since {reason}; name one with --start, or "
-            "select some of the frames with --frame-range"
-        )
-    report(f"starts from the {_QUALITY} network that ships with jotlight")
-    return pretrained(sensor, _QUALITY)
+        if quality is not None:
+            raise ValueError("start: this network has its own layers; leave out --quality")
+        network, origin = Network.load(path), str(path)
+    else:
+        quality = quality or CONDITIONAL_SIZE
+        network, origin = pretrained(sensor, quality), "the one that ships with jotlight"
+    return network, describe_kind(network, quality), origin
 
 
-def _report(training: TrainingOptions, history: History, seconds: float) -> None:
+def _report(training: TrainingOptions, history: History, seconds: float, kind: str) -> None:
     steps = len(history) - 1
     before, after = history.held_out[0], history.held_out[-1]
     report_training(
-        f"trained in {steps} step{'' if steps == 1 else 's'} and {seconds:.1f} s, "
+        f"{kind}, fine-tuned on this capture, trained in {steps} step{'' if steps == 1 else 's'} "
+        f"and {seconds:.1f} s, "
         f"{before:.5f} to {after:.5f} nats per held-out bit",
         training,
     )

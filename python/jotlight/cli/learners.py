@@ -1,6 +1,7 @@
 """The function that trains a network: the engine for two layers, PyTorch for deep networks."""
 
 import dataclasses
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -14,7 +15,7 @@ from jotlight.training import OPTIMIZERS, History
 DEVICES = "cpu", "cuda"
 DEFAULT_OPTIMIZER = "gauss-newton"
 
-_DEEP_ONLY = "device", "trials_range"
+_DEEP_ONLY = "device", "range"
 """Options of deep networks. Other options that not all networks share are of two-layer ones."""
 
 
@@ -32,25 +33,24 @@ class Learner:
     """Whether this process, among those that train together, reports and writes."""
 
 
-def is_deep(network: str | None, start: Network | None) -> bool:
+def is_deep(quality: str | None, start: Network | None) -> bool:
     """Return whether the network to start from, or else the network of this size, is deep."""
     if start is not None:
-        if network is not None:
-            raise ValueError("start: this network has its own layers; leave out --network")
+        if quality is not None:
+            raise ValueError("start: this network has its own layers; leave out --quality")
         return not is_sequential(start.layers)
-    if network not in (None, *SIZES):
-        raise ValueError(f"network: expected one of {', '.join(SIZES)}, got {network!r}")
-    return network not in (None, TWO_LAYER)
+    if quality not in (None, *SIZES):
+        raise ValueError(f"quality: expected one of {', '.join(SIZES)}, got {quality!r}")
+    return quality not in (None, TWO_LAYER)
 
 
 def refuse_options_of_others(deep: bool, **options: object) -> None:
     """Raise ValueError for an option that is set and belongs to the other kind of network."""
-    kinds = f"the network {TWO_LAYER}", f"the networks {', '.join(ARCHITECTURES)}"
+    kinds = f"--quality {TWO_LAYER}", f"--quality {', '.join(ARCHITECTURES)}"
     for name, value in options.items():
         if value is not None and value is not False and (name in _DEEP_ONLY) != deep:
-            raise ValueError(
-                f"{name.replace('_', '-')}: is for {kinds[not deep]}, not for {kinds[deep]}"
-            )
+            option = "bits-per-pixel: a range" if name == "range" else f"{name}:"
+            raise ValueError(f"{option} is for {kinds[not deep]}, not for {kinds[deep]}")
 
 
 def two_layer_learner(
@@ -103,33 +103,53 @@ def check_device(device: str | None) -> None:
 
 def initial_network(
     sensor: Sensor,
-    network: str | None,
+    quality: str | None,
     *,
-    trials_range: str | None,
+    trials_range: tuple[int, int] | None,
     sigma: float | None,
     tied: bool,
     seed: int,
 ) -> Network:
     """Return the network of a size at its initial parameters."""
     if trials_range is not None:
-        parsed = parse_trials_range(trials_range)
-        return Network.conditional(network or TWO_LAYER, trials_range=parsed, rng=seed)
-    if network not in (None, TWO_LAYER):
-        return Network.residual(sensor, network, rng=seed)
+        return Network.conditional(quality or TWO_LAYER, trials_range=trials_range, rng=seed)
+    if quality not in (None, TWO_LAYER):
+        return Network.residual(sensor, quality, rng=seed)
     return Network.initial(sensor, sigma=0.7 if sigma is None else sigma, tied=tied)
 
 
-def parse_trials_range(text: str) -> tuple[int, int]:
-    """Return the minimum and maximum number of trials per pixel of MIN:MAX.
+def parse_bits_per_pixel(text: str | None) -> int | tuple[int, int] | None:
+    """Return K, or the smallest and the largest K of MIN:MAX.
 
     Examples
     --------
-    >>> parse_trials_range("1:256")
-    (1, 256)
+    >>> parse_bits_per_pixel("16"), parse_bits_per_pixel("1:256")
+    (16, (1, 256))
     """
-    low, colon, high = text.partition(":")
-    if not (colon and low.isdecimal() and high.isdecimal() and 1 <= int(low) < int(high)):
+    if text is None:
+        return None
+    match = re.fullmatch(r"(\d{1,10})(?::(\d{1,10}))?", text.strip(), re.ASCII)
+    low, high = (int(match[1]), int(match[2] or 0)) if match else (0, 0)
+    if match is None or low < 1 or (match[2] is not None and high <= low):
         raise ValueError(
-            f"trials-range: expected MIN:MAX in whole numbers from 1, such as 1:256, got {text!r}"
+            "bits-per-pixel: expected a number such as 16, or a range MIN:MAX such as 1:256, got "
+            f"{text!r}"
         )
-    return int(low), int(high)
+    return low if match[2] is None else (low, high)
+
+
+def describe_kind(network: Network, quality: str | None) -> str:
+    """Return which kind of network it is, and for which data.
+
+    Examples
+    --------
+    >>> describe_kind(Network.initial(Sensor(frames=16)), "two-layer")
+    'a two-layer network for 16 bits per pixel'
+    """
+    size = quality or (TWO_LAYER if len(network.layers) == 2 else f"{len(network.layers)}-layer")
+    smallest = None if network.trials_range is None else network.trials_range[0]
+    if smallest is None:
+        return f"a {size} network for {network.sensor.trials} bits per pixel"
+    if smallest == 1:
+        return f"a {size} network for any number of bits per pixel"
+    return f"a {size} network for {smallest} bits per pixel or more"

@@ -1,22 +1,24 @@
 """Options that choose and adjust a reconstruction method."""
 
 import dataclasses
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from jotlight.cli.common_options import METHOD_PANEL, Model
+from jotlight.cli.common_options import METHOD_PANEL, NAMES, Model, Quality
 from jotlight.estimators.tv import NORMS
 from jotlight.estimators.vst import INVERSES
+from jotlight.evaluation.choice import requested_method
 from jotlight.evaluation.methods import (
     DEFAULT_METHOD,
     FALLBACK_METHOD,
     LARGE_METHOD,
     LARGE_TRIALS,
-    METHODS,
     SMOOTH_KERNEL_METHOD,
-    requested_method,
 )
+from jotlight.networks.architectures import SIZES
 
 
 @Parameter(name="*")
@@ -28,15 +30,19 @@ class MethodOptions:
         str | None,
         Parameter(
             alias="-m",
-            help=f"One of {', '.join(METHODS)}. Default: {DEFAULT_METHOD} where it serves the "
+            help=f"One of {NAMES}. Default: {DEFAULT_METHOD} where it serves the "
             f"sensor ({LARGE_METHOD} above {LARGE_TRIALS} trials per pixel), else "
             f"{FALLBACK_METHOD}, or {SMOOTH_KERNEL_METHOD} for a smooth kernel.",
         ),
     ] = None
+    quality: Quality = None
     model: Model = None
     inverse: Annotated[
         str | None,
-        Parameter(help=f"Inverse of the non-iterative methods: {' or '.join(INVERSES)}."),
+        Parameter(
+            help=f"Inverse of the non-iterative methods: {' or '.join(INVERSES)}. Default: "
+            f"{INVERSES[0]}."
+        ),
     ] = None
     weight: Annotated[
         float | None,
@@ -80,11 +86,50 @@ class MethodOptions:
         ValueError
             For an unknown method, or options that do not belong together.
         """
+        if ":" in (self.method or ""):
+            raise ValueError(
+                "method: functions of your own are for compare, evaluate, and reproduce; in "
+                "Python, jotlight.reconstruct takes them, too"
+            )
+        method = named_method(self.method, self.quality, self.model)
         options = [*(["uncertainty"] if needs_uncertainty else []), *self.settings()]
         if self.model is None:
-            return requested_method(self.method, options)
-        if self.method is not None:
-            raise ValueError(f"model: replaces the method; leave out --method {self.method}")
+            return requested_method(method, options)
         if options:
             raise ValueError(f"{options[0]}: is not an option of a network; leave out --model")
         return None
+
+
+def named_method(method: str | None, quality: str | None, model: Path | None) -> str | None:
+    """Return the name of the method that one of three options selects, or None.
+
+    Raises
+    ------
+    ValueError
+        When two of them are set, or for an unknown size.
+    """
+    options = {"--method": method, "--quality": quality, "--model": model}
+    chosen = [f"{option} {value}" for option, value in options.items() if value is not None]
+    if len(chosen) > 1:
+        raise ValueError(
+            f"expected one of --method, --quality, --model, got {' and '.join(chosen)}"
+        )
+    return network_name(quality) if quality is not None else method
+
+
+def network_name(quality: str) -> str:
+    """Return the name of the method that runs the trained network of a size."""
+    if quality not in SIZES:
+        raise ValueError(f"quality: expected one of {', '.join(SIZES)}, got {quality!r}")
+    return f"network-{quality}"
+
+
+def split_names(values: Iterable[str] | None) -> list[str]:
+    """Return the names in the values of a repeated option, which commas may separate.
+
+    Examples
+    --------
+    >>> split_names(["mle,admm-tv", "mine:denoise"])
+    ['mle', 'admm-tv', 'mine:denoise']
+    """
+    return [name.strip() for value in values or () for name in value.split(",")]

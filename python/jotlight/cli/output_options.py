@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from jotlight._engine import __version__
 from jotlight.cli.common_options import OUTPUT_PANEL
-from jotlight.estimators.brightness import detected_photons
+from jotlight.estimators.brightness import UNITS, unit_scale
 from jotlight.estimators.uncertainty import uncertainty
 from jotlight.images.image_stack import stack_writer
 from jotlight.images.io import DISPLAYED, FLOATS, image_writer
@@ -19,9 +19,6 @@ from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.pixel_counts import Data
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
-
-UNITS = {"intensity": "intensity", "photons": "detected photons per pixel and frame"}
-"""Units of floats, with the text that a file states."""
 
 _DEFAULT_CURVE = "gamma"
 
@@ -42,8 +39,8 @@ class OutputOptions:
     units: Annotated[
         str,
         Parameter(
-            help="Units of a .tif, .exr or .npy: intensity, or photons, the number that a pixel "
-            "of median response detects per frame."
+            help="Units of floats: intensity; photons, which a pixel of median response detects "
+            "per frame; or photons-per-second, which need --exposure-time."
         ),
     ] = "intensity"
     curve: Annotated[
@@ -65,7 +62,7 @@ class OutputOptions:
 
     def scale(self, sensor: Sensor) -> np.float32:
         """Return the factor from intensity to the units."""
-        return np.float32(detected_photons(sensor) if self.units == "photons" else 1)
+        return np.float32(unit_scale(sensor, self.units))
 
     def fit_tone(self, estimates: npt.NDArray[np.float32]) -> Tone:
         """Return the tone curve for estimates that are displayed."""

@@ -32,10 +32,13 @@ def plan(
     *,
     frame_rate: Annotated[
         float | None,
-        Parameter(help="Frames per second. The light is then per second."),
+        Parameter(
+            help="Frames per second. The light is then per second. Default: it is per frame."
+        ),
     ] = None,
     target: Annotated[
-        float | None, Parameter(help="A PSNR in dB. The last line states the frames it takes.")
+        float | None,
+        Parameter(help="A PSNR in dB. The last line states the frames it takes. Default: none."),
     ] = None,
     size: Annotated[
         str,
@@ -53,6 +56,8 @@ def plan(
     sensor_kwargs = sensor.to_kwargs()
     if frame_rate is not None and not 0 < frame_rate < float("inf"):
         raise ValueError(f"frame-rate: expected frames per second above 0, got {frame_rate}")
+    if sensor.exposure_time is not None:
+        raise ValueError("exposure-time: for light per second, state --frame-rate instead")
     minimum, maximum = _light_range(light)
     height, width = _size(size)
     if plot is not None:

@@ -16,11 +16,12 @@ from jotlight.cli.captured import Captured, add_sensor, refuse_capture_overwrite
 from jotlight.cli.console import caution, live_iterations, progress, report
 from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import ImageMotionOptions, MotionOptions, describe
-from jotlight.cli.output_options import UNITS, ImageOutputOptions
+from jotlight.cli.output_options import ImageOutputOptions
 from jotlight.cli.sensor_options import CalibratedSensorOptions
-from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE
+from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.estimators.problem import ConvergenceHistories
-from jotlight.evaluation.methods import METHODS, Choice, choose_method
+from jotlight.evaluation.choice import Choice, choose_method
+from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.reconstruct import Info, reconstruct
 from jotlight.files import atomic_write_together, refuse_overwrite
 from jotlight.networks.network import Network
@@ -43,8 +44,6 @@ class Reconstruction:
     settings: dict[str, Any]
     """Keyword arguments of the method."""
     calibration: AppliedCalibration | None
-    training: str
-    """Advice to train a network for the capture."""
 
     @property
     def record_arguments(self) -> tuple[Any, ...]:
@@ -124,14 +123,14 @@ class Inputs:
             # Aligned bits are counted.
             is_bits=is_bits and not self.motion.motion,
             is_range_known=captured.has_own_sensor or self.sensor.max_intensity is not None,
-            remedy=training,
+            training=training,
         )
         if choice.quality is not None:
             network = pretrained(captured.sensor, choice.quality)
         captured = _with_max_intensity(captured, choice.max_intensity)
         method = choice.method if network is None else network
         settings = self.method.settings()
-        return Reconstruction(self.path, captured, choice, method, settings, calibration, training)
+        return Reconstruction(self.path, captured, choice, method, settings, calibration)
 
 
 def _with_max_intensity(captured: Captured, max_intensity: float) -> Captured:
@@ -264,6 +263,6 @@ def report_assumptions(job: Reconstruction, brightness: Brightness) -> None:
     report(*about_file, *applied, about_sensor, *job.choice.notes)
     for message in job.choice.warnings:
         caution(label, message)
-    remark = range_advice(job.choice, brightness.maximum, brightness.quantile, job.training)
+    remark = range_advice(job.choice, brightness.maximum, brightness.quantile)
     if remark is not None:
         caution(label, remark)

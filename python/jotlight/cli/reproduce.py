@@ -7,8 +7,10 @@ from cyclopts import Parameter
 from rich.markup import escape
 from rich.table import Table
 
-from jotlight.cli.common_options import Threads
+from jotlight.cli.common_options import OWN, Threads
 from jotlight.cli.console import err, out, progress, report
+from jotlight.cli.method_options import split_names
+from jotlight.evaluation.own_method import import_method
 
 if TYPE_CHECKING:
     from jotlight.experiments import runner, tables
@@ -30,6 +32,14 @@ def reproduce(
     name: Annotated[str, Parameter(help=f"{', '.join(EXPERIMENT_NAMES)}, or {_ALL}.")],
     /,
     *,
+    method: Annotated[
+        list[str] | None,
+        Parameter(
+            alias="-m",
+            help=f"{OWN}, in addition to jotlight's methods in fig7, timing, and gain. Separate "
+            "several by commas, or repeat the option. Default: none.",
+        ),
+    ] = None,
     quick: Annotated[
         bool, Parameter(help="Run for seconds only: too little to draw conclusions from.")
     ] = False,
@@ -67,6 +77,7 @@ def reproduce(
             f"reproduce: expected one of {', '.join(EXPERIMENTS)}, or {_ALL}, got {name!r}"
         )
     experiments = list(EXPERIMENTS.values()) if name == _ALL else [EXPERIMENTS[name]]
+    own = _own_methods(method, experiments)
     folder = runner.Folder(output or Path("reproduction-quick" if quick else "reproduction"))
     if folder.path.exists() and not folder.path.is_dir():
         raise NotADirectoryError(f"{folder.path}: expected a folder, and it is a file")
@@ -79,7 +90,13 @@ def reproduce(
     work = []
     for experiment in experiments:
         context = runner.prepare(
-            experiment, folder, quick=quick, restart=restart, data=material, threads=threads
+            experiment,
+            folder,
+            quick=quick,
+            restart=restart,
+            data=material,
+            threads=threads,
+            own=own,
         )
         parts = experiment.parts(context)
         left = [part for part in parts if not folder.part_file(experiment, part).exists()]
@@ -93,6 +110,18 @@ def reproduce(
     if quick:
         out.print("[yellow]A quick run: too little to draw conclusions from.[/]")
     report(f"Report: {folder.page}")
+
+
+def _own_methods(values: list[str] | None, experiments: "list[Experiment]") -> list[str]:
+    """Return the names of functions of the caller, after their import."""
+    own = list(dict.fromkeys(split_names(values)))
+    if own and not any(experiment.compares_methods for experiment in experiments):
+        raise ValueError(
+            f"method: {experiments[0].name} compares no methods; fig7, timing, and gain do"
+        )
+    for name in own:
+        import_method(name)
+    return own
 
 
 def _run(

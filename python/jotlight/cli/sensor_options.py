@@ -7,58 +7,79 @@ from typing import Annotated, Any
 import numpy.typing as npt
 from cyclopts import Parameter
 
-from jotlight.cli.common_options import SENSOR_PANEL
+from jotlight.cli.common_options import KNOWN_SENSOR_PANEL, SENSOR_PANEL
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.images.captures import read_mask
 from jotlight.sensing.maps import MAPS
 from jotlight.sensing.sensor import KERNELS
 
-Oversampling = Annotated[int, Parameter(alias="-k", help="K̂: each pixel covers K̂ x K̂ jots.")]
-Frames = Annotated[int, Parameter(alias="-t", help="T: number of binary frames.")]
+_OVERSAMPLING = "K̂: each pixel covers K̂ x K̂ jots, the pixels of the camera."
+_FRAMES = "T: number of binary frames."
 
 
-@Parameter(name="*", group=SENSOR_PANEL)
+@Parameter(name="*", group=KNOWN_SENSOR_PANEL)
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SensorOptions:
     """Parameters of a :class:`jotlight.Sensor`; None where an option is not set."""
 
-    oversampling: Oversampling | None = None
-    frames: Frames | None = None
+    oversampling: Annotated[
+        int | None,
+        Parameter(
+            alias="-k",
+            help=f"{_OVERSAMPLING} Default: 1; for train and evaluate 4.",
+        ),
+    ] = None
+    frames: Annotated[
+        int | None,
+        Parameter(alias="-t", help=f"{_FRAMES} Default: those of the capture, or 1."),
+    ] = None
     gain: Annotated[
         float | None,
         Parameter(
-            help="α: photons on a pixel of intensity 1, over all jots and frames. Default: K, the "
-            "number of trials per pixel."
+            help="α, the exposure: photons on a pixel of intensity 1, over all jots and frames. "
+            "Default: K, the number of bits per pixel, so one photon per jot and frame."
         ),
     ] = None
     threshold: Annotated[
-        int | None, Parameter(alias="-q", help="q: number of photons that make a jot report 1.")
+        int | None,
+        Parameter(alias="-q", help="q: number of photons that make a jot report 1. Default: 1."),
     ] = None
     kernel: Annotated[
-        str | None, Parameter(help=f"Spread of a pixel's light: {', '.join(KERNELS)}.")
+        str | None,
+        Parameter(
+            help="g, the point spread function (PSF) that spreads a pixel's light over the jots: "
+            f"{', '.join(KERNELS)}. Default: {KERNELS[0]}."
+        ),
     ] = None
     dark_counts: Annotated[
         str | None,
         Parameter(
-            help="d: detections per jot and frame without light. A number, or a .npy map of the "
-            "jots."
+            help="d: detections per jot and frame without light, the dark count rate (DCR) times "
+            "the exposure time. A number, or a .npy map of the jots. Default: 0."
         ),
     ] = None
     efficiency: Annotated[
         str | None,
         Parameter(
-            help="η: fraction of photons that are detected. A number, or a .npy map of the jots."
+            help="η, the photon detection efficiency (PDE) or quantum efficiency: fraction of the "
+            "photons that are detected. A number, or a .npy map of the jots. Default: 1."
         ),
     ] = None
     mask: Annotated[
         Path | None,
         Parameter(
             help="Dead jots: a .npy of bool that is True for dead jots, or a PNG that is black for "
-            "live jots."
+            "live jots. Default: all jots are live."
         ),
     ] = None
     max_intensity: Annotated[
-        float | None, Parameter(help="S: largest intensity of an estimate.")
+        float | None, Parameter(help="S: largest intensity of an estimate. Default: 1.")
+    ] = None
+    exposure_time: Annotated[
+        float | None,
+        Parameter(
+            help="Exposure time of a frame in seconds, for photons per second. Default: unknown."
+        ),
     ] = None
 
     def _set(self) -> dict[str, Any]:
@@ -90,12 +111,13 @@ class SensorOptions:
         ]
 
 
+@Parameter(name="*", group=SENSOR_PANEL)
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ExposureOptions(SensorOptions):
     """Parameters of a sensor to simulate."""
 
-    oversampling: Oversampling = 4
-    frames: Frames = 1
+    oversampling: Annotated[int, Parameter(alias="-k", help=_OVERSAMPLING)] = 4
+    frames: Annotated[int, Parameter(alias="-t", help=_FRAMES)] = 1
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -33,7 +33,7 @@ class MotionOptions:
         str | None,
         Parameter(
             help=f"A named scene: {', '.join(MOTIONS)}; or a text file with a line per frame: the "
-            "shift in rows and columns, and optionally degrees and zoom."
+            "shift in rows and columns, and optionally degrees and zoom. Default: no motion."
         ),
     ] = None
     foreground: Annotated[
@@ -41,7 +41,10 @@ class MotionOptions:
     ] = None
     photons: Annotated[
         float | None,
-        Parameter(help="Mean number of photons per jot and frame. It replaces --gain."),
+        Parameter(
+            help="Mean number of photons per jot and frame, in place of --gain. Default: as --gain "
+            "states."
+        ),
     ] = None
     truth: Annotated[
         Path | None,

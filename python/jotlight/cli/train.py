@@ -10,12 +10,14 @@ import jotlight.plots as plots
 from jotlight.cli.capture_options import TargetCaptureOptions
 from jotlight.cli.captured import refuse_capture_overwrite
 from jotlight.cli.common_options import CAPTURE_PANEL, TRAINING_PANEL
-from jotlight.cli.console import silenced
+from jotlight.cli.console import report, silenced
 from jotlight.cli.learners import (
     Learner,
     deep_learner,
+    describe_kind,
     initial_network,
     is_deep,
+    parse_bits_per_pixel,
     refuse_options_of_others,
     two_layer_learner,
 )
@@ -40,7 +42,9 @@ from jotlight.cli.training_run import (
     run_training,
 )
 from jotlight.files import refuse_overwrite
+from jotlight.networks.graph import is_sequential
 from jotlight.networks.network import Network
+from jotlight.networks.pretrained import CONDITIONAL_SIZE, unsupported_reason
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import History, Record
 
@@ -91,6 +95,7 @@ def train(
     Several processes can train a deep network: torchrun --nproc-per-node 2 -m jotlight train
     """
     _check_options(images, training, network, target, capture, sensor)
+    jots = _jots(network, sensor)
     _check_outputs(images, training, data, target, sensor)
     start = None if training.start is None else Network.load(training.start)
     learner = _learner(training, network, start)
@@ -100,14 +105,15 @@ def train(
         scale = 1.0
         if target is not None:
             exposed, scale = read_training_sensor(target, capture, sensor, training.threads)
-            if training.steps is None and seconds is None and not is_deep(network.network, None):
+            if training.steps is None and seconds is None and not is_deep(network.quality, None):
                 seconds = TRAINING_SECONDS
         elif start is not None:
-            exposed = start.sensor.replace(**sensor.to_kwargs())
+            exposed = start.sensor.replace(**sensor.to_kwargs(), **jots)
         else:
-            exposed = Sensor(**{"oversampling": 4, **sensor.to_kwargs()})
+            exposed = Sensor(**{"oversampling": 4, **sensor.to_kwargs(), **jots})
         if start is None:
             start = _initial_network(exposed, network, training.seed)
+        kind = describe_kind(start, network.quality)
         steps = learner.steps if training.steps is None else training.steps
         scenes, tests = read_training_images(images, data, training.seed)
         if scale != 1.0:
@@ -134,11 +140,14 @@ def train(
     history, taken = run_training(
         run,
         training,
+        title=f"training {kind}",
         steps=steps,
         remedy=learner.remedy,
         provenance={"trained on": images or _PHOTOGRAPHS},
     )
-    report_training(_describe(history, taken, steps), training)
+    report_training(f"{kind}, {_describe(history, taken, steps)}", training)
+    report(f"Reconstruct with it: jotlight reconstruct CAPTURE --model {training.output} -o a.png")
+    _hint(start, exposed)
 
 
 def _check_options(
@@ -157,7 +166,9 @@ def _check_options(
         )
     if training.start is not None:
         if network.untied or network.sigma is not None or network.trials_range is not None:
-            raise ValueError("start: this network has its own sigma, weights and trials range")
+            raise ValueError(
+                "start: this network has its own sigma, weights and range of bits per pixel"
+            )
         if target is not None:
             raise ValueError("start: this network has its own sensor; leave out --sensor")
     if target is None:
@@ -166,8 +177,8 @@ def _check_options(
             options.append("--calibration")
         if options:
             raise ValueError(f"{options[0][2:]}: is for a capture; name one with --sensor")
-    elif network.trials_range is not None:
-        raise ValueError("trials-range: such a network is for any sensor; leave out --sensor")
+    elif network.bits_per_pixel is not None:
+        raise ValueError("bits-per-pixel: --sensor states it; leave out one of them")
 
 
 def _check_outputs(
@@ -191,7 +202,7 @@ def _check_outputs(
 
 def _learner(training: TrainingOptions, network: NetworkOptions, start: Network | None) -> Learner:
     """Return the learner of a network, after a check of the options of other networks."""
-    deep = is_deep(network.network, start)
+    deep = is_deep(network.quality, start)
     refuse_options_of_others(
         deep,
         optimizer=network.optimizer,
@@ -199,7 +210,7 @@ def _learner(training: TrainingOptions, network: NetworkOptions, start: Network 
         sigma=network.sigma,
         untied=network.untied,
         device=training.device,
-        trials_range=network.trials_range,
+        range=network.trials_range,
     )
     if deep:
         return deep_learner(training.learning_rate, training.device)
@@ -209,12 +220,37 @@ def _learner(training: TrainingOptions, network: NetworkOptions, start: Network 
 def _initial_network(sensor: Sensor, options: NetworkOptions, seed: int) -> Network:
     return initial_network(
         sensor,
-        options.network,
+        options.quality,
         trials_range=options.trials_range,
         sigma=options.sigma,
         tied=not options.untied,
         seed=seed,
     )
+
+
+def _jots(network: NetworkOptions, sensor: CalibratedSensorOptions) -> dict[str, int]:
+    """Return the parameters of a sensor with the requested number of bits per pixel."""
+    bits = parse_bits_per_pixel(network.bits_per_pixel)
+    if not isinstance(bits, int):
+        return {}
+    for name in ("oversampling", "frames"):
+        if getattr(sensor, name) is not None:
+            raise ValueError(
+                f"bits-per-pixel: replaces --oversampling and --frames; leave out --{name}"
+            )
+    return {"oversampling": 1, "frames": bits}
+
+
+def _hint(network: Network, sensor: Sensor) -> None:
+    """Print which network is better, if this one is not the best kind."""
+    if not is_sequential(network.layers):
+        return
+    report(f"--quality {CONDITIONAL_SIZE} trains a better network, with PyTorch.")
+    if unsupported_reason(sensor) is None:
+        report(
+            f"The trained network {CONDITIONAL_SIZE} serves this sensor, too: jotlight reconstruct "
+            "CAPTURE -o a.png"
+        )
 
 
 def _describe(history: History, seconds: float, steps: int) -> str:

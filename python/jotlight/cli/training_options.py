@@ -14,7 +14,7 @@ from jotlight.cli.common_options import (
     Threads,
     White,
 )
-from jotlight.cli.learners import DEFAULT_OPTIMIZER, DEVICES
+from jotlight.cli.learners import DEFAULT_OPTIMIZER, DEVICES, parse_bits_per_pixel
 from jotlight.networks.architectures import SIZES, TWO_LAYER
 from jotlight.training import OPTIMIZERS
 
@@ -88,18 +88,21 @@ class TrainingOptions:
 class NetworkOptions:
     """The network to train, and its optimizer; None where an option is not set."""
 
-    network: Annotated[
+    quality: Annotated[
         str | None,
         Parameter(
-            help=f"Size: one of {', '.join(SIZES)}. All sizes but {TWO_LAYER} need PyTorch, the "
-            f"extra torch, and more time. Default: {TWO_LAYER}."
+            help=f"Size of the network: {', '.join(SIZES)}. All sizes but {TWO_LAYER} are deep "
+            "networks, which estimate better images, and need PyTorch (the extra torch) and more "
+            f"time. Default: {TWO_LAYER}."
         ),
     ] = None
-    trials_range: Annotated[
+    bits_per_pixel: Annotated[
         str | None,
         Parameter(
-            help="MIN:MAX, such as 1:256: a deep network for every sensor with a number of bits "
-            "per pixel in this range, at any exposure. The sensor options then describe the tests."
+            help="K, such as 16, in place of --oversampling and --frames; or MIN:MAX, such as "
+            "1:256, for a deep network that serves every sensor with MIN bits per pixel or more, "
+            "at any exposure. The sensor options then describe the tests. Default: 16, 4 x 4 jots "
+            "in one frame."
         ),
     ] = None
     optimizer: Annotated[
@@ -127,6 +130,12 @@ class NetworkOptions:
         ),
     ] = False
 
+    @property
+    def trials_range(self) -> tuple[int, int] | None:
+        """The smallest and the largest K of a K-conditioned network, or None for another one."""
+        bits = parse_bits_per_pixel(self.bits_per_pixel)
+        return bits if isinstance(bits, tuple) else None
+
 
 @Parameter(name="*")
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -140,5 +149,8 @@ class ImageOptions:
         Parameter(help="A folder or an array of test images, to measure the progress."),
     ] = None
     test_key: Annotated[
-        str | None, Parameter(help="Name of the array of images in the .npz of --test.")
+        str | None,
+        Parameter(
+            help="Name of the array of images in the .npz of --test. Default: its only array."
+        ),
     ] = None

@@ -56,6 +56,7 @@ def run_training(
     train: Callable[..., tuple[Network, History]],
     options: TrainingOptions,
     *,
+    title: str,
     steps: int,
     remedy: str,
     provenance: dict[str, str],
@@ -68,6 +69,8 @@ def run_training(
         Takes `callback`.
     options : TrainingOptions
         Files to write.
+    title : str
+        Text that says which network is trained.
     steps : int
         Number of steps of the run.
     remedy : str
@@ -88,7 +91,7 @@ def run_training(
         temporary = files.enter_context(atomic_write(options.output))
         figure = None if options.plot is None else files.enter_context(atomic_write(options.plot))
         with _explain_stop(checkpoint, remedy):
-            with live_training(steps) as show:
+            with live_training(title, steps) as show:
                 network, history = train(callback=show)
             network.history.update(provenance)
             network.save(temporary)

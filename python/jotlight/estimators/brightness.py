@@ -21,6 +21,14 @@ HEADROOM = 2.0
 """The ratio of a network's maximum intensity to the brightness, which highlights exceed."""
 
 
+UNITS = {
+    "intensity": "intensity",
+    "photons": "detected photons per pixel and frame",
+    "photons-per-second": "detected photons per pixel and second",
+}
+"""Units of estimates, with the text that a file states."""
+
+
 def detected_photons(sensor: Sensor) -> float:
     """Return η α/T: the photons that a pixel of intensity 1 detects per frame.
 
@@ -33,6 +41,42 @@ def detected_photons(sensor: Sensor) -> float:
     1.0
     """
     return reference_jot(sensor)[0] * sensor.gain / sensor.frames
+
+
+def unit_scale(sensor: Sensor, units: str) -> float:
+    """Return the factor from intensities to other units.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor of the estimate. Photons per second need its `exposure_time`.
+    units : {"intensity", "photons", "photons-per-second"}
+        Intensities; or the photons that a pixel with the efficiency of the median jot detects per
+        frame, or per second.
+
+    Raises
+    ------
+    ValueError
+        For unknown units, or where the exposure time is unknown.
+
+    Examples
+    --------
+    >>> sensor = Sensor(frames=10, gain=20.0, exposure_time=1e-5)
+    >>> unit_scale(sensor, "photons"), round(unit_scale(sensor, "photons-per-second"))
+    (2.0, 200000)
+    """
+    if units not in UNITS:
+        raise ValueError(f"units: expected one of {', '.join(UNITS)}, got {units!r}")
+    if units == "intensity":
+        return 1.0
+    if units == "photons":
+        return detected_photons(sensor)
+    if sensor.exposure_time is None:
+        raise ValueError(
+            "units: photons per second need the exposure time of a frame in seconds; state it with "
+            "Sensor(exposure_time=1e-5) (--exposure-time 1e-5), for example"
+        )
+    return detected_photons(sensor) / sensor.exposure_time
 
 
 def max_measurable_intensity(sensor: Sensor) -> float:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 import jotlight.metrics as metrics
 from jotlight.errors import JotlightWarning
-from jotlight.evaluation.methods import METHODS, Method
+from jotlight.evaluation.methods import METHODS, Method, find_method
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.sensor import Sensor
@@ -55,9 +55,7 @@ def select_methods(sensor: Sensor, names: Sequence[str] | None = None) -> list[s
             and method.is_distinct(sensor)
         ]
     for name in names:
-        if name not in METHODS:
-            raise ValueError(f"methods: expected some of {', '.join(METHODS)}, got {name!r}")
-        if (reason := METHODS[name].unsupported_reason(sensor)) is not None:
+        if (reason := find_method(name).unsupported_reason(sensor)) is not None:
             raise ValueError(f"{name}: {reason}")
     return list(names)
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from jotlight.checks import as_image
 from jotlight.evaluation.compare import MethodResult, compare_methods, select_methods
-from jotlight.evaluation.methods import METHODS, Method
+from jotlight.evaluation.methods import METHODS, Method, find_method
 from jotlight.evaluation.own_method import OwnMethod
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.layout import Layout
@@ -175,9 +175,7 @@ def _describe(layout: Layout) -> str:
 def _as_method(title: str, method: str | Network | OwnMethod) -> Method:
     """Return a method with a title."""
     if isinstance(method, str):
-        if method not in METHODS:
-            raise ValueError(f"methods: expected some of {', '.join(METHODS)}, got {method!r}")
-        return dataclasses.replace(METHODS[method], title=title)
+        return dataclasses.replace(find_method(method), title=title)
     if not callable(method):
         raise TypeError(
             f"methods: expected the name of a method, a network, or a function for {title!r}, got "

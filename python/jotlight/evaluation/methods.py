@@ -1,10 +1,12 @@
-"""All reconstruction methods by name, and the choice of a method for a sensor.
+"""All reconstruction methods by name.
 
 The command line, the experiments, and the contract tests take the methods from :data:`METHODS`.
 """
 
 import dataclasses
-from collections.abc import Callable, Collection
+import inspect
+from collections.abc import Callable, Iterable
+from difflib import get_close_matches
 from functools import partial
 from importlib.util import find_spec
 from typing import Any
@@ -18,15 +20,8 @@ from jotlight.estimators.mle_iterative import mle_iterative
 from jotlight.estimators.noniterative import noniterative
 from jotlight.evaluation.held_out import held_out
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import (
-    CONDITIONAL_SIZE,
-    pretrained,
-    training_command,
-    unsupported_message,
-    unsupported_reason,
-)
+from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, unsupported_message
 from jotlight.sensing.pixel_counts import Data, prepare_data
-from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.sensor import Sensor
 
 Run = Callable[..., npt.NDArray[np.float32]]
@@ -90,6 +85,19 @@ class Method:
         """Whether the required package is installed."""
         return self.required_package is None or find_spec(self.required_package) is not None
 
+    @property
+    def keywords(self) -> tuple[str, ...] | None:
+        """Names of the options that `run` accepts in Python; None where it accepts any name."""
+        parameters = inspect.signature(self.run).parameters.values()
+        if any(parameter.kind is inspect.Parameter.VAR_KEYWORD for parameter in parameters):
+            return None
+        fixed = self.run.keywords if isinstance(self.run, partial) else {}
+        names = (each.name for each in parameters if each.kind is inspect.Parameter.KEYWORD_ONLY)
+        return tuple(name for name in names if name not in _COMMON and name not in fixed)
+
+
+_COMMON = frozenset({"trials", "threads", "channel_axis", "return_history"})
+"""Parameters of methods that :func:`jotlight.reconstruct` sets."""
 
 _ITERATIVE_OPTIONS = frozenset({"tol", "max_iter"})
 
@@ -161,9 +169,6 @@ FALLBACK_METHOD = "noniterative-tv"
 SMOOTH_KERNEL_METHOD = "admm-tv"
 """Fallback for the bits of a sensor with a smooth kernel, because it models the kernel."""
 
-OWN_NETWORK = "network"
-"""Name of the method that runs a network from the caller."""
-
 OPTION_DEFAULTS = {
     "uncertainty": "mle",
     "inverse": FALLBACK_METHOD,
@@ -178,165 +183,46 @@ If several are set, the first one in this order selects.
 """
 
 
-def requested_method(method: str | None, options: Collection[str] = ()) -> str | None:
-    """Return the requested method: the named one, or the one that an option selects.
-
-    Parameters
-    ----------
-    method : str or None
-        Name of a method.
-    options : collection of str
-        Names in :data:`OPTION_DEFAULTS` that the user set.
-
-    Returns
-    -------
-    str or None
-        A key of :data:`METHODS`, or None if neither a name nor an option is set.
+def find_method(name: str) -> Method:
+    """Return a method by its name.
 
     Raises
     ------
     ValueError
-        For an unknown name, or an option that the method does not accept.
+        For an unknown name.
 
     Examples
     --------
-    >>> requested_method(None, ["weight"])
-    'admm-tv'
-    >>> requested_method("mle", ["weight"])
+    >>> find_method("mle").title
+    'maximum likelihood'
+    >>> find_method("network-mediun")
     Traceback (most recent call last):
       ...
-    ValueError: weight: is an option of admm-tv, not of mle
+    ValueError: method: expected one of mle, ..., got 'network-mediun'; did you mean network-medium?
     """
-    if method is None:
-        method = next((name for key, name in OPTION_DEFAULTS.items() if key in options), None)
-    if method is None:
-        return None
-    if method not in METHODS:
-        raise ValueError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
-    for option in options:
-        if option not in METHODS[method].options:
-            owners = [name for name, other in METHODS.items() if option in other.options]
-            raise ValueError(f"{option}: is an option of {', '.join(owners)}, not of {method}")
-    return method
+    if name not in METHODS:
+        close = get_close_matches(name, METHODS, 1)
+        advice = f"; did you mean {close[0]}?" if close else ""
+        raise ValueError(f"method: expected one of {', '.join(METHODS)}, got {name!r}{advice}")
+    return METHODS[name]
 
 
-@dataclasses.dataclass(frozen=True)
-class Choice:
-    """The method for some data, and the range of its estimate."""
-
-    method: str
-    """Key of :data:`METHODS`, or :data:`OWN_NETWORK`."""
-    quality: str | None
-    """Size of the shipped network to load, or None for other methods."""
-    white: float
-    """Intensity that a linear display shows as white."""
-    max_intensity: float
-    """Largest intensity S of the estimate."""
-    has_fixed_range: bool
-    """Whether the method is a network that was trained for one S."""
-    saturation: float | None
-    """Intensity at which the bits saturate, if a network's fixed S is below it; otherwise None."""
-    reason: str
-    """Why the method was chosen."""
-    notes: tuple[str, ...]
-    """Assumptions to report."""
-    warnings: tuple[str, ...]
-    """Reasons why the default method was not chosen."""
-
-    @property
-    def title(self) -> str:
-        """Name of the method in tables and messages."""
-        return "network, own" if self.method == OWN_NETWORK else METHODS[self.method].title
-
-
-def choose_method(
-    sensor: Sensor,
-    *,
-    requested: str | None = None,
-    network: Network | None = None,
-    is_bits: bool = True,
-    is_range_known: bool = True,
-    remedy: str | None = None,
-) -> Choice:
-    """Return the method for some data: the requested one, or the best one for the sensor.
-
-    Parameters
-    ----------
-    sensor : Sensor
-        Sensor of the data.
-    requested : str, optional
-        Key of :data:`METHODS`, as returned by :func:`requested_method`. Default: the network
-        `DEFAULT_METHOD` where it serves the sensor, or `LARGE_METHOD` if K is above `LARGE_TRIALS`;
-        else `SMOOTH_KERNEL_METHOD` for the bits of a smooth kernel, else `FALLBACK_METHOD`.
-    network : Network, optional
-        Network of the caller. It replaces the request.
-    is_bits : bool
-        Whether the data are bits. Counts do not show how a smooth kernel spread the light.
-    is_range_known : bool
-        Whether the data or the user state the largest intensity S. Otherwise, with a box kernel, S
-        rises to the saturation of the bits, if the method allows it.
-    remedy : str, optional
-        Advice that follows the reason why no network serves the sensor. Default: the command that
-        trains a network.
-
-    Returns
-    -------
-    Choice
-
-    Raises
-    ------
-    ValueError
-        When the requested network does not serve the sensor.
+def check_options(method: str, options: Iterable[str]) -> None:
+    """Raise TypeError for an option in Python that a method does not accept.
 
     Examples
     --------
-    >>> choose_method(Sensor(frames=16)).method
-    'network-medium'
-    >>> choose_method(Sensor(frames=10_000)).method
-    'held-out'
-    >>> choose_method(Sensor(frames=16, kernel="cubic"), is_bits=False).method
-    'noniterative-tv'
+    >>> check_options("admm-tv", ["wieght"])
+    Traceback (most recent call last):
+      ...
+    TypeError: wieght: admm-tv has the options weight, norm, ...; did you mean weight?
     """
-    warnings: list[str] = []
-    reason = "requested"
-    if network is not None:
-        method, quality, has_fixed_range = OWN_NETWORK, None, network.trials_range is None
-    else:
-        method = requested or (LARGE_METHOD if sensor.trials > LARGE_TRIALS else DEFAULT_METHOD)
-        if requested is None:
-            reason = f"recommended for {sensor.trials:,} trials per pixel"
-        quality = METHODS[method].quality
-        needed = CONDITIONAL_SIZE if method == LARGE_METHOD else quality
-        if needed is not None and (missing := unsupported_reason(sensor, needed)) is not None:
-            message = f"{missing}; {remedy or 'train one: ' + training_command(sensor)}"
-            if requested is not None:
-                raise ValueError(message)
-            warnings.append(message)
-            is_smooth = is_bits and sensor.kernel != "box"
-            method, quality = SMOOTH_KERNEL_METHOD if is_smooth else FALLBACK_METHOD, None
-            reason = missing
-        # The medium network serves any S. Every other size was trained for S = 1.
-        has_fixed_range = quality is not None and quality != CONDITIONAL_SIZE
-    white = max_intensity = sensor.max_intensity
-    limit, notes = None, []
-    saturation = saturation_intensity(sensor)
-    if not is_range_known and sensor.kernel == "box" and saturation > white:
-        if has_fixed_range:
-            limit = saturation
-        else:
-            max_intensity = saturation
-            notes.append(
-                "the largest intensity is half a count from saturation, so that only saturated "
-                "pixels are clipped; max_intensity=S (--max-intensity) sets another one"
-            )
-    return Choice(
-        method,
-        quality,
-        white,
-        max_intensity,
-        has_fixed_range,
-        limit,
-        reason,
-        tuple(notes),
-        tuple(warnings),
-    )
+    known = METHODS[method].keywords
+    if known is None:
+        return
+    for option in options:
+        if option not in known:
+            close = get_close_matches(option, known, 1)
+            text = f"has the options {', '.join(known)}" if known else "has no options"
+            advice = f"did you mean {close[0]}?" if close else "leave it out"
+            raise TypeError(f"{option}: {method} {text}; {advice}")

@@ -1,7 +1,16 @@
-"""Functions of the caller as methods: what they receive, and what they must return."""
+"""Functions of the caller as methods: their import, what they receive, and what they return."""
 
+import functools
+import hashlib
+import importlib
 import inspect
+import os
+import re
+import sys
+import traceback
 from collections.abc import Callable
+from difflib import get_close_matches
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -17,6 +26,95 @@ OwnMethod = Callable[..., npt.ArrayLike]
 
 _POSITIONAL = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD
 """Kinds of parameters that take values without names."""
+
+
+def import_method(reference: str, folder: str | os.PathLike[str] | None = None) -> OwnMethod:
+    """Return the function that ``MODULE:FUNCTION`` names, such as ``mine:denoise``.
+
+    If the function raises an exception later, it becomes a ValueError that names the line.
+
+    Parameters
+    ----------
+    reference : str
+        Module and function, separated by a colon. The module may lie in a package, ``a.b:f``.
+    folder : path, optional
+        Folder whose modules are found first. Default: the current one.
+
+    Raises
+    ------
+    ImportError
+        When the module is missing, or its import fails.
+    TypeError, ValueError
+        When the reference does not name a function.
+
+    Examples
+    --------
+    >>> import_method("builtins:sum")([1, 2])
+    3
+    """
+    name, _, attribute = reference.partition(":")
+    if not re.fullmatch(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*", reference):
+        raise ValueError(
+            f"method: expected MODULE:FUNCTION, such as mine:denoise for the function denoise in "
+            f"mine.py, got {reference!r}"
+        )
+    module = _import_module(name, os.path.abspath(folder or os.curdir))  # noqa: PTH100
+    if not hasattr(module, attribute):
+        close = get_close_matches(attribute, dir(module), 1)
+        advice = f"; did you mean {name}:{close[0]}?" if close else ""
+        raise ValueError(f"method: the module {name} has no function {attribute}{advice}")
+    function = getattr(module, attribute)
+    if not callable(function):
+        raise TypeError(
+            f"method: expected a function, but {reference} is of type {type(function).__name__}"
+        )
+
+    @functools.wraps(function)
+    def run(*arguments: Any, **keywords: Any) -> npt.ArrayLike:
+        try:
+            result: npt.ArrayLike = function(*arguments, **keywords)
+        except Exception as error:
+            raise ValueError(f"method: {reference} raised {_describe(error, module)}") from error
+        return result
+
+    return run
+
+
+def checksum_of_module(reference: str) -> str:
+    """Return the SHA-256 of the module of ``MODULE:FUNCTION``, or its name if it has no file."""
+    module = inspect.getmodule(inspect.unwrap(import_method(reference)))
+    path = getattr(module, "__file__", None)
+    if path is None:
+        return reference
+    with open(path, "rb") as file:  # noqa: PTH123
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _import_module(name: str, folder: str) -> ModuleType:
+    if folder not in sys.path:
+        sys.path.insert(0, folder)
+    importlib.invalidate_caches()
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name is None or not (name == error.name or name.startswith(f"{error.name}.")):
+            raise ImportError(f"method: the import of {name} failed: {error}") from error
+        raise ModuleNotFoundError(
+            f"method: there is no module {name}, neither {name.replace('.', '/')}.py in {folder} "
+            "nor installed"
+        ) from error
+    except Exception as error:
+        raise ImportError(
+            f"method: the import of {name} failed: {type(error).__name__}: {error}"
+        ) from error
+
+
+def _describe(error: Exception, module: ModuleType) -> str:
+    """Return an exception and the last line of a module that led to it."""
+    text = f"{type(error).__name__}: {error}"
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [each.lineno for each in frames if each.filename == getattr(module, "__file__", None)]
+    return f"{text} ({module.__file__}, line {lines[-1]})" if lines else text
 
 
 def run_own(

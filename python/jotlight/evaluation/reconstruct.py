@@ -9,8 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
+from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.problem import ConvergenceHistories
-from jotlight.evaluation.methods import METHODS, OPTION_DEFAULTS, choose_method, requested_method
+from jotlight.evaluation.choice import choose_method, requested_method
+from jotlight.evaluation.methods import METHODS, OPTION_DEFAULTS, check_options
 from jotlight.evaluation.own_method import OwnMethod, run_own
 from jotlight.networks.architectures import SIZES
 from jotlight.networks.network import Network
@@ -54,6 +56,7 @@ def reconstruct(
     quality: str | None = ...,
     trials: npt.ArrayLike | None = ...,
     channel_axis: int | None = ...,
+    units: str = ...,
     threads: int | None = ...,
     return_info: Literal[False] = ...,
     **options: Any,
@@ -67,6 +70,7 @@ def reconstruct(
     quality: str | None = ...,
     trials: npt.ArrayLike | None = ...,
     channel_axis: int | None = ...,
+    units: str = ...,
     threads: int | None = ...,
     return_info: Literal[True],
     **options: Any,
@@ -81,6 +85,7 @@ def reconstruct(
     quality: str | None = None,
     trials: npt.ArrayLike | None = None,
     channel_axis: int | None = None,
+    units: str = "intensity",
     threads: int | None = None,
     return_info: bool = False,
     **options: Any,
@@ -106,6 +111,9 @@ def reconstruct(
     channel_axis : int, optional
         Axis of counts that holds color channels. Default: none, and axes before the last two are
         those of a stack.
+    units : {"intensity", "photons", "photons-per-second"}
+        Units of the result: intensities; or detected photons per pixel and frame, or per pixel and
+        second if the sensor states its `exposure_time`.
     threads : int, optional
         Number of threads. Default: all.
     return_info : bool
@@ -117,7 +125,8 @@ def reconstruct(
     Returns
     -------
     ndarray of float32
-        Intensities, of the shape of the counts. Estimates of color bits are (H, W, C).
+        Intensities, or photons as `units` states, of the shape of the counts. Estimates of color
+        bits are (H, W, C).
     Info
         Only with `return_info`.
 
@@ -141,12 +150,15 @@ def reconstruct(
     >>> _, info = reconstruct(bits.counts(), sensor, method="mle", return_info=True)
     >>> info.title, info.reason
     ('maximum likelihood', 'requested')
+    >>> timed = sensor.replace(exposure_time=1e-5)
+    >>> photons = reconstruct(bits.counts(), timed, method="mle", units="photons-per-second")
     """
     if "return_history" in options:
         raise TypeError("return_history: pass return_info=True, and take the history of the info")
     if sensor is None and isinstance(method, Network):
         sensor = carried_sensor(data) or method.default_sensor or method.sensor
     data, sensor = prepare_data(data, sensor, trials, channel_axis)
+    scale = np.float32(unit_scale(sensor, units))
     start = time.perf_counter()
     if callable(method) and not isinstance(method, Network):
         if quality is not None:
@@ -156,6 +168,8 @@ def reconstruct(
         info = Info(name, name, "requested", time.perf_counter() - start)
     else:
         estimate, info = _run(data, sensor, method, quality, threads, options)
+    if scale != 1:
+        estimate = estimate * scale
     return (estimate, info) if return_info else estimate
 
 
@@ -178,7 +192,8 @@ def _run(
         requested=requested,
         network=network,
         is_bits=all(isinstance(image, Bits) for image in gray_images(data).data),
-        remedy="jotlight.train(jotlight.Network.initial(sensor), photographs) trains one",
+        training='train one: jotlight.torch.train(jotlight.Network.residual(sensor, "medium"), '
+        "photographs)",
     )
     for message in choice.warnings:
         warn(f"{message}; {choice.title} is used instead")
@@ -209,9 +224,13 @@ def _named(method: object, quality: str | None, options: dict[str, Any]) -> str 
             raise TypeError(
                 f"{min(unknown)}: without a method, expected one of the options {', '.join(known)}"
             )
-        return requested_method(method, [name for name in options if name in known])
+        name = requested_method(method, [option for option in options if option in known])
+        if name is not None:
+            check_options(name, options)
+        return name
     if method is not None:
         raise ValueError(f"quality: selects a shipped network, but method is {method!r}")
     if quality not in SIZES:
         raise ValueError(f"quality: expected one of {', '.join(SIZES)}, got {quality!r}")
-    return requested_method(f"network-{quality}", list(options))
+    check_options(f"network-{quality}", options)
+    return f"network-{quality}"

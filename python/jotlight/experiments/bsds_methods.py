@@ -1,6 +1,7 @@
 """The methods that `fig7` and `gain` run on Berkeley images, and the images' center crops."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,8 @@ import numpy as np
 from jotlight.estimators.denoise import Float32Image, bm3d
 from jotlight.estimators.noniterative import noniterative
 from jotlight.evaluation.methods import DEEP_NETWORKS, LARGE_METHOD, METHODS
+from jotlight.evaluation.own_method import import_method
+from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.experiments.method_titles import ALGEBRAIC
 from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
@@ -17,8 +20,10 @@ TWO_LAYER_METHOD = "network-two-layer"
 """Name of the two-layer network in `METHODS`."""
 
 
-def methods_with(network: Network) -> dict[str, Callable[..., Float32Image]]:
-    """Return every installed method, with this network as the learned one.
+def methods_with(
+    network: Network, own: Sequence[str] = ()
+) -> dict[str, Callable[..., Float32Image]]:
+    """Return every installed method, with this network as the learned one, and those of the caller.
 
     The two inverses of BM3D share one run of the denoiser.
     """
@@ -46,6 +51,8 @@ def methods_with(network: Network) -> dict[str, Callable[..., Float32Image]]:
         runs["noniterative-bm3d"] = exact
         runs[ALGEBRAIC] = algebraic
     runs[TWO_LAYER_METHOD] = network.reconstruct
+    for name in own:
+        runs[name] = partial(reconstruct, method=import_method(name))
     return runs
 
 

@@ -90,6 +90,8 @@ class RunContext:
     """The folder for checkpoints and for networks that later parts need."""
     data: Data
     threads: int | None = None
+    own: Sequence[str] = ()
+    """Functions of the caller to compare, each as ``MODULE:FUNCTION``."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -147,5 +149,7 @@ class Experiment:
     """The same for a run of seconds."""
     parts: Callable[[RunContext], list[Part]]
     section: Callable[[Results], Section]
+    compares_methods: bool = False
+    """Whether it compares all methods, and so those of the caller, too."""
     datasets: Sequence[str] = ()
     """The data sets that the parts read: "bsds300", "cifar10"."""

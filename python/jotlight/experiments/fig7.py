@@ -66,7 +66,7 @@ def parts(context: RunContext) -> list[Part]:
         def run(progress: Progress) -> PartResult:
             bits = sensor.expose(image, number, threads=context.threads)
             estimates = {}
-            runs = methods_with(Network.load(path))
+            runs = methods_with(Network.load(path), context.own)
             for done, (method, reconstruct) in enumerate(runs.items()):
                 progress(done / len(runs))
                 estimates[method] = reconstruct(bits, sensor, threads=context.threads)
@@ -76,7 +76,7 @@ def parts(context: RunContext) -> list[Part]:
             jots = bits[:1].to_array()[0]
             files = {"photograph": encode_png(image), "bits": encode_png(jots)}
             files |= {method: encode_png(estimate) for method, estimate in estimates.items()}
-            return PartResult(rows, {f"{name}-{which}.png": file for which, file in files.items()})
+            return PartResult(rows, {_file(name, which): file for which, file in files.items()})
 
         return run
 
@@ -191,7 +191,7 @@ def _scenes(results: Results) -> list[Scene]:
     assert results.files is not None
     scenes = []
     for name in results.unique("image"):
-        photograph = results.files / f"{name}-photograph.png"
+        photograph = results.files / _file(str(name), "photograph")
         if not photograph.exists():
             continue
         truth = decode_png(photograph.read_bytes(), str(photograph))
@@ -201,15 +201,20 @@ def _scenes(results: Results) -> list[Scene]:
             SceneImage(
                 "bits",
                 f"{results.settings['bits']} per pixel",
-                (results.files / f"{name}-bits.png").read_bytes(),
+                (results.files / _file(str(name), "bits")).read_bytes(),
             ),
         ]
         for row in results.rows_where(image=name):
             subtitle = f"{row['psnr']:.2f} dB, SSIM {row['ssim']:.3f}"
-            file = (results.files / f"{name}-{row['method']}.png").read_bytes()
+            file = (results.files / _file(str(name), str(row["method"]))).read_bytes()
             images.append(SceneImage(method_title(str(row["method"])), subtitle, file))
         scenes.append(Scene(f"Image {name}", truth.shape, find_detail(truth), images))
     return scenes
+
+
+def _file(name: str, which: str) -> str:
+    """Return the name of the file that shows an image, its bits, or its estimate by a method."""
+    return f"{name}-{which.replace(':', '-')}.png"
 
 
 def _row(name: str, method: str, estimate: Float32Image, image: Float32Image) -> Row:
@@ -232,5 +237,6 @@ EXPERIMENT = Experiment(
     },
     parts,
     section,
+    compares_methods=True,
     datasets=("bsds300",),
 )

@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 
 from jotlight.datasets.fetch import Progress
-from jotlight.evaluation.methods import METHODS
 from jotlight.experiments.bsds_methods import TWO_LAYER_METHOD, crop_center, methods_with
 from jotlight.experiments.experiment import Experiment, Part, PartResult, Results, Row, RunContext
-from jotlight.experiments.method_titles import ALGEBRAIC
+from jotlight.experiments.method_titles import ALGEBRAIC, method_title
 from jotlight.experiments.report.content import Column, Curves, Section, Table
 from jotlight.experiments.report.curves import METHOD_COLORS, OTHER_COLOR, Axes, Line, render_svg
 from jotlight.experiments.training_runs import paper_sensor, train_by_default
@@ -57,7 +56,7 @@ def parts(context: RunContext) -> list[Part]:
 def _rows(context: RunContext, axis: str, sensor: Sensor, progress: Progress) -> list[Row]:
     """Return PSNR and SSIM of every method on every image for one sensor."""
     settings = context.settings
-    runs = methods_with(_network(context, sensor, progress))
+    runs = methods_with(_network(context, sensor, progress), context.own)
     runs.pop(ALGEBRAIC, None)
     names, images = context.data.bsds300("test")
     # The chosen images are spread over the whole set.
@@ -149,7 +148,7 @@ def _axes(means: Mapping[float, dict[str, float]], x_label: str, ticks: list[flo
     methods = next(iter(means.values()))
     lines = [
         Line(
-            METHODS[method].title,
+            method_title(method),
             list(means),
             [row[method] for row in means.values()],
             color=METHOD_COLORS.get(method, OTHER_COLOR),
@@ -165,7 +164,7 @@ def _psnr_table(title: str, means: Means) -> Table:
     return Table(
         title,
         [Column("method"), *(Column(f"{value:g}", ".2f", "highest") for value in means)],
-        [[METHODS[method].title, *(row[method] for row in means.values())] for method in methods],
+        [[method_title(method), *(row[method] for row in means.values())] for method in methods],
     )
 
 
@@ -186,7 +185,7 @@ def _best_table(first: str, means: Means, fast: set[str]) -> Table:
     """Return the best of all methods, of those with a free license, and of the fast ones."""
     groups: dict[str, Callable[[str], bool]] = {
         "best": lambda name: True,
-        "best under a free license": lambda name: METHODS[name].required_package != "bm3d",
+        "best under a free license": lambda name: name != "noniterative-bm3d",
     }
     if fast:
         groups[f"best in less than {_MAX_FAST:g} ms"] = lambda name: name in fast
@@ -195,7 +194,7 @@ def _best_table(first: str, means: Means, fast: set[str]) -> Table:
         cells: list[Any] = [int(value) if value == int(value) else value]
         for belongs in groups.values():
             best = max(filter(belongs, row), key=row.__getitem__)
-            cells += [METHODS[best].title, row[best]]
+            cells += [method_title(best), row[best]]
         rows.append(cells)
     columns = [Column(first)]
     for title in groups:
@@ -224,5 +223,6 @@ EXPERIMENT = Experiment(
     },
     parts,
     section,
+    compares_methods=True,
     datasets=("bsds300",),
 )

@@ -15,11 +15,13 @@ _TITLES = {
 
 
 def method_title(method: str) -> str:
-    """Return the title of a method.
+    """Return the title of a method. For a function of the caller it is its name.
 
     Examples
     --------
     >>> method_title("mle"), method_title(UNTIED)
     ('maximum likelihood', 'network, a weight for each jot')
     """
-    return _TITLES.get(method) or METHODS[method].title
+    if method in METHODS:
+        return METHODS[method].title
+    return _TITLES.get(method, method)

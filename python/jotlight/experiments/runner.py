@@ -9,12 +9,14 @@ import platform
 import re
 import shutil
 import time
+from collections.abc import Sequence
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from jotlight.datasets.fetch import Progress
+from jotlight.evaluation.own_method import checksum_of_module
 from jotlight.experiments.experiment import Data, Experiment, Part, Row, RunContext
 from jotlight.experiments.tables import Facts
 from jotlight.files import remove_leftovers, write_file
@@ -47,8 +49,13 @@ class Folder:
         return self.parts(experiment.name) / f"{part.name}.json"
 
 
-def settings_of(experiment: Experiment, quick: bool, data: Data) -> dict[str, Any]:
-    """Return everything that determines an experiment's results, as JSON keeps it."""
+def settings_of(
+    experiment: Experiment, quick: bool, data: Data, own: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Return everything that determines an experiment's results, as JSON keeps it.
+
+    Functions of the caller are identified by a checksum of their modules.
+    """
     settings = {
         **(experiment.quick_settings if quick else experiment.full_settings),
         "quick": quick,
@@ -56,6 +63,8 @@ def settings_of(experiment: Experiment, quick: bool, data: Data) -> dict[str, An
     settings["data"] = {name: data.digest(name) for name in experiment.datasets}
     settings["BM3D"] = version(BM3D) if find_spec(BM3D) else "not installed"
     settings["jotlight"] = version("jotlight")
+    if own:
+        settings["methods"] = {name: checksum_of_module(name) for name in own}
     return dict(json.loads(json.dumps(settings)))
 
 
@@ -67,6 +76,7 @@ def prepare(
     restart: bool,
     data: Data,
     threads: int | None,
+    own: Sequence[str] = (),
 ) -> RunContext:
     """Return the context for an experiment's parts, and keep what an earlier run finished.
 
@@ -76,7 +86,8 @@ def prepare(
         If the folder holds results with other settings and `restart` is false.
     """
     parts = folder.parts(experiment.name)
-    settings = settings_of(experiment, quick, data)
+    own = own if experiment.compares_methods else ()
+    settings = settings_of(experiment, quick, data, own)
     if restart and parts.exists():
         shutil.rmtree(parts)
     parts.mkdir(parents=True, exist_ok=True)
@@ -95,7 +106,7 @@ def prepare(
             )
     else:
         write_file(kept, json.dumps(settings, indent=1))
-    return RunContext(settings, parts, data, threads)
+    return RunContext(settings, parts, data, threads, own)
 
 
 def run_part(experiment: Experiment, part: Part, folder: Folder, progress: Progress) -> float:

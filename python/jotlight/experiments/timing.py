@@ -17,6 +17,8 @@ from jotlight._engine import DEBUG_BUILD
 from jotlight.datasets.fetch import Progress
 from jotlight.estimators.denoise import Float32Image
 from jotlight.evaluation.methods import DEEP_NETWORKS, LARGE_METHOD, METHODS
+from jotlight.evaluation.own_method import import_method
+from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.experiments.bsds_methods import TWO_LAYER_METHOD, crop_center
 from jotlight.experiments.experiment import Experiment, Part, PartResult, Results, Row, RunContext
 from jotlight.experiments.method_titles import UNTIED, method_title
@@ -59,7 +61,7 @@ def _run(context: RunContext, progress: Progress) -> PartResult:
         name
         for name, method in METHODS.items()
         if method.available and name not in ("mle-iterative", LARGE_METHOD, *DEEP_NETWORKS)
-    ] + [UNTIED]
+    ] + [UNTIED, *context.own]
     rows: list[Row] = []
     rounds = settings["rounds"]
     with contextlib.ExitStack() as workers:
@@ -122,7 +124,7 @@ def _bound_to_one_core() -> Iterator[None]:
 
 
 _networks: dict[str, Callable[..., Float32Image]] = {}
-"""The networks of a worker, loaded once so the times exclude the loading of a file."""
+"""The networks and own functions of a worker, loaded once so the times exclude the loading."""
 
 
 def _seconds(method: str, packed: Any, sensor: Sensor, threads: int | None) -> float:
@@ -132,6 +134,10 @@ def _seconds(method: str, packed: Any, sensor: Sensor, threads: int | None) -> f
         run = _networks.setdefault(method, pretrained(sensor, "two-layer").reconstruct)
     elif method == UNTIED:
         run = _networks.setdefault(method, Network.initial(sensor, tied=False).reconstruct)
+    elif ":" in method:
+        run = _networks.setdefault(
+            method, partial(reconstruct, sensor=sensor, method=import_method(method))
+        )
     elif method == "network-initial":
         run = _networks.setdefault(method, Network.initial(sensor).reconstruct)
     else:
@@ -237,5 +243,6 @@ EXPERIMENT = Experiment(
     {**SETTINGS, "side": 96, "rounds": 2},
     parts,
     section,
+    compares_methods=True,
     datasets=("bsds300",),
 )

@@ -53,7 +53,8 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     Raises
     ------
     ValueError
-        When no trained network serves the sensor; the message says why, and how to train one.
+        When no trained network of this size serves the sensor; the message says why, and what to
+        do.
 
     Examples
     --------
@@ -72,17 +73,32 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
 
 
 def unsupported_message(sensor: Sensor, quality: str = "medium") -> str | None:
-    """Return why no trained network serves a sensor and how to train one, or None if one does.
+    """Return why no trained network serves a sensor and what to do, or None if one does.
 
     Examples
     --------
     >>> unsupported_message(Sensor(frames=16)) is None
     True
-    >>> unsupported_message(Sensor(frames=20), "two-layer").split(": ")[1]
-    'jotlight train FOLDER_OF_PHOTOGRAPHS -o model.safetensors --oversampling 1 --frames 20'
+    >>> unsupported_message(Sensor(frames=20), "two-layer").split("; ")[1]
+    'quality="medium" (--quality medium) serves this sensor'
     """
     reason = unsupported_reason(sensor, quality)
-    return reason and f"{reason}; train one: {training_command(sensor)}"
+    return reason and f"{reason}; {remedy(sensor)}"
+
+
+def remedy(sensor: Sensor, training: str | None = None) -> str:
+    """Return what to do when the trained networks of a size do not serve a sensor.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor of the data.
+    training : str, optional
+        Advice to train a network, for a sensor that no size serves. Default: the command.
+    """
+    if _unsupported_by_conditional(sensor) is None:
+        return f'quality="{CONDITIONAL_SIZE}" (--quality {CONDITIONAL_SIZE}) serves this sensor'
+    return training or f"train one with PyTorch: {training_command(sensor)}"
 
 
 def unsupported_reason(sensor: Sensor, quality: str = "medium") -> str | None:
@@ -139,14 +155,15 @@ def _unsupported_by_one_exposure(sensor: Sensor, trained: tuple[int, ...]) -> st
 
 
 def training_command(sensor: Sensor) -> str:
-    """Return the command that trains a two-layer network for a sensor.
+    """Return the command that trains a deep network for a sensor.
 
     Examples
     --------
-    >>> training_command(Sensor(frames=20))
-    'jotlight train FOLDER_OF_PHOTOGRAPHS -o model.safetensors --oversampling 1 --frames 20'
+    >>> print(training_command(Sensor(kernel="cubic")).partition(" -o ")[2])
+    model.safetensors --quality medium --oversampling 1 --frames 1 --kernel cubic
     """
-    options = [f"--oversampling {sensor.oversampling}", f"--frames {sensor.frames}"]
+    options = [f"--quality {CONDITIONAL_SIZE}"]
+    options += [f"--oversampling {sensor.oversampling}", f"--frames {sensor.frames}"]
     if sensor.gain != sensor.trials:
         options.append(f"--gain {float(sensor.gain)!r}")
     if sensor.threshold != 1:

@@ -1,4 +1,4 @@
-"""The checks that a network serves the data of a sensor, and that it can be trained for it."""
+"""The check that a network serves the data of a sensor."""
 
 import math
 
@@ -93,30 +93,6 @@ def choose_sensor(
             f"got {reference_jot(sensor)}; a tied network takes others"
         )
     return sensor
-
-
-def check_trained(sensor: Sensor, trials_range: tuple[int, int] | None) -> None:
-    """Raise ValueError when a network cannot be trained for the K of a sensor.
-
-    A K-conditioned network serves K above its range without parameters of its own for them.
-
-    Parameters
-    ----------
-    sensor : Sensor
-        Sensor of the training.
-    trials_range : (int, int), optional
-        Smallest and largest K of a K-conditioned network. None: the network is for one K.
-
-    Examples
-    --------
-    >>> check_trained(Sensor(frames=16), (1, 256))
-    """
-    if trials_range is not None and not trials_range[0] <= sensor.trials <= trials_range[1]:
-        low, high = trials_range
-        raise ValueError(
-            f"sensor: for training, the network is for {low} to {high} trials per pixel, got "
-            f"{sensor.trials}; take other frames (--frames, --frame-range)"
-        )
 
 
 def _response_to_light(sensor: Sensor) -> tuple[int, float, float]:

@@ -58,6 +58,8 @@ class Sensor:
         reconstruction ignores it.
     max_intensity : float
         S: the largest intensity that an estimate may have, 1e-18 to 1e18.
+    exposure_time : float, optional
+        The exposure time of a frame in seconds, which photons per second need. Default: unknown.
 
     Raises
     ------
@@ -90,6 +92,7 @@ class Sensor:
     efficiency: float | npt.NDArray[np.float32] = 1.0
     mask: npt.NDArray[np.bool_] | None = None
     max_intensity: float = 1.0
+    exposure_time: float | None = None
 
     def __post_init__(self) -> None:
         for name, maximum in (("oversampling", 4096), ("frames", 2**31 - 1), ("threshold", 65535)):
@@ -103,10 +106,12 @@ class Sensor:
         if self.kernel not in KERNELS:
             raise ValueError(f"kernel: expected one of {', '.join(KERNELS)}, got {self.kernel!r}")
         gain: float | None = self.gain
-        gain = self.trials if gain is None else gain
-        object.__setattr__(self, "gain", number_in_range("gain", gain, *LIMITS))
-        largest = number_in_range("max_intensity", self.max_intensity, *LIMITS)
-        object.__setattr__(self, "max_intensity", largest)
+        numbers = {"gain": self.trials if gain is None else gain}
+        numbers["max_intensity"] = self.max_intensity
+        if self.exposure_time is not None:
+            numbers["exposure_time"] = self.exposure_time
+        for name, number in numbers.items():
+            object.__setattr__(self, name, number_in_range(name, number, *LIMITS))
         for name, map_ in checked_maps(self.dark_counts, self.efficiency, self.mask).items():
             object.__setattr__(self, name, map_)
 
@@ -288,12 +293,12 @@ class Sensor:
         )
 
     def scalars(self) -> dict[str, Any]:
-        """Return the parameters that are not maps, by name, as values of JSON."""
+        """Return the parameters that are neither maps nor None, by name, as values of JSON."""
         maps = self.maps()
         return {
             field.name: getattr(self, field.name)
             for field in dataclasses.fields(self)
-            if field.name not in maps and field.name != "mask"
+            if field.name not in maps and getattr(self, field.name) is not None
         }
 
     @classmethod

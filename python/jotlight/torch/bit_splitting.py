@@ -6,7 +6,7 @@ noise of the other. `docs/guide/fine_tuning.md` describes the method.
 
 import dataclasses
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -17,11 +17,13 @@ from jotlight.errors import JotlightWarning
 from jotlight.estimators.inverse_response import equivalent_counts
 from jotlight.networks.inference import Inference
 from jotlight.networks.network import Network
+from jotlight.networks.trials_map import denoise_fractions
 from jotlight.sensing import response
 from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.subsampling import LongCounts, subsample_counts
+from jotlight.torch.estimates import probability_of
 from jotlight.torch.response import detection_probability
 
 HELD_OUT_FRACTION = 0.1
@@ -79,6 +81,10 @@ class Split:
     def target_bits(self) -> float:
         """Number of target bits in all patches."""
         return float(self.planes[:, 2].double().sum())
+
+    def to(self, device: torch.device) -> "Split":
+        """Return a copy on a device."""
+        return dataclasses.replace(self, planes=self.planes.to(device))
 
     def select(self, patches: slice) -> "Split":
         """Return some of the patches."""
@@ -164,6 +170,17 @@ class BitSplitter:
         parts = [self._draw_patch(rng, input_trials, side) for _ in range(number)]
         return dataclasses.replace(parts[0], planes=torch.cat([part.planes for part in parts]))
 
+    def estimate(self, network: Callable[[Tensor, int | None], Tensor], split: Split) -> Tensor:
+        """Return the differentiable output of a network for the input of a split, (N, 1, H, W).
+
+        Above the largest K of the network, it takes several passes, as in
+        :meth:`jotlight.Network.reconstruct`.
+        """
+        trials, known = split.network_trials, self.network.trials_range
+        if trials is None or known is None or trials <= known[1]:
+            return network(split.counts, trials)
+        return probability_of(network, split.counts, trials, known)
+
     def negative_log_likelihood(self, estimates: Tensor, split: Split) -> Tensor:
         """Return the negative log-likelihood of the target bits, in nats per bit.
 
@@ -196,13 +213,14 @@ class BitSplitter:
         """
         total = bits = 0.0
         for split in self.held_out:
-            layers, sensor = network.layers, network.sensor
-            if self.conditional:
-                sensor = self.sensor_with_trials(split.input_trials)
-                layers = network.conditioned_layers(sensor.trials)
-            inference = Inference(layers, sensor, self.reference, threads)
-            output = inference.run_counts(split.counts[0].numpy())
-            estimate = torch.from_numpy(output).double()[None]
+            counts = split.counts[0].numpy()
+            if network.trials_range is not None:
+                fraction = counts[0] / np.float32(split.input_trials)
+                output = denoise_fractions(network, fraction, split.input_trials, threads=threads)
+            else:
+                inference = Inference(network.layers, network.sensor, self.reference, threads)
+                output = inference.run_counts(counts)[0]
+            estimate = torch.from_numpy(output).double()[None, None]
             total += split.target_bits * float(self.negative_log_likelihood(estimate, split))
             bits += split.target_bits
         return total / max(bits, 1)

@@ -12,6 +12,9 @@ from jotlight.sensing.response import detection_density, inverse_detection_proba
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.response import detection_probability
 
+_MIN_PROBABILITY, _MAX_PROBABILITY = 1e-12, 1 - 2**-24
+"""Bounds in float32 within which the derivative of arcsin √p is finite."""
+
 
 def intensity_from_probability(probability: Tensor, sensor: Sensor) -> Tensor:
     """Return the intensity in [0, S] at which bits are 1 with the given probability.
@@ -116,13 +119,18 @@ def probability_of(
     estimate = network(counts * (served / trials), served).clamp(0, 1)
     if trials == served:
         return estimate
-    data = torch.arcsin(torch.sqrt((counts + 0.375) / (trials + 0.75)))
+    data = _angle((counts + 0.375) / (trials + 0.75))
     gain = math.sqrt(trials / served)
     for _ in range(math.ceil(math.log(gain**2, RATIO_OF_PASS))):
-        base = torch.arcsin(torch.sqrt(estimate))
+        base = _angle(estimate)
         raised = (base + gain * (data - base)).clamp(0, math.pi / 2)
         ones = torch.sin(raised) ** 2 * (served + 0.75) - 0.375
-        denoised = torch.arcsin(torch.sqrt(network(ones, served).clamp(0, 1)))
+        denoised = _angle(network(ones, served))
         lowered = base + (denoised - base) / gain
         estimate = torch.sin(lowered.clamp(0, math.pi / 2)) ** 2
     return estimate
+
+
+def _angle(probability: Tensor) -> Tensor:
+    """Return arcsin √p, whose derivative is infinite at 0 and 1, and so finite only between."""
+    return torch.arcsin(torch.sqrt(probability.clamp(_MIN_PROBABILITY, _MAX_PROBABILITY)))

@@ -13,7 +13,6 @@ from torch import Tensor
 
 from jotlight.checks import positive_number, whole_number
 from jotlight.networks.network import Network
-from jotlight.networks.served_sensors import check_trained
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import (
@@ -221,8 +220,9 @@ class FineTuner(Trainer):
         """Return this process's part of the negative log-likelihood of the target bits."""
         split = self.splitter.draw(random_generator(self.seed, 1, step), self.batch, self.side)
         own = split.select(self.group.shard)
-        counts = own.counts.to(self.parameters[0].device)
-        estimates = self.module.run_layers(counts, own.network_trials)
+        estimates = self.splitter.estimate(
+            self.module.run_layers, own.to(self.parameters[0].device)
+        )
         loss = self.splitter.negative_log_likelihood(estimates, own)
         return loss * (own.target_bits / max(split.target_bits, 1))
 
@@ -299,7 +299,6 @@ def _count_images(
     if isinstance(data, Merged):
         raise TypeError("data: expected Bits or counts, because merged counts cannot be split")
     network.check_sensor(sensor)
-    check_trained(sensor, network.trials_range)
     if not network.tied:
         raise ValueError(
             "network: expected a tied network, which takes counts: the bits of a pixel can only be "

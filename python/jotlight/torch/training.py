@@ -11,7 +11,6 @@ from torch import Tensor
 from jotlight.checks import positive_number, whole_number
 from jotlight.metrics import psnr
 from jotlight.networks.network import Network
-from jotlight.networks.served_sensors import check_trained
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, thread_limit
 from jotlight.torch.network import Network as TorchNetwork
@@ -137,7 +136,6 @@ def train(
     """
     sensor = network.sensor if sensor is None else sensor
     network.check_sensor(sensor)
-    check_trained(sensor, network.trials_range)
     chosen_device = choose_device(device)
     steps = whole_number("steps", STEPS if steps is None else steps, 1)
     batch = whole_number("batch", BATCH if batch is None else batch, 1)

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from jotlight.evaluation.methods import METHODS
 from jotlight.experiments.experiment import Results
+from jotlight.experiments.method_titles import method_title
 from jotlight.experiments.report.content import Column, Curves, Section, Table
 from jotlight.experiments.report.curves import METHOD_COLORS, OTHER_COLOR, Axes, Line, render_svg
 
@@ -22,7 +22,7 @@ def overview_section(results: Mapping[str, Results]) -> Section | None:
     for method in timing.unique("method"):
         if method not in quality.unique("method"):
             continue
-        title = METHODS[method].title
+        title = method_title(method)
         psnr, ssim = (
             float(quality.column(measure, method=method).mean()) for measure in ("psnr", "ssim")
         )

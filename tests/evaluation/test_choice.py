@@ -3,15 +3,13 @@
 import pytest
 
 import jotlight as jl
+from jotlight.evaluation.choice import OWN_NETWORK, choose_method, requested_method
 from jotlight.evaluation.methods import (
     DEFAULT_METHOD,
     FALLBACK_METHOD,
     METHODS,
     OPTION_DEFAULTS,
-    OWN_NETWORK,
     SMOOTH_KERNEL_METHOD,
-    choose_method,
-    requested_method,
 )
 from jotlight.networks.pretrained import unsupported_reason
 from jotlight.sensing.reference import saturation_intensity
@@ -34,7 +32,10 @@ def test_a_sensor_without_a_network_gets_the_fallback_and_a_warning_with_the_rea
     choice = choose_method(CUBIC, is_bits=False)
     assert (choice.method, choice.quality) == (FALLBACK_METHOD, None)
     [warning] = choice.warnings
-    assert warning.startswith(f"{unsupported_reason(CUBIC)}; train one: jotlight train ")
+    assert warning.startswith(
+        f"{unsupported_reason(CUBIC)}; train one with PyTorch: jotlight train "
+    )
+    assert "--quality medium" in warning
     assert "--frames 16 --kernel cubic" in warning
 
 
@@ -48,10 +49,12 @@ def test_the_fallback_serves_every_sensor():
         assert METHODS[FALLBACK_METHOD].unsupported_reason(sensor) is None
 
 
-def test_the_caller_s_remedy_ends_the_message():
-    assert choose_method(CUBIC, remedy="use a tripod").warnings[0].endswith("; use a tripod")
+def test_the_caller_s_advice_to_train_ends_the_message_where_no_size_serves():
+    assert choose_method(CUBIC, training="use a tripod").warnings[0].endswith("; use a tripod")
     with pytest.raises(ValueError, match=r"use a tripod$"):
-        choose_method(CUBIC, requested="network-medium", remedy="use a tripod")
+        choose_method(CUBIC, requested="network-medium", training="use a tripod")
+    with pytest.raises(ValueError, match=r"--quality medium\) serves this sensor$"):
+        choose_method(LARGE, requested="network-small", training="use a tripod")
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -64,7 +67,7 @@ def test_a_request_is_kept_without_a_warning(name):
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_a_requested_network_that_does_not_serve_the_sensor_is_refused(name):
-    with pytest.raises(ValueError, match=r"there is no trained network for .*; train one: "):
+    with pytest.raises(ValueError, match=r"no trained network for .*; train one with PyTorch: "):
         choose_method(CUBIC, requested=name)
 
 

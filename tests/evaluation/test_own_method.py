@@ -1,0 +1,95 @@
+"""Functions of the caller, named as MODULE:FUNCTION."""
+
+import sys
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.evaluation.own_method import arguments_of, checksum_of_module, import_method
+
+CODE = """
+import numpy as np
+
+number = 3
+
+def mean(bits, sensor):
+    return bits.counts(sensor.oversampling) / np.float32(sensor.trials)
+
+def fails(bits):
+    values = {}
+    return values["missing"]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Return the current folder, whose modules are forgotten afterward."""
+    (tmp_path / "own_module.py").write_text(CODE)
+    (tmp_path / "own_package").mkdir()
+    (tmp_path / "own_package" / "inner.py").write_text(CODE)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    before = set(sys.modules)
+    yield tmp_path
+    for name in set(sys.modules) - before:
+        if name.startswith("own_"):
+            del sys.modules[name]
+
+
+@pytest.mark.parametrize("reference", ["own_module:mean", "own_package.inner:mean"])
+def test_a_function_in_the_current_folder_is_a_method(folder, reference):
+    sensor = jl.Sensor(oversampling=2)
+    image = np.full((16, 16), 0.5, np.float32)
+    result = jl.evaluate(import_method(reference), [image], sensor)
+    counts = sensor.expose(image, rng=0).counts()
+    assert result.values("psnr") == [jl.metrics.psnr(np.float32(counts / 4), image)]
+
+
+def test_a_function_of_an_installed_module_is_found():
+    assert import_method("numpy.linalg:norm")([3.0, 4.0]) == 5
+
+
+def test_the_arguments_follow_the_signature_of_the_function(folder):
+    bits, sensor = object(), object()
+    assert arguments_of(import_method("own_module:mean"), bits, sensor, None)[1] == {
+        "sensor": sensor
+    }
+    assert arguments_of(import_method("own_module:fails"), bits, sensor, None) == ((bits,), {})
+
+
+def test_an_exception_names_the_function_and_its_line(folder):
+    line = CODE.splitlines().index('    return values["missing"]') + 1
+    message = rf"own_module:fails raised KeyError: 'missing' \(.*own_module.py, line {line}\)"
+    with pytest.raises(ValueError, match=message):
+        import_method("own_module:fails")(None)
+
+
+@pytest.mark.parametrize(
+    ("reference", "error", "message"),
+    [
+        ("own_module:meen", ValueError, "has no function meen; did you mean own_module:mean"),
+        ("own_module:number", TypeError, "expected a function, but own_module:number is of type"),
+        ("own_missing:f", ImportError, "there is no module own_missing, neither own_missing.py in"),
+        ("own_module.inner:f", ImportError, "there is no module own_module.inner"),
+        ("own_broken:f", ImportError, "the import of own_broken failed: No module named 'nothing"),
+        ("own_syntax:f", ImportError, "the import of own_syntax failed: SyntaxError"),
+        ("own_module:", ValueError, "expected MODULE:FUNCTION"),
+        (":mean", ValueError, "expected MODULE:FUNCTION"),
+        ("../own_module:mean", ValueError, "expected MODULE:FUNCTION"),
+        ("own_module.py:mean", ImportError, "there is no module own_module.py"),
+        ("mle", ValueError, "expected MODULE:FUNCTION, such as mine:denoise"),
+    ],
+)
+def test_a_reference_to_no_function_is_refused(folder, reference, error, message):
+    (folder / "own_broken.py").write_text("import nothing_of_this_name")
+    (folder / "own_syntax.py").write_text("def f(:")
+    with pytest.raises(error, match=message):
+        import_method(reference)
+
+
+def test_the_checksum_changes_with_the_module(folder):
+    (folder / "own_other.py").write_text(CODE + "# changed\n")
+    first, second = map(checksum_of_module, ("own_module:mean", "own_other:mean"))
+    assert len(first) == len(second) == 64
+    assert first != second
