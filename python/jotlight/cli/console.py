@@ -10,22 +10,19 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import (
     BarColumn,
-    Progress,
-    ProgressColumn,
-    SpinnerColumn,
     TaskProgressColumn,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
 
+from jotlight.bars import console, make_bar
 from jotlight.errors import JotlightWarning
 from jotlight.estimators.convergence import Iteration
 from jotlight.training import Record
 
-# Without emoji=False, rich replaces text between colons, as in a range of frames, by an emoji.
 out = Console(highlight=False, emoji=False)
-err = Console(stderr=True, highlight=False, emoji=False)
+err = console
 
 shown_warnings: set[str] = set()
 
@@ -93,13 +90,6 @@ class Begin(Protocol):
         """Return a function that takes the fraction of the step that is done."""
 
 
-def _bar(*columns: ProgressColumn) -> Progress:
-    """Return a progress bar that shows on a terminal only and vanishes at the end."""
-    return Progress(
-        SpinnerColumn(), *columns, console=err, transient=True, disable=not err.is_terminal
-    )
-
-
 @contextlib.contextmanager
 def progress(total: float | None, *, remaining: bool = False) -> Iterator[Begin]:
     """Show a progress bar while the block runs.
@@ -117,7 +107,7 @@ def progress(total: float | None, *, remaining: bool = False) -> Iterator[Begin]
         Takes the name of the next step, and the part of the total that it counts as.
     """
     time = [TimeRemainingColumn(), TextColumn("left")] if remaining else [TimeElapsedColumn()]
-    bar = _bar(TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), *time)
+    bar = make_bar(TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), *time)
     with bar:
         task = bar.add_task("", total=total)
         next_start = 0.0
@@ -140,7 +130,7 @@ def live_iterations(title: str) -> Iterator[Callable[[Iteration], None]]:
     callable
         Takes each iteration.
     """
-    bar = _bar(TextColumn("{task.description}"), BarColumn(bar_width=16), TimeElapsedColumn())
+    bar = make_bar(TextColumn("{task.description}"), BarColumn(bar_width=16), TimeElapsedColumn())
     with bar:
         task = bar.add_task(title, total=1.0)
 
@@ -160,7 +150,7 @@ def live_training(steps: int) -> Iterator[Callable[[Record], None]]:
     callable
         Takes the record of each step.
     """
-    bar = _bar(
+    bar = make_bar(
         TextColumn("step {task.completed:.0f}/{task.total:.0f}"),
         BarColumn(bar_width=24),
         TextColumn("{task.description}"),
