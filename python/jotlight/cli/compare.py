@@ -80,10 +80,11 @@ def run_comparison(
     import jotlight.plots as plots
 
     plots.check_figure(output)
-    with atomic_write(output) as temporary, progress(len(methods) + 2) as begin:
-        found = compare_by_title(methods, image, sensor, rng=seed, threads=threads, begin=begin)
-        begin("drawing the figure")
-        plots.save_figure(found.plot(), temporary)
+    with atomic_write(output) as temporary:
+        found = compare_by_title(methods, image, sensor, rng=seed, threads=threads, progress=True)
+        with progress(None) as begin:
+            begin("drawing the figure")
+            plots.save_figure(found.plot(), temporary)
     out.print(_table(found))
     missing = [method.required_package for method in METHODS.values() if not method.available]
     if missing:

@@ -20,6 +20,7 @@ from jotlight.bars import console, make_bar
 from jotlight.errors import JotlightWarning
 from jotlight.estimators.convergence import Iteration
 from jotlight.training import Record
+from jotlight.training.reporting import StepDescriber
 
 out = Console(highlight=False, emoji=False)
 err = console
@@ -141,36 +142,16 @@ def live_iterations(title: str) -> Iterator[Callable[[Iteration], None]]:
         yield show
 
 
-@contextlib.contextmanager
-def live_training(steps: int) -> Iterator[Callable[[Record], None]]:
-    """Show a training run: a live line on a terminal, elsewhere ten lines in all.
+def print_steps(steps: int) -> Callable[[Record], None]:
+    """Return a callback that prints ten lines during a training run, unless a terminal has a bar.
 
-    Yields
-    ------
-    callable
-        Takes the record of each step.
+    It takes the record of each step.
     """
-    bar = make_bar(
-        TextColumn("step {task.completed:.0f}/{task.total:.0f}"),
-        BarColumn(bar_width=24),
-        TextColumn("{task.description}"),
-        TimeRemainingColumn(),
-        TextColumn("left"),
-    )
-    with bar:
-        task = bar.add_task("starting", total=steps)
-        test = ""
+    describe, interval = StepDescriber(steps), max(1, steps // 10)
 
-        def show(record: Record) -> None:
-            nonlocal test
-            if record.test_psnr is not None:
-                test = f"  test {record.test_psnr:.2f} dB"
-            if record.held_out is not None:
-                test = f"  held out {record.held_out:.5f} nats per bit"
-            text = f"cost {record.loss:.4g}  gradient {record.gradient_norm:.3g}{test}"
-            bar.update(task, completed=record.step, description=text)
-            interval = max(1, steps // 10)
-            if not err.is_terminal and (record.step % interval == 0 or record.step == steps):
-                err.print(f"step {record.step}/{steps}  {text}", soft_wrap=True)
+    def show(record: Record) -> None:
+        text = describe(record)
+        if not err.is_terminal and (record.step % interval == 0 or record.step == steps):
+            err.print(text, soft_wrap=True)
 
-        yield show
+    return show

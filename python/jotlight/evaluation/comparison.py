@@ -1,9 +1,9 @@
 """One call that compares methods, also those of the caller, on the bits of one image."""
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -14,13 +14,14 @@ from jotlight.evaluation.methods import METHODS, Method
 from jotlight.evaluation.own_method import OwnMethod
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.networks.network import Network
-from jotlight.notebook import table_of
+from jotlight.notebook import table_of, text_table
+from jotlight.progress import Progress, equal_steps, shown_progress
 from jotlight.seeds import SeedLike
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from jotlight.figures import Figure
 
 COLUMNS = "method", "PSNR", "SSIM", "time"
 """Titles of the columns of the table."""
@@ -30,11 +31,11 @@ COLUMNS = "method", "PSNR", "SSIM", "time"
 class Comparison:
     """Estimates of one image by several methods: a table when printed, and a figure."""
 
-    image: npt.NDArray[np.floating] = dataclasses.field(repr=False)
+    image: npt.NDArray[np.floating]
     """The true image."""
     bits: Bits
     """Its bits."""
-    results: list[MethodResult] = dataclasses.field(repr=False)
+    results: list[MethodResult]
     """The estimates, their quality, and their computing times."""
     titles: Mapping[str, str]
     """Title of each method."""
@@ -51,16 +52,8 @@ class Comparison:
             for result in self.results
         ]
 
-    def __str__(self) -> str:
-        rows = [COLUMNS, *self.rows()]
-        widths = [max(len(row[column]) for row in rows) for column in range(len(COLUMNS))]
-        return "\n".join(
-            "  ".join(
-                text.rjust(width) if column else text.ljust(width)
-                for column, (text, width) in enumerate(zip(row, widths, strict=True))
-            )
-            for row in rows
-        )
+    def __repr__(self) -> str:
+        return text_table(COLUMNS, self.rows())
 
     def _repr_html_(self) -> str:
         return table_of(COLUMNS, self.rows())
@@ -89,7 +82,7 @@ def compare(
     *,
     rng: SeedLike = 0,
     threads: int | None = None,
-    begin: Callable[[str], Any] = lambda title: None,
+    progress: Progress = None,
 ) -> Comparison:
     """Expose an image, and return its estimates by several methods, with their quality.
 
@@ -107,9 +100,9 @@ def compare(
         Seed of the bits.
     threads : int, optional
         Number of threads. Default: all.
-    begin : callable, optional
-        A function that is called with the title of each step before it begins. If it returns a
-        function, this is called with the completed fraction of long steps.
+    progress : bool or callable, optional
+        Whether to show a progress bar, or a function that is called repeatedly with the completed
+        fraction. Default: a bar in notebooks.
 
     Returns
     -------
@@ -153,10 +146,12 @@ def compare(
         raise ValueError(
             f"image: expected a gray or RGB image to compare, got {pixels.shape[2]} channels"
         )
-    bits = sensor.expose(pixels, rng, threads=threads, progress=begin("drawing bits"))
-    results = compare_methods(
-        pixels, bits, sensor, names, threads=threads, begin=begin, methods=known
-    )
+    with shown_progress(progress, "comparing") as update:
+        begin = equal_steps(update, len(names) + 1)
+        bits = sensor.expose(pixels, rng, threads=threads, progress=begin("drawing bits"))
+        results = compare_methods(
+            pixels, bits, sensor, names, threads=threads, begin=begin, methods=known
+        )
     return Comparison(pixels, bits, results, {name: known[name].title for name in names})
 
 

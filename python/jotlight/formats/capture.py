@@ -11,6 +11,7 @@ import numpy.typing as npt
 from jotlight.checks import Counts
 from jotlight.errors import warn
 from jotlight.formats.labels import read_counts_label
+from jotlight.notebook import card, normalize
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_in_chunks
 from jotlight.sensing.provenance import Provenance
@@ -106,6 +107,20 @@ class CountStack:
                 "where 255 stands for a count of 1"
             )
         return total.view(np.int32)
+
+    def _facts(self) -> dict[str, str]:
+        shape = " x ".join(map(str, self.images.shape[1:]))
+        trials = "unknown" if self.trials is None else str(self.trials)
+        return {"images": str(len(self)), "size": shape, "trials of each": trials}
+
+    def _repr_html_(self) -> str:
+        facts = {**self._facts(), "file": self.provenance, "image": "the first one"}
+        return card("CountStack", facts, normalize(self[0]))
+
+    def __repr__(self) -> str:
+        images, size, trials = self._facts().values()
+        plural = "" if len(self) == 1 else "s"
+        return f"<CountStack: {images} image{plural} of {size} counts, trials of each: {trials}>"
 
 
 Capture = Bits | CountStack

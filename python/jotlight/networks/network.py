@@ -3,7 +3,7 @@
 import dataclasses
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -18,15 +18,20 @@ from jotlight.networks.architectures import (
 from jotlight.networks.bounds import output_bounds
 from jotlight.networks.conditional_inference import estimate_probability
 from jotlight.networks.conditioning import conditioning_weights, count_sets
+from jotlight.networks.figure import figure_of_layers
 from jotlight.networks.graph import halo_radius
 from jotlight.networks.inference import Inference
 from jotlight.networks.layer import Layer
 from jotlight.networks.layer_checks import check_layers
 from jotlight.networks.network_files import read_network, write_network
 from jotlight.networks.served_sensors import check_served
+from jotlight.notebook import card
 from jotlight.sensing.pixel_counts import Data, carried_sensor, map_channels, prepare_data
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
+
+if TYPE_CHECKING:
+    from jotlight.figures import Figure
 
 _PIXELS_AT_ONCE = 1 << 21
 """Number of pixels whose probabilities become intensities in one call."""
@@ -324,10 +329,22 @@ class Network:
         """
         return read_network(path, cls)
 
+    def plot(self) -> "Figure":
+        """Return a figure of splines and filters: those of the first and the last trained layer."""
+        return figure_of_layers(self.layers)
+
+    def _facts(self) -> dict[str, object]:
+        served = self.trials_range and f"{self.trials_range[0]} trials per pixel or more"
+        return {
+            "channels": " -> ".join(str(layer.channels) for layer in self.layers),
+            "parameters": sum(layer.parameter_count for layer in self.layers),
+            "for": served or repr(self.sensor),
+        }
+
+    def _repr_html_(self) -> str:
+        return card("Network", {**self._facts(), "halo": f"{self.halo} pixels"})
+
     def __repr__(self) -> str:
-        channels = " -> ".join(str(layer.channels) for layer in self.layers)
-        parameters = sum(layer.parameter_count for layer in self.layers)
-        purpose = repr(self.sensor)
-        if self.trials_range is not None:
-            purpose = f"{self.trials_range[0]} trials per pixel or more"
-        return f"<Network: channels {channels}, {parameters} parameters, for {purpose}>"
+        return "<Network: channels {channels}, {parameters} parameters, for {for}>".format(
+            **self._facts()
+        )
