@@ -1,6 +1,6 @@
 """Progress bars in terminals and in notebooks. Import this module late, because rich is large."""
 
-import time
+from time import monotonic
 from typing import Any
 
 from rich.console import Console
@@ -35,7 +35,7 @@ class _NotebookBar(Progress):
 
     def __init__(self, *columns: ProgressColumn) -> None:
         super().__init__(*columns, auto_refresh=False)
-        self._next = time.monotonic() + _DELAY
+        self._next = monotonic() + _DELAY
         self._output: Any = None
 
     def start(self) -> None:
@@ -47,7 +47,7 @@ class _NotebookBar(Progress):
     def update(self, task_id: TaskID, **changes: Any) -> None:
         """Change the task, and show it if some time has passed."""
         super().update(task_id, **changes)
-        if time.monotonic() >= self._next:
+        if monotonic() >= self._next:
             self._show()
 
     def stop(self) -> None:
@@ -62,4 +62,4 @@ class _NotebookBar(Progress):
             self._output = display(self, display_id=True)
         else:
             self._output.update(self)
-        self._next = time.monotonic() + _INTERVAL
+        self._next = monotonic() + _INTERVAL

@@ -38,15 +38,15 @@ def card(
     Examples
     --------
     >>> card("Bits", {"frames": 16, "file": "<a>"})
-    '<div><b>Bits</b><table><tr><th>frames</th><td>16</td></tr><tr><th>file</th><td>&lt;a&gt;</td></tr></table></div>'
+    '<div><div><b>Bits</b></div><table><tr><th>frames</th><td>16</td></tr><tr><th>file</th><td>&lt;a&gt;</td></tr></table></div>'
     """
     rows = "".join(
         f"<tr><th>{_escape(name)}</th><td>{_escape(value)}</td></tr>"
         for name, value in facts.items()
     )
     table = f"<table>{rows}</table>" if rows else ""
-    drawing = "" if image is None else f'<img alt="" src="{_data_address(image)}">'
-    return f"<div><b>{_escape(title)}</b>{drawing}{table}</div>"
+    drawing = "" if image is None else f'<div><img alt="" src="{_data_address(image)}"></div>'
+    return f"<div><div><b>{_escape(title)}</b></div>{drawing}{table}</div>"
 
 
 def text_table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -74,7 +74,7 @@ def _bar(title: str) -> Iterator[Update]:
     from jotlight.bars import make_bar
 
     text = TextColumn("{task.description}", markup=False)
-    with make_bar(text, BarColumn(), TaskProgressColumn(), TimeElapsedColumn()) as bar:
+    with make_bar(text, BarColumn(bar_width=24), TaskProgressColumn(), TimeElapsedColumn()) as bar:
         task = bar.add_task(title, total=1.0)
         yield lambda fraction, text=None: bar.update(task, completed=fraction, description=text)
 

@@ -152,6 +152,7 @@ def compare(
         results = compare_methods(
             pixels, bits, sensor, names, threads=threads, begin=begin, methods=known
         )
+        update(1.0)
     return Comparison(pixels, bits, results, {name: known[name].title for name in names})
 
 
