@@ -69,12 +69,13 @@ def shown_progress(progress: Progress, title: str) -> Iterator[Update]:
 
 @contextlib.contextmanager
 def _bar(title: str) -> Iterator[Update]:
-    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
     from jotlight.bars import make_bar
 
     text = TextColumn("{task.description}", markup=False)
-    with make_bar(text, BarColumn(bar_width=24), TaskProgressColumn(), TimeElapsedColumn()) as bar:
+    time = TimeRemainingColumn(elapsed_when_finished=True)
+    with make_bar(text, BarColumn(bar_width=24), TaskProgressColumn(), time) as bar:
         task = bar.add_task(title, total=1.0)
         yield lambda fraction, text=None: bar.update(task, completed=fraction, description=text)
 

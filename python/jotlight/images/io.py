@@ -31,7 +31,7 @@ _PNG = {"compress_type": zlib.Z_RLE}
 """Options of a PNG of 8 bits.
 
 The rows of a PNG are differences of neighbors. Searching them for long matches, as by default,
-takes three times as long, and makes the files of photographs no smaller.
+takes longer, and makes the files of photographs no smaller.
 """
 
 _ORIENTATION = 0x0112
