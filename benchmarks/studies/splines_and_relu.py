@@ -21,7 +21,7 @@ import jotlight as jl
 from jotlight.files import atomic_write
 from jotlight.images.sets import read_image_set
 from jotlight.networks.architectures import ARCHITECTURES, Architecture
-from jotlight.torch import NetworkModule, training
+from jotlight.torch import Network, training
 from jotlight.torch.distributed import ProcessGroup
 from jotlight.torch.patches import PatchLoader
 
@@ -29,7 +29,7 @@ SENSOR = jl.Sensor(frames=16)
 COLUMNS = "nonlinearity", "channels", "steps", "seed", "psnr_db"
 
 
-class Rectified(NetworkModule):
+class Rectified(Network):
     """The same network with max(z, 0) for every trainable spline."""
 
     def activate(self, index: int, sums: Tensor, coefficients: Tensor | None) -> Tensor:
@@ -51,7 +51,7 @@ def main() -> None:
     rows = []
     if options.threads is not None:
         torch.set_num_threads(options.threads)
-    for name, kind, channels in (("spline", NetworkModule, 12), ("ReLU", Rectified, 13)):
+    for name, kind, channels in (("spline", Network, 12), ("ReLU", Rectified, 13)):
         for seed in range(options.seeds):
             psnr = train_and_measure(kind, channels, seed, scenes, tests, options)
             rows.append((name, channels, options.steps, seed, f"{psnr:.3f}"))
@@ -67,7 +67,7 @@ def main() -> None:
 
 
 def train_and_measure(
-    kind: type[NetworkModule],
+    kind: type[Network],
     channels: int,
     seed: int,
     scenes: list[np.ndarray],

@@ -190,9 +190,8 @@ def peak_of_shifted_scores(
 ) -> list[tuple[float, tuple[int, int]]]: ...
 def expose(
     sensor: dict[str, Any],
-    image: _Image,
-    seed: bytes,
-    channel: int,
+    images: _Image,
+    streams: list[tuple[bytes, int]],
     frames: _Span,
     rows: _Span,
     columns: _Span,

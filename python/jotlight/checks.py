@@ -147,14 +147,14 @@ def whole_numbers(name: str, values: npt.ArrayLike) -> npt.NDArray[np.int32]:
 
 
 def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
-    """Return an image of intensities as float32 or float64. Such arrays are not copied.
+    """Return intensities of images as float32 or float64. Such arrays are not copied.
 
     Raises
     ------
     TypeError
         For integers, whose scale is unknown, and for all other types except floats.
     ValueError
-        When the image is empty, negative, not finite, or does not have 2 or 3 dimensions.
+        When an intensity is negative or not finite, or there are none.
     """
     refuse_masked("image", image)
     array = np.asarray(image)
@@ -165,17 +165,11 @@ def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
         )
     if array.dtype.kind != "f":
         raise TypeError(f"image: expected floats, got {array.dtype}")
-    if array.ndim not in (2, 3):
+    if array.ndim < 2 or array.size == 0:
         raise ValueError(
-            f"image: expected shape (H, W) or (H, W, C), got {array.ndim} dimensions {array.shape}"
+            f"image: expected shape (H, W) or (..., H, W), and at least one pixel, got "
+            f"{array.shape}"
         )
-    if array.ndim == 3 and array.shape[2] > 4:
-        raise ValueError(
-            f"image: expected at most 4 color channels in (H, W, C), got shape {array.shape}; "
-            "expose the images of a stack one by one"
-        )
-    if array.size == 0:
-        raise ValueError(f"image: expected at least one pixel, got shape {array.shape}")
     # min and max propagate NaN and infinity, and need no temporary array of the image's size.
     low, high = array.min(), array.max()
     if not (np.isfinite(low) and np.isfinite(high)):
@@ -188,14 +182,14 @@ def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
 
 
 def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
-    """Return an image of counts, (H, W) or (H, W, C), as aligned int32 in C order.
+    """Return counts of pixels, (H, W) or with more axes, as aligned int32 in C order.
 
     Raises
     ------
     TypeError
         For bool and floats, and for masked arrays.
     ValueError
-        For another shape, and for counts out of range.
+        For less than two axes or no pixels, and for counts out of range.
     """
     refuse_masked("counts", data)
     counts = np.asarray(data)
@@ -205,10 +199,10 @@ def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
             f"{counts.dtype}; pass bool to Bits.from_array, and cast rounded floats with "
             "astype(int)"
         )
-    if counts.ndim not in (2, 3) or counts.size == 0 or (counts.ndim == 3 and counts.shape[2] > 4):
+    if counts.ndim < 2 or counts.size == 0:
         raise ValueError(
-            f"counts: expected shape (H, W) or (H, W, C) with at most 4 channels, got "
-            f"{counts.shape}; Bits.from_array takes the single frames (T, H, W) of 0 and 1"
+            f"counts: expected shape (H, W) or (..., H, W), and at least one pixel, got "
+            f"{counts.shape}"
         )
     if counts.min() < 0 or counts.max() >= 2**31:
         raise ValueError(f"counts: expected 0 to 2**31 - 1, got {counts.min()} to {counts.max()}")

@@ -1,5 +1,7 @@
 """Seeds for the engine's random generator, from the values that NumPy accepts as `rng`."""
 
+import hashlib
+
 import numpy as np
 
 SeedLike = int | np.random.Generator | np.random.SeedSequence | None
@@ -39,3 +41,17 @@ def seed_bytes(rng: SeedLike) -> bytes:
             raise ValueError(f"rng: expected a seed of 0 or more, got {rng}")
         sequence = np.random.SeedSequence(rng if rng is None else int(rng))
     return sequence.generate_state(8, np.uint32).astype("<u4").tobytes()
+
+
+def seed_of_image(seed: bytes, index: int) -> bytes:
+    """Return the seed of an image of a stack. That of the first image is the seed itself.
+
+    Examples
+    --------
+    >>> seed = seed_bytes(7)
+    >>> seed_of_image(seed, 0) == seed, seed_of_image(seed, 1) == seed_of_image(seed, 2)
+    (True, False)
+    """
+    if index == 0:
+        return seed
+    return hashlib.blake2b(index.to_bytes(8, "little"), key=seed, digest_size=32).digest()

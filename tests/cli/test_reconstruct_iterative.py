@@ -111,7 +111,7 @@ def test_a_run_that_does_not_converge_warns_and_still_writes_the_estimate(
 
 @pytest.mark.parametrize("method", ITERATIVE)
 def test_color_prints_the_iterations_of_the_slowest_channel(run, tmp_path, method):
-    data = BOX.expose(jl.datasets.photograph("coffee")[100:116, 180:200], rng=3)
+    data = BOX.expose(jl.datasets.photograph("coffee")[100:116, 180:200], rng=3, channel_axis=-1)
     jl.save(data, tmp_path / "color.npy")
     status, output = run("reconstruct", "color.npy", "-o", "out.npy", "-m", method)
     assert status == 0
@@ -125,7 +125,7 @@ def test_color_prints_the_iterations_of_the_slowest_channel(run, tmp_path, metho
 def test_a_single_channel_that_does_not_converge_is_reported(run, tmp_path):
     scene = np.zeros((12, 12, 3), np.float32)  # dark channels converge at once
     scene[..., 1] = jl.datasets.photograph("camera")[100:112, 180:192]
-    jl.save(BOX.expose(scene, rng=4), tmp_path / "green.npy")
+    jl.save(BOX.expose(scene, rng=4, channel_axis=-1), tmp_path / "green.npy")
     arguments = ["reconstruct", "green.npy", "-o", "out.png", "-m", "mle-iterative"]
     status, output = run(*arguments, "--max-iter", 2)
     assert status == 0

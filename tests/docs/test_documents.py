@@ -30,7 +30,12 @@ def blocks(page: Path, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", page.read_text("utf-8"), re.S | re.M)
 
 
-NEEDS = {"jotlight.torch": "torch", "jotlight.torch.deepinv": "deepinv"}
+NEEDS = {
+    "jotlight.torch": "torch",
+    "jotlight.torch.deepinv": "deepinv",
+    "jotlight.networks.onnx_export": "onnx",
+    "jotlight.networks.onnx_graph": "onnx",
+}
 
 
 @pytest.mark.parametrize("name", MODULES)
@@ -49,9 +54,9 @@ def test_every_public_name_is_documented(name):
 
 
 def page_cases() -> Iterator[object]:
-    """Yield a test case per page. The pages that run commands, and the long README, are slow."""
+    """Yield a test case per page. Pages that run commands or PyTorch, and the README, are slow."""
     for page in PAGES:
-        is_slow = bool(blocks(page, "sh"))
+        is_slow = bool(blocks(page, "sh")) or "import torch" in page.read_text("utf-8")
         name = str(page.relative_to(ROOT))
         yield pytest.param(page, id=name, marks=[pytest.mark.slow] if is_slow else [])
 
@@ -62,6 +67,9 @@ def test_the_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch, capsys):
     code = page.read_text("utf-8")
     if "jotlight.torch" in code or "--network" in "".join(blocks(page, "sh")):
         pytest.importorskip("torch")
+    for package in ("deepinv", "onnxruntime"):
+        if f"import {package}" in code:
+            pytest.importorskip(package)
     names: dict[str, object] = {}
     for language, block in re.findall(r"^```(python|sh)\n(.*?)^```", code, re.S | re.M):
         if language == "python":

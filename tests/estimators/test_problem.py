@@ -30,7 +30,7 @@ def test_bits_and_their_counts_give_the_same_estimate(method, sensor, shape):
 @pytest.mark.parametrize("method", METHODS)
 def test_the_channels_of_a_color_image_are_estimated_independently(method, kernel):
     sensor = jl.Sensor(oversampling=2, frames=4, kernel=kernel, mask=np.eye(16, 20, dtype=bool))
-    bits = sensor.expose(np.dstack([scene(8, 10), 0.3 * scene(8, 10)]), rng=11)
+    bits = sensor.expose(np.dstack([scene(8, 10), 0.3 * scene(8, 10)]), rng=11, channel_axis=-1)
     start = np.random.default_rng(11).uniform(0.2, 0.8, (8, 10, 2))
     estimate, histories = method(bits, sensor, start=start, return_history=True)
     assert (estimate.shape, len(histories)) == ((8, 10, 2), 2)

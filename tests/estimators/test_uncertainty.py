@@ -139,12 +139,13 @@ def test_bits_that_tell_nothing_have_an_infinite_standard_error():
 def test_color_channels_are_independent():
     sensor = jl.Sensor(frames=9)
     counts = np.random.default_rng(0).integers(0, 10, (3, 4, 3))
-    result = jl.uncertainty(counts, sensor)
+    result = jl.uncertainty(counts, sensor, channel_axis=-1)
     one = jl.uncertainty(counts[..., 1], sensor)
     assert (result.low[..., 1] == one.low).all()
     assert result.flags().shape == (3, 4, 3)
-    bits = sensor.expose(np.full((3, 4, 3), 0.5), rng=0)
-    assert (jl.uncertainty(bits, sensor).high == jl.uncertainty(bits.counts(), sensor).high).all()
+    bits = sensor.expose(np.full((3, 4, 3), 0.5), rng=0, channel_axis=-1)
+    of_counts = jl.uncertainty(bits.counts(), sensor, channel_axis=-1)
+    assert (jl.uncertainty(bits, sensor).high == of_counts.high).all()
 
 
 @pytest.mark.parametrize("level", [0.4, 1.0, float("nan")])

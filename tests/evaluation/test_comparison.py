@@ -82,4 +82,4 @@ def test_what_is_no_method_is_refused(methods, error, message):
 
 def test_images_that_cannot_be_shown_are_refused():
     with pytest.raises(ValueError, match="gray or RGB image"):
-        jl.compare(["mle"], np.full((16, 16, 4), 0.5), SENSOR)
+        jl.compare(["mle"], np.full((16, 16, 4), 0.5), SENSOR, channel_axis=-1)

@@ -53,8 +53,8 @@ def test_the_argument_sensor_exposes_the_images_and_not_the_network_s_own():
 
 def test_color_images_are_scored():
     image = np.random.default_rng(9).random((12, 13, 3), np.float32)
-    [score] = jl.evaluate(jl.mle, [image], SENSOR).scores
-    estimate = jl.mle(SENSOR.expose(image, rng=0), SENSOR)
+    [score] = jl.evaluate(jl.mle, [image], SENSOR, channel_axis=-1).scores
+    estimate = jl.mle(SENSOR.expose(image, rng=0, channel_axis=-1), SENSOR)
     assert (score.psnr, score.ssim) == (
         jl.metrics.psnr(estimate, image),
         jl.metrics.ssim(estimate, image),

@@ -133,12 +133,32 @@ def test_one_thread_and_all_threads_have_the_same_estimate(name, run):
 def test_channels_do_not_mix(name, run):
     scene = np.random.default_rng(4).random((SIZE, SIZE, 2))
     scene[..., 0] = np.linspace(0, 1, SIZE)
-    bits = SENSOR.expose(scene, rng=5)
+    bits = SENSOR.expose(scene, rng=5, channel_axis=-1)
     bits.packed[..., 0] = BITS.packed
     estimate = run(bits, SENSOR)
     assert estimate.shape == (SIZE, SIZE, 2)
     assert_same(name, estimate[..., 0], estimate_of_bits(name))
     assert (np.abs(estimate[..., 1] - estimate[..., 0]) > 0.1).any()
+
+
+def test_the_images_of_a_stack_are_estimated_one_by_one(name, run):
+    scenes = np.random.default_rng(7).random((2, SIZE, SIZE))
+    stack = [BITS, *SENSOR.expose(scenes, rng=8)]
+    estimates = run(stack)
+    assert estimates.shape == (3, SIZE, SIZE)
+    assert_same(name, estimates[0], estimate_of_bits(name))
+    for bits, estimate in zip(stack, estimates, strict=True):
+        assert_same(name, estimate, run(bits, SENSOR))
+
+
+def test_counts_have_a_stack_and_channels(name, run):
+    counts = np.random.default_rng(9).integers(0, SENSOR.trials + 1, (2, SIZE, SIZE, 3))
+    estimates = run(counts, SENSOR, channel_axis=-1)
+    assert estimates.shape == counts.shape
+    assert_same(name, estimates[1, ..., 2], run(counts[1, ..., 2], SENSOR))
+    assert_same(name, run(np.moveaxis(counts, -1, 1), SENSOR), np.moveaxis(estimates, -1, 1))
+    with pytest.raises(ValueError, match="looks like color; pass channel_axis=-1"):
+        run(counts[0], SENSOR)
 
 
 def test_dead_jots_change_the_estimate_by_no_more_than_their_missing_bits(name, run):

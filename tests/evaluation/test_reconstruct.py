@@ -125,7 +125,7 @@ def test_merged_counts_and_color():
     merged = jl.Merged(COUNTS, np.full(COUNTS.shape, 16.0), SENSOR)
     np.testing.assert_allclose(reconstruct(merged), reconstruct(BITS), atol=1e-6)
     assert reconstruct(merged, method=lambda data: data.ones / 16).shape == COUNTS.shape
-    color = SENSOR.expose(np.stack([IMAGE] * 3, axis=2), rng=0)
+    color = SENSOR.expose(np.stack([IMAGE] * 3), rng=0, channel_axis=0)
     assert reconstruct(color).shape == (*IMAGE.shape, 3)
     assert reconstruct(color, method=lambda bits: bits.counts() / 16).shape == (*IMAGE.shape, 3)
 

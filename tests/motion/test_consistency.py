@@ -123,8 +123,8 @@ def test_any_number_of_threads_gives_the_same_disagreement(level):
     np.testing.assert_array_equal(found[1:], found[[0, 0]])
 
 
-@pytest.mark.parametrize(("brightness", "mean"), [(1, 1), (1.3, 0.9)])
-def test_parts_that_agree_disagree_by_about_1_except_where_one_has_changed(brightness, mean):
+@pytest.mark.parametrize("brightness", [1, 0.25, 0.5, 1.3, 2])
+def test_parts_that_agree_disagree_by_about_1_except_where_one_has_changed(brightness):
     rng = np.random.default_rng(3)
     p = rng.uniform(0.05, 0.4, (160, 200))
     first, second = Sums.zeros(p.shape), Sums.zeros(p.shape)
@@ -132,12 +132,12 @@ def test_parts_that_agree_disagree_by_about_1_except_where_one_has_changed(brigh
     first.ones[:] = rng.binomial(40, p)
     second.ones[:] = rng.binomial(100, brightness * p)
     found = disagreement(first, second)
-    assert found.mean() == pytest.approx(mean, abs=0.05)
-    assert found.max() < 1.4
+    assert found.mean() == pytest.approx(1, abs=0.07)
+    assert np.mean(found > 1.4) < 0.01
     first.ones[60:100, 80:120] = rng.binomial(40, p[60:100, 80:120][::-1])
     found = disagreement(first, second)
     assert found[70:90, 90:110].min() > 1.4
-    assert found[:40].max() < 1.4
+    assert np.mean(found[:40] > 1.4) < 0.01
     first.trials[:] = first.ones[:] = 0
     np.testing.assert_allclose(disagreement(first, second), 1)
 

@@ -222,7 +222,7 @@ def test_networks_serve_dead_jots():
 def test_networks_serve_color_channel_by_channel():
     image = jl.datasets.photograph("coffee")[100:140, 180:229]
     sensor = jl.Sensor(oversampling=4)
-    bits = sensor.expose(image, rng=0)
+    bits = sensor.expose(image, rng=0, channel_axis=-1)
     estimate = pretrained(sensor, "two-layer").reconstruct(bits)
     assert estimate.shape == image.shape
     assert jl.metrics.psnr(estimate, image) > jl.metrics.psnr(jl.mle(bits, sensor), image) + 3

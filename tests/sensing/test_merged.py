@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.sensing.pixel_counts import count_pixels, prepare_data
+from jotlight.sensing.pixel_counts import count_pixels, gray_images, prepare_data
 
 SENSOR = jl.Sensor(frames=8, dark_counts=0.01, efficiency=0.5)
 ONES = np.array([[3, 0, 1], [8, 2, 0]])
@@ -120,15 +120,18 @@ def test_trials_turn_counts_into_merged_counts():
         prepare_data(bits, None, 8)
 
 
-@pytest.mark.parametrize("shape", [(2, 3), (2, 3, 2)])
-def test_masked_pixels_have_no_trials(shape):
+@pytest.mark.parametrize("channel_axis", [None, 0, -1])
+def test_masked_pixels_have_no_trials(channel_axis):
     mask = np.array([[True, False, False], [False, False, True]])
-    counts = np.ones(shape, int)
-    data, _ = prepare_data(counts, SENSOR.replace(mask=mask), 4)
-    alive = ~mask if len(shape) == 2 else ~mask[..., None]
-    np.testing.assert_array_equal(data.trials, np.broadcast_to(4.0 * alive, shape))
-    np.testing.assert_array_equal(data.ones, np.broadcast_to(1 * alive, shape))
+    counts = np.ones((2, 3), int)
+    if channel_axis is not None:
+        counts = np.stack([counts] * 2, axis=channel_axis)
+    data, _ = prepare_data(counts, SENSOR.replace(mask=mask), 4, channel_axis)
+    for each in gray_images(data).data:
+        np.testing.assert_array_equal(each.trials, 4.0 * ~mask)
+        np.testing.assert_array_equal(each.ones, 1 * ~mask)
+    single_jots = jl.Sensor(oversampling=2, mask=np.zeros((4, 6), bool))
     with pytest.raises(ValueError, match="with a mask of single jots the bits are needed"):
-        prepare_data(counts, jl.Sensor(oversampling=2, mask=np.zeros((4, 6), bool)), 4)
+        prepare_data(counts, single_jots, 4, channel_axis)
     with pytest.raises(ValueError, match="mask: expected one value per jot"):
-        prepare_data(counts, SENSOR.replace(mask=mask[:1]), 4)
+        prepare_data(counts, SENSOR.replace(mask=mask[:1]), 4, channel_axis)

@@ -55,8 +55,8 @@ def test_the_probability_agrees_with_the_definition(kernel, threshold):
         mask=RANDOM.random(jots) < 0.3,
     )
     image = RANDOM.random((height, width, 3))
-    probability = sensor.probability(image)
-    rate = sensor.rate(image)
+    probability = sensor.probability(image, channel_axis=-1)
+    rate = sensor.rate(image, channel_axis=-1)
     assert probability.shape == rate.shape == (*jots, 3)
     for channel in range(3):
         plane = image[..., channel]
@@ -206,10 +206,10 @@ BAD_IMAGES = [
     (np.array([[0.0, -1e-9]]), ValueError, "0 or more, got -1e-09"),
     (np.zeros((0, 4)), ValueError, "at least one pixel"),
     (np.zeros((4, 4, 0)), ValueError, "at least one pixel"),
-    (np.zeros(4), ValueError, r"\(H, W\) or \(H, W, C\), got 1 dimensions"),
-    (np.array(0.5), ValueError, "got 0 dimensions"),
-    (np.zeros((2, 4, 4, 3)), ValueError, "got 4 dimensions"),
-    (np.zeros((4, 4, 5)), ValueError, "at most 4 color channels"),
+    (np.zeros(4), ValueError, r"\(H, W\) or \(..., H, W\), and at least one pixel, got \(4,\)"),
+    (np.array(0.5), ValueError, r"at least one pixel, got \(\)"),
+    (np.zeros((2, 6, 8, 3)), ValueError, "looks like color; pass channel_axis=-1"),
+    (np.zeros((6, 8, 4)), ValueError, "looks like color; pass channel_axis=-1"),
     (np.zeros((4, 4), np.uint8), TypeError, r"scale is unknown; divide by .*image / 255\.0"),
     (np.zeros((4, 4), int), TypeError, "scale is unknown"),
     (np.zeros((4, 4), bool), TypeError, "scale is unknown"),

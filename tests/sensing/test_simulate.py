@@ -85,7 +85,8 @@ def test_without_light_all_jots_report_0():
 
 def even_bits(rng=0, channels=2):
     sensor = jl.Sensor(frames=2)
-    return sensor.expose(np.full((1001, 2000, channels), EVEN), rng=rng).to_array()
+    image = np.full((1001, 2000, channels), EVEN)
+    return sensor.expose(image, rng=rng, channel_axis=-1).to_array()
 
 
 INDEPENDENT = {
@@ -197,18 +198,18 @@ def test_a_part_of_a_wide_row_has_the_bits_that_the_whole_row_has_there(oversamp
 @pytest.mark.parametrize("size", [1, 600, 5000])
 def test_the_bits_do_not_depend_on_the_size_of_the_chunks(monkeypatch, size):
     image = np.random.default_rng(0).random((33, 41, 3))
-    whole = SENSOR.expose(image, rng=0)
-    rate = SENSOR.rate(image)
+    whole = SENSOR.expose(image, rng=0, channel_axis=-1)
+    rate = SENSOR.rate(image, channel_axis=-1)
     monkeypatch.setattr("jotlight.chunks._MAX_JOTS", size)
     monkeypatch.setattr("jotlight.chunks._MIN_ROW_COST", 1)
     done = []
     np.testing.assert_array_equal(
-        SENSOR.expose(image, rng=0, progress=done.append).packed, whole.packed
+        SENSOR.expose(image, rng=0, channel_axis=-1, progress=done.append).packed, whole.packed
     )
     assert done == sorted(set(done))
     assert len(done) >= 6
     assert done[-1] == 1
-    np.testing.assert_array_equal(SENSOR.rate(image), rate)
+    np.testing.assert_array_equal(SENSOR.rate(image, channel_axis=-1), rate)
     np.testing.assert_array_equal(
         whole.counts(), whole.to_array().reshape(5, 33, 3, 41, 3, 3).sum(axis=(0, 2, 4))
     )

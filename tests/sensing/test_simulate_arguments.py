@@ -124,7 +124,7 @@ def test_the_bits_carry_their_sensor_and_true_width():
     bits = SENSOR.expose(IMAGE, rng=0)
     assert bits.shape == (5, 99, 123)
     assert bits.sensor == SENSOR
-    color = SENSOR.expose(np.stack([IMAGE] * 4, axis=2), rng=0, frames=slice(1, 3))
+    color = SENSOR.expose(np.stack([IMAGE] * 4), rng=0, channel_axis=0, frames=slice(1, 3))
     assert color.shape == (2, 99, 123, 4)
     assert color.sensor == SENSOR.replace(frames=2)
     np.testing.assert_array_equal(color.packed[..., 0], bits.packed[1:3])

@@ -28,7 +28,7 @@ def test_a_bit_is_1_if_the_random_number_of_its_position_is_below_its_probabilit
 ):
     sensor = jl.Sensor(oversampling=7, frames=2, gain=300, threshold=threshold, kernel=kernel)
     image = np.stack([IMAGE, IMAGE[::-1] / 50], axis=2)
-    bits = sensor.expose(image, rng=5).to_array()
+    bits = sensor.expose(image, rng=5, channel_axis=-1).to_array()
     for channel, frame, row in [(0, 0, 0), (0, 1, 48), (1, 0, 17), (1, 1, 30)]:
         draws = uniforms(seed_bytes(5), channel=channel, frame=frame, row=row, columns=77)
         probability = sensing.probability(sensor, image[..., channel])[row] * 2**48

@@ -178,6 +178,29 @@ def test_the_reconstructor_returns_the_estimate_of_the_engine(trials, output):
         assert psnr(estimate) == pytest.approx(psnr(network.reconstruct(counts)), abs=1e-3)
 
 
+@pytest.mark.parametrize("photons", [0.05, 0.2, 0.7, 1.5, 3.0])
+@pytest.mark.parametrize("dark_counts", [0.0, 0.04])
+def test_the_reconstructor_returns_the_estimate_of_the_engine_at_any_exposure(photons, dark_counts):
+    sensor = jl.Sensor(frames=16, gain=photons * 16 / float(IMAGE.mean()), dark_counts=dark_counts)
+    physics, y = physics_and_data(sensor)
+    network = jl.pretrained(sensor)
+    with torch.no_grad():
+        estimate = NetworkReconstructor(network)(y, physics)
+    expected = network.reconstruct(y[0, 0].numpy().astype(int))
+    assert psnr(estimate) == pytest.approx(psnr(expected), abs=1e-3)
+
+
+@pytest.mark.parametrize("quality", ["two-layer", "small"])
+def test_the_reconstructor_takes_account_of_other_dark_counts(quality):
+    sensor = jl.Sensor(frames=16, dark_counts=0.04)
+    physics, y = physics_and_data(sensor)
+    network = jl.pretrained(sensor, quality)
+    with torch.no_grad():
+        estimate = NetworkReconstructor(network)(y, physics)
+    expected = network.reconstruct(y[0, 0].numpy().astype(int))
+    assert psnr(estimate) == pytest.approx(psnr(expected), abs=1e-3)
+
+
 def test_the_reconstructor_clips_to_the_largest_intensity():
     one = np.ones((1, 1, 1, 1), np.float32)
     for tap in (1.0, -1.0):

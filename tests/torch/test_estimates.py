@@ -8,7 +8,7 @@ from jotlight.estimators.inverse_response import intensity_from_probability as o
 
 torch = pytest.importorskip("torch")
 from jotlight.torch.estimates import intensity_from_probability  # noqa: E402
-from jotlight.torch.network import NetworkModule  # noqa: E402
+from jotlight.torch.network import Network  # noqa: E402
 
 IMAGE = jl.datasets.photograph("camera")[100:148, 180:228].astype(np.float32)
 SENSORS = [
@@ -52,7 +52,7 @@ def test_the_quality_is_that_of_the_engine_at_any_exposure(photons, trials):
     counts = sensor.expose(IMAGE, rng=0).counts()
     network = jl.pretrained(sensor)
     with torch.no_grad():
-        found = NetworkModule(network).reconstruct(torch.from_numpy(counts).float()[None, None])
+        found = Network(network)(torch.from_numpy(counts).float()[None, None])
     qualities = [
         jl.metrics.psnr(estimate, IMAGE) for estimate in (found[0, 0].numpy(), network(counts))
     ]
@@ -62,4 +62,4 @@ def test_the_quality_is_that_of_the_engine_at_any_exposure(photons, trials):
 def test_sensors_with_maps_are_refused():
     sensor = jl.Sensor(frames=16, dark_counts=np.full((48, 48), 0.1))
     with pytest.raises(ValueError, match="without maps of its jots"):
-        NetworkModule(jl.pretrained(sensor)).reconstruct(torch.zeros(1, 1, 48, 48))
+        Network(jl.pretrained(sensor))(torch.zeros(1, 1, 48, 48))

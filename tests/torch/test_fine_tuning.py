@@ -156,7 +156,7 @@ def test_an_incomplete_checkpoint_is_refused(tmp_path, part):
 
 
 def test_color_maps_dead_jots_and_two_trials_can_be_tuned():
-    color = SENSOR.expose(np.stack([SCENE, 0.5 * SCENE], axis=-1), rng=0)
+    color = SENSOR.expose(np.stack([SCENE, 0.5 * SCENE]), rng=0, channel_axis=0)
     assert tune(data=color)[0].reconstruct(color).shape == (*SCENE.shape, 2)
     few = SENSOR.replace(frames=2)
     assert np.isfinite(tune(data=few.expose(SCENE, rng=0))[1].loss).all()

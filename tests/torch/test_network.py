@@ -11,7 +11,7 @@ from reference import deep
 from reference.networks import last_layer, random_bits, random_network
 
 torch = pytest.importorskip("torch")
-from jotlight.torch import NetworkModule  # noqa: E402
+from jotlight.torch import Network  # noqa: E402
 
 SENSOR = jl.Sensor(oversampling=4)
 SIZES = [(1, 1), (2, 5), (33, 47), (64, 40)]
@@ -61,7 +61,7 @@ def random_data(network, size):
 def estimate(module, data):
     trials = 16 if module.origin.trials_range else None
     with torch.no_grad():
-        return module(data, trials)
+        return module.run_layers(data, trials)
 
 
 @pytest.mark.parametrize("make", NETWORKS.values(), ids=NETWORKS)
@@ -69,7 +69,7 @@ def estimate(module, data):
 def test_the_module_returns_the_estimate_of_the_engine(make, size):
     network = make()
     data, tensor = random_data(network, size)
-    actual = estimate(NetworkModule(network), tensor)
+    actual = estimate(Network(network), tensor)
     assert actual.shape == (1, 1, *size)
     np.testing.assert_allclose(actual[0, 0], last_layer(network, data), atol=1e-5)
 
@@ -81,7 +81,7 @@ def test_a_conditional_module_returns_the_probabilities_of_the_engine(make, tria
     network, sensor = make(), jl.Sensor(frames=trials)
     counts = np.random.default_rng(5).integers(0, trials + 1, (2, *size))
     with torch.no_grad():
-        actual = NetworkModule(network)(torch.from_numpy(counts).float()[:, None], trials)
+        actual = Network(network).run_layers(torch.from_numpy(counts).float()[:, None], trials)
     conditioned = jl.Network(network.conditioned_layers(trials), sensor)
     for image, probability in zip(counts, actual[:, 0], strict=True):
         np.testing.assert_allclose(probability, last_layer(conditioned, image), atol=1e-5)
@@ -91,29 +91,29 @@ def test_only_conditional_modules_take_the_number_of_trials():
     data = torch.zeros(1, 1, 4, 4)
     for network, trials in ((conditional("small"), None), (residual("small"), 16)):
         with pytest.raises(ValueError, match="trials: expected K for a K-conditioned network"):
-            NetworkModule(network)(data, trials)
+            Network(network).run_layers(data, trials)
 
 
 @every_network
 def test_a_network_passes_through_the_module_unchanged(tmp_path, make):
     start = make()
-    network = NetworkModule(start).to_network()
+    network = Network(start).to_network()
     paths = tmp_path / "start.safetensors", tmp_path / "again.safetensors"
     start.save(paths[0])
     network.save(paths[1])
     assert paths[0].read_bytes() == paths[1].read_bytes()
-    again = NetworkModule(jl.Network.load(paths[1]))
-    for before, after in zip(NetworkModule(start).parameters(), again.parameters(), strict=True):
+    again = Network(jl.Network.load(paths[1]))
+    for before, after in zip(Network(start).parameters(), again.parameters(), strict=True):
         assert torch.equal(before, after)
         assert before.requires_grad == after.requires_grad
 
 
 @every_network
 def test_a_state_dict_a_copy_and_a_pickle_hold_the_whole_module(make):
-    module = NetworkModule(make())
+    module = Network(make())
     _, tensor = random_data(module.origin, (9, 14))
     expected = estimate(module, tensor)
-    other = NetworkModule(make())
+    other = Network(make())
     with torch.no_grad():
         for parameter in other.parameters():
             parameter.zero_()
@@ -129,14 +129,14 @@ def test_a_state_dict_a_copy_and_a_pickle_hold_the_whole_module(make):
 
 @pytest.mark.parametrize("name", ["initial", "two layers, jots", "small", "random graph"])
 def test_gradients_agree_with_finite_differences(name):
-    module = NetworkModule(NETWORKS[name]()).double()
+    module = Network(NETWORKS[name]()).double()
     _, tensor = random_data(module.origin, (5, 6))
     trainable = [parameter for parameter in module.parameters() if parameter.requires_grad]
 
     def values(*parameters):
         names = [n for n, p in module.named_parameters() if p.requires_grad]
         named = dict(zip(names, parameters, strict=True))
-        return torch.func.functional_call(module, named, (tensor.double(),))
+        return torch.func.functional_call(module, named, (tensor.double(), module.origin.sensor))
 
     # Whole counts lie on knots, where a finite difference mixes two cubics; hence `atol`.
     assert torch.autograd.gradcheck(values, trainable, fast_mode=True, atol=1e-4)
@@ -144,7 +144,7 @@ def test_gradients_agree_with_finite_differences(name):
 
 @pytest.mark.parametrize("name", ["initial", "small"])
 def test_autocast_to_bfloat16_changes_estimates_little_and_keeps_gradients_finite(name):
-    module = NetworkModule(NETWORKS[name]())
+    module = Network(NETWORKS[name]())
     _, tensor = random_data(module.origin, (20, 24))
     expected = estimate(module, tensor)
     with torch.autocast("cpu", torch.bfloat16):
@@ -159,24 +159,26 @@ def test_autocast_to_bfloat16_changes_estimates_little_and_keeps_gradients_finit
 
 
 @pytest.mark.slow
-def test_the_module_compiles_into_one_graph_with_the_same_results():
+@pytest.mark.parametrize("dark_counts", [0.0, 0.03])
+@pytest.mark.parametrize("quality", ["small", "medium"])
+def test_a_network_compiles_into_one_graph_with_the_same_results(quality, dark_counts):
     """The backend runs the traced graph without a C++ compiler."""
-    module = NetworkModule(conditional("small"))
+    network = Network(jl.pretrained(jl.Sensor(frames=16, dark_counts=dark_counts), quality))
     torch._dynamo.reset()
-    compiled = torch.compile(module, fullgraph=True, backend="aot_eager")
-    _, tensor = random_data(module.origin, (11, 20))
-    actual, expected = compiled(tensor, 16), module(tensor, 16)
+    compiled = torch.compile(network, fullgraph=True, backend="aot_eager")
+    counts = torch.arange(220.0).reshape(1, 1, 11, 20) % 17
+    actual, expected = compiled(counts), network(counts)
     torch.testing.assert_close(actual, expected, atol=1e-5, rtol=0)
     gradients = [
-        torch.autograd.grad(x.square().sum(), module.coefficients["4"]) for x in (actual, expected)
+        torch.autograd.grad(x.square().sum(), network.coefficients["4"]) for x in (actual, expected)
     ]
     torch.testing.assert_close(*gradients, atol=1e-4, rtol=1e-4)
     with torch.inference_mode():
-        torch.testing.assert_close(compiled(tensor, 16), expected.detach(), atol=1e-5, rtol=0)
+        torch.testing.assert_close(compiled(counts), expected.detach(), atol=1e-5, rtol=0)
 
 
 def test_only_trainable_parameters_require_gradients():
-    module = NetworkModule(jl.Network.residual(SENSOR, "small", rng=0))
+    module = Network(jl.Network.residual(SENSOR, "small", rng=0))
     for layer, filters in zip(module.origin.layers, module.filters, strict=True):
         assert filters.requires_grad == (layer.trainable != "nothing")
     for index, coefficients in module.coefficients.items():
@@ -185,9 +187,74 @@ def test_only_trainable_parameters_require_gradients():
 
 
 def test_further_training_does_not_change_a_returned_network():
-    module = NetworkModule(jl.Network.residual(jl.Sensor(frames=4), "small", rng=0))
+    module = Network(jl.Network.residual(jl.Sensor(frames=4), "small", rng=0))
     network = module.to_network()
     before = network.layers[2].filters.copy()
     with torch.no_grad():
         module.filters[2].add_(1)
     np.testing.assert_array_equal(network.layers[2].filters, before)
+
+
+def test_a_network_loads_from_a_file_onto_a_device(tmp_path):
+    path = tmp_path / "mine.safetensors"
+    residual("small").save(path)
+    counts = torch.arange(220.0).reshape(1, 1, 11, 20) % 17
+    expected = Network(residual("small"))(counts)
+    for network in (Network(path), Network(str(path)), Network.load(path, device="cpu")):
+        assert torch.equal(network(counts), expected)
+    for network in (Network.load(path, device="meta"), Network(path, device=torch.device("meta"))):
+        assert {parameter.device.type for parameter in network.parameters()} == {"meta"}
+    with pytest.raises(FileNotFoundError, match="there is no network file"):
+        Network.load(tmp_path / "other.safetensors")
+
+
+def test_a_trained_network_keeps_the_sensor_of_its_counts():
+    sensor = jl.Sensor(frames=20, gain=10.0)
+    counts = torch.arange(220.0).reshape(1, 1, 11, 20) % 21
+    module = Network(jl.pretrained(sensor))
+    again = Network(module.to_network())
+    assert torch.equal(again(counts), module(counts, sensor))
+
+
+@pytest.mark.parametrize("dark_counts", [0.0, 0.01, 0.04])
+@pytest.mark.parametrize("quality", ["two-layer", "small", "medium"])
+def test_intensities_are_those_of_the_engine_for_other_dark_counts(quality, dark_counts):
+    sensor = jl.Sensor(frames=16, gain=32.0, efficiency=0.5, dark_counts=dark_counts)
+    counts = np.random.default_rng(6).integers(0, 17, (21, 30))
+    network = jl.pretrained(sensor, quality)
+    with torch.no_grad():
+        actual = Network(network)(torch.from_numpy(counts)[None, None])
+    np.testing.assert_allclose(actual[0, 0], network.reconstruct(counts), atol=1e-5)
+
+
+def test_gradients_for_other_dark_counts_are_finite_up_to_saturation():
+    network = Network(jl.pretrained(jl.Sensor(frames=16, dark_counts=0.03), "small"))
+    counts = torch.arange(17.0).reshape(1, 1, 1, 17).requires_grad_()
+    network(counts).sum().backward()
+    assert torch.isfinite(counts.grad).all()
+
+
+@pytest.mark.parametrize("shape", [(5, 6), (1, 5, 6), (5, 6, 3, 3)])
+def test_data_of_other_shapes_are_refused(shape):
+    with pytest.raises(ValueError, match=r"data: expected counts \(N, 1, H, W\), got shape"):
+        Network(residual("small"))(torch.zeros(shape))
+
+
+def test_arrays_and_bits_are_refused():
+    bits = SENSOR.expose(np.full((5, 6), 0.5), rng=0)
+    for data in (bits, bits.counts()):
+        with pytest.raises(TypeError, match=r"write torch\.from_numpy\(counts\)\[None, None\]"):
+            Network(residual("small"))(data)
+
+
+def test_sensors_that_a_network_does_not_serve_are_refused():
+    counts = torch.zeros(1, 1, 4, 4)
+    with pytest.raises(ValueError, match="sensor: expected the sensor of the data"):
+        Network(conditional("small"))(counts)
+    with pytest.raises(ValueError, match="sensor: the network needs data with its own trials"):
+        Network(residual("small"))(counts, jl.Sensor(frames=15))
+    sensor = jl.Sensor(oversampling=3, frames=2)
+    network, bits = Network(build_two_layer(tied=False)), torch.zeros(1, 2, 6, 6)
+    assert network(bits, sensor).shape == (1, 1, 2, 2)
+    with pytest.raises(ValueError, match="expected the network's efficiency and dark counts"):
+        network(bits, sensor.replace(dark_counts=0.1))

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 import jotlight as jl
-from jotlight.torch import NetworkModule
+from jotlight.torch import Network
 from suite.tasks.scene import unpacked
 
 Spline = Callable[[torch.Tensor, torch.Tensor, float, float], torch.Tensor]
@@ -53,7 +53,7 @@ class TorchNetwork:
             return self.estimate(self.sums(bits))[0, 0].numpy()
 
 
-class DeepNetwork(NetworkModule):
+class DeepNetwork(Network):
     """The module, with splines by PyTorch's fastest operations for a forward pass."""
 
     def activate(

@@ -4,7 +4,8 @@
 use jotlight::admm::AdmmStep;
 use jotlight::sensing::{Image, PerJot};
 use jotlight::values::Values;
-use numpy::{Element, PyReadonlyArray1, PyReadonlyArray2};
+use ndarray::{ArrayView2, ArrayView3, Axis};
+use numpy::{Element, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 
 /// One value for all elements, or an array with one value per element.
@@ -41,6 +42,21 @@ pub type PyPerJot<'py> = ValueOrArray<f64, PyReadonlyArray2<'py, f32>>;
 
 /// A two-dimensional image.
 pub type PyImage<'py> = Precision<PyReadonlyArray2<'py, f32>, PyReadonlyArray2<'py, f64>>;
+
+/// Images of the same size, `(N, H, W)`.
+pub type PyImages<'py> = Precision<PyReadonlyArray3<'py, f32>, PyReadonlyArray3<'py, f64>>;
+
+/// Return the single images.
+pub fn to_engine_images<'a>(images: &'a PyImages<'_>) -> Vec<Image<'a>> {
+    match images {
+        Precision::F32(images) => split(images.as_array()).map(Image::F32).collect(),
+        Precision::F64(images) => split(images.as_array()).map(Image::F64).collect(),
+    }
+}
+
+fn split<T>(images: ArrayView3<'_, T>) -> impl Iterator<Item = ArrayView2<'_, T>> {
+    (0..images.dim().0).map(move |image| images.index_axis_move(Axis(0), image))
+}
 
 impl<T: Copy + Element> PyValues<'_, T> {
     pub fn to_engine(&self) -> PyResult<Values<'_, T>> {

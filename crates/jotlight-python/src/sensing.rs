@@ -2,10 +2,13 @@
 
 use jotlight::likelihood::Threshold;
 use jotlight::sensing::{self, Kernel, Sensor, SpreadOperator, Window};
-use numpy::{PyReadonlyArray2, PyReadwriteArray2, PyReadwriteArray3};
+use ndarray::Axis;
+use numpy::{PyReadonlyArray2, PyReadwriteArray2, PyReadwriteArray4};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use rayon::prelude::*;
 
-use crate::arguments::{PyImage, PyPerJot};
+use crate::arguments::{PyImage, PyImages, PyPerJot, to_engine_images};
 use crate::{run, to_python};
 
 /// A sensor, as a dictionary.
@@ -34,31 +37,45 @@ impl PySensor<'_> {
     }
 }
 
-/// Draw the bits of a window of frames, rows, and columns into `out`.
+/// Draw the bits of a window of frames, rows, and columns of the images `(N, H, W)` into `out`
+/// `(N, frames, rows, bytes)`. Each image has its seed and channel.
 #[pyfunction]
-#[pyo3(signature = (sensor, image, seed, channel, frames, rows, columns, out, threads))]
-// More than nine parameters: separate arguments have names in `_engine.pyi`, a tuple has none.
+#[pyo3(signature = (sensor, images, streams, frames, rows, columns, out, threads))]
+// Many parameters: separate arguments have names in `_engine.pyi`, a tuple has none.
 #[allow(clippy::too_many_arguments)]
 pub fn expose(
     py: Python<'_>,
     sensor: PySensor<'_>,
-    image: PyImage<'_>,
-    seed: [u8; 32],
-    channel: usize,
+    images: PyImages<'_>,
+    streams: Vec<([u8; 32], usize)>,
     frames: (usize, usize),
     rows: (usize, usize),
     columns: (usize, usize),
-    mut out: PyReadwriteArray3<'_, u8>,
+    mut out: PyReadwriteArray4<'_, u8>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let (sensor, image, out) = (sensor.to_engine()?, image.to_engine(), out.as_array_mut());
+    let (sensor, mut out) = (sensor.to_engine()?, out.as_array_mut());
+    let images = to_engine_images(&images);
+    if images.len() != streams.len() || images.len() != out.dim().0 {
+        let received = (images.len(), streams.len(), out.dim().0);
+        return Err(PyValueError::new_err(format!(
+            "images, streams, and out: expected equal numbers, got {received:?}"
+        )));
+    }
     let window = Window {
         frames: frames.0..frames.1,
         rows: rows.0..rows.1,
         columns: columns.0..columns.1,
     };
     run(py, threads, || {
-        sensing::expose(&sensor, image, seed, channel, &window, out)
+        let places = out.axis_iter_mut(Axis(0)).into_par_iter();
+        let streams = streams.into_par_iter();
+        places
+            .zip(images)
+            .zip(streams)
+            .try_for_each(|((out, image), (seed, channel))| {
+                sensing::expose(&sensor, image, seed, channel, &window, out)
+            })
     })
 }
 

@@ -81,7 +81,10 @@ def run_comparison(
 
     plots.check_figure(output)
     with atomic_write(output) as temporary:
-        found = compare_by_title(methods, image, sensor, rng=seed, threads=threads, progress=True)
+        axis = None if image.ndim == 2 else -1
+        found = compare_by_title(
+            methods, image, sensor, channel_axis=axis, rng=seed, threads=threads, progress=True
+        )
         with progress(None) as begin:
             begin("drawing the figure")
             plots.save_figure(found.plot(), temporary)

@@ -30,6 +30,7 @@ from jotlight.images.video import check_fps, is_floats, video_writer
 from jotlight.motion.film import FilmImage
 from jotlight.motion.film import film as merge_windows
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.channels import last_channel_axis
 
 Image = npt.NDArray[np.float32]
 
@@ -217,7 +218,14 @@ def _estimate(job: Reconstruction, part: Capture, threads: int | None) -> Image:
     """Return the estimate of a window without alignment."""
     pixels = part if isinstance(part, Bits) else part.sum()
     sensor = job.captured.sensor
-    image: Image = reconstruct(pixels, sensor, method=job.method, threads=threads, **job.settings)
+    image: Image = reconstruct(
+        pixels,
+        sensor,
+        method=job.method,
+        channel_axis=last_channel_axis(pixels),
+        threads=threads,
+        **job.settings,
+    )
     return image
 
 

@@ -24,6 +24,7 @@ from jotlight.cli.training_run import (
 from jotlight.files import refuse_overwrite
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import pretrained, unsupported_reason
+from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import History
 
@@ -55,11 +56,13 @@ def fine_tune(
     rate = fine_tuning.LEARNING_RATE if training.learning_rate is None else training.learning_rate
     with silenced(not is_first):
         captured, network = _capture_and_network(data, training, capture, sensor)
+        counts = captured.summed()
         run = functools.partial(
             fine_tuning.fine_tune,
             network,
-            captured.summed(),
+            counts,
             captured.sensor,
+            channel_axis=last_channel_axis(counts),
             steps=steps,
             learning_rate=rate,
             batch=training.batch,

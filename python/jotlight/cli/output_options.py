@@ -16,6 +16,7 @@ from jotlight.images.image_stack import stack_writer
 from jotlight.images.io import DISPLAYED, FLOATS, image_writer
 from jotlight.images.saving import find_white
 from jotlight.images.tone import CURVES, Tone, check_curve
+from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.pixel_counts import Data
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
@@ -162,7 +163,13 @@ class ImageOutputOptions(OutputOptions):
             tones.append(self.fit_tone(estimate))
             image_writer(self.preview)(remaining.pop(0), tones[-1](estimate))
         if self.uncertainty is not None:
-            known = uncertainty(data, sensor, confidence_level=self.level, threads=threads)
+            known = uncertainty(
+                data,
+                sensor,
+                channel_axis=last_channel_axis(data),
+                confidence_level=self.level,
+                threads=threads,
+            )
             facts = {**metadata, "level": self.level, "flags": "1 unlit, 2 saturated, 4 dead"}
             write_stack = stack_writer(self.uncertainty, facts)
             write_stack(remaining.pop(0), known.arrays(float(scale)))

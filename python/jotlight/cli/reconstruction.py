@@ -26,6 +26,7 @@ from jotlight.files import atomic_write_together, refuse_overwrite
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import pretrained
 from jotlight.sensing.bits import Bits, check_fits
+from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.pixel_counts import Data
 
 
@@ -227,9 +228,14 @@ def _estimate(
     title = job.choice.title
 
     def run(**settings: Any) -> tuple[npt.NDArray[np.float32], Info]:
-        sensor, settings = job.captured.sensor, {**job.settings, **settings}
         return reconstruct(
-            data, sensor, method=job.method, threads=threads, return_info=True, **settings
+            data,
+            job.captured.sensor,
+            method=job.method,
+            channel_axis=last_channel_axis(data),
+            threads=threads,
+            return_info=True,
+            **{**job.settings, **settings},
         )
 
     if isinstance(job.method, str) and METHODS[job.method].iterative:

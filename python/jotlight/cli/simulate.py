@@ -125,8 +125,11 @@ def _still_bits(
     height, width = (size * exposed.oversampling for size in image.shape[:2])
     shape = (exposed.frames, height, math.ceil(width / 8), *image.shape[2:])
 
+    axis = None if image.ndim == 2 else -1
+
     def draw(start: int, stop: int) -> Packed:
         frames = slice(start, stop)
-        return np.asarray(exposed.expose(image, seed, frames=frames, threads=threads).packed)
+        bits = exposed.expose(image, seed, channel_axis=axis, frames=frames, threads=threads)
+        return np.asarray(bits.packed)
 
     return Bits(Frames(shape, draw), width, exposed)

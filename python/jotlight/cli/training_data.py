@@ -15,6 +15,7 @@ from jotlight.datasets import PHOTOGRAPHS, photograph, uniform_scenes
 from jotlight.estimators.brightness import training_sensor
 from jotlight.images.sets import read_image_set
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.sensor import Sensor
 from jotlight.training.patches import patch_sensor
 
@@ -110,7 +111,9 @@ def read_training_sensor(
         capture, path, kwargs, None if calibration is None else Calibration.load(calibration)
     )
     report(*captured.notes())
-    sensor, scale = training_sensor(captured.summed(), captured.sensor, threads=threads)
+    data = captured.summed()
+    axis = last_channel_axis(data)
+    sensor, scale = training_sensor(data, captured.sensor, channel_axis=axis, threads=threads)
     sensor = patch_sensor(sensor.replace(**chosen))
     report(f"{path}: the brightness of the scene is {scale:.3g}; training for {sensor!r}")
     return sensor, scale

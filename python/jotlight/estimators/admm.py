@@ -15,7 +15,7 @@ from jotlight.estimators.convergence import (
     check_stopping_rule,
 )
 from jotlight.estimators.linear_solver import NormalEquations
-from jotlight.estimators.problem import ConvergenceHistories, solve_channels
+from jotlight.estimators.problem import ConvergenceHistories, solve_images
 from jotlight.estimators.tv import automatic_weight, check_map, check_norm, total_variation
 from jotlight.sensing.likelihood import Problem
 from jotlight.sensing.operators import Scaling, dot
@@ -60,6 +60,7 @@ def admm_tv(
     weight: float | npt.ArrayLike | None = ...,
     norm: str = ...,
     trials: npt.ArrayLike | None = ...,
+    channel_axis: int | None = ...,
     start: npt.ArrayLike | None = ...,
     max_iter: int = ...,
     tol: float = ...,
@@ -77,6 +78,7 @@ def admm_tv(
     weight: float | npt.ArrayLike | None = ...,
     norm: str = ...,
     trials: npt.ArrayLike | None = ...,
+    channel_axis: int | None = ...,
     start: npt.ArrayLike | None = ...,
     max_iter: int = ...,
     tol: float = ...,
@@ -94,6 +96,7 @@ def admm_tv(
     weight: float | npt.ArrayLike | None = None,
     norm: str = "isotropic",
     trials: npt.ArrayLike | None = None,
+    channel_axis: int | None = None,
     start: npt.ArrayLike | None = None,
     max_iter: int = 500,
     tol: float = 1e-3,
@@ -105,10 +108,10 @@ def admm_tv(
 
     Parameters
     ----------
-    data : Bits, Merged, array_like of int, or Problem
-        Bits; or merged counts, or an image of counts L of shape (H, W) or (H, W, C), which suffice
-        for the box kernel; or a custom problem without a sensor, for signals (N,) and other
-        operators.
+    data : Bits, Merged, list of them, array_like of int, or Problem
+        Bits; or merged counts, or counts L of shape (..., H, W), which suffice for the box kernel;
+        or a custom problem without a sensor, for signals (N,) and other operators. Each image of a
+        stack stops by itself.
     sensor : Sensor, optional
         The sensor that recorded the data. Default: the one that bits or merged counts carry.
     weight : float or array_like of float, optional
@@ -119,6 +122,9 @@ def admm_tv(
     trials : float or array_like of float, optional
         The number of binary readings behind each pixel of counts, 0 or more: a number, or a map of
         their shape. Default: the sensor's K.
+    channel_axis : int, optional
+        The axis of counts that holds color channels. Default: none, and axes before the last two
+        are those of a stack.
     start : array_like of float, optional
         The initial image, of the shape of the estimate. A start near the solution saves
         iterations. Default: the same intensity everywhere.
@@ -133,14 +139,15 @@ def admm_tv(
     return_history : bool
         Whether to return the history too: a
         :class:`jotlight.estimators.convergence.ConvergenceHistory`, or a list with one for each
-        channel.
+        image of a stack and each channel.
     threads : int, optional
         The number of threads. Default: all cores.
 
     Returns
     -------
-    ndarray of float32, shape (H, W) or (H, W, C)
-        Intensities in [0, S]. With `return_history`, a tuple of the estimate and the history.
+    ndarray of float32
+        Intensities in [0, S], of the shape of the counts. Estimates of color bits are (H, W, C).
+        With `return_history`, a tuple of the estimate and the history.
 
     Raises
     ------
@@ -177,14 +184,12 @@ def admm_tv(
         check_map("weight", weight, np.shape(weight))
     check_stopping_rule(max_iter, tol)
 
-    def solve(
-        problem: Problem, start: Array | None, channel: str
-    ) -> tuple[Array, ConvergenceHistory]:
-        monitor = ConvergenceMonitor("admm_tv" + channel, max_iter, tol, callback)
+    def solve(problem: Problem, start: Array | None, name: str) -> tuple[Array, ConvergenceHistory]:
+        monitor = ConvergenceMonitor("admm_tv" + name, max_iter, tol, callback)
         chosen = automatic_weight(problem, norm=norm) if weight is None else weight
         return _minimize(problem, np.asarray(chosen), norm, start, monitor, threads)
 
-    estimate, history = solve_channels(solve, data, sensor, trials, start, threads)
+    estimate, history = solve_images(solve, data, sensor, trials, channel_axis, start, threads)
     return (estimate, history) if return_history else estimate
 
 

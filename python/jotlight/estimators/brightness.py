@@ -3,12 +3,11 @@
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.estimators.denoise import gaussian
 from jotlight.estimators.noniterative import noniterative
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.pixel_counts import Data
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
@@ -53,16 +52,18 @@ def max_measurable_intensity(sensor: Sensor) -> float:
 
 
 def estimate_brightness(
-    data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = None
+    data: Data, sensor: Sensor, *, channel_axis: int | None = None, threads: int | None = None
 ) -> float:
     """Return the brightness of a scene: the intensity below which 99.9 % of its pixels are.
 
     Parameters
     ----------
-    data : Bits or array_like of int
-        Bits, or an image of counts (H, W) or (H, W, C).
+    data : Bits, Merged, list of them, or array_like of int
+        Bits, merged counts, or counts (..., H, W).
     sensor : Sensor
         The sensor that recorded the data. Its `max_intensity` has no effect.
+    channel_axis : int, optional
+        The axis of counts that holds color channels. Default: none.
     threads : int, optional
         The number of threads. Default: all cores.
 
@@ -86,6 +87,7 @@ def estimate_brightness(
     estimate = noniterative(
         data,
         sensor.replace(max_intensity=max_intensity),
+        channel_axis=channel_axis,
         denoiser=partial(gaussian, sigma=_BLUR),
         threads=threads,
     )
@@ -94,7 +96,7 @@ def estimate_brightness(
 
 
 def training_sensor(
-    data: Bits | npt.ArrayLike, sensor: Sensor, *, threads: int | None = None
+    data: Data, sensor: Sensor, *, channel_axis: int | None = None, threads: int | None = None
 ) -> tuple[Sensor, float]:
     """Return the sensor to train a network for this capture with, and the brightness.
 
@@ -103,7 +105,7 @@ def training_sensor(
 
     Parameters
     ----------
-    data, sensor, threads
+    data, sensor, channel_axis, threads
         As for :func:`estimate_brightness`.
 
     Returns
@@ -125,5 +127,5 @@ def training_sensor(
     >>> round(sensor.max_intensity / brightness)
     2
     """
-    brightness = estimate_brightness(data, sensor, threads=threads)
+    brightness = estimate_brightness(data, sensor, channel_axis=channel_axis, threads=threads)
     return sensor.replace(max_intensity=HEADROOM * brightness), brightness

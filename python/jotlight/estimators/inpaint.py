@@ -23,8 +23,8 @@ def inpaint_dead_pixels(
 
     Parameters
     ----------
-    image : ndarray of float32, shape (H, W) or (N,)
-        An image or a signal. The values of dead pixels are ignored.
+    image : ndarray of float32, shape (H, W), (N, H, W), or (N,)
+        An image, several images, or a signal. The values of dead pixels are ignored.
     dead : ndarray of bool or None
         The mask of dead pixels, of the same shape. None means that no pixel is dead.
 
@@ -36,7 +36,7 @@ def inpaint_dead_pixels(
     Raises
     ------
     ValueError
-        When all pixels are dead.
+        When all pixels of an image are dead.
 
     Warns
     -----
@@ -61,6 +61,8 @@ def inpaint_dead_pixels(
     """
     if dead is None:
         return image
+    if image.ndim == 3:
+        return np.stack([inpaint_dead_pixels(*each) for each in zip(image, dead, strict=True)])
     check_any_valid(~dead)
     warn(
         f"{dead.sum()} of {dead.size} pixels have no valid bit and were filled from their neighbors"

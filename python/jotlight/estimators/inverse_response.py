@@ -22,7 +22,7 @@ def equivalent_counts(
     Parameters
     ----------
     pixels : PixelCounts
-        The counts of one channel.
+        The counts of gray images.
     reference : (float, float)
         η and d of the reference jot.
     trials : float
@@ -32,8 +32,8 @@ def equivalent_counts(
 
     Returns
     -------
-    ndarray of float32, shape (H, W)
-        Real numbers in [0, K].
+    ndarray of float32
+        Real numbers in [0, K], of the shape of the counts.
 
     Warns
     -----

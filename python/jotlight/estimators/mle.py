@@ -9,12 +9,10 @@ import jotlight._engine as engine
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.pixel_counts import (
-    Channel,
     Data,
     Estimate,
-    PixelCounts,
-    count_pixels,
-    map_channels,
+    GrayData,
+    gray_images,
     prepare_data,
     warn_about_smooth_kernel,
 )
@@ -30,6 +28,7 @@ def mle(
     sensor: Sensor | None = None,
     *,
     trials: npt.ArrayLike | None = None,
+    channel_axis: int | None = None,
     threads: int | None = None,
 ) -> Estimate:
     """Return the most likely intensity of each pixel, given only its own bits.
@@ -38,21 +37,24 @@ def mle(
 
     Parameters
     ----------
-    data : Bits, Merged, or array_like of int
-        Bits, merged counts, or an image of counts L of shape (H, W) or (H, W, C), in [0, K].
+    data : Bits, Merged, list of them, or array_like of int
+        Bits, merged counts, or counts L of shape (..., H, W), in [0, K].
     sensor : Sensor, optional
         The sensor that recorded the data. Default: the one that bits or merged counts carry. A
         smooth kernel is treated as the box kernel.
     trials : float or array_like of float, optional
         The number of binary readings behind each pixel of counts, 0 or more: a number, or a map of
         their shape. Default: the sensor's K.
+    channel_axis : int, optional
+        The axis of counts that holds color channels. Default: none, and axes before the last two
+        are those of a stack.
     threads : int, optional
         The number of threads. Default: all cores.
 
     Returns
     -------
-    ndarray of float32, shape (H, W) or (H, W, C)
-        Intensities in [0, S].
+    ndarray of float32
+        Intensities in [0, S], of the shape of the counts. Estimates of color bits are (H, W, C).
 
     Raises
     ------
@@ -77,30 +79,28 @@ def mle(
     >>> mle(counts, Sensor(frames=8)).round(4).tolist()
     [[0.0, 0.6930999755859375, 1.0]]
     """
-    data, sensor = prepare_data(data, sensor, trials)
+    data, sensor = prepare_data(data, sensor, trials, channel_axis)
     warn_about_smooth_kernel(sensor)
-
-    def estimate_channel(data: Channel) -> Estimate:
-        pixels = count_pixels(data, sensor, threads)
-        out = np.empty(pixels.counts.shape, np.float32)
-        if pixels.varies_within_pixels:
-            _solve_jots(require_bits(data), pixels, out, threads)
-        else:
-            engine.mle_from_counts(
-                sensor.pixel_response(),
-                flatten(pixels.counts),
-                flatten(pixels.trials),
-                (flatten(pixels.efficiency), flatten(pixels.dark_counts)),
-                out.reshape(-1),
-                threads,
-            )
-        return inpaint_dead_pixels(out, pixels.dead_pixels)
-
-    return map_channels(estimate_channel, data)
+    images = gray_images(data)
+    pixels = images.count(sensor, threads)
+    out = np.empty(pixels.counts.shape, np.float32)
+    if pixels.varies_within_pixels:
+        for image, estimate in zip(images.data, out, strict=True):
+            _solve_jots(require_bits(image), sensor, estimate, threads)
+    else:
+        engine.mle_from_counts(
+            sensor.pixel_response(),
+            flatten(pixels.counts),
+            flatten(pixels.trials),
+            (flatten(pixels.efficiency), flatten(pixels.dark_counts)),
+            out.reshape(-1),
+            threads,
+        )
+    return images.layout.arrange(inpaint_dead_pixels(out, pixels.dead_pixels))
 
 
 def require_bits(
-    data: Channel,
+    data: GrayData,
     reason: str = "jots of one pixel differ in their efficiency or dark counts",
 ) -> Bits:
     """Return the data, which must be bits because of `reason`.
@@ -126,9 +126,9 @@ dark counts, and a count does not say which jots reported 1
     return data
 
 
-def _solve_jots(bits: Bits, pixels: PixelCounts, out: Estimate, threads: int | None) -> None:
+def _solve_jots(bits: Bits, sensor: Sensor, out: Estimate, threads: int | None) -> None:
     """Write the solution of each pixel's likelihood equation to `out`, for unequal jots."""
-    sensor, mask = pixels.sensor, pixels.sensor.mask
+    mask = sensor.mask
     ones = bits.counts(1, threads=threads)
     for start in range(0, len(out), _ROWS_PER_CHUNK):
         rows = slice(start, start + _ROWS_PER_CHUNK)

@@ -13,7 +13,7 @@ from jotlight.estimators.convergence import (
     check_stopping_rule,
 )
 from jotlight.estimators.inpaint import inpaint_dead_pixels
-from jotlight.estimators.problem import ConvergenceHistories, solve_channels
+from jotlight.estimators.problem import ConvergenceHistories, solve_images
 from jotlight.sensing.likelihood import Problem
 from jotlight.sensing.operators import dot
 from jotlight.sensing.pixel_counts import Data, Estimate
@@ -54,6 +54,7 @@ def mle_iterative(
     *,
     solver: str = ...,
     trials: npt.ArrayLike | None = ...,
+    channel_axis: int | None = ...,
     start: npt.ArrayLike | None = ...,
     max_iter: int = ...,
     tol: float = ...,
@@ -70,6 +71,7 @@ def mle_iterative(
     *,
     solver: str = ...,
     trials: npt.ArrayLike | None = ...,
+    channel_axis: int | None = ...,
     start: npt.ArrayLike | None = ...,
     max_iter: int = ...,
     tol: float = ...,
@@ -86,6 +88,7 @@ def mle_iterative(
     *,
     solver: str = "newton",
     trials: npt.ArrayLike | None = None,
+    channel_axis: int | None = None,
     start: npt.ArrayLike | None = None,
     max_iter: int = 500,
     tol: float = 1e-6,
@@ -101,10 +104,10 @@ def mle_iterative(
 
     Parameters
     ----------
-    data : Bits, Merged, array_like of int, or Problem
-        Bits; or merged counts, or an image of counts L of shape (H, W) or (H, W, C), which suffice
-        for the box kernel; or a custom problem without a sensor, for signals (N,) and other
-        operators.
+    data : Bits, Merged, list of them, array_like of int, or Problem
+        Bits; or merged counts, or counts L of shape (..., H, W), which suffice for the box kernel;
+        or a custom problem without a sensor, for signals (N,) and other operators. Each image of a
+        stack stops by itself.
     sensor : Sensor, optional
         The sensor that recorded the data. Default: the one that bits or merged counts carry.
     solver : {"newton", "gradient"}
@@ -113,6 +116,9 @@ def mle_iterative(
     trials : float or array_like of float, optional
         The number of binary readings behind each pixel of counts, 0 or more: a number, or a map of
         their shape. Default: the sensor's K.
+    channel_axis : int, optional
+        The axis of counts that holds color channels. Default: none, and axes before the last two
+        are those of a stack.
     start : array_like of float, optional
         The initial image, of the shape of the estimate. Default: the same intensity everywhere.
     max_iter : int
@@ -127,14 +133,15 @@ def mle_iterative(
     return_history : bool
         Whether to return the history too: a
         :class:`jotlight.estimators.convergence.ConvergenceHistory`, or a list with one for each
-        channel.
+        image of a stack and each channel.
     threads : int, optional
         The number of threads. Default: all cores.
 
     Returns
     -------
-    ndarray of float32, shape (H, W) or (H, W, C)
-        Intensities in [0, S]. With `return_history`, a tuple of the estimate and the history.
+    ndarray of float32
+        Intensities in [0, S], of the shape of the counts. Estimates of color bits are (H, W, C).
+        With `return_history`, a tuple of the estimate and the history.
 
     Raises
     ------
@@ -165,17 +172,15 @@ def mle_iterative(
         raise ValueError(f"solver: expected one of {', '.join(SOLVERS)}, got {solver!r}")
     check_stopping_rule(max_iter, tol)
 
-    def solve(
-        problem: Problem, start: Array | None, channel: str
-    ) -> tuple[Array, ConvergenceHistory]:
-        monitor = ConvergenceMonitor("mle_iterative" + channel, max_iter, tol, callback)
+    def solve(problem: Problem, start: Array | None, name: str) -> tuple[Array, ConvergenceHistory]:
+        monitor = ConvergenceMonitor("mle_iterative" + name, max_iter, tol, callback)
         image, history = _maximize(problem, start, SOLVERS[solver], monitor)
         dead = ~_pixels_with(problem, _trials(problem) > 0)
         if dead.any():
             image = inpaint_dead_pixels(image.astype(np.float32), dead).astype(np.float64)
         return image, history
 
-    estimate, history = solve_channels(solve, data, sensor, trials, start, threads)
+    estimate, history = solve_images(solve, data, sensor, trials, channel_axis, start, threads)
     return (estimate, history) if return_history else estimate
 
 

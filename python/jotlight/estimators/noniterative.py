@@ -14,11 +14,11 @@ from jotlight.estimators.trial_levels import (
     interpolate_levels,
 )
 from jotlight.sensing.pixel_counts import (
-    Channel,
     Data,
     Estimate,
+    GrayData,
     count_pixels,
-    map_channels,
+    gray_images,
     prepare_data,
     warn_about_smooth_kernel,
 )
@@ -31,6 +31,7 @@ def noniterative(
     sensor: Sensor | None = None,
     *,
     trials: npt.ArrayLike | None = None,
+    channel_axis: int | None = None,
     denoiser: str | Denoiser = "tv",
     inverse: str = "exact",
     threads: int | None = None,
@@ -39,14 +40,17 @@ def noniterative(
 
     Parameters
     ----------
-    data : Bits, Merged, or array_like of int
-        Bits, merged counts, or an image of counts L of shape (H, W) or (H, W, C).
+    data : Bits, Merged, list of them, or array_like of int
+        Bits, merged counts, or counts L of shape (..., H, W).
     sensor : Sensor, optional
         The sensor that recorded the data. Default: the one that bits or merged counts carry. A
         smooth kernel is treated as the box kernel.
     trials : float or array_like of float, optional
         The number of binary readings behind each pixel of counts, 0 or more: a number, or a map of
         their shape. Default: the sensor's K.
+    channel_axis : int, optional
+        The axis of counts that holds color channels. Default: none, and axes before the last two
+        are those of a stack.
     denoiser : str or callable
         A name in `jotlight.denoise.DENOISERS` ("tv", "gaussian", "nlm", "bm3d"), or a callable. It
         takes an image (H, W) of float32 with white noise of standard deviation 1/2
@@ -58,8 +62,8 @@ def noniterative(
 
     Returns
     -------
-    ndarray of float32, shape (H, W) or (H, W, C)
-        Intensities in [0, S].
+    ndarray of float32
+        Intensities in [0, S], of the shape of the counts. Estimates of color bits are (H, W, C).
 
     Raises
     ------
@@ -93,10 +97,10 @@ def noniterative(
     if inverse not in vst.INVERSES:
         raise ValueError(f"inverse: expected one of {', '.join(vst.INVERSES)}, got {inverse!r}")
 
-    data, sensor = prepare_data(data, sensor, trials)
+    data, sensor = prepare_data(data, sensor, trials, channel_axis)
     warn_about_smooth_kernel(sensor)
 
-    def estimate_channel(data: Channel) -> Estimate:
+    def estimate_image(data: GrayData) -> Estimate:
         pixels = count_pixels(data, sensor, threads)
         local = count_local_trials(pixels)
         largest = int(np.ceil(np.max(local)))
@@ -111,7 +115,7 @@ def noniterative(
         probability = interpolate_levels(probability_at, local)
         return intensity_from_probability(probability, sensor, threads)
 
-    return map_channels(estimate_channel, data)
+    return gray_images(data).map(estimate_image)
 
 
 def _run_denoiser(run: Denoiser, z: Estimate) -> Estimate:

@@ -1,4 +1,4 @@
-"""The problem of equation (4), built from data and a sensor, and solved for each channel."""
+"""The problem of equation (4), built from data and a sensor, and solved for each gray image."""
 
 from collections.abc import Callable
 from typing import Any
@@ -10,48 +10,51 @@ from jotlight.estimators.convergence import ConvergenceHistory
 from jotlight.estimators.inpaint import check_any_valid
 from jotlight.estimators.mle import require_bits
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.layout import Layout
 from jotlight.sensing.likelihood import Likelihood, Problem
 from jotlight.sensing.operators import scaling, spread
 from jotlight.sensing.pixel_counts import (
-    Channel,
     Data,
     Estimate,
+    GrayData,
     PixelCounts,
-    color_channels,
     count_pixels,
-    map_channels,
+    gray_images,
     prepare_data,
 )
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 
 ConvergenceHistories = ConvergenceHistory | list[ConvergenceHistory]
-"""The history of one channel, or a list with a history for each channel of a color image."""
+"""The history of a gray image, or a list with that of each image of a stack and each channel."""
 
 Solver = Callable[[Problem, Array | None, str], tuple[Array, ConvergenceHistory]]
-"""A function that solves one channel. It takes the problem, its start, and a name for warnings."""
+"""A function that solves one problem. It takes the problem, its start, and a name for warnings."""
 
 
-def solve_channels(
+def solve_images(
     solve: Solver,
     data: Data | Problem,
     sensor: Sensor | None,
     trials: npt.ArrayLike | None,
+    channel_axis: int | None,
     start: npt.ArrayLike | None,
     threads: int | None,
 ) -> tuple[Estimate, ConvergenceHistories]:
-    """Return the solution and the history of a problem, or of each channel of the data.
+    """Return the solution and the history of a problem, or of each gray image of the data.
 
     Parameters
     ----------
     solve : callable
-        The iterative method. The name of an only channel is "".
-    data : Bits, Merged, Problem, or array_like of int
-        Bits, merged counts, an image of counts (H, W) or (H, W, C), or a problem without a sensor.
+        The iterative method. The name of an only image is "".
+    data : Bits, Merged, list of them, Problem, or array_like of int
+        Bits, merged counts, counts (..., H, W), or a problem without a sensor.
     sensor : Sensor or None
         The sensor that recorded the data; None for a problem, and for data that carry it.
     trials : float or array_like of float, optional
         The number of trials of counts; None for a problem.
+    channel_axis : int, optional
+        The axis of counts that holds color channels; None for a problem.
     start : array_like of float, optional
         The initial image, of the shape of the estimate.
     threads : int, optional
@@ -68,32 +71,32 @@ def solve_channels(
             raise TypeError("sensor: expected none, since a Problem has its own operator")
         if trials is not None:
             raise TypeError("trials: expected none, since a Problem has its own likelihood")
+        if channel_axis is not None:
+            raise TypeError("channel_axis: expected none, since a Problem is one gray image")
         estimate, history = solve(data, _fit_start(initial, data), "")
         return estimate.astype(np.float32), history
-    data, sensor = prepare_data(data, sensor, trials)
-    channels = color_channels(data)
-    if initial is not None and initial.shape[2:] != channels:
-        raise ValueError(
-            f"start: expected (H, W) and as many channels as the data {channels}, "
-            f"got shape {initial.shape}"
-        )
+    data, sensor = prepare_data(data, sensor, trials, channel_axis)
+    images = gray_images(data)
+    layout = images.layout
+    starts: Any = [None] * len(images)
+    if initial is not None:
+        starts = layout.split(_check_axes(initial, layout))
     histories: list[ConvergenceHistory] = []
 
-    def solve_channel(channel: Channel) -> Estimate:
-        problem = build_problem(channel, sensor, threads)
+    def solve_image(image: GrayData) -> Estimate:
+        problem = build_problem(image, sensor, threads)
         index = len(histories)
-        channel_start = initial if initial is None or initial.ndim == 2 else initial[..., index]
-        name = f", channel {index}" if channels else ""
-        estimate, history = solve(problem, _fit_start(channel_start, problem), name)
+        name = "" if layout.is_single else f", {layout.name_of(index)}"
+        estimate, history = solve(problem, _fit_start(starts[index], problem), name)
         histories.append(history)
         return estimate.astype(np.float32)
 
-    result = map_channels(solve_channel, data)
-    return result, histories if channels else histories[0]
+    result = images.map(solve_image)
+    return result, histories[0] if layout.is_single else histories
 
 
-def build_problem(data: Channel, sensor: Sensor, threads: int | None) -> Problem:
-    """Return the problem of one channel of bits or counts: equation (4).
+def build_problem(data: GrayData, sensor: Sensor, threads: int | None) -> Problem:
+    """Return the problem of one gray image of bits or counts: equation (4).
 
     With the box kernel the bits of a pixel are exchangeable. Their count is then a sufficient
     statistic, and the cells are the pixels. With a smooth kernel, or where the jots of a pixel
@@ -140,6 +143,16 @@ def _check_start(start: npt.ArrayLike) -> Array:
     return array.astype(np.float64)
 
 
+def _check_axes(start: Array, layout: Layout) -> Array:
+    """Return the initial images, whose axes must be those of the estimate."""
+    if start.ndim != 2 + len(layout.shape) or layout.moved(start).shape[:-2] != layout.shape:
+        raise ValueError(
+            f"start: expected the axes of the estimate, (H, W) and {layout.shape} for a stack and "
+            f"channels, got shape {start.shape}"
+        )
+    return start
+
+
 def _fit_start(start: Array | None, problem: Problem) -> Array | None:
     if start is None:
         return None
@@ -164,7 +177,7 @@ def _pixel_problem(pixels: PixelCounts, threads: int | None) -> Problem:
 
 
 def _jot_problem(
-    data: Channel,
+    data: GrayData,
     sensor: Sensor,
     shape: tuple[int, ...],
     threads: int | None,

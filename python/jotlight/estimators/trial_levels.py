@@ -133,6 +133,8 @@ def local_trials(trials: npt.NDArray[np.floating]) -> int | Image:
 def count_local_trials(pixels: PixelCounts) -> int | Image:
     """Return :func:`local_trials` of pixel counts. Dead pixels get those of the nearest valid one.
 
+    Several images must have equal trials at all valid pixels.
+
     Raises
     ------
     ValueError

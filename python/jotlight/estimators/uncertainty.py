@@ -18,17 +18,15 @@ from jotlight.estimators.light_inversion import (
 from jotlight.estimators.mle import mle, require_bits
 from jotlight.interrupts import interruptible
 from jotlight.notebook import card, normalize
-from jotlight.sensing.channels import stack_channels
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.pixel_counts import (
-    Channel,
     Data,
     Estimate,
+    GrayData,
     PixelCounts,
-    color_channels,
     count_pixels,
+    gray_images,
     prepare_data,
-    split_channels,
     warn_about_smooth_kernel,
 )
 from jotlight.sensing.response import Array
@@ -115,14 +113,15 @@ def uncertainty(
     *,
     confidence_level: float = 0.95,
     trials: npt.ArrayLike | None = None,
+    channel_axis: int | None = None,
     threads: int | None = None,
 ) -> Uncertainty:
     """Return the standard error and the confidence interval of `jotlight.mle` for each pixel.
 
     Parameters
     ----------
-    data : Bits, Merged, or array_like of int
-        Bits, merged counts, or an image of counts L of shape (H, W) or (H, W, C).
+    data : Bits, Merged, list of them, or array_like of int
+        Bits, merged counts, or counts L of shape (..., H, W).
     sensor : Sensor, optional
         The sensor that recorded the data, as for `jotlight.mle`.
     confidence_level : float
@@ -130,13 +129,16 @@ def uncertainty(
     trials : float or array_like of float, optional
         The number of binary readings behind each pixel of counts, 0 or more: a number, or a map of
         their shape. Default: the sensor's K.
+    channel_axis : int, optional
+        The axis of counts that holds color channels. Default: none, and axes before the last two
+        are those of a stack.
     threads : int, optional
         The number of threads. Default: all cores.
 
     Returns
     -------
     Uncertainty
-        Arrays of shape (H, W) or (H, W, C), in units of intensity.
+        Arrays of the shape of the estimate, in units of intensity.
 
     Raises
     ------
@@ -177,23 +179,20 @@ def uncertainty(
         raise ValueError(
             f"confidence_level: expected a coverage from 0.5 to below 1, got {confidence_level!r}"
         )
-    data, sensor = prepare_data(data, sensor, trials)
+    data, sensor = prepare_data(data, sensor, trials, channel_axis)
     warn_about_smooth_kernel(sensor)
-    channels = [
-        _channel_uncertainty(channel, sensor, confidence_level, threads)
-        for channel in split_channels(data)
-    ]
-    color = bool(color_channels(data))
+    images = gray_images(data)
+    each = [_gray_uncertainty(image, sensor, confidence_level, threads) for image in images.data]
     arrays = {
-        field.name: stack_channels([getattr(one, field.name) for one in channels], color=color)
+        field.name: images.layout.arrange(np.stack([getattr(one, field.name) for one in each]))
         for field in dataclasses.fields(Uncertainty)
         if field.name != "confidence_level"
     }
     return Uncertainty(confidence_level=confidence_level, **arrays)
 
 
-def _channel_uncertainty(
-    data: Channel, sensor: Sensor, confidence_level: float, threads: int | None
+def _gray_uncertainty(
+    data: GrayData, sensor: Sensor, confidence_level: float, threads: int | None
 ) -> Uncertainty:
     pixels = count_pixels(data, sensor, threads)
     if pixels.varies_within_pixels:
@@ -244,7 +243,7 @@ def _clopper_pearson(
 
 
 def _regular_light(
-    data: Channel,
+    data: GrayData,
     pixels: PixelCounts,
     unique: UniqueCounts,
     invert: LightInverse,
@@ -290,7 +289,7 @@ def _standard_error(
         return np.asarray(error.astype(np.float32))
 
 
-def _silent_mle(data: Channel, sensor: Sensor, threads: int | None) -> Estimate:
+def _silent_mle(data: GrayData, sensor: Sensor, threads: int | None) -> Estimate:
     """Return the estimate without a warning about dead pixels, because they get a flag."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", JotlightWarning)

@@ -18,6 +18,7 @@ from jotlight.notebook import table_of, text_table
 from jotlight.progress import Progress, equal_steps, shown_progress
 from jotlight.seeds import SeedLike
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.layout import Layout
 from jotlight.sensing.sensor import Sensor
 
 if TYPE_CHECKING:
@@ -80,6 +81,7 @@ def compare(
     image: npt.ArrayLike,
     sensor: Sensor,
     *,
+    channel_axis: int | None = None,
     rng: SeedLike = 0,
     threads: int | None = None,
     progress: Progress = None,
@@ -92,10 +94,12 @@ def compare(
         Names of methods, as :func:`jotlight.reconstruct` takes them; or a mapping of titles to
         names, networks, and functions ``f(bits, sensor)`` or ``f(bits)``. None: all methods that
         are installed and serve the sensor.
-    image : array_like of float, shape (H, W), (H, W, 1), or (H, W, 3)
-        Intensities.
+    image : array_like of float, shape (H, W)
+        Intensities. With `channel_axis` also of a color image.
     sensor : Sensor
         Sensor that exposes the image.
+    channel_axis : int, optional
+        Axis of the image that holds 1 or 3 channels. Default: none.
     rng : int, numpy.random.Generator, or None
         Seed of the bits.
     threads : int, optional
@@ -142,18 +146,25 @@ def compare(
     if not names:
         raise ValueError("methods: expected at least one, got none")
     pixels = as_image(image)
-    if pixels.ndim == 3 and pixels.shape[2] not in (1, 3):
-        raise ValueError(
-            f"image: expected a gray or RGB image to compare, got {pixels.shape[2]} channels"
-        )
+    layout = Layout.of("image", pixels, channel_axis)
+    if layout.is_stack or layout.number not in (1, 3):
+        raise ValueError(f"image: expected a gray or RGB image, got {_describe(layout)}")
     with shown_progress(progress, "comparing") as update:
         begin = equal_steps(update, len(names) + 1)
-        bits = sensor.expose(pixels, rng, threads=threads, progress=begin("drawing bits"))
+        show = begin("drawing bits")
+        bits = sensor.expose(pixels, rng, channel_axis=channel_axis, threads=threads, progress=show)
+        if channel_axis is not None:  # the estimates have the channels last
+            pixels = np.moveaxis(pixels, channel_axis, -1)
         results = compare_methods(
             pixels, bits, sensor, names, threads=threads, begin=begin, methods=known
         )
         update(1.0)
     return Comparison(pixels, bits, results, {name: known[name].title for name in names})
+
+
+def _describe(layout: Layout) -> str:
+    """Return the number of channels, or the axes of a stack."""
+    return f"a stack {layout.shape}" if layout.is_stack else f"{layout.number} channels"
 
 
 def _as_method(title: str, method: str | Network | OwnMethod) -> Method:

@@ -104,6 +104,7 @@ def evaluate(
     images: Sequence[npt.NDArray[np.floating]] | npt.NDArray[np.floating],
     sensor: Sensor,
     *,
+    channel_axis: int | None = None,
     names: Sequence[str] | None = None,
     rng: int = 0,
     threads: int | None = None,
@@ -116,10 +117,12 @@ def evaluate(
     method : str, Network, or callable
         The name of a method, a network, or a function ``f(bits, sensor)`` or ``f(bits)``, as for
         :func:`jotlight.reconstruct`.
-    images : sequence of arrays (H, W) or (H, W, C), or one array (N, H, W)
-        Intensities.
+    images : sequence of arrays (H, W), or one array (N, H, W)
+        Intensities. With `channel_axis`, each image has one more axis.
     sensor : Sensor
         Sensor that exposes the images.
+    channel_axis : int, optional
+        Axis of each image that holds color channels. Default: none.
     names : sequence of str, optional
         Names of the images. Default: their indices.
     rng : int
@@ -157,8 +160,10 @@ def evaluate(
     scores = []
     with shown_progress(progress, "reconstructing") as update:
         for number, (name, image) in enumerate(zip(names, images, strict=True)):
-            bits = sensor.expose(image, rng=rng + number, threads=threads)
+            bits = sensor.expose(image, rng + number, channel_axis=channel_axis, threads=threads)
             estimate = reconstruct(bits, sensor, method=method, threads=threads)
+            if channel_axis is not None:  # the estimate has the channels last
+                image = np.moveaxis(image, channel_axis, -1)
             ssim = metrics.ssim(estimate, image) if min(image.shape[:2]) >= 11 else None
             scores.append(
                 Score(name, metrics.psnr(estimate, image), metrics.snr(estimate, image), ssim)

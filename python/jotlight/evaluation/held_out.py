@@ -15,12 +15,12 @@ from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, unsupport
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import (
-    Channel,
     Data,
     Estimate,
+    GrayData,
     PixelCounts,
     count_pixels,
-    map_channels,
+    gray_images,
     prepare_data,
 )
 from jotlight.sensing.response import Array
@@ -66,6 +66,7 @@ def held_out(
     sensor: Sensor | None = None,
     *,
     trials: npt.ArrayLike | None = None,
+    channel_axis: int | None = None,
     threads: int | None = None,
 ) -> Estimate:
     """Return the blend of network, total variation, and maximum likelihood that suits the data.
@@ -79,21 +80,24 @@ def held_out(
 
     Parameters
     ----------
-    data : Bits, Merged, or array_like of int
-        Bits, merged counts, or an image of counts L of shape (H, W) or (H, W, C).
+    data : Bits, Merged, list of them, or array_like of int
+        Bits, merged counts, or counts L of shape (..., H, W).
     sensor : Sensor, optional
         The sensor that recorded the data, with the box kernel. Default: the one that bits or merged
         counts carry.
     trials : float or array_like of float, optional
         The number of binary readings behind each pixel of counts, 0 or more: a number, or a map of
         their shape. Default: the sensor's K.
+    channel_axis : int, optional
+        The axis of counts that holds color channels. Default: none, and axes before the last two
+        are those of a stack.
     threads : int, optional
         The number of threads. Default: all cores.
 
     Returns
     -------
-    ndarray of float32, shape (H, W) or (H, W, C)
-        Intensities in [0, S].
+    ndarray of float32
+        Intensities in [0, S], of the shape of the counts. Estimates of color bits are (H, W, C).
 
     Raises
     ------
@@ -119,21 +123,21 @@ def held_out(
     >>> bool(abs(held_out(sensor.expose(image, rng=0)) - image).max() < 0.02)
     True
     """
-    data, sensor = prepare_data(data, sensor, trials)
+    data, sensor = prepare_data(data, sensor, trials, channel_axis)
     methods = _methods(sensor, threads)
 
-    def blend(channel: Channel) -> Estimate:
-        weights = _choose_weights(methods, channel, sensor, threads)
+    def blend(image: GrayData) -> Estimate:
+        weights = _choose_weights(methods, image, sensor, threads)
         total = np.zeros(weights.shape[1:], np.float32)
         for weight, method in zip(weights, methods, strict=True):
             if weight.max() >= _MIN_WEIGHT:
-                total += weight * method(channel)
+                total += weight * method(image)
         return np.clip(total, 0, np.float32(sensor.max_intensity))
 
-    return map_channels(blend, data)
+    return gray_images(data).map(blend)
 
 
-def _methods(sensor: Sensor, threads: int | None) -> list[Callable[[Channel], Estimate]]:
+def _methods(sensor: Sensor, threads: int | None) -> list[Callable[[GrayData], Estimate]]:
     if (message := unsupported_message(sensor, CONDITIONAL_SIZE)) is not None:
         raise ValueError(f"sensor: {message}")
     network = pretrained(sensor, CONDITIONAL_SIZE)
@@ -145,12 +149,12 @@ def _methods(sensor: Sensor, threads: int | None) -> list[Callable[[Channel], Es
 
 
 def _choose_weights(
-    methods: list[Callable[[Channel], Estimate]],
-    data: Channel,
+    methods: list[Callable[[GrayData], Estimate]],
+    data: GrayData,
     sensor: Sensor,
     threads: int | None,
 ) -> Estimate:
-    """Return the weight of each method at each pixel of one channel, (M, H, W)."""
+    """Return the weight of each method at each pixel of one gray image, (M, H, W)."""
     pixels = count_pixels(data, sensor, threads)
     ones, trials = _hold_out(pixels)
     training = Merged(

@@ -37,6 +37,7 @@ def initial_network(
     sensor: Sensor | None = None,
     *,
     trials: npt.ArrayLike | None = None,
+    channel_axis: int | None = None,
     threads: int | None = None,
     **options: Any,
 ) -> npt.NDArray[np.float32]:
@@ -44,7 +45,7 @@ def initial_network(
 
     `options` are those of :meth:`jotlight.Network.initial`.
     """
-    data, sensor = prepare_data(data, sensor, trials)
+    data, sensor = prepare_data(data, sensor, trials, channel_axis)
     return Network.initial(sensor, **options).reconstruct(data, sensor, threads=threads)
 
 
@@ -54,10 +55,11 @@ def trained_network(
     *,
     quality: str = "medium",
     trials: npt.ArrayLike | None = None,
+    channel_axis: int | None = None,
     threads: int | None = None,
 ) -> npt.NDArray[np.float32]:
     """Return the estimate of the network that ships with jotlight for this sensor."""
-    data, sensor = prepare_data(data, sensor, trials)
+    data, sensor = prepare_data(data, sensor, trials, channel_axis)
     return pretrained(sensor, quality).reconstruct(data, sensor, threads=threads)
 
 

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_counts
 from jotlight.sensing.bits import Bits, check_fits
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.pixel_counts import Data
+from jotlight.sensing.pixel_counts import Data, GrayImages, PreparedData
 from jotlight.sensing.sensor import Sensor
 
 OwnMethod = Callable[..., npt.ArrayLike]
@@ -22,15 +21,16 @@ _POSITIONAL = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR
 
 def run_own(
     method: OwnMethod,
-    data: Data,
+    data: PreparedData,
     sensor: Sensor,
     threads: int | None,
     options: dict[str, Any],
 ) -> npt.NDArray[np.float32]:
     """Return the image of a function of the caller, after checking it.
 
-    The function receives bits that carry the sensor, merged counts, or an array of counts. It also
-    receives the sensor and the number of threads if it has such parameters.
+    The function receives bits that carry the sensor, merged counts, or an array of counts. It
+    receives the elements of a list of bits one after the other. It also receives the sensor and
+    the number of threads if it has such parameters.
 
     Raises
     ------
@@ -38,6 +38,8 @@ def run_own(
         When the data do not fit the sensor, or the result is no image of their size.
     """
     name = getattr(method, "__name__", repr(method))
+    if isinstance(data, GrayImages) and not isinstance(data.data, np.ndarray):
+        return data.map(lambda image: run_own(method, image, sensor, threads, options))
     checked, expected = _prepare(data, sensor)
     arguments, keywords = arguments_of(method, checked, sensor, threads)
     result = np.asarray(method(*arguments, **{**keywords, **options}))
@@ -82,13 +84,15 @@ def arguments_of(
     return (data,), keywords
 
 
-def _prepare(data: Data, sensor: Sensor) -> tuple[Data, tuple[int, ...]]:
+def _prepare(data: PreparedData, sensor: Sensor) -> tuple[Data, tuple[int, ...]]:
     """Return data after checking them, and the shape of the image that they show."""
     if isinstance(data, Merged):
         return data, data.shape
-    if not isinstance(data, Bits):
-        counts = as_counts(data)
+    if isinstance(data, GrayImages):
+        counts = data.layout.arrange(np.asarray(data.data))
         return counts, counts.shape
+    if not isinstance(data, Bits):
+        return data, data.shape
     check_fits(data, sensor)
     _, height, width, *channels = data.shape
     shape = height // sensor.oversampling, width // sensor.oversampling, *channels

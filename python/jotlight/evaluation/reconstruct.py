@@ -16,7 +16,13 @@ from jotlight.networks.architectures import SIZES
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import pretrained
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.pixel_counts import Data, carried_sensor, prepare_data
+from jotlight.sensing.pixel_counts import (
+    Data,
+    PreparedData,
+    carried_sensor,
+    gray_images,
+    prepare_data,
+)
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
@@ -47,6 +53,7 @@ def reconstruct(
     method: str | Network | OwnMethod | None = ...,
     quality: str | None = ...,
     trials: npt.ArrayLike | None = ...,
+    channel_axis: int | None = ...,
     threads: int | None = ...,
     return_info: Literal[False] = ...,
     **options: Any,
@@ -59,6 +66,7 @@ def reconstruct(
     method: str | Network | OwnMethod | None = ...,
     quality: str | None = ...,
     trials: npt.ArrayLike | None = ...,
+    channel_axis: int | None = ...,
     threads: int | None = ...,
     return_info: Literal[True],
     **options: Any,
@@ -72,16 +80,17 @@ def reconstruct(
     method: str | Network | OwnMethod | None = None,
     quality: str | None = None,
     trials: npt.ArrayLike | None = None,
+    channel_axis: int | None = None,
     threads: int | None = None,
     return_info: bool = False,
     **options: Any,
 ) -> Image | tuple[Image, Info]:
-    """Return the estimate of an image by the recommended method, or by another one.
+    """Return the estimate of an image, or of each image of a stack, by the recommended method.
 
     Parameters
     ----------
-    data : Bits, Merged, or array_like of int
-        Bits, merged counts, or counts L of shape (H, W) or (H, W, C).
+    data : Bits, Merged, list of them, or array_like of int
+        Bits, merged counts, or counts L of shape (..., H, W).
     sensor : Sensor, optional
         Sensor of the data. Default: the sensor that bits or merged counts carry. Counts need it.
     method : str, Network, or callable, optional
@@ -94,6 +103,9 @@ def reconstruct(
     trials : float or array_like of float, optional
         Number of binary readings behind each pixel of counts: a number, or a map of their shape.
         Default: the sensor's K.
+    channel_axis : int, optional
+        Axis of counts that holds color channels. Default: none, and axes before the last two are
+        those of a stack.
     threads : int, optional
         Number of threads. Default: all.
     return_info : bool
@@ -104,8 +116,8 @@ def reconstruct(
 
     Returns
     -------
-    ndarray of float32, shape (H, W) or (H, W, C)
-        Intensities.
+    ndarray of float32
+        Intensities, of the shape of the counts. Estimates of color bits are (H, W, C).
     Info
         Only with `return_info`.
 
@@ -134,7 +146,7 @@ def reconstruct(
         raise TypeError("return_history: pass return_info=True, and take the history of the info")
     if sensor is None and isinstance(method, Network):
         sensor = carried_sensor(data) or method.default_sensor or method.sensor
-    data, sensor = prepare_data(data, sensor, trials)
+    data, sensor = prepare_data(data, sensor, trials, channel_axis)
     start = time.perf_counter()
     if callable(method) and not isinstance(method, Network):
         if quality is not None:
@@ -148,7 +160,7 @@ def reconstruct(
 
 
 def _run(
-    data: Data,
+    data: PreparedData,
     sensor: Sensor,
     method: str | Network | None,
     quality: str | None,
@@ -165,7 +177,7 @@ def _run(
         sensor,
         requested=requested,
         network=network,
-        is_bits=isinstance(data, Bits),
+        is_bits=all(isinstance(image, Bits) for image in gray_images(data).data),
         remedy="jotlight.train(jotlight.Network.initial(sensor), photographs) trains one",
     )
     for message in choice.warnings:

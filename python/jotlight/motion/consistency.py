@@ -52,8 +52,8 @@ def disagreement(first: Sums, second: Sums, threads: int | None = None) -> Image
     """Return how much two parts of the frames disagree around each pixel, (H, W).
 
     It is the square of the difference of their counts in units of its variance, averaged over many
-    pixels: about 1 if they agree and are equally bright. The ratio of their brightness is removed,
-    but not its effect on the variance. Squares of 4 pixels have equal values.
+    pixels: about 1 if they agree. One may be brighter than the other, by the same factor
+    everywhere. Squares of 4 pixels have equal values.
     """
     height, width = first.ones.shape
     squares = np.empty((2, -(-height // _SQUARE), -(-width // _SQUARE)), np.float32)

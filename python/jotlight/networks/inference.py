@@ -1,4 +1,4 @@
-"""The output of a network for bits or counts."""
+"""The output of a network for bits or counts of gray images."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.estimators.inverse_response import equivalent_counts
 from jotlight.networks.layer import Layer
 from jotlight.sensing.bits import Bits, check_fits
-from jotlight.sensing.pixel_counts import Channel, PixelCounts, count_pixels
+from jotlight.sensing.pixel_counts import GrayData, GrayImages, PixelCounts
 from jotlight.sensing.reference import Jot
 from jotlight.sensing.sensor import Sensor
 
@@ -25,7 +25,7 @@ _MIN_BAND = 8
 
 @dataclasses.dataclass(frozen=True)
 class Inference:
-    """A network's forward pass on data of one channel."""
+    """A network's forward pass on gray images."""
 
     layers: Sequence[Layer]
     sensor: Sensor
@@ -34,8 +34,8 @@ class Inference:
     """Efficiency and dark counts of the jots for which the layers were made."""
     threads: int | None
 
-    def run(self, data: Channel) -> npt.NDArray[np.float32]:
-        """Return the output of the last layer, shape (H, W).
+    def run(self, images: GrayImages) -> npt.NDArray[np.float32]:
+        """Return the output of the last layer, shape (N, H, W).
 
         Raises
         ------
@@ -46,18 +46,22 @@ class Inference:
             differ from its own.
         """
         if self.layers[0].shape[1:] != (1, 1, 1):
-            return self._run_untied(data)
-        return self.run_pixels(count_pixels(data, self.sensor, self.threads), self.sensor.trials)
+            outputs = [self._run_untied(image) for image in images.data]
+            return np.stack(outputs) if len(outputs) > 1 else outputs[0][None]
+        return self.run_pixels(images.count(self.sensor, self.threads), self.sensor.trials)
 
     def run_pixels(self, pixels: PixelCounts, trials: int) -> npt.NDArray[np.float32]:
-        """Return the output of a tied network for K = `trials`, shape (H, W)."""
+        """Return the output of a tied network for K = `trials`, shape (N, H, W)."""
         if pixels.uniform and pixels.trials < pixels.counts.size:
             return self._run_by_table(pixels, trials)
         return self.run_counts(equivalent_counts(pixels, self.reference, trials, self.threads))
 
     def run_counts(self, counts: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        """Return the output of a tied network for equivalent counts of reference jots, (H, W)."""
-        return self._run_sums(self._tied_weights[:, None] * counts)
+        """Return the output of a tied network for equivalent counts of reference jots.
+
+        Both have the shape (N, H, W).
+        """
+        return self._run_sums(self._tied_weights[:, None] * counts[:, None])
 
     def _run_by_table(self, pixels: PixelCounts, trials: int) -> npt.NDArray[np.float32]:
         """Return the output of a tied network for pixels alike. A table maps each count L to p."""
@@ -67,7 +71,7 @@ class Inference:
         table = self._tied_weights * table
         return engine.forward_counts(self._engine_layers, pixels.counts, table, self.threads)
 
-    def _run_untied(self, data: Channel) -> npt.NDArray[np.float32]:
+    def _run_untied(self, data: GrayData) -> npt.NDArray[np.float32]:
         """Return the output of a network whose first layer has one weight per jot and frame."""
         if not isinstance(data, Bits):
             raise TypeError(
@@ -83,7 +87,8 @@ class Inference:
                 "a tied network takes others"
             )
         if sensor.mask is not None and sensor.mask.any():
-            return self._run_sums(self._masked_sums(data, sensor.mask))
+            sums = self._masked_sums(data, sensor.mask)
+            return np.asarray(self._run_sums(sums[None])[0])
         # Frames that are read from files become an array here.
         packed = data.packed[:, : data.shape[1]]
         return engine.forward_bits(self._engine_layers, packed, data.width, self.threads)
@@ -106,7 +111,10 @@ class Inference:
         return sums
 
     def _run_sums(self, sums: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        """Return the output for p, shape (C, H, W): the first layer's values before its splines."""
+        """Return the output (N, H, W) for p, shape (N, C, H, W).
+
+        p is the first layer's value before its splines.
+        """
         return engine.forward(self._engine_layers, sums, self.threads)
 
     @property

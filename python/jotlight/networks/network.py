@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.networks.architectures import (
     build_conditional,
     build_residual,
@@ -16,25 +15,23 @@ from jotlight.networks.architectures import (
     find_architecture,
 )
 from jotlight.networks.bounds import output_bounds
-from jotlight.networks.conditional_inference import estimate_probability
+from jotlight.networks.conditional_inference import estimate_intensity
 from jotlight.networks.conditioning import conditioning_weights, count_sets
+from jotlight.networks.description import html_of, repr_of
 from jotlight.networks.figure import figure_of_layers
 from jotlight.networks.graph import halo_radius
 from jotlight.networks.inference import Inference
 from jotlight.networks.layer import Layer
 from jotlight.networks.layer_checks import check_layers
 from jotlight.networks.network_files import read_network, write_network
+from jotlight.networks.onnx_export import write_onnx
 from jotlight.networks.served_sensors import check_served
-from jotlight.notebook import card
-from jotlight.sensing.pixel_counts import Data, carried_sensor, map_channels, prepare_data
+from jotlight.sensing.pixel_counts import Data, carried_sensor, gray_images, prepare_data
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
 if TYPE_CHECKING:
     from jotlight.figures import Figure
-
-_PIXELS_AT_ONCE = 1 << 21
-"""Number of pixels whose probabilities become intensities in one call."""
 
 
 class Network:
@@ -210,14 +207,15 @@ class Network:
         sensor: Sensor | None = None,
         *,
         trials: npt.ArrayLike | None = None,
+        channel_axis: int | None = None,
         threads: int | None = None,
     ) -> npt.NDArray[np.float32]:
-        """Return the estimate of the image.
+        """Return the estimate of the image, or of each image of a stack.
 
         Parameters
         ----------
-        data : Bits, Merged, or array_like of int
-            Bits; for a tied network also merged counts, or counts L of shape (H, W) or (H, W, C).
+        data : Bits, Merged, list of them, or array_like of int
+            Bits; for a tied network also merged counts, or counts L of shape (..., H, W).
         sensor : Sensor, optional
             Sensor of the data, which may have its own dead jots and dark counts. Default: the
             sensor that bits or merged counts carry, else the one for which
@@ -225,13 +223,17 @@ class Network:
         trials : float or array_like of float, optional
             Number of binary readings behind each pixel of counts, 0 or more: a number, or a map of
             their shape. Default: the sensor's K.
+        channel_axis : int, optional
+            Axis of counts that holds color channels. Default: none, and axes before the last two
+            are those of a stack.
         threads : int, optional
             Number of threads. Default: all.
 
         Returns
         -------
-        ndarray of float32, shape (H, W) or (H, W, C)
-            Intensities in [0, S].
+        ndarray of float32
+            Intensities in [0, S], of the shape of the counts. Estimates of color bits are
+            (H, W, C).
 
         Raises
         ------
@@ -245,25 +247,18 @@ class Network:
         """
         if sensor is None:
             sensor = carried_sensor(data) or self.default_sensor or self.sensor
-        data, sensor = prepare_data(data, sensor, trials)
+        data, sensor = prepare_data(data, sensor, trials, channel_axis)
         self.check_sensor(sensor)
+        images = gray_images(data)
         if self.trials_range is not None:
-            estimate = map_channels(
-                lambda channel: estimate_probability(self, channel, sensor, threads), data
-            )
-            # In place: memory may not hold the estimate twice.
-            rows_at_once = max(1, _PIXELS_AT_ONCE * len(estimate) // estimate.size)
-            for start in range(0, len(estimate), rows_at_once):
-                rows = estimate[start : start + rows_at_once]
-                rows[:] = intensity_from_probability(rows, sensor, threads)
-            return estimate
+            return images.layout.arrange(estimate_intensity(self, images, sensor, threads))
         # The check has established that both sensors detect equal light at intensity 1.
         reference = reference_jot(sensor)[0], reference_jot(self.sensor)[1]
-        estimate = map_channels(Inference(self.layers, sensor, reference, threads).run, data)
+        estimate = Inference(self.layers, sensor, reference, threads).run(images)
         (low, high), max_intensity = self._output_bounds, np.float32(sensor.max_intensity)
         if low < 0 or high > max_intensity:
             np.clip(estimate, 0, max_intensity, out=estimate)
-        return estimate
+        return images.layout.arrange(estimate)
 
     __call__ = reconstruct
 
@@ -285,11 +280,11 @@ class Network:
     def denoise_probability(
         self, fraction: npt.NDArray[np.float32], trials: int, *, threads: int | None = None
     ) -> npt.NDArray[np.float32]:
-        """Return the probabilities P(b = 1) that a K-conditioned network estimates, (H, W).
+        """Return the probabilities P(b = 1) that a K-conditioned network estimates.
 
         Parameters
         ----------
-        fraction : ndarray of float32, shape (H, W)
+        fraction : ndarray of float32, shape (H, W) or (N, H, W)
             Fraction of ones of each pixel.
         trials : int
             K, the number of bits of each pixel.
@@ -298,7 +293,8 @@ class Network:
         """
         layers = self.conditioned_layers(trials)
         inference = Inference(layers, self.sensor, reference_jot(self.sensor), threads)
-        return inference.run_counts(fraction * np.float32(trials))
+        images = fraction.reshape(-1, *fraction.shape[-2:])
+        return inference.run_counts(images * np.float32(trials)).reshape(fraction.shape)
 
     def check_sensor(self, sensor: Sensor) -> None:
         """Check that the network serves the data of a sensor.
@@ -329,22 +325,25 @@ class Network:
         """
         return read_network(path, cls)
 
+    def export_onnx(self, path: str | os.PathLike[str], sensor: Sensor | None = None) -> None:
+        """Write an ONNX model from counts (N, 1, H, W) to intensities (extra `onnx`).
+
+        The model is for one sensor: `sensor`, else the one for which :func:`jotlight.pretrained`
+        was called, else the network's. :mod:`jotlight.networks.onnx_export` describes the model.
+
+        Raises
+        ------
+        MissingExtraError, ValueError
+            Without the package onnx; when the network does not serve the sensor, or it has maps.
+        """
+        write_onnx(path, self, sensor)
+
     def plot(self) -> "Figure":
         """Return a figure of splines and filters: those of the first and the last trained layer."""
         return figure_of_layers(self.layers)
 
-    def _facts(self) -> dict[str, object]:
-        served = self.trials_range and f"{self.trials_range[0]} trials per pixel or more"
-        return {
-            "channels": " -> ".join(str(layer.channels) for layer in self.layers),
-            "parameters": sum(layer.parameter_count for layer in self.layers),
-            "for": served or repr(self.sensor),
-        }
-
     def _repr_html_(self) -> str:
-        return card("Network", {**self._facts(), "halo": f"{self.halo} pixels"})
+        return html_of(self.layers, self.sensor, self.trials_range)
 
     def __repr__(self) -> str:
-        return "<Network: channels {channels}, {parameters} parameters, for {for}>".format(
-            **self._facts()
-        )
+        return repr_of(self.layers, self.sensor, self.trials_range)

@@ -45,6 +45,56 @@ def check_served(
         )
 
 
+def choose_sensor(
+    sensor: Sensor | None,
+    default: Sensor | None,
+    own: Sensor,
+    trials_range: tuple[int, int] | None,
+    *,
+    tied: bool,
+) -> Sensor:
+    """Return the sensor of data whose pixels are all alike, after checks.
+
+    Parameters
+    ----------
+    sensor, default : Sensor, optional
+        Sensor that a caller states, and the one that replaces it.
+    own, trials_range, tied
+        Properties of the network, as for :func:`check_served`. Its own sensor is the last choice,
+        but a K-conditioned network has none that would fit.
+
+    Raises
+    ------
+    ValueError
+        When there is no sensor, when the network does not serve it, or when it has maps.
+
+    Examples
+    --------
+    >>> choose_sensor(None, None, Sensor(frames=16), None, tied=True)
+    Sensor(frames=16)
+    """
+    sensor = sensor or default
+    if sensor is None:
+        if trials_range is not None:
+            raise ValueError(
+                "sensor: expected the sensor of the data, because this network serves every "
+                "number of trials per pixel, got none"
+            )
+        sensor = own
+    check_served(own, sensor, trials_range, tied=tied)
+    if sensor.maps():
+        raise ValueError(
+            f"sensor: expected one without maps of its jots, got {sensor!r}; the engine takes it "
+            "(jotlight.Network.reconstruct), or use sensor.without_maps()"
+        )
+    if not tied and reference_jot(sensor) != reference_jot(own):
+        raise ValueError(
+            f"sensor: expected the network's efficiency and dark counts, {reference_jot(own)}, "
+            f"got {reference_jot(sensor)}; a tied network takes others"
+        )
+    return sensor
+
+
 def check_trained(sensor: Sensor, trials_range: tuple[int, int] | None) -> None:
     """Raise ValueError when a network cannot be trained for the K of a sensor.
 

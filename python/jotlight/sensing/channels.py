@@ -41,6 +41,19 @@ def channel_views(array: S, dimensions: int = 2) -> list[S]:
     return [array[..., channel] for channel in range(array.shape[-1])]
 
 
+def last_channel_axis(data: object) -> int | None:
+    """Return the axis of channels of an image or counts of a file: the last of three, or None.
+
+    Bits and merged counts know their channels, so the result is None for them.
+
+    Examples
+    --------
+    >>> last_channel_axis(np.zeros((4, 6))), last_channel_axis(np.zeros((4, 6, 3)))
+    (None, -1)
+    """
+    return -1 if isinstance(data, np.ndarray) and data.ndim == 3 else None
+
+
 def stack_channels(images: Sequence[npt.NDArray[Scalar]], *, color: bool) -> npt.NDArray[Scalar]:
     """Return the channels of a color image stacked along the last axis, or the only gray image.
 

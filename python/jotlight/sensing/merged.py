@@ -69,6 +69,8 @@ class Merged:
         if not isinstance(self.sensor, Sensor):
             raise TypeError(f"sensor: expected a jotlight.Sensor, got {type(self.sensor).__name__}")
         ones = as_counts(self.ones)
+        if ones.ndim > 3:
+            raise ValueError(f"ones: expected shape (H, W) or (H, W, C), got {ones.shape}")
         checked = {
             "ones": ones,
             "trials": checked_trials(self.trials, ones),

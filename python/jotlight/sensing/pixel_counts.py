@@ -1,7 +1,8 @@
 """The number of ones and the number of valid bits of each pixel, from bits or counts."""
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -9,25 +10,22 @@ import numpy.typing as npt
 from jotlight.checks import as_counts
 from jotlight.errors import warn
 from jotlight.sensing.bits import Bits, check_fits
-from jotlight.sensing.channels import channel_views, stack_channels
+from jotlight.sensing.layout import Layout
 from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.values import checked_trials
 
 Estimate = npt.NDArray[np.float32]
-"""Intensities of an image, (H, W) or (H, W, C)."""
+"""Intensities of an image, (H, W), or of several images or channels."""
 
-Data = Bits | Merged | npt.ArrayLike
-"""Bits, merged counts, or an image of counts, (H, W) or (H, W, C)."""
-
-Channel = Bits | Merged | npt.NDArray[np.int32]
-"""The data of one channel: bits (T, H·K̂, W·K̂), or counts (H, W)."""
+GrayData = Bits | Merged | npt.NDArray[np.int32]
+"""The data of one gray image: bits (T, H·K̂, W·K̂), or counts (H, W)."""
 
 
 @dataclasses.dataclass(frozen=True)
 class PixelCounts:
-    """The counts of the pixels of one channel, and the sensor parameters of each pixel.
+    """The counts of the pixels of gray images, and the sensor parameters of each pixel.
 
     The counts are a sufficient statistic if the bits of each pixel are exchangeable, which requires
     the box kernel and equal jots in each pixel.
@@ -35,13 +33,13 @@ class PixelCounts:
 
     sensor: Sensor
     counts: npt.NDArray[np.int32]
-    """L: the number of ones of each pixel, (H, W)."""
+    """L: the number of ones of each pixel, (H, W) or (N, H, W)."""
     trials: float | npt.NDArray[np.float64]
-    """The number of valid bits of each pixel: K, or a map where the pixels differ."""
+    """The number of valid bits of each pixel: K, or a map of the same shape where they differ."""
     efficiency: float | npt.NDArray[np.float64]
-    """η of each pixel: a number or a map (H, W), with the mean over its jots where they differ."""
+    """η of each pixel: a number or a map, with the mean over its jots where they differ."""
     dark_counts: float | npt.NDArray[np.float64]
-    """d of each pixel: a number or a map (H, W), with the mean over its jots where they differ."""
+    """d of each pixel: a number or a map, with the mean over its jots where they differ."""
     varies_within_pixels: bool
     """Whether any pixel has jots that differ in efficiency or dark counts."""
 
@@ -60,6 +58,75 @@ class PixelCounts:
             return None
         return np.broadcast_to(np.asarray(self.trials == 0), self.counts.shape)
 
+    def images(self) -> list["PixelCounts"]:
+        """Return the counts of each of N images, (1, H, W)."""
+        maps: dict[str, Any] = {
+            name: value
+            for name in ("counts", *_PARAMETERS)
+            if isinstance(value := getattr(self, name), np.ndarray)
+        }
+        return [
+            dataclasses.replace(self, **{name: map_[[index]] for name, map_ in maps.items()})
+            for index in range(len(self.counts))
+        ]
+
+
+_PARAMETERS = "trials", "efficiency", "dark_counts"
+"""Names of the parameters of pixels, which are numbers or maps."""
+
+
+@dataclasses.dataclass(frozen=True)
+class GrayImages:
+    """The data of the gray images of a stack, and of the channels of color images.
+
+    Methods estimate each of them by itself.
+    """
+
+    data: Sequence[Bits | Merged] | npt.NDArray[np.int32]
+    """The data of each gray image; counts are one array (N, H, W)."""
+    layout: Layout
+    """How the estimates of the gray images form one array."""
+
+    def __len__(self) -> int:
+        return len(self.data)
+
+    def map(self, method: Callable[[GrayData], Estimate]) -> Estimate:
+        """Return the estimates of a method that is called for each gray image."""
+        estimates = [method(each) for each in self.data]
+        # A single large image is not copied.
+        together = estimates[0][None] if len(estimates) == 1 else np.stack(estimates)
+        return self.layout.arrange(together)
+
+    def count(self, sensor: Sensor, threads: int | None) -> PixelCounts:
+        """Return the pixel counts of all gray images together, (N, H, W).
+
+        Raises
+        ------
+        TypeError, ValueError
+            When data and sensor do not fit together, or the images differ in size.
+        """
+        if isinstance(self.data, np.ndarray):
+            return count_pixels(self.data, sensor, threads)
+        each = [count_pixels(one, sensor, threads) for one in self.data]
+        if len(sizes := {one.counts.shape for one in each}) > 1:
+            raise ValueError(f"data: expected images of the same size, got {sorted(sizes)}")
+        return PixelCounts(
+            sensor,
+            np.stack([one.counts for one in each]) if len(each) > 1 else each[0].counts[None],
+            **{
+                name: _together([getattr(one, name) for one in each], each[0].counts.shape)
+                for name in _PARAMETERS
+            },
+            varies_within_pixels=any(one.varies_within_pixels for one in each),
+        )
+
+
+PreparedData = Bits | Merged | npt.NDArray[np.int32] | GrayImages
+"""Bits, merged counts, or counts (H, W) of one image, or several gray images."""
+
+Data = PreparedData | Sequence[Bits] | Sequence[Merged] | npt.ArrayLike
+"""Bits, merged counts, or a list of them; or counts (..., H, W)."""
+
 
 def carried_sensor(data: Data) -> Sensor | None:
     """Return the sensor of bits or of merged counts. Return None for counts and bits without one.
@@ -68,7 +135,13 @@ def carried_sensor(data: Data) -> Sensor | None:
     ------
     TypeError
         When the sensor of the bits is not a :class:`jotlight.Sensor`.
+    ValueError
+        When the bits of a list have different sensors.
     """
+    if sensors := [carried_sensor(each) for each in _list_of_data(data)]:
+        if any(each != sensors[0] for each in sensors):
+            raise ValueError("data: expected bits of the same sensor, got different ones")
+        return sensors[0]
     sensor = data.sensor if isinstance(data, Bits | Merged) else None
     if not isinstance(sensor, Sensor | None):
         raise TypeError(f"sensor: expected jotlight.Sensor, got {type(sensor).__name__}")
@@ -76,18 +149,22 @@ def carried_sensor(data: Data) -> Sensor | None:
 
 
 def prepare_data(
-    data: Data, sensor: Sensor | None, trials: npt.ArrayLike | None = None
-) -> tuple[Data, Sensor]:
+    data: Data,
+    sensor: Sensor | None,
+    trials: npt.ArrayLike | None = None,
+    channel_axis: int | None = None,
+) -> tuple[PreparedData, Sensor]:
     """Return the data of a method with their sensor: the given one, or the one that they carry.
 
-    Counts with `trials` become merged counts. Pixels that the sensor's mask marks have no trials.
+    Stacks and color counts become gray images. Counts with `trials` become merged counts. Pixels
+    that the sensor's mask marks have no trials.
 
     Raises
     ------
     TypeError
-        When there is no sensor, or bits or merged counts come with `trials`.
+        When there is no sensor, or bits or merged counts come with `trials` or `channel_axis`.
     ValueError
-        When the trials do not fit the counts.
+        When the trials or the channel axis do not fit the counts.
 
     Examples
     --------
@@ -108,52 +185,77 @@ def prepare_data(
             "sensor: expected a jotlight.Sensor, such as Sensor(frames=16) for 16 trials per "
             f"pixel, got {sensor!r}"
         )
-    if trials is None:
-        return data, sensor
-    if isinstance(data, Bits | Merged):
-        raise TypeError(
-            f"trials: expected none, because {type(data).__name__} state their own number of "
-            "trials; omit trials, or pass counts"
-        )
-    return _merge_counts(as_counts(data), sensor, trials), sensor
+    several = _list_of_data(data)
+    if isinstance(data, Bits | Merged | GrayImages) or several:
+        for name, value in (("trials", trials), ("channel_axis", channel_axis)):
+            if value is not None:
+                raise TypeError(
+                    f"{name}: expected none, because {type(data).__name__} state their own; omit "
+                    f"{name}, or pass counts"
+                )
+        if isinstance(data, Bits | Merged | GrayImages):
+            return data, sensor
+        return _gray_images_of_list(several), sensor
+    counts = as_counts(cast(npt.ArrayLike, data))
+    layout = Layout.of("counts", counts, channel_axis)
+    images: Any = np.ascontiguousarray(layout.split(counts))
+    if trials is not None:
+        _check_jots(images, sensor)
+        checked = checked_trials(trials, counts)
+        own = layout.split(checked) if isinstance(checked, np.ndarray) else [checked] * len(images)
+        images = [_merge_counts(*each, sensor) for each in zip(images, own, strict=True)]
+    return (images[0] if layout.is_single else GrayImages(images, layout)), sensor
 
 
-def _merge_counts(counts: npt.NDArray[np.int32], sensor: Sensor, trials: npt.ArrayLike) -> Merged:
-    _check_jots(counts, sensor)
-    checked = checked_trials(trials, counts)
+def _list_of_data(data: Data) -> list[Bits | Merged]:
+    """Return a list of bits or of merged counts. Return an empty one for other data."""
+    each = list(data) if isinstance(data, list | tuple) else []
+    return each if all(isinstance(one, Bits | Merged) for one in each) else []
+
+
+def _gray_images_of_list(data: Sequence[Bits | Merged]) -> GrayImages:
+    """Return the gray images of a list of bits or of merged counts."""
+    each: list[GrayImages] = [gray_images(one) for one in data]
+    layouts = {one.layout for one in each}
+    if len(layouts) > 1:
+        raise ValueError("data: expected the same number of channels in all, got different ones")
+    layout = layouts.pop()
+    channels: list[Any] = []
+    for images in each:
+        channels += images.data
+    return GrayImages(channels, Layout((len(data), *layout.shape), layout.channel_axis))
+
+
+def _merge_counts(counts: npt.NDArray[np.int32], trials: Any, sensor: Sensor) -> Merged:
     if sensor.mask is None:
-        return Merged(counts, checked, sensor)
-    mask = sensor.mask if counts.ndim == 2 else sensor.mask[..., None]
-    mask = np.broadcast_to(mask, counts.shape)
-    return Merged(np.where(mask, np.int32(0), counts), np.where(mask, 0.0, checked), sensor)
+        return Merged(counts, trials, sensor)
+    valid = ~sensor.mask
+    return Merged(np.where(valid, counts, np.int32(0)), np.where(valid, trials, 0.0), sensor)
 
 
-def color_channels(data: Data) -> tuple[int, ...]:
-    """Return (C,) for color data, and () for gray data."""
-    if isinstance(data, Bits):
-        return tuple(data.shape[3:])
-    return tuple(data.shape[2:] if isinstance(data, Merged) else np.shape(data)[2:])
-
-
-def split_channels(data: Data) -> Iterator[Channel]:
-    """Yield the bits (T, H, W) or the counts (H, W) of each channel. Gray data have one channel."""
+def gray_images(data: PreparedData) -> GrayImages:
+    """Return the gray images of data that :func:`prepare_data` returned."""
+    if isinstance(data, GrayImages):
+        return data
     if isinstance(data, Bits | Merged):
-        yield from data.channels()
-        return
-    for channel in channel_views(as_counts(data)):
-        yield np.ascontiguousarray(channel)
+        channels: list[Any] = list(data.channels())
+        is_color = len(data.shape) > (3 if isinstance(data, Bits) else 2)
+        return GrayImages(channels, Layout((len(channels),), -1) if is_color else Layout())
+    return GrayImages(data[None], Layout())
 
 
-def map_channels(method: Callable[[Channel], Estimate], data: Data) -> Estimate:
-    """Return the estimate (H, W) or (H, W, C) of a method that is called for each channel."""
-    estimates = [method(channel) for channel in split_channels(data)]
-    return stack_channels(estimates, color=bool(color_channels(data)))
+def _together(values: list[Any], size: tuple[int, ...]) -> Any:
+    """Return the number that all images have, or the maps of all, (N, H, W)."""
+    if not any(isinstance(value, np.ndarray) for value in values) and len(set(values)) == 1:
+        return values[0]
+    return np.stack([np.broadcast_to(value, size) for value in values])
 
 
-def count_pixels(data: Data, sensor: Sensor, threads: int | None) -> PixelCounts:
-    """Return the pixel counts of one channel of bits or of counts. Dead jots do not count.
+def count_pixels(data: GrayData, sensor: Sensor, threads: int | None) -> PixelCounts:
+    """Return the pixel counts of bits or merged counts (H, W), or of counts (H, W) or (N, H, W).
 
-    Merged counts state the trials, the efficiency, and the dark counts of their pixels.
+    Dead jots do not count. Merged counts state the trials, the efficiency, and the dark counts of
+    their pixels.
 
     Raises
     ------
@@ -186,7 +288,12 @@ def count_pixels(data: Data, sensor: Sensor, threads: int | None) -> PixelCounts
     mask, side = sensor.mask, sensor.oversampling
     efficiency, efficiency_varies = pixel_means(sensor.efficiency, mask, side)
     dark, dark_varies = pixel_means(sensor.dark_counts, mask, side)
-    return PixelCounts(sensor, counts, trials, efficiency, dark, efficiency_varies or dark_varies)
+    trials, efficiency, dark = (
+        np.broadcast_to(value, counts.shape) if isinstance(value, np.ndarray) else value
+        for value in (trials, efficiency, dark)
+    )
+    varies = efficiency_varies or dark_varies
+    return PixelCounts(sensor, counts, trials, efficiency, dark, varies)
 
 
 def warn_about_smooth_kernel(sensor: Sensor) -> None:
@@ -208,7 +315,7 @@ def _constant_or_map(
 
 def _check_jots(counts: npt.NDArray[np.int32], sensor: Sensor) -> None:
     """Check that the maps of a sensor fit the counts, which do not distinguish jots."""
-    sensor.check_map_shapes(*(size * sensor.oversampling for size in counts.shape[:2]))
+    sensor.check_map_shapes(*(size * sensor.oversampling for size in counts.shape[-2:]))
     if sensor.oversampling > 1 and sensor.mask is not None:
         raise ValueError(
             "counts: with a mask of single jots the bits are needed, because a count does not "

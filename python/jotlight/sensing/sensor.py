@@ -8,12 +8,18 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.checks import as_image, number_in_range, require_names, whole_number_in_range
+from jotlight.checks import number_in_range, require_names, whole_number_in_range
 from jotlight.seeds import SeedLike, seed_bytes
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.description import html_of, repr_of
 from jotlight.sensing.maps import LIMITS, MAPS, checked_maps
-from jotlight.sensing.simulate import Window, draw_bits, evaluate_on_jots, packed_output
+from jotlight.sensing.simulate import (
+    Window,
+    checked_images,
+    crop,
+    draw_stack,
+    evaluate_on_jots,
+)
 
 KERNELS = ("box", "linear", "quadratic", "cubic")
 """The B-spline kernels of the light field, in the order of their degree."""
@@ -133,19 +139,27 @@ class Sensor:
             object.__setattr__(new, "gain", number_in_range("gain", gain, *LIMITS))
         return new
 
-    def rate(self, image: npt.ArrayLike, *, threads: int | None = None) -> npt.NDArray[np.float32]:
+    def rate(
+        self,
+        image: npt.ArrayLike,
+        *,
+        channel_axis: int | None = None,
+        threads: int | None = None,
+    ) -> npt.NDArray[np.float32]:
         """Return the expected detections per jot and frame, η s + d.
 
         Parameters
         ----------
-        image : array_like of float, shape (H, W) or (H, W, C)
+        image : array_like of float, shape (..., H, W)
             Intensities, finite and not negative.
+        channel_axis : int, optional
+            The axis of color channels. Default: none.
         threads : int, optional
             The number of threads. Default: all.
 
         Returns
         -------
-        ndarray of float32, shape (H * K̂, W * K̂) or (H * K̂, W * K̂, C)
+        ndarray of float32, shape (..., H * K̂, W * K̂)
             The rates of all jots. Dead jots are treated as if they were alive.
 
         Examples
@@ -154,11 +168,15 @@ class Sensor:
         array([[0.375, 0.375],
                [0.375, 0.375]], dtype=float32)
         """
-        pixels = self._checked_image(image)
-        return evaluate_on_jots(engine.rate, self.engine_arguments(), pixels, threads)
+        images = checked_images(self, image, channel_axis)
+        return evaluate_on_jots(engine.rate, self.engine_arguments(), *images, threads)
 
     def probability(
-        self, image: npt.ArrayLike, *, threads: int | None = None
+        self,
+        image: npt.ArrayLike,
+        *,
+        channel_axis: int | None = None,
+        threads: int | None = None,
     ) -> npt.NDArray[np.float32]:
         """Return P(b = 1) of each jot: equation (3). It is 0 for a dead jot.
 
@@ -169,38 +187,41 @@ class Sensor:
         >>> np.allclose(Sensor().probability(np.ones((1, 1))), 1 - np.exp(-1))
         True
         """
-        pixels = self._checked_image(image)
-        return evaluate_on_jots(engine.probability, self.engine_arguments(), pixels, threads)
+        images = checked_images(self, image, channel_axis)
+        return evaluate_on_jots(engine.probability, self.engine_arguments(), *images, threads)
 
     def expose(
         self,
         image: npt.ArrayLike,
         rng: SeedLike = None,
         *,
+        channel_axis: int | None = None,
         tile: tuple[slice, slice] | None = None,
         frames: slice | None = None,
         out: npt.NDArray[np.uint8] | None = None,
         threads: int | None = None,
         progress: Callable[[float], object] | None = None,
     ) -> Bits:
-        """Return random bits of an image.
+        """Return random bits of an image, or a list of those of each image of a stack.
 
         Each bit depends only on the seed and on its own position. A `tile` or a range of `frames`
         therefore equals that part of the whole exposure exactly, with any number of threads.
 
         Parameters
         ----------
-        image : array_like of float, shape (H, W) or (H, W, C)
-            Intensities, finite and not negative. The channels of a color image are independent.
-            Arrays of float32 and float64 are not copied.
+        image : array_like of float, shape (..., H, W)
+            Intensities, finite and not negative. Arrays of float32 and float64 are not copied.
         rng : int, numpy.random.Generator, numpy.random.SeedSequence or None
             The seed. A generator yields a new seed each time; None takes fresh entropy.
+        channel_axis : int, optional
+            The axis of color channels, which are independent. In bits they are the last axis.
+            Default: none, and axes before the last two are those of a stack.
         tile : (slice, slice), optional
             Rows and columns of pixels. Default: all.
         frames : slice, optional
             A range of frames. Default: all.
         out : ndarray of uint8, optional
-            The array for the packed bits, of the shape of ``Bits.packed``.
+            The array for the packed bits, of the shape of ``Bits.packed``, after that of a stack.
         threads : int, optional
             The number of threads. Default: all.
         progress : callable, optional
@@ -209,14 +230,15 @@ class Sensor:
         Returns
         -------
         Bits
-            The packed bits. Their sensor is this sensor, cropped to the tile and the frames.
+            The packed bits. Their sensor is this sensor, cropped to the tile and the frames. For a
+            stack, a list with the bits of each image, which have different seeds.
 
         Raises
         ------
         TypeError
             For an image of integers, because its scale is unknown.
         ValueError
-            When the image is empty, negative, not finite, or does not have 2 or 3 dimensions.
+            When an image is empty, negative, or not finite, or its axes are not clear.
 
         Notes
         -----
@@ -232,29 +254,16 @@ class Sensor:
         >>> bool((part.to_array() == whole.to_array()[1:2, 8:24, 16:32]).all())
         True
         """
-        pixels = self._checked_image(image)
-        height, width, *channels = pixels.shape
+        pixels, layout = checked_images(self, image, channel_axis)
+        height, width = layout.moved(pixels).shape[-2:]
         window = Window.from_slices((height, width), self.frames, tile, frames)
-        packed = packed_output((*window.packed_shape(self.oversampling), *channels), out)
-        seed = seed_bytes(rng)
-        draw_bits(self.engine_arguments(), pixels, seed, window, packed, threads, progress)
-        sensor = self._crop(window, (height, width))
-        return Bits(packed, len(window.columns) * self.oversampling, sensor)
-
-    def _checked_image(self, image: npt.ArrayLike) -> npt.NDArray[Any]:
-        pixels = as_image(image)
-        self.check_map_shapes(*(size * self.oversampling for size in pixels.shape[:2]))
-        return pixels
-
-    def _crop(self, window: Window, image_size: tuple[int, int]) -> "Sensor":
-        """Return the sensor, cropped to a window of an image of size `image_size`."""
-        frames = len(window.frames)
-        cropped = self if frames == self.frames else self.replace(frames=frames)
-        if (len(window.rows), len(window.columns)) == image_size:
-            return cropped
-        jots = window.jot_slices(self.oversampling)
-        maps = {name: map_[jots] for name, map_ in self.maps().items()}
-        return cropped.replace(**maps) if maps else cropped
+        sensor = crop(self, window, (height, width))
+        packed = draw_stack(
+            self.engine_arguments(), pixels, layout, seed_bytes(rng), window, out, threads, progress
+        )
+        bits = [Bits(each, len(window.columns) * self.oversampling, sensor) for each in packed]
+        # The type of the result cannot tell images from stacks. Most callers have images.
+        return bits if layout.is_stack else bits[0]  # type: ignore[return-value]
 
     def check_map_shapes(self, height: int, width: int) -> None:
         """Raise ValueError unless each map has `height` rows and `width` columns of jots."""

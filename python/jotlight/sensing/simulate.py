@@ -6,15 +6,19 @@ The functions take the sensor as the dictionary that `Sensor.engine_arguments` r
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.checks import as_image
 from jotlight.chunks import frame_chunks
-from jotlight.sensing.channels import channel_views
+from jotlight.seeds import seed_of_image
+from jotlight.sensing.layout import Layout
+from jotlight.sensing.sensor_like import SensorLike
 
+AnySensor = TypeVar("AnySensor", bound=SensorLike)
 EngineSensor = dict[str, Any]
 JotFunction = Callable[
     [EngineSensor, npt.NDArray[Any], int, npt.NDArray[np.float32], int | None], None
@@ -71,6 +75,38 @@ class Window:
         return rows, columns
 
 
+def checked_images(
+    sensor: SensorLike, image: npt.ArrayLike, channel_axis: int | None
+) -> tuple[npt.NDArray[Any], Layout]:
+    """Return images of intensities and their layout, after checks.
+
+    Raises
+    ------
+    TypeError
+        For integers, whose scale is unknown.
+    ValueError
+        When the image is empty, negative, or not finite, its axes are not clear, or it does not fit
+        the maps of the sensor.
+    """
+    pixels = as_image(image)
+    layout = Layout.of("image", pixels, channel_axis)
+    sizes = layout.moved(pixels).shape[-2:]
+    height, width = (size * sensor.oversampling for size in sizes)
+    sensor.check_map_shapes(height, width)
+    return pixels, layout
+
+
+def crop(sensor: AnySensor, window: Window, image_size: tuple[int, int]) -> AnySensor:
+    """Return a sensor, cropped to a window of an image of size `image_size`."""
+    frames = len(window.frames)
+    cropped = sensor if frames == sensor.frames else sensor.replace(frames=frames)
+    if (len(window.rows), len(window.columns)) == image_size:
+        return cropped
+    jots = window.jot_slices(sensor.oversampling)
+    maps = {name: map_[jots] for name, map_ in sensor.maps().items()}
+    return cropped.replace(**maps) if maps else cropped
+
+
 def packed_output(
     shape: tuple[int, ...], out: npt.NDArray[np.uint8] | None
 ) -> npt.NDArray[np.uint8]:
@@ -91,47 +127,101 @@ def packed_output(
     return out
 
 
+def draw_stack(
+    sensor: EngineSensor,
+    pixels: npt.NDArray[Any],
+    layout: Layout,
+    seed: bytes,
+    window: Window,
+    out: npt.NDArray[np.uint8] | None,
+    threads: int | None,
+    progress: Callable[[float], object] | None,
+) -> list[npt.NDArray[np.uint8]]:
+    """Return the packed bits of a window of each image of a stack, or of a single image.
+
+    Their shape is (frames, rows, bytes), or (frames, rows, bytes, C) for color.
+    """
+    shape = window.packed_shape(sensor["oversampling"])
+    is_color = layout.channel_axis is not None
+    stack, channels = (layout.shape[:-1], layout.shape[-1:]) if is_color else (layout.shape, ())
+    packed = packed_output((*stack, *shape, *channels), out)
+    number = math.prod(stack)
+    if len(stack) > 1 and not packed.flags.c_contiguous:
+        raise ValueError("out: expected an array in C order for a stack of several axes")
+    drawn = packed if stack else packed[None]
+    if len(stack) > 1:
+        drawn = drawn.reshape(number, *shape, *channels)
+    views = np.moveaxis(drawn, -1, 1) if is_color else drawn[:, None]
+    images = layout.split(pixels)
+    images = images.reshape(number, -1, *images.shape[1:])
+    seeds = [seed_of_image(seed, index) for index in range(number)]
+    draw_bits(sensor, images, seeds, window, views, threads, progress)
+    return list(drawn) if stack else [packed]
+
+
 def draw_bits(
     sensor: EngineSensor,
-    image: npt.NDArray[Any],
-    seed: bytes,
+    images: npt.NDArray[Any],
+    seeds: list[bytes],
     window: Window,
     out: npt.NDArray[np.uint8],
     threads: int | None,
     progress: Callable[[float], object] | None,
 ) -> None:
-    """Draw the packed bits of a window of an image, (H, W) or (H, W, C), into `out`."""
-    oversampling = sensor["oversampling"]
+    """Draw the packed bits of a window of each image.
+
+    Parameters
+    ----------
+    sensor : dict
+        The sensor.
+    images : ndarray, shape (N, C, H, W)
+        N images of C channels.
+    seeds : list of bytes
+        The seed of each image.
+    window : Window
+        The frames, rows, and columns to draw.
+    out : ndarray of uint8, shape (N, C, frames, rows, bytes)
+        The packed bits. Its images may be strided.
+    threads : int, optional
+        The number of threads.
+    progress : callable, optional
+        It receives the completed fraction.
+    """
+    oversampling, number = sensor["oversampling"], len(seeds)
     frames, rows, columns = window.frames, window.rows, window.columns
-    channels = list(zip(channel_views(image), channel_views(out, 3), strict=True))
-    chunks = list(frame_chunks(len(frames), len(rows), len(columns) * oversampling**2))
-    for channel, (plane, packed) in enumerate(channels):
+    chunks = list(frame_chunks(len(frames), len(rows), number * len(columns) * oversampling**2))
+    for channel in range(images.shape[1]):
+        streams = [(seed, channel) for seed in seeds]
         for index, (f, r) in enumerate(chunks):
-            part = packed[f.start : f.stop, r.start * oversampling : r.stop * oversampling]
+            jots = slice(r.start * oversampling, r.stop * oversampling)
             engine.expose(
                 sensor,
-                plane,
-                seed,
-                channel,
+                images[:, channel],
+                streams,
                 (frames.start + f.start, frames.start + f.stop),
                 (rows.start + r.start, rows.start + r.stop),
                 (columns.start, columns.stop),
-                part,
+                out[:, channel, f.start : f.stop, jots],
                 threads,
             )
             if progress:
-                progress((channel + (index + 1) / len(chunks)) / len(channels))
+                progress((channel + (index + 1) / len(chunks)) / images.shape[1])
 
 
 def evaluate_on_jots(
-    function: JotFunction, sensor: EngineSensor, image: npt.NDArray[Any], threads: int | None
+    function: JotFunction,
+    sensor: EngineSensor,
+    image: npt.NDArray[Any],
+    layout: Layout,
+    threads: int | None,
 ) -> npt.NDArray[np.float32]:
-    """Return the values of `function` on all jots, (H * K̂, W * K̂) or (H * K̂, W * K̂, C)."""
-    height, width = (size * sensor["oversampling"] for size in image.shape[:2])
-    out = np.empty((height, width, *image.shape[2:]), np.float32)
-    for plane, jots in zip(channel_views(image), channel_views(out), strict=True):
+    """Return the values of `function` on all jots of each image, in the layout of the images."""
+    images = layout.split(image)
+    height, width = (size * sensor["oversampling"] for size in images.shape[1:])
+    out = np.empty((len(images), height, width), np.float32)
+    for plane, jots in zip(images, out, strict=True):
         function(sensor, plane, 0, jots, threads)
-    return out
+    return layout.arrange(out)
 
 
 def _as_range(name: str, part: slice, size: int) -> range:

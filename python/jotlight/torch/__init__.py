@@ -8,11 +8,11 @@ loop of both), and `deepinv` (adapters for that library, extra `deepinv`).
 Examples
 --------
 >>> import torch
->>> from jotlight import Network, Sensor
->>> sensor = Sensor(oversampling=4)
->>> module = NetworkModule(Network.residual(sensor, "small", rng=0))
+>>> import jotlight as jl
+>>> sensor = jl.Sensor(oversampling=4)
+>>> network = Network(jl.Network.residual(sensor, "small", rng=0))
 >>> image = torch.full((1, 1, 24, 32), 0.5)
->>> module(Sensing(sensor)(image)).shape
+>>> network(Sensing(sensor)(image)).shape
 torch.Size([1, 1, 24, 32])
 """
 
@@ -26,9 +26,9 @@ except ImportError as error:
     ) from error
 
 from jotlight.torch.fine_tuning import fine_tune
-from jotlight.torch.network import NetworkModule
+from jotlight.torch.network import Network
 from jotlight.torch.sensing import Sensing
 from jotlight.torch.splines import Spline, spline
 from jotlight.torch.training import train
 
-__all__ = ["NetworkModule", "Sensing", "Spline", "fine_tune", "spline", "train"]
+__all__ = ["Network", "Sensing", "Spline", "fine_tune", "spline", "train"]

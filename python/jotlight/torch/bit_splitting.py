@@ -202,7 +202,7 @@ class BitSplitter:
                 layers = network.conditioned_layers(sensor.trials)
             inference = Inference(layers, sensor, self.reference, threads)
             output = inference.run_counts(split.counts[0].numpy())
-            estimate = torch.from_numpy(output).double()[None, None]
+            estimate = torch.from_numpy(output).double()[None]
             total += split.target_bits * float(self.negative_log_likelihood(estimate, split))
             bits += split.target_bits
         return total / max(bits, 1)

@@ -18,7 +18,7 @@ from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.sensor import Sensor
-from jotlight.torch.network import NetworkModule
+from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.sensing import Sensing
 
 
@@ -193,16 +193,17 @@ class NetworkReconstructor(Reconstructor):  # type: ignore[misc, unused-ignore]
 
     def __init__(self, network: Network) -> None:
         super().__init__()
-        self.module = NetworkModule(network)
+        self.module = TorchNetwork(network)
 
     def forward(self, y: Tensor, physics: SensorPhysics, **_: Any) -> Tensor:
         """Return intensities (N, 1, H, W) in [0, S]."""
         data, sensor = y, physics.sensing.sensor
         if physics.sensing.output == "bits" and self.module.origin.tied:
-            side, (number, _, height, width) = sensor.oversampling, y.shape
-            jots = y.reshape(number, -1, height // side, side, width // side, side)
+            side, (height, width) = sensor.oversampling, y.shape[2:]
+            jots = y.reshape(len(y), -1, height // side, side, width // side, side)
             data = jots.sum(dim=(1, 3, 5))[:, None]
-        return self.module.reconstruct(data, sensor)
+        estimate: Tensor = self.module(data, sensor)
+        return estimate
 
 
 class NetworkDenoiser(Denoiser):  # type: ignore[misc, unused-ignore]
@@ -233,7 +234,7 @@ class NetworkDenoiser(Denoiser):  # type: ignore[misc, unused-ignore]
         if network.trials_range is None:
             raise ValueError(f"network: expected a K-conditioned network, got {network!r}")
         super().__init__()
-        self.module = NetworkModule(network)
+        self.module = TorchNetwork(network)
         self.trials_range = network.trials_range
 
     def forward(self, x: Tensor, sigma: float | Tensor, **_: Any) -> Tensor:

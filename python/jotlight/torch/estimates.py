@@ -33,12 +33,49 @@ def intensity_from_probability(probability: Tensor, sensor: Sensor) -> Tensor:
     """
     efficiency, dark_counts = reference_jot(sensor)
     light = efficiency * sensor.light_per_intensity
-    ends = torch.tensor([dark_counts, light * sensor.max_intensity + dark_counts])
-    low, high = detection_probability(sensor.threshold, ends.double()).tolist()
+    low, high = (
+        _probability(sensor.threshold, light * end + dark_counts)
+        for end in (0, sensor.max_intensity)
+    )
     p = probability.double().clamp(low, high)
     rate = _inverse(sensor.threshold, p)
     intensity = ((rate - dark_counts) / light).clamp(0, sensor.max_intensity)
     return intensity.to(probability)
+
+
+def equivalent_counts(counts: Tensor, sensor: Sensor, dark_counts: float) -> Tensor:
+    """Return the counts that a sensor would report with other dark counts.
+
+    They are those of :func:`jotlight.estimators.inverse_response.equivalent_counts`, and
+    differentiable.
+
+    Parameters
+    ----------
+    counts : Tensor of any shape
+        L.
+    sensor : Sensor
+        The sensor, without maps of its jots.
+    dark_counts : float
+        The other dark counts per jot and frame.
+
+    Examples
+    --------
+    >>> counts = torch.tensor([0.0, 4.0, 8.0])
+    >>> equivalent_counts(counts, Sensor(frames=8, dark_counts=0.1), 0.0).numpy().round(3)
+    array([0.   , 3.579, 8.   ], dtype=float32)
+    """
+    # Below 1, so that the rate and its derivative are finite.
+    p = (counts.double() / sensor.trials).clamp(0, 1 - 1e-12)
+    rate = (_inverse(sensor.threshold, p) - float(sensor.dark_counts)).clamp(min=0) + dark_counts
+    equivalent = sensor.trials * detection_probability(sensor.threshold, rate)
+    return equivalent.to(torch.promote_types(counts.dtype, torch.float32))
+
+
+def _probability(threshold: int, rate: float) -> float:
+    """Return P(q, s) as a number, for q = 1 without a tensor, which torch.compile cannot read."""
+    if threshold == 1:
+        return -math.expm1(-rate)
+    return float(detection_probability(threshold, torch.tensor(rate, dtype=torch.float64)))
 
 
 def _inverse(threshold: int, p: Tensor) -> Tensor:

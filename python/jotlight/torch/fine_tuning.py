@@ -17,11 +17,17 @@ from jotlight.networks.served_sensors import check_trained
 from jotlight.progress import Progress
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.pixel_counts import PixelCounts, carried_sensor, count_pixels, split_channels
+from jotlight.sensing.pixel_counts import (
+    PixelCounts,
+    carried_sensor,
+    count_pixels,
+    gray_images,
+    prepare_data,
+)
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.bit_splitting import BitSplitter, check_kernel
 from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, thread_limit
-from jotlight.torch.network import NetworkModule
+from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.trainer import Trainer
 from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.history import History, Record, RecordCallback
@@ -49,6 +55,7 @@ def fine_tune(
     data: Bits | npt.ArrayLike,
     sensor: Sensor | None = None,
     *,
+    channel_axis: int | None = None,
     steps: int = STEPS,
     batch: int | None = None,
     patch: int | None = None,
@@ -74,12 +81,14 @@ def fine_tune(
         (``Network.conditional``) that was trained on photographs. A network for one K gets the
         counts of fewer bits, scaled to its K.
     data : Bits or array_like of int
-        The capture: bits, or an image of counts L of shape (H, W) or (H, W, C). The channels of a
-        color capture train together.
+        The capture: bits, or counts L of shape (..., H, W). The images of a stack and the channels
+        of a color capture train together.
     sensor : Sensor, optional
         Sensor of the capture, with the box kernel and at least two trials per pixel. Its dead jots,
         dark counts, and efficiency enter as in :meth:`jotlight.Network.reconstruct`. Default: the
         sensor that the bits carry, or else the network's.
+    channel_axis : int, optional
+        Axis of counts that holds color channels. Default: none.
     steps : int
         Number of steps of Adam. The learning rate rises over the first tenth of them and then falls
         to 0.
@@ -144,7 +153,7 @@ def fine_tune(
     """
     if sensor is None:
         sensor = carried_sensor(data) or network.sensor
-    channels = _count_channels(network, data, sensor, threads)
+    channels = _count_images(network, data, sensor, channel_axis, threads)
     chosen_device = choose_device(device)
     steps = whole_number("steps", steps, 1)
     batch = whole_number("batch", BATCH if batch is None else batch, 1)
@@ -167,7 +176,7 @@ def fine_tune(
             "seed": seed,
         }
         splitter = BitSplitter(network, sensor, channels, random_generator(seed, 0))
-        module = NetworkModule(network).to(chosen_device)
+        module = TorchNetwork(network).to(chosen_device)
         tuner = FineTuner(module, splitter, settings, learning_rate, seed, batch, side, group)
         tuner.begin(checkpoint, resume)
         tuner.run(steps, checkpoint, report)
@@ -202,7 +211,7 @@ class FineTuner(Trainer):
 
     def __init__(
         self,
-        module: NetworkModule,
+        module: TorchNetwork,
         splitter: BitSplitter,
         settings: dict[str, object],
         learning_rate: float,
@@ -223,7 +232,7 @@ class FineTuner(Trainer):
         split = self.splitter.draw(random_generator(self.seed, 1, step), self.batch, self.side)
         own = split.select(self.group.shard)
         counts = own.counts.to(self.parameters[0].device)
-        estimates = self.module(counts, own.network_trials)
+        estimates = self.module.run_layers(counts, own.network_trials)
         loss = self.splitter.negative_log_likelihood(estimates, own)
         return loss * (own.target_bits / max(split.target_bits, 1))
 
@@ -289,10 +298,14 @@ def random_generator(seed: int, *key: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
 
 
-def _count_channels(
-    network: Network, data: Bits | npt.ArrayLike, sensor: Sensor, threads: int | None
+def _count_images(
+    network: Network,
+    data: Bits | npt.ArrayLike,
+    sensor: Sensor,
+    channel_axis: int | None,
+    threads: int | None,
 ) -> list[PixelCounts]:
-    """Return the channels of a capture, after checks that their bits can be split."""
+    """Return the counts of each gray image, after checks that their bits can be split."""
     if isinstance(data, Merged):
         raise TypeError("data: expected Bits or counts, because merged counts cannot be split")
     network.check_sensor(sensor)
@@ -303,7 +316,8 @@ def _count_channels(
             "split at random if all its jots have the same weight"
         )
     check_kernel(sensor)
-    channels = [count_pixels(channel, sensor, threads) for channel in split_channels(data)]
+    images = gray_images(prepare_data(data, sensor, None, channel_axis)[0])
+    channels = [count_pixels(image, sensor, threads) for image in images.data]
     if any(channel.varies_within_pixels for channel in channels):
         raise ValueError(
             "sensor: expected jots with the same efficiency and dark counts inside each pixel, "

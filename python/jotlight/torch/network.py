@@ -1,8 +1,9 @@
-"""A network as a PyTorch module, which starts from a `Network` and returns one."""
+"""A network as a PyTorch module, which starts from a `jotlight.Network` and returns one."""
 
 import dataclasses
+import os
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +14,15 @@ from torch.nn import functional
 from jotlight.networks.conditioning import conditioning_weights, count_sets
 from jotlight.networks.graph import size_divisor, sources
 from jotlight.networks.layer import Layer
-from jotlight.networks.network import Network
+from jotlight.networks.network import Network as EngineNetwork
+from jotlight.networks.served_sensors import choose_sensor
+from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
-from jotlight.torch.estimates import intensity_from_probability, probability_of
+from jotlight.torch.estimates import (
+    equivalent_counts,
+    intensity_from_probability,
+    probability_of,
+)
 from jotlight.torch.padding import mirror_pad
 from jotlight.torch.splines import spline
 
@@ -60,25 +67,42 @@ def layer_specs(layers: Sequence[Layer]) -> list[LayerSpec]:
     return specs
 
 
-class NetworkModule(nn.Module):
+class Network(nn.Module):
     """A network whose parameters PyTorch can train.
+
+    It returns intensities in [0, S], as :class:`jotlight.Network` does, and they are
+    differentiable.
 
     Parameters
     ----------
-    network : Network
-        The network to start from. :meth:`to_network` returns it unchanged before any training.
+    source : jotlight.Network or path
+        The network to start from, or the `.safetensors` file that holds it. :meth:`to_network`
+        returns it unchanged before any training.
+    device : torch.device, str, or int, optional
+        Device of the parameters, as in ``torch.nn.Module.to``. Default: the CPU.
+
+    Raises
+    ------
+    OSError, ValueError
+        When there is no such file, or when it is not a network file.
 
     Examples
     --------
-    >>> from jotlight import Sensor
-    >>> sensor = Sensor(oversampling=4)
-    >>> module = NetworkModule(Network.initial(sensor))
-    >>> module(torch.full((1, 1, 20, 30), 8.0)).shape
+    >>> import jotlight as jl
+    >>> sensor = jl.Sensor(oversampling=4)
+    >>> network = Network(jl.pretrained(sensor))
+    >>> network(torch.full((1, 1, 20, 30), 8.0)).shape
     torch.Size([1, 1, 20, 30])
     """
 
-    def __init__(self, network: Network) -> None:
+    def __init__(
+        self,
+        source: EngineNetwork | str | os.PathLike[str],
+        *,
+        device: torch.device | str | int | None = None,
+    ) -> None:
         super().__init__()
+        network = source if isinstance(source, EngineNetwork) else EngineNetwork.load(source)
         self.origin = network
         layers = network.layers
         # The forward pass must not read NumPy arrays: torch.compile takes them for tensors, which
@@ -86,6 +110,7 @@ class NetworkModule(nn.Module):
         self.layer_specs = layer_specs(layers)
         self._size_divisor, self._sets = size_divisor(layers), count_sets(layers)
         self._trials_range = network.trials_range
+        self._is_tied, self._dark_counts = network.tied, reference_jot(network.sensor)[1]
         self._pixel_side = 1 if network.tied else network.sensor.oversampling
         self.filters = nn.ParameterList(
             _parameter(layer.filters, layer.trainable != "nothing") for layer in layers
@@ -97,17 +122,57 @@ class NetworkModule(nn.Module):
                 if layer.coefficients is not None
             }
         )
+        self.to(device)
 
-    def forward(self, data: Tensor, trials: int | None = None) -> Tensor:
-        """Return estimates, shape (N, 1, H, W).
+    @classmethod
+    def load(
+        cls, path: str | os.PathLike[str], *, device: torch.device | str | int | None = None
+    ) -> Self:
+        """Return the network in a `.safetensors` file, on a device. It is ``Network(path)``.
+
+        The parameters and errors are those of the class.
+        """
+        return cls(path, device=device)
+
+    def forward(self, data: Tensor, sensor: Sensor | None = None) -> Tensor:
+        """Return intensities in [0, S], shape (N, 1, H, W), as the engine's network does.
 
         Parameters
         ----------
         data : Tensor
             Counts L (N, 1, H, W) for a tied network, or bits (N, T, H·K̂, W·K̂) for a network with
-            one weight per jot.
+            one weight per jot. Values are not checked.
+        sensor : Sensor, optional
+            Sensor of the data, without maps of its jots. Default: the one for which
+            :func:`jotlight.pretrained` was called, else the network's.
+
+        Raises
+        ------
+        TypeError, ValueError
+            When the data are no tensor or have another shape, when the network does not serve the
+            sensor, when the sensor has maps, or when there is no sensor for a K-conditioned
+            network.
+        """
+        sensor = self._sensor_of(data, sensor)
+        if self._trials_range is not None:
+            probability = probability_of(self.run_layers, data, sensor.trials, self._trials_range)
+            return intensity_from_probability(probability, sensor)
+        if reference_jot(sensor)[1] != self._dark_counts:
+            data = equivalent_counts(data, sensor, self._dark_counts)
+        return self.run_layers(data).clamp(0, sensor.max_intensity)
+
+    def run_layers(self, data: Tensor, trials: int | None = None) -> Tensor:
+        """Return the output of the last layer, shape (N, 1, H, W).
+
+        It is the intensity, not clipped to [0, S], or the probability P(b = 1) for a K-conditioned
+        network.
+
+        Parameters
+        ----------
+        data : Tensor
+            Counts or bits, as for :meth:`forward`.
         trials : int, optional
-            K, for K-conditioned networks alone. Their estimate is the probability P(b = 1).
+            K, for K-conditioned networks alone.
 
         Raises
         ------
@@ -118,38 +183,10 @@ class NetworkModule(nn.Module):
         sums = self._filter_all(data, filters, coefficients)
         return self.activate(-1, sums, coefficients[-1])
 
-    def reconstruct(self, data: Tensor, sensor: Sensor | None = None) -> Tensor:
-        """Return intensities in [0, S], shape (N, 1, H, W), as the engine's network does.
-
-        Parameters
-        ----------
-        data : Tensor
-            Counts or bits, as for :meth:`forward`.
-        sensor : Sensor, optional
-            Sensor of the data, without maps of its jots. Default: the one for which
-            :func:`jotlight.pretrained` was called, else the network's.
-
-        Raises
-        ------
-        ValueError
-            When the network does not serve the sensor, or the sensor has maps.
-        """
-        sensor = sensor or self.origin.default_sensor or self.origin.sensor
-        self.origin.check_sensor(sensor)
-        if sensor.maps():
-            raise ValueError(
-                f"sensor: expected one without maps of its jots, got {sensor!r}; the "
-                "reconstruct method of jotlight.Network takes it"
-            )
-        if self._trials_range is None:
-            return self(data).clamp(0, sensor.max_intensity)
-        probability = probability_of(self, data, sensor.trials, self._trials_range)
-        return intensity_from_probability(probability, sensor)
-
     def last_sums(self, data: Tensor, trials: int | None = None) -> Tensor:
         """Return the input of the last spline, shape (N, 1, H, W).
 
-        The parameters and errors are those of :meth:`forward`.
+        The parameters and errors are those of :meth:`run_layers`.
         """
         return self._filter_all(data, *self._interpolate(trials))
 
@@ -170,8 +207,8 @@ class NetworkModule(nn.Module):
         spec = self.layer_specs[index]
         return spline(sums, coefficients, spec.start, spec.spacing)
 
-    def to_network(self) -> Network:
-        """Return a network with a copy of the module's parameters."""
+    def to_network(self) -> EngineNetwork:
+        """Return a network of the engine with a copy of the parameters, for example to save it."""
         layers = [
             dataclasses.replace(
                 layer,
@@ -183,7 +220,27 @@ class NetworkModule(nn.Module):
             for index, layer in enumerate(self.origin.layers)
         ]
         origin = self.origin
-        return Network(layers, origin.sensor, origin.history, trials_range=origin.trials_range)
+        range_ = origin.trials_range
+        network = EngineNetwork(layers, origin.sensor, origin.history, trials_range=range_)
+        network.default_sensor = origin.default_sensor
+        return network
+
+    def _sensor_of(self, data: Tensor, sensor: Sensor | None) -> Sensor:
+        """Return the sensor of the data, after checks."""
+        origin = self.origin
+        sensor = choose_sensor(
+            sensor, origin.default_sensor, origin.sensor, self._trials_range, tied=self._is_tied
+        )
+        channels = 1 if self._is_tied else sensor.frames
+        kind = "counts (N, 1, H, W)" if self._is_tied else f"bits (N, {channels}, H·K̂, W·K̂)"
+        if not isinstance(data, Tensor):
+            raise TypeError(
+                f"data: expected a tensor of {kind}, got {type(data).__name__}; "
+                "for an image of counts, write torch.from_numpy(counts)[None, None]"
+            )
+        if data.dim() != 4 or data.shape[1] != channels:
+            raise ValueError(f"data: expected {kind}, got shape {tuple(data.shape)}")
+        return sensor
 
     def _filter_all(
         self, data: Tensor, filters: list[Tensor], coefficients: list[Tensor | None]

@@ -13,7 +13,7 @@ from jotlight.networks.network import Network
 from jotlight.sensing.response import detection_probability
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch import response
-from jotlight.torch.network import NetworkModule
+from jotlight.torch.network import Network as TorchNetwork
 from jotlight.training.images import ImageGenerator, Images, generate_images
 
 _LIGHT_RANGE = 0.02, 3.0
@@ -82,7 +82,7 @@ class Batch:
         }
         return dataclasses.replace(self, **moved)
 
-    def squared_errors(self, module: NetworkModule) -> Tensor:
+    def squared_errors(self, module: TorchNetwork) -> Tensor:
         """Return the mean square error of each patch over its pixels, (N,).
 
         For K-conditioned networks, the error of the intensity is linearized in z = arcsin √p, the
@@ -90,7 +90,7 @@ class Batch:
         an error that is easy to reach with the same number of bits and the same light.
         """
         if self.trials is None:
-            squares: Tensor = (module(self.data) - self.truth) ** 2
+            squares: Tensor = (module.run_layers(self.data) - self.truth) ** 2
             return squares.mean((1, 2, 3))
         assert self.light_per_intensity is not None
         assert self.dark_counts is not None

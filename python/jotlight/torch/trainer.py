@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from jotlight.torch.distributed import ProcessGroup
-from jotlight.torch.network import NetworkModule
+from jotlight.torch.network import Network as TorchNetwork
 from jotlight.training.checkpoint import Checkpoint, CheckpointWriter
 from jotlight.training.history import History, Record, RecordCallback
 from jotlight.training.optimizer import State
@@ -36,8 +36,8 @@ class Trainer:
 
     Parameters
     ----------
-    module : NetworkModule
-        Module to train, in place.
+    module : jotlight.torch.Network
+        Network to train, in place.
     settings : dict
         Settings that identify the run in a checkpoint. JSON can hold them.
     learning_rate : float
@@ -51,7 +51,7 @@ class Trainer:
 
     def __init__(
         self,
-        module: NetworkModule,
+        module: TorchNetwork,
         settings: dict[str, object],
         learning_rate: float,
         group: ProcessGroup,

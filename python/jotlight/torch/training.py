@@ -15,7 +15,7 @@ from jotlight.networks.served_sensors import check_trained
 from jotlight.progress import Progress
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, thread_limit
-from jotlight.torch.network import NetworkModule
+from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.patches import PatchLoader
 from jotlight.torch.trainer import Trainer
 from jotlight.training.history import History, Record, RecordCallback
@@ -166,7 +166,7 @@ def train(
         loader = PatchLoader(scenes, network, patch_sensor(sensor), seed, batch, side)
         settings = _settings(loader, tests, learning_rate, steps)
         with thread_limit(threads):
-            module = NetworkModule(network).to(chosen_device)
+            module = TorchNetwork(network).to(chosen_device)
             trainer = ImageTrainer(module, loader, settings, learning_rate, tests, group)
             trainer.begin(checkpoint, resume)
             trainer.run(steps, checkpoint, report, seconds)
@@ -200,7 +200,7 @@ class ImageTrainer(Trainer):
 
     def __init__(
         self,
-        module: NetworkModule,
+        module: TorchNetwork,
         loader: PatchLoader,
         settings: dict[str, object],
         learning_rate: float,

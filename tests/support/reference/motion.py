@@ -106,16 +106,20 @@ def disagreement(ones, trials, other_ones, other_trials):
     """Return how much two parts of the frames disagree, (2, rows, columns of squares)."""
     first, second = ones.astype(float), other_ones.astype(float)
     weight = trials.astype(float) * other_trials
-    both, number = weight > 0, trials + other_trials
+    both = weight > 0
     expected = (other_trials[both] * first[both] / trials[both]).sum()
-    second *= np.clip(expected / max(second[both].sum(), 1), 0.1, 10)
+    brightness = np.clip(expected / max(second[both].sum(), 1), 0.1, 10)
 
     def box(image):
         return uniform_filter(image.astype(float), 3, mode="reflect") * 9
 
-    p = np.minimum(box(first + second) / np.maximum(box(number), 1), 1)
-    variance = np.maximum(p * (1 - p) * box(weight * number), 1e-3)
-    ratio = box(first * other_trials - second * trials) ** 2 / variance * both
+    p = box(first + second) / np.maximum(box(trials + other_trials / brightness), 1)
+    p = np.minimum(p, min(brightness, 1))
+    # The variances of the two binomial numbers, whose probabilities are p and p / brightness.
+    own = p * (1 - p) * box(weight * other_trials)
+    other = brightness**2 * (p / brightness) * (1 - p / brightness) * box(weight * trials)
+    difference = box(first * other_trials - brightness * second * trials)
+    ratio = difference**2 / np.maximum(own + other, 1e-3) * both
     sides = [range(0, length, 4) for length in ones.shape]
     return np.array(
         [

@@ -68,13 +68,14 @@ def flops_per_pixel(network: jl.Network) -> tuple[float, float]:
 def torch_run(network: jl.Network, torch: Any) -> Callable[[], np.ndarray]:
     from suite.torch_network import DeepNetwork
 
-    return module_run(DeepNetwork(network))
+    return layers_run(network, DeepNetwork(network).run_layers)
 
 
 def compiled_run(network: jl.Network, torch: Any) -> Callable[[], np.ndarray]:
     from suite.torch_network import DeepNetwork
 
-    run = module_run(torch.compile(DeepNetwork(network), dynamic=False))
+    layers = torch.compile(DeepNetwork(network).run_layers, dynamic=False)
+    run = layers_run(network, layers)
     try:
         run()
     except Exception as error:
@@ -83,26 +84,26 @@ def compiled_run(network: jl.Network, torch: Any) -> Callable[[], np.ndarray]:
 
 
 def jotlight_module_run(network: jl.Network, _: Any) -> Callable[[], np.ndarray]:
-    from jotlight.torch import NetworkModule
+    from jotlight.torch import Network
 
-    return module_run(NetworkModule(network))
+    return layers_run(network, Network(network).run_layers)
 
 
-def module_run(module: Any) -> Callable[[], np.ndarray]:
-    """Return the function from bits to an estimate by a PyTorch module.
+def layers_run(network: jl.Network, layers: Callable[..., Any]) -> Callable[[], np.ndarray]:
+    """Return the function from bits to an estimate by the layers of a network in PyTorch.
 
-    A K-conditioned module returns probabilities of a 1, which become intensities.
+    Those of a K-conditioned network return probabilities of a 1, which become intensities.
     """
     import torch
 
     from suite.torch_network import counts_of
 
-    conditional = module.origin.trials_range is not None
+    conditional = network.trials_range is not None
     trials = SENSOR.trials if conditional else None
 
     def run() -> np.ndarray:
         with torch.inference_mode():
-            output = module(counts_of(bits(), SENSOR.oversampling), trials)[0, 0].numpy()
+            output = layers(counts_of(bits(), SENSOR.oversampling), trials)[0, 0].numpy()
         if not conditional:
             return output
         return intensity_from_probability(output, SENSOR, torch.get_num_threads())

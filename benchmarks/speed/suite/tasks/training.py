@@ -88,7 +88,8 @@ def draw_counts(batch: dict[str, Any], scenes: np.ndarray) -> np.ndarray:
     for index, scene in enumerate(scenes):
         packed = np.empty((1, jots, jots // 8), np.uint8)
         frames, pixels = (index, index + 1), (0, SIDE)
-        engine.expose(sensor, scene, batch["seed"], 0, frames, pixels, pixels, packed, None)
+        stream = batch["seed"], 0
+        engine.expose(sensor, scene[None], [stream], frames, pixels, pixels, packed[None], None)
         counts[index] = jl.Bits(packed, jots).counts(SENSOR.oversampling)
     return counts
 

@@ -3,9 +3,12 @@
 use jotlight::bits::PackedBits;
 use jotlight::error::Result;
 use jotlight::network::{self, Layer};
-use ndarray::Array2;
-use numpy::{IntoPyArray, PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyArray3};
+use ndarray::{Array2, Array3, Axis};
+use numpy::{
+    IntoPyArray, PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4,
+};
 use pyo3::prelude::*;
+use rayon::prelude::*;
 
 use super::layers::{PreparedLayer, engine_layers};
 use crate::run;
@@ -28,34 +31,35 @@ pub fn masked_sums<'py>(
     Ok(sums.into_pyarray(py))
 }
 
-/// Return the image that the network computes from the sums p of its first layer.
+/// Return the images `(N, H, W)` that the network computes from the sums p of its first layer,
+/// `(N, C, H, W)`.
 #[pyfunction]
 #[pyo3(signature = (layers, sums, threads))]
 pub fn forward<'py>(
     py: Python<'py>,
     layers: Vec<Py<PreparedLayer>>,
-    sums: PyReadonlyArray3<'_, f32>,
+    sums: PyReadonlyArray4<'_, f32>,
     threads: Option<isize>,
-) -> PyResult<Bound<'py, PyArray2<f32>>> {
+) -> PyResult<Bound<'py, PyArray3<f32>>> {
     let sums = sums.as_array();
-    compute_image(py, &layers, threads, |layers| {
-        network::forward(layers, sums)
+    compute_images(py, &layers, threads, sums.dim().0, |layers, image| {
+        network::forward(layers, sums.index_axis(Axis(0), image))
     })
 }
 
-/// Return the image that the network computes from counts.
+/// Return the images `(N, H, W)` that the network computes from counts.
 #[pyfunction]
 #[pyo3(signature = (layers, counts, sums, threads))]
 pub fn forward_counts<'py>(
     py: Python<'py>,
     layers: Vec<Py<PreparedLayer>>,
-    counts: PyReadonlyArray2<'_, i32>,
+    counts: PyReadonlyArray3<'_, i32>,
     sums: PyReadonlyArray2<'_, f32>,
     threads: Option<isize>,
-) -> PyResult<Bound<'py, PyArray2<f32>>> {
+) -> PyResult<Bound<'py, PyArray3<f32>>> {
     let (counts, sums) = (counts.as_array(), sums.as_array());
-    compute_image(py, &layers, threads, |layers| {
-        network::forward_counts(layers, counts, sums)
+    compute_images(py, &layers, threads, counts.dim().0, |layers, image| {
+        network::forward_counts(layers, counts.index_axis(Axis(0), image), sums)
     })
 }
 
@@ -69,20 +73,38 @@ pub fn forward_bits<'py>(
     width: usize,
     threads: Option<isize>,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-    let packed = packed.as_array();
-    compute_image(py, &layers, threads, |layers| {
-        network::forward_bits(layers, &PackedBits::new(packed, width)?)
-    })
+    let (packed, layers) = (packed.as_array(), engine_layers(&layers));
+    let image = run(py, threads, || {
+        network::forward_bits(&layers, &PackedBits::new(packed, width)?)
+    })?;
+    Ok(image.into_pyarray(py))
 }
 
-/// Run `evaluate` without the GIL, and return the image as an array.
-fn compute_image<'py>(
+/// Run `evaluate` without the GIL for each of `number` images in parallel, and return all of them.
+fn compute_images<'py>(
     py: Python<'py>,
     layers: &[Py<PreparedLayer>],
     threads: Option<isize>,
-    evaluate: impl FnOnce(&[&Layer<f32>]) -> Result<Array2<f32>> + Send,
-) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    number: usize,
+    evaluate: impl Fn(&[&Layer<f32>], usize) -> Result<Array2<f32>> + Send + Sync,
+) -> PyResult<Bound<'py, PyArray3<f32>>> {
     let layers = engine_layers(layers);
-    let image = run(py, threads, || evaluate(&layers))?;
-    Ok(image.into_pyarray(py))
+    let images = run(py, threads, || {
+        let first = evaluate(&layers, 0)?.insert_axis(Axis(0));
+        if number == 1 {
+            return Ok(first);
+        }
+        let (_, height, width) = first.dim();
+        let mut images = Array3::zeros((number, height, width));
+        let places = images.axis_iter_mut(Axis(0)).into_par_iter().enumerate();
+        places.skip(1).try_for_each(|(image, mut place)| {
+            place.assign(&evaluate(&layers, image)?);
+            Ok(())
+        })?;
+        images
+            .index_axis_mut(Axis(0), 0)
+            .assign(&first.index_axis(Axis(0), 0));
+        Ok(images)
+    })?;
+    Ok(images.into_pyarray(py))
 }

@@ -32,9 +32,11 @@ pub struct Counts<'a> {
 /// Write into `out` `(2, ⌈H/SQUARE⌉, ⌈W/SQUARE⌉)` how much two parts disagree, and the numbers of
 /// pixels that have trials of both: sums over squares of pixels.
 ///
-/// A pixel disagrees by (Σ N₁D₂ − β N₂D₁)² / (p(1 − p) Σ D₁D₂(D₁ + D₂)), about 1 if both agree, where
-/// p is Σ(N₁ + β N₂) / Σ(D₁ + D₂). These are sums over squares of 3 pixels. β is the ratio of the
-/// brightness of the first part to that of the second. Pixels without trials of both disagree by 0.
+/// A pixel disagrees by (Σ N₁D₂ − β N₂D₁)² / v, about 1 if both agree. β is the ratio of the brightness
+/// of the first part to that of the second. p = Σ(N₁ + N₂) / Σ(D₁ + D₂/β) is the probability of a one
+/// in the first part, so p/β is that in the second. v = p Σ D₁D₂[D₂(1 − p) + D₁(β − p)] is the
+/// variance of the difference. These are sums over squares of 3 pixels. Pixels without trials of both
+/// disagree by 0.
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the image is
@@ -96,9 +98,9 @@ fn relative_brightness(first: &Counts<'_>, second: &Counts<'_>) -> f32 {
     (total(0) / total(1).max(1.0)).clamp(LIMITS.0, LIMITS.1) as f32
 }
 
-/// The sums of a row of pixels: of the ones, of the trials, of the differences, and of their
-/// variances divided by p(1 − p).
-const TERMS: usize = 4;
+/// The sums of a row of pixels: of the ones; of the trials D₁ + D₂/β; of the differences; and of the
+/// factors D₁D₂(D₂ + βD₁) of p, and D₁D₂(D₁ + D₂) of p², in the variance.
+const TERMS: usize = 5;
 
 /// Two images of squares: the disagreements, and the numbers of pixels.
 type Squares<'a> = (ArrayViewMut2<'a, f32>, ArrayViewMut2<'a, f32>);
@@ -133,17 +135,18 @@ fn compare_band_inlined(
     for plane in &mut sums {
         add_rows(plane, width, 1, rows);
     }
+    let max_p = brightness.min(1.0);
     let mut ratios = vec![0.0; width];
     for row in 0..rows {
-        let [ones, trials, differences, variances] =
+        let [ones, trials, differences, linear, quadratic] =
             sums.each_ref().map(|plane| &plane[row * width..][..width]);
         let known = &known[(row + 1) * width..][..width];
         for i in 0..width {
             // Pixels without trials, such as those of dead jots, must not make p smaller.
             let number = if trials[i] > 1.0 { trials[i] } else { 1.0 };
             let share = ones[i] / number;
-            let p = if share < 1.0 { share } else { 1.0 };
-            let variance = p * (1.0 - p) * variances[i];
+            let p = if share < max_p { share } else { max_p };
+            let variance = p * (linear[i] - p * quadratic[i]);
             let large = variance > MIN_VARIANCE;
             let variance = if large { variance } else { MIN_VARIANCE };
             ratios[i] = differences[i] * differences[i] / variance * known[i];
@@ -173,16 +176,18 @@ fn compare_row(
     let width = known.len();
     let (ones, trials) = (values(first.ones.row(row)), values(first.trials.row(row)));
     let (others, other_trials) = (values(second.ones.row(row)), values(second.trials.row(row)));
-    let [all, numbers, differences, variances] =
+    let [all, numbers, differences, linear, quadratic] =
         terms.each_mut().map(|term| &mut term[1..][..width]);
+    let inverse = 1.0 / brightness;
     for i in 0..width {
-        let (ones, others) = (ones[i] as f32, others[i] as f32 * brightness);
+        let (ones, others) = (ones[i] as f32, others[i] as f32);
         let (trials, other_trials) = (trials[i] as f32, other_trials[i] as f32);
-        let (number, weight) = (trials + other_trials, trials * other_trials);
+        let weight = trials * other_trials;
         all[i] = ones + others;
-        numbers[i] = number;
-        differences[i] = ones * other_trials - others * trials;
-        variances[i] = weight * number;
+        numbers[i] = trials + inverse * other_trials;
+        differences[i] = ones * other_trials - brightness * others * trials;
+        linear[i] = weight * (other_trials + brightness * trials);
+        quadratic[i] = weight * (trials + other_trials);
         known[i] = if weight > 0.0 { 1.0 } else { 0.0 };
     }
     for term in terms {

@@ -145,7 +145,12 @@ class MovingScene:
         offsets = (np.arange(self._samples_per_frame) + 0.5) / self._samples_per_frame - 0.5
         for frame in range(start, stop):
             image = np.mean([self.image(frame + offset) for offset in offsets], axis=0)
-            exposed = self.sensor.expose(image, self._seed, frames=slice(frame, frame + 1))
+            exposed = self.sensor.expose(
+                image,
+                self._seed,
+                channel_axis=None if image.ndim == 2 else -1,
+                frames=slice(frame, frame + 1),
+            )
             parts.append(np.asarray(exposed.packed))
         return np.concatenate(parts)
 

@@ -1,0 +1,113 @@
+"""The axes of an array of images: rows and columns, a stack, and color channels."""
+
+import dataclasses
+import math
+import operator
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+_MAX_CHANNELS = 4
+"""Largest length of a last axis that looks like that of colors."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Layout:
+    """Which axes of an array are the rows and columns of its images.
+
+    Without a channel axis they are the last two. With it, they are the last two others.
+
+    Examples
+    --------
+    >>> layout = Layout.of("image", np.zeros((5, 8, 6, 3)), channel_axis=-1)
+    >>> layout.shape
+    (5, 3)
+    >>> layout.split(np.zeros((5, 8, 6, 3))).shape
+    (15, 8, 6)
+    >>> layout.arrange(np.zeros((15, 4, 4))).shape
+    (5, 4, 4, 3)
+    """
+
+    shape: tuple[int, ...] = ()
+    """Lengths of the axes of a stack, followed by the number of channels if there is an axis of
+    them."""
+    channel_axis: int | None = None
+    """The axis of channels, or None."""
+
+    @classmethod
+    def of(cls, name: str, array: npt.NDArray[Any], channel_axis: int | None) -> Self:
+        """Return the layout of an array.
+
+        Raises
+        ------
+        TypeError
+            When the axis is not a whole number.
+        ValueError
+            When the array has too few axes, or no pixels, or looks like a color image although
+            there is no channel axis.
+        """
+        axes = 2 if channel_axis is None else 3
+        if array.ndim < axes or array.size == 0:
+            expected = "(H, W) or (..., H, W)" if axes == 2 else "three axes or more, with channels"
+            raise ValueError(
+                f"{name}: expected shape {expected}, and at least one pixel, got {array.shape}"
+            )
+        if channel_axis is None:
+            if array.ndim > 2 and array.shape[-1] <= _MAX_CHANNELS < min(array.shape[-3:-1]):
+                raise ValueError(
+                    f"{name}: expected a stack (..., H, W), but shape {array.shape} looks like "
+                    "color; pass channel_axis=-1 if the last axis holds channels"
+                )
+            return cls(array.shape[:-2])
+        axis = operator.index(channel_axis)
+        if not -array.ndim <= axis < array.ndim:
+            raise ValueError(
+                f"channel_axis: expected {-array.ndim} to {array.ndim - 1} for shape "
+                f"{array.shape}, got {axis}"
+            )
+        return cls(np.moveaxis(array, axis, -3).shape[:-2], axis)
+
+    @property
+    def number(self) -> int:
+        """The number of gray images."""
+        return math.prod(self.shape)
+
+    @property
+    def is_stack(self) -> bool:
+        """Whether there are axes of a stack."""
+        return len(self.shape) > (self.channel_axis is not None)
+
+    @property
+    def is_single(self) -> bool:
+        """Whether there is only one gray image (H, W), without further axes."""
+        return not self.shape
+
+    def moved(self, array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Return a view of an array of this layout, with rows and columns as its last axes."""
+        return array if self.channel_axis is None else np.moveaxis(array, self.channel_axis, -3)
+
+    def split(self, array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Return the gray images of an array of this layout, (N, H, W), as a view if possible."""
+        array = self.moved(array)
+        return array.reshape(self.number, *array.shape[-2:])
+
+    def name_of(self, index: int) -> str:
+        """Return how messages name a gray image.
+
+        Examples
+        --------
+        >>> Layout((2, 3), -1).name_of(4)
+        'image 1, channel 1'
+        """
+        *stack, last = map(int, np.unravel_index(index, self.shape))
+        if self.channel_axis is None:
+            return f"image {', '.join(map(str, [*stack, last]))}"
+        return f"image {', '.join(map(str, stack))}, channel {last}" if stack else f"channel {last}"
+
+    def arrange(self, images: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Return gray images (N, H, W) as one array of this layout, in C order."""
+        array = images.reshape(*self.shape, *images.shape[1:])
+        if self.channel_axis is not None:
+            array = np.ascontiguousarray(np.moveaxis(array, -3, self.channel_axis))
+        return array
