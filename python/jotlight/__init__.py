@@ -28,7 +28,7 @@ from jotlight.evaluation.evaluate import evaluate
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.formats import open, save
 from jotlight.images.io import read_image
-from jotlight.images.saving import save_image
+from jotlight.images.saving import save_film, save_image
 from jotlight.motion.align import align
 from jotlight.motion.merge import merge
 from jotlight.motion.motion import Motion
@@ -76,6 +76,7 @@ __all__ = [
     "read_image",
     "reconstruct",
     "save",
+    "save_film",
     "save_image",
     "train",
     "training",

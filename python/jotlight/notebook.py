@@ -4,12 +4,16 @@ import base64
 import html
 import io
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 _SIDE = 192
 """Maximum height and width of a thumbnail in pixels."""
+
+_WHITE = 99.5
+"""Percentile of the pixels that is shown as white."""
 
 _MAX_TEXT = 200
 """Maximum length of a text. Longer texts are cut."""
@@ -34,15 +38,35 @@ def card(
     Examples
     --------
     >>> card("Bits", {"frames": 16, "file": "<a>"})
-    '<div><b>Bits</b><table><tr><th>frames</th><td>16</td></tr><tr><th>file</th><td>&lt;a&gt;</td></tr></table></div>'
+    '<div><div><b>Bits</b></div><table><tr><th>frames</th><td>16</td></tr><tr><th>file</th><td>&lt;a&gt;</td></tr></table></div>'
     """
     rows = "".join(
         f"<tr><th>{_escape(name)}</th><td>{_escape(value)}</td></tr>"
         for name, value in facts.items()
     )
     table = f"<table>{rows}</table>" if rows else ""
-    drawing = "" if image is None else f'<img alt="" src="{_data_address(image)}">'
-    return f"<div><b>{_escape(title)}</b>{drawing}{table}</div>"
+    drawing = "" if image is None else f'<div><img alt="" src="{_data_address(image)}"></div>'
+    return f"<div><div><b>{_escape(title)}</b></div>{drawing}{table}</div>"
+
+
+def text_table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table for terminals, with numbers to the right of the first column.
+
+    Examples
+    --------
+    >>> print(text_table(["method", "PSNR"], [["mle", "20 dB"]]))
+    method   PSNR
+    mle     20 dB
+    """
+    lines = [titles, *rows]
+    widths = [max(len(line[column]) for line in lines) for column in range(len(titles))]
+    return "\n".join(
+        "  ".join(
+            text.rjust(width) if column else text.ljust(width)
+            for column, (text, width) in enumerate(zip(line, widths, strict=True))
+        )
+        for line in lines
+    )
 
 
 def table_of(titles: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
@@ -56,6 +80,27 @@ def table_of(titles: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     head = "".join(f"<th>{_escape(title)}</th>" for title in titles)
     body = ("".join(f"<td>{_escape(value)}</td>" for value in row) for row in rows)
     return f"<table><tr>{head}</tr>{''.join(f'<tr>{row}</tr>' for row in body)}</table>"
+
+
+def normalize(image: npt.NDArray[Any]) -> npt.NDArray[np.floating]:
+    """Return an image (H, W) or (H, W, C) from 0, black, to 1, white, for people to look at.
+
+    White is the 99.5th percentile of the finite values. Values that are not finite are white, too.
+    Three channels are colors, and others are averaged.
+
+    Examples
+    --------
+    >>> normalize(np.array([[0, 5, 10], [10, 10, 10]])).tolist()
+    [[0.0, 0.5, 1.0], [1.0, 1.0, 1.0]]
+    """
+    values = np.asarray(image, np.float64)
+    if values.ndim == 3 and values.shape[2] != 3:
+        values = values.mean(axis=2)
+    finite = values[np.isfinite(values)]
+    if finite.size == 0:
+        return np.ones(values.shape)
+    white = float(np.percentile(finite, _WHITE)) or float(finite.max()) or 1.0
+    return np.clip(np.where(np.isfinite(values), values / white, 1), 0, 1)
 
 
 def shrink(image: npt.NDArray[np.floating], side: int = _SIDE) -> npt.NDArray[np.floating]:

@@ -231,8 +231,8 @@ def test_motion_is_advised_only_where_the_scene_moves(run, motion):
     counts = scene.bits.to_array().reshape(16, 4, 96, 96).sum(axis=1).astype(np.uint16)
     np.save("counts.npy", counts)
     for arguments in (
-        ["reconstruct", "a.npy", "-o", "out.png"],
-        ["reconstruct", "counts.npy", "--frames", 64, "-o", "out.png"],
+        ["reconstruct", "a.npy", "-o", "out.npy"],
+        ["reconstruct", "counts.npy", "--frames", 64, "-o", "out.npy"],
         ["film", "a.npy", "-o", "out.npy", "--window", 64],
     ):
         status, output = run(*arguments, "-m", "mle")

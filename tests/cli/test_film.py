@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import tifffile
 from PIL import Image
 
 import jotlight as jl
@@ -41,6 +42,8 @@ def test_a_film_has_the_estimate_of_each_window(run, capture, tmp_path, method):
     assert "3 images of 24 x 30 from 16 frames each" in output
     assert "4 frames at the end lie in no window" in output
     found = np.load(tmp_path / "film.npy")
+    assert run(*arguments, "-o", "film.tif", "--units", "photons")[0] == 0
+    np.testing.assert_array_equal(tifffile.imread(tmp_path / "film.tif"), found)
     function = METHODS[method].run
     for number in range(3):
         part = capture[10 * number : 10 * number + 16]
@@ -70,6 +73,14 @@ def test_images_of_counts_are_filmed(run, capture, tmp_path):
     for number in range(4):
         expected = jl.mle(counts[2 * number : 2 * number + 3].sum(axis=0), jl.Sensor(frames=12))
         np.testing.assert_array_equal(found[number], expected)
+    display = ["--frames", 40, "--curve", "linear", "--white", 0.5]
+    status, output = run("film", "counts.npy", "-o", "film.gif", *arguments, *display)
+    assert status == 0
+    assert "(linear curve, white at 0.5)" in output
+    with Image.open(tmp_path / "film.gif") as animation:
+        animation.seek(3)
+        levels = np.asarray(animation.convert("L")) / 255
+    np.testing.assert_allclose(levels, np.minimum(found[3] / 0.5, 1), atol=0.5001 / 255)
     status, output = run("film", "counts.npy", "-o", "b.npy", *arguments, "--frames", 42)
     assert status == 1
     assert "frames: expected a multiple of the 10 images of counts, got 42" in output
@@ -101,7 +112,10 @@ def test_each_image_is_merged_along_the_motion(run, moving, tmp_path):
         (["-o", "a", "--window", 4, "--units", "photons"], "are for floats"),
         (["-o", "a.npy", "--window", 4, "--units", "lux"], "one of intensity, photons"),
         (["-o", "a.npy", "--window", 4, "--curve", "log"], "not for the floats of a.npy"),
+        (["-o", "a.tif", "--window", 4, "--white", 1], "not for the floats of a.tif"),
+        (["-o", "a", "--window", 4, "--white", 0], "white: expected a finite intensity above 0"),
         (["-o", "a", "--window", 4, "--fps", -1], "fps"),
+        (["-o", "a.gif", "--window", 4, "--fps", 60], "up to 50 images per second"),
         (["-o", "a", "--window", 4, "--depth", 12], "expected 8"),
         (["-o", "a", "--window", 4, "--motion-model", "affine"], "add --motion"),
         (["-o", "a", "--window", 4, "--motion", "--motion-model", "rigid"], "expected auto or"),

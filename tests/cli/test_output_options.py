@@ -7,9 +7,11 @@ import pytest
 import tifffile
 
 import jotlight as jl
+from jotlight.cli import console
 from jotlight.images.io import read_image
 
 SENSOR = jl.Sensor(frames=40, gain=10.0, max_intensity=14.0)
+LONG = jl.Sensor(frames=40, max_intensity=float(np.log(80)))
 SCENE = np.linspace(0.2, 12, 24 * 30).reshape(24, 30)
 
 
@@ -62,6 +64,38 @@ def test_a_capture_of_an_unknown_sensor_is_not_clipped(run, capture, tmp_path):
     assert estimate.max() == np.float32(np.log(80))
 
 
+@pytest.mark.filterwarnings("always::jotlight.JotlightWarning")
+@pytest.mark.parametrize("name", ["a.png", "a.jpg"])
+def test_an_image_for_display_is_exposed_where_nothing_states_white(
+    run, capture, tmp_path, name, monkeypatch
+):
+    """The same function exposes the images of `jotlight.save_image`."""
+    monkeypatch.setattr(console, "shown_warnings", set())
+    estimate = jl.mle(jl.open(tmp_path / "cube.npy", width=30), LONG)
+    white = np.percentile(estimate, 99.5)
+    status, output = run("reconstruct", "cube.npy", "--width", 30, "-m", "mle", "-o", name)
+    assert status == 0
+    expected = f"image: {white:.3g}, the 99.5th percentile, is shown as white; --white sets another"
+    assert expected in output
+    assert f"(linear curve, white at {white:.3g})" in output
+    with pytest.warns(jl.JotlightWarning, match="is shown as white"):
+        jl.save_image(tmp_path / f"expected-{name}", estimate)
+    found, expected = read_image(tmp_path / name), read_image(tmp_path / f"expected-{name}")
+    np.testing.assert_allclose(found, expected, atol=1.001 / 255)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "white"), [([], 14), (["--white", 3], 3), (["--max-intensity", 13], 13)]
+)
+def test_the_capture_or_an_option_states_white(run, capture, tmp_path, arguments, white):
+    status, output = run("reconstruct", "known.npy", "-o", "a.png", "-m", "mle", *arguments)
+    assert status == 0
+    assert f"(linear curve, white at {white})" in output
+    sensor = SENSOR.replace(max_intensity=13.0 if white == 13 else 14.0)
+    expected = np.minimum(jl.mle(capture, sensor) / white, 1)
+    np.testing.assert_allclose(read_image(tmp_path / "a.png"), expected, atol=0.501 / 255)
+
+
 def test_a_preview_is_written_beside_the_floats(run, capture, tmp_path):
     arguments = ["reconstruct", "known.npy", "-o", "a.npy", "-m", "mle", "--preview", "a.png"]
     status, output = run(*arguments, "--curve", "log")
@@ -109,6 +143,8 @@ def test_uncertainty_is_written_in_the_units_of_the_estimate(run, capture, tmp_p
         ),
         (["-o", "a.npy", "--curve", "sepia"], "linear, gamma, log, reinhard"),
         (["-o", "a.npy", "--curve", "log"], "is for a .png or .jpg"),
+        (["-o", "a.npy", "--white", 2], "white: is for a .png or .jpg, not for the floats"),
+        (["-o", "a.png", "--white", "inf"], "white: expected a finite intensity above 0"),
     ],
 )
 def test_bad_input_gets_one_clear_line_and_leaves_no_files(

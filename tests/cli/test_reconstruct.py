@@ -41,7 +41,7 @@ def test_counts_need_the_number_of_frames(run, tmp_path):
 
 def test_the_assumed_sensor_of_a_cube_without_a_description_is_printed(run, tmp_path):
     np.save(tmp_path / "cube.npy", np.full((4, 6, 2), 0b01010101, np.uint8))
-    status, output = run("reconstruct", "cube.npy", "-o", "out.png", "-m", "mle")
+    status, output = run("reconstruct", "cube.npy", "-o", "out.npy", "-m", "mle")
     assert status == 0
     assert "assumed: Sensor(frames=4, max_intensity=2.07" in output  # log(2 * 4)
 

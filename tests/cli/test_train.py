@@ -209,7 +209,7 @@ def test_on_a_terminal_a_live_line_shows_the_run(photo_folder, tmp_path):
         shown += part
     os.close(leader)
     assert child.wait() == 0
-    for text in (b"step 3/3", b"cost ", b"gradient ", b"test ", b"left", b"\x1b["):
+    for text in (b"step 3/3", b"cost ", b"gradient ", b"test ", b"%", b"\x1b["):
         assert text in shown
 
 

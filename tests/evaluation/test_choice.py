@@ -92,7 +92,6 @@ def test_a_network_of_the_caller_comes_first(network, has_fixed_range):
 def test_an_unknown_range_reaches_up_to_saturation(name):
     choice = choose_method(SENSOR, requested=name, is_range_known=False)
     assert choice.max_intensity == saturation_intensity(SENSOR) > 1
-    assert choice.white == 1
     assert choice.saturation is None
     [note] = choice.notes
     assert "max_intensity=S (--max-intensity) sets another" in note
@@ -100,7 +99,7 @@ def test_an_unknown_range_reaches_up_to_saturation(name):
 
 def test_a_network_with_a_fixed_range_keeps_it_and_names_the_saturation():
     choice = choose_method(SENSOR, requested="network-small", is_range_known=False)
-    assert (choice.max_intensity, choice.white) == (1, 1)
+    assert choice.max_intensity == 1
     assert choice.saturation == saturation_intensity(SENSOR)
     assert choice.notes == ()
 
@@ -116,7 +115,7 @@ def test_a_network_with_a_fixed_range_keeps_it_and_names_the_saturation():
 )
 def test_any_other_range_stays(sensor, is_range_known):
     choice = choose_method(sensor, requested="mle", is_range_known=is_range_known)
-    assert choice.max_intensity == choice.white == sensor.max_intensity
+    assert choice.max_intensity == sensor.max_intensity
     assert choice.saturation is None
     assert choice.notes == ()
 

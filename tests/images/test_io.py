@@ -1,5 +1,6 @@
 import io
 import struct
+import time
 import zlib
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import tifffile
 from PIL import Image
 
+import jotlight as jl
 from jotlight.images.io import image_writer, read_image
 
 GRAY = np.linspace(0, 1, 35, dtype=np.float32).reshape(5, 7)
@@ -219,3 +221,22 @@ def test_no_image_is_mapped_into_memory(tmp_path, monkeypatch, ending):
     image = read_image(path, white=255)
     np.testing.assert_allclose(image * 255, levels, atol=1e-3)
     assert maps == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("photo", ["camera", "astronaut"])
+def test_a_png_is_written_as_fast_as_with_pillow(tmp_path, photo):
+    image = np.rint(255 * jl.datasets.photograph(photo)).astype(np.uint8)
+    runs = {
+        "Pillow": lambda: Image.fromarray(image).save(tmp_path / "pillow.png"),
+        "jotlight": lambda: jl.save_image(tmp_path / "jotlight.png", image),
+    }
+    best = dict.fromkeys(runs, np.inf)
+    for _ in range(9):
+        for name, run in runs.items():
+            start = time.perf_counter()
+            run()
+            best[name] = min(best[name], time.perf_counter() - start)
+    assert best["jotlight"] < 1.1 * best["Pillow"]
+    sizes = [(tmp_path / f"{name}.png").stat().st_size for name in ("jotlight", "pillow")]
+    assert sizes[0] < 1.02 * sizes[1]

@@ -6,6 +6,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
+import tifffile
 from PIL import Image
 
 import jotlight as jl
@@ -15,16 +16,25 @@ from jotlight.images.tone import Tone
 from jotlight.images.video import video_writer
 from jotlight.sensing.frames import Frames
 
+NAMES = ["a.npy", "a.tif", "a", "a.gif", "a.mp4"]
 RAMP = np.linspace(0, 1, 35, dtype=np.float32).reshape(5, 7)
 
 
 @pytest.mark.parametrize("shape", [(5, 7), (5, 7, 3)])
-def test_a_stack_of_floats_is_exact_and_unclipped(tmp_path, shape):
-    images = np.random.default_rng(0).random((4, *shape), np.float32) * 100
-    with video_writer(tmp_path / "a.npy", 4) as add:
-        for image in images:
-            add(image)
+@pytest.mark.parametrize("length", [1, 4, 12])
+@pytest.mark.parametrize("is_known", [True, False])
+def test_a_stack_of_floats_is_exact_and_unclipped(tmp_path, shape, length, is_known):
+    images = np.random.default_rng(0).random((length, *shape), np.float32) * 100
+    for name in ("a.npy", "a.tif"):
+        with video_writer(tmp_path / name, length if is_known else None) as add:
+            for image in images:
+                add(image)
     assert (np.load(tmp_path / "a.npy") == images).all()
+    with tifffile.TiffFile(tmp_path / "a.tif") as file:
+        assert len(file.pages) == length
+        assert file.is_bigtiff == (not is_known)
+        for page, image in zip(file.pages, images, strict=True):
+            assert (page.asarray() == image).all()
 
 
 def test_a_folder_of_images_has_one_curve(tmp_path):
@@ -65,7 +75,7 @@ def test_a_gif_contains_every_image(tmp_path, shape):
             np.testing.assert_allclose(levels, number * 51, atol=1)
 
 
-@pytest.mark.parametrize("name", ["a.npy", "a", "a.gif", "a.mp4"])
+@pytest.mark.parametrize("name", NAMES)
 def test_an_interrupted_video_leaves_no_file(tmp_path, name):
     if name == "a.mp4":
         pytest.importorskip("imageio_ffmpeg")
@@ -77,6 +87,95 @@ def test_an_interrupted_video_leaves_no_file(tmp_path, name):
 
     with pytest.raises(KeyboardInterrupt):
         stopped()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_images_of_different_shapes_and_empty_films_are_refused(tmp_path, name):
+    if name == "a.mp4":
+        pytest.importorskip("imageio_ffmpeg")
+
+    def write(*images):
+        with video_writer(tmp_path / name) as add:
+            for image in images:
+                add(image)
+
+    with pytest.raises(ValueError, match=r"one shape for all, got \(5, 7\) and \(7, 5\)"):
+        write(RAMP, RAMP.T)
+    with pytest.raises(ValueError, match="at least one"):
+        write()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.tif", "a", "a.gif"])
+def test_a_full_disk_is_reported_and_leaves_no_file(tmp_path, name):
+    resource = pytest.importorskip("resource", reason="needs limits of the operating system")
+    noise = np.random.default_rng(0).random((100, 100), np.float32)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def write():
+        with video_writer(tmp_path / name) as add:
+            for _ in range(5):
+                add(noise)
+
+    resource.setrlimit(resource.RLIMIT_FSIZE, (8000, before[1]))
+    try:
+        with pytest.raises(OSError, match=f"cannot write .*{name}: File too large"):
+            write()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.tif", "a", "a.gif"])
+def test_a_long_film_takes_little_memory(tmp_path, name):
+    image = np.random.default_rng(0).random((100, 100), np.float32)
+    with video_writer(tmp_path / "first.tif", 1) as add:
+        add(image)  # imports
+    tracemalloc.start()
+    with video_writer(tmp_path / name, 200) as add:
+        for _ in range(200):
+            add(image.copy())
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1e6  # The levels of all images have 2 MB.
+
+
+@pytest.mark.parametrize(
+    ("fps", "delays"), [(30, [3, 4, 3, 3, 4, 3]), (50, [2] * 6), (4, [25] * 6)]
+)
+def test_the_images_of_a_gif_have_the_mean_rate(tmp_path, fps, delays):
+    with video_writer(tmp_path / "a.gif", fps=fps) as add:
+        for number in range(6):
+            add(RAMP * number / 6)
+    with Image.open(tmp_path / "a.gif") as animation:
+        assert animation.info["loop"] == 0
+        found = []
+        for number in range(6):
+            animation.seek(number)
+            found.append(animation.info["duration"])
+    assert found == [10 * delay for delay in delays]
+
+
+def test_the_levels_of_a_gray_gif_are_exact(tmp_path):
+    images = np.random.default_rng(0).random((5, 40, 50), np.float32)
+    with video_writer(tmp_path / "a.gif") as add:
+        for image in images:
+            add(image)
+    with Image.open(tmp_path / "a.gif") as animation:
+        for number, image in enumerate(images):
+            animation.seek(number)
+            found = np.asarray(animation.convert("L"))
+            np.testing.assert_array_equal(found, np.rint(255 * image))
+
+
+@pytest.mark.parametrize(
+    ("name", "fps", "message"),
+    [("a.gif", 51, "up to 50 images"), ("a.gif", 0, "above 0"), ("a.mp4", 1e5, "above 0")],
+)
+def test_a_wrong_rate_is_refused(tmp_path, name, fps, message):
+    with pytest.raises(ValueError, match=message), video_writer(tmp_path / name, fps=fps):
+        pass
     assert list(tmp_path.iterdir()) == []
 
 

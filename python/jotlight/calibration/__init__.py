@@ -5,7 +5,7 @@
 - `flat`: the response of each jot, and the dead ones.
 - `steadiness`: tests of the assumption that frames are independent and identically distributed.
 - `rates`: from counts to detections per frame.
-- `result`: the `Calibration` and its file.
+- `result`: the `Calibration`; `fields` are its data, and `files` checks the contents of its files.
 - `figure`: a page of plots.
 """
 

@@ -5,33 +5,35 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.calibration.result import Calibration
+from jotlight.calibration.fields import CalibrationFields
 from jotlight.calibration.steadiness import Steadiness
+from jotlight.drawing import INK, MARK, QUIET, draw_absence, set_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
-_INK, _QUIET, _MARK, _BAR = "#1d2733", "#5b6876", "#e4572e", "#9db4c8"
+    from jotlight.figures import Figure
+
+_BAR = "#9db4c8"
 _HOT, _MASKED, _DEAD = "#f2a541", "#c1292e", "#2f6fdb"
 
 
-def page(calibration: Calibration) -> "Figure":
+def page(calibration: CalibrationFields) -> "Figure":
     """Return a figure with the maps, the distributions and their limits, and the numbers."""
-    from matplotlib.figure import Figure
+    from jotlight.figures import Figure
 
-    figure = Figure(figsize=(17, 9), facecolor="white", layout="constrained")
+    figure = Figure(17, 9)
     axes = figure.subplots(2, 4)
     captures = (f"{name}: {provenance}" for name, provenance in calibration.provenance.items())
     heading = "\n".join(["calibration", *captures])
-    figure.suptitle(heading, x=0.01, ha="left", color=_INK, fontsize=12)
+    figure.suptitle(heading, x=0.01, ha="left", color=INK, fontsize=12)
     _dark_map(axes[0, 0], calibration)
     _dark_histogram(axes[0, 1], calibration)
     _flags(axes[0, 2], calibration)
     _numbers(axes[0, 3], calibration)
     if calibration.efficiency is None:
         for place in axes[1, :2]:
-            _absent(place, "no flat capture, so no response")
+            draw_absence(place, "no flat capture, so no response")
     else:
         _response(axes[1, 0], axes[1, 1], calibration, calibration.efficiency * calibration.scale)
     _steadiness(axes[1, 2], "dark", calibration.dark_steadiness)
@@ -39,31 +41,22 @@ def page(calibration: Calibration) -> "Figure":
     return figure
 
 
-def _title(axes: "Axes", text: str) -> None:
-    axes.set_title(text, fontsize=11, color=_INK, loc="left")
-
-
-def _absent(axes: "Axes", text: str) -> None:
-    axes.text(0.5, 0.5, text, ha="center", color=_QUIET, transform=axes.transAxes)
-    axes.set_axis_off()
-
-
 def _image(axes: "Axes", image: npt.NDArray[np.floating], title: str, **options: Any) -> None:
     shown = axes.imshow(image, interpolation="nearest", **options)
     axes.set_xticks([])
     axes.set_yticks([])
-    _title(axes, title)
+    set_title(axes, title)
     axes.figure.colorbar(shown, ax=axes, shrink=0.75, location="bottom", pad=0.02)
 
 
-def _dark_map(axes: "Axes", calibration: Calibration) -> None:
+def _dark_map(axes: "Axes", calibration: CalibrationFields) -> None:
     # The logarithm of 0 is infinite, so one count in all frames replaces 0.
     smallest = 1 / calibration.dark_frames
     image = np.log10(np.maximum(calibration.dark_counts, smallest))
     _image(axes, image, "dark counts per frame, log₁₀", cmap="inferno")
 
 
-def _dark_histogram(axes: "Axes", calibration: Calibration) -> None:
+def _dark_histogram(axes: "Axes", calibration: CalibrationFields) -> None:
     ones, bulk = calibration.dark_ones, calibration.bulk
     top = min(max(3 * calibration.hot_threshold, 10), calibration.dark_frames)
     step = max(1, top // 200)
@@ -76,7 +69,7 @@ def _dark_histogram(axes: "Axes", calibration: Calibration) -> None:
     half = np.arange(np.median(ones) + 1)
     ordinary = (ones < len(half)).sum() / np.exp(bulk.log_probability(half)).sum()
     expected = ordinary * step * np.exp(bulk.log_probability(middle))
-    axes.plot(middle, expected, color=_MARK, linewidth=1.5, label="ordinary jots, fitted")
+    axes.plot(middle, expected, color=MARK, linewidth=1.5, label="ordinary jots, fitted")
     if calibration.insufficient_frames_reason() is None:
         axes.axvline(
             calibration.hot_threshold - 0.5,
@@ -90,13 +83,13 @@ def _dark_histogram(axes: "Axes", calibration: Calibration) -> None:
     axes.set_xlabel(
         f"ones in {calibration.dark_frames} dark frames"
         + (f"; {above} jots are beyond the axis" if above else ""),
-        color=_QUIET,
+        color=QUIET,
     )
     axes.legend(fontsize=8, frameon=False)
-    _title(axes, "distribution of the dark counts")
+    set_title(axes, "distribution of the dark counts")
 
 
-def _flags(axes: "Axes", calibration: Calibration) -> None:
+def _flags(axes: "Axes", calibration: CalibrationFields) -> None:
     from matplotlib.colors import to_rgb
     from matplotlib.patches import Patch
 
@@ -122,11 +115,14 @@ def _flags(axes: "Axes", calibration: Calibration) -> None:
         fontsize=8,
         frameon=False,
     )
-    _title(axes, "hot and dead jots")
+    set_title(axes, "hot and dead jots")
 
 
 def _response(
-    map_axes: "Axes", axes: "Axes", calibration: Calibration, relative: npt.NDArray[np.float32]
+    map_axes: "Axes",
+    axes: "Axes",
+    calibration: CalibrationFields,
+    relative: npt.NDArray[np.float32],
 ) -> None:
     good = relative[~calibration.mask]
     low, high = np.percentile(good, (0.5, 99.5))
@@ -137,29 +133,29 @@ def _response(
     axes.set_xlabel(
         "response of the jots that are not masked\n"
         f"the PRNU excludes the counting noise of {calibration.flat_noise:.2%}",
-        color=_QUIET,
+        color=QUIET,
     )
-    _title(axes, f"PRNU {calibration.prnu:.2%} ± {calibration.prnu_error:.2%}")
+    set_title(axes, f"PRNU {calibration.prnu:.2%} ± {calibration.prnu_error:.2%}")
 
 
 def _steadiness(axes: "Axes", name: str, found: Steadiness | None) -> None:
     if found is None:
-        _absent(axes, f"{name}: only counts,\nso no test of change over time")
+        draw_absence(axes, f"{name}: only counts,\nso no test of change over time")
         return
     _image(axes, found.map, f"{name}: change over time, in σ", vmin=-4, vmax=4, cmap="RdBu_r")
     axes.set_xlabel(
         f"correlation of successive frames\n{found.correlation:.2g} ± "
         f"{found.correlation_error:.2g} (z = {found.correlation_z:.1f})\n"
         f"change over time: z = {found.homogeneity_z:.1f}",
-        color=_QUIET,
+        color=QUIET,
     )
 
 
-def _numbers(axes: "Axes", calibration: Calibration) -> None:
+def _numbers(axes: "Axes", calibration: CalibrationFields) -> None:
     axes.set_axis_off()
     for index, fact in enumerate(facts(calibration)):
         # Offsets in points keep the distance of the lines for any height of the axes.
-        for text, color, size, below in zip(fact, (_QUIET, _INK), (7, 8.5), (0, 8), strict=True):
+        for text, color, size, below in zip(fact, (QUIET, INK), (7, 8.5), (0, 8), strict=True):
             axes.annotate(
                 text,
                 (0, 1),
@@ -172,7 +168,7 @@ def _numbers(axes: "Axes", calibration: Calibration) -> None:
             )
 
 
-def facts(calibration: Calibration) -> list[tuple[str, str]]:
+def facts(calibration: CalibrationFields) -> list[tuple[str, str]]:
     """Return pairs of name and text that the page and the command line show."""
     dead, mask, rate = calibration.dead, calibration.mask, calibration.false_positive_rate
     lines = [
@@ -212,7 +208,7 @@ def facts(calibration: Calibration) -> list[tuple[str, str]]:
     return lines
 
 
-def _hot(calibration: Calibration) -> list[tuple[str, str]]:
+def _hot(calibration: CalibrationFields) -> list[tuple[str, str]]:
     hot, rate = calibration.hot, calibration.hot_probability
     if (reason := calibration.insufficient_frames_reason()) is not None:
         return [("hot", "none found: too few frames"), ("hot by chance", reason)]

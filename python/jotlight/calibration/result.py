@@ -2,45 +2,31 @@
 
 import dataclasses
 import json
-import math
 import os
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-import numpy.typing as npt
 
 from jotlight.calibration.bulk import Bulk
+from jotlight.calibration.fields import CalibrationFields
+from jotlight.calibration.figure import facts, page
+from jotlight.calibration.files import MAPS, checked_fields
 from jotlight.calibration.steadiness import Steadiness
+from jotlight.notebook import card, normalize
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import Tensors, read_tensors, write_tensors
 
+if TYPE_CHECKING:
+    from jotlight.figures import Figure
+
 FORMAT = "jotlight calibration"
 _VERSION = "1"
 
-Map = npt.NDArray[np.float32]
-Flags = npt.NDArray[np.bool_]
-Ones = npt.NDArray[np.int32]
-
-_MAPS = {
-    "dark_counts": np.float32,
-    "efficiency": np.float32,
-    "mask": np.bool_,
-    "hot": np.bool_,
-    "dead": np.bool_,
-    "dark_ones": np.int32,
-    "flat_ones": np.int32,
-    "dark_steadiness": np.float32,
-    "flat_steadiness": np.float32,
-}
-"""The tensors of a file and their types."""
-
-_REQUIRED = {"dark_counts", "mask", "hot", "dead", "dark_ones"}
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Calibration:
+class Calibration(CalibrationFields):
     """The properties of the jots of a sensor, as :func:`jotlight.calibrate` finds them.
 
     Parameters
@@ -80,43 +66,6 @@ class Calibration:
         Where the captures come from, and their orientation, if known, with the keys ``"dark"`` and
         ``"flat"``.
     """
-
-    dark_counts: Map
-    mask: Flags
-    hot: Flags
-    dead: Flags
-    threshold: int
-    false_positive_rate: float
-    max_dark: float
-    bulk: Bulk
-    hot_threshold: int
-    hot_probability: float
-    dark_ones: Ones
-    dark_frames: int
-    efficiency: Map | None = None
-    scale: float = 1.0
-    flat_ones: Ones | None = None
-    flat_frames: int | None = None
-    prnu: float | None = None
-    prnu_error: float | None = None
-    flat_noise: float | None = None
-    dark_steadiness: Steadiness | None = None
-    flat_steadiness: Steadiness | None = None
-    provenance: dict[str, Provenance] = dataclasses.field(default_factory=dict)
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns of jots."""
-        height, width = self.dark_counts.shape
-        return height, width
-
-    def insufficient_frames_reason(self) -> str | None:
-        """Return why the dark capture has too few frames to find hot jots at the rate, or None."""
-        if self.hot_threshold <= self.dark_frames:
-            return None
-        number = self.dark_frames
-        probability = self.bulk.tail_probability(number)
-        return f"{number} of {number} bits are ones by chance in {probability:.2g} of ordinary jots"
 
     def sensor(self, frames: int = 1, **changes: Any) -> Sensor:
         """Return a sensor with these maps.
@@ -195,6 +144,28 @@ class Calibration:
                 values[field.name] = value
         return values
 
+    def plot(self) -> "Figure":
+        """Return a figure with the maps, the distributions and their limits, and the numbers."""
+        return page(self)
+
+    def _repr_html_(self) -> str:
+        # One count in all frames replaces 0, because the logarithm of 0 is infinite.
+        smallest = 1 / self.dark_frames
+        image = np.log(np.maximum(self.dark_counts, smallest) / smallest)
+        shown = {"image": "dark counts, logarithmic"}
+        return card("Calibration", {**dict(facts(self)), **shown}, normalize(image))
+
+    def __repr__(self) -> str:
+        parts = [
+            f"{self.shape[0]} x {self.shape[1]} jots",
+            f"dark counts {np.median(self.dark_counts):.3g} per frame in the median",
+            f"hot {self.hot.mean():.2%}",
+            f"masked {self.mask.mean():.2%}",
+        ]
+        if self.prnu is not None:
+            parts.append(f"PRNU {self.prnu:.2%}")
+        return f"<Calibration: {', '.join(parts)}>"
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the calibration to a `.safetensors` file.
 
@@ -210,7 +181,7 @@ class Calibration:
         True
         """
         tensors: Tensors = {}
-        for name in _MAPS:
+        for name in MAPS:
             value = getattr(self, name)
             value = value.map if isinstance(value, Steadiness) else value
             if value is not None:
@@ -238,84 +209,9 @@ class Calibration:
             raise FileNotFoundError(f"there is no file {path}")
         tensors, metadata = read_tensors(path, FORMAT, _VERSION)
         try:
-            return cls(**_checked(tensors, json.loads(metadata.get("numbers", ""))))
+            return cls(**checked_fields(tensors, json.loads(metadata.get("numbers", ""))))
         except (ValueError, TypeError, RecursionError) as error:
             raise ValueError(f"{path}: the calibration is damaged ({error})") from error
-
-
-_STEADINESS = {"dark_steadiness", "flat_steadiness"}
-_SCALARS = {
-    "dark_frames": (1, 2**31, int),
-    "threshold": (1, 2**31, int),
-    "hot_threshold": (1, 2**31, int),
-    "hot_probability": (0, 1, float),
-    "false_positive_rate": (0, 1, float),
-    "max_dark": (0, math.inf, float),
-    "scale": (0, 1e6, float),
-}
-_FLAT_SCALARS = {
-    "prnu": (0, math.inf, float),
-    "prnu_error": (0, math.inf, float),
-    "flat_noise": (0, math.inf, float),
-}
-"""Names, limits, and types of the numbers in a file. Those of a flat capture are optional."""
-
-
-def _checked(tensors: Tensors, numbers: Any) -> dict[str, Any]:
-    """Return the fields of a calibration from a file, or raise ValueError."""
-    _check_tensors(tensors)
-    known = {field.name for field in dataclasses.fields(Calibration)}
-    if not isinstance(numbers, dict) or not numbers.keys() <= known - (_MAPS.keys() - _STEADINESS):
-        raise ValueError("its metadata are not those of a calibration")
-    values: dict[str, Any] = dict(numbers)
-    for name, limits in _SCALARS.items():
-        values[name] = _number(numbers.get(name), name, *limits)
-    if any((name in numbers) != ("efficiency" in tensors) for name in _FLAT_SCALARS):
-        raise ValueError(f"expected all of efficiency, {', '.join(_FLAT_SCALARS)}, or none")
-    for name, limits in (_FLAT_SCALARS | {"flat_frames": (1, 2**31, int)}).items():
-        if name in numbers:
-            values[name] = _number(numbers[name], name, *limits)
-    bulk = _object(numbers.get("bulk"), "bulk", {"frames", "mean", "spread"})
-    values["bulk"] = Bulk(
-        _number(bulk["frames"], "frames", 1, 2**31, int),
-        _number(bulk["mean"], "mean", 0, 1),
-        _number(bulk["spread"], "spread", 0, 100),
-    )
-    for name in _STEADINESS:
-        if (name in numbers) != (name in tensors):
-            raise ValueError(f"{name}: expected both a map and numbers")
-        if name in numbers:
-            values[name] = _steadiness(name, numbers[name], tensors[name])
-    provenance = values.get("provenance", {})
-    if not isinstance(provenance, dict) or not provenance.keys() <= {"dark", "flat"}:
-        raise ValueError("provenance: expected an object with dark and flat")
-    values["provenance"] = {name: Provenance.from_json(part) for name, part in provenance.items()}
-    for name in _MAPS.keys() - _STEADINESS:
-        values[name] = tensors.get(name)
-    # The sensor checks the values of its maps.
-    Sensor(
-        dark_counts=values["dark_counts"],
-        efficiency=1.0 if values["efficiency"] is None else values["efficiency"],
-        mask=values["mask"],
-    )
-    return values
-
-
-def _check_tensors(tensors: Tensors) -> None:
-    """Raise ValueError unless the tensors are maps of one shape, with known names and types."""
-    if not _REQUIRED <= tensors.keys() <= _MAPS.keys():
-        raise ValueError(f"expected tensors {', '.join(_REQUIRED)}, got {', '.join(tensors)}")
-    shape = tensors["mask"].shape
-    for name, tensor in tensors.items():
-        if tensor.dtype != _MAPS[name] or tensor.shape != shape or tensor.ndim != 2:
-            raise ValueError(f"{name}: got {tensor.dtype} of shape {tensor.shape}")
-
-
-def _steadiness(name: str, content: Any, map_: npt.NDArray[Any]) -> Steadiness:
-    names = {field.name for field in dataclasses.fields(Steadiness)} - {"map"}
-    values = _object(content, name, names)
-    found = {part: _number(values[part], part, -math.inf, math.inf) for part in names}
-    return Steadiness(**found, map=map_)
 
 
 def check_same_orientation(
@@ -332,15 +228,3 @@ def check_same_orientation(
             f"{other.describe_orientation()}; open them in the same orientation "
             "(--rotate, --flip)"
         )
-
-
-def _object(value: Any, name: str, keys: set[str]) -> dict[str, Any]:
-    if not isinstance(value, dict) or value.keys() != keys:
-        raise ValueError(f"{name}: expected an object with {', '.join(sorted(keys))}")
-    return value
-
-
-def _number(value: Any, name: str, low: float, high: float, kind: type = float) -> Any:
-    if type(value) not in (int, kind) or not low <= value <= high or math.isinf(value):
-        raise ValueError(f"{name}: expected a number from {low:g} to {high:g}, got {value!r}")
-    return kind(value)

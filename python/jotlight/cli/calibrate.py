@@ -132,10 +132,9 @@ def _check_outputs(captures: list[Path], output: Path, plot: Path | None) -> Non
 
 
 def _draw(calibration: Calibration, plot: Path) -> None:
-    from jotlight.calibration.figure import page
     from jotlight.plots import save_figure
 
-    save_figure(page(calibration), plot)
+    save_figure(calibration.plot(), plot)
 
 
 def _refuse_frames_of_bits(captures: list[Capture], options: CalibrationOptions) -> None:

@@ -100,13 +100,14 @@ def run_comparison(
     import jotlight.plots as plots
 
     plots.check_figure(output)
-    with atomic_write(output) as temporary, progress(len(methods) + 2) as begin:
+    with atomic_write(output) as temporary:
         axis = None if image.ndim == 2 else -1
         found = compare_by_title(
-            methods, image, sensor, channel_axis=axis, rng=seed, threads=threads, begin=begin
+            methods, image, sensor, channel_axis=axis, rng=seed, threads=threads, progress=True
         )
-        begin("drawing the figure")
-        plots.save_figure(found.plot(), temporary)
+        with progress(None) as begin:
+            begin("drawing the figure")
+            plots.save_figure(found.plot(), temporary)
     out.print(_table(found))
     missing = [method.required_package for method in METHODS.values() if not method.available]
     if missing:

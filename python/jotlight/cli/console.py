@@ -10,22 +10,20 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import (
     BarColumn,
-    Progress,
-    ProgressColumn,
-    SpinnerColumn,
     TaskProgressColumn,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
 
+from jotlight.bars import console, make_bar
 from jotlight.errors import JotlightWarning
 from jotlight.estimators.convergence import Iteration
 from jotlight.training import Record
+from jotlight.training.reporting import StepDescriber
 
-# Without emoji=False, rich replaces text between colons, as in a range of frames, by an emoji.
 out = Console(highlight=False, emoji=False)
-err = Console(stderr=True, highlight=False, emoji=False)
+err = console
 
 shown_warnings: set[str] = set()
 
@@ -93,13 +91,6 @@ class Begin(Protocol):
         """Return a function that takes the fraction of the step that is done."""
 
 
-def _bar(*columns: ProgressColumn) -> Progress:
-    """Return a progress bar that shows on a terminal only and vanishes at the end."""
-    return Progress(
-        SpinnerColumn(), *columns, console=err, transient=True, disable=not err.is_terminal
-    )
-
-
 @contextlib.contextmanager
 def progress(total: float | None, *, remaining: bool = False) -> Iterator[Begin]:
     """Show a progress bar while the block runs.
@@ -117,7 +108,7 @@ def progress(total: float | None, *, remaining: bool = False) -> Iterator[Begin]
         Takes the name of the next step, and the part of the total that it counts as.
     """
     time = [TimeRemainingColumn(), TextColumn("left")] if remaining else [TimeElapsedColumn()]
-    bar = _bar(TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), *time)
+    bar = make_bar(TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), *time)
     with bar:
         task = bar.add_task("", total=total)
         next_start = 0.0
@@ -140,7 +131,7 @@ def live_iterations(title: str) -> Iterator[Callable[[Iteration], None]]:
     callable
         Takes each iteration.
     """
-    bar = _bar(TextColumn("{task.description}"), BarColumn(bar_width=16), TimeElapsedColumn())
+    bar = make_bar(TextColumn("{task.description}"), BarColumn(bar_width=16), TimeElapsedColumn())
     with bar:
         task = bar.add_task(title, total=1.0)
 
@@ -151,39 +142,16 @@ def live_iterations(title: str) -> Iterator[Callable[[Iteration], None]]:
         yield show
 
 
-@contextlib.contextmanager
-def live_training(title: str, steps: int) -> Iterator[Callable[[Record], None]]:
-    """Show a training run: its title, then a live line on a terminal, elsewhere ten lines in all.
+def print_steps(steps: int) -> Callable[[Record], None]:
+    """Return a callback that prints ten lines during a training run, unless a terminal has a bar.
 
-    Yields
-    ------
-    callable
-        Takes the record of each step.
+    It takes the record of each step.
     """
-    bar = _bar(
-        TextColumn("step {task.completed:.0f}/{task.total:.0f}"),
-        BarColumn(bar_width=24),
-        TextColumn("{task.description}"),
-        TimeRemainingColumn(),
-        TextColumn("left"),
-    )
-    with bar:
-        task = bar.add_task("starting", total=steps)
-        test, is_first = "", True
+    describe, interval = StepDescriber(steps), max(1, steps // 10)
 
-        def show(record: Record) -> None:
-            nonlocal test, is_first
-            if is_first:
-                err.print(title, soft_wrap=True, markup=False)
-            is_first = False
-            if record.test_psnr is not None:
-                test = f"  test {record.test_psnr:.2f} dB"
-            if record.held_out is not None:
-                test = f"  held out {record.held_out:.5f} nats per bit"
-            text = f"cost {record.loss:.4g}  gradient {record.gradient_norm:.3g}{test}"
-            bar.update(task, completed=record.step, description=text)
-            interval = max(1, steps // 10)
-            if not err.is_terminal and (record.step % interval == 0 or record.step == steps):
-                err.print(f"step {record.step}/{steps}  {text}", soft_wrap=True)
+    def show(record: Record) -> None:
+        text = describe(record)
+        if not err.is_terminal and (record.step % interval == 0 or record.step == steps):
+            err.print(text, soft_wrap=True)
 
-        yield show
+    return show

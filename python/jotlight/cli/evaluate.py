@@ -1,7 +1,6 @@
 """``jotlight evaluate``: the quality of a network or method on many images."""
 
 import contextlib
-import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,7 +20,7 @@ from jotlight.cli.common_options import (
 from jotlight.cli.console import out, progress, report
 from jotlight.cli.method_options import named_method
 from jotlight.cli.sensor_options import SensorOptions
-from jotlight.evaluation.evaluate import METRICS, Evaluation
+from jotlight.evaluation.evaluate import COLUMNS, Evaluation
 from jotlight.evaluation.evaluate import evaluate as evaluate_method
 from jotlight.evaluation.methods import DEFAULT_METHOD, find_method
 from jotlight.evaluation.own_method import OwnMethod, import_method
@@ -117,16 +116,8 @@ def _method(
 
 def _table(result: Evaluation) -> Table:
     table = Table(box=None, header_style="bold", pad_edge=False)
-    table.add_column("")
-    for column in ("PSNR", "SNR", "SSIM"):
-        table.add_column(column, justify="right")
-    rows = {
-        "mean": result.mean,
-        "worst 5 %": lambda metric: result.mean_of_worst(metric, 0.05),
-        "worst 1 %": lambda metric: result.mean_of_worst(metric, 0.01),
-    }
-    for title, value in rows.items():
-        psnr, snr, ssim = (value(metric) for metric in METRICS)
-        ssim_text = "none" if math.isnan(ssim) else f"{ssim:.3f}"
-        table.add_row(title, f"{psnr:.2f} dB", f"{snr:.2f} dB", ssim_text)
+    for column in COLUMNS:
+        table.add_column(column, justify="right" if column else "left")
+    for row in result.rows():
+        table.add_row(*row)
     return table

@@ -18,7 +18,7 @@ from jotlight.cli.common_options import FILM_PANEL, CapturePath, Threads
 from jotlight.cli.console import progress, report
 from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import MotionOptions
-from jotlight.cli.output_options import OutputOptions
+from jotlight.cli.output_options import OutputOptions, describe_tone
 from jotlight.cli.reconstruction import Brightness, Inputs, Reconstruction, report_assumptions
 from jotlight.cli.sensor_options import CalibratedSensorOptions
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
@@ -26,7 +26,7 @@ from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.formats.capture import Capture
 from jotlight.images.io import image_writer
 from jotlight.images.tone import Tone
-from jotlight.images.video import is_floats, video_writer
+from jotlight.images.video import check_fps, is_floats, video_writer
 from jotlight.motion.film import FilmImage
 from jotlight.motion.film import film as merge_windows
 from jotlight.sensing.bits import Bits
@@ -44,7 +44,7 @@ class FilmOptions(OutputOptions):
         Parameter(
             alias="-o",
             help="A .mp4, a .gif, or a name without ending for a new folder of .png, for display; "
-            "a .npy for floats that are never clipped.",
+            "a .npy or .tif for a stack of floats that are never clipped.",
         ),
     ]
     window: Annotated[
@@ -66,12 +66,15 @@ class FilmOptions(OutputOptions):
         super().check()
         floats = is_floats(self.output)
         if self.units != "intensity" and not floats:
-            raise ValueError(f"units: are for floats, .npy, and {self.output} is for display")
+            raise ValueError(
+                f"units: are for floats, .npy or .tif, and {self.output} is for display"
+            )
         if self.curve is not None and floats:
             raise ValueError(f"curve: is for display, not for the floats of {self.output}")
+        if self.white is not None and floats:
+            raise ValueError(f"white: is for display, not for the floats of {self.output}")
         image_writer("a.npy" if self.output.suffix else "a.png", depth=self.depth)
-        if not 0 < self.fps < 1e4:
-            raise ValueError(f"fps: expected images per second above 0, got {self.fps}")
+        check_fps(self.output, self.fps)
         if self.output.suffix == "" and self.output.exists():
             raise FileExistsError(
                 f"cannot write {self.output}: it exists already; choose another name"
@@ -233,6 +236,4 @@ def _samples(spans: list[slice]) -> list[slice]:
 
 def _display(outputs: FilmOptions, tone: Tone | None) -> str:
     """Return the units of floats, or the tone curve."""
-    return (
-        UNITS[outputs.units] if tone is None else f"{tone.curve} curve, white at {tone.white:.3g}"
-    )
+    return UNITS[outputs.units] if tone is None else describe_tone(tone)

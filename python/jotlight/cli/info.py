@@ -86,11 +86,8 @@ def _draw(file: Path, plot: Path) -> None:
 
     plots.check_figure(plot)
     if stored_format(file) == CALIBRATION:
-        from jotlight.calibration.figure import page
-
         refuse_overwrite(plot, [file])
-        calibration = Calibration.load(file)
-        plots.save_figure(page(calibration), plot)
+        plots.save_figure(Calibration.load(file).plot(), plot)
         return
     network = Network.load(file)
     runs = _training_runs(file, network)

@@ -14,6 +14,7 @@ from jotlight.estimators.brightness import UNITS, unit_scale
 from jotlight.estimators.uncertainty import uncertainty
 from jotlight.images.image_stack import stack_writer
 from jotlight.images.io import DISPLAYED, FLOATS, image_writer
+from jotlight.images.saving import find_white
 from jotlight.images.tone import CURVES, Tone, check_curve
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.pixel_counts import Data
@@ -21,6 +22,11 @@ from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 _DEFAULT_CURVE = "gamma"
+
+
+def describe_tone(tone: Tone) -> str:
+    """Return the curve and the white of an image for display."""
+    return f"{tone.curve} curve, white at {tone.white:.3g}"
 
 
 @Parameter(name="*", group=OUTPUT_PANEL)
@@ -47,8 +53,16 @@ class OutputOptions:
         str | None,
         Parameter(
             help=f"Tone curve of an image for display: {', '.join(CURVES)}. Default: "
-            f"{_DEFAULT_CURVE} for a preview or a film. An output in .png or .jpg is linear, "
-            "with white at the largest intensity."
+            f"{_DEFAULT_CURVE} for a preview or a film, and linear for an output in .png or .jpg."
+        ),
+    ] = None
+    white: Annotated[
+        float | None,
+        Parameter(
+            help="Intensity that is white in an image for display. Default of an output in .png or "
+            ".jpg: the largest intensity, if the capture or --max-intensity states it; otherwise "
+            "1, or about the 99.5th percentile if the image would be dark or clipped. Default of "
+            "other images for display: the 99.5th percentile."
         ),
     ] = None
     depth: Annotated[int, Parameter(help="Bits per value of a .png: 8 or 16.")] = 8
@@ -59,6 +73,8 @@ class OutputOptions:
             raise ValueError(f"units: expected one of {', '.join(UNITS)}, got {self.units!r}")
         if self.curve is not None:
             check_curve(self.curve)
+        if self.white is not None and not 0 < self.white < np.inf:
+            raise ValueError(f"white: expected a finite intensity above 0, got {self.white}")
 
     def scale(self, sensor: Sensor) -> np.float32:
         """Return the factor from intensity to the units."""
@@ -66,7 +82,7 @@ class OutputOptions:
 
     def fit_tone(self, estimates: npt.NDArray[np.float32]) -> Tone:
         """Return the tone curve for estimates that are displayed."""
-        return Tone.fit(estimates, self.curve or _DEFAULT_CURVE)
+        return Tone.fit(estimates, self.curve or _DEFAULT_CURVE, white=self.white)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -96,6 +112,8 @@ class ImageOutputOptions(OutputOptions):
                 f"curve: is for a .png or .jpg, not for the floats of {self.output}; --preview "
                 "writes an image for display in addition"
             )
+        if self.white is not None and self.preview is None and is_floats:
+            raise ValueError(f"white: is for a .png or .jpg, not for the floats of {self.output}")
         if self.preview is not None and self.preview.suffix.lower() not in DISPLAYED:
             raise ValueError(f"preview: expected a name in .png or .jpg, got {self.preview}")
         if self.units != "intensity" and displayed:
@@ -120,22 +138,27 @@ class ImageOutputOptions(OutputOptions):
         data: Data,
         sensor: Sensor,
         *,
-        white: float,
+        white: float | None,
         metadata: dict[str, Any],
         threads: int | None,
-    ) -> None:
-        """Write the temporary files, in the order of :meth:`paths`."""
+    ) -> list[Tone]:
+        """Write the temporary files, in the order of :meth:`paths`.
+
+        `white` is the largest intensity, if it is stated. Return the tone curve of each image for
+        display.
+        """
         remaining = list(files)
         scale = self.scale(sensor)
-        if self.output.suffix.lower() in DISPLAYED and self.curve is not None:
-            write = image_writer(self.output, depth=self.depth)
-            write(remaining.pop(0), Tone.fit(estimate, self.curve)(estimate))
+        tones = []
+        write = image_writer(self.output, depth=self.depth, note=metadata)
+        if self.output.suffix.lower() in DISPLAYED:
+            tones.append(self._output_tone(estimate, white))
+            write(remaining.pop(0), tones[0](estimate))
         else:
-            write = image_writer(self.output, depth=self.depth, white=white, note=metadata)
             write(remaining.pop(0), estimate * scale)
         if self.preview is not None:
-            tone = self.fit_tone(estimate)
-            image_writer(self.preview)(remaining.pop(0), tone(estimate))
+            tones.append(self.fit_tone(estimate))
+            image_writer(self.preview)(remaining.pop(0), tones[-1](estimate))
         if self.uncertainty is not None:
             known = uncertainty(
                 data,
@@ -147,6 +170,13 @@ class ImageOutputOptions(OutputOptions):
             facts = {**metadata, "level": self.level, "flags": "1 unlit, 2 saturated, 4 dead"}
             write_stack = stack_writer(self.uncertainty, facts)
             write_stack(remaining.pop(0), known.arrays(float(scale)))
+        return tones
+
+    def _output_tone(self, estimate: npt.NDArray[np.float32], white: float | None) -> Tone:
+        """Return the tone curve of an output in .png or .jpg."""
+        if self.curve is not None:
+            return self.fit_tone(estimate)
+        return Tone("linear", self.white or white or find_white(estimate))
 
     def metadata(
         self, sensor: Sensor, method: str, provenance: Provenance | None

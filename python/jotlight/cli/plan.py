@@ -83,9 +83,9 @@ def plan(
     out.print(_table(predicted, frame_rate))
     report(*_explanation(predicted, frame_rate), _motion_line(last, (height, width)))
     if plot is not None:
-        from jotlight.plots import expectation, save_figure
+        from jotlight.plots import save_figure
 
-        save_figure(expectation(predicted), plot, dpi=150)
+        save_figure(predicted.plot(), plot, dpi=150)
         report(f"Figure: {plot}")
 
 

@@ -16,7 +16,7 @@ from jotlight.cli.captured import Captured, add_sensor, refuse_capture_overwrite
 from jotlight.cli.console import caution, live_iterations, progress, report
 from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import ImageMotionOptions, MotionOptions, describe
-from jotlight.cli.output_options import ImageOutputOptions
+from jotlight.cli.output_options import ImageOutputOptions, describe_tone
 from jotlight.cli.sensor_options import CalibratedSensorOptions
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.estimators.problem import ConvergenceHistories
@@ -44,6 +44,8 @@ class Reconstruction:
     settings: dict[str, Any]
     """Keyword arguments of the method."""
     calibration: AppliedCalibration | None
+    white: float | None
+    """Largest intensity, if the capture or the user states it."""
 
     @property
     def record_arguments(self) -> tuple[Any, ...]:
@@ -116,13 +118,14 @@ class Inputs:
         training = training_advice(
             self.path, self.capture, self.sensor, window=window, is_bits=is_bits
         )
+        is_range_known = captured.has_own_sensor or self.sensor.max_intensity is not None
         choice = choose_method(
             captured.sensor,
             requested=request,
             network=network,
             # Aligned bits are counted.
             is_bits=is_bits and not self.motion.motion,
-            is_range_known=captured.has_own_sensor or self.sensor.max_intensity is not None,
+            is_range_known=is_range_known,
             training=training,
         )
         if choice.quality is not None:
@@ -130,7 +133,8 @@ class Inputs:
         captured = _with_max_intensity(captured, choice.max_intensity)
         method = choice.method if network is None else network
         settings = self.method.settings()
-        return Reconstruction(self.path, captured, choice, method, settings, calibration)
+        white = choice.max_intensity if is_range_known else None
+        return Reconstruction(self.path, captured, choice, method, settings, calibration, white)
 
 
 def _with_max_intensity(captured: Captured, max_intensity: float) -> Captured:
@@ -185,25 +189,27 @@ def reconstruct_image(
         start = time.perf_counter()
         estimate, ending = _estimate(job, data, threads)
         seconds = time.perf_counter() - start
-        outputs.write(
+        tones = outputs.write(
             files[: len(paths)],
             estimate,
             data,
             captured.sensor,
-            white=job.choice.white,
+            white=job.white,
             metadata=metadata,
             threads=threads,
         )
         record(*job.record_arguments)
     scale = outputs.scale(captured.sensor)
     units = "intensities" if outputs.units == "intensity" else UNITS[outputs.units]
+    display = [f" ({describe_tone(tone)})" for tone in tones]
+    preview = "" if outputs.preview is None else display.pop()
     report(
         f"{outputs.output}: {' x '.join(map(str, estimate.shape))}, {units} "
-        f"{scale * estimate.min():.3g} to {scale * estimate.max():.3g}, by {title}{ending} in "
-        f"{seconds:.3g} s"
+        f"{scale * estimate.min():.3g} to {scale * estimate.max():.3g}{''.join(display)}, by "
+        f"{title}{ending} in {seconds:.3g} s"
     )
     if outputs.preview is not None:
-        report(f"{outputs.preview}: image for display")
+        report(f"{outputs.preview}: image for display{preview}")
     if outputs.uncertainty is not None:
         report(f"{outputs.uncertainty}: confidence intervals of {outputs.level:g}")
     report(*found)

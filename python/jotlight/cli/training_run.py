@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import jotlight.plots as plots
-from jotlight.cli.console import err, live_training, report
+from jotlight.cli.console import err, print_steps, report
 from jotlight.cli.training_options import TrainingOptions
 from jotlight.files import atomic_write, delete_file, remove_leftovers
 from jotlight.networks.network import Network
@@ -66,7 +66,7 @@ def run_training(
     Parameters
     ----------
     train : callable
-        Takes `callback`.
+        Takes `callback` and `progress`.
     options : TrainingOptions
         Files to write.
     title : str
@@ -91,8 +91,8 @@ def run_training(
         temporary = files.enter_context(atomic_write(options.output))
         figure = None if options.plot is None else files.enter_context(atomic_write(options.plot))
         with _explain_stop(checkpoint, remedy):
-            with live_training(title, steps) as show:
-                network, history = train(callback=show)
+            report(title)
+            network, history = train(callback=print_steps(steps), progress=True)
             network.history.update(provenance)
             network.save(temporary)
             if figure is not None:

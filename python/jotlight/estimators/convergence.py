@@ -4,11 +4,16 @@ import dataclasses
 import math
 import operator
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
+from jotlight.estimators.figure import draw_residuals
+
+if TYPE_CHECKING:
+    from jotlight.figures import Figure
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,6 +62,19 @@ class ConvergenceHistory:
     def iterations(self) -> int:
         """The number of iterations."""
         return len(next(iter(self.residuals.values())))
+
+    def plot(self) -> "Figure":
+        """Return a figure of the residuals over the iterations."""
+        from jotlight.figures import Figure
+
+        figure = Figure(6, 3.6)
+        draw_residuals(figure.subplots(), self.residuals)
+        return figure
+
+    def __repr__(self) -> str:
+        state = "converged" if self.converged else "not converged"
+        last = ", ".join(f"{name} {values[-1]:.2g}" for name, values in self.residuals.items())
+        return f"<ConvergenceHistory: {state} after {self.iterations} iterations, residuals {last}>"
 
 
 def check_stopping_rule(max_iter: int, tol: float) -> tuple[int, float]:

@@ -2,15 +2,21 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.estimators.figure import draw_psnr, draw_snr
+from jotlight.notebook import card, table_of
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.pixel_counts import warn_about_smooth_kernel
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.response import Array, detection_probability, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
+
+if TYPE_CHECKING:
+    from jotlight.figures import Figure
 
 _LEVELS = 25
 """The number of levels of light in a range."""
@@ -26,6 +32,9 @@ COUNTS_PER_SIGMA = 100
 
 _SATURATED_FRACTION = 0.01
 """The fraction of pixels with only ones that defines the saturation light."""
+
+_MAX_ROWS = 20
+"""The maximum number of rows of the table in notebooks."""
 
 _MAX_BITS = 2**31 - 1
 """The maximum number of trials per pixel."""
@@ -68,6 +77,47 @@ class Plan:
     def snr_bound(self) -> Array:
         """The light over the Cramér-Rao bound in dB, (M, N)."""
         return _decibels(self.light / self.cramer_rao_bound)
+
+    def plot(self) -> "Figure":
+        """Return a figure of the PSNR over the frames, and of the SNR over the light."""
+        from jotlight.figures import Figure
+
+        figure = Figure(10, 4)
+        left, right = figure.subplots(1, 2)
+        draw_psnr(left, self.frames, self.psnr, self.target_psnr)
+        draw_snr(right, self.light, self.frames, self.snr, self.snr_bound)
+        return figure
+
+    def _facts(self) -> dict[str, str]:
+        low, high = self.light[[0, -1]]
+        light = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
+        facts = {"light": f"{light} photons per jot and frame"}
+        if self.target_psnr is not None:
+            required = "no number" if self.required_frames is None else f"{self.required_frames:,}"
+            facts[f"frames for {self.target_psnr:g} dB"] = required
+        return facts
+
+    def _repr_html_(self) -> str:
+        facts = {**self._facts(), "best light": f"{self.optimal_light:.3g}"}
+        places = sorted({0, len(self.light) // 2, len(self.light) - 1})
+        titles = [
+            "frames",
+            "PSNR, dB",
+            *(f"SNR at {self.light[place]:.3g}, dB" for place in places),
+        ]
+        rows = [
+            (f"{frames:,}", f"{psnr:.1f}", *(f"{snr[place]:.1f}" for place in places))
+            for frames, psnr, snr in zip(self.frames, self.psnr, self.snr, strict=True)
+        ]
+        return card("Plan", facts) + table_of(titles, rows[-_MAX_ROWS:])
+
+    def __repr__(self) -> str:
+        facts = ", ".join(f"{name}: {value}" for name, value in self._facts().items())
+        first, last = self.frames[[0, -1]]
+        return (
+            f"<Plan: {first:,} to {last:,} frames, PSNR {self.psnr[0]:.1f} to {self.psnr[-1]:.1f} "
+            f"dB, {facts}>"
+        )
 
 
 def plan(

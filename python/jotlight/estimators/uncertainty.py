@@ -2,12 +2,13 @@
 
 import dataclasses
 import warnings
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import JotlightWarning
+from jotlight.estimators.figure import draw_map
 from jotlight.estimators.light_inversion import (
     LightInverse,
     UniqueCounts,
@@ -16,6 +17,7 @@ from jotlight.estimators.light_inversion import (
 )
 from jotlight.estimators.mle import mle, require_bits
 from jotlight.interrupts import interruptible
+from jotlight.notebook import card, normalize
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.pixel_counts import (
     Data,
@@ -29,6 +31,9 @@ from jotlight.sensing.pixel_counts import (
 )
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
+
+if TYPE_CHECKING:
+    from jotlight.figures import Figure
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,6 +70,41 @@ class Uncertainty:
             for name in ("standard_error", "low", "high")
         }
         return {**scaled, "flags": self.flags()}
+
+    def plot(self) -> "Figure":
+        """Return a figure of the standard error and of the width of the interval.
+
+        The mean over the channels is shown.
+        """
+        from jotlight.figures import Figure
+
+        height, width = self.standard_error.shape[:2]
+        figure = Figure(10, min(10.0, 0.8 + 4.2 * height / width))
+        shown = {
+            "standard error": self.standard_error,
+            f"width of the {self.confidence_level:.0%} interval": self.high - self.low,
+        }
+        for axes, (title, values) in zip(figure.subplots(1, 2), shown.items(), strict=True):
+            draw_map(axes, values.mean(axis=2) if values.ndim == 3 else values, title)
+        return figure
+
+    def _facts(self) -> dict[str, str]:
+        facts = {"size": " x ".join(map(str, self.standard_error.shape))}
+        finite = self.standard_error[np.isfinite(self.standard_error)]
+        if finite.size:
+            facts["standard error"] = f"{np.median(finite):.3g} in the median"
+        facts["interval"] = f"{self.confidence_level:.6g}"
+        for name in ("unlit", "saturated", "dead"):
+            facts[name] = f"{getattr(self, name).mean():.2%}"
+        return facts
+
+    def _repr_html_(self) -> str:
+        facts = {**self._facts(), "image": "the standard error"}
+        return card("Uncertainty", facts, normalize(self.standard_error))
+
+    def __repr__(self) -> str:
+        facts = ", ".join(f"{name} {value}" for name, value in self._facts().items())
+        return f"<Uncertainty: {facts}>"
 
 
 def uncertainty(

@@ -71,8 +71,6 @@ class Choice:
     """Key of :data:`METHODS`, or :data:`OWN_NETWORK`."""
     quality: str | None
     """Size of the shipped network to load, or None for other methods."""
-    white: float
-    """Intensity that a linear display shows as white."""
     max_intensity: float
     """Largest intensity S of the estimate."""
     has_fixed_range: bool
@@ -160,10 +158,10 @@ def choose_method(
             reason = missing
         # The medium network serves any S. Every other size was trained for S = 1.
         has_fixed_range = quality is not None and quality != CONDITIONAL_SIZE
-    white = max_intensity = sensor.max_intensity
+    max_intensity = sensor.max_intensity
     limit, notes = None, []
     saturation = saturation_intensity(sensor)
-    if not is_range_known and sensor.kernel == "box" and saturation > white:
+    if not is_range_known and sensor.kernel == "box" and saturation > max_intensity:
         if has_fixed_range:
             limit = saturation
         else:
@@ -175,7 +173,6 @@ def choose_method(
     return Choice(
         method,
         quality,
-        white,
         max_intensity,
         has_fixed_range,
         limit,

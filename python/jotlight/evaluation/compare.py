@@ -22,7 +22,7 @@ class MethodResult:
     """The estimate of one method, its quality, and its computing time."""
 
     method: str
-    estimate: npt.NDArray[np.float32]
+    estimate: npt.NDArray[np.float32] = dataclasses.field(repr=False)
     psnr: float
     """PSNR in dB, for a peak of 1."""
     ssim: float | None

@@ -1,9 +1,9 @@
 """One call that compares methods, also those of the caller, on the bits of one image."""
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -15,13 +15,14 @@ from jotlight.evaluation.own_method import OwnMethod
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.layout import Layout
 from jotlight.networks.network import Network
-from jotlight.notebook import table_of
+from jotlight.notebook import table_of, text_table
+from jotlight.progress import Progress, equal_steps, shown_progress
 from jotlight.seeds import SeedLike
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from jotlight.figures import Figure
 
 COLUMNS = "method", "PSNR", "SSIM", "time"
 """Titles of the columns of the table."""
@@ -31,11 +32,11 @@ COLUMNS = "method", "PSNR", "SSIM", "time"
 class Comparison:
     """Estimates of one image by several methods: a table when printed, and a figure."""
 
-    image: npt.NDArray[np.floating] = dataclasses.field(repr=False)
+    image: npt.NDArray[np.floating]
     """The true image."""
     bits: Bits
     """Its bits."""
-    results: list[MethodResult] = dataclasses.field(repr=False)
+    results: list[MethodResult]
     """The estimates, their quality, and their computing times."""
     titles: Mapping[str, str]
     """Title of each method."""
@@ -52,16 +53,8 @@ class Comparison:
             for result in self.results
         ]
 
-    def __str__(self) -> str:
-        rows = [COLUMNS, *self.rows()]
-        widths = [max(len(row[column]) for row in rows) for column in range(len(COLUMNS))]
-        return "\n".join(
-            "  ".join(
-                text.rjust(width) if column else text.ljust(width)
-                for column, (text, width) in enumerate(zip(row, widths, strict=True))
-            )
-            for row in rows
-        )
+    def __repr__(self) -> str:
+        return text_table(COLUMNS, self.rows())
 
     def _repr_html_(self) -> str:
         return table_of(COLUMNS, self.rows())
@@ -91,7 +84,7 @@ def compare(
     channel_axis: int | None = None,
     rng: SeedLike = 0,
     threads: int | None = None,
-    begin: Callable[[str], Any] = lambda title: None,
+    progress: Progress = None,
 ) -> Comparison:
     """Expose an image, and return its estimates by several methods, with their quality.
 
@@ -111,9 +104,9 @@ def compare(
         Seed of the bits.
     threads : int, optional
         Number of threads. Default: all.
-    begin : callable, optional
-        A function that is called with the title of each step before it begins. If it returns a
-        function, this is called with the completed fraction of long steps.
+    progress : bool or callable, optional
+        Whether to show a progress bar, or a function that is called repeatedly with the completed
+        fraction. Default: a bar in notebooks.
 
     Returns
     -------
@@ -156,14 +149,16 @@ def compare(
     layout = Layout.of("image", pixels, channel_axis)
     if layout.is_stack or layout.number not in (1, 3):
         raise ValueError(f"image: expected a gray or RGB image, got {_describe(layout)}")
-    bits = sensor.expose(
-        pixels, rng, channel_axis=channel_axis, threads=threads, progress=begin("drawing bits")
-    )
-    if channel_axis is not None:  # the estimates have the channels last
-        pixels = np.moveaxis(pixels, channel_axis, -1)
-    results = compare_methods(
-        pixels, bits, sensor, names, threads=threads, begin=begin, methods=known
-    )
+    with shown_progress(progress, "comparing") as update:
+        begin = equal_steps(update, len(names) + 1)
+        show = begin("drawing bits")
+        bits = sensor.expose(pixels, rng, channel_axis=channel_axis, threads=threads, progress=show)
+        if channel_axis is not None:  # the estimates have the channels last
+            pixels = np.moveaxis(pixels, channel_axis, -1)
+        results = compare_methods(
+            pixels, bits, sensor, names, threads=threads, begin=begin, methods=known
+        )
+        update(1.0)
     return Comparison(pixels, bits, results, {name: known[name].title for name in names})
 
 

@@ -13,10 +13,15 @@ import jotlight.metrics as metrics
 from jotlight.evaluation.own_method import OwnMethod
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.networks.network import Network
+from jotlight.notebook import card, table_of, text_table
+from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.sensor import Sensor
 
 METRICS = ("psnr", "snr", "ssim")
+
+COLUMNS = "", "PSNR", "SNR", "SSIM"
+"""Titles of the columns of the table."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,6 +68,28 @@ class Evaluation:
         number = math.ceil(fraction * len(self.scores) - 1e-9)
         return float(np.mean(np.sort(self.values(metric))[:number]))
 
+    def rows(self) -> list[tuple[str, ...]]:
+        """Return the title and the PSNR, SNR, and SSIM of all and of the worst images as texts."""
+        values: dict[str, Callable[[str], float]] = {
+            "mean": self.mean,
+            "worst 5 %": lambda metric: self.mean_of_worst(metric, 0.05),
+            "worst 1 %": lambda metric: self.mean_of_worst(metric, 0.01),
+        }
+        rows: list[tuple[str, ...]] = []
+        for title, value in values.items():
+            psnr, snr, ssim = (value(metric) for metric in METRICS)
+            text = "none" if math.isnan(ssim) else f"{ssim:.3f}"
+            rows.append((title, f"{psnr:.2f} dB", f"{snr:.2f} dB", text))
+        return rows
+
+    def __repr__(self) -> str:
+        return text_table(COLUMNS, self.rows())
+
+    def _repr_html_(self) -> str:
+        number = len(self.scores)
+        title = f"Evaluation of {number} image{'' if number == 1 else 's'}"
+        return card(title, {}) + table_of(COLUMNS, self.rows())
+
     def write_csv(self, path: Path) -> None:
         """Write a CSV file with one row for each image."""
         with path.open("w", newline="", encoding="utf-8") as file:
@@ -82,7 +109,7 @@ def evaluate(
     names: Sequence[str] | None = None,
     rng: int = 0,
     threads: int | None = None,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = None,
 ) -> Evaluation:
     """Return the quality of a method on images that the sensor exposes.
 
@@ -103,8 +130,9 @@ def evaluate(
         Seed of the bits of the first image. Each further image uses the next integer.
     threads : int, optional
         Threads to use. Default: all.
-    progress : callable, optional
-        Called after each image with the completed fraction, 0 to 1.
+    progress : bool or callable, optional
+        Whether to show a progress bar; or a function that is called after each image with the
+        completed fraction. Default: a bar in notebooks.
 
     Returns
     -------
@@ -131,17 +159,17 @@ def evaluate(
     if len(names) != len(images):
         raise ValueError(f"names: expected one for each of {len(images)} images, got {len(names)}")
     scores = []
-    for number, (name, image) in enumerate(zip(names, images, strict=True)):
-        bits = sensor.expose(image, rng + number, channel_axis=channel_axis, threads=threads)
-        estimate = reconstruct(bits, sensor, method=method, threads=threads)
-        if channel_axis is not None:  # the estimate has the channels last
-            image = np.moveaxis(image, channel_axis, -1)
-        axis = last_channel_axis(image)
-        is_large = min(image.shape[:2]) >= 11
-        ssim = metrics.ssim(estimate, image, channel_axis=axis) if is_large else None
-        scores.append(
-            Score(name, metrics.psnr(estimate, image), metrics.snr(estimate, image), ssim)
-        )
-        if progress:
-            progress((number + 1) / len(images))
+    with shown_progress(progress, "reconstructing") as update:
+        for number, (name, image) in enumerate(zip(names, images, strict=True)):
+            bits = sensor.expose(image, rng + number, channel_axis=channel_axis, threads=threads)
+            estimate = reconstruct(bits, sensor, method=method, threads=threads)
+            if channel_axis is not None:  # the estimate has the channels last
+                image = np.moveaxis(image, channel_axis, -1)
+            axis = last_channel_axis(image)
+            is_large = min(image.shape[:2]) >= 11
+            ssim = metrics.ssim(estimate, image, channel_axis=axis) if is_large else None
+            scores.append(
+                Score(name, metrics.psnr(estimate, image), metrics.snr(estimate, image), ssim)
+            )
+            update((number + 1) / len(images))
     return Evaluation(scores)

@@ -1,8 +1,9 @@
 """The results of reading a file: frames of bits, or images of counts."""
 
 import dataclasses
-from collections.abc import Callable
-from typing import Any, Self
+import operator
+from collections.abc import Callable, Iterator
+from typing import Any, Self, SupportsIndex, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +11,7 @@ import numpy.typing as npt
 from jotlight.checks import Counts
 from jotlight.errors import warn
 from jotlight.formats.labels import read_counts_label
+from jotlight.notebook import card, normalize
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_in_chunks
 from jotlight.sensing.provenance import Provenance
@@ -24,8 +26,8 @@ class CountStack:
     >>> stack = CountStack(np.ones((5, 2, 2), np.uint8), Provenance("npy", "a.npy"), trials=10)
     >>> stack.sum().tolist(), stack.total_trials
     ([[5, 5], [5, 5]], 50)
-    >>> len(stack[1:3])
-    2
+    >>> len(stack[1:3]), stack[0].shape
+    (2, (2, 2))
     """
 
     images: npt.NDArray[Any] | Frames
@@ -43,9 +45,28 @@ class CountStack:
         """Return the number of images."""
         return len(self.images)
 
-    def __getitem__(self, frames: slice) -> Self:
-        """Return a view of some images."""
-        return dataclasses.replace(self, images=self.images[frames])
+    @overload
+    def __getitem__(self, images: slice) -> Self: ...
+    @overload
+    def __getitem__(self, images: SupportsIndex) -> npt.NDArray[Any]: ...
+    def __getitem__(self, images: SupportsIndex | slice) -> Self | npt.NDArray[Any]:
+        """Return an image, (H, W) or (H, W, C), or a stack of a slice of the images.
+
+        A slice reads nothing.
+        """
+        if isinstance(images, slice):
+            return dataclasses.replace(self, images=self.images[images])
+        index = operator.index(images)
+        if not -len(self) <= index < len(self):
+            raise IndexError(f"counts: expected an image from 0 to {len(self) - 1}, got {index}")
+        index %= len(self)
+        image: npt.NDArray[Any] = np.asarray(self.images[index : index + 1])[0]
+        return image
+
+    def __iter__(self) -> Iterator[npt.NDArray[Any]]:
+        """Yield each image."""
+        for _, part in read_in_chunks(self.images):
+            yield from part
 
     def sum(self, progress: Callable[[float], object] | None = None) -> Counts:
         """Return the sum of all images, (H, W) or (H, W, C), in the memory of a few images.
@@ -86,6 +107,20 @@ class CountStack:
                 "where 255 stands for a count of 1"
             )
         return total.view(np.int32)
+
+    def _facts(self) -> dict[str, str]:
+        shape = " x ".join(map(str, self.images.shape[1:]))
+        trials = "unknown" if self.trials is None else str(self.trials)
+        return {"images": str(len(self)), "size": shape, "trials of each": trials}
+
+    def _repr_html_(self) -> str:
+        facts = {**self._facts(), "file": self.provenance, "image": "the first one"}
+        return card("CountStack", facts, normalize(self[0]))
+
+    def __repr__(self) -> str:
+        images, size, trials = self._facts().values()
+        plural = "" if len(self) == 1 else "s"
+        return f"<CountStack: {images} image{plural} of {size} counts, trials of each: {trials}>"
 
 
 Capture = Bits | CountStack

@@ -4,6 +4,7 @@ import contextlib
 import json
 import math
 import os
+import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -25,6 +26,13 @@ DISPLAYED = (".png", ".jpg", ".jpeg")
 
 FLOATS = (".tif", ".tiff", ".exr", ".npy")
 """Endings of images that keep floats. They are never clipped."""
+
+_PNG = {"compress_type": zlib.Z_RLE}
+"""Options of a PNG of 8 bits.
+
+The rows of a PNG are differences of neighbors. Searching them for long matches, as by default,
+takes longer, and makes the files of photographs no smaller.
+"""
 
 _ORIENTATION = 0x0112
 """EXIF tag of the orientation."""
@@ -256,7 +264,7 @@ def image_writer(
             from PIL import Image as PillowImage
 
             levels = display_levels(image, white, 255).astype(np.uint8)
-            kind, options = ("PNG", {}) if suffix == ".png" else ("JPEG", {"quality": 95})
+            kind, options = ("PNG", _PNG) if suffix == ".png" else ("JPEG", {"quality": 95})
             PillowImage.fromarray(levels).save(handle, kind, **options)
 
     return write

@@ -23,13 +23,9 @@ def mp4_writer(path: Path, fps: float) -> Iterator[Callable[[FloatImage], None]]
 
     Raises
     ------
-    ValueError
-        If `fps` is not above 0.
     OSError
         If ffmpeg cannot write the file.
     """
-    if not 0 < fps < 1e4:
-        raise ValueError(f"fps: expected images per second above 0, got {fps}")
     ffmpeg: _Encoder | None = None
 
     def send(image: FloatImage) -> None:

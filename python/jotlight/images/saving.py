@@ -1,6 +1,8 @@
-"""Images of any kind of number in one call, as a file for display or for measurements."""
+"""Images and films of any kind of number, as files for display or for measurements."""
 
+import itertools
 import os
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +11,18 @@ import numpy.typing as npt
 
 from jotlight.errors import warn
 from jotlight.files import atomic_write
+from jotlight.formats.capture import CountStack
 from jotlight.images.io import DISPLAYED, image_writer
-from jotlight.images.tone import PERCENTILE
+from jotlight.images.tone import PERCENTILE, Tone
+from jotlight.images.video import is_floats, video_writer
+from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits import Bits
 
 _DARK = 0.1
 """Images whose bright pixels are below this fraction of white are exposed automatically."""
+
+_SEQUENCES = (Sequence, np.ndarray, Bits, CountStack)
+"""Types of films with a known number of images."""
 
 
 def save_image(
@@ -66,19 +74,9 @@ def save_image(
         raise TypeError(
             "image: expected an array, got Bits; take one frame, bits[0], or bits.counts()"
         )
-    values = np.asarray(image)
-    if values.dtype.kind not in "biuf":
-        raise TypeError(f"image: expected an array of numbers, got {values.dtype}")
-    if values.ndim == 3 and values.shape[2] == 1:
-        values = values[..., 0]
-    if not (values.ndim == 2 or (values.ndim == 3 and values.shape[2] == 3)) or values.size == 0:
-        raise ValueError(f"image: expected shape (H, W) or (H, W, 3), got {values.shape}")
+    values = _checked(image, path.suffix.lower() in DISPLAYED)
     if path.suffix.lower() in DISPLAYED:
-        if not np.isfinite(values).all():
-            raise ValueError("image: expected finite values, got NaN or infinity")
-        white = find_white(values) if white is None else white
-        if not 0 < white < np.inf:
-            raise ValueError(f"white: expected a finite value above 0, got {white}")
+        white = find_white(values) if white is None else _checked_white(white)
     write = image_writer(path, depth=depth, white=white or 1.0)
     if path.suffix.lower() != ".npy" and values.dtype != np.float64:
         values = values.astype(np.float32)
@@ -86,8 +84,121 @@ def save_image(
         write(temporary, values)
 
 
-def find_white(values: npt.NDArray[Any]) -> float:
+def save_film(
+    path: str | os.PathLike[str],
+    images: Iterable[npt.ArrayLike],
+    *,
+    fps: float = 25.0,
+    white: float | None = None,
+    depth: int = 8,
+    progress: Progress = None,
+) -> None:
+    """Write images of one shape as a film, completely or not at all.
+
+    One image at a time is in memory.
+
+    Parameters
+    ----------
+    path : path
+        The ending chooses the format: `.mp4` (needs the package imageio-ffmpeg), `.gif`, or no
+        ending, for a new folder of `.png`, for display; `.npy` and `.tif`, a stack of float32, for
+        numbers, which are never clipped.
+    images : iterable of array_like, shape (H, W), (H, W, 1), or (H, W, 3)
+        Intensities, counts, or frames of bits, such as those of :class:`jotlight.Bits` or of images
+        of counts.
+    fps : float
+        Images per second of `.mp4` and `.gif`.
+    white : float, optional
+        The value that becomes white for display, as in :func:`save_image`. Default: that of the
+        first image, or of the first, the middle, and the last one of a sequence. All images have
+        the same white.
+    depth : {8, 16}
+        Bits per value of a PNG.
+    progress : bool or callable, optional
+        Whether to show a progress bar, or a function that is called with the completed fraction, if
+        the number of images is known. Default: a bar in notebooks.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the images, the name, or an option is not of the kind above, or there is no image.
+    OSError
+        When the file cannot be written.
+
+    Warns
+    -----
+    JotlightWarning
+        When the images are exposed automatically.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from jotlight import Sensor
+    >>> bits = Sensor(frames=12).expose(np.full((20, 30), 0.5), rng=0)
+    >>> path = Path(tempfile.mkdtemp()) / "film.gif"
+    >>> save_film(path, [part.counts() for part in bits.windows(4)], white=4)
+    >>> path.stat().st_size > 100
+    True
+    """
+    path = Path(path)
+    tone = None if white is None else Tone("linear", _checked_white(white))
+    number = len(images) if isinstance(images, _SEQUENCES) else None
+    is_displayed = not is_floats(path)
+    if tone is None and is_displayed:
+        samples, images = _samples(images)
+        together = np.concatenate([sample.ravel() for sample in samples])
+        tone = Tone("linear", find_white(together, "images"))
+    with (
+        shown_progress(progress, f"writing {path.name}") as update,
+        video_writer(path, number, tone=tone, fps=fps, depth=depth) as add,
+    ):
+        for index, image in enumerate(images):
+            add(_checked(image, is_displayed).astype(np.float32))
+            if number:
+                update((index + 1) / number)
+
+
+def _samples(
+    images: Iterable[npt.ArrayLike],
+) -> tuple[list[npt.NDArray[Any]], Iterable[npt.ArrayLike]]:
+    """Return some images that stand for all, and all images."""
+    if isinstance(images, _SEQUENCES) and len(images) > 0:
+        places = sorted({0, len(images) // 2, len(images) - 1})
+        return [_checked(images[place], True) for place in places], images
+    iterator: Iterator[npt.ArrayLike] = iter(images)
+    first = next(iterator, None)
+    if first is None:
+        raise ValueError("images: expected at least one, got none")
+    return [_checked(first, True)], itertools.chain([first], iterator)
+
+
+def _checked(image: npt.ArrayLike, is_displayed: bool) -> npt.NDArray[Any]:
+    """Return an image as an array (H, W) or (H, W, 3), or raise TypeError or ValueError.
+
+    An image for display has finite values only.
+    """
+    values = np.asarray(image)
+    if values.dtype.kind not in "biuf":
+        raise TypeError(f"image: expected an array of numbers, got {values.dtype}")
+    if values.ndim == 3 and values.shape[2] == 1:
+        values = values[..., 0]
+    if not (values.ndim == 2 or (values.ndim == 3 and values.shape[2] == 3)) or values.size == 0:
+        raise ValueError(f"image: expected shape (H, W) or (H, W, 3), got {values.shape}")
+    if is_displayed and not np.isfinite(values).all():
+        raise ValueError("image: expected finite values, got NaN or infinity")
+    return values
+
+
+def _checked_white(white: float) -> float:
+    if not 0 < white < np.inf:
+        raise ValueError(f"white: expected a finite value above 0, got {white}")
+    return white
+
+
+def find_white(values: npt.NDArray[Any], name: str = "image") -> float:
     """Return the value that :func:`save_image` shows as white if none is given.
+
+    A warning about `name` states it, if it is not the full scale.
 
     Examples
     --------
@@ -106,5 +217,5 @@ def find_white(values: npt.NDArray[Any]) -> float:
     if white <= 0:
         white = largest if largest > 0 else full
     percentile = f", the {PERCENTILE}th percentile," if white == bright else ""
-    warn(f"image: {white:.3g}{percentile} is shown as white; white= sets another value")
+    warn(f"{name}: {white:.3g}{percentile} is shown as white; white= (--white) sets another value")
     return white

@@ -87,9 +87,16 @@ class Tone:
 
     @classmethod
     def fit(
-        cls, image: FloatImage, curve: str = "gamma", *, percentile: float = PERCENTILE
+        cls,
+        image: FloatImage,
+        curve: str = "gamma",
+        *,
+        percentile: float = PERCENTILE,
+        white: float | None = None,
     ) -> Self:
         """Return a tone for an image: white is a percentile of it, and middle its geometric mean.
+
+        `white` replaces the percentile.
 
         Examples
         --------
@@ -98,7 +105,8 @@ class Tone:
         """
         if not 0 < percentile <= 100:
             raise ValueError(f"percentile: expected a number in (0, 100], got {percentile}")
-        white = float(np.percentile(image, percentile)) or float(np.max(image)) or 1.0
+        if white is None:
+            white = float(np.percentile(image, percentile)) or float(np.max(image)) or 1.0
         # Black pixels would make the geometric mean 0.
         x = np.clip(np.asarray(image, np.float64) / white, 1e-4, 1)
         return cls(curve, white, float(np.exp(np.log(x).mean())))

@@ -1,6 +1,7 @@
 """Videos: one image per window of frames, written one by one."""
 
 import contextlib
+import itertools
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,12 +12,19 @@ import numpy.typing as npt
 from jotlight.errors import MissingExtraError
 from jotlight.files import atomic_folder, atomic_write
 from jotlight.images.color import FloatImage
+from jotlight.images.gif import MAX_FPS, gif_writer
 from jotlight.images.io import image_writer
 from jotlight.images.mp4 import mp4_writer
 from jotlight.images.tone import Tone
-from jotlight.output_files import OutputFile, open_output
+from jotlight.output_files import open_output
 
 AddImage = Callable[[npt.NDArray[np.float32]], None]
+
+FLOATS = (".npy", ".tif", ".tiff")
+"""Endings of videos that keep floats."""
+
+_MAX_TIFF = 1 << 31
+"""Bytes of images up to which a TIFF is not a BigTIFF, which fewer programs read."""
 
 
 def is_floats(path: Path) -> bool:
@@ -30,33 +38,56 @@ def is_floats(path: Path) -> bool:
         If the ending is unknown.
     """
     suffix = path.suffix.lower()
-    if suffix not in ("", ".npy", ".mp4", ".gif"):
+    if suffix not in ("", *FLOATS, ".mp4", ".gif"):
         raise ValueError(
-            f"{path}: expected a name for a video: one that ends in .npy (floats), .mp4 or .gif, "
-            f"or a name without ending for a new folder of .png, got {suffix}"
+            f"{path}: expected a name for a film: one that ends in .npy or .tif (floats), .mp4 or "
+            f".gif, or a name without ending for a new folder of .png, got {suffix}"
         )
     if suffix == ".mp4" and find_spec("imageio_ffmpeg") is None:
         raise MissingExtraError(
             "videos in .mp4 need the package imageio-ffmpeg, which is not installed: "
-            "pip install 'jotlight[video]'; .npy, .gif and folders of .png work without it"
+            "pip install 'jotlight[video]'; .npy, .tif, .gif and folders of .png work without it"
         )
-    return suffix == ".npy"
+    return suffix in FLOATS
+
+
+def check_fps(path: Path, fps: float) -> None:
+    """Raise ValueError unless a video with this name may have a number of images per second.
+
+    Examples
+    --------
+    >>> check_fps(Path("a.gif"), 25.0)
+    """
+    if not 0 < fps < 1e4:
+        raise ValueError(f"fps: expected images per second above 0, got {fps:g}")
+    if path.suffix.lower() == ".gif" and fps > MAX_FPS:
+        raise ValueError(
+            f"fps: expected up to {MAX_FPS} images per second for a .gif, because viewers show "
+            f"faster ones more slowly, got {fps:g}; a .mp4 may be faster"
+        )
 
 
 @contextlib.contextmanager
 def video_writer(
-    path: Path, number: int, *, tone: Tone | None = None, fps: float = 25.0, depth: int = 8
+    path: Path,
+    number: int | None = None,
+    *,
+    tone: Tone | None = None,
+    fps: float = 25.0,
+    depth: int = 8,
 ) -> Iterator[AddImage]:
     """Yield a function that adds the next image to a video, which is written atomically.
+
+    One image at a time is in memory.
 
     Parameters
     ----------
     path : path
-        `.npy`: float32 (N, H, W) or (N, H, W, C), unchanged. `.mp4`: H.264; an odd last row or
-        column is repeated. `.gif`: 256 levels or colors; all images are in memory. No ending: a
-        new folder of `00000.png` and so on.
-    number : int
-        N, the number of images.
+        `.npy`: float32 (N, H, W) or (N, H, W, C), unchanged. `.tif`: a page of float32 for each
+        image, unchanged. `.mp4`: H.264; an odd last row or column is repeated. `.gif`: 256 levels
+        or colors for each image. No ending: a new folder of `00000.png` and so on.
+    number : int, optional
+        N, the number of images, if it is known. Without it, a TIFF is a BigTIFF.
     tone : Tone, optional
         The curve from intensities to the display, for all images. Default: linear, 1 is white.
     fps : float
@@ -64,47 +95,100 @@ def video_writer(
     depth : {8, 16}
         Bits of a `.png`.
 
+    Raises
+    ------
+    OSError
+        If a write fails.
+    ValueError
+        If an argument is out of its range, the images have different shapes, or there is no image.
+
     Examples
     --------
     >>> import tempfile
     >>> path = Path(tempfile.mkdtemp()) / "video.npy"
-    >>> with video_writer(path, 2) as add:
+    >>> with video_writer(path) as add:
     ...     add(np.zeros((3, 4), np.float32))
     ...     add(np.ones((3, 4), np.float32))
     >>> np.load(path).shape
     (2, 3, 4)
     """
     curve = tone or Tone("linear")
-    if is_floats(path):
-        with atomic_write(path) as temporary, open_output(temporary) as file:
-            yield lambda image: _append(file, image, number)
-    elif path.suffix.lower() == ".gif":
-        images: list[npt.NDArray[np.uint8]] = []
-        with atomic_write(path) as temporary:
-            yield lambda image: images.append(np.rint(curve(image) * 255).astype(np.uint8))
-            _write_gif(temporary, images, fps)
-    elif path.suffix:
-        with atomic_write(path) as temporary, mp4_writer(temporary, fps) as send:
-            yield lambda image: send(curve(image))
-    else:
-        write = image_writer("a.png", depth=depth)
-        with atomic_folder(path) as folder:
-            digits = max(5, len(str(number)))
-            names = (folder / f"{index:0{digits}d}.png" for index in range(number))
-            yield lambda image: write(next(names), curve(image))
+    shape: tuple[int, ...] | None = None
+    check_fps(path, fps)
+    suffix = path.suffix.lower()
+    with contextlib.ExitStack() as stack:
+        if is_floats(path):
+            temporary = stack.enter_context(atomic_write(path))
+            writer = _npy_writer(temporary) if suffix == ".npy" else _tiff_writer(temporary, number)
+            write = stack.enter_context(writer)
+        elif suffix:
+            temporary = stack.enter_context(atomic_write(path))
+            encoder = gif_writer if suffix == ".gif" else mp4_writer
+            write = _displayed(stack.enter_context(encoder(temporary, fps)), curve)
+        else:
+            folder = stack.enter_context(atomic_folder(path))
+            write = _displayed(_png_writer(folder, number or 0, depth), curve)
+
+        def add(image: npt.NDArray[np.float32]) -> None:
+            nonlocal shape
+            shape = shape or image.shape
+            if image.shape != shape:
+                raise ValueError(
+                    f"images: expected one shape for all, got {shape} and {image.shape}"
+                )
+            write(image)
+
+        yield add
+        if shape is None:
+            raise ValueError(f"images: expected at least one for {path}, got none")
 
 
-def _append(file: OutputFile, image: FloatImage, number: int) -> None:
-    if file.tell() == 0:
-        header = {"descr": "<f4", "fortran_order": False, "shape": (number, *image.shape)}
-        np.lib.format.write_array_header_1_0(file, header)
-    file.write(image.astype("<f4").tobytes())
+def _displayed(write: Callable[[FloatImage], None], curve: Tone) -> AddImage:
+    return lambda image: write(curve(image))
 
 
-def _write_gif(path: Path, images: list[npt.NDArray[np.uint8]], fps: float) -> None:
-    """Write images (H, W) or (H, W, 3) as an animation that repeats."""
-    from PIL import Image as PillowImage
+def _png_writer(folder: Path, number: int, depth: int) -> Callable[[FloatImage], None]:
+    write, digits = image_writer("a.png", depth=depth), max(5, len(str(number)))
+    names = (folder / f"{index:0{digits}d}.png" for index in itertools.count())
+    return lambda image: write(next(names), image)
 
-    first, *others = (PillowImage.fromarray(image) for image in images)
+
+@contextlib.contextmanager
+def _npy_writer(path: Path) -> Iterator[AddImage]:
+    number, shape = 0, (0,)
     with open_output(path) as file:
-        first.save(file, "GIF", save_all=True, append_images=others, duration=1000 / fps, loop=0)
+
+        def write_header() -> None:
+            file.seek(0)
+            header = {"descr": "<f4", "fortran_order": False, "shape": (number, *shape)}
+            np.lib.format.write_array_header_1_0(file, header)
+
+        def add(image: npt.NDArray[np.float32]) -> None:
+            nonlocal number, shape
+            if number == 0:
+                shape = image.shape
+                write_header()
+            file.write(image.astype("<f4").tobytes())
+            number += 1
+
+        yield add
+        # NumPy reserves space for the digits of the first dimension, so the size stays the same.
+        write_header()
+
+
+@contextlib.contextmanager
+def _tiff_writer(path: Path, number: int | None) -> Iterator[AddImage]:
+    import tifffile
+
+    with open_output(path) as file, contextlib.ExitStack() as stack:
+        tiff: tifffile.TiffWriter | None = None
+
+        def add(image: npt.NDArray[np.float32]) -> None:
+            nonlocal tiff
+            if tiff is None:
+                is_large = number is None or 4 * number * image.size > _MAX_TIFF
+                tiff = stack.enter_context(tifffile.TiffWriter(file, bigtiff=is_large))
+            photometric = "rgb" if image.ndim == 3 and image.shape[2] == 3 else "minisblack"
+            tiff.write(image.astype(np.float32), photometric=photometric, contiguous=True)
+
+        yield add

@@ -15,6 +15,7 @@ from jotlight.motion.model import divide, find_paths
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.tiles import TILE, tile_counts
 from jotlight.motion.track import Paths
+from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.sensor import Sensor
@@ -36,7 +37,7 @@ def align(
     model: str = "auto",
     *,
     threads: int | None = None,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = None,
 ) -> Motion:
     """Return the motion of a scene, estimated from the bits that a sensor recorded.
 
@@ -54,8 +55,9 @@ def align(
         The model of the motion. "auto" selects the one that explains the bits best.
     threads : int, optional
         Number of threads. Default: all.
-    progress : callable, optional
-        A function that is called repeatedly with the completed fraction, from 0 to 1.
+    progress : bool or callable, optional
+        Whether to show a progress bar, or a function that is called repeatedly with the completed
+        fraction. Default: a bar in notebooks.
 
     Returns
     -------
@@ -87,7 +89,8 @@ def align(
     >>> motion.model, motion.at(31).shape
     ('affine', (2, 64, 96))
     """
-    return find_motion(data, sensor, at, model, threads, progress)[0]
+    with shown_progress(progress, "aligning") as update:
+        return find_motion(data, sensor, at, model, threads, update)[0]
 
 
 def find_motion(
@@ -96,7 +99,7 @@ def find_motion(
     at: float | None,
     model: str,
     threads: int | None,
-    progress: Callable[[float], object] | None,
+    progress: Callable[[float], object],
 ) -> tuple[Motion, Consistent | None]:
     """Return the motion that :func:`align` returns, and the sums along it if they are known."""
     burst, sensor = prepare_burst(data, sensor)
@@ -107,7 +110,7 @@ def find_motion(
     if (reason := _unusable(blocks)) is not None:
         warn(f"{reason}; the scene is assumed to stand still")
         model = "none"
-    found = find_paths(blocks, len(burst) // 2, model, progress or (lambda _: None))
+    found = find_paths(blocks, len(burst) // 2, model, progress)
     if (hidden := _frames_out_of_view(found.paths)) > 0:
         warn(
             f"what the image shows is out of view in {hidden} of {len(burst)} frames, which are "

@@ -1,7 +1,6 @@
 """Merging: the counts of all bits along a motion."""
 
 import dataclasses
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from jotlight.errors import warn
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import find_motion, hot_jots, prepare_burst, reference_time
 from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.burst import Burst
 from jotlight.motion.consistency import Consistent, disagreement, find_consistent
 from jotlight.motion.flags import find_flags, is_unclear
 from jotlight.motion.guard import count_window, find_window
@@ -18,12 +18,16 @@ from jotlight.motion.model import divide
 from jotlight.motion.motion import Motion
 from jotlight.motion.posterior import posterior_error
 from jotlight.motion.track import Paths, Track
+from jotlight.progress import Progress, Update, shown_progress
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import stack_channels
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor
 
 Map = npt.NDArray[np.float64]
+
+_ALIGNING = 0.8
+"""Part of the time that aligning takes."""
 
 _MAX_FLAGGED = 0.15
 """Fraction of flagged pixels above which the image is compared with sums without motion."""
@@ -39,7 +43,7 @@ def merge(
     motion: Motion | None = None,
     *,
     threads: int | None = None,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = None,
 ) -> Merged:
     """Return the counts of the bits along the motion of a scene: a sharp image of one time.
 
@@ -59,8 +63,9 @@ def merge(
         The motion of the scene. Default: :func:`jotlight.align` estimates it.
     threads : int, optional
         Number of threads. Default: all.
-    progress : callable, optional
-        A function that is called repeatedly with the completed fraction, from 0 to 1.
+    progress : bool or callable, optional
+        Whether to show a progress bar, or a function that is called repeatedly with the completed
+        fraction. Default: a bar in notebooks.
 
     Returns
     -------
@@ -87,12 +92,28 @@ def merge(
     ((64, 64), True)
     """
     burst, sensor = prepare_burst(data, sensor)
-    advance = progress or (lambda _: None)
+    with shown_progress(progress, "merging") as update:
+        merged = _merge(data, burst, sensor, at, motion, threads, update)
+        update(1.0)
+    return merged
+
+
+def _merge(
+    data: Bits | CountStack,
+    burst: Burst,
+    sensor: Sensor,
+    at: float | None,
+    motion: Motion | None,
+    threads: int | None,
+    update: Update,
+) -> Merged:
+    """Return the counts along the motion, which is estimated if it is None."""
     consistent = None
     if motion is None:
         motion, consistent = find_motion(
-            data, sensor, at, "auto", threads, lambda part: advance(0.8 * part)
+            data, sensor, at, "auto", threads, lambda part: update(_ALIGNING * part, "aligning")
         )
+        update(_ALIGNING, "merging")
     if motion.size != burst.size:
         raise ValueError(
             f"motion: expected that of {burst.size[0]} x {burst.size[1]} jots, got "
@@ -107,9 +128,7 @@ def merge(
     # Without hot jots, the alignment has used the same ones.
     if hot_jots(sensor) is not None:
         consistent = None
-    merged = merge_along(paths, motion, sensor, consistent)
-    advance(1.0)
-    return merged
+    return merge_along(paths, motion, sensor, consistent)
 
 
 def merge_along(

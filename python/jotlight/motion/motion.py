@@ -13,10 +13,11 @@ from jotlight.checks import real_number
 from jotlight.motion.figure import draw_change, draw_paths
 from jotlight.motion.reference import move_labels, move_nodes
 from jotlight.motion.tiles import interpolate, tile_counts
+from jotlight.notebook import card
 from jotlight.tensors import read_tensors, write_tensors
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from jotlight.figures import Figure
 
 MODELS = ("none", "affine", "segments", "tiles")
 """Models of motion: nothing moves; one affine motion; an affine motion of each segment of the
@@ -205,9 +206,9 @@ class Motion:
 
     def plot(self) -> "Figure":
         """Return a figure of the displacements over time, and of where the scene moves how."""
-        from matplotlib.figure import Figure
+        from jotlight.figures import Figure
 
-        figure = Figure(figsize=(2 * _PANEL, _PANEL), layout="constrained")
+        figure = Figure(2 * _PANEL, _PANEL)
         paths, field = figure.subplots(1, 2)
         draw_paths(paths, self.times, self.nodes, self.labels, self.reference)
         change = self.at(self.times[-1]) - self.at(self.times[0])
@@ -215,10 +216,19 @@ class Motion:
         draw_change(field, self.labels, change, title)
         return figure
 
-    def __repr__(self) -> str:
+    def _facts(self) -> tuple[str, ...]:
         longest = float(np.sqrt((self.nodes**2).sum(axis=2)).max())
-        size = " x ".join(map(str, self.size))
         return (
-            f"<Motion: {self.model}, {size} jots, {len(self.times)} times from "
-            f"{self.times[0]:g} to {self.times[-1]:g}, up to {longest:.3g} pixels>"
+            self.model,
+            f"{self.size[0]} x {self.size[1]} jots",
+            f"{len(self.times)} times from {self.times[0]:g} to {self.times[-1]:g}",
+            f"up to {longest:.3g} pixels",
         )
+
+    def _repr_html_(self) -> str:
+        names = ("model", "size", "frames", "displacement")
+        facts = dict(zip(names, self._facts(), strict=True))
+        return card("Motion", {**facts, "reference": f"frame {self.reference:g}"})
+
+    def __repr__(self) -> str:
+        return f"<Motion: {', '.join(self._facts())}>"

@@ -5,7 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
-from jotlight.estimators.inverse_response import equivalent_counts
+from jotlight.estimators.inverse_response import equivalent_counts, intensity_from_probability
 from jotlight.estimators.trial_levels import count_local_trials
 from jotlight.networks.inference import Inference
 from jotlight.networks.layer import Layer
@@ -14,12 +14,28 @@ from jotlight.sensing.pixel_counts import GrayImages, PixelCounts
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
+_PIXELS_AT_ONCE = 1 << 21
+"""Number of pixels whose probabilities become intensities in one call."""
+
 
 class ConditionalNetwork(ConditionalDenoiser, Protocol):
     """A K-conditioned network, whose layers depend on K."""
 
     def conditioned_layers(self, trials: int) -> Sequence[Layer]:
         """Return the layers for K = `trials`."""
+
+
+def estimate_intensity(
+    network: ConditionalNetwork, images: GrayImages, sensor: Sensor, threads: int | None
+) -> Image:
+    """Return the intensities of the probabilities of :func:`estimate_probability`, (N, H, W)."""
+    estimate = estimate_probability(network, images, sensor, threads)
+    # In place: memory may not hold the estimate twice.
+    pixels = estimate.reshape(-1)
+    for start in range(0, len(pixels), _PIXELS_AT_ONCE):
+        part = pixels[start : start + _PIXELS_AT_ONCE]
+        part[:] = intensity_from_probability(part, sensor, threads)
+    return estimate
 
 
 def estimate_probability(

@@ -147,6 +147,12 @@ class Layer:
             found.add(len(self.coefficients))
         return found
 
+    def __repr__(self) -> str:
+        splines = (
+            "no splines" if self.coefficients is None else f"splines {self.coefficients.shape}"
+        )
+        return f"<Layer: filters {self.filters.shape}, {splines}, {self.trainable} trainable>"
+
     @property
     def parameter_count(self) -> int:
         """Number of taps and coefficients, over all sets."""

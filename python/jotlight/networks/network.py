@@ -3,12 +3,11 @@
 import dataclasses
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.networks.architectures import (
     build_conditional,
     build_residual,
@@ -16,8 +15,10 @@ from jotlight.networks.architectures import (
     find_architecture,
 )
 from jotlight.networks.bounds import output_bounds
-from jotlight.networks.conditional_inference import estimate_probability
+from jotlight.networks.conditional_inference import estimate_intensity
 from jotlight.networks.conditioning import conditioning_weights, count_sets
+from jotlight.networks.description import html_of, repr_of
+from jotlight.networks.figure import figure_of_layers
 from jotlight.networks.graph import halo_radius
 from jotlight.networks.inference import Inference
 from jotlight.networks.layer import Layer
@@ -29,8 +30,8 @@ from jotlight.sensing.pixel_counts import Data, carried_sensor, gray_images, pre
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
-_PIXELS_AT_ONCE = 1 << 21
-"""Number of pixels whose probabilities become intensities in one call."""
+if TYPE_CHECKING:
+    from jotlight.figures import Figure
 
 
 class Network:
@@ -250,13 +251,7 @@ class Network:
         self.check_sensor(sensor)
         images = gray_images(data)
         if self.trials_range is not None:
-            estimate = estimate_probability(self, images, sensor, threads)
-            # In place: memory may not hold the estimate twice.
-            pixels = estimate.reshape(-1)
-            for start in range(0, len(pixels), _PIXELS_AT_ONCE):
-                part = pixels[start : start + _PIXELS_AT_ONCE]
-                part[:] = intensity_from_probability(part, sensor, threads)
-            return images.layout.arrange(estimate)
+            return images.layout.arrange(estimate_intensity(self, images, sensor, threads))
         # The check has established that both sensors detect equal light at intensity 1.
         reference = reference_jot(sensor)[0], reference_jot(self.sensor)[1]
         estimate = Inference(self.layers, sensor, reference, threads).run(images)
@@ -343,10 +338,12 @@ class Network:
         """
         write_onnx(path, self, sensor)
 
+    def plot(self) -> "Figure":
+        """Return a figure of splines and filters: those of the first and the last trained layer."""
+        return figure_of_layers(self.layers)
+
+    def _repr_html_(self) -> str:
+        return html_of(self.layers, self.sensor, self.trials_range)
+
     def __repr__(self) -> str:
-        channels = " -> ".join(str(layer.channels) for layer in self.layers)
-        parameters = sum(layer.parameter_count for layer in self.layers)
-        purpose = repr(self.sensor)
-        if self.trials_range is not None:
-            purpose = f"{self.trials_range[0]} trials per pixel or more"
-        return f"<Network: channels {channels}, {parameters} parameters, for {purpose}>"
+        return repr_of(self.layers, self.sensor, self.trials_range)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import as_counts, refuse_masked
+from jotlight.notebook import card, normalize
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.sensor import Sensor
@@ -125,6 +126,19 @@ class Merged:
                 f"shape {shape} with the mean over the bits behind each pixel"
             )
         return mean
+
+    def _repr_html_(self) -> str:
+        facts: dict[str, object] = {
+            "size": " x ".join(map(str, self.shape)),
+            "trials": f"{np.min(self.trials):g} to {np.max(self.trials):g}",
+            "sensor": self.sensor,
+        }
+        if self.acceptance is not None:
+            facts["bits used"] = f"{self.acceptance.mean():.1%}"
+        if self.flags is not None:
+            facts["flagged pixels"] = f"{self.flags.mean():.1%}"
+        fraction = self.ones / np.maximum(self.trials, 1)
+        return card("Merged", {**facts, "image": "the fraction of ones"}, normalize(fraction))
 
     def __repr__(self) -> str:
         low, high = np.min(self.trials), np.max(self.trials)

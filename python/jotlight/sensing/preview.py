@@ -5,16 +5,13 @@ from typing import Any, Protocol, Self
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.notebook import card
+from jotlight.notebook import card, normalize
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor_like import SensorLike
 
 MAX_BYTES = 1 << 26
 """Maximum number of bytes of bits that a preview reads."""
-
-_WHITE = 99.5
-"""Percentile of the pixels that is shown as white."""
 
 
 class BitsLike(Protocol):
@@ -49,12 +46,7 @@ def preview(bits: BitsLike, max_bytes: int = MAX_BYTES) -> tuple[npt.NDArray[np.
     part = bits[: len(frames)]
     side = part.sensor.oversampling if part.sensor else 1
     image = part.counts(side) / (len(frames) * side**2)
-    if image.ndim == 3 and image.shape[2] != 3:
-        image = image.mean(axis=2)
-    if len(frames) * side**2 == 1:
-        return image, frames
-    white = float(np.percentile(image, _WHITE)) or float(image.max()) or 1.0
-    return np.minimum(image / white, 1), frames
+    return normalize(image), frames
 
 
 def html_of(bits: BitsLike) -> str:

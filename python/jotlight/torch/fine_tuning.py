@@ -13,6 +13,7 @@ from torch import Tensor
 
 from jotlight.checks import positive_number, whole_number
 from jotlight.networks.network import Network
+from jotlight.progress import Progress
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import (
@@ -32,6 +33,7 @@ from jotlight.training.history import History, Record, RecordCallback
 from jotlight.training.images import fingerprint_images
 from jotlight.training.optimizer import State
 from jotlight.training.parameters import Vector, fingerprint_network
+from jotlight.training.reporting import shown_steps
 
 STEPS = 500
 """Default number of steps."""
@@ -61,6 +63,7 @@ def fine_tune(
     checkpoint: str | os.PathLike[str] | None = None,
     resume: bool = False,
     callback: RecordCallback | None = None,
+    progress: Progress = None,
     device: str | torch.device | None = None,
     threads: int | None = None,
 ) -> tuple[Network, History]:
@@ -102,6 +105,9 @@ def fine_tune(
         Whether to continue from the checkpoint.
     callback : callable, optional
         Function that gets the :class:`Record` of each step.
+    progress : bool or callable, optional
+        Whether to show a progress bar, or a function that is called with the completed fraction.
+        Default: a bar in notebooks.
     device : str or torch.device, optional
         Device of the training. Default: a GPU if there is one, and the CPU otherwise.
     threads : int, optional
@@ -152,7 +158,11 @@ def fine_tune(
     batch = whole_number("batch", BATCH if batch is None else batch, 1)
     positive_number("learning_rate", learning_rate)
     side = _patch_side(channels, patch)
-    with process_group(chosen_device) as group, thread_limit(threads):
+    with (
+        process_group(chosen_device) as group,
+        thread_limit(threads),
+        shown_steps(group.is_main and progress, steps, callback) as report,
+    ):
         seed = group.shared_seed(rng)
         settings: dict[str, object] = {
             "network": fingerprint_network(network),
@@ -168,10 +178,10 @@ def fine_tune(
         module = TorchNetwork(network).to(chosen_device)
         tuner = FineTuner(module, splitter, settings, learning_rate, seed, batch, side, group)
         tuner.begin(checkpoint, resume)
-        tuner.run(steps, checkpoint, callback)
+        tuner.run(steps, checkpoint, report)
         last = tuner.restore_best()
-        if group.is_main and callback is not None:
-            callback(last)
+        if group.is_main:
+            report(last)
     history = History([*tuner.history.records, last])
     tuned = module.to_network()
     metadata = {"run": settings, "records": history.subsample().to_json()}

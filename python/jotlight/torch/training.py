@@ -11,6 +11,7 @@ from torch import Tensor
 from jotlight.checks import positive_number, whole_number
 from jotlight.metrics import psnr
 from jotlight.networks.network import Network
+from jotlight.progress import Progress
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, thread_limit
 from jotlight.torch.network import Network as TorchNetwork
@@ -27,6 +28,7 @@ from jotlight.training.images import (
 )
 from jotlight.training.parameters import fingerprint_network
 from jotlight.training.patches import patch_sensor, patch_size
+from jotlight.training.reporting import shown_steps
 
 STEPS = 20_000
 """Default number of steps."""
@@ -60,6 +62,7 @@ def train(
     checkpoint: str | os.PathLike[str] | None = None,
     resume: bool = False,
     callback: RecordCallback | None = None,
+    progress: Progress = None,
     device: str | torch.device | None = None,
     threads: int | None = None,
 ) -> tuple[Network, History]:
@@ -99,6 +102,9 @@ def train(
         Whether to continue from the checkpoint.
     callback : callable, optional
         Function that gets the :class:`Record` of each step.
+    progress : bool or callable, optional
+        Whether to show a progress bar, or a function that is called with the completed fraction.
+        Default: a bar in notebooks.
     device : str or torch.device, optional
         Device of the training. Default: a GPU if there is one, and the CPU otherwise.
     threads : int, optional
@@ -145,7 +151,10 @@ def train(
     scenes: Images | ImageGenerator = images if callable(images) else check_images(images)
     side = _patch_side(scenes, patch)
     tests = None if test is None else check_images(test)
-    with process_group(chosen_device) as group:
+    with (
+        process_group(chosen_device) as group,
+        shown_steps(group.is_main and progress, steps, callback) as report,
+    ):
         if batch < group.world_size:
             raise ValueError(
                 f"batch: expected at least one patch for each of the {group.world_size} "
@@ -158,10 +167,10 @@ def train(
             module = TorchNetwork(network).to(chosen_device)
             trainer = ImageTrainer(module, loader, settings, learning_rate, tests, group)
             trainer.begin(checkpoint, resume)
-            trainer.run(steps, checkpoint, callback, seconds)
+            trainer.run(steps, checkpoint, report, seconds)
             last = trainer.measure(len(trainer.history), is_test=True)
-            if group.is_main and callback is not None:
-                callback(last)
+            if group.is_main:
+                report(last)
     history = History([*trainer.history.records, last])
     trained = module.to_network()
     if network.trials_range is None:

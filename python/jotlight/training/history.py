@@ -2,11 +2,19 @@
 
 import dataclasses
 import operator
-from collections.abc import Callable
-from typing import Any, Self
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import numpy.typing as npt
+
+from jotlight.notebook import card, table_of
+from jotlight.training.figure import draw_curves
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from jotlight.figures import Figure
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,5 +135,43 @@ class History:
             ]
         )
 
+    def plot(self) -> "Figure":
+        """Return a figure of the cost, the gradient norm, and the tests over the steps."""
+        from jotlight.figures import Figure
+
+        figure = Figure(11, 3.1)
+        self.draw(figure.subplots(1, 3))
+        return figure
+
+    def draw(self, all_axes: "Sequence[Axes]") -> None:
+        """Draw the curves of :meth:`plot` into three matplotlib axes."""
+        draw_curves(
+            all_axes, self.steps, self.loss, self.gradient_norm, self.test_psnr, self.held_out
+        )
+
+    def _repr_html_(self) -> str:
+        shown = {
+            "cost": ("{:.4g}", self.loss),
+            "gradient norm": ("{:.3g}", self.gradient_norm),
+            "test PSNR, dB": ("{:.2f}", self.test_psnr),
+            "held out, nats per bit": ("{:.5f}", self.held_out),
+        }
+        rows = []
+        for name, (pattern, values) in shown.items():
+            measured = values[np.isfinite(values)]
+            if len(measured):
+                rows.append((name, *(pattern.format(measured[place]) for place in (0, -1))))
+        steps = max(0, len(self) - 1)
+        return card("History", {"steps": steps}) + table_of(("", "first", "last"), rows)
+
     def __len__(self) -> int:
         return len(self.records)
+
+    def __repr__(self) -> str:
+        if not self.records:
+            return "<History: no records>"
+        first, last = self.records[0], self.records[-1]
+        texts = [f"steps {first.step} to {last.step}, cost {first.loss:.4g} to {last.loss:.4g}"]
+        if first.test_psnr is not None and last.test_psnr is not None:
+            texts.append(f"test PSNR {first.test_psnr:.2f} to {last.test_psnr:.2f} dB")
+        return f"<History: {', '.join(texts)}>"

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from jotlight.checks import whole_number
 from jotlight.networks.graph import is_sequential
 from jotlight.networks.network import Network
+from jotlight.progress import Progress
 from jotlight.sensing.sensor import Sensor
 from jotlight.training.admissible import AdmissibleSet, SafeSet
 from jotlight.training.history import History, RecordCallback
@@ -18,6 +19,7 @@ from jotlight.training.optimizer import Optimizer
 from jotlight.training.optimizers import find_optimizer
 from jotlight.training.parameters import parameter_vector
 from jotlight.training.patches import PatchSampler
+from jotlight.training.reporting import shown_steps
 from jotlight.training.run import Run
 
 
@@ -38,6 +40,7 @@ def train(
     checkpoint: str | os.PathLike[str] | None = None,
     resume: bool = False,
     callback: RecordCallback | None = None,
+    progress: Progress = None,
     threads: int | None = None,
 ) -> tuple[Network, History]:
     """Return a network trained for the smallest mean square error, and the history of the run.
@@ -84,6 +87,9 @@ def train(
         Whether to continue from the checkpoint. The result equals that of an uninterrupted run.
     callback : callable, optional
         Called with the :class:`Record` of each step, and of the result.
+    progress : bool or callable, optional
+        Whether to show a progress bar, or a function that is called with the completed fraction.
+        Default: a bar in notebooks.
     threads : int, optional
         Number of threads. Default: all.
 
@@ -137,5 +143,6 @@ def train(
     run = Run(network, sampler, tests, chosen, admissible, steps, threads)
     start = admissible.project(network, parameter_vector(network))
     state = run.begin(start, checkpoint, resume)
-    state = run.take_steps(start, state, checkpoint, resume, seconds, callback)
-    return run.finish(state, sensor, callback)
+    with shown_steps(progress, steps, callback) as report:
+        state = run.take_steps(start, state, checkpoint, resume, seconds, report)
+        return run.finish(state, sensor, report)
