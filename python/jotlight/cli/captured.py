@@ -11,8 +11,10 @@ from jotlight.files import refuse_overwrite
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.description import companion_files
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import read_frames
 from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.scaled_counts import scaled_counts_hint
 from jotlight.sensing.sensor import Sensor
 
 
@@ -119,9 +121,12 @@ def _with_trials(capture: CountStack, path: Path, sensor_kwargs: dict[str, Any])
         check_trials(path, trials, sensor_kwargs.get("frames", 1) * jots, options)
         return sensor_kwargs
     if trials is None:
+        values = read_frames(capture.images, 0, 1)
+        hint = scaled_counts_hint(values)
         raise ValueError(
             f"{path}: holds counts of an unknown number of trials; set --frames, or "
-            "--oversampling where a pixel covers many jots"
+            "--oversampling where a pixel covers many jots; "
+            + (hint or "if it is a photograph, `jotlight simulate` makes a capture of it")
         )
     return sensor_kwargs
 

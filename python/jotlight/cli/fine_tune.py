@@ -106,7 +106,7 @@ def _capture_and_network(
     from jotlight.torch.bit_splitting import check_kernel
 
     kwargs: dict[str, Any] = sensor.to_kwargs()
-    opened = capture.open(path)
+    opened = capture.open(path, sensor.stated_trials())
     calibration = None if sensor.calibration is None else Calibration.load(sensor.calibration)
     captured = add_sensor(opened, path, kwargs, calibration)
     report(*captured.notes())

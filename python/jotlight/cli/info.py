@@ -18,7 +18,7 @@ from jotlight.formats import open_capture
 from jotlight.formats.archives import describe_npz_arrays, read_npz_label
 from jotlight.formats.arrays import open_npy_array
 from jotlight.formats.capture import Capture, CountStack, is_single_image
-from jotlight.formats.detect import detect_format
+from jotlight.formats.detect import PHOTOGRAPH_EXTENSIONS, detect_format
 from jotlight.formats.images.tiff_directories import open_checked_tiff
 from jotlight.formats.labels import COUNTS, parse_label
 from jotlight.formats.verification import verify_capture
@@ -100,10 +100,6 @@ def _draw(file: Path, plot: Path) -> None:
     plots.save_figure(plots.training(network, runs[-1][2]), plot)
 
 
-_IMAGE_SUFFIXES = (".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".ppm", ".gif")
-"""Suffixes of images that are never captures."""
-
-
 def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
     """Return the rows of the table: names and values."""
     ending = file.suffix.lower()
@@ -167,7 +163,7 @@ def _is_image(file: Path) -> bool:
     try:
         return detect_format(file) == "png"
     except ValueError:
-        return ending in _IMAGE_SUFFIXES
+        return ending in PHOTOGRAPH_EXTENSIONS
 
 
 def _capture_facts(capture: Capture) -> list[tuple[str, str]]:

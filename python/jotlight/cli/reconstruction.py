@@ -92,7 +92,7 @@ class Inputs:
         request = self.method.request(needs_uncertainty=needs_uncertainty)
         network = None if self.method.model is None else Network.load(self.method.model)
         sensor_kwargs = self.sensor.to_kwargs()
-        opened = self.capture.open(self.path)
+        opened = self.capture.open(self.path, self.sensor.stated_trials())
         calibration = None
         if self.sensor.calibration is not None:
             calibration = AppliedCalibration.read(self.sensor.calibration, output)

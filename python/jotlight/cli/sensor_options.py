@@ -76,6 +76,12 @@ class SensorOptions:
             kwargs["mask"] = read_mask(Path(kwargs["mask"]))
         return kwargs
 
+    def stated_trials(self) -> int | None:
+        """Return the number of trials per pixel if the options state it."""
+        if self.frames is None:
+            return None
+        return self.frames * (self.oversampling or 1) ** 2
+
     def map_files(self) -> list[Path]:
         """Return the files that hold maps."""
         values = self._set()
