@@ -19,8 +19,8 @@ FOLDER = Path(__file__).parents[1] / "python" / "jotlight"
 ENGINE = "_engine"
 
 ORDER = (
-    "errors seeds checks notebook chunks interrupts output_files temporary_names files tensors "
-    "metrics < sensing < calibration formats < estimators images < datasets networks "
+    "errors seeds checks notebook chunks interrupts memory output_files temporary_names files "
+    "tensors metrics < sensing < calibration formats < estimators images < datasets networks "
     "< motion training < torch plots < evaluation < experiments < cli < jotlight"
 )
 """The units, from the lowest rank to the highest; `jotlight` is `__init__.py` and `__main__.py`."""

@@ -26,23 +26,23 @@ FORMATS = (REFERENCE, "spad512s", "spad512s-sparse", "swissspad2", "swissspad2-f
 def main() -> None:
     """Write the files, count them, and print the table."""
     options = arguments()
-    with tempfile.TemporaryDirectory() as name:
-        files = write_files(Path(name), options.frames, options.density)
-        times: dict[str, list[tuple[float, float]]] = {format: [] for format in FORMATS}
+    with tempfile.TemporaryDirectory() as folder:
+        files = write_files(Path(folder), options.frames, options.density)
+        times: dict[str, list[tuple[float, float]]] = {name: [] for name in FORMATS}
         for _ in range(options.rounds + 1):
-            for format, path in files.items():
+            for name, path in files.items():
                 start, start_cpu = time.perf_counter(), time.process_time()
-                jl.open(path, format=format).counts()
+                jl.open(path, format=name).counts()
                 elapsed = time.perf_counter() - start, time.process_time() - start_cpu
-                times[format].append(tuple(np.array(elapsed) / path.stat().st_size))
+                times[name].append(tuple(np.array(elapsed) / path.stat().st_size))
     # The first round also starts the threads.
-    costs = {format: np.array(each[1:]) for format, each in times.items()}
+    costs = {name: np.array(each[1:]) for name, each in times.items()}
     print("| format | GB/s | time per byte, relative to .npy | processor time, relative |")
     print("| --- | ---: | ---: | ---: |")
-    for format, cost in costs.items():
+    for name, cost in costs.items():
         elapsed, cpu = np.median(cost / costs[REFERENCE], axis=0)
         speed = 1e-9 / np.median(cost[:, 0])
-        print(f"| {format} | {speed:.2f} | {elapsed:.2f} | {cpu:.2f} |")
+        print(f"| {name} | {speed:.2f} | {elapsed:.2f} | {cpu:.2f} |")
 
 
 def arguments() -> argparse.Namespace:
@@ -63,13 +63,13 @@ def write_files(folder: Path, frames: int, density: float) -> dict[str, Path]:
     sparse = bits[: max(1, int(frames / (16 * density)))]
     halves = jl.Bits(packed.reshape(2 * frames, SIDE // 2, SIDE // 8))
     files = {}
-    for format in FORMATS:
-        data = {"spad512s-sparse": sparse, "swissspad2": halves}.get(format, bits)
-        files[format] = folder / f"{format}{'.npy' if format == REFERENCE else '.bin'}"
-        if format == REFERENCE:
-            np.save(files[format], packed)
+    for name in FORMATS:
+        data = {"spad512s-sparse": sparse, "swissspad2": halves}.get(name, bits)
+        files[name] = folder / f"{name}{'.npy' if name == REFERENCE else '.bin'}"
+        if name == REFERENCE:
+            np.save(files[name], packed)
         else:
-            jl.save(data, files[format], format=format)
+            jl.save(data, files[name], format=name)
     return files
 
 

@@ -77,15 +77,15 @@ pub fn transpose_bits(
 
 /// Reverse the order of the bits of each byte, in place.
 #[pyfunction]
-#[pyo3(signature = (bytes, threads))]
+#[pyo3(signature = (packed, threads))]
 pub fn reverse_bytes(
     py: Python<'_>,
-    mut bytes: PyReadwriteArray1<'_, u8>,
+    mut packed: PyReadwriteArray1<'_, u8>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let bytes = bytes.as_array_mut();
+    let packed = packed.as_array_mut();
     run(py, threads, || {
-        bits::reverse_bytes(bytes);
+        bits::reverse_bytes(packed);
         Ok(())
     })
 }

@@ -27,6 +27,8 @@ class Captured:
     has_own_sensor: bool
     """Whether the file states the sensor."""
     provenance: Provenance | None
+    hot_jots: int | None = None
+    """Number of jots that are treated as dead because they look hot in the scene, if searched."""
 
     def summed(self) -> Bits | Counts:
         """Return the bits, or the sum of a stack of counts."""
@@ -43,7 +45,10 @@ class Captured:
             origin = "the bits do not state their sensor; assumed"
         else:
             origin = "assumed"
-        return [*provenance_notes(self.provenance), f"{origin}: {self.sensor!r}"]
+        hot = []
+        if self.hot_jots is not None:
+            hot = [f"hot jots in the scene, which are treated as dead: {self.hot_jots}"]
+        return [*provenance_notes(self.provenance), *hot, f"{origin}: {self.sensor!r}"]
 
 
 def provenance_notes(provenance: Provenance | None) -> list[str]:

@@ -12,6 +12,7 @@ from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import Captured, add_sensor, refuse_capture_overwrite
 from jotlight.cli.common_options import CapturePath
 from jotlight.cli.console import caution, report, silenced
+from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.learners import check_device
 from jotlight.cli.sensor_options import CalibratedSensorOptions
 from jotlight.cli.training_options import TrainingOptions
@@ -109,6 +110,8 @@ def _capture_and_network(
     opened = capture.open(path, sensor.stated_trials())
     calibration = None if sensor.calibration is None else Calibration.load(sensor.calibration)
     captured = add_sensor(opened, path, kwargs, calibration)
+    if sensor.find_hot_jots:
+        captured = mask_hot_jots(captured)
     report(*captured.notes())
     check_kernel(captured.sensor)
     network = _start(training.start, captured.sensor)

@@ -14,6 +14,7 @@ from jotlight.cli.applied_calibration import AppliedCalibration, recorded
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import Captured, add_sensor, refuse_capture_overwrite
 from jotlight.cli.console import caution, live_iterations, progress, report
+from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import ImageMotionOptions, MotionOptions, describe
 from jotlight.cli.output_options import UNITS, ImageOutputOptions
@@ -99,6 +100,8 @@ class Inputs:
             self.check_outputs([calibration.record])
         known = None if calibration is None else calibration.calibration
         captured = add_sensor(opened, self.path, sensor_kwargs, known)
+        if self.sensor.find_hot_jots:
+            captured = mask_hot_jots(captured)
         if (
             network is not None
             and network.trials_range is None

@@ -114,11 +114,20 @@ class CalibratedSensorOptions(SensorOptions):
             help="Dark counts, dead jots and response of the sensor, from `jotlight calibrate`."
         ),
     ] = None
+    find_hot_jots: Annotated[
+        bool,
+        Parameter(
+            negative=(),
+            help="Find jots that are much brighter than their neighbors, and treat them as dead, "
+            "for sensors without a dark capture.",
+        ),
+    ] = False
 
     def to_argv(self) -> list[str]:
         """Return the options as words of a command line."""
         calibration = [] if self.calibration is None else ["--calibration", str(self.calibration)]
-        return [*calibration, *super().to_argv()]
+        hot = ["--find-hot-jots"] if self.find_hot_jots else []
+        return [*calibration, *hot, *super().to_argv()]
 
 
 def _number_or_map(text: str) -> float | npt.NDArray[Any]:

@@ -43,8 +43,9 @@ def detect_format(path: Path) -> str:
             )
     if extension in PHOTOGRAPH_EXTENSIONS and path.is_file():
         raise ValueError(
-            f"{path}: a {extension} file holds a photograph, not bits or counts; `jotlight simulate "
-            f"{path.name}` (sensor.expose(jotlight.read_image(path))) makes a capture of it"
+            f"{path}: a {extension} file holds a photograph, not bits or counts; "
+            f"`jotlight simulate {path.name}` (sensor.expose(jotlight.read_image(path))) makes a "
+            "capture of it"
         )
     raw = ", ".join(name for name, format_ in FORMATS.items() if format_.is_raw)
     others = ", ".join(name for name, format_ in FORMATS.items() if not format_.is_raw)

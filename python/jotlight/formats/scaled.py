@@ -28,8 +28,8 @@ def unscale(capture: Capture, scale: float, trials: int | None) -> CountStack:
     Raises
     ------
     ValueError
-        When the capture has no scaled counts, or a number is missing or out of range. Reading raises
-        it, too, for values that are not multiples of scale / trials.
+        When the capture has no scaled counts, or a number is missing or out of range. Reading the
+        images raises it, too, for values that are not multiples of scale / trials.
 
     Examples
     --------
