@@ -1,6 +1,6 @@
 """Compare the counting of camera files with that of a photon cube (`.npy`), per byte.
 
-    python benchmarks/speed/capture_counting.py [--frames 2000] [--rounds 15] [--density 0.1]
+    python benchmarks/speed/capture_counting.py [--frames 2000] [--rounds 21] [--density 0.1]
 
 The frames have 512 x 512 jots, and the files are in the system's cache. A sparse file has as many
 frames as fit into twice the bytes of the cube. All files are counted in turn, round by round, so
@@ -49,7 +49,7 @@ def arguments() -> argparse.Namespace:
     """Return the options."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--frames", type=int, default=2000)
-    parser.add_argument("--rounds", type=int, default=15)
+    parser.add_argument("--rounds", type=int, default=21)
     parser.add_argument("--density", type=float, default=0.1, help="share of ones")
     return parser.parse_args()
 

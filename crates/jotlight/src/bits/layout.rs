@@ -1,6 +1,6 @@
 //! Changes of the layout of packed bits, as cameras store them.
 
-use ndarray::{ArrayViewMut1, ArrayViewMut2, ArrayViewMut3, Axis};
+use ndarray::{ArrayViewMut1, ArrayViewMut2, ArrayViewMut3, Axis, s};
 use rayon::prelude::*;
 
 use super::{PackedBits, packed_width};
@@ -16,6 +16,9 @@ const SIDE_BYTES: usize = SIDE / 8;
 
 /// The number of squares, one below the other, that are transposed together in vector registers.
 const LANES: usize = 4;
+
+/// The number of numbers that are searched together.
+const NUMBERS_PER_CHUNK: usize = 64;
 
 /// The minimum number of bytes that one task reverses. This takes longer than starting the task.
 const BYTES_PER_TASK: usize = 1 << 16;
@@ -73,37 +76,71 @@ pub fn reverse_bytes(mut bytes: ArrayViewMut1<'_, u8>) {
 /// incomplete.
 pub fn set_positions(
     positions: &[u32],
-    mut frame: i64,
+    frame: i64,
     mut packed: ArrayViewMut2<'_, u8>,
 ) -> Result<i64> {
     let bits = 8 * packed.ncols();
+    let mut listed = Vec::new();
     let mut rest = positions;
-    while !rest.is_empty() {
-        if interrupt::is_requested() {
-            return Ok(frame);
-        }
-        let length = rest.iter().position(|&position| position as usize == bits);
-        let (part, next) = rest.split_at(length.unwrap_or(rest.len()));
-        let largest = part.iter().copied().max().unwrap_or_default();
-        if largest as usize > bits {
-            return Err(Error::range(
-                "positions",
-                format!("at most {bits}"),
-                largest,
-            ));
-        }
-        let row = usize::try_from(frame)
-            .ok()
-            .filter(|&row| row < packed.nrows());
-        if let Some(mut row) = row.map(|row| packed.row_mut(row)) {
-            for &position in part {
-                row[position as usize / 8] |= 0x80 >> (position % 8);
-            }
-        }
-        frame += i64::from(length.is_some());
-        rest = next.get(1..).unwrap_or_default();
+    while let Some(length) = find(rest, bits) {
+        listed.push(&rest[..length]);
+        rest = &rest[length + 1..];
     }
-    Ok(frame)
+    let next = frame.saturating_add(listed.len() as i64);
+    listed.push(rest);
+    let largest = listed.par_iter().map(|list| max(list)).max();
+    if let Some(largest) = largest.filter(|&largest| largest as usize > bits) {
+        let expected = format!("at most {bits}");
+        return Err(Error::range("positions", expected, largest));
+    }
+    // The lists of the frames before `packed` are skipped, or the rows before the first list.
+    let lists = usize::try_from(frame.saturating_neg())
+        .unwrap_or_default()
+        .min(listed.len());
+    let rows = usize::try_from(frame)
+        .unwrap_or_default()
+        .min(packed.nrows());
+    packed
+        .slice_mut(s![rows.., ..])
+        .axis_iter_mut(Axis(0))
+        .into_par_iter()
+        .zip(&listed[lists..])
+        .for_each(|(row, list)| {
+            if !interrupt::is_requested() {
+                set(list, row);
+            }
+        });
+    Ok(next)
+}
+
+/// Return the index of the first `wanted` number.
+fn find(list: &[u32], wanted: usize) -> Option<usize> {
+    // The compiler vectorizes the search in a whole chunk, because it does not end early.
+    let is_wanted = |&number: &u32| number as usize == wanted;
+    let mut chunks = list.chunks(NUMBERS_PER_CHUNK);
+    let chunk = chunks.position(|chunk| chunk.iter().fold(false, |any, n| any | is_wanted(n)))?;
+    let first = chunk * NUMBERS_PER_CHUNK;
+    list[first..]
+        .iter()
+        .position(is_wanted)
+        .map(|index| first + index)
+}
+
+fn max(list: &[u32]) -> u32 {
+    list.iter().copied().fold(0, u32::max)
+}
+
+/// Set the bits at the positions of a list in the bytes of a row.
+fn set(list: &[u32], mut row: ArrayViewMut1<'_, u8>) {
+    if let Some(row) = row.as_slice_mut() {
+        for &position in list {
+            row[position as usize / 8] |= 0x80 >> (position % 8);
+        }
+    } else {
+        for &position in list {
+            row[position as usize / 8] |= 0x80 >> (position % 8);
+        }
+    }
 }
 
 levels! {
