@@ -14,10 +14,20 @@ FALSE_POSITIVE_RATE = 1e-6
 """Default maximum probability that a jot is called hot which is not."""
 
 EXCESS = 4.0
-"""Multiple of the light of its neighbors that a jot does not have without being hot.
+"""Multiple of the light of its neighbors that no jot has without being hot.
 
 A lens spreads a star over several jots. With a Gaussian spread of σ = 0.65 jots or more (a full
 width of 1.5), two of the neighbors of each jot have a quarter of its light or more.
+"""
+
+MIN_EXCESS = 1.5
+"""The same multiple where all neighbors have the same light."""
+
+EXPONENT = 3
+"""Exponent of the contrast of the 24 nearest jots. Its power is the multiple between the limits.
+
+A star that is a fraction a brighter than the sky at its peak is at least 0.3 a brighter at two of
+its neighbors. With this exponent, their contrast explains the star.
 """
 
 Array = npt.NDArray[np.float64]
@@ -35,12 +45,13 @@ def find_hot_jots(
 ) -> npt.NDArray[np.bool_]:
     """Return the jots that detect far more than their neighborhood explains.
 
-    A jot is called hot if its rate of detections is more than 4 times that of its neighbors, in
-    two respects. First, it exceeds 4 times the mean of its 8 neighbors, with statistical certainty.
-    Second, its measured rate exceeds 4 times that of the second brightest neighbor, which spares
-    thin lines and stars. So hot jots in bright parts of the scene, and clusters of three or more of
-    them, are not found: a dark capture and :func:`jotlight.calibrate` find them all. Light that
-    falls on a single jot, and the sharp end of a line that is one jot wide, look hot.
+    A jot is called hot if its rate of detections is more than c times that of its neighbors, in
+    two respects. First, it exceeds c times the mean of its 8 neighbors, with statistical certainty.
+    Second, its measured rate exceeds c times that of the second brightest neighbor, which spares
+    thin lines and stars. The factor c is 1.5 where the 24 nearest jots have equal light, and up to
+    4 where they differ. So weak hot jots in bright parts of the scene, and clusters of three or
+    more of them, are not found: a dark capture and :func:`jotlight.calibrate` find them all. Light
+    that falls on a single jot, and the sharp end of a line that is one jot wide, look hot.
 
     Parameters
     ----------
@@ -54,8 +65,8 @@ def find_hot_jots(
     mask : ndarray of bool, shape (H, W), optional
         True marks dead jots, which are not compared.
     false_positive_rate : float
-        Maximum probability that an ordinary jot is called hot, whose rate is at most 4 times the
-        mean of its neighbors.
+        Maximum probability that a jot is called hot whose rate is at most c times the mean of its
+        neighbors.
     threads : int, optional
         Number of threads. Default: all.
     progress : callable, optional
@@ -118,34 +129,51 @@ def _find(
     from scipy.special import bdtrc, betaincinv
 
     padded = np.pad(np.where(valid, counts, -1), 1, constant_values=-1)
-    neighbors = _neighbors(padded)
+    neighbors = _neighbors(padded, 1)
     total = np.maximum(neighbors, 0).sum(0).astype(np.float64)
     readings = (neighbors >= 0).sum(0) * float(trials)
-    if min(counts.shape) > 1:
-        # A line that ends at the edge of the image continues outside.
-        neighbors = _neighbors(np.pad(padded[1:-1, 1:-1], 1, mode="reflect"))
-    second = np.partition(neighbors, -2, axis=0)[-2]
-    # Few jots can be hot. The exact test takes longer.
+    # A line that ends at the edge of the image continues outside.
+    mirrored = np.pad(padded[1:-1, 1:-1], 2, mode="reflect")
+    second = np.partition(_neighbors(mirrored[1:-1, 1:-1], 1), -2, axis=0)[-2]
+    # Few jots can be hot. The other steps take longer.
     candidates = valid & (counts > second) & (readings > 0)
+    factor = _largest_excess(_neighbors(mirrored, 2, candidates), trials, threshold)
     light = _light(counts[candidates], trials, threshold)
-    brighter = light > EXCESS * _light(np.maximum(second[candidates], 0), trials, threshold)
+    brighter = light > factor * _light(np.maximum(second[candidates], 0), trials, threshold)
     candidates[candidates] = brighter
+    factor = factor[brighter]
     ones, total, readings = counts[candidates], total[candidates], readings[candidates]
     saturated = total >= readings
     limit = betaincinv(total + 1, np.where(saturated, 1, readings - total), 1 - rate / 2)
     highest = inverse_detection_probability(threshold, limit, 1 - limit)
-    explained = np.asarray(detection_probability(threshold, EXCESS * highest))
+    explained = np.asarray(detection_probability(threshold, factor * highest))
     tail = bdtrc(ones - 1.0, trials, np.where(saturated, 1.0, explained))
     hot = np.zeros(counts.shape, bool)
     hot[candidates] = tail <= rate / 2
     return hot
 
 
-def _neighbors(padded: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
-    """Return the counts of the 8 neighbors of each jot (8, H, W), from counts (H + 2, W + 2)."""
-    height, width = (length - 2 for length in padded.shape)
-    places = [(row, column) for row in range(3) for column in range(3) if (row, column) != (1, 1)]
-    return np.stack([padded[row : row + height, col : col + width] for row, col in places])
+def _largest_excess(neighbors: npt.NDArray[np.int32], trials: int, threshold: int) -> Array:
+    """Return the multiple of its neighbors' light that a jot may have, from 24 neighbors (24, n).
+
+    Where the light changes little from jot to jot, it does not change much at one of them.
+    """
+    known = np.where(neighbors < 0, np.median(neighbors, axis=0).astype(np.int32), neighbors)
+    ordered = np.partition(known, (1, -2), axis=0)
+    low, high = (_light(np.maximum(each, 0), trials, threshold) for each in ordered[[1, -2]])
+    contrast = np.divide(high, low, out=np.full(low.shape, EXCESS), where=low > 0)
+    return np.clip(contrast**EXPONENT, MIN_EXCESS, EXCESS)
+
+
+def _neighbors(
+    padded: npt.NDArray[np.int32], radius: int, wanted: npt.NDArray[np.bool_] | None = None
+) -> npt.NDArray[np.int32]:
+    """Return the counts of the neighbors of all jots (n, H, W), or of the wanted ones."""
+    height, width = (length - 2 * radius for length in padded.shape)
+    side = range(2 * radius + 1)
+    places = [(row, column) for row in side for column in side if (row, column) != (radius, radius)]
+    views = [padded[row : row + height, col : col + width] for row, col in places]
+    return np.stack(views if wanted is None else [view[wanted] for view in views])
 
 
 def _light(counts: npt.NDArray[np.int32], trials: int, threshold: int) -> Array:

@@ -36,7 +36,7 @@ def jot_remarks(counts: Counts, trials: int, sensor: Sensor) -> list[tuple[str, 
         return []
     number = f"{hot.sum()} jot{'' if hot.sum() == 1 else 's'}"
     remark = (
-        f"{number} of {hot.size} look hot: more than 4 times as bright as their neighbors; "
+        f"{number} of {hot.size} look hot, because they are much brighter than their neighbors; "
         "--find-hot-jots treats them as dead, and `jotlight calibrate` with a dark capture finds "
         "all hot jots"
     )
