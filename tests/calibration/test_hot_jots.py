@@ -107,7 +107,8 @@ def test_bad_input_is_refused(options, error, message):
 
 def test_weak_hot_jots_are_found_where_the_light_is_even():
     light = np.full((40, 40), 0.3)
-    light[:, 20:] += 2.0 * (np.indices((40, 20)).sum(0) % 3 == 0)  # texture
-    light[10, [8, 30]] = 1.0
+    light[10, 8] = 1.0
     found = find_hot_jots(expose(light, 5000), trials=5000)
     assert np.argwhere(found).tolist() == [[10, 8]]
+    light += 0.6 * (np.indices(light.shape)[0] % 3 == 0)
+    assert not find_hot_jots(expose(light, 5000), trials=5000).any()

@@ -162,7 +162,7 @@ def _largest_excess(neighbors: npt.NDArray[np.int32], trials: int, threshold: in
     ordered = np.partition(known, (1, -2), axis=0)
     low, high = (_light(np.maximum(each, 0), trials, threshold) for each in ordered[[1, -2]])
     contrast = np.divide(high, low, out=np.full(low.shape, EXCESS), where=low > 0)
-    return np.clip(contrast**EXPONENT, MIN_EXCESS, EXCESS)
+    return np.asarray(np.clip(contrast**EXPONENT, MIN_EXCESS, EXCESS))
 
 
 def _neighbors(
