@@ -49,6 +49,8 @@ __all__ = [
     "probability",
     "rate",
     "read_words",
+    "reverse_bytes",
+    "set_positions",
     "shrink",
     "solve_field",
     "spread_adjoint",
@@ -57,6 +59,7 @@ __all__ = [
     "squared_errors",
     "total_variation",
     "total_variation_admm_update",
+    "transpose_bits",
     "undo_remainders",
     "velocity_scores",
 ]
@@ -104,6 +107,19 @@ def add_counts_of_blocks(
     length: int,
     weight: int,
     counts: npt.NDArray[np.int32],
+    threads: int | None,
+) -> None: ...
+def reverse_bytes(packed: npt.NDArray[np.uint8], threads: int | None) -> None: ...
+def set_positions(
+    positions: npt.NDArray[np.uint32],
+    frame: int,
+    packed: npt.NDArray[np.uint8],
+    threads: int | None,
+) -> int: ...
+def transpose_bits(
+    packed: npt.NDArray[np.uint8],
+    width: int,
+    transposed: npt.NDArray[np.uint8],
     threads: int | None,
 ) -> None: ...
 def add_shifted_counts(

@@ -1,7 +1,10 @@
 //! Counts of the ones in packed bits.
 
 use jotlight::bits::{self, Blocks, PackedBits};
-use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2, PyReadwriteArray3};
+use numpy::{
+    PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1, PyReadwriteArray2,
+    PyReadwriteArray3,
+};
 use pyo3::prelude::*;
 
 use crate::run;
@@ -53,5 +56,52 @@ pub fn add_counts_of_blocks(
     };
     run(py, threads, || {
         bits::add_counts_of_blocks(&PackedBits::new(packed, width)?, side, blocks, counts)
+    })
+}
+
+/// Write packed frames with rows and columns exchanged to `transposed`.
+#[pyfunction]
+#[pyo3(signature = (packed, width, transposed, threads))]
+pub fn transpose_bits(
+    py: Python<'_>,
+    packed: PyReadonlyArray3<'_, u8>,
+    width: usize,
+    mut transposed: PyReadwriteArray3<'_, u8>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let (packed, transposed) = (packed.as_array(), transposed.as_array_mut());
+    run(py, threads, || {
+        bits::transpose(&PackedBits::new(packed, width)?, transposed)
+    })
+}
+
+/// Reverse the order of the bits of each byte, in place.
+#[pyfunction]
+#[pyo3(signature = (packed, threads))]
+pub fn reverse_bytes(
+    py: Python<'_>,
+    mut packed: PyReadwriteArray1<'_, u8>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let packed = packed.as_array_mut();
+    run(py, threads, || {
+        bits::reverse_bytes(packed);
+        Ok(())
+    })
+}
+
+/// Set the bits at the positions that a list states for each frame, and return the next frame.
+#[pyfunction]
+#[pyo3(signature = (positions, frame, packed, threads))]
+pub fn set_positions(
+    py: Python<'_>,
+    positions: PyReadonlyArray1<'_, u32>,
+    frame: i64,
+    mut packed: PyReadwriteArray2<'_, u8>,
+    threads: Option<isize>,
+) -> PyResult<i64> {
+    let (positions, packed) = (positions.as_slice()?, packed.as_array_mut());
+    run(py, threads, || {
+        bits::set_positions(positions, frame, packed)
     })
 }

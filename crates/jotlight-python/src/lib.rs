@@ -28,7 +28,9 @@ mod _engine {
     use pyo3::prelude::*;
 
     #[pymodule_export]
-    use super::bits::{add_block_counts, add_counts_of_blocks};
+    use super::bits::{
+        add_block_counts, add_counts_of_blocks, reverse_bytes, set_positions, transpose_bits,
+    };
     #[pymodule_export]
     use super::cpu::{choose_cpu_level, cpu_level, cpu_levels, multiply_adds, read_words};
     #[pymodule_export]

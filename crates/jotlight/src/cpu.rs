@@ -132,6 +132,17 @@ pub(crate) fn run<W: WithSimd>(work: W) -> W::Output {
     }
 }
 
+/// Run `work` as [`run`] does, but never with the x86-64-v4 instructions.
+///
+/// The compiler gathers and scatters the words of some short loops with them, which is slow.
+pub(crate) fn run_below_v4<W: WithSimd>(work: W) -> W::Output {
+    #[cfg(target_arch = "x86_64")]
+    if Level::current() == Level::V4 {
+        return run_with(pulp::x86::V3::try_new(), work);
+    }
+    run(work)
+}
+
 fn run_with<W: WithSimd, S: Simd>(simd: Option<S>, work: W) -> W::Output {
     match simd {
         Some(simd) => simd.vectorize(work),

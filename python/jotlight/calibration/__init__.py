@@ -4,6 +4,8 @@
 - `bulk`: the distribution of the dark counts of ordinary jots, which identifies the hot ones.
 - `flat`: the response of each jot, and the dead ones.
 - `steadiness`: tests of the assumption that frames are independent and identically distributed.
+- `hot_jots`: hot jots in a capture of a scene, without a dark capture.
+- `periodic_rates`: rates that repeat every few jots, as under a color filter mosaic.
 - `rates`: from counts to detections per frame.
 - `result`: the `Calibration`; `fields` are its data, and `files` checks the contents of its files.
 - `figure`: a page of plots.
@@ -11,7 +13,19 @@
 
 from jotlight.calibration.bulk import Bulk, fit_bulk
 from jotlight.calibration.estimate import calibrate
+from jotlight.calibration.hot_jots import find_hot_jots
+from jotlight.calibration.periodic_rates import PeriodicRates, find_periodic_rates
 from jotlight.calibration.result import Calibration
 from jotlight.calibration.steadiness import Steadiness, steadiness
 
-__all__ = ["Bulk", "Calibration", "Steadiness", "calibrate", "fit_bulk", "steadiness"]
+__all__ = [
+    "Bulk",
+    "Calibration",
+    "PeriodicRates",
+    "Steadiness",
+    "calibrate",
+    "find_hot_jots",
+    "find_periodic_rates",
+    "fit_bulk",
+    "steadiness",
+]

@@ -11,6 +11,7 @@ from jotlight.cli.common_options import CAPTURE_PANEL
 from jotlight.formats import FORMATS, open_capture
 from jotlight.formats.capture import Capture
 from jotlight.formats.orientation import FLIPS
+from jotlight.formats.scaled import unscale
 
 _KEY = "Name of the array in a .npz, .mat, HDF5 file or zarr folder. Default: its only array."
 
@@ -72,8 +73,45 @@ class CaptureOptions:
         ),
     ] = True
 
-    def open(self, path: Path) -> Capture:
-        """Return the bits or the counts of a capture. A stack of counts is not yet summed."""
+    counts_scale: Annotated[
+        float | None,
+        Parameter(
+            help="For images that hold means of frames: the value of a pixel that is 1 in all "
+            "frames, such as 255. --frames or --trials states the number of frames."
+        ),
+    ] = None
+    trials: Annotated[
+        int | None,
+        Parameter(help="Number of frames of which each value is the mean, with --counts-scale."),
+    ] = None
+
+    def open(self, path: Path, total_trials: int | None = None) -> Capture:
+        """Return the bits or the counts of a capture. A stack of counts is not yet summed.
+
+        Parameters
+        ----------
+        path : Path
+            Capture.
+        total_trials : int, optional
+            Number of trials of the whole capture, for scaled counts of an unstated number.
+        """
+        capture = self._open(path)
+        if self.counts_scale is None:
+            if self.trials is not None:
+                raise ValueError("trials: states the frames of each mean, with --counts-scale")
+            return capture
+        trials = self.trials
+        if trials is None and total_trials is not None:
+            trials, rest = divmod(total_trials, len(capture))
+            if rest:
+                raise ValueError(
+                    f"frames: expected a multiple of the {len(capture)} images of counts, got "
+                    f"{total_trials}"
+                )
+        return unscale(capture, self.counts_scale, trials)
+
+    def _open(self, path: Path) -> Capture:
+        scaled = self.counts_scale is not None
         return open_capture(
             path,
             format=self.format,
@@ -82,7 +120,7 @@ class CaptureOptions:
             rotate=self.rotate,
             flip=self.flip,
             key=self.key,
-            counts=self.counts,
+            counts=True if scaled and self.counts is None else self.counts,
             unpacked=self.unpacked,
             isolate=self.isolate,
         )
@@ -96,6 +134,8 @@ class CaptureOptions:
             "--rotate": self.rotate or None,
             "--flip": self.flip,
             key_option: self.key,
+            "--counts-scale": self.counts_scale,
+            "--trials": self.trials,
         }
         argv = [
             word

@@ -11,8 +11,10 @@ from jotlight.files import refuse_overwrite
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.description import companion_files
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import read_frames
 from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.scaled_counts import scaled_counts_hint
 from jotlight.sensing.sensor import Sensor
 
 
@@ -25,6 +27,8 @@ class Captured:
     has_own_sensor: bool
     """Whether the file states the sensor."""
     provenance: Provenance | None
+    hot_jots: int | None = None
+    """Number of jots that are treated as dead because they look hot in the scene, if searched."""
 
     def summed(self) -> Bits | Counts:
         """Return the bits, or the sum of a stack of counts."""
@@ -41,7 +45,10 @@ class Captured:
             origin = "the bits do not state their sensor; assumed"
         else:
             origin = "assumed"
-        return [*provenance_notes(self.provenance), f"{origin}: {self.sensor!r}"]
+        hot = []
+        if self.hot_jots is not None:
+            hot = [f"hot jots in the scene, which are treated as dead: {self.hot_jots}"]
+        return [*provenance_notes(self.provenance), *hot, f"{origin}: {self.sensor!r}"]
 
 
 def provenance_notes(provenance: Provenance | None) -> list[str]:
@@ -119,9 +126,12 @@ def _with_trials(capture: CountStack, path: Path, sensor_kwargs: dict[str, Any])
         check_trials(path, trials, sensor_kwargs.get("frames", 1) * jots, options)
         return sensor_kwargs
     if trials is None:
+        values = read_frames(capture.images, 0, 1)
+        hint = scaled_counts_hint(values)
         raise ValueError(
             f"{path}: holds counts of an unknown number of trials; set --frames, or "
-            "--oversampling where a pixel covers many jots"
+            "--oversampling where a pixel covers many jots; "
+            + (hint or "if it is a photograph, `jotlight simulate` makes a capture of it")
         )
     return sensor_kwargs
 

@@ -142,14 +142,17 @@ def live_iterations(title: str) -> Iterator[Callable[[Iteration], None]]:
         yield show
 
 
-def print_steps(steps: int) -> Callable[[Record], None]:
-    """Return a callback that prints ten lines during a training run, unless a terminal has a bar.
+def print_steps(title: str, steps: int) -> Callable[[Record], None]:
+    """Return a callback that prints a title, and ten lines unless a terminal has a bar.
 
     It takes the record of each step.
     """
     describe, interval = StepDescriber(steps), max(1, steps // 10)
+    titles = [title]
 
     def show(record: Record) -> None:
+        if titles:
+            err.print(titles.pop(), soft_wrap=True, markup=False)
         text = describe(record)
         if not err.is_terminal and (record.step % interval == 0 or record.step == steps):
             err.print(text, soft_wrap=True)

@@ -14,6 +14,7 @@ from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import Captured, add_sensor, refuse_capture_overwrite
 from jotlight.cli.common_options import NETWORK_PANEL, CapturePath
 from jotlight.cli.console import caution, report, silenced
+from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.learners import check_device, describe_kind
 from jotlight.cli.sensor_options import CalibratedSensorOptions
 from jotlight.cli.training_options import TrainingOptions
@@ -120,9 +121,11 @@ def _capture(path: Path, capture: CaptureOptions, sensor: CalibratedSensorOption
     from jotlight.torch.bit_splitting import check_kernel
 
     kwargs: dict[str, Any] = sensor.to_kwargs()
-    opened = capture.open(path)
+    opened = capture.open(path, sensor.stated_trials())
     calibration = None if sensor.calibration is None else Calibration.load(sensor.calibration)
     captured = add_sensor(opened, path, kwargs, calibration)
+    if sensor.find_hot_jots:
+        captured = mask_hot_jots(captured)
     report(*captured.notes())
     check_kernel(captured.sensor)
     return captured

@@ -13,12 +13,13 @@ from jotlight.calibration import Calibration
 from jotlight.calibration.result import FORMAT as CALIBRATION
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.console import out, progress
+from jotlight.cli.jot_checks import jot_remarks
 from jotlight.files import refuse_overwrite
 from jotlight.formats import open_capture
 from jotlight.formats.archives import describe_npz_arrays, read_npz_label
 from jotlight.formats.arrays import open_npy_array
 from jotlight.formats.capture import Capture, CountStack, is_single_image
-from jotlight.formats.detect import detect_format
+from jotlight.formats.detect import PHOTOGRAPH_EXTENSIONS, detect_format
 from jotlight.formats.images.tiff_directories import open_checked_tiff
 from jotlight.formats.labels import COUNTS, parse_label
 from jotlight.formats.verification import verify_capture
@@ -27,6 +28,8 @@ from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
 from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.pixel_counts import carried_sensor
+from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import stored_format
 from jotlight.training import History
 
@@ -97,10 +100,6 @@ def _draw(file: Path, plot: Path) -> None:
     plots.save_figure(plots.training(network, runs[-1][2]), plot)
 
 
-_IMAGE_SUFFIXES = (".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".ppm", ".gif")
-"""Suffixes of images that are never captures."""
-
-
 def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
     """Return the rows of the table: names and values."""
     ending = file.suffix.lower()
@@ -164,7 +163,7 @@ def _is_image(file: Path) -> bool:
     try:
         return detect_format(file) == "png"
     except ValueError:
-        return ending in _IMAGE_SUFFIXES
+        return ending in PHOTOGRAPH_EXTENSIONS
 
 
 def _capture_facts(capture: Capture) -> list[tuple[str, str]]:
@@ -172,9 +171,11 @@ def _capture_facts(capture: Capture) -> list[tuple[str, str]]:
         number = len(capture.images)
         with progress(1) as begin:
             counts = capture.sum(begin("summing"))
+        trials = capture.total_trials
+        jots = [] if trials is None else jot_remarks(counts, trials, Sensor(frames=trials))
         facts = [("kind", "counts"), ("format", capture.provenance.format)]
         facts += [("images", str(number))] if number > 1 else []
-        return [*facts, ("shape", _by(counts.shape)), *_range(counts), *_notes(capture)]
+        return [*facts, ("shape", _by(counts.shape)), *_range(counts), *_notes(capture), *jots]
     return [*_bits_facts(capture), *_notes(capture)]
 
 
@@ -189,7 +190,8 @@ def _notes(capture: Capture) -> list[tuple[str, str]]:
 
 def _bits_facts(bits: Bits) -> list[tuple[str, str]]:
     with progress(1) as begin:
-        ones = int(bits.counts(1, progress=begin("counting")).sum(dtype=np.int64))
+        counts = bits.counts(1, progress=begin("counting"))
+    ones = int(counts.sum(dtype=np.int64))
     frames, height, width, *channels = bits.shape
     facts = [
         ("kind", "bits" if not channels else f"bits of {channels[0]} channels"),
@@ -199,13 +201,16 @@ def _bits_facts(bits: Bits) -> list[tuple[str, str]]:
         ("size", f"{bits.packed.nbytes / 1e6:.3g} MB packed"),
         ("ones", f"{ones / np.prod(bits.shape, dtype=float):.3%}"),
     ]
-    if bits.sensor is None:
-        return [*facts, ("sensor", "not stated")]
-    pixels = f"{height // bits.sensor.oversampling} x {width // bits.sensor.oversampling}"
+    sensor = carried_sensor(bits)
+    jots = jot_remarks(counts, frames, sensor or Sensor(frames=frames))
+    if sensor is None:
+        return [*facts, ("sensor", "not stated"), *jots]
+    pixels = f"{height // sensor.oversampling} x {width // sensor.oversampling}"
     return [
         *facts,
-        ("sensor", repr(bits.sensor)),
-        ("pixels", f"{pixels}, {bits.sensor.trials} bits each"),
+        ("sensor", repr(sensor)),
+        ("pixels", f"{pixels}, {sensor.trials} bits each"),
+        *jots,
     ]
 
 

@@ -3,6 +3,7 @@
 from jotlight.cli.advice import caution_about_motion
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.common_options import CapturePath, Threads
+from jotlight.cli.jot_checks import caution_about_jots
 from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import ImageMotionOptions
 from jotlight.cli.output_options import ImageOutputOptions
@@ -35,5 +36,6 @@ def reconstruct(
     image_writer(outputs.output, depth=outputs.depth)
     job = inputs.prepare(outputs.output, needs_uncertainty=outputs.uncertainty is not None)
     reconstruct_image(job, outputs, motion, threads)
+    caution_about_jots(job.captured, threads)
     if not motion.motion:
         caution_about_motion([job.captured.data], job.captured.sensor, threads)

@@ -14,6 +14,7 @@ from jotlight.cli.applied_calibration import AppliedCalibration, recorded
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import Captured, add_sensor, refuse_capture_overwrite
 from jotlight.cli.console import caution, live_iterations, progress, report
+from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import ImageMotionOptions, MotionOptions, describe
 from jotlight.cli.output_options import ImageOutputOptions, describe_tone
@@ -94,13 +95,15 @@ class Inputs:
         request = self.method.request(needs_uncertainty=needs_uncertainty)
         network = None if self.method.model is None else Network.load(self.method.model)
         sensor_kwargs = self.sensor.to_kwargs()
-        opened = self.capture.open(self.path)
+        opened = self.capture.open(self.path, self.sensor.stated_trials())
         calibration = None
         if self.sensor.calibration is not None:
             calibration = AppliedCalibration.read(self.sensor.calibration, output)
             self.check_outputs([calibration.record])
         known = None if calibration is None else calibration.calibration
         captured = add_sensor(opened, self.path, sensor_kwargs, known)
+        if self.sensor.find_hot_jots:
+            captured = mask_hot_jots(captured)
         if (
             network is not None
             and network.trials_range is None

@@ -97,6 +97,12 @@ class SensorOptions:
             kwargs["mask"] = read_mask(Path(kwargs["mask"]))
         return kwargs
 
+    def stated_trials(self) -> int | None:
+        """Return the number of trials per pixel if the options state it."""
+        if self.frames is None:
+            return None
+        return self.frames * (self.oversampling or 1) ** 2
+
     def map_files(self) -> list[Path]:
         """Return the files that hold maps."""
         values = self._set()
@@ -130,11 +136,20 @@ class CalibratedSensorOptions(SensorOptions):
             help="Dark counts, dead jots and response of the sensor, from `jotlight calibrate`."
         ),
     ] = None
+    find_hot_jots: Annotated[
+        bool,
+        Parameter(
+            negative=(),
+            help="Find jots that are much brighter than their neighbors, and treat them as dead, "
+            "for sensors without a dark capture.",
+        ),
+    ] = False
 
     def to_argv(self) -> list[str]:
         """Return the options as words of a command line."""
         calibration = [] if self.calibration is None else ["--calibration", str(self.calibration)]
-        return [*calibration, *super().to_argv()]
+        hot = ["--find-hot-jots"] if self.find_hot_jots else []
+        return [*calibration, *hot, *super().to_argv()]
 
 
 def _number_or_map(text: str) -> float | npt.NDArray[Any]:

@@ -91,8 +91,7 @@ def run_training(
         temporary = files.enter_context(atomic_write(options.output))
         figure = None if options.plot is None else files.enter_context(atomic_write(options.plot))
         with _explain_stop(checkpoint, remedy):
-            report(title)
-            network, history = train(callback=print_steps(steps), progress=True)
+            network, history = train(callback=print_steps(title, steps), progress=True)
             network.history.update(provenance)
             network.save(temporary)
             if figure is not None:

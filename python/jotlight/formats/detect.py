@@ -5,6 +5,9 @@ from pathlib import Path
 from jotlight.formats.magic import file_type
 from jotlight.formats.registry import FORMATS
 
+PHOTOGRAPH_EXTENSIONS = (".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".ppm", ".gif")
+"""Extensions of images that are never captures."""
+
 
 def detect_format(path: Path) -> str:
     """Return the name of the format of a file or folder.
@@ -38,6 +41,12 @@ def detect_format(path: Path) -> str:
             raise ValueError(
                 f"{path}: expected a {extension} file by its name, but it does not begin like one"
             )
+    if extension in PHOTOGRAPH_EXTENSIONS and path.is_file():
+        raise ValueError(
+            f"{path}: a {extension} file holds a photograph, not bits or counts; "
+            f"`jotlight simulate {path.name}` (sensor.expose(jotlight.read_image(path))) makes a "
+            "capture of it"
+        )
     raw = ", ".join(name for name, format_ in FORMATS.items() if format_.is_raw)
     others = ", ".join(name for name, format_ in FORMATS.items() if not format_.is_raw)
     raise ValueError(

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+import jotlight._engine as engine
 from jotlight.sensing.frames import Frames, Packed, read_in_chunks
 
 FLIPS = ("horizontal", "vertical")
@@ -88,7 +89,7 @@ def _orient(part: Packed, width: int, quarters: int, flip: str | None) -> Packed
     # their rows, which is cheap.
     height = part.shape[1]
     if quarters == 1:
-        part = transpose_packed(part, width)[:, ::-1]
+        part = rotate_packed(part, width)
     elif quarters == 2:
         part = _mirror(part[:, ::-1], width)
     elif quarters == 3:
@@ -108,31 +109,29 @@ def _mirror(part: Packed, width: int) -> Packed:
 def transpose_packed(part: Packed, width: int) -> Packed:
     """Return packed frames (T, H, ceil(W / 8)), transposed: (T, W, ceil(H / 8)).
 
-    Each block of 8 x 8 bits is a word of 64 bits. Three exchanges of bits transpose it [1]_. Then
-    the blocks change places.
-
-    References
-    ----------
-    .. [1] Warren, "Hacker's Delight", 2nd edition, section 7-3.
-
     Examples
     --------
     >>> transpose_packed(np.array([[[0b10100000]]], np.uint8), 3)[0, :, 0].tolist()
     [128, 0, 128]
     """
-    frames, height, row_bytes = part.shape
-    blocks = (height + 7) // 8
-    rows = np.zeros((frames, blocks, 8, row_bytes), np.uint8)
-    rows.reshape(frames, 8 * blocks, row_bytes)[:, :height] = part
-    # The first row becomes the most significant byte, because the first column is the most
-    # significant bit.
-    words = np.ascontiguousarray(rows.transpose(0, 3, 1, 2)).view(">u8")[..., 0].astype(np.uint64)
-    for shift, mask in (
-        (7, 0x00AA00AA00AA00AA),
-        (14, 0x0000CCCC0000CCCC),
-        (28, 0x00000000F0F0F0F0),
-    ):
-        differences = (words ^ (words >> np.uint64(shift))) & np.uint64(mask)
-        words ^= differences ^ (differences << np.uint64(shift))
-    columns = words.astype(">u8").view(np.uint8).reshape(frames, row_bytes, blocks, 8)
-    return columns.transpose(0, 1, 3, 2).reshape(frames, 8 * row_bytes, blocks)[:, :width]
+    transposed = _empty_transposed(part, width)
+    engine.transpose_bits(part, width, transposed, None)
+    return transposed
+
+
+def rotate_packed(part: Packed, width: int) -> Packed:
+    """Return packed frames (T, H, ceil(W / 8)), rotated counterclockwise: (T, W, ceil(H / 8)).
+
+    Examples
+    --------
+    >>> rotate_packed(np.array([[[0b11000000]]], np.uint8), 3)[0, :, 0].tolist()
+    [0, 128, 128]
+    """
+    rotated = _empty_transposed(part, width)
+    engine.transpose_bits(part, width, rotated[:, ::-1], None)
+    return rotated
+
+
+def _empty_transposed(part: Packed, width: int) -> Packed:
+    frames, height, _ = part.shape
+    return np.empty((frames, width, (height + 7) // 8), np.uint8)

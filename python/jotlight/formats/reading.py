@@ -16,6 +16,7 @@ from jotlight.formats.detect import detect_format
 from jotlight.formats.format import Format, OpenOptions
 from jotlight.formats.packing import pack_stack
 from jotlight.formats.registry import FORMATS
+from jotlight.formats.scaled import unscale
 from jotlight.formats.selection import select
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
@@ -33,6 +34,8 @@ def open(
     counts: bool | None = None,
     unpacked: bool | None = None,
     isolate: bool = False,
+    counts_scale: float | None = None,
+    trials: int | None = None,
 ) -> Bits | npt.NDArray[np.int32]:
     """Return the bits, or the image of counts, in a file or folder of any size.
 
@@ -67,6 +70,11 @@ def open(
         Whether to read HDF5 and MATLAB 7.3 files in a child process, which takes 0.2 s. Damaged
         files can crash the HDF5 library. With a child process, the crash becomes a ValueError, of
         this function or when the bits are read later.
+    counts_scale : float, optional
+        For images that hold the means of frames: the value of a pixel that is 1 in all frames, such
+        as 255. The result is the counts. Requires `trials`.
+    trials : int, optional
+        Number of frames of which each value is the mean. Only with `counts_scale`.
 
     Returns
     -------
@@ -81,7 +89,8 @@ def open(
         When the file cannot be read.
     ValueError
         When the format is unknown, or the file is truncated or holds Python objects, which are
-        never read.
+        never read. When the file is a photograph. With `counts_scale`, when a value is not a
+        multiple of counts_scale / trials, rounded or truncated.
     MissingExtraError
         When a required optional package is not installed.
 
@@ -96,6 +105,11 @@ def open(
     >>> bits.provenance.notes[0]
     'taken for bits, the most significant first, along the width'
     """
+    if trials is not None and counts_scale is None:
+        raise ValueError(
+            "trials: states the frames of each mean, together with counts_scale; counts themselves "
+            "need Sensor(frames=...)"
+        )
     capture = open_capture(
         path,
         format=format,
@@ -104,10 +118,12 @@ def open(
         rotate=rotate,
         flip=flip,
         key=key,
-        counts=counts,
+        counts=True if counts_scale is not None and counts is None else counts,
         unpacked=unpacked,
         isolate=isolate,
     )
+    if counts_scale is not None:
+        capture = unscale(capture, counts_scale, trials)
     if isinstance(capture, Bits):
         return capture
     if len(capture.images) > 1 and frames is None:

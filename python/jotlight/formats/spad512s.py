@@ -14,11 +14,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+import jotlight._engine as engine
 from jotlight.errors import warn
 from jotlight.formats.file_lists import list_files, natural_sort_key
 from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.magic import file_type
-from jotlight.formats.orientation import transpose_packed
+from jotlight.formats.orientation import rotate_packed, transpose_packed
 from jotlight.formats.raw import (
     EXTENSIONS,
     RawFile,
@@ -51,7 +52,7 @@ _ROTATED = "rotated by 90 degrees counterclockwise, as its own software shows it
 
 def _decode(raw: Packed) -> Packed:
     """Return packed frames (n, 512, 64) as the camera's software shows them."""
-    return transpose_packed(raw.reshape(len(raw), _SIDE, _SIDE // 8), _SIDE)[:, ::-1]
+    return rotate_packed(raw.reshape(len(raw), _SIDE, _SIDE // 8), _SIDE)
 
 
 def _encode_dense(packed: Packed) -> Packed:
@@ -129,18 +130,15 @@ def _read_sparse(path: Path) -> Frames:
 
     def read_group(start: int, stop: int) -> Packed:
         """Return some frames of one group, which is read from its stored offset on."""
-        jots = np.zeros((stop - start, _END_OF_FRAME), np.bool_)
-        frame, position = start // _INDEX_STEP * _INDEX_STEP, offsets[start // _INDEX_STEP]
+        packed = np.zeros((stop - start, _END_OF_FRAME // 8), np.uint8)
+        frame, position = start // _INDEX_STEP * _INDEX_STEP - start, offsets[start // _INDEX_STEP]
         next_group = -(-stop // _INDEX_STEP)
         last = offsets[next_group] if next_group < len(offsets) else total
-        while frame < stop:
+        while frame < len(packed):
             words = read_words(position, min(_WORDS_AT_ONCE, last - position))
-            ends = words == _END_OF_FRAME
-            frame_of_word = frame + np.cumsum(ends) - ends
-            wanted = (frame_of_word >= start) & (frame_of_word < stop) & ~ends
-            jots[frame_of_word[wanted] - start, words[wanted]] = True
-            frame, position = frame + int(ends.sum()), position + len(words)
-        return _decode(np.packbits(jots.reshape(-1, _SIDE, _SIDE), axis=2))
+            frame = engine.set_positions(words, frame, packed, None)
+            position += len(words)
+        return _decode(packed)
 
     def read(start: int, stop: int) -> Packed:
         # Unpacked frames take eight times the memory, so each group is decoded on its own.

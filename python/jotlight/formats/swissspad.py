@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+import jotlight._engine as engine
 from jotlight.errors import warn
 from jotlight.formats.file_lists import list_files
 from jotlight.formats.format import Format, OpenOptions, Writer
@@ -19,46 +20,49 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Packed
 from jotlight.sensing.provenance import Provenance
 
-_REVERSED_BYTES = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
-"""Table from each byte to the byte with its bits in reverse order."""
-
 _WIDTH = 512
 _HALF_HEIGHT = 256
 _ROW_BYTES = _WIDTH // 8
 _TURN_BYTES = 128 // 8
 """Number of bytes of one half that are followed by bytes of the other half."""
 
+_TURNS = _HALF_HEIGHT, _ROW_BYTES // _TURN_BYTES, 2, _TURN_BYTES
+"""Shape of a frame of the full array: rows, turns, halves, and bytes."""
+
 _FRAMES_PER_HALF_FILE = 512
 _FRAMES_PER_FULL_FILE = 256
 
 
-def _reverse_bits(raw: Packed) -> Packed:
-    # This is about three times as fast as indexing a NumPy table, which requires 64-bit indices.
-    return np.frombuffer(raw.tobytes().translate(_REVERSED_BYTES), np.uint8)
-
-
 def _decode_half(raw: Packed) -> Packed:
     """Return packed frames (n, 256, 64) of the half array; the function is its own inverse."""
-    return _reverse_bits(raw).reshape(len(raw), _HALF_HEIGHT, _ROW_BYTES)
+    packed = np.array(raw, order="C").reshape(len(raw), _HALF_HEIGHT, _ROW_BYTES)
+    engine.reverse_bytes(packed.reshape(-1), None)
+    return packed
 
 
 def _decode_full(raw: Packed) -> Packed:
     """Return packed frames (n, 512, 64) of the full array."""
-    frames, turns_per_row = len(raw), _ROW_BYTES // _TURN_BYTES
-    turns = _reverse_bits(raw).reshape(frames, _HALF_HEIGHT, turns_per_row, 2, _TURN_BYTES)
-    top = turns[:, :, :, 0].reshape(frames, _HALF_HEIGHT, _ROW_BYTES)
-    bottom = turns[:, ::-1, :, 1].reshape(frames, _HALF_HEIGHT, _ROW_BYTES)
-    return np.concatenate([top, bottom], axis=1)
+    packed = np.empty((len(raw), 2 * _HALF_HEIGHT, _ROW_BYTES), np.uint8)
+    halves, turns = _halves(packed), raw.reshape(len(raw), *_TURNS)
+    halves[:, 0] = turns[:, :, :, 0]
+    halves[:, 1, ::-1] = turns[:, :, :, 1]
+    engine.reverse_bytes(packed.reshape(-1), None)
+    return packed
 
 
 def _encode_full(packed: Packed) -> Packed:
     """Return the raw bytes of packed frames: the inverse of :func:`_decode_full`."""
-    frames, turns_per_row = len(packed), _ROW_BYTES // _TURN_BYTES
-    turns = np.empty((frames, _HALF_HEIGHT, turns_per_row, 2, _TURN_BYTES), np.uint8)
-    halves = packed.reshape(frames, 2, _HALF_HEIGHT, turns_per_row, _TURN_BYTES)
+    turns = np.empty((len(packed), *_TURNS), np.uint8)
+    halves = _halves(packed)
     turns[:, :, :, 0] = halves[:, 0]
     turns[:, :, :, 1] = halves[:, 1, ::-1]
-    return _reverse_bits(turns).reshape(frames, -1)
+    engine.reverse_bytes(turns.reshape(-1), None)
+    return turns.reshape(len(packed), -1)
+
+
+def _halves(packed: Packed) -> Packed:
+    """Return a view of packed frames, divided into halves and turns."""
+    return packed.reshape(len(packed), 2, _HALF_HEIGHT, _TURNS[1], _TURNS[3])
 
 
 def open_swissspad(path: Path, options: OpenOptions, *, full: bool = False) -> Bits:

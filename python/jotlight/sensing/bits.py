@@ -1,7 +1,7 @@
 """Bits of a single-photon camera, in packed form."""
 
 import operator
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, Self, SupportsIndex, overload
 
 import numpy as np
@@ -15,9 +15,10 @@ from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import (
     Frames,
     Packed,
+    check_unpacked_size,
     format_frame_range,
     map_in_thread,
-    read_frames,
+    read_chunks,
     read_in_chunks,
 )
 from jotlight.sensing.provenance import Provenance
@@ -187,7 +188,16 @@ class Bits:
         """Return :meth:`to_array`, for ``numpy.asarray``."""
         if copy is False:
             raise ValueError("copy=False: packed bits can only be unpacked into a new array")
-        return self.to_array().astype(np.bool_ if dtype is None else dtype, copy=False)
+        dtype = np.dtype(np.bool_ if dtype is None else dtype)
+        check_unpacked_size(self.shape, dtype.itemsize)
+        return self.to_array().astype(dtype, copy=False)
+
+    def __contains__(self, frame: object) -> bool:
+        """Raise TypeError, because frames are arrays, whose comparison is an array."""
+        raise TypeError(
+            "bits: expected no `in`, which cannot compare arrays; any((frame == wanted).all() for "
+            "frame in bits) compares all frames"
+        )
 
     def windows(self, window: int, step: int | None = None) -> Iterator[Self]:
         """Return an iterator over the bits of `window` frames, from every `step`-th frame on.
@@ -213,7 +223,14 @@ class Bits:
         return (self[frames] for frames in windows(len(self), window, step))
 
     def to_array(self) -> npt.NDArray[np.bool_]:
-        """Return unpacked bits of bool, (T, H, W) or (T, H, W, C). They take 8 times the memory."""
+        """Return unpacked bits of bool, (T, H, W) or (T, H, W, C). They take 8 times the memory.
+
+        Raises
+        ------
+        MemoryError
+            When they exceed the available memory.
+        """
+        check_unpacked_size(self.shape)
         return np.unpackbits(np.asarray(self.packed), axis=2, count=self.width).view(np.bool_)
 
     def counts(
@@ -289,7 +306,7 @@ class Bits:
 
         # Reading a file takes as long as counting, and the two overlap.
         run = map_in_thread if isinstance(self.packed, Frames) else map
-        for index, _ in enumerate(run(add, _read_chunks(self.packed, chunks))):
+        for index, _ in enumerate(run(add, read_chunks(self.packed, chunks))):
             if progress:
                 progress((index + 1) / len(chunks))
         return counts
@@ -313,16 +330,6 @@ class Bits:
         plural = "" if frames == 1 else "s"
         sensor = f", {self.sensor!r}" if self.sensor else ""
         return f"<Bits: {frames} frame{plural} of {height} x {width} jots{color}{sensor}>"
-
-
-def _read_chunks(
-    packed: Packed | Frames, chunks: Iterable[tuple[range, range]]
-) -> Iterator[tuple[range, Packed]]:
-    """Yield the rows of each chunk, and its frames with all rows, which are read only once."""
-    for frames, rows in chunks:
-        if rows.start == 0:
-            part = read_frames(packed, frames.start, frames.stop)
-        yield rows, part
 
 
 def check_fits(bits: Bits, sensor: SensorLike) -> None:

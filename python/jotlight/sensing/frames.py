@@ -10,6 +10,8 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.memory import check_memory
+
 S = TypeVar("S")
 T = TypeVar("T")
 
@@ -133,6 +135,7 @@ class Frames:
     ) -> npt.NDArray[Any]:
         if copy is False:
             raise ValueError("copy=False: frames in files can only be read into a new array")
+        check_memory("frames", self.nbytes, "take a part of them, such as frames[:100]")
         array = self[:, ...]
         return np.asarray(array, dtype)
 
@@ -214,6 +217,26 @@ def read_in_chunks(
 def read_frames(frames: npt.NDArray[Any] | Frames, start: int, stop: int) -> npt.NDArray[Any]:
     """Return the frames from `start` to `stop` as an array. For an array, it is a view."""
     return frames.read(start, stop) if isinstance(frames, Frames) else frames[start:stop]
+
+
+def read_chunks(
+    packed: Packed | Frames, chunks: Iterable[tuple[range, range]]
+) -> Iterator[tuple[range, Packed]]:
+    """Yield the rows of each chunk, and its frames with all rows, which are read only once."""
+    for frames, rows in chunks:
+        if rows.start == 0:
+            part = read_frames(packed, frames.start, frames.stop)
+        yield rows, part
+
+
+def check_unpacked_size(shape: tuple[int, ...], item_bytes: int = 1) -> None:
+    """Raise MemoryError unless unpacked bits (T, H, W, ...) fit into the available memory."""
+    check_memory(
+        "bits",
+        math.prod(shape) * item_bytes,
+        "take a part of the frames (bits[:100]), iterate over them or over bits.windows(100), or "
+        "count their ones: bits.counts()",
+    )
 
 
 def map_in_thread(function: Callable[[S], T], items: Iterable[S]) -> Iterator[T]:

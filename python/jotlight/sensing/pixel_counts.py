@@ -1,6 +1,7 @@
 """The number of ones and the number of valid bits of each pixel, from bits or counts."""
 
 import dataclasses
+import os
 from collections.abc import Callable, Sequence
 from typing import Any, cast
 
@@ -13,6 +14,7 @@ from jotlight.layout import Layout
 from jotlight.sensing.bits import Bits, check_fits
 from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.merged import Merged
+from jotlight.sensing.scaled_counts import scaled_counts_hint
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.values import checked_trials
 
@@ -172,6 +174,12 @@ def prepare_data(
     >>> data.trials.tolist()
     [[4.0, 2.5]]
     """
+    if isinstance(data, str | os.PathLike):
+        raise TypeError(
+            f"data: expected bits or counts, got the path {os.fspath(data)!r}; pass "
+            "jotlight.open(path) for a capture, and sensor.expose(jotlight.read_image(path)) for a "
+            "photograph"
+        )
     if sensor is None:
         sensor = carried_sensor(data)
     if sensor is None:
@@ -326,8 +334,9 @@ def _check_jots(counts: npt.NDArray[np.int32], sensor: Sensor) -> None:
 def _check_counts(counts: npt.NDArray[np.int32], sensor: Sensor) -> None:
     maximum = counts.max()
     if maximum > sensor.trials or counts.min() < 0:
+        hint = scaled_counts_hint(counts)
         raise ValueError(
             f"counts: expected 0 to K = {sensor.trials} ones per pixel "
             f"({sensor.frames} frames of {sensor.oversampling} x {sensor.oversampling} jots), "
-            f"got {counts.min()} to {maximum}"
+            f"got {counts.min()} to {maximum}" + (f"; {hint}" if hint else "")
         )

@@ -6,6 +6,7 @@
 mod bit_planes;
 mod blocks;
 mod count;
+mod layout;
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -18,6 +19,7 @@ pub(crate) use bit_planes::{BitCounters, FRAMES_PER_GROUP};
 pub use blocks::{Blocks, add_counts_of_blocks};
 pub use count::add_block_counts;
 pub(crate) use count::{check_mask, check_sum, trials};
+pub use layout::{reverse_bytes, set_positions, transpose};
 
 /// Return the number of bytes of a packed row of `width` jots.
 #[must_use]

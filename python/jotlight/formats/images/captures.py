@@ -171,7 +171,10 @@ def _decode_png(content: bytes) -> npt.NDArray[Any]:
 
     header = check_png(content)
     if header.color_type not in (GRAYSCALE, PALETTE):
-        raise ValueError("expected gray levels, got color or transparency")
+        raise ValueError(
+            "expected gray levels, got color or transparency; if it is a photograph, `jotlight "
+            "simulate` makes a capture of it"
+        )
     shape = header.height, header.width
     check_claimed_size("the header", math.prod(shape) * max(1, header.depth // 8), len(content))
     with warnings.catch_warnings():

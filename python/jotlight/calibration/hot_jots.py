@@ -1,0 +1,182 @@
+"""Hot jots in a capture of a scene, for sensors without a dark capture."""
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.checks import as_counts, whole_number
+from jotlight.interrupts import interruptible
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.response import detection_probability, inverse_detection_probability
+
+FALSE_POSITIVE_RATE = 1e-6
+"""Default maximum probability that a jot is called hot which is not."""
+
+EXCESS = 4.0
+"""Multiple of the light of its neighbors that no jot has without being hot.
+
+A lens spreads a star over several jots. With a Gaussian spread of σ = 0.65 jots or more (a full
+width of 1.5), two of the neighbors of each jot have a quarter of its light or more.
+"""
+
+MIN_EXCESS = 1.5
+"""The same multiple where all neighbors have the same light."""
+
+EXPONENT = 3
+"""Exponent of the contrast of the 24 nearest jots. Its power is the multiple between the limits.
+
+A star that is a fraction a brighter than the sky at its peak is at least 0.3 a brighter at two of
+its neighbors. With this exponent, their contrast explains the star.
+"""
+
+Array = npt.NDArray[np.float64]
+
+
+def find_hot_jots(
+    data: Bits | npt.ArrayLike,
+    *,
+    trials: int | None = None,
+    threshold: int = 1,
+    mask: npt.NDArray[np.bool_] | None = None,
+    false_positive_rate: float = FALSE_POSITIVE_RATE,
+    threads: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> npt.NDArray[np.bool_]:
+    """Return the jots that detect far more than their neighborhood explains.
+
+    A jot is called hot if its rate of detections is more than c times that of its neighbors, in
+    two respects. First, it exceeds c times the mean of its 8 neighbors, with statistical certainty.
+    Second, its measured rate exceeds c times that of the second brightest neighbor, which spares
+    thin lines and stars. The factor c is 1.5 where the 24 nearest jots have equal light, and up to
+    4 where they differ. So weak hot jots in bright parts of the scene, and clusters of three or
+    more of them, are not found: a dark capture and :func:`jotlight.calibrate` find them all. Light
+    that falls on a single jot, and the sharp end of a line that is one jot wide, look hot.
+
+    Parameters
+    ----------
+    data : Bits (T, H, W), or array_like of int, shape (H, W)
+        Bits, or counts of single jots. Bits of color (T, H, W, C) are counted for each channel; a
+        jot is hot if it is in one of them.
+    trials : int, optional
+        Number of binary readings behind each count. Required for counts.
+    threshold : int
+        q: the number of photons that make a jot report 1.
+    mask : ndarray of bool, shape (H, W), optional
+        True marks dead jots, which are not compared.
+    false_positive_rate : float
+        Maximum probability that a jot is called hot whose rate is at most c times the mean of its
+        neighbors.
+    threads : int, optional
+        Number of threads. Default: all.
+    progress : callable, optional
+        Called repeatedly with the completed fraction, 0 to 1.
+
+    Returns
+    -------
+    ndarray of bool, shape (H, W)
+        True for hot jots. It has the form of the ``mask`` of a :class:`jotlight.Sensor`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the data have another shape, or a number is missing or out of range.
+
+    Notes
+    -----
+    The mean of the neighbors has an upper confidence limit of Clopper and Pearson with half of the
+    false-positive rate. The count of the jot then has a binomial tail probability, which must be
+    below the other half. Both are exact, whatever the rates of the neighbors are.
+
+    Examples
+    --------
+    >>> rates = np.full((32, 32), 0.02)
+    >>> rates[5, 7] = 0.5
+    >>> bits = Bits.from_array(np.random.default_rng(0).random((200, 32, 32)) < rates)
+    >>> np.argwhere(find_hot_jots(bits)).tolist()
+    [[5, 7]]
+    """
+    if not 0 < false_positive_rate <= 0.01:
+        raise ValueError(
+            f"false_positive_rate: expected a number in (0, 0.01], got {false_positive_rate!r}"
+        )
+    if isinstance(data, Bits):
+        counts, number = data.counts(1, threads=threads, progress=progress), len(data)
+    else:
+        if trials is None:
+            raise TypeError("trials: expected the number of binary readings behind each count")
+        counts, number = as_counts(data), whole_number("trials", trials, 1)
+    if counts.max() > number:
+        raise ValueError(f"counts: expected at most {number} trials, got {counts.max()}")
+    if mask is not None and mask.shape != counts.shape[:2]:
+        raise ValueError(f"mask: expected shape {counts.shape[:2]}, got {mask.shape}")
+    valid = np.ones(counts.shape[:2], bool) if mask is None else ~mask
+    hot = np.zeros(counts.shape[:2], bool)
+    for channel in np.atleast_3d(counts).transpose(2, 0, 1):
+        hot |= _find(channel, valid, number, threshold, false_positive_rate)
+    return hot
+
+
+@interruptible
+def _find(
+    counts: npt.NDArray[np.int32],
+    valid: npt.NDArray[np.bool_],
+    trials: int,
+    threshold: int,
+    rate: float,
+) -> npt.NDArray[np.bool_]:
+    """Return the hot jots of one channel."""
+    from scipy.special import bdtrc, betaincinv
+
+    padded = np.pad(np.where(valid, counts, -1), 1, constant_values=-1)
+    neighbors = _neighbors(padded, 1)
+    total = np.maximum(neighbors, 0).sum(0).astype(np.float64)
+    readings = (neighbors >= 0).sum(0) * float(trials)
+    # A line that ends at the edge of the image continues outside.
+    mirrored = np.pad(padded[1:-1, 1:-1], 2, mode="reflect")
+    second = np.partition(_neighbors(mirrored[1:-1, 1:-1], 1), -2, axis=0)[-2]
+    # Few jots can be hot. The other steps take longer.
+    candidates = valid & (counts > second) & (readings > 0)
+    factor = _largest_excess(_neighbors(mirrored, 2, candidates), trials, threshold)
+    light = _light(counts[candidates], trials, threshold)
+    brighter = light > factor * _light(np.maximum(second[candidates], 0), trials, threshold)
+    candidates[candidates] = brighter
+    factor = factor[brighter]
+    ones, total, readings = counts[candidates], total[candidates], readings[candidates]
+    saturated = total >= readings
+    limit = betaincinv(total + 1, np.where(saturated, 1, readings - total), 1 - rate / 2)
+    highest = inverse_detection_probability(threshold, limit, 1 - limit)
+    explained = np.asarray(detection_probability(threshold, factor * highest))
+    tail = bdtrc(ones - 1.0, trials, np.where(saturated, 1.0, explained))
+    hot = np.zeros(counts.shape, bool)
+    hot[candidates] = tail <= rate / 2
+    return hot
+
+
+def _largest_excess(neighbors: npt.NDArray[np.int32], trials: int, threshold: int) -> Array:
+    """Return the multiple of its neighbors' light that a jot may have, from 24 neighbors (24, n).
+
+    Where the light changes little from jot to jot, it does not change much at one of them.
+    """
+    known = np.where(neighbors < 0, np.median(neighbors, axis=0).astype(np.int32), neighbors)
+    ordered = np.partition(known, (1, -2), axis=0)
+    low, high = (_light(np.maximum(each, 0), trials, threshold) for each in ordered[[1, -2]])
+    contrast = np.divide(high, low, out=np.full(low.shape, EXCESS), where=low > 0)
+    return np.asarray(np.clip(contrast**EXPONENT, MIN_EXCESS, EXCESS))
+
+
+def _neighbors(
+    padded: npt.NDArray[np.int32], radius: int, wanted: npt.NDArray[np.bool_] | None = None
+) -> npt.NDArray[np.int32]:
+    """Return the counts of the neighbors of all jots (n, H, W), or of the wanted ones."""
+    height, width = (length - 2 * radius for length in padded.shape)
+    side = range(2 * radius + 1)
+    places = [(row, column) for row in side for column in side if (row, column) != (radius, radius)]
+    views = [padded[row : row + height, col : col + width] for row, col in places]
+    return np.stack(views if wanted is None else [view[wanted] for view in views])
+
+
+def _light(counts: npt.NDArray[np.int32], trials: int, threshold: int) -> Array:
+    """Return the most likely detected photons per frame. A count of all trials is half less."""
+    fractions = np.minimum(counts, trials - 0.5) / trials
+    return np.asarray(inverse_detection_probability(threshold, fractions, 1 - fractions))

@@ -1,0 +1,112 @@
+"""What the jots of a capture reveal without a calibration: periodic rates, and hot jots."""
+
+import dataclasses
+
+import numpy as np
+
+from jotlight.calibration import PeriodicRates, find_hot_jots, find_periodic_rates
+from jotlight.checks import Counts
+from jotlight.cli.captured import Captured
+from jotlight.cli.console import caution, progress
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.sensor import Sensor
+
+_MAX_BYTES = 1 << 26
+"""Maximum number of bytes of bits that are read for remarks."""
+
+
+def jot_remarks(counts: Counts, trials: int, sensor: Sensor) -> list[tuple[str, str]]:
+    """Return remarks about the counts of single jots, each with a label.
+
+    Parameters
+    ----------
+    counts : ndarray of int32, shape (H, W) or (H, W, C)
+        Counts of single jots.
+    trials : int
+        Number of binary readings behind each count.
+    sensor : Sensor
+        The sensor, whose dead jots are not compared.
+    """
+    periodic = find_periodic_rates(counts)
+    if periodic is not None:
+        # Under color filters, jots differ from their neighbors without being hot.
+        return [("periodic rates", describe_period(periodic))]
+    hot = find_hot_jots(counts, trials=trials, threshold=sensor.threshold, mask=sensor.mask)
+    if not hot.any():
+        return []
+    number = f"{hot.sum()} jot{'' if hot.sum() == 1 else 's'}"
+    remark = (
+        f"{number} of {hot.size} look hot, because they are much brighter than their neighbors; "
+        "--find-hot-jots treats them as dead, and `jotlight calibrate` with a dark capture finds "
+        "all hot jots"
+    )
+    return [("hot jots", remark)]
+
+
+def describe_period(periodic: PeriodicRates) -> str:
+    """Return what periodic rates mean, and how to reconstruct the capture."""
+    period, side = periodic.period, periodic.period // 2
+    mosaic = "Bayer mosaic" if period == 2 else "quad Bayer mosaic"
+    oversampling = "" if side == 1 else f"oversampling={side}, "
+    return (
+        f"the rates repeat every {period} x {period} jots, with an amplitude of "
+        f"{periodic.amplitude:.0%} of the mean, as under the color filters of a {mosaic}; the "
+        "estimate mixes the colors. In Python, reconstruct each color alone: "
+        f"jotlight.reconstruct(bits.counts({side})[0::2, 0::2], jotlight.Sensor({oversampling}"
+        "frames=len(bits))), and likewise [0::2, 1::2], [1::2, 0::2], and [1::2, 1::2]"
+    )
+
+
+def caution_about_jots(captured: Captured, threads: int | None) -> None:
+    """Print remarks about periodic rates and hot jots, from the first frames of a capture."""
+    found = _count_jots(captured, threads, _MAX_BYTES)
+    if found is not None:
+        for label, remark in jot_remarks(*found, captured.sensor):
+            caution(label, remark)
+
+
+def mask_hot_jots(captured: Captured, threads: int | None = None) -> Captured:
+    """Return a capture whose sensor's mask also marks the hot jots that its scene reveals.
+
+    Raises
+    ------
+    ValueError
+        When pixels are counted, rather than jots, or the rates are periodic.
+    """
+    found = _count_jots(captured, threads)
+    if found is None:
+        raise ValueError(
+            "find-hot-jots: expected bits, or counts of single jots, but these are counts of "
+            f"pixels of {captured.sensor.oversampling} x {captured.sensor.oversampling} jots"
+        )
+    counts, trials = found
+    periodic = find_periodic_rates(counts)
+    if periodic is not None:
+        raise ValueError(
+            "find-hot-jots: expected jots that see like their neighbors, but "
+            + describe_period(periodic)
+        )
+    sensor = captured.sensor
+    hot = find_hot_jots(counts, trials=trials, threshold=sensor.threshold, mask=sensor.mask)
+    mask = hot if sensor.mask is None else hot | sensor.mask
+    return dataclasses.replace(
+        captured,
+        sensor=sensor.replace(mask=mask) if hot.any() else sensor,
+        hot_jots=int(np.count_nonzero(hot)),
+    )
+
+
+def _count_jots(
+    captured: Captured, threads: int | None, max_bytes: int | None = None
+) -> tuple[Counts, int] | None:
+    """Return the counts of the jots and their trials, or None where only pixels are counted."""
+    data = captured.data
+    if isinstance(data, Bits):
+        if max_bytes is not None:
+            frame_bytes = max(1, data.packed.nbytes // len(data))
+            data = data[: max(1, max_bytes // frame_bytes)]
+        with progress(1) as begin:
+            return data.counts(1, threads=threads, progress=begin("counting jots")), len(data)
+    if captured.sensor.oversampling != 1:
+        return None
+    return data.sum(), captured.sensor.trials

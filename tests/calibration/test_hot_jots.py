@@ -1,0 +1,114 @@
+"""Hot jots of a scene: exact probabilities, photographs, stars, and bad input."""
+
+import numpy as np
+import pytest
+from scipy.stats import beta, binom
+
+import jotlight as jl
+from jotlight.calibration import find_hot_jots
+from jotlight.datasets import photograph
+
+
+def expose(light, frames, seed=0):
+    return np.random.default_rng(seed).binomial(frames, -np.expm1(-light)).astype(np.int32)
+
+
+def test_the_smallest_hot_count_follows_from_the_binomial_distribution():
+    for around, frames, rate in ((0, 100, 1e-6), (3, 100, 1e-3), (40, 2000, 1e-6)):
+        limit = beta.ppf(1 - rate / 2, 8 * around + 1, 8 * (frames - around))
+        factor = 1.5 if around else 4  # a contrast with 0 is unlimited
+        highest = 1 - (1 - limit) ** factor
+        counts = np.full((9, 9), around)
+        for count in range(frames + 1):
+            counts[4, 4] = count
+            found = find_hot_jots(counts, trials=frames, false_positive_rate=rate)
+            light = -np.log1p(-np.array([min(count, frames - 0.5), around]) / frames)
+            expected = (
+                binom.sf(count - 1, frames, highest) <= rate / 2 and light[0] > factor * light[1]
+            )
+            assert found[4, 4] == expected, (around, count)
+            assert found.sum() == found[4, 4]
+
+
+@pytest.mark.parametrize("threshold", [1, 3])
+@pytest.mark.parametrize("frames", [200, 2000])
+def test_hot_jots_of_a_photograph_are_found_and_nothing_else(frames, threshold):
+    rng = np.random.default_rng(0)
+    image = photograph("camera")[::2, ::2]
+    dark = np.where(rng.random(image.shape) < 0.003, 3.0, 0.0)
+    sensor = jl.Sensor(
+        frames=frames, gain=0.4 * frames * threshold, dark_counts=dark, threshold=threshold
+    )
+    found = find_hot_jots(sensor.expose(image, rng=0), threshold=threshold)
+    assert not (found & (dark == 0)).any()
+    strong = (dark > 0) & (image < 0.5)
+    assert (found & strong).sum() > 0.7 * strong.sum()
+    clean = sensor.replace(dark_counts=0).expose(image, rng=0)
+    assert not find_hot_jots(clean, threshold=threshold).any()
+
+
+@pytest.mark.parametrize("sigma", [0.65, 0.8, 1.5])
+def test_stars_are_not_hot(sigma):
+    rng = np.random.default_rng(0)
+    rows, columns = np.indices((200, 200))
+    light = np.full((200, 200), 1e-4)
+    for row, column in rng.uniform(0, 199, (300, 2)):
+        distance = (rows - row) ** 2 + (columns - column) ** 2
+        light += rng.uniform(0.1, 2) * np.exp(-distance / (2 * sigma**2))
+    assert not find_hot_jots(expose(light, 10**6), trials=10**6).any()
+
+
+def test_lines_and_pairs():
+    light = np.full((40, 40), 0.01)
+    light[10, :] = light[:, 30] = 1.0
+    assert not find_hot_jots(expose(light, 1000), trials=1000).any()
+    light[25, 5:7] = 1.0
+    found = find_hot_jots(expose(light, 1000), trials=1000)
+    assert np.argwhere(found).tolist() == [[25, 5], [25, 6]]
+
+
+def test_corners_edges_dead_jots_and_saturated_jots():
+    light = np.full((20, 20), 0.01)
+    mask = np.zeros((20, 20), bool)
+    hot = [(0, 0), (0, 7), (19, 19), (10, 10), (10, 12)]
+    for place in hot:
+        light[place] = 50.0
+    light[10, 11] = 5.0
+    mask[10, 11] = True
+    counts = expose(light, 500)
+    found = find_hot_jots(counts, trials=500, mask=mask)
+    assert [tuple(place) for place in np.argwhere(found)] == sorted(hot)
+    assert not find_hot_jots(np.full((20, 20), 500), trials=500).any()
+    alone = np.ones((1, 1), int)
+    assert not find_hot_jots(alone, trials=1).any()
+
+
+def test_a_jot_that_is_hot_in_one_color_is_hot():
+    light = np.full((20, 20, 3), 0.01)
+    light[5, 6, 1] = 1.0
+    frames = np.random.default_rng(0).random((500, *light.shape)) < light
+    assert np.argwhere(find_hot_jots(jl.Bits.from_array(frames))).tolist() == [[5, 6]]
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({}, TypeError, "trials: expected the number of binary readings"),
+        ({"trials": 4}, ValueError, "counts: expected at most 4 trials, got 5"),
+        ({"trials": 0}, ValueError, "trials: expected at least 1"),
+        ({"trials": 9, "false_positive_rate": 0.5}, ValueError, r"a number in \(0, 0.01\]"),
+        ({"trials": 9, "mask": np.zeros((3, 4), bool)}, ValueError, r"mask: expected shape"),
+    ],
+)
+def test_bad_input_is_refused(options, error, message):
+    with pytest.raises(error, match=message):
+        find_hot_jots(np.full((4, 4), 5), **options)
+
+
+def test_weak_hot_jots_are_found_where_the_light_is_even():
+    light = np.full((40, 40), 0.3)
+    light[10, 8] = 1.0
+    found = find_hot_jots(expose(light, 5000), trials=5000)
+    assert np.argwhere(found).tolist() == [[10, 8]]
+    light += 0.6 * (np.indices(light.shape)[0] % 3 == 0)
+    assert not find_hot_jots(expose(light, 5000), trials=5000).any()

@@ -1,0 +1,92 @@
+"""Periodic rates are found under mosaics, and in no scene."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.calibration import find_periodic_rates
+from jotlight.datasets import photograph
+
+SCENES = ("camera", "astronaut", "coffee")
+
+
+def expose(light, frames, seed=0):
+    return np.random.default_rng(seed).binomial(frames, -np.expm1(-light)).astype(np.int32)
+
+
+def mosaic(shape, side, levels):
+    rows, columns = (np.arange(length) // side % 2 for length in shape)
+    return np.array(levels)[rows[:, None] + columns]
+
+
+def gray(name):
+    image = photograph(name)
+    return image if image.ndim == 2 else image.mean(axis=2)
+
+
+@pytest.mark.parametrize("frames", [1, 16, 1000])
+@pytest.mark.parametrize("scene", SCENES)
+def test_a_mosaic_over_a_photograph_is_found(scene, frames):
+    image = gray(scene)
+    for side, period in ((1, 2), (2, 4)):
+        filters = mosaic(image.shape, side, [0.5, 1.0, 0.4])
+        found = find_periodic_rates(expose(0.7 * image * filters, frames))
+        assert found.period == period
+        assert found.score > 10
+        assert 0.1 < found.amplitude < 0.5
+        bits = jl.Bits.from_array(np.array([expose(0.7 * image * filters, 1)]))
+        assert find_periodic_rates(bits).period == period
+
+
+@pytest.mark.parametrize("frames", [1, 16, 1000, 10**6])
+@pytest.mark.parametrize("scene", SCENES)
+def test_a_photograph_has_no_periodic_rates(scene, frames):
+    assert find_periodic_rates(expose(0.7 * gray(scene), frames)) is None
+
+
+@pytest.mark.parametrize("oversampling", [2, 4])
+@pytest.mark.parametrize("kernel", ["box", "cubic"])
+def test_the_pixels_of_an_oversampled_sensor_are_no_period(oversampling, kernel):
+    sensor = jl.Sensor(oversampling=oversampling, frames=64, kernel=kernel)
+    assert find_periodic_rates(sensor.expose(gray("camera")[:256, :256], rng=0)) is None
+
+
+def test_stripes_edges_and_hot_jots_are_no_period():
+    rows, columns = np.indices((256, 256))
+    rng = np.random.default_rng(0)
+    for light in (
+        0.2 + 0.2 * (columns // 7.3 % 2),  # the edges continue from tile to tile
+        0.2 + 0.2 * (columns > 100) + 0.1 * (rows > 31),
+        0.001 * columns + 0.002 * rows,
+        np.where(rng.random((256, 256)) < 0.02, 2.0, 0.1),
+        0.2 + 0.1 * np.sin(0.97 * np.pi * columns),  # nearly a period of 2
+    ):
+        assert find_periodic_rates(expose(light, 1000)) is None
+
+
+@pytest.mark.parametrize(("axis", "name"), [(0, "rows"), (1, "columns")])
+def test_alternating_rows_or_columns_are_periodic(axis, name):
+    factor = 1 + 0.05 * (-1.0) ** np.indices((256, 256))[axis]
+    assert find_periodic_rates(expose(0.3 * factor, 500)).period == 2, name
+
+
+def test_the_amplitude_is_that_of_the_periodic_part():
+    factor = 1 + 0.1 * (-1.0) ** np.indices((256, 256))[0]
+    found = find_periodic_rates(np.rint(1e6 * factor).astype(np.int32))
+    assert found.amplitude == pytest.approx(0.1, rel=1e-3)
+
+
+def test_without_a_period_the_score_is_normal():
+    rng = np.random.default_rng(0)
+    from jotlight.calibration.periodic_rates import _score
+
+    scores = [_score(rng.poisson(5, (96, 96)).astype(float))[0] for _ in range(300)]
+    assert np.mean(scores) == pytest.approx(0, abs=0.2)
+    assert np.std(scores) == pytest.approx(1, abs=0.15)
+
+
+def test_colors_and_small_images_are_not_tested():
+    assert find_periodic_rates(mosaic((63, 640), 1, [1, 9, 4])) is None
+    assert find_periodic_rates(np.ones((128, 128, 3), int)) is None
+    assert find_periodic_rates(jl.Bits.from_array(np.ones((1, 128, 128, 3), bool))) is None
+    assert find_periodic_rates(np.zeros((128, 128), int)) is None

@@ -1,0 +1,83 @@
+"""Periodic rates and hot jots on the command line."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.datasets import photograph
+
+IMAGE = photograph("camera")[::2, ::2]
+
+
+@pytest.fixture
+def hot(tmp_path):
+    """Return the hot jots of a capture."""
+    hot = np.random.default_rng(0).random(IMAGE.shape) < 0.002
+    sensor = jl.Sensor(frames=200, gain=10, dark_counts=np.where(hot, 2.0, 0.0))
+    jl.save(jl.Bits(sensor.expose(IMAGE, rng=0).packed), tmp_path / "hot.npy")
+    return hot
+
+
+@pytest.fixture
+def bayer(tmp_path):
+    filters = np.tile([[0.5, 1.0], [1.0, 0.4]], (IMAGE.shape[0] // 2, IMAGE.shape[1] // 2))
+    jl.save(jl.Sensor(frames=20).expose(IMAGE * filters, rng=0), tmp_path / "bayer.npy")
+
+
+def test_hot_jots_are_reported_and_change_nothing(run, hot):
+    for command in (("info",), ("reconstruct", "--method", "mle", "-o", "a.npy")):
+        status, output = run(command[0], "hot.npy", *command[1:])
+        assert status == 0, output
+        assert " jots of 65536 look hot" in " ".join(output.split())
+        assert "--find-hot-jots" in output
+    bits = jl.open("hot.npy")
+    sensor = jl.Sensor(frames=200, max_intensity=float(np.load("a.npy").max()))
+    np.testing.assert_allclose(np.load("a.npy"), jl.mle(bits, sensor), rtol=1e-6)
+
+
+@pytest.mark.filterwarnings("default")
+def test_hot_jots_are_treated_as_dead_with_the_option(run, hot):
+    options = ("--find-hot-jots", "--method", "mle", "-o", "a.npy")
+    status, output = run("reconstruct", "hot.npy", *options)
+    assert status == 0, output
+    found = jl.calibration.find_hot_jots(jl.open("hot.npy"))
+    assert (found & hot).sum() == found.sum() > 0.8 * hot.sum()
+    assert f"hot jots in the scene, which are treated as dead: {found.sum()}" in output
+    assert "look hot" not in output
+    sensor = jl.Sensor(frames=200, mask=found, max_intensity=float(np.load("a.npy").max()))
+    with pytest.warns(jl.JotlightWarning, match="no valid bit"):
+        expected = jl.mle(jl.open("hot.npy"), sensor)
+    np.testing.assert_allclose(np.load("a.npy"), expected, rtol=1e-6)
+
+
+def test_periodic_rates_are_reported(run, bayer):
+    for command in (("info",), ("reconstruct", "-o", "a.npy")):
+        status, output = run(command[0], "bayer.npy", *command[1:])
+        assert status == 0, output
+        text = " ".join(output.split())
+        assert "the rates repeat every 2 x 2 jots" in text
+        assert "jotlight.reconstruct(bits.counts(1)[0::2, 0::2]" in text
+        assert "look hot" not in text
+
+
+def test_hot_jots_under_a_mosaic_are_not_searched(run, bayer):
+    status, output = run("reconstruct", "bayer.npy", "--find-hot-jots", "-o", "a.npy")
+    assert status == 1
+    assert "find-hot-jots: expected jots that see like their neighbors" in output
+
+
+def test_hot_jots_of_counted_pixels_are_not_searched(run, tmp_path):
+    np.save(tmp_path / "a.npy", np.ones((8, 8), np.uint16))
+    options = ("--frames", "4", "--oversampling", "2", "--find-hot-jots", "-o", "b.npy")
+    status, output = run("reconstruct", "a.npy", *options)
+    assert status == 1
+    assert "counts of pixels of 2 x 2 jots" in output
+
+
+def test_an_ordinary_capture_has_no_remarks(run, tmp_path):
+    jl.save(jl.Sensor(frames=50).expose(IMAGE, rng=0), tmp_path / "a.npy")
+    for command in (("info", "a.npy"), ("reconstruct", "a.npy", "-o", "b.npy")):
+        status, output = run(*command)
+        assert status == 0
+        assert "hot" not in output
+        assert "periodic" not in output
