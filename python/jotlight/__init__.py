@@ -42,6 +42,16 @@ from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import train
 
+
+def __getattr__(name: str) -> object:
+    """Import `jotlight.torch` when it is first used, because importing PyTorch takes seconds."""
+    if name != "torch":
+        raise AttributeError(f"module 'jotlight' has no attribute {name!r}")
+    import importlib
+
+    return importlib.import_module("jotlight.torch")
+
+
 __all__ = [
     "Bits",
     "Calibration",

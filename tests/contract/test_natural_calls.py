@@ -39,6 +39,29 @@ def test_stacks_and_colors_are_estimated_at_once():
         jl.mle(np.zeros((64, 80, 4), int), SENSOR)
 
 
+def test_networks_of_files_need_the_sensor_if_they_serve_many(tmp_path):
+    jl.pretrained(SENSOR).save(tmp_path / "mine.safetensors")
+    network = jl.Network.load(tmp_path / "mine.safetensors")
+    np.testing.assert_array_equal(network(COUNTS, SENSOR), jl.reconstruct(BITS))
+    with pytest.raises(TypeError, match=r"pass the sensor .* Sensor\(frames=16\)"):
+        network(COUNTS)
+
+
+def test_a_mosaic_of_a_camera_is_reported():
+    light = np.full((128, 128), 0.2)
+    light[::2, 1::2] = light[1::2, ::2] = 0.4
+    frames = jl.Sensor(frames=16).expose(light, rng=0).to_array()
+    with pytest.warns(jl.JotlightWarning, match="color filters of a Bayer mosaic"):
+        jl.reconstruct(jl.Bits.from_array(frames), SENSOR)
+
+
+def test_pytorch_is_found_when_it_is_installed():
+    pytest.importorskip("torch")
+    assert jl.torch.Network(jl.pretrained(SENSOR)) is not None
+    with pytest.raises(AttributeError, match="no attribute 'tensorflow'"):
+        jl.tensorflow  # noqa: B018
+
+
 def test_bits_are_like_an_array(monkeypatch):
     mpl.use("agg")
     import matplotlib.pyplot as plt

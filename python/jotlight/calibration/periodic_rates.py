@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import as_counts
+from jotlight.errors import warn
 from jotlight.sensing.bits import Bits
 
 THRESHOLD = 6.0
@@ -30,6 +31,9 @@ _TILE = 16
 _MIN_TILES = 4
 """Minimum number of rows and of columns of tiles. Fewer cannot reach the score."""
 
+_MAX_BYTES = 1 << 26
+"""Maximum number of bytes of bits that are read for a warning."""
+
 Array = npt.NDArray[np.float64]
 
 
@@ -50,6 +54,19 @@ class PeriodicRates:
     period: int
     amplitude: float
     score: float
+
+    def describe(self) -> str:
+        """Return what periodic rates mean, and how to reconstruct the capture."""
+        side = self.period // 2
+        mosaic = "Bayer mosaic" if self.period == 2 else "quad Bayer mosaic"
+        oversampling = "" if side == 1 else f"oversampling={side}, "
+        return (
+            f"the rates repeat every {self.period} x {self.period} jots, with an amplitude of "
+            f"{self.amplitude:.0%} of the mean, as under the color filters of a {mosaic}; the "
+            "estimate mixes the colors. In Python, reconstruct each color alone: "
+            f"jotlight.reconstruct(bits.counts({side})[0::2, 0::2], jotlight.Sensor({oversampling}"
+            "frames=len(bits))), and likewise [0::2, 1::2], [1::2, 0::2], and [1::2, 1::2]"
+        )
 
 
 def find_periodic_rates(
@@ -110,6 +127,14 @@ def find_periodic_rates(
         height, width = (length // 2 for length in rates.shape)
         rates = rates[: 2 * height, : 2 * width].reshape(height, 2, width, 2).sum((1, 3))
     return None
+
+
+def warn_about_period(bits: Bits, threads: int | None) -> None:
+    """Issue a warning if the rates of bits repeat. Only the first 64 MiB are read."""
+    frame_bytes = max(1, bits.packed.nbytes // len(bits))
+    periodic = find_periodic_rates(bits[: max(1, _MAX_BYTES // frame_bytes)], threads=threads)
+    if periodic is not None:
+        warn(periodic.describe())
 
 
 def _score(rates: Array) -> tuple[float, float]:

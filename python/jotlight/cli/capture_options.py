@@ -77,12 +77,16 @@ class CaptureOptions:
         float | None,
         Parameter(
             help="For images that hold means of frames: the value of a pixel that is 1 in all "
-            "frames, such as 255. --frames or --trials states the number of frames."
+            "frames, such as 255. --frames or --trials states the number of frames. Default: the "
+            "images hold whole counts."
         ),
     ] = None
     trials: Annotated[
         int | None,
-        Parameter(help="Number of frames of which each value is the mean, with --counts-scale."),
+        Parameter(
+            help="Number of frames of which each value is the mean, with --counts-scale. Default: "
+            "that of --frames."
+        ),
     ] = None
 
     def open(self, path: Path, total_trials: int | None = None) -> Capture:

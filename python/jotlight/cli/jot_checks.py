@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from jotlight.calibration import PeriodicRates, find_hot_jots, find_periodic_rates
+from jotlight.calibration import find_hot_jots, find_periodic_rates
 from jotlight.checks import Counts
 from jotlight.cli.captured import Captured
 from jotlight.cli.console import caution, progress
@@ -30,7 +30,7 @@ def jot_remarks(counts: Counts, trials: int, sensor: Sensor) -> list[tuple[str, 
     periodic = find_periodic_rates(counts)
     if periodic is not None:
         # Under color filters, jots differ from their neighbors without being hot.
-        return [("periodic rates", describe_period(periodic))]
+        return [("periodic rates", periodic.describe())]
     hot = find_hot_jots(counts, trials=trials, threshold=sensor.threshold, mask=sensor.mask)
     if not hot.any():
         return []
@@ -41,20 +41,6 @@ def jot_remarks(counts: Counts, trials: int, sensor: Sensor) -> list[tuple[str, 
         "all hot jots"
     )
     return [("hot jots", remark)]
-
-
-def describe_period(periodic: PeriodicRates) -> str:
-    """Return what periodic rates mean, and how to reconstruct the capture."""
-    period, side = periodic.period, periodic.period // 2
-    mosaic = "Bayer mosaic" if period == 2 else "quad Bayer mosaic"
-    oversampling = "" if side == 1 else f"oversampling={side}, "
-    return (
-        f"the rates repeat every {period} x {period} jots, with an amplitude of "
-        f"{periodic.amplitude:.0%} of the mean, as under the color filters of a {mosaic}; the "
-        "estimate mixes the colors. In Python, reconstruct each color alone: "
-        f"jotlight.reconstruct(bits.counts({side})[0::2, 0::2], jotlight.Sensor({oversampling}"
-        "frames=len(bits))), and likewise [0::2, 1::2], [1::2, 0::2], and [1::2, 1::2]"
-    )
 
 
 def caution_about_jots(captured: Captured, threads: int | None) -> None:
@@ -83,8 +69,7 @@ def mask_hot_jots(captured: Captured, threads: int | None = None) -> Captured:
     periodic = find_periodic_rates(counts)
     if periodic is not None:
         raise ValueError(
-            "find-hot-jots: expected jots that see like their neighbors, but "
-            + describe_period(periodic)
+            "find-hot-jots: expected jots that see like their neighbors, but " + periodic.describe()
         )
     sensor = captured.sensor
     hot = find_hot_jots(counts, trials=trials, threshold=sensor.threshold, mask=sensor.mask)

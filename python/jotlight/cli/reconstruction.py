@@ -226,6 +226,8 @@ def _estimate(
 ) -> tuple[npt.NDArray[np.float32], str]:
     """Return the estimate of an image, and how the iterations ended."""
     title = job.choice.title
+    if isinstance(data, Bits) and data.sensor is None:
+        data = Bits(data.packed, data.width, job.captured.sensor, data.provenance)
 
     def run(**settings: Any) -> tuple[npt.NDArray[np.float32], Info]:
         return reconstruct(

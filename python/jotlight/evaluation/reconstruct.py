@@ -8,6 +8,7 @@ from typing import Any, Literal, overload
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.calibration.periodic_rates import warn_about_period
 from jotlight.errors import warn
 from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.problem import ConvergenceHistories
@@ -138,7 +139,8 @@ def reconstruct(
     Warns
     -----
     JotlightWarning
-        When no shipped network serves the sensor, so that another method was chosen.
+        When no shipped network serves the sensor, so that another method was chosen. When the
+        rates of bits without a sensor of their own repeat, as under a color filter mosaic.
 
     Examples
     --------
@@ -158,6 +160,8 @@ def reconstruct(
     if sensor is None and isinstance(method, Network):
         sensor = carried_sensor(data) or method.default_sensor or method.sensor
     data, sensor = prepare_data(data, sensor, trials, channel_axis)
+    if isinstance(data, Bits) and data.sensor is None:  # from a camera, not simulated
+        warn_about_period(data, threads)
     scale = np.float32(unit_scale(sensor, units))
     start = time.perf_counter()
     if callable(method) and not isinstance(method, Network):

@@ -219,7 +219,7 @@ class Network:
         sensor : Sensor, optional
             Sensor of the data, which may have its own dead jots and dark counts. Default: the
             sensor that bits or merged counts carry, else the one for which
-            :func:`jotlight.pretrained` was called, else the network's.
+            :func:`jotlight.pretrained` was called, else that of a network for one K.
         trials : float or array_like of float, optional
             Number of binary readings behind each pixel of counts, 0 or more: a number, or a map of
             their shape. Default: the sensor's K.
@@ -246,7 +246,8 @@ class Network:
             When pixels without a valid bit were inpainted from their neighbors.
         """
         if sensor is None:
-            sensor = carried_sensor(data) or self.default_sensor or self.sensor
+            own = self.sensor if self.trials_range is None or trials is not None else None
+            sensor = carried_sensor(data) or self.default_sensor or own
         data, sensor = prepare_data(data, sensor, trials, channel_axis)
         self.check_sensor(sensor)
         images = gray_images(data)

@@ -1,11 +1,15 @@
-"""Sensors as text and as HTML."""
+"""Sensors as text and as HTML, and sensors from the metadata of files."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from jotlight.notebook import card
 from jotlight.sensing.sensor_like import SensorLike
+
+AnySensor = TypeVar("AnySensor", bound=SensorLike)
 
 
 def repr_of(sensor: SensorLike, defaults: Mapping[str, object]) -> str:
@@ -30,3 +34,28 @@ def html_of(sensor: SensorLike) -> str:
         size = " x ".join(map(str, values.shape))
         facts[name] = f"map of {size} jots, mean {float(values.mean()):.3g}"
     return card("Sensor", {name.replace("_", " "): value for name, value in facts.items()})
+
+
+def sensor_of_parts(
+    make: Callable[..., AnySensor],
+    names: Sequence[str],
+    scalars: Any,
+    maps: Mapping[str, npt.NDArray[Any]],
+) -> AnySensor:
+    """Return a sensor with parameters from files, whose names must be among `names`.
+
+    Raises
+    ------
+    ValueError
+        When the parts do not describe a sensor.
+    """
+    if not isinstance(scalars, dict):
+        raise ValueError(
+            f"sensor: expected an object with named parameters, got {type(scalars).__name__}"
+        )
+    if unknown := sorted(map(str, set(scalars) - set(names))):
+        raise ValueError(f"sensor: unknown parameters {', '.join(unknown)}")
+    try:
+        return make(**{**scalars, **maps})
+    except TypeError as error:
+        raise ValueError(f"sensor: {error}") from error

@@ -11,7 +11,7 @@ import jotlight._engine as engine
 from jotlight.checks import number_in_range, require_names, whole_number_in_range
 from jotlight.seeds import SeedLike, seed_bytes
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.description import html_of, repr_of
+from jotlight.sensing.description import html_of, repr_of, sensor_of_parts
 from jotlight.sensing.maps import LIMITS, MAPS, checked_maps
 from jotlight.sensing.simulate import (
     Window,
@@ -310,17 +310,8 @@ class Sensor:
         ValueError
             When the parts do not describe a sensor.
         """
-        if not isinstance(scalars, dict):
-            raise ValueError(
-                f"sensor: expected an object with named parameters, got {type(scalars).__name__}"
-            )
-        known = {field.name for field in dataclasses.fields(cls)}
-        if unknown := sorted(map(str, set(scalars) - known)):
-            raise ValueError(f"sensor: unknown parameters {', '.join(unknown)}")
-        try:
-            return cls(**{**scalars, **(maps or {})})
-        except TypeError as error:
-            raise ValueError(f"sensor: {error}") from error
+        names = [field.name for field in dataclasses.fields(cls)]
+        return sensor_of_parts(cls, names, scalars, maps or {})
 
     def engine_arguments(self) -> dict[str, Any]:
         """Return the sensor as the engine's simulation expects it."""
