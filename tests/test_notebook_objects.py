@@ -140,6 +140,7 @@ def test_the_html_of_an_object_is_a_small_table_and_perhaps_a_thumbnail(objects,
     assert "array(" not in text_of(shown)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WITH_PLOT)
 def test_a_figure_shows_itself_in_notebooks_without_pyplot(objects, name):
     figure = objects[name].plot()

@@ -144,6 +144,7 @@ def run_evaluate(**options):
     jl.evaluate("mle", np.full((3, 16, 16), 0.5), SENSOR, **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("run", [run_train, run_merge, run_compare, run_evaluate])
 def test_long_work_has_a_bar_in_notebooks_that_reaches_its_end(slow_notebook, run):
     run()

@@ -13,6 +13,7 @@ def expose(light, frames, seed=0):
     return np.random.default_rng(seed).binomial(frames, -np.expm1(-light)).astype(np.int32)
 
 
+@pytest.mark.slow
 def test_the_smallest_hot_count_follows_from_the_binomial_distribution():
     for around, frames, rate in ((0, 100, 1e-6), (3, 100, 1e-3), (40, 2000, 1e-6)):
         limit = beta.ppf(1 - rate / 2, 8 * around + 1, 8 * (frames - around))

@@ -73,6 +73,7 @@ def test_each_command_has_examples():
     assert list(EXAMPLES) == names
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "line"), [(name, line) for name, lines in EXAMPLES.items() for line in lines]
 )

@@ -119,6 +119,7 @@ def test_counts_are_reconstructed_by_the_network(run, photo_folder):
         np.testing.assert_array_equal(np.load("out.npy"), expected)
 
 
+@pytest.mark.slow
 def test_compare_shows_the_trained_network_where_there_is_one(run, photo_folder):
     status, output = run("compare", photo_folder / "0.png", "-k", 2, "-t", 4)
     assert status == 0

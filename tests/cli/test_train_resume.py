@@ -107,6 +107,7 @@ def test_a_terminated_run_leaves_only_its_checkpoint(photo_folder, tmp_path):
     assert np.isfinite(load_file(tmp_path / CHECKPOINT)["vector"]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("optimizer", "step"),
     [("adam", 0), ("adam", 3), ("projected-gradient", 2), ("gauss-newton", 0)],

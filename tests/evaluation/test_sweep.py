@@ -19,6 +19,8 @@ from sweep.cases import (
 from sweep.measure import check, measure
 from sweep.methods import SweptMethod, build_methods
 
+pytestmark = pytest.mark.slow
+
 METHODS = build_methods()
 CASE = Case({"oversampling": 2, "max_intensity": 0.7}, (3, 4), "half", channels=1)
 
@@ -43,7 +45,6 @@ def test_steps_that_overflow_between_unequal_jots_lead_to_no_warning(pattern):
     assert check(METHODS["uncertainty (low)"], Case(sensor, (7, 11), pattern)) == ("", False)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", METHODS)
 def test_more_adversarial_bits_lead_to_such_estimates(name):
     assert_no_violations(name, 37 * METHODS[name].stride, first=5)
@@ -94,7 +95,6 @@ def test_the_patterns_are_bits_of_the_whole_sensor(pattern):
     assert means[0] == pytest.approx(expected.get(pattern, 0.5), abs=0.05)
 
 
-@pytest.mark.slow
 def test_a_quick_sweep_reports_a_row_for_each_method():
     (row,) = measure(quick=True, only="mle-iterative (newton)")
     assert (row["part"], row["violations"]) == ("sweep", [])

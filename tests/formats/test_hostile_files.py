@@ -17,6 +17,8 @@ from examples import READERS, read_or_refused
 from examples.captures import COUNTS, open_counts
 from reference import formats as twin
 
+pytestmark = pytest.mark.slow
+
 MAX_MEMORY = 150 << 20
 """Maximum memory in bytes for a file of some kilobytes. Any file may claim 16 MiB."""
 

@@ -127,6 +127,7 @@ def test_a_full_disk_is_reported_and_leaves_no_file(tmp_path, name):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["a.npy", "a.tif", "a", "a.gif"])
 def test_a_long_film_takes_little_memory(tmp_path, name):
     image = np.random.default_rng(0).random((100, 100), np.float32)

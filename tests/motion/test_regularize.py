@@ -71,6 +71,7 @@ def test_affine_fits_are_those_of_the_twin(case):
     np.testing.assert_allclose(information, expected[1], atol=1e-6 * (1 + abs(expected[1]).max()))
 
 
+@pytest.mark.slow
 @given(cases())
 def test_fields_are_those_of_the_twin(case):
     equations, _, now, predicted, smoothness = case

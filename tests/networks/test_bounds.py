@@ -86,6 +86,7 @@ def adversarial_bits(sensor, height, width):
     return jl.Bits.from_array(bits)
 
 
+@pytest.mark.slow
 @given(absurd_networks(), st.sampled_from([(1, 1), (5, 1), (7, 13)]), st.booleans())
 @settings(max_examples=150)
 def test_a_file_with_any_parameters_is_refused_or_stays_in_its_range(case, size, masked):
