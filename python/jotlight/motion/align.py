@@ -133,7 +133,9 @@ def prepare_burst(data: Bits | CountStack, sensor: Sensor | None) -> tuple[Burst
     if sensor is None and isinstance(data, Bits):
         sensor = carried_sensor(data)
     if not isinstance(sensor, Sensor | None):
-        raise TypeError(f"sensor: expected a jotlight.Sensor, got {type(sensor).__name__}")
+        name = type(sensor).__name__
+        advice = "; pass it by its name: motion=..." if name == "Motion" else ""
+        raise TypeError(f"sensor: expected a jotlight.Sensor, got {name}{advice}")
     if isinstance(data, CountStack):
         if sensor is not None and sensor.oversampling > 1:
             raise ValueError(

@@ -3,7 +3,7 @@
 use jotlight::bits::PackedBits;
 use jotlight::error::Result;
 use jotlight::network::{self, Layer};
-use ndarray::{Array2, Array3, Axis};
+use ndarray::{Array2, Array3, ArrayViewMut2, Axis};
 use numpy::{
     IntoPyArray, PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4,
 };
@@ -12,6 +12,11 @@ use rayon::prelude::*;
 
 use super::layers::{PreparedLayer, engine_layers};
 use crate::run;
+
+/// The maximum number of pixels of images that are evaluated at the same time. Larger images have
+/// several tiles, which run in parallel, and more images at once would not fit into the caches: at
+/// 128 x 128 pixels, this took a quarter longer.
+const MAX_PIXELS_IN_PARALLEL: usize = 1 << 12;
 
 /// Return the sums p of the first layer from bits with dead jots.
 #[pyfunction]
@@ -80,7 +85,8 @@ pub fn forward_bits<'py>(
     Ok(image.into_pyarray(py))
 }
 
-/// Run `evaluate` without the GIL for each of `number` images in parallel, and return all of them.
+/// Run `evaluate` without the GIL for each of `number` images, and return all of them. Small images
+/// are evaluated in parallel.
 fn compute_images<'py>(
     py: Python<'py>,
     layers: &[Py<PreparedLayer>],
@@ -96,11 +102,17 @@ fn compute_images<'py>(
         }
         let (_, height, width) = first.dim();
         let mut images = Array3::zeros((number, height, width));
-        let places = images.axis_iter_mut(Axis(0)).into_par_iter().enumerate();
-        places.skip(1).try_for_each(|(image, mut place)| {
+        let write = |(image, mut place): (usize, ArrayViewMut2<'_, f32>)| {
             place.assign(&evaluate(&layers, image)?);
             Ok(())
-        })?;
+        };
+        let places = images.axis_iter_mut(Axis(0));
+        if height * width <= MAX_PIXELS_IN_PARALLEL {
+            let places = places.into_par_iter().enumerate();
+            places.skip(1).try_for_each(write)?;
+        } else {
+            places.enumerate().skip(1).try_for_each(write)?;
+        }
         images
             .index_axis_mut(Axis(0), 0)
             .assign(&first.index_axis(Axis(0), 0));
