@@ -39,6 +39,34 @@ def test_stacks_and_colors_are_estimated_at_once():
         jl.mle(np.zeros((64, 80, 4), int), SENSOR)
 
 
+def test_own_functions_estimate_each_channel_and_each_image_of_a_stack():
+    counts = np.stack([COUNTS, COUNTS[::-1], COUNTS[:, ::-1], COUNTS, COUNTS], axis=-1)
+    expected = jl.reconstruct(counts, SENSOR, channel_axis=-1, method="noniterative-tv")
+    found = jl.reconstruct(counts, SENSOR, channel_axis=-1, method=jl.noniterative)
+    np.testing.assert_array_equal(found, expected)
+    stack = np.moveaxis(counts, -1, 0)
+    np.testing.assert_array_equal(
+        jl.reconstruct(stack, SENSOR, method=lambda counts: counts / 16), np.float32(stack / 16)
+    )
+
+
+def test_a_stack_is_not_taken_for_colors():
+    with pytest.raises(ValueError, match="pass a list of Merged for a stack"):
+        jl.Merged(np.stack([COUNTS] * 3), 16, SENSOR)
+    maps = np.full(COUNTS.shape, 16.0)
+    estimates = jl.mle(np.stack([COUNTS] * 2), SENSOR, trials=maps)
+    np.testing.assert_array_equal(estimates[1], jl.mle(COUNTS, SENSOR))
+
+
+def test_the_uncertainty_of_a_stack_shows_its_first_image():
+    for shape, axis in (((2, 64, 80), None), ((2, 3, 64, 80), 1), ((2, 3, 64, 80), None)):
+        counts = np.broadcast_to(COUNTS, shape)
+        known = jl.uncertainty(counts, SENSOR, channel_axis=axis)
+        assert known.low.shape == shape
+        assert "<img" in known._repr_html_()
+        known.plot()
+
+
 def test_networks_of_files_need_the_sensor_if_they_serve_many(tmp_path):
     jl.pretrained(SENSOR).save(tmp_path / "mine.safetensors")
     network = jl.Network.load(tmp_path / "mine.safetensors")
@@ -50,9 +78,10 @@ def test_networks_of_files_need_the_sensor_if_they_serve_many(tmp_path):
 def test_a_mosaic_of_a_camera_is_reported():
     light = np.full((128, 128), 0.2)
     light[::2, 1::2] = light[1::2, ::2] = 0.4
-    frames = jl.Sensor(frames=16).expose(light, rng=0).to_array()
-    with pytest.warns(jl.JotlightWarning, match="color filters of a Bayer mosaic"):
-        jl.reconstruct(jl.Bits.from_array(frames), SENSOR)
+    bits = jl.Bits.from_array(jl.Sensor(frames=16).expose(light, rng=0).to_array())
+    for data in (bits, bits.counts()):
+        with pytest.warns(jl.JotlightWarning, match="color filters of a Bayer mosaic"):
+            jl.reconstruct(data, SENSOR)
 
 
 def test_pytorch_is_found_when_it_is_installed():

@@ -177,7 +177,7 @@ def test_a_perfect_estimate_has_an_infinite_psnr_also_in_the_csv(tmp_path):
         ([np.zeros((4, 4), int)], {}, TypeError, "image: expected floats"),
         ([np.full((4, 4), np.nan)], {}, ValueError, "finite"),
         ([np.zeros((0, 4))], {}, ValueError, "image: expected"),
-        ([np.zeros(4)], {}, ValueError, "image: expected"),
+        ([np.zeros(4)], {}, ValueError, "images: expected a list"),
         (IMAGES, {"rng": -1}, ValueError, "rng"),
     ],
 )

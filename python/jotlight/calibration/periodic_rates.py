@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_counts
+from jotlight.checks import Counts, as_counts
 from jotlight.errors import warn
 from jotlight.sensing.bits import Bits
 
@@ -129,10 +129,12 @@ def find_periodic_rates(
     return None
 
 
-def warn_about_period(bits: Bits, threads: int | None) -> None:
-    """Issue a warning if the rates of bits repeat. Only the first 64 MiB are read."""
-    frame_bytes = max(1, bits.packed.nbytes // len(bits))
-    periodic = find_periodic_rates(bits[: max(1, _MAX_BYTES // frame_bytes)], threads=threads)
+def warn_about_period(data: Bits | Counts, threads: int | None) -> None:
+    """Issue a warning if the rates of jots repeat. Only the first 64 MiB of bits are read."""
+    if isinstance(data, Bits):
+        frame_bytes = max(1, data.packed.nbytes // len(data))
+        data = data[: max(1, _MAX_BYTES // frame_bytes)]
+    periodic = find_periodic_rates(data, threads=threads)
     if periodic is not None:
         warn(periodic.describe())
 

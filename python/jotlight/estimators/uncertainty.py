@@ -74,17 +74,18 @@ class Uncertainty:
     def plot(self) -> "Figure":
         """Return a figure of the standard error and of the width of the interval.
 
-        The mean over the channels is shown.
+        The first image of a stack is shown, and the mean over the channels.
         """
         from jotlight.figures import Figure
 
-        height, width = self.standard_error.shape[:2]
+        height, width = _first_image(self.standard_error).shape[:2]
         figure = Figure(10, min(10.0, 0.8 + 4.2 * height / width))
         shown = {
             "standard error": self.standard_error,
             f"width of the {self.confidence_level:.0%} interval": self.high - self.low,
         }
-        for axes, (title, values) in zip(figure.subplots(1, 2), shown.items(), strict=True):
+        for axes, (title, all_values) in zip(figure.subplots(1, 2), shown.items(), strict=True):
+            values = _first_image(all_values)
             draw_map(axes, values.mean(axis=2) if values.ndim == 3 else values, title)
         return figure
 
@@ -100,11 +101,18 @@ class Uncertainty:
 
     def _repr_html_(self) -> str:
         facts = {**self._facts(), "image": "the standard error"}
-        return card("Uncertainty", facts, normalize(self.standard_error))
+        return card("Uncertainty", facts, normalize(_first_image(self.standard_error)))
 
     def __repr__(self) -> str:
         facts = ", ".join(f"{name} {value}" for name, value in self._facts().items())
         return f"<Uncertainty: {facts}>"
+
+
+def _first_image(values: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
+    """Return the first image of a stack, (H, W) or (H, W, C)."""
+    while values.ndim > 3 or (values.ndim == 3 and values.shape[2] > 4):
+        values = values[0]
+    return values
 
 
 def uncertainty(

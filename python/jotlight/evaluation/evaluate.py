@@ -15,7 +15,6 @@ from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.networks.network import Network
 from jotlight.notebook import card, table_of, text_table
 from jotlight.progress import Progress, shown_progress
-from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.sensor import Sensor
 
 METRICS = ("psnr", "snr", "ssim")
@@ -153,6 +152,10 @@ def evaluate(
     if not isinstance(rng, int | np.integer):
         raise TypeError(f"rng: expected an int, the seed of the first image, got {rng!r}")
     images = [np.asarray(image) for image in images]
+    if images and images[0].ndim < 2:
+        raise ValueError(
+            "images: expected a list of images, or an array (N, H, W); put one in a list"
+        )
     if len(images) == 0:
         raise ValueError("images: expected at least one, got none")
     names = [str(number) for number in range(len(images))] if names is None else names
@@ -165,8 +168,9 @@ def evaluate(
             estimate = reconstruct(bits, sensor, method=method, threads=threads)
             if channel_axis is not None:  # the estimate has the channels last
                 image = np.moveaxis(image, channel_axis, -1)
-            axis = last_channel_axis(image)
-            is_large = min(image.shape[:2]) >= 11
+            axis = None if channel_axis is None else -1
+            sizes = image.shape[-2:] if axis is None else image.shape[-3:-1]
+            is_large = min(sizes) >= 11
             ssim = metrics.ssim(estimate, image, channel_axis=axis) if is_large else None
             scores.append(
                 Score(name, metrics.psnr(estimate, image), metrics.snr(estimate, image), ssim)

@@ -126,9 +126,9 @@ def run_own(
 ) -> npt.NDArray[np.float32]:
     """Return the image of a function of the caller, after checking it.
 
-    The function receives bits that carry the sensor, merged counts, or an array of counts. It
-    receives the elements of a list of bits one after the other. It also receives the sensor and
-    the number of threads if it has such parameters.
+    The function receives bits that carry the sensor, merged counts, or counts (H, W). It is called
+    for each image of a stack and each channel of counts. It also receives the sensor and the number
+    of threads if it has such parameters.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def run_own(
         When the data do not fit the sensor, or the result is no image of their size.
     """
     name = getattr(method, "__name__", repr(method))
-    if isinstance(data, GrayImages) and not isinstance(data.data, np.ndarray):
+    if isinstance(data, GrayImages):
         return data.map(lambda image: run_own(method, image, sensor, threads, options))
     checked, expected = _prepare(data, sensor)
     arguments, keywords = arguments_of(method, checked, sensor, threads)
@@ -182,13 +182,12 @@ def arguments_of(
     return (data,), keywords
 
 
-def _prepare(data: PreparedData, sensor: Sensor) -> tuple[Data, tuple[int, ...]]:
+def _prepare(
+    data: Bits | Merged | npt.NDArray[np.int32], sensor: Sensor
+) -> tuple[Data, tuple[int, ...]]:
     """Return data after checking them, and the shape of the image that they show."""
     if isinstance(data, Merged):
         return data, data.shape
-    if isinstance(data, GrayImages):
-        counts = data.layout.arrange(np.asarray(data.data))
-        return counts, counts.shape
     if not isinstance(data, Bits):
         return data, data.shape
     check_fits(data, sensor)

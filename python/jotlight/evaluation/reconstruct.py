@@ -3,12 +3,13 @@
 import dataclasses
 import time
 from collections.abc import Callable
-from typing import Any, Literal, overload
+from typing import Any, Literal, TypeGuard, overload
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.calibration.periodic_rates import warn_about_period
+from jotlight.checks import Counts
 from jotlight.errors import warn
 from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.problem import ConvergenceHistories
@@ -140,7 +141,7 @@ def reconstruct(
     -----
     JotlightWarning
         When no shipped network serves the sensor, so that another method was chosen. When the
-        rates of bits without a sensor of their own repeat, as under a color filter mosaic.
+        rates of jots repeat, as under a color filter mosaic.
 
     Examples
     --------
@@ -160,7 +161,7 @@ def reconstruct(
     if sensor is None and isinstance(method, Network):
         sensor = carried_sensor(data) or method.default_sensor or method.sensor
     data, sensor = prepare_data(data, sensor, trials, channel_axis)
-    if isinstance(data, Bits) and data.sensor is None:  # from a camera, not simulated
+    if _may_be_mosaic(data, sensor):
         warn_about_period(data, threads)
     scale = np.float32(unit_scale(sensor, units))
     start = time.perf_counter()
@@ -175,6 +176,13 @@ def reconstruct(
     if scale != 1:
         estimate = estimate * scale
     return (estimate, info) if return_info else estimate
+
+
+def _may_be_mosaic(data: PreparedData, sensor: Sensor) -> TypeGuard[Bits | Counts]:
+    """Return whether data may come from a camera, and show single jots."""
+    if isinstance(data, Bits):
+        return data.sensor is None or data.provenance is not None
+    return isinstance(data, np.ndarray) and sensor.oversampling == 1
 
 
 def _run(

@@ -133,9 +133,10 @@ def prepare_burst(data: Bits | CountStack, sensor: Sensor | None) -> tuple[Burst
     if sensor is None and isinstance(data, Bits):
         sensor = carried_sensor(data)
     if not isinstance(sensor, Sensor | None):
-        name = type(sensor).__name__
-        advice = "; pass it by its name: motion=..." if name == "Motion" else ""
-        raise TypeError(f"sensor: expected a jotlight.Sensor, got {name}{advice}")
+        raise TypeError(
+            f"sensor: expected a jotlight.Sensor, got {type(sensor).__name__}; pass other "
+            "arguments by their names, such as motion=motion"
+        )
     if isinstance(data, CountStack):
         if sensor is not None and sensor.oversampling > 1:
             raise ValueError(

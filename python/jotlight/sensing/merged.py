@@ -14,6 +14,9 @@ from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.values import checked_trials, numbers_from_zero
 
+_MAX_CHANNELS = 4
+"""Largest number of channels. Longer last axes are likely to be columns of a stack."""
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Merged:
@@ -69,8 +72,11 @@ class Merged:
         if not isinstance(self.sensor, Sensor):
             raise TypeError(f"sensor: expected a jotlight.Sensor, got {type(self.sensor).__name__}")
         ones = as_counts(self.ones)
-        if ones.ndim > 3:
-            raise ValueError(f"ones: expected shape (H, W) or (H, W, C), got {ones.shape}")
+        if ones.ndim > 3 or (ones.ndim == 3 and ones.shape[2] > _MAX_CHANNELS):
+            raise ValueError(
+                f"ones: expected shape (H, W), or (H, W, C) with at most {_MAX_CHANNELS} channels, "
+                f"got {ones.shape}; pass a list of Merged for a stack"
+            )
         checked = {
             "ones": ones,
             "trials": checked_trials(self.trials, ones),

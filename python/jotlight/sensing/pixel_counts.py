@@ -183,7 +183,9 @@ def prepare_data(
     if sensor is None:
         sensor = carried_sensor(data)
     if sensor is None:
-        name = "these bits" if isinstance(data, Bits) else "counts"
+        is_array = isinstance(data, np.ndarray | list | tuple)
+        other = "counts" if is_array else f"data of type {type(data).__name__}"
+        name = "these bits" if isinstance(data, Bits) else other
         raise TypeError(
             f"sensor: expected a jotlight.Sensor, because {name} carry none; pass the sensor that "
             "recorded them, such as Sensor(frames=16) for 16 trials per pixel"
@@ -209,6 +211,8 @@ def prepare_data(
     images: Any = np.ascontiguousarray(layout.split(counts))
     if trials is not None:
         _check_jots(images, sensor)
+        if np.ndim(trials) == 2 and np.shape(trials) == images.shape[1:]:
+            trials = layout.arrange(np.broadcast_to(trials, images.shape))
         checked = checked_trials(trials, counts)
         own = layout.split(checked) if isinstance(checked, np.ndarray) else [checked] * len(images)
         images = [_merge_counts(*each, sensor) for each in zip(images, own, strict=True)]

@@ -14,6 +14,10 @@ MAX_BYTES = 1 << 26
 """Maximum number of bytes of bits that a preview reads."""
 
 
+_SIDE = 384
+"""Shorter side of the image of a table in a notebook, in pixels, before it is reduced further."""
+
+
 class BitsLike(Protocol):
     """The part of :class:`jotlight.Bits` that a preview uses."""
 
@@ -28,7 +32,9 @@ class BitsLike(Protocol):
     def counts(self, oversampling: int) -> npt.NDArray[np.int32]: ...  # noqa: D102
 
 
-def preview(bits: BitsLike, max_bytes: int = MAX_BYTES) -> tuple[npt.NDArray[np.floating], range]:
+def preview(
+    bits: BitsLike, max_bytes: int = MAX_BYTES, max_side: int | None = None
+) -> tuple[npt.NDArray[np.floating], range]:
     """Return an image from 0 to 1, and the frames that it shows: the first ones.
 
     A single frame is shown as it is. Of several frames, each pixel shows the fraction of ones, and
@@ -40,19 +46,26 @@ def preview(bits: BitsLike, max_bytes: int = MAX_BYTES) -> tuple[npt.NDArray[np.
         The bits.
     max_bytes : int
         Maximum number of bytes to read, unless one frame has more.
+    max_side : int, optional
+        Squares of pixels are averaged until the shorter side is at most about twice as long.
     """
     frame_bytes = max(1, bits.packed.nbytes // len(bits))
     frames = range(min(len(bits), max(1, max_bytes // frame_bytes)))
     part = bits[: len(frames)]
     side = part.sensor.oversampling if part.sensor else 1
-    image = part.counts(side) / (len(frames) * side**2)
-    return normalize(image), frames
+    counts = part.counts(side)
+    factor = max(1, min(counts.shape[:2]) // max_side) if max_side else 1
+    height, width = (length // factor for length in counts.shape[:2])
+    counts = counts[: height * factor, : width * factor]
+    squares = counts.reshape(height, factor, width, factor, *counts.shape[2:])
+    image = squares.mean(axis=(1, 3)) if factor > 1 else counts
+    return normalize(image / (len(frames) * side**2)), frames
 
 
 def html_of(bits: BitsLike) -> str:
     """Return HTML that describes bits, for notebooks."""
     frames, height, width, *channels = bits.shape
-    image, shown = preview(bits)
+    image, shown = preview(bits, max_side=_SIDE)
     facts: dict[str, Any] = {"frames": frames, "jots": f"{height} x {width}"}
     if channels:
         facts["channels"] = channels[0]

@@ -236,7 +236,7 @@ class Sensor:
         -------
         Bits
             The packed bits. Their sensor is this sensor, cropped to the tile and the frames. For a
-            stack, a list with the bits of each image, which have different seeds.
+            stack, a flat list with the bits of each image, which have different seeds.
 
         Raises
         ------

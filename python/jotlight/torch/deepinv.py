@@ -74,8 +74,18 @@ class SensorPhysics(Physics):  # type: ignore[misc, unused-ignore]
         """Return the maximum-likelihood estimate of each pixel for the box kernel, in [0, S].
 
         It is not differentiable.
+
+        Raises
+        ------
+        ValueError
+            When y has another shape, or numbers that are not whole.
         """
-        data = y.detach().cpu().numpy().astype(np.int32)
+        values = y.detach().cpu().numpy()
+        data = np.rint(values).astype(np.int32)
+        is_bits = self.sensing.output == "bits"
+        if y.ndim != 4 or (not is_bits and y.shape[1] != 1) or not (data == values).all():
+            shape = "bits (N, T, H, W)" if is_bits else "whole counts (N, 1, H, W)"
+            raise ValueError(f"y: expected {shape}, got {y.dtype} of shape {tuple(y.shape)}")
         if self.sensing.output == "bits":
             estimates = [mle(Bits.from_array(bits), self._box_sensor) for bits in data]
         else:
