@@ -115,7 +115,7 @@ def test_arrays_of_an_archive_are_listed_from_their_headers(run):
 
 
 def test_verify_prints_its_result_after_the_facts(run, tmp_path):
-    np.save(tmp_path / "a.npy", np.full((4, 2, 3), 7, np.uint8))
+    np.save(tmp_path / "a.npy", np.full((4, 3, 2), 7, np.uint8))
     lines = lines_of(run, "a.npy", "--verify", "--frame-range", "0:2")
     assert "frames 2" in lines
     assert "all 4 frames are readable" in lines[-1]

@@ -1,5 +1,7 @@
 """Means of frames on the command line."""
 
+import warnings
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -35,7 +37,44 @@ def test_the_scale_is_proposed(run, counts):
     for options in ((), ("--frames", "16")):
         status, output = run("reconstruct", "mean.png", *options, "-o", "a.png")
         assert status == 1
-        assert "--counts-scale 255 and --frames 16" in output
+        assert "--counts-scale 255 and --trials 16" in output
+
+
+def test_means_that_are_taken_for_counts_of_255_frames_are_warned_about(run, counts, tmp_path):
+    options = ("--frames", "255", "--method", "mle", "-o", "a.npy")
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        status, output = run("reconstruct", "mean.png", *options)
+    assert status == 0
+    assert "warning: mean.png: the values look like means of 16 frames" in output
+    levels = np.arange(24 * 32, dtype=np.uint8).reshape(24, 32)
+    Image.fromarray(levels).save(tmp_path / "counts.png")
+    assert run("reconstruct", "counts.png", *options)[0] == 0  # a warning would be an error
+
+
+def test_a_black_and_white_image_is_proposed_as_bits(run, tmp_path):
+    frame = random_frames((24, 32))
+    Image.fromarray(frame.astype(np.uint8) * 255).save(tmp_path / "frame.png")
+    status, output = run("reconstruct", "frame.png", "-o", "a.npy")
+    assert status == 1
+    assert "--unpacked" in output
+    options = ("--unpacked", "--method", "mle", "--max-intensity", "5")
+    assert run("reconstruct", "frame.png", *options, "-o", "a.npy")[0] == 0
+    np.testing.assert_array_equal(np.load("a.npy") > 0, frame)
+
+
+def test_the_proposal_for_a_folder_of_means_works(run, tmp_path):
+    (tmp_path / "means").mkdir()
+    frames = random_frames((3, 16, 24, 32))
+    for index, part in enumerate(frames):
+        image = Image.fromarray(np.rint(part.mean(0) * 255).astype(np.uint8))
+        image.save(tmp_path / f"means/{index}.png")
+    status, output = run("reconstruct", "means", "-o", "a.npy")
+    assert status == 1
+    assert "--counts-scale 255 and --trials 16" in output
+    options = ("--counts-scale", "255", "--trials", "16")
+    assert run("convert", "means", *options, "-o", "a.tif")[0] == 0
+    np.testing.assert_array_equal(jl.open("a.tif"), frames.sum((0, 1)))
 
 
 def test_means_are_converted_to_counts(run, counts):

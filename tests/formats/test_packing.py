@@ -43,9 +43,9 @@ def test_unpacked_frames_are_bits_on_request(tmp_path, white, shape, ending):
 
 
 def test_frames_that_look_packed_are_accepted(tmp_path):
-    dark = np.zeros((50, 6, 4), np.uint8)
+    dark = np.zeros((50, 6, 5), np.uint8)
     dark[:, 2, 1] = 1  # a hot jot, the last of its byte
-    for cube in (dark, dark * 0, dark * 0 + 255, np.packbits(random_frames((5, 6, 32)), axis=2)):
+    for cube in (dark, dark * 0, dark * 0 + 255, np.packbits(random_frames((5, 6, 40)), axis=2)):
         np.save(tmp_path / "a.npy", cube)
         np.testing.assert_array_equal(jl.open(tmp_path / "a.npy").packed, cube)
     jl.save(jl.Bits(np.tile(np.uint8([0, 1]), (2, 9, 9))), tmp_path / "a.npy")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tifffile
 from PIL import Image
 
 import jotlight as jl
@@ -48,12 +49,37 @@ def test_a_numpy_array_with_a_scale_holds_counts(tmp_path):
     np.testing.assert_array_equal(counts, frames.sum((0, 1)))
 
 
+@pytest.mark.parametrize("trials", [32, 64, 128])
+def test_a_multiple_of_the_true_trials_is_warned_about(tmp_path, trials):
+    save_means(tmp_path / "mean.png", random_frames((16, 20, 30)))
+    with pytest.warns(jl.JotlightWarning, match=r"means of 16 explain all.*pass trials=16"):
+        jl.open(tmp_path / "mean.png", counts_scale=255, trials=trials)
+
+
+@pytest.mark.parametrize("ending", ["npy", "npz", "tif"])
+def test_float_means_open_as_counts(tmp_path, ending):
+    frames = random_frames((16, 20, 30))
+    path, means = tmp_path / f"a.{ending}", frames.mean(0, dtype=np.float32)
+    if ending == "tif":
+        tifffile.imwrite(path, means)
+    else:
+        (np.save if ending == "npy" else np.savez)(path, means)
+    np.testing.assert_array_equal(jl.open(path, counts_scale=1, trials=16), frames.sum(0))
+    with pytest.raises(ValueError, match="16 explains all values"):
+        jl.open(path, counts_scale=1)
+    with pytest.raises(ValueError, match="expected multiples of 1 / 15"):
+        jl.open(path, counts_scale=1, trials=15)
+    with pytest.raises(ValueError, match="floats are an image of intensities, or means"):
+        jl.open(path)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"counts_scale": 255}, "trials: mean.png: expected.*; 16 explains all values"),
         ({"counts_scale": 255, "trials": 7}, "mean.png: counts_scale: expected multiples of"),
         ({"counts_scale": 255, "trials": 171}, "trials: expected at most 170"),
+        ({"counts_scale": 1, "trials": 16}, "counts_scale: .* only floats hold means"),
         ({"counts_scale": 255, "trials": 0}, "trials: expected at least 1, got 0"),
         ({"counts_scale": -1, "trials": 16}, "counts_scale: expected"),
         ({"counts_scale": np.nan, "trials": 16}, "counts_scale: expected"),
@@ -96,6 +122,20 @@ def test_a_color_png_may_be_a_photograph(tmp_path):
     Image.new("RGB", (20, 20)).save(tmp_path / "photo.png")
     with pytest.raises(ValueError, match="if it is a photograph, `jotlight simulate`"):
         jl.open(tmp_path / "photo.png")
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+def test_a_photograph_in_an_array_is_not_taken_for_bits(tmp_path, channels):
+    path = tmp_path / "photo.npy"
+    photo = np.random.default_rng(0).integers(0, 256, (20, 30, channels), np.uint8)
+    np.save(path, photo)
+    with pytest.raises(ValueError, match=r"color photograph, .*simulate.*--bits"):
+        jl.open(path)
+    for options in ({"counts": False}, {"unpacked": False}, {"width": 8 * channels}):
+        assert jl.open(path, **options).shape == (20, 30, 8 * channels)
+    np.testing.assert_array_equal(jl.open(path, counts=True), photo)
+    jl.save(jl.Bits(photo), path)
+    assert jl.open(path).shape == (20, 30, 8 * channels)
 
 
 @pytest.mark.parametrize("path", ["photo.jpg", Path("capture.bin")])

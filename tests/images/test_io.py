@@ -223,6 +223,45 @@ def test_no_image_is_mapped_into_memory(tmp_path, monkeypatch, ending):
     assert maps == []
 
 
+@pytest.mark.parametrize("image", [GRAY, COLOR], ids=["gray", "color"])
+def test_exr_reads_back(tmp_path, image):
+    exr = pytest.importorskip("OpenEXR")
+    jl.save_image(tmp_path / "a.exr", 100 * image)
+    again = read_image(tmp_path / "a.exr")
+    assert again.dtype == np.float32
+    np.testing.assert_array_equal(again, (100 * image).astype(np.float32))
+    half = np.ascontiguousarray(image, np.float16)
+    names = {"Y": half} if image.ndim == 2 else {"RGBA": np.dstack([half, half[..., :1]])}
+    header = {"compression": exr.PIZ_COMPRESSION, "type": exr.scanlineimage}
+    exr.File(header, names).write(str(tmp_path / "half.exr"))
+    np.testing.assert_array_equal(read_image(tmp_path / "half.exr"), half.astype(np.float32))
+
+
+def test_damaged_and_other_exr_are_refused(tmp_path):
+    exr = pytest.importorskip("OpenEXR")
+    path = tmp_path / "a.exr"
+    jl.save_image(path, COLOR)
+    content = path.read_bytes()
+    corner = struct.pack("<4i", 0, 0, 6, 4)
+    assert content.count(corner) == 2  # the data window and the display window
+    huge = content.replace(corner, struct.pack("<4i", 0, 0, 99_999, 99_999))
+    for damaged in (b"", content[:200], content[:-20], b"x" + content, huge):
+        path.write_bytes(damaged)
+        with pytest.raises(ValueError, match=r"a\.exr: the EXR file cannot be read"):
+            read_image(path)
+    header = {"compression": exr.ZIP_COMPRESSION, "type": exr.scanlineimage}
+    exr.File(header, {"Z": GRAY}).write(str(path))
+    with pytest.raises(ValueError, match=r"expected the channel Y or R, G, and B, got \['Z'\]"):
+        read_image(path)
+
+
+def test_exr_without_its_package_names_the_extra(tmp_path, monkeypatch):
+    (tmp_path / "a.exr").write_bytes(b"")
+    monkeypatch.setattr("jotlight.images.exr.find_spec", lambda name: None)
+    with pytest.raises(jl.MissingExtraError, match=r"jotlight\[exr\]"):
+        read_image(tmp_path / "a.exr")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("photo", ["camera", "astronaut"])
 def test_a_png_is_written_as_fast_as_with_pillow(tmp_path, photo):

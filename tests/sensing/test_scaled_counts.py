@@ -6,7 +6,13 @@ import pytest
 import jotlight as jl
 from examples.arrays import random_frames
 from jotlight.datasets import photograph
-from jotlight.sensing.scaled_counts import recognize_trials, scaled_counts_hint, unscale_counts
+from jotlight.sensing.scaled_counts import (
+    check_trials,
+    find_fewer_trials,
+    recognize_trials,
+    scaled_counts_hint,
+    unscale_counts,
+)
 
 
 @pytest.mark.parametrize("rounding", [np.rint, np.floor, lambda x: np.floor(x + 0.5)])
@@ -24,7 +30,7 @@ def test_the_number_of_trials_is_recognized(trials):
     for scale in (255, 65535):
         values = np.rint(counts * scale / trials).astype(np.int64)
         assert recognize_trials(values, scale) == trials
-        assert f"trials={trials} (--frames {trials})" in scaled_counts_hint(values)
+        assert f"trials={trials} (--trials {trials})" in scaled_counts_hint(values)
 
 
 @pytest.mark.parametrize(
@@ -33,7 +39,6 @@ def test_the_number_of_trials_is_recognized(trials):
         np.arange(20),
         random_frames((30, 20, 20)).sum(0),
         np.rint(255 * photograph("camera")).astype(int),
-        np.array([0, 255]),
         np.array([-255, 0, 64, 128]),
         np.array([0, 100, 70000]),
     ],
@@ -46,6 +51,74 @@ def test_counts_photographs_and_bits_have_no_scale(values):
 def test_other_values_are_refused(values):
     with pytest.raises(ValueError, match=r"counts_scale: expected (multiples of 255 / 16|values)"):
         unscale_counts(np.array(values), 255, 16)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("scale", [1, 255])
+def test_float_means_of_all_numbers_of_trials_are_counts(dtype, scale):
+    for trials in (1, 3, 16, 255, 1000, 65535):
+        counts = np.arange(trials + 1)
+        means = (counts.astype(np.float32) / np.float32(trials) * np.float32(scale)).astype(dtype)
+        np.testing.assert_array_equal(unscale_counts(means, scale, trials), counts)
+    assert recognize_trials(np.arange(17).astype(dtype) / 16, 1) == 16
+
+
+def test_floats_that_hold_rounded_means_are_counts():
+    values = np.rint(np.arange(17) * 255 / 16).astype(np.float32)
+    np.testing.assert_array_equal(unscale_counts(values, 255, 16), np.arange(17))
+
+
+@pytest.mark.parametrize("value", [0.03, 0.0624, np.nan, np.inf, -1.0, 17 / 16])
+def test_other_floats_are_refused(value):
+    with pytest.raises(ValueError, match=r"counts_scale: expected (multiples of 1 / 16|values)"):
+        unscale_counts(np.array([0, value], np.float32), 1, 16)
+
+
+def test_the_type_limits_the_number_of_trials():
+    check_trials(np.dtype(np.float16), 1, 64)
+    with pytest.raises(ValueError, match="at most 64, because float16 rounds"):
+        check_trials(np.dtype(np.float16), 1, 65)
+    with pytest.raises(ValueError, match=r"holds uint8 .* only floats hold means"):
+        check_trials(np.dtype(np.uint8), 1, 16)
+
+
+@pytest.mark.parametrize("factor", [2, 4, 8])
+def test_a_multiple_of_the_number_of_trials_is_found(factor):
+    counts = random_frames((16, 20, 30)).sum(0)
+    values = np.rint(counts * 255 / 16).astype(int)
+    assert find_fewer_trials(unscale_counts(values, 255, 16 * factor), 16 * factor) == 16
+    assert find_fewer_trials(unscale_counts(values, 255, 16), 16) is None
+
+
+def test_few_counts_in_a_dark_image_allow_no_conclusion():
+    counts = np.zeros((20, 30), int)
+    assert find_fewer_trials(counts, 16) is None
+    counts[0, :15] = 2
+    assert find_fewer_trials(counts, 16) is None
+    counts[0, 15] = 4
+    assert find_fewer_trials(counts, 16) == 8
+    counts[1, 1] = 1
+    assert find_fewer_trials(counts, 16) is None
+
+
+@pytest.mark.parametrize("scale", [255, 65535])
+def test_black_and_white_images_are_proposed_as_bits(scale):
+    values = random_frames((20, 30)) * np.uint16(scale)
+    hint = scaled_counts_hint(values)
+    assert f"only 0 and {scale}" in hint
+    assert "(--unpacked)" in hint
+    with pytest.raises(ValueError, match=r"0 to K = 1 .*--unpacked"):
+        jl.mle(values, jl.Sensor(frames=1))
+
+
+def test_the_formula_for_arrays_returns_the_counts():
+    counts = random_frames((16, 20, 30)).sum(0)
+    values = np.rint(counts * 255 / 16).astype(np.uint8)
+    with pytest.raises(ValueError, match="K = 16") as error:
+        jl.reconstruct(values, jl.Sensor(frames=16))
+    formula = "np.rint(x / 255 * 16).astype(int)"
+    assert formula in str(error.value)
+    np.testing.assert_array_equal(eval(formula, {"np": np, "x": values}), counts)
 
 
 def test_methods_propose_the_scale_of_scaled_counts():

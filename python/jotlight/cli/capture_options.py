@@ -8,10 +8,13 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from jotlight.cli.common_options import CAPTURE_PANEL
+from jotlight.errors import warn
 from jotlight.formats import FORMATS, open_capture
-from jotlight.formats.capture import Capture
+from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.orientation import FLIPS
 from jotlight.formats.scaled import unscale
+from jotlight.sensing.frames import read_frames
+from jotlight.sensing.scaled_counts import SCALES, scaled_counts_hint
 
 _KEY = "Name of the array in a .npz, .mat, HDF5 file or zarr folder. Default: its only array."
 
@@ -77,15 +80,15 @@ class CaptureOptions:
         float | None,
         Parameter(
             help="For images that hold means of frames: the value of a pixel that is 1 in all "
-            "frames, such as 255. --frames or --trials states the number of frames. Default: the "
-            "images hold whole counts."
+            "frames, such as 255, or 1 for floats. --trials states the number of frames. Default: "
+            "the images hold whole counts."
         ),
     ] = None
     trials: Annotated[
         int | None,
         Parameter(
             help="Number of frames of which each value is the mean, with --counts-scale. Default: "
-            "that of --frames."
+            "the frames of the whole capture, where a command has --frames, per image."
         ),
     ] = None
 
@@ -103,6 +106,8 @@ class CaptureOptions:
         if self.counts_scale is None:
             if self.trials is not None:
                 raise ValueError("trials: states the frames of each mean, with --counts-scale")
+            if isinstance(capture, CountStack) and total_trials is not None:
+                _warn_about_means(capture, total_trials / len(capture))
             return capture
         trials = self.trials
         if trials is None and total_trials is not None:
@@ -127,6 +132,7 @@ class CaptureOptions:
             counts=True if scaled and self.counts is None else self.counts,
             unpacked=self.unpacked,
             isolate=self.isolate,
+            means=scaled,
         )
 
     def to_argv(self, key_option: str = "--key") -> list[str]:
@@ -164,6 +170,16 @@ class TargetCaptureOptions(CaptureOptions):
     """
 
     key: Annotated[str | None, Parameter(name="--sensor-key", help=_KEY)] = None
+
+
+def _warn_about_means(stack: CountStack, trials: float) -> None:
+    """Issue a warning if the counts of 255 or 65535 trials look like means of fewer frames."""
+    if trials not in SCALES:
+        return
+    values = read_frames(stack.images, 0, 1)
+    hint = scaled_counts_hint(values) if stack.trials is None else None
+    if hint is not None:
+        warn(f"{stack.provenance.name}: {hint}")
 
 
 def parse_frame_range(text: str | None) -> slice | None:

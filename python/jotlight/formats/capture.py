@@ -31,7 +31,7 @@ class CountStack:
     """
 
     images: npt.NDArray[Any] | Frames
-    """Integers, (T, H, W) or (T, H, W, C)."""
+    """Integers, (T, H, W) or (T, H, W, C), or floats that :func:`unscale` turns into integers."""
     provenance: Provenance
     trials: int | None = None
     """Number of binary readings behind each count of one image, if the file states it."""
@@ -104,7 +104,8 @@ class CountStack:
         if total.any() and not any((row % 255).any() for row in total):
             warn(
                 f"{name}: all of its counts are multiples of 255, as in a black-and-white image "
-                "where 255 stands for a count of 1"
+                "where 255 stands for a count of 1; unpacked=True (--unpacked) reads the bits of "
+                "such an image"
             )
         return total.view(np.int32)
 
@@ -139,7 +140,11 @@ def is_single_image(shape: tuple[int, ...]) -> bool:
 
 
 def as_count_stack(
-    images: npt.NDArray[Any] | Frames, provenance: Provenance, label: str | None = None
+    images: npt.NDArray[Any] | Frames,
+    provenance: Provenance,
+    label: str | None = None,
+    *,
+    means: bool = False,
 ) -> CountStack:
     """Return images of counts as a stack.
 
@@ -152,6 +157,8 @@ def as_count_stack(
         Provenance of the images.
     label : str, optional
         The label that jotlight wrote into the file, which states the number of trials.
+    means : bool
+        Whether the numbers are means of frames, which may be floats.
 
     Raises
     ------
@@ -159,7 +166,13 @@ def as_count_stack(
         When the shape or the type does not fit, or the label is invalid.
     """
     shape = images.shape
-    if images.dtype.kind not in "iub" or len(shape) not in (2, 3, 4) or images.size == 0:
+    if images.dtype.kind == "f" and not means:
+        raise ValueError(
+            f"expected counts in whole numbers, got {images.dtype} of shape {shape}; floats are an "
+            "image of intensities, or means of frames, which need counts_scale= (--counts-scale), "
+            "such as 1, and trials= (--trials)"
+        )
+    if images.dtype.kind not in "iubf" or len(shape) not in (2, 3, 4) or images.size == 0:
         raise ValueError(
             "expected counts as integers of shape (H, W), (T, H, W), (H, W, C) or "
             f"(T, H, W, C), without a dimension of 0, got {images.dtype} of shape {shape}"

@@ -94,8 +94,25 @@ def _open_array(
             f"got {array.dtype} of shape {array.shape}"
         )
     if not counts and is_cube:
+        stated = counts is False or options.packed or options.width is not None
+        if description is None and not stated:
+            _refuse_photograph(array.shape, path)
         return open_cube(array, path, name, options.width, description, check=not options.packed)
-    return as_count_stack(array, Provenance(name, path.name), label)
+    return as_count_stack(array, Provenance(name, path.name), label, means=options.means)
+
+
+def _refuse_photograph(shape: tuple[int, ...], path: Path) -> None:
+    """Raise ValueError for an array of three dimensions that may be a photograph in color.
+
+    As packed bits, it would have at most 32 jots in a row. Packed bits with color channels have
+    four dimensions.
+    """
+    if len(shape) == 3 and shape[2] in (3, 4):
+        raise ValueError(
+            f"{path}: uint8 of shape {shape} looks like a color photograph, of which `jotlight "
+            f"simulate` makes a capture; if it is {shape[0]} frames of packed bits, pass "
+            "counts=False (--bits); if it is an image of counts, counts=True (--counts)"
+        )
 
 
 def _is_npy_gz(path: Path) -> bool:

@@ -61,7 +61,8 @@ def open(
     counts : bool, optional
         Whether the numbers are counts (True) or bits (False). By default, three kinds of arrays are
         bits: those that jotlight labeled as bits, uint8 (T, H, W / 8) in a `.npy`, and bool
-        (T, H, W). All others are counts.
+        (T, H, W). All others are counts. uint8 (H, W, 3) and (H, W, 4) in a `.npy`, which may be
+        a photograph in color, require `counts`.
     unpacked : bool, optional
         Whether each number is one bit, as 0 and 1 or 0 and 255 (True), or each byte holds eight
         bits (False). Default: each byte holds eight bits, but frames that look unpacked are
@@ -72,7 +73,7 @@ def open(
         this function or when the bits are read later.
     counts_scale : float, optional
         For images that hold the means of frames: the value of a pixel that is 1 in all frames, such
-        as 255. The result is the counts. Requires `trials`.
+        as 255, or 1 for floats. The result is the counts. Requires `trials`.
     trials : int, optional
         Number of frames of which each value is the mean. Only with `counts_scale`.
 
@@ -121,6 +122,7 @@ def open(
         counts=True if counts_scale is not None and counts is None else counts,
         unpacked=unpacked,
         isolate=isolate,
+        means=counts_scale is not None,
     )
     if counts_scale is not None:
         capture = unscale(capture, counts_scale, trials)
@@ -177,12 +179,14 @@ def _open_once(
     counts: bool | None = None,
     unpacked: bool | None = None,
     isolate: bool = False,
+    means: bool = False,
 ) -> Capture:
     """Return a capture whose copies hold its content."""
     if format is not None and format not in FORMATS:
         raise ValueError(f"format: expected one of {', '.join(FORMATS)}, got {format!r}")
     entry = FORMATS[format or detect_format(path)]
-    options = OpenOptions(key, counts, width, packed=unpacked is False, isolate=isolate)
+    packed = unpacked is False
+    options = OpenOptions(key, counts, width, means=means, packed=packed, isolate=isolate)
     _check_options(path, entry, options, unpacked)
     try:
         if unpacked:

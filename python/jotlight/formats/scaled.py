@@ -7,10 +7,16 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import positive_number, whole_number
+from jotlight.errors import warn
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_frames
-from jotlight.sensing.scaled_counts import recognize_trials, unscale_counts
+from jotlight.sensing.scaled_counts import (
+    check_trials,
+    find_fewer_trials,
+    recognize_trials,
+    unscale_counts,
+)
 
 
 def unscale(capture: Capture, scale: float, trials: int | None) -> CountStack:
@@ -28,8 +34,9 @@ def unscale(capture: Capture, scale: float, trials: int | None) -> CountStack:
     Raises
     ------
     ValueError
-        When the capture has no scaled counts, or a number is missing or out of range. Reading the
-        images raises it, too, for values that are not multiples of scale / trials.
+        When the capture has no scaled counts, a number is missing or out of range, or values of
+        the first image are not multiples of scale / trials. Reading the other images raises it for
+        their values.
 
     Examples
     --------
@@ -53,11 +60,7 @@ def unscale(capture: Capture, scale: float, trials: int | None) -> CountStack:
     if trials is None:
         raise ValueError(f"trials: {_missing_trials(capture, scale)}")
     trials = whole_number("trials", trials, 1)
-    if trials > scale / 1.5:
-        raise ValueError(
-            f"trials: expected at most {int(scale / 1.5)}, because the scale {scale:g} rounds the "
-            f"counts of more trials, got {trials}"
-        )
+    check_trials(capture.images.dtype, scale, trials)
     images = capture.images
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
@@ -66,6 +69,12 @@ def unscale(capture: Capture, scale: float, trials: int | None) -> CountStack:
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from error
 
+    fewer = find_fewer_trials(read(0, 1), trials)
+    if fewer is not None:
+        warn(
+            f"{name}: is read as means of {trials} frames, but means of {fewer} explain all values "
+            f"of the first image; if {fewer} is right, pass trials={fewer} (--trials {fewer})"
+        )
     verify = images.verify if isinstance(images, Frames) else lambda: None
     counts = Frames(images.shape, read, np.int32, verify)
     note = f"means of {trials} frames, times {scale:g}"
@@ -77,7 +86,7 @@ def unscale(capture: Capture, scale: float, trials: int | None) -> CountStack:
 def _missing_trials(stack: CountStack, scale: float) -> str:
     text = (
         f"{stack.provenance.name}: expected, beside the scale, the number of frames of which each "
-        "value is the mean; pass trials= (--frames)"
+        "value is the mean; pass trials= (--trials)"
     )
     trials = recognize_trials(read_frames(stack.images, 0, 1), scale)
     return text if trials is None else f"{text}; {trials} explains all values of the first image"

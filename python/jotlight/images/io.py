@@ -46,7 +46,7 @@ def read_image(
     Parameters
     ----------
     path : path
-        PNG, JPEG, any other format that Pillow reads, TIFF, or `.npy`.
+        PNG, JPEG, any other format that Pillow reads, TIFF, OpenEXR, or `.npy`.
     white : float, optional
         The level that becomes intensity 1. Default: the full scale of 8-bit photographs and of
         16-bit PNG, and 1 for floats. Other integers require `white`: their scale is unknown.
@@ -62,6 +62,8 @@ def read_image(
     ------
     OSError, ValueError
         If the file cannot be read, or its scale is unknown.
+    MissingExtraError
+        If `.exr` needs the package OpenEXR.
 
     Examples
     --------
@@ -78,6 +80,8 @@ def read_image(
         array, scale = read_npy(path), None
     elif path.suffix.lower() in (".tif", ".tiff"):
         array, scale = _read_tiff(path)
+    elif path.suffix.lower() == ".exr":
+        array, scale = _read_exr(path), None
     else:
         array, scale = _read_with_pillow(path)
     if array.dtype.kind not in "iuf":
@@ -187,6 +191,31 @@ def _read_tiff(path: Path) -> tuple[npt.NDArray[Any], float | None]:
     if array.ndim == 3 and array.shape[2] == 4:  # transparency
         array = array[..., :3]
     return array, 255.0 if array.dtype == np.uint8 else None
+
+
+def _read_exr(path: Path) -> npt.NDArray[np.float32]:
+    """Return the values of an image with channel Y or R, G, and B."""
+    check_exr()
+    import OpenEXR
+
+    try:
+        with OpenEXR.File(str(path), header_only=True) as file:
+            if len(file.parts) != 1:
+                raise ValueError(f"expected one image, got {len(file.parts)}")
+            header = file.header()
+            (left, top), (right, bottom) = (corner.tolist() for corner in header["dataWindow"])
+            size = (right - left + 1) * (bottom - top + 1) * 4 * len(header["channels"])
+            check_claimed_size("the header", size, path.stat().st_size, frame_bytes=size)
+            names = {channel.name for channel in header["channels"]}
+        if names not in ({"Y"}, {"Y", "A"}, {"R", "G", "B"}, {"R", "G", "B", "A"}):
+            raise ValueError(f"expected the channel Y or R, G, and B, got {sorted(names)}")
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            channels = {name: channel.pixels for name, channel in file.channels().items()}
+    except Exception as error:  # any type: OpenEXR raises RuntimeError and others
+        raise ValueError(f"{path}: the EXR file cannot be read ({error})") from error
+    if "Y" in names:
+        return np.asarray(channels["Y"], np.float32)
+    return np.stack([np.asarray(channels[name], np.float32) for name in "RGB"], axis=-1)
 
 
 def image_writer(

@@ -1,5 +1,6 @@
 """Counts from images that hold the means of frames, times a scale such as 255."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -19,19 +20,53 @@ _MIN_STEP = 2
 _MAX_TRIALS = 4096
 """Maximum number of trials that is recognized."""
 
+_MIN_NONZERO = 16
+"""Minimum number of pixels above 0 from which a common divisor of counts is no coincidence."""
+
+
+def check_trials(dtype: np.dtype[Any], scale: float, trials: int) -> None:
+    """Raise ValueError if values of a type cannot distinguish counts of this number of trials.
+
+    Examples
+    --------
+    >>> check_trials(np.dtype(np.float32), 1, 16)
+    >>> check_trials(np.dtype(np.uint8), 255, 171)
+    Traceback (most recent call last):
+    ...
+    ValueError: trials: expected at most 170, because the scale 255 rounds the counts of more ...
+    """
+    if dtype.kind == "f":
+        limit = int(0.25 / _float_tolerance(dtype))
+        what = f"{dtype} rounds"
+    else:
+        limit = int(scale / 1.5)
+        what = f"the scale {scale:g} rounds"
+    if limit < 1:
+        raise ValueError(
+            f"counts_scale: expected a scale such as 255 or 65535, because the image holds {dtype} "
+            f"and whole numbers round means of the scale {scale:g} to 0 or 1; only floats hold "
+            "means of this scale"
+        )
+    if trials > limit:
+        raise ValueError(
+            f"trials: expected at most {limit}, because {what} the counts of more trials, got "
+            f"{trials}"
+        )
+
 
 def unscale_counts(values: npt.NDArray[Any], scale: float, trials: int) -> Counts:
-    """Return the counts k of integers that are scale · k / trials, rounded or truncated.
+    """Return the counts k of numbers that are scale · k / trials.
 
     Parameters
     ----------
-    values : ndarray of int
-        Any shape.
+    values : ndarray of int or float
+        Any shape. Integers may be rounded or truncated. Floats may differ by the rounding of their
+        type, or be rounded to whole numbers like integers.
     scale : float
         The value of a pixel that is 1 in all trials.
     trials : int
-        K, at most `scale` / 1.5. With more trials, a value could be a rounded count and, as well,
-        another count that was truncated.
+        K. For integers, it is at most `scale` / 1.5. With more trials, a value could be a rounded
+        count and, as well, another count that was truncated.
 
     Raises
     ------
@@ -42,7 +77,11 @@ def unscale_counts(values: npt.NDArray[Any], scale: float, trials: int) -> Count
     --------
     >>> unscale_counts(np.array([0, 16, 64, 255]), 255, 16).tolist()
     [0, 1, 4, 16]
+    >>> unscale_counts(np.array([0, 0.0625, 1], np.float32), 1, 16).tolist()
+    [0, 1, 16]
     """
+    if values.dtype.kind == "f":
+        return _unscale_floats(values, scale, trials)
     counts = np.rint(values * (trials / scale))
     if _is_rounded(values, counts * (scale / trials)):
         return _checked(values, counts, scale, trials)
@@ -50,18 +89,61 @@ def unscale_counts(values: npt.NDArray[Any], scale: float, trials: int) -> Count
     truncated = np.floor(counts * (scale / trials) + 1e-9)
     if np.array_equal(values, truncated):
         return _checked(values, counts, scale, trials)
-    wrong = values.flat[int(np.argmax(values != truncated))]
-    raise ValueError(
+    raise _not_scaled(values, values != truncated, scale, trials)
+
+
+def _unscale_floats(values: npt.NDArray[Any], scale: float, trials: int) -> Counts:
+    exact = values.astype(np.float64) * (trials / scale)
+    counts = np.rint(exact)
+    # The comparison is false for NaN and, as infinity minus infinity is NaN, for infinity.
+    with np.errstate(invalid="ignore"):
+        wrong = ~(abs(exact - counts) <= _float_tolerance(values.dtype) * trials)
+    if not wrong.any():
+        return _checked(values, counts, scale, trials)
+    whole = np.isfinite(values).all() and (values == np.rint(values)).all()
+    if whole and trials <= scale / 1.5 and abs(values).max() <= scale:
+        return unscale_counts(values.astype(np.int64), scale, trials)
+    raise _not_scaled(values, wrong, scale, trials)
+
+
+def _float_tolerance(dtype: np.dtype[Any]) -> float:
+    """Return the relative error of means of a type. Many float64 were float32 before."""
+    return 4 * float(max(np.finfo(dtype).eps, np.finfo(np.float32).eps))
+
+
+def _not_scaled(
+    values: npt.NDArray[Any], wrong: npt.NDArray[np.bool_], scale: float, trials: int
+) -> ValueError:
+    return ValueError(
         f"counts_scale: expected multiples of {scale:g} / {trials}, rounded or truncated, got "
-        f"{wrong}; state the number of frames behind each value, and the value of a pixel that is "
-        "1 in all of them"
+        f"{values.flat[int(np.argmax(wrong))]}; state the number of frames behind each value, and "
+        "the value of a pixel that is 1 in all of them"
     )
+
+
+def find_fewer_trials(counts: Counts, trials: int) -> int | None:
+    """Return a smaller number of trials that explains all counts just as well, or None.
+
+    If means of 16 frames are read as means of 64, all counts are multiples of 4.
+
+    Examples
+    --------
+    >>> find_fewer_trials(4 * np.arange(17), 64)
+    16
+    >>> find_fewer_trials(np.arange(17), 16) is None
+    True
+    """
+    if np.count_nonzero(counts) < _MIN_NONZERO:
+        return None
+    divisor = math.gcd(trials, *np.unique(counts).tolist())
+    return trials // divisor if divisor > 1 else None
 
 
 def recognize_trials(values: npt.NDArray[Any], scale: float) -> int | None:
     """Return the smallest number of trials for which values are scaled counts, or None.
 
-    It is at most half the scale. All images have values that are scaled counts for more trials.
+    For integers, it is at most half the scale. All images of integers have values that are scaled
+    counts for more trials.
 
     Examples
     --------
@@ -70,17 +152,22 @@ def recognize_trials(values: npt.NDArray[Any], scale: float) -> int | None:
     >>> recognize_trials(np.arange(256), 255) is None
     True
     """
-    levels = np.unique(values)
-    if len(levels) < _MIN_LEVELS or levels[0] < 0 or levels[-1] > scale:
+    levels, floats = np.unique(values), values.dtype.kind == "f"
+    if len(levels) < _MIN_LEVELS or not (levels[0] >= 0 and levels[-1] <= scale):
         return None
-    for trials in range(len(levels) - 1, min(_MAX_TRIALS, int(scale / _MIN_STEP)) + 1):
-        if _is_rounded(levels, np.rint(levels * (trials / scale)) * (scale / trials)):
+    most = _MAX_TRIALS if floats else min(_MAX_TRIALS, int(scale / _MIN_STEP))
+    for trials in range(1 if floats else len(levels) - 1, most + 1):
+        if floats:
+            exact = levels.astype(np.float64) * (trials / scale)
+            if (abs(exact - np.rint(exact)) <= _float_tolerance(values.dtype) * trials).all():
+                return trials
+        elif _is_rounded(levels, np.rint(levels * (trials / scale)) * (scale / trials)):
             return trials
     return None
 
 
 def scaled_counts_hint(values: npt.NDArray[Any]) -> str | None:
-    """Return the advice to state the scale if values look like scaled counts, or None.
+    """Return the advice to state the scale if integers look like scaled counts, or None.
 
     Examples
     --------
@@ -93,7 +180,14 @@ def scaled_counts_hint(values: npt.NDArray[Any]) -> str | None:
             return (
                 f"the values look like means of {trials} frames times {scale}; if they are, open "
                 f"the file with counts_scale={scale} (--counts-scale {scale}) and trials={trials} "
-                f"(--frames {trials})"
+                f"(--trials {trials}); the counts of an array x are "
+                f"np.rint(x / {scale} * {trials}).astype(int)"
+            )
+        if np.array_equal(np.unique(values), [0, scale]):
+            return (
+                f"the values are only 0 and {scale}, as in a black-and-white image of one frame; "
+                "if they are its bits, open the file with unpacked=True (--unpacked); the counts "
+                f"of an array x are np.rint(x / {scale}).astype(int)"
             )
     return None
 

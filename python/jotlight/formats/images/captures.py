@@ -40,7 +40,7 @@ _PILLOW_SCALE = {2: 85, 4: 17}
 
 def open_tiff(path: Path, options: OpenOptions) -> Capture:
     """Return the counts in a TIFF file, or in a folder of them in natural order."""
-    return _open_images(path, _TIFF_EXTENSIONS, TIFF.name, _read_tiff)
+    return _open_images(path, _TIFF_EXTENSIONS, TIFF.name, _read_tiff, options.means)
 
 
 def open_png(path: Path, options: OpenOptions) -> Capture:
@@ -64,6 +64,7 @@ def _open_images(
     extensions: tuple[str, ...],
     name: str,
     read: Callable[[Path], tuple[Frames, str | None]],
+    means: bool = False,
 ) -> Capture:
     files = list_files(path, extensions, name.upper())
     parts, labels = zip(*map(read, files), strict=True)
@@ -78,7 +79,8 @@ def _open_images(
     if frames.dtype == np.bool_ and frames.ndim == 3:
         provenance = provenance.with_notes("black-and-white images are frames of bits, white for 1")
         return Bits(pack_lazily(frames, path.name), frames.shape[2], provenance=provenance)
-    return as_count_stack(frames, provenance, labels[0] if len(files) == 1 else None)
+    label = labels[0] if len(files) == 1 else None
+    return as_count_stack(frames, provenance, label, means=means)
 
 
 def _read_tiff(path: Path) -> tuple[Frames, str | None]:
@@ -99,10 +101,9 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None]:
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error
     if not verified and parse_label(description, COUNTS) is not None:
         raise missing_error(path)
-    if len(shape) not in (2, 3, 4) or dtype.kind not in "biu":
+    if len(shape) not in (2, 3, 4) or dtype.kind not in "biuf":
         raise ValueError(
-            f"{path}: expected counts in whole numbers, (H, W) or (T, H, W), got {dtype} of "
-            f"shape {shape}; floats are an image of intensities"
+            f"{path}: expected counts, (H, W) or (T, H, W), got {dtype} of shape {shape}"
         )
     stack_shape = (1, *shape) if single else shape
 
