@@ -70,6 +70,7 @@ def test_periodic_rates_of_a_film_of_counts_are_reported(run, bayer, tmp_path):
     assert "the rates repeat every 2 x 2 jots" in " ".join(output.split())
 
 
+@pytest.mark.filterwarnings("default")
 def test_the_option_is_not_recommended_after_its_use(run, tmp_path):
     light = np.full((32, 32), 0.005)
     light[16, 16:19] = 4.0, 0.6, 0.08  # each jot looks hot when the one before it is masked
