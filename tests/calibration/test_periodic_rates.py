@@ -1,5 +1,7 @@
 """Periodic rates are found under mosaics, and in no scene."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -90,3 +92,21 @@ def test_colors_and_small_images_are_not_tested():
     assert find_periodic_rates(np.ones((128, 128, 3), int)) is None
     assert find_periodic_rates(jl.Bits.from_array(np.ones((1, 128, 128, 3), bool))) is None
     assert find_periodic_rates(np.zeros((128, 128), int)) is None
+
+
+@pytest.mark.parametrize(("side", "oversampling"), [(1, 1), (1, 2), (2, 1)])
+def test_the_advice_returns_the_intensities_of_each_color(side, oversampling):
+    pixels = 128 * side // oversampling
+    sensor = jl.Sensor(oversampling=oversampling, frames=64, gain=6.4 * oversampling**2,
+                       dark_counts=0.05, efficiency=0.7, max_intensity=8)  # fmt: skip
+    levels = mosaic((128 * side, 128 * side), side, [2.0, 4.0, 1.0])
+    jots = jl.Sensor(frames=64, gain=6.4, dark_counts=0.05, efficiency=0.7)
+    bits = jl.Bits(jots.expose(levels, rng=0).packed, 128 * side, sensor)
+    assert bits.counts(oversampling).shape == (pixels, pixels)
+    advice = find_periodic_rates(bits).describe()
+    call = re.search(r"jotlight\.reconstruct\(.*?\[0::2, 0::2\], .*?\)\)", advice)[0]
+    for position, level in (("0::2, 0::2", 2), ("0::2, 1::2", 4), ("1::2, 1::2", 1)):
+        code = call.replace("0::2, 0::2", position)
+        color = eval(code, {"jotlight": jl, "bits": bits, "sensor": bits.sensor})
+        assert color.shape == (64, 64)
+        assert color.mean() == pytest.approx(level, rel=0.02)

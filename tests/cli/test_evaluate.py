@@ -235,6 +235,22 @@ def test_a_function_in_the_current_folder_is_evaluated(run, photo_folder, tmp_pa
     assert f"{own_module}:fails raised ZeroDivisionError" in output
 
 
+@pytest.mark.parametrize(
+    ("options", "status", "message"),
+    [
+        (("-m", "own_cli_module"), 1, "pass MODULE:FUNCTION to the commands"),
+        (("-m", "own_cli_module.py:mean"), 1, "did you mean own_cli_module:mean?"),
+        (("-m", "mle", "-m", "admm-tv"), 2, "specified multiple times"),
+    ],
+)
+def test_a_method_that_is_no_single_function_is_refused(
+    run, photo_folder, own_module, options, status, message
+):
+    code, output = run("evaluate", photo_folder, *options)
+    assert code == status
+    assert message in " ".join(output.split())
+
+
 def test_a_quality_selects_the_trained_network(run, photo_folder):
     status, output = run("evaluate", photo_folder, "--quality", "small")
     assert status == 0

@@ -51,13 +51,37 @@ def test_hot_jots_are_treated_as_dead_with_the_option(run, hot):
 
 
 def test_periodic_rates_are_reported(run, bayer):
-    for command in (("info",), ("reconstruct", "-o", "a.npy")):
+    film = ("film", "--window", "5", "-m", "mle", "-o", "b.npy")
+    for command in (("info",), ("reconstruct", "-o", "a.npy"), film):
         status, output = run(command[0], "bayer.npy", *command[1:])
         assert status == 0, output
         text = " ".join(output.split())
         assert "the rates repeat every 2 x 2 jots" in text
         assert "jotlight.reconstruct(bits.counts(1)[0::2, 0::2]" in text
         assert "look hot" not in text
+
+
+def test_periodic_rates_of_a_film_of_counts_are_reported(run, bayer, tmp_path):
+    bits = jl.open("bayer.npy")
+    np.savez(tmp_path / "counts.npz", [bits[start : start + 5].counts() for start in (0, 5, 10)])
+    options = ("--frames", "15", "--window", "1", "-m", "mle", "-o", "a.npy")
+    status, output = run("film", "counts.npz", *options)
+    assert status == 0, output
+    assert "the rates repeat every 2 x 2 jots" in " ".join(output.split())
+
+
+@pytest.mark.filterwarnings("default")
+def test_the_option_is_not_recommended_after_its_use(run, tmp_path):
+    light = np.full((32, 32), 0.005)
+    light[16, 16:19] = 4.0, 0.6, 0.08  # each jot looks hot when the one before it is masked
+    bits = jl.Sensor(frames=5000, max_intensity=9).expose(light, rng=0)
+    jl.save(bits, tmp_path / "a.npy")
+    first = jl.calibration.find_hot_jots(bits)
+    assert jl.calibration.find_hot_jots(bits, mask=first).any()
+    status, output = run("reconstruct", "a.npy", "--find-hot-jots", "-m", "mle", "-o", "b.npy")
+    assert status == 0, output
+    assert "hot jots in the scene, which are treated as dead" in output
+    assert "look hot" not in output
 
 
 def test_hot_jots_under_a_mosaic_are_not_searched(run, bayer):

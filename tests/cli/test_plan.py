@@ -37,6 +37,13 @@ def test_the_command_prints_the_required_frames_and_draws_the_figure(run, tmp_pa
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize(("command", "options"), [("plan", ()), ("train", ("-o", "a.safetensors"))])
+def test_hot_jots_are_searched_only_in_captures(run, command, options):
+    status, output = run(command, "0.1", "--find-hot-jots", *options)
+    assert status == 2
+    assert "Unknown option: --find-hot-jots" in output
+
+
 @pytest.mark.slow
 def test_a_calibration_is_replaced_by_its_median_jot(run):
     rng = np.random.default_rng(0)

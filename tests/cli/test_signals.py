@@ -57,11 +57,12 @@ def test_a_signal_ends_a_command_silently_and_leaves_no_files(large_capture, nam
 
 
 @pytest.mark.parametrize(
-    ("stop", "status"), [("raise KeyboardInterrupt", 130), ("sys.exit(143)", 143)]
+    ("stop", "status"),
+    [("raise KeyboardInterrupt", 130), ("signal.raise_signal(signal.SIGTERM)", 143)],
 )
 def test_a_stopped_process_does_not_wait_for_its_threads(stop, status):
     code = f"""
-import atexit, sys, threading, time
+import atexit, signal, threading, time
 from jotlight.cli import app
 atexit.register(print, "Python ended, while a thread still ran")
 def command(*arguments, **options):

@@ -19,6 +19,16 @@ def mean(bits, sensor):
 def fails(bits):
     values = {}
     return values["missing"]
+
+def exits(bits):
+    raise SystemExit(3)
+
+def fails_in_two_lines(bits):
+    raise ValueError("first line\\nsecond line")
+
+def is_stopped(bits):
+    from jotlight.cli.signals import StoppedBySignalError
+    raise StoppedBySignalError(143)
 """
 
 
@@ -65,6 +75,20 @@ def test_an_exception_names_the_function_and_its_line(folder):
         import_method("own_module:fails")(None)
 
 
+def test_an_exit_of_the_function_is_an_error_of_one_line(folder):
+    with pytest.raises(ValueError, match=r"own_module:exits raised SystemExit: 3 \("):
+        import_method("own_module:exits")(None)
+    with pytest.raises(ValueError, match=r"raised ValueError: first line \(") as caught:
+        import_method("own_module:fails_in_two_lines")(None)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_signal_during_the_function_ends_the_process(folder):
+    with pytest.raises(SystemExit) as caught:
+        import_method("own_module:is_stopped")(None)
+    assert caught.value.code == 143
+
+
 @pytest.mark.parametrize(
     ("reference", "error", "message"),
     [
@@ -74,15 +98,17 @@ def test_an_exception_names_the_function_and_its_line(folder):
         ("own_module.inner:f", ImportError, "there is no module own_module.inner"),
         ("own_broken:f", ImportError, "the import of own_broken failed: No module named 'nothing"),
         ("own_syntax:f", ImportError, "the import of own_syntax failed: SyntaxError"),
+        ("own_exit:f", ImportError, "the import of own_exit failed: SystemExit: bye"),
         ("own_module:", ValueError, "expected MODULE:FUNCTION"),
         (":mean", ValueError, "expected MODULE:FUNCTION"),
         ("../own_module:mean", ValueError, "expected MODULE:FUNCTION"),
-        ("own_module.py:mean", ImportError, "there is no module own_module.py"),
+        ("own_module.py:mean", ImportError, "did you mean own_module:mean"),
         ("mle", ValueError, "expected MODULE:FUNCTION, such as mine:denoise"),
     ],
 )
 def test_a_reference_to_no_function_is_refused(folder, reference, error, message):
     (folder / "own_broken.py").write_text("import nothing_of_this_name")
+    (folder / "own_exit.py").write_text("raise SystemExit('bye')")
     (folder / "own_syntax.py").write_text("def f(:")
     with pytest.raises(error, match=message):
         import_method(reference)

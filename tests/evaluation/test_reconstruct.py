@@ -165,6 +165,7 @@ def test_many_trials_have_another_default():
         ({"method": "noniterative-tv", "denoiser": "nlm"}, TypeError, "has the options inverse;"),
         ({"quality": "small", "sigma": 1}, TypeError, "sigma: network-small has no options"),
         ({"method": "network-mediun"}, ValueError, "did you mean network-medium"),
+        ({"method": "mle:denoise"}, ValueError, "in Python pass the function itself"),
         ({"uncertainty": True}, TypeError, "uncertainty: without a method"),
         ({"method": jl.pretrained(SENSOR), "weight": 1.0}, ValueError, "weight: is not an option"),
         ({"method": lambda _: np.zeros(3)}, ValueError, r"shape \(32, 48\) from <lambda>, got"),

@@ -59,13 +59,14 @@ class PeriodicRates:
         """Return what periodic rates mean, and how to reconstruct the capture."""
         side = self.period // 2
         mosaic = "Bayer mosaic" if self.period == 2 else "quad Bayer mosaic"
-        oversampling = "" if side == 1 else f"oversampling={side}, "
         return (
             f"the rates repeat every {self.period} x {self.period} jots, with an amplitude of "
             f"{self.amplitude:.0%} of the mean, as under the color filters of a {mosaic}; the "
-            "estimate mixes the colors. In Python, reconstruct each color alone: "
-            f"jotlight.reconstruct(bits.counts({side})[0::2, 0::2], jotlight.Sensor({oversampling}"
-            "frames=len(bits))), and likewise [0::2, 1::2], [1::2, 0::2], and [1::2, 1::2]"
+            "estimate mixes the colors. In Python, load the bits, and reconstruct each color "
+            f"alone: jotlight.reconstruct(bits.counts({side})[0::2, 0::2], "
+            f"sensor.replace(oversampling={side})), and likewise [0::2, 1::2], [1::2, 0::2], and "
+            "[1::2, 1::2]. The sensor states all frames, the gain, the dark counts, and the "
+            "efficiency; its maps need the jots of the color"
         )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.console import caution
-from jotlight.cli.sensor_options import CalibratedSensorOptions
+from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.evaluation.choice import Choice
 from jotlight.formats.capture import Capture
 from jotlight.motion.detection import THRESHOLD, motion_score
@@ -24,7 +24,7 @@ _CLIPPED = 0.98
 def training_advice(
     path: Path,
     capture: CaptureOptions,
-    sensor: CalibratedSensorOptions,
+    sensor: CapturedSensorOptions,
     *,
     window: int | None,
     is_bits: bool,
@@ -35,7 +35,7 @@ def training_advice(
     ----------
     path : Path
         Capture.
-    capture, sensor : CaptureOptions, CalibratedSensorOptions
+    capture, sensor : CaptureOptions, CapturedSensorOptions
         Options of the capture and its sensor.
     window : int or None
         Frames of each image of a film.
@@ -46,7 +46,7 @@ def training_advice(
     argv = [
         *("jotlight", "train", "--sensor", str(path)),
         *capture.to_argv("--sensor-key"),
-        *dataclasses.replace(sensor, frames=frames).to_argv(),
+        *dataclasses.replace(sensor, frames=frames, find_hot_jots=False).to_argv(),
         *("--quality", CONDITIONAL_SIZE, "-o", "model.safetensors"),
     ]
     return (

@@ -13,7 +13,7 @@ from jotlight.cli.console import err, error, out, show_warning
 from jotlight.cli.convert import convert
 from jotlight.cli.demo import demo
 from jotlight.cli.evaluate import evaluate
-from jotlight.cli.examples import help_epilogue
+from jotlight.cli.examples import USAGES, help_epilogue, overview_epilogue
 from jotlight.cli.film import film
 from jotlight.cli.fine_tune import fine_tune
 from jotlight.cli.info import info
@@ -22,6 +22,7 @@ from jotlight.cli.reconstruct import reconstruct
 from jotlight.cli.reproduce import reproduce
 from jotlight.cli.signals import (
     STOPPED_BY_SIGNAL,
+    StoppedBySignalError,
     end_at_once,
     exit_on_signals,
     silence_pending_tasks,
@@ -62,6 +63,7 @@ app = App(
     # An option that occurs twice takes its last value, as in most shells' tools.
     default_parameter=Parameter(negative=(), allow_repeating=True, show_default=_shown_default),
     group_parameters=Group("Options", sort_key=0),
+    help_epilogue=overview_epilogue(),
     help_format="markdown",
     console=out,
     error_console=err,
@@ -69,7 +71,13 @@ app = App(
 )
 for number, command in enumerate(COMMANDS):
     name = command.__name__.replace("_", "-")
-    app.command(command, name=name, sort_key=number, help_epilogue=help_epilogue(name))
+    app.command(
+        command,
+        name=name,
+        sort_key=number,
+        usage=USAGES.get(name),
+        help_epilogue=help_epilogue(name),
+    )
 app.register_install_completion_command(help="Install completion for the current shell.")
 
 
@@ -114,8 +122,8 @@ def main() -> None:
     exit_on_signals()
     try:
         status = run(sys.argv[1:])
-    except SystemExit as stop:  # a signal
-        status = int(stop.code or 0)
+    except StoppedBySignalError as stop:
+        status = stop.args[0]
     if status >= STOPPED_BY_SIGNAL:
         end_at_once(status)
     sys.exit(status)

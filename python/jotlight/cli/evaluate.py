@@ -39,7 +39,12 @@ def evaluate(
     *,
     method: Annotated[
         str | None,
-        Parameter(alias="-m", help=f"One of {NAMES}; or {OWN}. Default: {DEFAULT_METHOD}."),
+        Parameter(
+            alias="-m",
+            # Other commands compare the methods of a repeated option. This one runs one method.
+            allow_repeating=False,
+            help=f"One of {NAMES}; or {OWN}. Default: {DEFAULT_METHOD}.",
+        ),
     ] = None,
     quality: Quality = None,
     model: Model = None,

@@ -61,6 +61,20 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
 """Command lines by the name of the command."""
 
 
+OVERVIEW = (
+    "jotlight demo",
+    "jotlight simulate photo.png -o capture.npy",
+    "jotlight reconstruct capture.npy -o image.png",
+)
+"""Command lines for the help page of all commands."""
+
+USAGES = {
+    "calibrate": "Usage: jotlight calibrate --output PATH [OPTIONS] DARK [FLAT]",
+    "train": "Usage: jotlight train --output PATH [OPTIONS] [IMAGES]",
+}
+"""Usage lines of the commands with optional arguments, which cyclopts does not name."""
+
+
 def help_epilogue(command: str) -> str:
     """Return the examples of a command as Markdown.
 
@@ -72,4 +86,13 @@ def help_epilogue(command: str) -> str:
         jotlight info capture.npy
         jotlight info mine.safetensors
     """
-    return "\n".join(("**Examples**", "", *(f"    {line}" for line in EXAMPLES[command])))
+    return _as_markdown(EXAMPLES[command])
+
+
+def overview_epilogue() -> str:
+    """Return the examples for the help page of all commands as Markdown."""
+    return _as_markdown(OVERVIEW)
+
+
+def _as_markdown(lines: tuple[str, ...]) -> str:
+    return "\n".join(("**Examples**", "", *(f"    {line}" for line in lines)))

@@ -16,11 +16,12 @@ from jotlight.cli.applied_calibration import recorded
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.common_options import FILM_PANEL, CapturePath, Threads
 from jotlight.cli.console import progress, report
+from jotlight.cli.jot_checks import caution_about_jots
 from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import MotionOptions
 from jotlight.cli.output_options import OutputOptions, describe_tone
 from jotlight.cli.reconstruction import Brightness, Inputs, Reconstruction, report_assumptions
-from jotlight.cli.sensor_options import CalibratedSensorOptions
+from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.formats.capture import Capture
@@ -31,6 +32,7 @@ from jotlight.motion.film import FilmImage
 from jotlight.motion.film import film as merge_windows
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
+from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
 
@@ -88,7 +90,7 @@ def film(
     outputs: FilmOptions,
     method: MethodOptions = MethodOptions(),
     capture: CaptureOptions = CaptureOptions(),
-    sensor: CalibratedSensorOptions = CalibratedSensorOptions(),
+    sensor: CapturedSensorOptions = CapturedSensorOptions(),
     motion: MotionOptions = MotionOptions(),
     threads: Threads = None,
 ) -> None:
@@ -105,6 +107,8 @@ def film(
     spans = windows(len(job.captured.data), outputs.window, outputs.step)
     brightness = _write(job, outputs, motion, spans, threads)
     report_assumptions(job, brightness)
+    whole = _sensor_of_all(job, outputs.window)
+    caution_about_jots(dataclasses.replace(job.captured, sensor=whole), threads)
     if not motion.motion:
         parts = (job.captured.data[span] for span in _samples(spans))
         caution_about_motion(parts, job.captured.sensor, threads)
@@ -201,10 +205,9 @@ def _images(
         for span in spans:
             yield _estimate(job, data[span], threads)
         return
-    whole = sensor.replace(frames=sensor.frames // outputs.window * len(data))
     for image in merge_windows(
         data,
-        whole,
+        _sensor_of_all(job, outputs.window),
         window=outputs.window,
         step=outputs.step,
         model=motion.model,
@@ -212,6 +215,12 @@ def _images(
     ):
         summary.add(image)
         yield reconstruct(image.merged, sensor, method=job.method, threads=threads, **job.settings)
+
+
+def _sensor_of_all(job: Reconstruction, window: int) -> Sensor:
+    """Return the sensor of all frames, rather than those of a window."""
+    sensor = job.captured.sensor
+    return sensor.replace(frames=sensor.frames // window * len(job.captured.data))
 
 
 def _estimate(job: Reconstruction, part: Capture, threads: int | None) -> Image:

@@ -16,7 +16,7 @@ from jotlight.cli.common_options import NETWORK_PANEL, CapturePath
 from jotlight.cli.console import caution, report, silenced
 from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.learners import check_device, describe_kind
-from jotlight.cli.sensor_options import CalibratedSensorOptions
+from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.cli.training_options import TrainingOptions
 from jotlight.cli.training_run import (
     checkpoint_path,
@@ -47,7 +47,7 @@ def fine_tune(
         ),
     ] = None,
     capture: CaptureOptions = CaptureOptions(),
-    sensor: CalibratedSensorOptions = CalibratedSensorOptions(),
+    sensor: CapturedSensorOptions = CapturedSensorOptions(),
 ) -> None:
     """Train a network further on the bits of one capture, without images or ground truth.
 
@@ -106,7 +106,7 @@ def fine_tune(
         report(f"--quality {CONDITIONAL_SIZE}, the default, starts from a better network.")
 
 
-def _check_outputs(data: Path, training: TrainingOptions, sensor: CalibratedSensorOptions) -> None:
+def _check_outputs(data: Path, training: TrainingOptions, sensor: CapturedSensorOptions) -> None:
     """Raise ValueError for outputs that cannot be written."""
     checkpoint = checkpoint_path(training.output)
     if training.plot is not None:
@@ -116,7 +116,7 @@ def _check_outputs(data: Path, training: TrainingOptions, sensor: CalibratedSens
         refuse_capture_overwrite(file, data)
 
 
-def _capture(path: Path, capture: CaptureOptions, sensor: CalibratedSensorOptions) -> Captured:
+def _capture(path: Path, capture: CaptureOptions, sensor: CapturedSensorOptions) -> Captured:
     """Return the data with their sensor."""
     from jotlight.torch.bit_splitting import check_kernel
 

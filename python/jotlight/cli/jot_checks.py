@@ -44,7 +44,12 @@ def jot_remarks(counts: Counts, trials: int, sensor: Sensor) -> list[tuple[str, 
 
 
 def caution_about_jots(captured: Captured, threads: int | None) -> None:
-    """Print remarks about periodic rates and hot jots, from the first frames of a capture."""
+    """Print remarks about periodic rates and hot jots, from the first frames of a capture.
+
+    A capture in which hot jots were searched has no remarks: that search refuses periodic rates.
+    """
+    if captured.hot_jots is not None:
+        return
     found = _count_jots(captured, threads, _MAX_BYTES)
     if found is not None:
         for label, remark in jot_remarks(*found, captured.sensor):

@@ -8,7 +8,7 @@ from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import ImageMotionOptions
 from jotlight.cli.output_options import ImageOutputOptions
 from jotlight.cli.reconstruction import Inputs, reconstruct_image
-from jotlight.cli.sensor_options import CalibratedSensorOptions
+from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.images.io import image_writer
 
 
@@ -19,7 +19,7 @@ def reconstruct(
     outputs: ImageOutputOptions,
     method: MethodOptions = MethodOptions(),
     capture: CaptureOptions = CaptureOptions(),
-    sensor: CalibratedSensorOptions = CalibratedSensorOptions(),
+    sensor: CapturedSensorOptions = CapturedSensorOptions(),
     motion: ImageMotionOptions = ImageMotionOptions(),
     threads: Threads = None,
 ) -> None:

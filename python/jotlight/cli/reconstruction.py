@@ -18,7 +18,7 @@ from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import ImageMotionOptions, MotionOptions, describe
 from jotlight.cli.output_options import ImageOutputOptions, describe_tone
-from jotlight.cli.sensor_options import CalibratedSensorOptions
+from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.estimators.problem import ConvergenceHistories
 from jotlight.evaluation.choice import Choice, choose_method
@@ -62,7 +62,7 @@ class Inputs:
     path: Path
     method: MethodOptions
     capture: CaptureOptions
-    sensor: CalibratedSensorOptions
+    sensor: CapturedSensorOptions
     motion: MotionOptions
 
     def check_outputs(self, outputs: list[Path]) -> None:

@@ -128,7 +128,7 @@ class ExposureOptions(SensorOptions):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class CalibratedSensorOptions(SensorOptions):
-    """Parameters of the sensor of a capture, with its calibration."""
+    """Parameters of a sensor, with its calibration."""
 
     calibration: Annotated[
         Path | None,
@@ -136,6 +136,17 @@ class CalibratedSensorOptions(SensorOptions):
             help="Dark counts, dead jots and response of the sensor, from `jotlight calibrate`."
         ),
     ] = None
+
+    def to_argv(self) -> list[str]:
+        """Return the options as words of a command line."""
+        calibration = [] if self.calibration is None else ["--calibration", str(self.calibration)]
+        return [*calibration, *super().to_argv()]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CapturedSensorOptions(CalibratedSensorOptions):
+    """Parameters of the sensor of a capture, with its calibration or its hot jots."""
+
     find_hot_jots: Annotated[
         bool,
         Parameter(
@@ -147,9 +158,7 @@ class CalibratedSensorOptions(SensorOptions):
 
     def to_argv(self) -> list[str]:
         """Return the options as words of a command line."""
-        calibration = [] if self.calibration is None else ["--calibration", str(self.calibration)]
-        hot = ["--find-hot-jots"] if self.find_hot_jots else []
-        return [*calibration, *hot, *super().to_argv()]
+        return [*(["--find-hot-jots"] if self.find_hot_jots else []), *super().to_argv()]
 
 
 def _number_or_map(text: str) -> float | npt.NDArray[Any]:

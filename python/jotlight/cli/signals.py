@@ -19,8 +19,12 @@ _DELAY = 0.01
 """Seconds until an exception that Python dropped is raised again."""
 
 
+class StoppedBySignalError(SystemExit):
+    """The end of the process by a signal, unlike a SystemExit that other code raises."""
+
+
 def exit_on_signals() -> None:
-    """Raise SystemExit on each signal, with the exit code that a shell reports for it."""
+    """Raise StoppedBySignalError on each signal, with the exit code that a shell reports for it."""
     for name in _SIGNALS:
         number = getattr(signal, name, None)
         # nohup sets SIGHUP to be ignored, and it must stay ignored.
@@ -53,7 +57,7 @@ def _exit(number: int, frame: object) -> None:
             # A further signal must not interrupt the removal of files.
             signal.signal(getattr(signal, name), lambda *_: None)
     silence_pending_tasks()
-    sys.exit(STOPPED_BY_SIGNAL + number)
+    raise StoppedBySignalError(STOPPED_BY_SIGNAL + number)
 
 
 def _raise_again_after(hook: Callable[[Any], Any]) -> Callable[[Any], Any]:

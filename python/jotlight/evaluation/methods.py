@@ -201,8 +201,13 @@ def find_method(name: str) -> Method:
     ValueError: method: expected one of mle, ..., got 'network-mediun'; did you mean network-medium?
     """
     if name not in METHODS:
-        close = get_close_matches(name, METHODS, 1)
-        advice = f"; did you mean {close[0]}?" if close else ""
+        close = [] if ":" in name else get_close_matches(name, METHODS, 1)
+        advice = (
+            f"; did you mean {close[0]}?"
+            if close
+            else "; for a function of your own, pass MODULE:FUNCTION to the commands compare, "
+            "evaluate, and reproduce, and in Python pass the function itself"
+        )
         raise ValueError(f"method: expected one of {', '.join(METHODS)}, got {name!r}{advice}")
     return METHODS[name]
 

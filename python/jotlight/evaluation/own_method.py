@@ -58,7 +58,7 @@ def import_method(reference: str, folder: str | os.PathLike[str] | None = None) 
             f"method: expected MODULE:FUNCTION, such as mine:denoise for the function denoise in "
             f"mine.py, got {reference!r}"
         )
-    module = _import_module(name, os.path.abspath(folder or os.curdir))  # noqa: PTH100
+    module = _import_module(reference, os.path.abspath(folder or os.curdir))  # noqa: PTH100
     if not hasattr(module, attribute):
         close = get_close_matches(attribute, dir(module), 1)
         advice = f"; did you mean {name}:{close[0]}?" if close else ""
@@ -73,7 +73,8 @@ def import_method(reference: str, folder: str | os.PathLike[str] | None = None) 
     def run(*arguments: Any, **keywords: Any) -> npt.ArrayLike:
         try:
             result: npt.ArrayLike = function(*arguments, **keywords)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
+            _raise_subclass_of_exit(error)
             raise ValueError(f"method: {reference} raised {_describe(error, module)}") from error
         return result
 
@@ -90,7 +91,9 @@ def checksum_of_module(reference: str) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _import_module(name: str, folder: str) -> ModuleType:
+def _import_module(reference: str, folder: str) -> ModuleType:
+    """Return the module of ``MODULE:FUNCTION``."""
+    name, _, attribute = reference.partition(":")
     if folder not in sys.path:
         sys.path.insert(0, folder)
     importlib.invalidate_caches()
@@ -99,19 +102,32 @@ def _import_module(name: str, folder: str) -> ModuleType:
     except ModuleNotFoundError as error:
         if error.name is None or not (name == error.name or name.startswith(f"{error.name}.")):
             raise ImportError(f"method: the import of {name} failed: {error}") from error
+        own = name.removesuffix(".py")
+        advice = "" if own == name else f"; did you mean {own}:{attribute}?"
         raise ModuleNotFoundError(
             f"method: there is no module {name}, neither {name.replace('.', '/')}.py in {folder} "
-            "nor installed"
+            f"nor installed{advice}"
         ) from error
-    except Exception as error:
-        raise ImportError(
-            f"method: the import of {name} failed: {type(error).__name__}: {error}"
-        ) from error
+    except (Exception, SystemExit) as error:
+        _raise_subclass_of_exit(error)
+        raise ImportError(f"method: the import of {name} failed: {_first_line(error)}") from error
 
 
-def _describe(error: Exception, module: ModuleType) -> str:
+def _raise_subclass_of_exit(error: BaseException) -> None:
+    """Raise an exit again that is no plain SystemExit, such as that of a signal."""
+    if isinstance(error, SystemExit) and type(error) is not SystemExit:
+        raise error
+
+
+def _first_line(error: BaseException) -> str:
+    """Return the type of an exception, and the first line of its message."""
+    lines = str(error).splitlines()
+    return f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
+
+
+def _describe(error: BaseException, module: ModuleType) -> str:
     """Return an exception and the last line of a module that led to it."""
-    text = f"{type(error).__name__}: {error}"
+    text = _first_line(error)
     frames = traceback.extract_tb(error.__traceback__)
     lines = [each.lineno for each in frames if each.filename == getattr(module, "__file__", None)]
     return f"{text} ({module.__file__}, line {lines[-1]})" if lines else text
