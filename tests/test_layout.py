@@ -45,7 +45,8 @@ def test_channels_are_split_and_arranged_again(stack, channels, place):
         ((5, 6, 3), None, ValueError, "looks like color; pass channel_axis=-1"),
         ((9, 5, 6, 4), None, ValueError, "looks like color"),
         ((5, 6, 3), 3, ValueError, "channel_axis: expected -3 to 2"),
-        ((5, 6, 3), 0.5, TypeError, "integer"),
+        ((5, 6, 3), 0.5, TypeError, "whole number, such as -1, got 0.5"),
+        ((5, 6, 3), True, TypeError, "whole number"),
     ],
 )
 def test_unclear_axes_are_refused(shape, axis, error, message):

@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-import operator
 from typing import Any, Self
 
 import numpy as np
@@ -60,7 +59,11 @@ class Layout:
                     "color; pass channel_axis=-1 if the last axis holds channels"
                 )
             return cls(array.shape[:-2])
-        axis = operator.index(channel_axis)
+        if isinstance(channel_axis, bool) or not isinstance(channel_axis, int | np.integer):
+            raise TypeError(
+                f"channel_axis: expected a whole number, such as -1, got {channel_axis!r}"
+            )
+        axis = int(channel_axis)
         if not -array.ndim <= axis < array.ndim:
             raise ValueError(
                 f"channel_axis: expected {-array.ndim} to {array.ndim - 1} for shape "

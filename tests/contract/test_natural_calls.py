@@ -50,6 +50,12 @@ def test_own_functions_estimate_each_channel_and_each_image_of_a_stack():
     )
 
 
+@pytest.mark.parametrize("wrong", ["medium", 16])
+def test_networks_are_chosen_by_a_sensor(wrong):
+    with pytest.raises(TypeError, match=r"such as Sensor\(frames=16\), got"):
+        jl.pretrained(wrong)
+
+
 def test_a_stack_is_not_taken_for_colors():
     with pytest.raises(ValueError, match="pass a list of Merged for a stack"):
         jl.Merged(np.stack([COUNTS] * 3), 16, SENSOR)

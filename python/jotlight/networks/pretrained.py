@@ -52,6 +52,8 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
 
     Raises
     ------
+    TypeError
+        When `sensor` is no sensor.
     ValueError
         When no trained network of this size serves the sensor; the message says why, and what to
         do.
@@ -64,6 +66,11 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     >>> pretrained(sensor, "two-layer").reconstruct(bits).shape
     (8, 8)
     """
+    if not isinstance(sensor, Sensor):
+        raise TypeError(
+            "sensor: expected a jotlight.Sensor, such as Sensor(frames=16), got "
+            f"{sensor!r}; pretrained(sensor, 'large') selects a size"
+        )
     if (message := unsupported_message(sensor, quality)) is not None:
         raise ValueError(message)
     name = quality if quality == CONDITIONAL_SIZE else f"{quality}-k{sensor.trials}"

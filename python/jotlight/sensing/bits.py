@@ -199,12 +199,12 @@ class Bits:
             "frame in bits) compares all frames"
         )
 
-    def windows(self, window: int, step: int | None = None) -> Iterator[Self]:
-        """Return an iterator over the bits of `window` frames, from every `step`-th frame on.
+    def windows(self, n: int, step: int | None = None) -> Iterator[Self]:
+        """Return an iterator over the bits of `n` frames, from every `step`-th frame on.
 
         Parameters
         ----------
-        window : int
+        n : int
             Number of frames, from 1 to T.
         step : int, optional
             Frames from one window to the next. Default: the size of a window.
@@ -220,7 +220,7 @@ class Bits:
         >>> [len(part) for part in bits.windows(4, 3)]
         [4, 4, 4]
         """
-        return (self[frames] for frames in windows(len(self), window, step))
+        return (self[frames] for frames in windows(len(self), n, step))
 
     def to_array(self) -> npt.NDArray[np.bool_]:
         """Return unpacked bits of bool, (T, H, W) or (T, H, W, C). They take 8 times the memory.
