@@ -57,6 +57,7 @@ def long_run(folder):
         [sys.executable, "-c", code], cwd=folder, stderr=subprocess.PIPE, text=True
     ) as child:
         try:
+            assert child.stderr.readline().startswith("training a two-layer network")
             assert child.stderr.readline().startswith("step 0/600")
             assert child.stderr.readline().startswith("step 60/600")
             yield child

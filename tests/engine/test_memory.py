@@ -34,8 +34,9 @@ def growth(call):
 EXPOSE = """
 sensor = jl.Sensor(oversampling={oversampling}, frames={frames}, kernel={kernel!r})
 image = np.full({shape}, 0.5, np.{dtype})
-sensor.expose(image[:64, :64], rng=0)
-grown, bits = growth(lambda: sensor.expose(image, rng=0))
+axis = None if image.ndim == 2 else -1
+sensor.expose(image[:64, :64], rng=0, channel_axis=axis)
+grown, bits = growth(lambda: sensor.expose(image, rng=0, channel_axis=axis))
 print((grown - bits.packed.nbytes) * 8 / np.prod(bits.shape))
 """
 

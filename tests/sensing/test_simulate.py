@@ -169,8 +169,9 @@ def exposures(draw):
 @given(exposures(), st.integers(0, 2**64))
 def test_a_part_has_the_bits_that_the_whole_has_there(exposure, seed):
     sensor, image, tile, frames, threads = exposure
-    whole = sensor.expose(image, rng=seed, threads=1)
-    part = sensor.expose(image, rng=seed, tile=tile, frames=frames, threads=threads)
+    axis = None if image.ndim == 2 else -1
+    whole = sensor.expose(image, seed, channel_axis=axis, threads=1)
+    part = sensor.expose(image, seed, channel_axis=axis, tile=tile, frames=frames, threads=threads)
     rows, columns = (
         slice(side.start * sensor.oversampling, side.stop * sensor.oversampling) for side in tile
     )
