@@ -12,6 +12,8 @@ from jotlight.formats.registry import WRITERS
 from jotlight.formats.writing import choose_output_format, write_capture
 from reference import formats
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def captures(tmp_path_factory):
@@ -25,13 +27,7 @@ def captures(tmp_path_factory):
     return folder
 
 
-PAIRS = [
-    pytest.param(*pair, marks=[] if "npy" in pair else [pytest.mark.slow])
-    for pair in itertools.product(BITS, BITS)
-]
-
-
-@pytest.mark.parametrize(("first", "second"), PAIRS)
+@pytest.mark.parametrize(("first", "second"), itertools.product(BITS, BITS))
 def test_bits_survive_every_pair_of_formats(captures, tmp_path, first, second):
     for name in (first, second):
         pytest.importorskip(NEEDS.get(name, "numpy"))

@@ -10,6 +10,8 @@ import jotlight as jl
 from examples.arrays import random_frames
 from jotlight.formats.file_reader import FileReader
 
+pytestmark = pytest.mark.slow
+
 FRAMES = random_frames((6, 16, 24))
 OTHER_FRAMES = ~FRAMES
 
@@ -119,7 +121,6 @@ def test_a_capture_that_changed_after_it_was_opened_is_refused_by_name(tmp_path,
     assert not (tmp_path / "saved.npy").exists()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("change", [truncate, overwrite, replace, delete])
 @pytest.mark.parametrize("format_", FORMATS)
 def test_a_capture_that_changed_after_a_part_was_read_is_refused(tmp_path, format_, change):

@@ -10,6 +10,8 @@ import jotlight as jl
 from reference import deep
 from reference.networks import random_bits, random_network
 
+pytestmark = pytest.mark.slow
+
 onnx = pytest.importorskip("onnx")
 onnxruntime = pytest.importorskip("onnxruntime")
 
