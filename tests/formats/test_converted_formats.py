@@ -27,7 +27,7 @@ def captures(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize(("first", "second"), itertools.product(BITS, BITS))
+@pytest.mark.parametrize(("first", "second"), [*itertools.product(BITS, BITS)])
 def test_bits_survive_every_pair_of_formats(captures, tmp_path, first, second):
     for name in (first, second):
         pytest.importorskip(NEEDS.get(name, "numpy"))
