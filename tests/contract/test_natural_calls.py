@@ -87,7 +87,8 @@ def test_a_mosaic_of_a_camera_is_reported():
     bits = jl.Bits.from_array(jl.Sensor(frames=16).expose(light, rng=0).to_array())
     for data in (bits, bits.counts()):
         with pytest.warns(jl.JotlightWarning, match="color filters of a Bayer mosaic"):
-            jl.reconstruct(data, SENSOR)
+            found = jl.reconstruct(data, SENSOR)
+        np.testing.assert_array_equal(jl.reconstruct(data, SENSOR, check_mosaic=False), found)
 
 
 def test_pytorch_is_found_when_it_is_installed():

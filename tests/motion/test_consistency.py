@@ -219,3 +219,13 @@ def test_pixels_without_bits_have_no_accepted_bits():
     assert (found.total.trials[~valid] == 0).all()
     assert (found.accepted[~valid] == 0).all()
     assert found.accepted[valid].mean() > 0.95
+
+
+def test_a_scene_that_is_half_as_bright_far_from_the_middle_keeps_its_bits():
+    image = jl.datasets.photograph("camera")[100:228, 180:308]
+    sensor = jl.Sensor(frames=256, gain=0.3 * 256)
+    frames = sensor.expose(image, rng=0).to_array()
+    dim = sensor.replace(gain=0.15 * 256).expose(image, rng=1).to_array()
+    frames[:64], frames[192:] = dim[:64], dim[192:]
+    merged = jl.merge(jl.Bits.from_array(frames), sensor)
+    assert merged.acceptance.mean() > 0.97

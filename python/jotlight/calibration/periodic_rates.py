@@ -34,6 +34,9 @@ _MIN_TILES = 4
 _MAX_BYTES = 1 << 26
 """Maximum number of bytes of bits that are read for a warning."""
 
+_MAX_SIDE = 1 << 11
+"""Maximum number of rows and columns of jots that are tested for a warning."""
+
 Array = npt.NDArray[np.float64]
 
 
@@ -131,11 +134,14 @@ def find_periodic_rates(
 
 
 def warn_about_period(data: Bits | Counts, threads: int | None) -> None:
-    """Issue a warning if the rates of jots repeat. Only the first 64 MiB of bits are read."""
+    """Issue a warning if the rates of jots repeat.
+
+    Only the first 64 MiB of bits are read, and only a part of large images is tested.
+    """
     if isinstance(data, Bits):
         frame_bytes = max(1, data.packed.nbytes // len(data))
-        data = data[: max(1, _MAX_BYTES // frame_bytes)]
-    periodic = find_periodic_rates(data, threads=threads)
+        data = data[: max(1, _MAX_BYTES // frame_bytes)].counts(1, threads=threads)
+    periodic = find_periodic_rates(data[:_MAX_SIDE, :_MAX_SIDE])
     if periodic is not None:
         warn(periodic.describe())
 

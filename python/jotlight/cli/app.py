@@ -29,7 +29,6 @@ from jotlight.cli.signals import (
 )
 from jotlight.cli.simulate import simulate
 from jotlight.cli.train import train
-from jotlight.errors import JotlightWarning
 
 COMMANDS: tuple[Callable[..., None], ...] = (
     demo,
@@ -93,10 +92,7 @@ def run(argv: Sequence[str]) -> int:
         The words after ``jotlight``.
     """
     try:
-        with warnings.catch_warnings():
-            # Commands report periodic rates themselves: once, and not for each image of a film.
-            warnings.filterwarnings("ignore", message="the rates repeat", category=JotlightWarning)
-            app(argv, exit_on_error=False, print_error=False, result_action="return_value")
+        app(argv, exit_on_error=False, print_error=False, result_action="return_value")
     except KeyboardInterrupt:
         silence_pending_tasks()
         error("stopped")

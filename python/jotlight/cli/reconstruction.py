@@ -226,8 +226,6 @@ def _estimate(
 ) -> tuple[npt.NDArray[np.float32], str]:
     """Return the estimate of an image, and how the iterations ended."""
     title = job.choice.title
-    if isinstance(data, Bits) and data.sensor is None:
-        data = Bits(data.packed, data.width, job.captured.sensor, data.provenance)
 
     def run(**settings: Any) -> tuple[npt.NDArray[np.float32], Info]:
         return reconstruct(
@@ -235,6 +233,7 @@ def _estimate(
             job.captured.sensor,
             method=job.method,
             channel_axis=last_channel_axis(data),
+            check_mosaic=False,  # caution_about_jots does it once
             threads=threads,
             return_info=True,
             **{**job.settings, **settings},

@@ -58,6 +58,7 @@ def reconstruct(
     quality: str | None = ...,
     trials: npt.ArrayLike | None = ...,
     channel_axis: int | None = ...,
+    check_mosaic: bool = ...,
     units: str = ...,
     threads: int | None = ...,
     return_info: Literal[False] = ...,
@@ -72,6 +73,7 @@ def reconstruct(
     quality: str | None = ...,
     trials: npt.ArrayLike | None = ...,
     channel_axis: int | None = ...,
+    check_mosaic: bool = ...,
     units: str = ...,
     threads: int | None = ...,
     return_info: Literal[True],
@@ -87,6 +89,7 @@ def reconstruct(
     quality: str | None = None,
     trials: npt.ArrayLike | None = None,
     channel_axis: int | None = None,
+    check_mosaic: bool = True,
     units: str = "intensity",
     threads: int | None = None,
     return_info: bool = False,
@@ -113,6 +116,9 @@ def reconstruct(
     channel_axis : int, optional
         Axis of counts that holds color channels. Default: none, and axes before the last two are
         those of a stack.
+    check_mosaic : bool
+        Whether to test data of a camera for periodic rates, as under a color filter mosaic, and to
+        warn about them. Films of many windows need this only once.
     units : {"intensity", "photons", "photons-per-second"}
         Units of the result: intensities; or detected photons per pixel and frame, or per pixel and
         second if the sensor states its `exposure_time`.
@@ -161,7 +167,7 @@ def reconstruct(
     if sensor is None and isinstance(method, Network):
         sensor = carried_sensor(data) or method.default_sensor or method.sensor
     data, sensor = prepare_data(data, sensor, trials, channel_axis)
-    if _may_be_mosaic(data, sensor):
+    if check_mosaic and _may_be_mosaic(data, sensor):
         warn_about_period(data, threads)
     scale = np.float32(unit_scale(sensor, units))
     start = time.perf_counter()

@@ -14,8 +14,7 @@ use super::layers::{PreparedLayer, engine_layers};
 use crate::run;
 
 /// The maximum number of pixels of images that are evaluated at the same time. Larger images have
-/// several tiles, which run in parallel, and more images at once would not fit into the caches: at
-/// 128 x 128 pixels, this took a quarter longer.
+/// several tiles, which run in parallel, and more images at once would not fit into the caches.
 const MAX_PIXELS_IN_PARALLEL: usize = 1 << 12;
 
 /// Return the sums p of the first layer from bits with dead jots.
