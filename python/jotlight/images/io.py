@@ -18,7 +18,7 @@ from jotlight.formats.images.tiff_directories import open_checked_tiff
 from jotlight.formats.images.tiff_segments import check_segments
 from jotlight.formats.limits import check_claimed_size
 from jotlight.images.color import FloatImage, luma
-from jotlight.images.exr import check_exr, write_exr
+from jotlight.images.exr import check_exr, read_exr, write_exr
 from jotlight.output_files import OutputFile, open_output
 
 DISPLAYED = (".png", ".jpg", ".jpeg")
@@ -81,7 +81,7 @@ def read_image(
     elif path.suffix.lower() in (".tif", ".tiff"):
         array, scale = _read_tiff(path)
     elif path.suffix.lower() == ".exr":
-        array, scale = _read_exr(path), None
+        array, scale = read_exr(path), None
     else:
         array, scale = _read_with_pillow(path)
     if array.dtype.kind not in "iuf":
@@ -191,31 +191,6 @@ def _read_tiff(path: Path) -> tuple[npt.NDArray[Any], float | None]:
     if array.ndim == 3 and array.shape[2] == 4:  # transparency
         array = array[..., :3]
     return array, 255.0 if array.dtype == np.uint8 else None
-
-
-def _read_exr(path: Path) -> npt.NDArray[np.float32]:
-    """Return the values of an image with channel Y or R, G, and B."""
-    check_exr()
-    import OpenEXR
-
-    try:
-        with OpenEXR.File(str(path), header_only=True) as file:
-            if len(file.parts) != 1:
-                raise ValueError(f"expected one image, got {len(file.parts)}")
-            header = file.header()
-            (left, top), (right, bottom) = (corner.tolist() for corner in header["dataWindow"])
-            size = (right - left + 1) * (bottom - top + 1) * 4 * len(header["channels"])
-            check_claimed_size("the header", size, path.stat().st_size, frame_bytes=size)
-            names = {channel.name for channel in header["channels"]}
-        if names not in ({"Y"}, {"Y", "A"}, {"R", "G", "B"}, {"R", "G", "B", "A"}):
-            raise ValueError(f"expected the channel Y or R, G, and B, got {sorted(names)}")
-        with OpenEXR.File(str(path), separate_channels=True) as file:
-            channels = {name: channel.pixels for name, channel in file.channels().items()}
-    except Exception as error:  # any type: OpenEXR raises RuntimeError and others
-        raise ValueError(f"{path}: the EXR file cannot be read ({error})") from error
-    if "Y" in names:
-        return np.asarray(channels["Y"], np.float32)
-    return np.stack([np.asarray(channels[name], np.float32) for name in "RGB"], axis=-1)
 
 
 def image_writer(
