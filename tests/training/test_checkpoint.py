@@ -13,6 +13,8 @@ from jotlight.training import Adam, SafeSet, parameter_vector
 from jotlight.training.checkpoint import CheckpointWriter
 from training_runs import IMAGES, OPTIMIZERS, SENSOR, START, STEPS, assert_same, train
 
+pytestmark = pytest.mark.slow
+
 
 def stopping(step):
     def callback(record):
@@ -22,9 +24,7 @@ def stopping(step):
     return callback
 
 
-@pytest.mark.parametrize(
-    "step", [2, *(pytest.param(step, marks=pytest.mark.slow) for step in (0, STEPS - 1, STEPS))]
-)
+@pytest.mark.parametrize("step", [0, 2, STEPS - 1, STEPS])
 @pytest.mark.parametrize("optimizer", OPTIMIZERS.values(), ids=OPTIMIZERS)
 def test_a_resumed_run_equals_an_uninterrupted_one(tmp_path, optimizer, step):
     options = {"optimizer": optimizer, "test": list(IMAGES[:2]), "checkpoint": tmp_path / "run"}
@@ -38,7 +38,6 @@ def test_a_resumed_run_equals_an_uninterrupted_one(tmp_path, optimizer, step):
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("optimizer", OPTIMIZERS.values(), ids=OPTIMIZERS)
 def test_a_run_ends_before_the_step_that_would_exceed_the_time_limit(
     tmp_path, monkeypatch, optimizer

@@ -22,6 +22,8 @@ from jotlight.formats.hdf5.captures import list_data_sets
 from jotlight.formats.hdf5.isolated import IsolatedLibrary
 from jotlight.formats.hdf5.library import receive, send
 
+pytestmark = pytest.mark.slow
+
 h5py = pytest.importorskip("h5py")
 needs_posix = pytest.mark.skipif(os.name == "nt", reason="Windows has no such signals")
 
@@ -82,14 +84,13 @@ def test_captures_are_the_same_in_a_child_process(tmp_path):
     np.testing.assert_array_equal(counts, np.full((6, 7), 2 * sum(range(20))))
 
 
-@pytest.mark.parametrize("byte", [5, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("byte", [5, 20])
 def test_a_crash_of_the_library_is_an_error(tmp_path, byte):
     write_damaged_index(tmp_path / "a.h5", byte)
     with pytest.raises(ValueError, match=r"a\.h5: the HDF5 .*(crashed|damaged)"):
         jl.open(tmp_path / "a.h5", isolate=True)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("byte", [0, 5, 20, 34])
 def test_what_crashes_the_library_is_called_a_crash(tmp_path, byte):
     # Later versions of the library may report the damage instead.
@@ -108,10 +109,9 @@ def test_what_crashes_the_library_is_called_a_crash(tmp_path, byte):
     ("end", "message"),
     [
         (signal.SIGKILL, r"a\.h5: the HDF5 library crashed while reading it \(SIGKILL\)"),
-        pytest.param(
+        (
             getattr(signal, "SIGXCPU", 0),
             r"a\.h5: the HDF5 library computed for 60 s or more",
-            marks=pytest.mark.slow,
         ),
     ],
 )
@@ -126,7 +126,6 @@ def test_every_call_fails_after_a_crash(tmp_path, end, message):
     assert library.process_id is None
 
 
-@pytest.mark.slow
 @needs_posix
 def test_the_child_process_ends_with_the_capture(tmp_path):
     library, data_set = start(tmp_path)
@@ -137,7 +136,6 @@ def test_the_child_process_ends_with_the_capture(tmp_path):
 
 
 @needs_posix
-@pytest.mark.slow
 def test_the_child_process_ends_with_its_parent(tmp_path):
     path = write_example(tmp_path / "a.h5")
     script = (
@@ -150,7 +148,6 @@ def test_the_child_process_ends_with_its_parent(tmp_path):
 
 
 @needs_posix
-@pytest.mark.slow
 def test_an_interrupt_ends_a_child_process_that_hangs(tmp_path):
     library, data_set = start(tmp_path)
     process_id = library.process_id
@@ -245,7 +242,6 @@ def test_messages_are_read_completely_or_not_at_all():
             receive(io.BytesIO(content))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("option", ["--isolate", "--no-isolate"])
 def test_the_command_line_reads_with_and_without_a_child_process(tmp_path, run, option):
     jl.save(BITS_WITH_MAPS, tmp_path / "a.h5")
@@ -254,7 +250,6 @@ def test_the_command_line_reads_with_and_without_a_child_process(tmp_path, run, 
     np.testing.assert_array_equal(jl.open(tmp_path / "b.npy").packed, BITS_WITH_MAPS.packed)
 
 
-@pytest.mark.slow
 def test_the_command_line_survives_a_crash_by_default(tmp_path, run):
     write_damaged_index(tmp_path / "a.h5", 5)
     for command in (["info", "a.h5"], ["convert", "a.h5", "-o", "b.npz"]):

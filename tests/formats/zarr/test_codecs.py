@@ -13,6 +13,8 @@ import pytest
 import jotlight as jl
 from jotlight.formats.zarr import captures as module
 
+pytestmark = pytest.mark.slow
+
 zarr = pytest.importorskip("zarr")
 numcodecs = pytest.importorskip("numcodecs")
 
