@@ -14,6 +14,7 @@ __all__ = [
     "add_counts_of_blocks",
     "add_shifted_counts",
     "anscombe",
+    "blur",
     "chi_squared",
     "choose_cpu_level",
     "cpu_level",
@@ -158,6 +159,12 @@ def chi_squared(
     trials: npt.NDArray[np.int32],
     probability: npt.NDArray[np.float32],
     trials_of_template: npt.NDArray[np.int32],
+    out: npt.NDArray[np.float32],
+    threads: int | None,
+) -> None: ...
+def blur(
+    images: npt.NDArray[np.float32],
+    sigma: float,
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...

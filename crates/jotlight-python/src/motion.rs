@@ -103,6 +103,20 @@ pub fn displacement_equations<'py>(
     Ok((information.into_pyarray(py), right.into_pyarray(py)))
 }
 
+/// Write images into `out` after a Gaussian filter.
+#[pyfunction]
+#[pyo3(signature = (images, sigma, out, threads))]
+pub fn blur(
+    py: Python<'_>,
+    images: PyReadonlyArray3<'_, f32>,
+    sigma: f64,
+    mut out: PyReadwriteArray3<'_, f32>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let (images, out) = (images.as_array(), out.as_array_mut());
+    run(py, threads, || motion::blur(images, sigma, out))
+}
+
 /// Write an image into `out` after its pixels are moved by the mean remainders.
 #[pyfunction]
 #[pyo3(signature = (image, remainders, frames, out, threads))]

@@ -16,7 +16,7 @@ from jotlight.motion.shrinkage import (
     shrinkage_factor,
 )
 from jotlight.motion.smoothing import cubic_weights, smoothing_matrix
-from jotlight.motion.tiles import affine_basis, mean_tiles, tile_counts
+from jotlight.motion.tiles import affine_basis, affine_inverse, mean_tiles, tile_counts
 from jotlight.motion.track import Track
 
 Array = npt.NDArray[np.float64]
@@ -122,8 +122,8 @@ def improve_together(
     if template is None:
         template = template_of(track, PRECISE)
     weights = weights * agreement(track, template)
-    basis = affine_basis(tile_counts(track.blocks.size))
-    to_parameters = np.linalg.pinv(basis)
+    shape = tile_counts(track.blocks.size)
+    basis, to_parameters = affine_basis(shape), affine_inverse(shape)
     parameters, matrices = np.empty((number, 6)), np.empty((number, 6, 6))
     for block in range(number):
         sums = track.nearby_sums(block)

@@ -1,6 +1,7 @@
 """Blocks of frames, and their counts along a motion."""
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from typing import Self
 
@@ -54,10 +55,7 @@ class Sums:
         """Return the sum of one or more sums."""
         total = cls.zeros((parts[0].ones.shape[0], parts[0].ones.shape[1]))
         for part in parts:
-            total.ones += part.ones
-            total.trials += part.trials
-            total.remainders += part.remainders
-            total.frames += part.frames
+            total += part
         return total
 
     @classmethod
@@ -85,6 +83,13 @@ class Sums:
             self.remainders + other.remainders,
             self.frames + other.frames,
         )
+
+    def __iadd__(self, other: "Sums") -> Self:
+        self.ones += other.ones
+        self.trials += other.trials
+        self.remainders += other.remainders
+        self.frames += other.frames
+        return self
 
     def seen_along(self, change: npt.NDArray[np.floating]) -> "Sums":
         """Return the same counts with the remainders of a changed motion.
@@ -127,7 +132,7 @@ class Blocks:
     threads: int | None = None
     channel: int | None = None
 
-    @property
+    @functools.cached_property
     def centers(self) -> npt.NDArray[np.float64]:
         """Times of the middles of the blocks, (n,)."""
         return (self.edges[:-1] + self.edges[1:] - 1) / 2

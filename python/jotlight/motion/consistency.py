@@ -58,7 +58,7 @@ def disagreement(first: Sums, second: Sums, threads: int | None = None) -> Image
     height, width = first.ones.shape
     squares = np.empty((2, -(-height // _SQUARE), -(-width // _SQUARE)), np.float32)
     engine.disagreement(first.ones, first.trials, second.ones, second.trials, squares, threads)
-    ratios, known = blur(squares / _SQUARE**2, _SPREAD / _SQUARE)
+    ratios, known = blur(squares / _SQUARE**2, _SPREAD / _SQUARE, threads)
     values = (ratios + _PRIOR) / (known + _PRIOR)
     pixels = values.repeat(_SQUARE, axis=0).repeat(_SQUARE, axis=1)
     return np.asarray(pixels[:height, :width])

@@ -21,7 +21,7 @@ from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.outlines import choose
 from jotlight.motion.regularize import fit_affine
 from jotlight.motion.scoring import FAST, normal_equations
-from jotlight.motion.tiles import affine_basis, mean_tiles, tile_counts
+from jotlight.motion.tiles import affine_inverse, mean_tiles, tile_counts
 from jotlight.motion.track import Paths, Track
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
@@ -272,12 +272,12 @@ def _begins_to_move(track: Track, known: npt.NDArray[np.bool_]) -> bool:
     """Return whether the new blocks of a scene that stood still have moved."""
     track.known = known.copy()
     template = template_of(track)
-    basis = affine_basis(tile_counts(track.blocks.size))
+    inverse = affine_inverse(tile_counts(track.blocks.size))
     track.known[:] = True
     for block in np.flatnonzero(~known):
         equations = normal_equations(track.sums(int(block)), template, SIGMAS[-1])
         errors, information = fit_affine(equations, np.ones(track.nodes.shape[2:]))
-        parameters = (errors.reshape(2, -1) @ np.linalg.pinv(basis).T).ravel()
+        parameters = (errors.reshape(2, -1) @ inverse.T).ravel()
         if parameters @ information @ parameters / 2 > _MAX_STILL_GAIN:
             return True
     return False

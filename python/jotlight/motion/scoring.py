@@ -58,12 +58,13 @@ class Template:
         return self._filtered[sigma]
 
 
-def blur(image: npt.NDArray[np.floating], sigma: float) -> Image:
-    """Return an image, or each of several, after a Gaussian filter."""
-    from scipy.ndimage import gaussian_filter
-
-    sigmas = (*[0.0] * (image.ndim - 2), sigma, sigma)
-    return np.asarray(gaussian_filter(image, sigmas, mode="reflect", truncate=3.0), np.float32)
+def blur(images: npt.NDArray[np.floating], sigma: float, threads: int | None = None) -> Image:
+    """Return an image (H, W), or each of several (N, H, W), after a Gaussian filter."""
+    source = np.ascontiguousarray(images, np.float32)
+    out = np.empty_like(source)
+    stack = (-1, *source.shape[-2:])
+    engine.blur(source.reshape(stack), sigma, out.reshape(stack), threads)
+    return out
 
 
 def add_squares(counts: npt.NDArray[np.generic], side: int) -> Image:
@@ -99,7 +100,7 @@ def make_template(sums: Sums, threads: int | None, size: str = FAST) -> Template
 
 def make_blurred_template(sums: Sums, threads: int | None) -> Template:
     """Return the template of sums, denoised by a Gaussian filter: in less time, but worse."""
-    ones, trials = (blur(each.astype(np.float32), _BLUR) for each in (sums.ones, sums.trials))
+    ones, trials = blur(np.stack([sums.ones, sums.trials]), _BLUR, threads)
     fraction = np.asarray(ones / np.maximum(trials, 1e-3), np.float32)
     return _without_shift(fraction, sums, threads)
 

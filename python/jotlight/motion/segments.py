@@ -16,7 +16,7 @@ from jotlight.motion.burst import Burst
 from jotlight.motion.regularize import fit_affine
 from jotlight.motion.scoring import add_squares, blur, make_blurred_template, normal_equations
 from jotlight.motion.shrinkage import shrink_field
-from jotlight.motion.tiles import mean_tiles
+from jotlight.motion.tiles import TILE, mean_tiles
 from jotlight.motion.velocity import find_velocities
 
 Array = npt.NDArray[np.float64]
@@ -197,7 +197,7 @@ def _energy(blocks: Blocks, reference: int, field: Array) -> Array:
     """Return the energy of the sum of frames along a velocity, (rows, columns)."""
     half = central_half(blocks, reference)
     frames = range(reference - half, reference + half)
-    return energy_of(count_at_velocity(blocks, frames, field, reference))
+    return energy_of(count_at_velocity(blocks, frames, field, reference), blocks.threads)
 
 
 def central_half(blocks: Blocks, reference: float) -> int:
@@ -205,7 +205,7 @@ def central_half(blocks: Blocks, reference: float) -> int:
     return max(1, int(min(reference, len(blocks.burst) - reference)) // 2)
 
 
-def energy_of(sums: Sums) -> Array:
+def energy_of(sums: Sums, threads: int | None) -> Array:
     """Return the energy of sums, (rows, columns), in units of the variance of a bit.
 
     Counts are added in squares, which the filter for details hardly notices.
@@ -214,16 +214,17 @@ def energy_of(sums: Sums) -> Array:
     known = (trials > 0).astype(np.float32)
     fraction = ones / np.maximum(trials, 1)
     coarse, fine = _COARSE / _SQUARE, _FINE / _SQUARE
-    mean = blur(fraction * known, coarse) / np.maximum(blur(known, coarse), 1e-3)
-    details = blur((fraction - mean) * known, fine)
+    total, share = blur(np.stack([fraction * known, known]), coarse, threads)
+    mean = total / np.maximum(share, 1e-3)
+    details = blur((fraction - mean) * known, fine, threads)
     variance = np.clip(mean * (1 - mean), 1e-4, None)
     # The filter averages the noise of 4 π σ² squares: its square is a filter, too.
-    noise = blur(known / np.maximum(trials, 1), fine / math.sqrt(2)) / (4 * np.pi * fine**2)
+    noise = blur(known / np.maximum(trials, 1), fine / math.sqrt(2), threads)
+    noise /= 4 * np.pi * fine**2
     # Where few frames show the scene, the energy of noise fluctuates much, so it has less weight.
     share = trials / max(float(trials.max()), 1.0)
-    energy = blur(share**2 * (details**2 / variance - noise), _ENERGY_BLUR / _SQUARE)
-    height, width = sums.ones.shape
-    return mean_tiles(energy.repeat(_SQUARE, axis=0).repeat(_SQUARE, axis=1)[:height, :width])
+    weighted = share**2 * (details**2 / variance - noise)
+    return mean_tiles(blur(weighted, _ENERGY_BLUR / _SQUARE, threads), TILE // _SQUARE)
 
 
 def _majority(energies: list[Array]) -> npt.NDArray[np.intp]:

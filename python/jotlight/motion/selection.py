@@ -77,7 +77,7 @@ def _positions_seen(motion: Counted, block: int) -> npt.NDArray[np.bool_]:
     """Return whether some pixel counts a position in a block, at every fourth row and column."""
     size = motion.blocks.size
     # Motions are so smooth that the displacement of the position is nearly that of the pixel.
-    displaced = np.rint(motion.displacements(block)[:, ::_STEP, ::_STEP])
+    displaced = np.rint(motion.displacements(block, _STEP))
     rows = np.arange(0, size[0], _STEP, dtype=np.float32)[:, None] - displaced[0]
     columns = np.arange(0, size[1], _STEP, dtype=np.float32) - displaced[1]
     inside = (rows >= 0) & (rows < size[0]) & (columns >= 0) & (columns < size[1])

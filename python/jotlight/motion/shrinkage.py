@@ -8,7 +8,7 @@ are multiplied by a factor that tends to 0 in this case, and to 1 if they are cl
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.tiles import affine_basis
+from jotlight.motion.tiles import affine_basis, affine_inverse
 
 Array = npt.NDArray[np.float64]
 
@@ -58,14 +58,14 @@ def shrink_field(field: Array, information: Array) -> Array:
         Information about its coefficients, as :func:`jotlight.motion.regularize.fit_affine` returns
         it.
     """
-    basis = affine_basis((field.shape[1], field.shape[2]))
-    coefficients = (field.reshape(2, -1) @ np.linalg.pinv(basis).T).ravel()
+    shape = field.shape[1], field.shape[2]
+    coefficients = (field.reshape(2, -1) @ affine_inverse(shape).T).ravel()
     linear = coefficients[LINEAR]
     marginal, effect = information_of_linear(information)
     shrunk = shrinkage_factor(float(linear @ marginal @ linear), len(LINEAR)) * linear
     coefficients[TRANSLATION] += effect @ (linear - shrunk)
     coefficients[LINEAR] = shrunk
-    return np.asarray((coefficients.reshape(2, 3) @ basis.T).reshape(field.shape))
+    return np.asarray((coefficients.reshape(2, 3) @ affine_basis(shape).T).reshape(field.shape))
 
 
 def translation_of(field: Array, information: Array) -> Array:
@@ -73,8 +73,8 @@ def translation_of(field: Array, information: Array) -> Array:
 
     The parameters are those of :func:`shrink_field`.
     """
-    basis = affine_basis((field.shape[1], field.shape[2]))
-    coefficients = (field.reshape(2, -1) @ np.linalg.pinv(basis).T).ravel()
+    inverse = affine_inverse((field.shape[1], field.shape[2]))
+    coefficients = (field.reshape(2, -1) @ inverse.T).ravel()
     _, effect = information_of_linear(information)
     translation = coefficients[TRANSLATION] + effect @ coefficients[LINEAR]
     return np.broadcast_to(translation[:, None, None], field.shape).copy()

@@ -34,7 +34,7 @@ def tile_centers(size: tuple[int, int]) -> Array:
     return TILE * np.indices(tile_counts(size), np.float64) + (TILE - 1) / 2
 
 
-def sum_tiles(values: npt.NDArray[np.floating]) -> Array:
+def sum_tiles(values: npt.NDArray[np.floating], tile: int = TILE) -> Array:
     """Return the sums over tiles, (..., rows, columns), of images (..., H, W).
 
     Examples
@@ -43,9 +43,20 @@ def sum_tiles(values: npt.NDArray[np.floating]) -> Array:
     [[256.0, 64.0]]
     """
     for axis in (-2, -1):
-        starts = np.arange(0, values.shape[axis], TILE)
+        starts = np.arange(0, values.shape[axis], tile)
         values = np.add.reduceat(values, starts, axis=axis, dtype=np.float64)
     return np.asarray(values)
+
+
+@functools.lru_cache(maxsize=8)
+def affine_inverse(shape: tuple[int, int]) -> Array:
+    """Return the pseudoinverse of :func:`affine_basis`, shape (3, rows * columns).
+
+    It fits coefficients to a field. The array is shared, and cannot be changed.
+    """
+    inverse = np.asarray(np.linalg.pinv(affine_basis(shape)), np.float64)
+    inverse.flags.writeable = False
+    return inverse
 
 
 @functools.lru_cache(maxsize=8)
@@ -63,7 +74,9 @@ def affine_basis(shape: tuple[int, int]) -> Array:
     return basis
 
 
-def interpolate(nodes: npt.NDArray[np.floating], size: tuple[int, int]) -> npt.NDArray[np.float32]:
+def interpolate(
+    nodes: npt.NDArray[np.floating], size: tuple[int, int], step: int = 1
+) -> npt.NDArray[np.float32]:
     """Return the displacements of all pixels, (2, H, W), from those of tile centers.
 
     Between the centers, the displacements are interpolated linearly; beyond them, extrapolated.
@@ -74,6 +87,8 @@ def interpolate(nodes: npt.NDArray[np.floating], size: tuple[int, int]) -> npt.N
         Displacements at the centers of the tiles.
     size : (int, int)
         H and W.
+    step : int
+        Only every second, third, or nth row and column is computed.
 
     Examples
     --------
@@ -82,7 +97,8 @@ def interpolate(nodes: npt.NDArray[np.floating], size: tuple[int, int]) -> npt.N
     >>> interpolate(nodes, (1, 32))[1, 0, [0, 8, 31]].tolist()
     [-7.5, 0.5, 23.5]
     """
-    return _between_centers(interpolate_rows(nodes, size[0]), size[1], axis=2)
+    rows = _between_centers(nodes.astype(np.float32), size[0], 1, step)
+    return _between_centers(rows, size[1], 2, step)
 
 
 def interpolate_rows(nodes: npt.NDArray[np.floating], height: int) -> npt.NDArray[np.float32]:
@@ -91,13 +107,13 @@ def interpolate_rows(nodes: npt.NDArray[np.floating], height: int) -> npt.NDArra
 
 
 def _between_centers(
-    values: npt.NDArray[np.float32], length: int, axis: int
+    values: npt.NDArray[np.float32], length: int, axis: int, step: int = 1
 ) -> npt.NDArray[np.float32]:
-    """Return values at all pixels along an axis, from those at the centers of tiles.
+    """Return values at every nth pixel along an axis, from those at the centers of tiles.
 
     A product with a matrix would start threads that compete with those of the engine.
     """
-    first, fraction = _places(length, values.shape[axis])
+    first, fraction = _places(length, values.shape[axis], step)
     fraction = np.expand_dims(fraction, tuple(range(1, values.ndim - axis)))
     last = min(1, values.shape[axis] - 1)
     start = values.take(first, axis)
@@ -105,9 +121,11 @@ def _between_centers(
 
 
 @functools.lru_cache(maxsize=8)
-def _places(length: int, tiles: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float32]]:
-    """Return the tile before each pixel, and the distance from its center in tiles."""
-    place = (np.arange(length) - (TILE - 1) / 2) / TILE
+def _places(
+    length: int, tiles: int, step: int
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float32]]:
+    """Return the tile before every nth pixel, and the distance from its center in tiles."""
+    place = (np.arange(0, length, step) - (TILE - 1) / 2) / TILE
     first = np.clip(np.floor(place), 0, max(0, tiles - 2)).astype(np.intp)
     return first, (place - first).astype(np.float32)
 
@@ -138,6 +156,12 @@ def interpolate_at(
     return np.asarray(above + fraction[0] * (below - above), np.float32)
 
 
-def mean_tiles(values: npt.NDArray[np.floating]) -> Array:
+def mean_tiles(values: npt.NDArray[np.floating], tile: int = TILE) -> Array:
     """Return the means over tiles, (..., rows, columns), of images (..., H, W)."""
-    return sum_tiles(values) / sum_tiles(np.ones(values.shape[-2:]))
+    return np.asarray(sum_tiles(values, tile) / _pixels_of_tiles((values.shape[-2], values.shape[-1]), tile))
+
+
+@functools.lru_cache(maxsize=8)
+def _pixels_of_tiles(size: tuple[int, int], tile: int) -> Array:
+    """Return the number of pixels of each tile."""
+    return sum_tiles(np.ones(size), tile)

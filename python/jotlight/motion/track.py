@@ -1,6 +1,8 @@
 """The displacements of all blocks while they are estimated, and the paths of all pixels."""
 
 import dataclasses
+import functools
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -29,7 +31,7 @@ class Counted(Protocol):
     @property
     def reference(self) -> float: ...  # noqa: D102
     def sums(self, block: int) -> Sums: ...  # noqa: D102
-    def displacements(self, block: int) -> npt.NDArray[np.float32]: ...  # noqa: D102
+    def displacements(self, block: int, step: int = 1) -> npt.NDArray[np.float32]: ...  # noqa: D102
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,9 +42,12 @@ class _Curve:
     fields: Array
     times: Array
 
+    @functools.cached_property
     def mean(self) -> Array:
-        """Return the mean displacements of the frames, (2, rows, columns)."""
-        return np.tensordot(self._weights(self.frames).mean(axis=0), self.fields, 1)
+        """The mean displacements of the frames, (2, rows, columns)."""
+        weights = _weights(self.frames, tuple(self.times)).mean(axis=0)
+        mean = weights @ self.fields.reshape(len(weights), -1)
+        return np.asarray(mean.reshape(self.fields.shape[1:]))
 
     def distance(self, other: "_Curve") -> float:
         """Return the largest difference of the displacements in pixels.
@@ -53,17 +58,25 @@ class _Curve:
         if len(self.times) == len(other.times):
             return float(abs(self.fields - other.fields).max())
         first, last = self.frames[0], self.frames[-1]
-        three = np.array([first, (first + last) / 2, last])
-        one, two = (np.tensordot(each._weights(three), each.fields, 1) for each in (self, other))
+        three = first, (first + last) / 2, last
+        one, two = (
+            _weights(three, tuple(each.times)) @ each.fields.reshape(len(each.fields), -1)
+            for each in (self, other)
+        )
         return float(abs(one - two).max())
 
-    def _weights(self, frames: range | Array) -> Array:
-        """Return the weights of the fields in each frame, (n, m)."""
-        index, place = locate(frames, self.times)
-        weights = np.zeros((len(index), len(self.times)))
-        weights[np.arange(len(index)), index] = 1 - place
-        weights[np.arange(len(index)), index + 1] = place
-        return weights
+
+@functools.lru_cache(maxsize=4096)
+def _weights(frames: Sequence[float], times: tuple[float, ...]) -> Array:
+    """Return the weights in each frame, (n, m), of fields at some times.
+
+    Every change of a motion needs them again, so they are kept.
+    """
+    index, place = locate(np.array(frames, np.float64), times)
+    weights = np.zeros((len(index), len(times)))
+    weights[np.arange(len(index)), index] = 1 - place
+    weights[np.arange(len(index)), index + 1] = place
+    return weights
 
 
 @dataclasses.dataclass
@@ -108,7 +121,7 @@ class Track:
             return sums
         if distance > _NEAR:
             return self.sums(block)
-        return sums.seen_along(curve.mean() - before.mean())
+        return sums.seen_along(curve.mean - before.mean)
 
     def _curve(self, block: int) -> _Curve:
         """Return the displacements of a block, which change linearly to its neighbors'."""
@@ -120,9 +133,12 @@ class Track:
             used, times = [block, block], np.array([start, end], np.float64)
         return _Curve(range(start, end), self.nodes[used], times)
 
-    def displacements(self, block: int) -> npt.NDArray[np.float32]:
-        """Return the displacements of all pixels in the middle of a block, (2, H, W)."""
-        return interpolate(self.nodes[block], self.blocks.size)
+    def displacements(self, block: int, step: int = 1) -> npt.NDArray[np.float32]:
+        """Return the displacements of all pixels in the middle of a block, (2, H, W).
+
+        Or only those of every second, third, or nth row and column.
+        """
+        return interpolate(self.nodes[block], self.blocks.size, step)
 
     def from_center(self) -> npt.NDArray[np.intp]:
         """Return the blocks in the order of their distance from the reference time."""
@@ -153,10 +169,13 @@ class Paths:
             return self.tracks[0].sums(block)
         return Sums.select([track.sums(block) for track in self.tracks], self.labels)
 
-    def displacements(self, block: int) -> npt.NDArray[np.float32]:
-        """Return the displacements of all pixels in the middle of a block, (2, H, W)."""
-        fields = [track.displacements(block) for track in self.tracks]
-        return np.choose(self.labels, fields) if len(fields) > 1 else fields[0]
+    def displacements(self, block: int, step: int = 1) -> npt.NDArray[np.float32]:
+        """Return the displacements of all pixels in the middle of a block, (2, H, W).
+
+        Or only those of every second, third, or nth row and column.
+        """
+        fields = [track.displacements(block, step) for track in self.tracks]
+        return np.choose(self.labels[::step, ::step], fields) if len(fields) > 1 else fields[0]
 
 
 def keeps_sums(size: tuple[int, int], blocks: int) -> bool:

@@ -1,5 +1,6 @@
 """K-conditioned parameters: M sets, interpolated by cubic B-splines over log2 K."""
 
+import dataclasses
 import math
 from collections.abc import Sequence
 
@@ -72,3 +73,12 @@ def count_sets(layers: Sequence[Layer]) -> int:
             f"more, got {sorted(found)}"
         )
     return max(found, default=MIN_SETS)
+
+
+def condition(
+    layers: Sequence[Layer], trials: int, trials_range: tuple[int, int]
+) -> tuple[Layer, ...]:
+    """Return the layers for K = `trials`, which map counts to the detection probability."""
+    weights = conditioning_weights(trials, trials_range, count_sets(layers))
+    first, *others = (layer.interpolate(weights) for layer in layers)
+    return dataclasses.replace(first, filters=first.filters / np.float32(trials)), *others

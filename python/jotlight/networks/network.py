@@ -1,6 +1,5 @@
 """A reconstruction network: its layers, and the sensor that it is for."""
 
-import dataclasses
 import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self
@@ -16,7 +15,7 @@ from jotlight.networks.architectures import (
 )
 from jotlight.networks.bounds import output_bounds
 from jotlight.networks.conditional_inference import estimate_intensity
-from jotlight.networks.conditioning import conditioning_weights, count_sets
+from jotlight.networks.conditioning import condition
 from jotlight.networks.description import html_of, repr_of
 from jotlight.networks.figure import figure_of_layers
 from jotlight.networks.graph import halo_radius
@@ -32,6 +31,9 @@ from jotlight.sensing.sensor import Sensor
 
 if TYPE_CHECKING:
     from jotlight.figures import Figure
+
+_MAX_KEPT = 16
+"""Maximum number of K whose layers are kept, for films and maps."""
 
 
 class Network:
@@ -78,8 +80,7 @@ class Network:
         self.history = dict(history or {})
         self.default_sensor: Sensor | None = None
         """Sensor of counts without a sensor of their own, if it differs from `sensor`."""
-        # Cache for the windows of a film: K, layers, and conditioned layers of the last call.
-        self._conditioned: tuple[int, tuple[Layer, ...], tuple[Layer, ...]] | None = None
+        self._conditioned: dict[int, tuple[tuple[Layer, ...], tuple[Layer, ...]]] = {}
         check_layers(self.layers, sensor, trials_range)
         # A K-conditioned network divides the counts by K.
         largest_input = sensor.trials if self.tied and trials_range is None else 1
@@ -266,17 +267,16 @@ class Network:
     def conditioned_layers(self, trials: int) -> tuple[Layer, ...]:
         """Return the layers of a K-conditioned network with the parameters for K = `trials`.
 
-        They map counts to the detection probability P(b = 1), which can lie slightly outside of
-        [0, 1].
+        They map counts to P(b = 1), which can lie slightly outside of [0, 1].
         """
-        assert self.trials_range is not None, "a K-conditioned network"
-        cached = self._conditioned
-        if cached is None or cached[0] != trials or cached[1] is not self.layers:
-            weights = conditioning_weights(trials, self.trials_range, count_sets(self.layers))
-            first, *others = (layer.interpolate(weights) for layer in self.layers)
-            first = dataclasses.replace(first, filters=first.filters / np.float32(trials))
-            self._conditioned = cached = trials, self.layers, (first, *others)
-        return cached[2]
+        assert self.trials_range, "a K-conditioned network"
+        kept = self._conditioned.get(trials)
+        if kept is None or kept[0] is not self.layers:
+            if len(self._conditioned) == _MAX_KEPT:
+                self._conditioned.clear()
+            kept = self.layers, condition(self.layers, trials, self.trials_range)
+            self._conditioned[trials] = kept
+        return kept[1]
 
     def denoise_probability(
         self, fraction: npt.NDArray[np.float32], trials: int, *, threads: int | None = None

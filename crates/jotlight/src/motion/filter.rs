@@ -2,10 +2,12 @@
 
 use std::borrow::Cow;
 
-use ndarray::ArrayView1;
+use ndarray::{ArrayView1, ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis};
+use rayon::prelude::*;
 
 use crate::cpu::{self, Simd, WithSimd};
 use crate::error::{Error, Result};
+use crate::interrupt;
 use crate::numbers::{Lanes, MAX_LANES};
 
 /// The number of SIMD registers of sums that are computed together.
@@ -13,6 +15,9 @@ const VECTORS: usize = 4;
 
 /// The maximum number of values that are filtered together. Rows are padded to a multiple of it.
 pub(super) const LANES: usize = VECTORS * MAX_LANES;
+
+/// The number of rows that one task filters.
+pub(super) const ROWS_PER_TASK: usize = 16;
 
 /// The distance beyond which a Gaussian is 0, in standard deviations.
 const TRUNCATION: f64 = 3.0;
@@ -147,6 +152,60 @@ pub(super) fn filter_twice(source: &[f32], taps: &[f32], out: &mut [f32], width:
     }
     let (padded, out) = (Rows::new(&padded[..], stride), Rows::new(out, columns));
     filter(padded, 1, taps, out, columns);
+}
+
+/// Apply a filter in both directions to some rows of an image, of which `first` is the first. Beyond
+/// its borders, the image is reflected.
+///
+/// The rows of `out` are padded to a multiple of [`LANES`] values.
+pub(super) fn filter_rows(image: ArrayView2<'_, f32>, first: usize, taps: &[f32], out: &mut [f32]) {
+    let (height, width) = image.dim();
+    let (stride, radius) = (width.next_multiple_of(LANES), taps.len() / 2);
+    let mut near = vec![0.0; out.len() + 2 * radius * stride];
+    for (index, near) in near.chunks_exact_mut(stride).enumerate() {
+        let row = (first + index) as isize - radius as isize;
+        near[..width].copy_from_slice(&values(image.row(reflect(row, height))));
+    }
+    filter_twice(&near, taps, out, width);
+}
+
+/// Write images `(N, H, W)` into `out` after a Gaussian filter with the standard deviation `sigma`
+/// in pixels.
+///
+/// # Errors
+/// [`Error::Shape`] if the shapes do not match. [`Error::Range`] if the standard deviation is not
+/// above 0 and at most 100.
+pub fn blur(
+    images: ArrayView3<'_, f32>,
+    sigma: f64,
+    mut out: ArrayViewMut3<'_, f32>,
+) -> Result<()> {
+    if out.dim() != images.dim() {
+        return Err(Error::shape("output", images.dim(), out.dim()));
+    }
+    let taps = gaussian(sigma)?;
+    let stride = images.dim().2.next_multiple_of(LANES);
+    let filter_band = |image, first, mut out: ArrayViewMut2<'_, f32>| {
+        if interrupt::is_requested() {
+            return;
+        }
+        let mut rows = vec![0.0; out.nrows() * stride];
+        filter_rows(image, first, &taps, &mut rows);
+        for (mut out, row) in out.rows_mut().into_iter().zip(rows.chunks_exact(stride)) {
+            out.iter_mut()
+                .zip(row)
+                .for_each(|(out, &value)| *out = value);
+        }
+    };
+    let images: Vec<_> = images.outer_iter().zip(out.outer_iter_mut()).collect();
+    images.into_par_iter().for_each(|(image, mut out)| {
+        let bands = out.axis_chunks_iter_mut(Axis(0), ROWS_PER_TASK);
+        let bands: Vec<_> = bands.enumerate().collect();
+        bands
+            .into_par_iter()
+            .for_each(|(band, out)| filter_band(image, band * ROWS_PER_TASK, out));
+    });
+    Ok(())
 }
 
 /// Return the values of a row. They are copied only if they are not contiguous.

@@ -46,6 +46,7 @@ pub use chi_squared::{Comparison, chi_squared};
 pub use disagreement::{Counts, SQUARE, disagreement};
 pub use equations::{Equations, EquationsView, TILE, normal_equations};
 pub use field::Displacements;
+pub use filter::blur;
 pub use gradient::undo_remainders;
 pub use shifted_counts::{BLOCK, ShiftedCounts, add_shifted_counts};
 pub use shifted_scores::{Peak, peak_of_shifted_scores};

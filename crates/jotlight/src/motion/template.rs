@@ -3,13 +3,10 @@
 use ndarray::{ArrayView2, Axis};
 use rayon::prelude::*;
 
-use super::filter::{LANES, filter_twice, gaussian, reflect, values};
+use super::filter::{LANES, ROWS_PER_TASK, filter_rows, gaussian, reflect, values};
 use super::gradient::{RADIUS, differentiate};
 use crate::error::{Error, Result};
 use crate::{interrupt, memory};
-
-/// The number of rows that one task filters.
-const ROWS_PER_TASK: usize = 16;
 
 /// The variance of the template of D_R trials, in units of that of the raw fraction of ones.
 pub(super) const SHARE_OF_TEMPLATE: f32 = 0.35;
@@ -76,25 +73,16 @@ impl Template {
     /// Apply the Gaussian filter.
     fn filter(&mut self, image: ArrayView2<'_, f32>) {
         let Self {
-            size: (height, width),
             stride,
             taps,
             probability,
             ..
         } = self;
-        let (height, width, stride, radius) = (*height, *width, *stride, taps.len() / 2);
-        let bands = probability.par_chunks_mut(ROWS_PER_TASK * stride);
+        let bands = probability.par_chunks_mut(ROWS_PER_TASK * *stride);
         bands.enumerate().for_each(|(band, out)| {
-            if interrupt::is_requested() {
-                return;
+            if !interrupt::is_requested() {
+                filter_rows(image, band * ROWS_PER_TASK, taps, out);
             }
-            let first = (band * ROWS_PER_TASK) as isize - radius as isize;
-            let mut near = vec![0.0; (out.len() / stride + 2 * radius) * stride];
-            for (index, near) in near.chunks_exact_mut(stride).enumerate() {
-                let row = image.row(reflect(first + index as isize, height));
-                near[..width].copy_from_slice(&values(row));
-            }
-            filter_twice(&near, taps, out, width);
         });
     }
 
