@@ -158,7 +158,8 @@ def interpolate_at(
 
 def mean_tiles(values: npt.NDArray[np.floating], tile: int = TILE) -> Array:
     """Return the means over tiles, (..., rows, columns), of images (..., H, W)."""
-    return np.asarray(sum_tiles(values, tile) / _pixels_of_tiles((values.shape[-2], values.shape[-1]), tile))
+    height, width = values.shape[-2:]
+    return np.asarray(sum_tiles(values, tile) / _pixels_of_tiles((height, width), tile))
 
 
 @functools.lru_cache(maxsize=8)
