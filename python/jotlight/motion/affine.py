@@ -65,8 +65,10 @@ def follow(blocks: Blocks, reference: int, segment: Segment) -> Track:
         if is_renewed(number) and number < len(order):
             template = make_template(total, blocks.threads)
             weights = segment.weights * agreement(track, template)
-    for sigma in _JOINT_SIGMAS:
-        if improve_together(track, segment.weights, sigma) <= _TINY and sigma == _JOINT_SIGMAS[-1]:
+    for number, sigma in enumerate(_JOINT_SIGMAS):
+        template = template_of(track, PRECISE if number else FAST)
+        step = improve_together(track, segment.weights, sigma, template)
+        if step <= _TINY and sigma == _JOINT_SIGMAS[-1]:
             break
     return track
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.motion.blocks import Sums
-from jotlight.motion.scoring import PRECISE, Template, blur, make_template
+from jotlight.motion.scoring import FAST, PRECISE, Template, blur, make_template
 from jotlight.motion.track import Counted, from_center
 
 Image = npt.NDArray[np.float32]
@@ -108,7 +108,8 @@ def find_consistent(
     is_still : bool
         Whether nothing moves. Then fewer pixels are rejected.
     network : str
-        Size of the network that denoises the templates.
+        Size of the network that denoises the last template, which half of the blocks are compared
+        with. A smaller one denoises the others.
     """
     max_chi_squared, max_disagreement = _LIMITS_IF_STILL if is_still else _LIMITS
     order = [int(block) for block in from_center(motion)]
@@ -125,7 +126,8 @@ def find_consistent(
     while start < len(order):
         ring = order[start : 2 * start]
         nearer = sides[0] + sides[1]
-        template = make_template(nearer, motion.blocks.threads, network)
+        is_last = 2 * start >= len(order)
+        template = make_template(nearer, motion.blocks.threads, network if is_last else FAST)
         for side in (0, 1):
             blocks = [block for block in ring if is_after[block] == side]
             total = Sums.zeros(size)
