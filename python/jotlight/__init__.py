@@ -15,7 +15,7 @@ from their bits.
 from jotlight import datasets, metrics, training
 from jotlight._engine import __version__
 from jotlight.calibration import Calibration, calibrate
-from jotlight.errors import JotlightWarning, MissingExtraError
+from jotlight.errors import JotlightWarning, MissingExtraError, PeriodicRatesWarning
 from jotlight.estimators import denoise, tv, vst
 from jotlight.estimators.admm import admm_tv
 from jotlight.estimators.mle import mle
@@ -62,6 +62,7 @@ __all__ = [
     "MissingExtraError",
     "Motion",
     "Network",
+    "PeriodicRatesWarning",
     "Plan",
     "Problem",
     "Sensor",

@@ -4,6 +4,7 @@ import functools
 import inspect
 import math
 import operator
+import os
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -179,6 +180,16 @@ def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
     if array.dtype not in (np.float32, np.float64):
         array = array.astype(np.float64 if array.dtype.itemsize > 4 else np.float32)
     return array if array.flags.aligned else array.copy()
+
+
+def refuse_path(data: object) -> None:
+    """Raise TypeError for a path in place of data."""
+    if isinstance(data, str | os.PathLike):
+        raise TypeError(
+            f"data: expected bits or counts, got the path {os.fspath(data)!r}; pass "
+            "jotlight.open(path) for a capture, and sensor.expose(jotlight.read_image(path)) for a "
+            "photograph"
+        )
 
 
 def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:

@@ -1,12 +1,15 @@
 """Calls as newcomers type them: each works the first time, or says what to write instead."""
 
 import pickle
+import warnings
 
 import matplotlib as mpl
 import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.formats.capture import CountStack
+from jotlight.sensing.provenance import Provenance
 
 SENSOR = jl.Sensor(frames=16)
 IMAGE = jl.datasets.photograph()[100:164, 180:260]
@@ -81,14 +84,53 @@ def test_networks_of_files_need_the_sensor_if_they_serve_many(tmp_path):
         network(COUNTS)
 
 
-def test_a_mosaic_of_a_camera_is_reported():
+@pytest.fixture
+def mosaic():
+    """Return simulated bits under a Bayer mosaic."""
     light = np.full((128, 128), 0.2)
     light[::2, 1::2] = light[1::2, ::2] = 0.4
-    bits = jl.Bits.from_array(jl.Sensor(frames=16).expose(light, rng=0).to_array())
-    for data in (bits, bits.counts()):
-        with pytest.warns(jl.JotlightWarning, match="color filters of a Bayer mosaic"):
-            found = jl.reconstruct(data, SENSOR)
-        np.testing.assert_array_equal(jl.reconstruct(data, SENSOR, check_mosaic=False), found)
+    return SENSOR.expose(light, rng=0)
+
+
+CALLS = {
+    "reconstruct": jl.reconstruct,
+    "mle": jl.mle,
+    "noniterative": jl.noniterative,
+    "uncertainty": jl.uncertainty,
+    "network": lambda data, sensor: jl.pretrained(sensor)(data, sensor),
+    "named method": lambda data, sensor: jl.reconstruct(data, sensor, method="network-initial"),
+    "function": lambda data, sensor: (
+        jl.reconstruct(data, method=lambda bits: jl.mle(bits, sensor))
+        if isinstance(data, jl.Bits)
+        else jl.reconstruct(data, sensor, method="held-out")
+    ),
+}
+
+
+@pytest.mark.parametrize("call", CALLS.values(), ids=CALLS)
+def test_a_mosaic_of_a_camera_is_reported_once(mosaic, call):
+    captured = jl.Bits.from_array(mosaic.to_array(), SENSOR)
+    for data in (captured, mosaic.counts(), np.stack([mosaic.counts()] * 2)):
+        with pytest.warns(jl.PeriodicRatesWarning, match="filters of a Bayer mosaic") as found:
+            call(data, SENSOR)
+        assert len(found) == 1
+    call(captured, SENSOR)  # bits are tested once
+    call(captured[:16], SENSOR)
+    call(mosaic, SENSOR)  # the sensor of simulated bits is gray
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", jl.PeriodicRatesWarning)
+        call(mosaic.counts(), SENSOR)
+
+
+def test_a_mosaic_is_reported_for_lists_and_merged_bits(mosaic):
+    for call in (jl.mle, jl.reconstruct):
+        captured = jl.Bits.from_array(mosaic.to_array(), SENSOR)
+        with pytest.warns(jl.PeriodicRatesWarning):
+            call([mosaic, captured])
+    counts = CountStack(mosaic.to_array().astype(np.uint8), Provenance("npy", "a.npy"), trials=1)
+    for data in (jl.Bits.from_array(mosaic.to_array()), counts):
+        with pytest.warns(jl.PeriodicRatesWarning):
+            jl.merge(data)
 
 
 def test_pytorch_is_found_when_it_is_installed():

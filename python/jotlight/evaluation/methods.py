@@ -21,7 +21,7 @@ from jotlight.estimators.noniterative import noniterative
 from jotlight.evaluation.held_out import held_out
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, unsupported_message
-from jotlight.sensing.pixel_counts import Data, prepare_data
+from jotlight.sensing.pixel_counts import Data, gray_images, prepare_data
 from jotlight.sensing.sensor import Sensor
 
 Run = Callable[..., npt.NDArray[np.float32]]
@@ -41,7 +41,9 @@ def initial_network(
     `options` are those of :meth:`jotlight.Network.initial`.
     """
     data, sensor = prepare_data(data, sensor, trials, channel_axis)
-    return Network.initial(sensor, **options).reconstruct(data, sensor, threads=threads)
+    return Network.initial(sensor, **options).reconstruct(
+        gray_images(data), sensor, threads=threads
+    )
 
 
 def trained_network(
@@ -55,7 +57,7 @@ def trained_network(
 ) -> npt.NDArray[np.float32]:
     """Return the estimate of the network that ships with jotlight for this sensor."""
     data, sensor = prepare_data(data, sensor, trials, channel_axis)
-    return pretrained(sensor, quality).reconstruct(data, sensor, threads=threads)
+    return pretrained(sensor, quality).reconstruct(gray_images(data), sensor, threads=threads)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,19 +1,19 @@
 """The number of ones and the number of valid bits of each pixel, from bits or counts."""
 
 import dataclasses
-import os
 from collections.abc import Callable, Sequence
 from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_counts
+from jotlight.checks import as_counts, refuse_path
 from jotlight.errors import warn
 from jotlight.layout import Layout
 from jotlight.sensing.bits import Bits, check_fits
 from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.merged import Merged
+from jotlight.sensing.periodic_rates import warn_about_periods
 from jotlight.sensing.scaled_counts import scaled_counts_hint
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.values import checked_trials
@@ -159,7 +159,8 @@ def prepare_data(
     """Return the data of a method with their sensor: the given one, or the one that they carry.
 
     Stacks and color counts become gray images. Counts with `trials` become merged counts. Pixels
-    that the sensor's mask marks have no trials.
+    that the sensor's mask marks have no trials. Bits, and counts of single jots, are tested for
+    periodic rates; :class:`GrayImages` were tested before.
 
     Raises
     ------
@@ -168,18 +169,18 @@ def prepare_data(
     ValueError
         When the trials or the channel axis do not fit the counts.
 
+    Warns
+    -----
+    PeriodicRatesWarning
+        When the rates of the jots repeat, as under a color filter mosaic.
+
     Examples
     --------
     >>> data, _ = prepare_data(np.array([[3, 1]]), Sensor(frames=4), trials=[[4, 2.5]])
     >>> data.trials.tolist()
     [[4.0, 2.5]]
     """
-    if isinstance(data, str | os.PathLike):
-        raise TypeError(
-            f"data: expected bits or counts, got the path {os.fspath(data)!r}; pass "
-            "jotlight.open(path) for a capture, and sensor.expose(jotlight.read_image(path)) for a "
-            "photograph"
-        )
+    refuse_path(data)
     if sensor is None:
         sensor = carried_sensor(data)
     if sensor is None:
@@ -197,6 +198,7 @@ def prepare_data(
         )
     several = _list_of_data(data)
     if isinstance(data, Bits | Merged | GrayImages) or several:
+        warn_about_periods([data, *several])
         for name, value in (("trials", trials), ("channel_axis", channel_axis)):
             if value is not None:
                 raise TypeError(
@@ -209,6 +211,8 @@ def prepare_data(
     counts = as_counts(cast(npt.ArrayLike, data))
     layout = Layout.of("counts", counts, channel_axis)
     images: Any = np.ascontiguousarray(layout.split(counts))
+    if sensor.oversampling == 1 and channel_axis is None:  # otherwise, the jots are not counted
+        warn_about_periods([images])
     if trials is not None:
         _check_jots(images, sensor)
         if np.ndim(trials) == 2 and np.shape(trials) == images.shape[1:]:

@@ -13,13 +13,8 @@ from jotlight.seeds import SeedLike, seed_bytes
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.description import html_of, repr_of, sensor_of_parts
 from jotlight.sensing.maps import LIMITS, MAPS, checked_maps
-from jotlight.sensing.simulate import (
-    Window,
-    checked_images,
-    crop,
-    draw_stack,
-    evaluate_on_jots,
-)
+from jotlight.sensing.simulate import Window, checked_images, crop, draw_stack, evaluate_on_jots
+from jotlight.sensing.simulated_bits import simulated_bits
 
 KERNELS = ("box", "linear", "quadratic", "cubic")
 """The B-spline kernels of the light field, in the order of their degree."""
@@ -266,7 +261,7 @@ class Sensor:
         packed = draw_stack(
             self.engine_arguments(), pixels, layout, seed_bytes(rng), window, out, threads, progress
         )
-        bits = [Bits(each, len(window.columns) * self.oversampling, sensor) for each in packed]
+        bits = simulated_bits(packed, len(window.columns) * self.oversampling, sensor)
         # The type of the result cannot tell images from stacks. Most callers have images.
         return bits if layout.is_stack else bits[0]  # type: ignore[return-value]
 
@@ -286,11 +281,8 @@ class Sensor:
 
     def without_maps(self) -> Self:
         """Return the sensor without a mask, and with the means of the other maps."""
-        return self.replace(
-            mask=None,
-            dark_counts=float(np.mean(self.dark_counts)),
-            efficiency=float(np.mean(self.efficiency)),
-        )
+        dark, efficiency = float(np.mean(self.dark_counts)), float(np.mean(self.efficiency))
+        return self.replace(mask=None, dark_counts=dark, efficiency=efficiency)
 
     def scalars(self) -> dict[str, Any]:
         """Return the parameters that are neither maps nor None, by name, as values of JSON."""
