@@ -62,6 +62,11 @@ def test_networks_are_chosen_by_a_sensor(wrong):
 def test_a_stack_is_not_taken_for_colors():
     with pytest.raises(ValueError, match="pass a list of Merged for a stack"):
         jl.Merged(np.stack([COUNTS] * 3), 16, SENSOR)
+    for channels in (3, 4):
+        color = np.stack([COUNTS] * channels, -1)
+        with pytest.raises(ValueError, match="looks like color; pass channel_axis=-1"):
+            jl.Merged(color, 16, SENSOR)
+        assert jl.mle(jl.Merged(color, 16, SENSOR, channel_axis=-1)).shape == color.shape
     maps = np.full(COUNTS.shape, 16.0)
     estimates = jl.mle(np.stack([COUNTS] * 2), SENSOR, trials=maps)
     np.testing.assert_array_equal(estimates[1], jl.mle(COUNTS, SENSOR))

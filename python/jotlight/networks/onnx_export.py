@@ -162,15 +162,22 @@ def _add_conditional(
 def _add_inverse(graph: "GraphBuilder", probability: str, sensor: Sensor) -> str:
     """Return c = (K/α)(P⁻¹(q, p) - d)/η, not clipped."""
     efficiency, dark_counts = reference_jot(sensor)
-    # P⁻¹(1, p) = -log(1 - p) = 2 artanh(p/(2 - p)), which is precise for small p, too.
-    ratio = graph.add("Div", probability, graph.add("Sub", 2.0, probability))
-    rate = graph.add("Mul", graph.add("Atanh", ratio), 2.0)
+    rate = _add_exponent(graph, probability)
     if sensor.threshold > 1:
         root = graph.add("Pow", rate, 1 / sensor.threshold)
         max_rate = efficiency * sensor.light_per_intensity * sensor.max_intensity + dark_counts
         rate = graph.piecewise_cubics("inverse", root, *_inverse_cubics(sensor.threshold, max_rate))
     light = efficiency * sensor.light_per_intensity
     return graph.add("Div", graph.add("Sub", rate, dark_counts), light)
+
+
+def _add_exponent(graph: "GraphBuilder", probability: str) -> str:
+    """Return P⁻¹(1, p) = -log(1 - p), precise for small p and for p near 1."""
+    # Above 1/2, 1 - p has no rounding error. Below, -log(1 - p) = 2 artanh(p/(2 - p)).
+    large = graph.add("Neg", graph.add("Log", graph.add("Sub", 1.0, probability)))
+    ratio = graph.add("Div", probability, graph.add("Sub", 2.0, probability))
+    small = graph.add("Mul", graph.add("Atanh", ratio), 2.0)
+    return graph.add("Where", graph.add("Greater", probability, 0.5), large, small)
 
 
 def _inverse_cubics(threshold: int, max_rate: float) -> Cubics:

@@ -132,5 +132,7 @@ def probability_of(
 
 
 def _angle(probability: Tensor) -> Tensor:
-    """Return arcsin √p, whose derivative is infinite at 0 and 1, and so finite only between."""
-    return torch.arcsin(torch.sqrt(probability.clamp(_MIN_PROBABILITY, _MAX_PROBABILITY)))
+    """Return arcsin √p, with the derivative near 0 and 1 where it would be infinite there."""
+    finite = torch.arcsin(torch.sqrt(probability.clamp(_MIN_PROBABILITY, _MAX_PROBABILITY)))
+    exact = torch.arcsin(torch.sqrt(probability.detach().clamp(0, 1)))
+    return finite + (exact - finite).detach()
