@@ -276,7 +276,12 @@ def image_writer(
 
 def display_levels(image: FloatImage, white: float, max_level: int) -> FloatImage:
     """Return integer levels from 0 to `max_level`; `white` and brighter become `max_level`."""
-    return np.asarray(np.rint(np.clip(image / np.float64(white), 0, 1) * max_level))
+    if image.dtype == np.uint8 and white == max_level:
+        return image
+    levels = np.asarray(image / np.float64(white))
+    np.clip(levels, 0, 1, out=levels)
+    levels *= max_level
+    return np.rint(levels, out=levels)
 
 
 def _write_png16(file: OutputFile, values: npt.NDArray[np.uint16]) -> None:

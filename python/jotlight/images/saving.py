@@ -1,6 +1,7 @@
 """Images and films of any kind of number, as files for display or for measurements."""
 
 import itertools
+import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -78,9 +79,8 @@ def save_image(
     if path.suffix.lower() in DISPLAYED:
         white = find_white(values) if white is None else _checked_white(white)
     write = image_writer(path, depth=depth, white=white or 1.0)
-    if path.suffix.lower() != ".npy" and values.dtype != np.float64:
-        values = values.astype(np.float32)
-    with atomic_write(path) as temporary:
+    # An image can be computed again, so it need not survive a power failure.
+    with atomic_write(path, durable=False) as temporary:
         write(temporary, values)
 
 
@@ -208,8 +208,13 @@ def find_white(values: npt.NDArray[Any], name: str = "image") -> float:
     if values.dtype == np.bool_:
         return 1.0
     full = float(np.iinfo(values.dtype).max) if values.dtype in (np.uint8, np.uint16) else 1.0
-    bright, largest = float(np.percentile(values, PERCENTILE)), float(values.max())
-    has_scale = values.dtype.kind == "f" or full > 1
+    largest, has_scale = float(values.max()), values.dtype.kind == "f" or full > 1
+    # Most images have so many bright pixels that their percentile, which takes longer, is bright.
+    limit = math.ceil(_DARK * full) if full > 1 else _DARK  # whole, so that NumPy converts nothing
+    number = np.count_nonzero(values > limit)
+    if has_scale and largest <= full and number > (1 - PERCENTILE / 100) * values.size + 1:
+        return full
+    bright = float(np.percentile(values, PERCENTILE))
     if has_scale and largest <= full and bright >= _DARK * full:
         return full
     # A few bright pixels must not make an ordinary image brighter.
