@@ -158,6 +158,11 @@ def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
         When an intensity is negative or not finite, or there are none.
     """
     refuse_masked("image", image)
+    if isinstance(image, str | os.PathLike):
+        raise TypeError(
+            f"image: expected an array, got the path {os.fspath(image)!r}; pass "
+            "jotlight.read_image(path)"
+        )
     array = np.asarray(image)
     if array.dtype.kind in "iub":
         raise TypeError(

@@ -138,6 +138,22 @@ def test_a_mosaic_is_reported_for_lists_and_merged_bits(mosaic):
             jl.merge(data)
 
 
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: jl.Network("mine.safetensors"), r"Network\.load\(path\) reads a network file"),
+        (lambda: jl.plan("a.npy", (0.01, 1)), r"sensor: expected a jotlight\.Sensor.*got 'a\.npy'"),
+        (lambda: jl.plan(SENSOR, "0.01:1"), r"light: expected a number .* such as \(0\.01, 1\)"),
+        (lambda: jl.compare("mle", "a.png", SENSOR), r"pass jotlight\.read_image\(path\)"),
+        (lambda: jl.compare("mle", IMAGE, "a.npy"), r"sensor: expected a jotlight\.Sensor"),
+        (lambda: jl.reconstruct(BITS, wieght=2), r"wieght: .* did you mean weight\?"),
+    ],
+)
+def test_wrong_types_say_what_to_write(call, message):
+    with pytest.raises(TypeError, match=message):
+        call()
+
+
 def test_pytorch_is_found_when_it_is_installed():
     pytest.importorskip("torch")
     assert jl.torch.Network(jl.pretrained(SENSOR)) is not None

@@ -215,7 +215,7 @@ BAD_IMAGES = [
     (np.zeros((4, 4), bool), TypeError, "scale is unknown"),
     (np.zeros((4, 4), complex), TypeError, "expected floats, got complex128"),
     (np.zeros((4, 4), object), TypeError, "expected floats, got object"),
-    ("image.png", TypeError, "expected floats"),
+    ("image.png", TypeError, r"path 'image.png'; pass jotlight.read_image\(path\)"),
     (None, TypeError, "expected floats, got object"),
 ]
 

@@ -200,18 +200,30 @@ def find_method(name: str) -> Method:
     >>> find_method("network-mediun")
     Traceback (most recent call last):
       ...
-    ValueError: method: expected one of mle, ..., got 'network-mediun'; did you mean network-medium?
+    ValueError: method: there is no 'network-mediun'; did you mean network-medium?
+    >>> find_method("tv")
+    Traceback (most recent call last):
+      ...
+    ValueError: method: there is no 'tv'; did you mean noniterative-tv or admm-tv?
     """
-    if name not in METHODS:
-        close = [] if ":" in name else get_close_matches(name, METHODS, 1)
+    if name in METHODS:
+        return METHODS[name]
+    lower = name.lower()
+    close = [each for each in METHODS if lower and lower in each]
+    close = close or get_close_matches(lower, METHODS, 1)
+    if ":" in name:
         advice = (
-            f"; did you mean {close[0]}?"
-            if close
-            else "; for a function of your own, pass MODULE:FUNCTION to the commands compare, "
-            "evaluate, and reproduce, and in Python pass the function itself"
+            "the commands compare, evaluate, and reproduce run MODULE:FUNCTION, and in Python pass "
+            "the function itself"
         )
-        raise ValueError(f"method: expected one of {', '.join(METHODS)}, got {name!r}{advice}")
-    return METHODS[name]
+    elif close:
+        advice = f"did you mean {' or '.join(close[:3])}?"
+    else:
+        advice = (
+            f"expected one of {', '.join(METHODS)}; the commands compare, evaluate, and reproduce "
+            "also take MODULE:FUNCTION"
+        )
+    raise ValueError(f"method: there is no {name!r}; {advice}")
 
 
 def check_options(method: str, options: Iterable[str]) -> None:

@@ -3,6 +3,7 @@
 import dataclasses
 import time
 from collections.abc import Callable
+from difflib import get_close_matches
 from typing import Any, Literal, overload
 
 import numpy as np
@@ -224,8 +225,10 @@ def _named(method: object, quality: str | None, options: dict[str, Any]) -> str 
     if quality is None:
         known = [name for name in OPTION_DEFAULTS if name != "uncertainty"]
         if method is None and (unknown := set(options) - set(known)):
+            close = get_close_matches(min(unknown), known, 1)
             raise TypeError(
                 f"{min(unknown)}: without a method, expected one of the options {', '.join(known)}"
+                + (f"; did you mean {close[0]}?" if close else "")
             )
         name = requested_method(method, [option for option in options if option in known])
         if name is not None:

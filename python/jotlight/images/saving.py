@@ -209,7 +209,7 @@ def find_white(values: npt.NDArray[Any], name: str = "image") -> float:
         return 1.0
     full = float(np.iinfo(values.dtype).max) if values.dtype in (np.uint8, np.uint16) else 1.0
     largest, has_scale = float(values.max()), values.dtype.kind == "f" or full > 1
-    # Most images have so many bright pixels that their percentile, which takes longer, is bright.
+    # In most images, counting the bright pixels suffices, which is faster than the percentile.
     limit = math.ceil(_DARK * full) if full > 1 else _DARK  # whole, so that NumPy converts nothing
     number = np.count_nonzero(values > limit)
     if has_scale and largest <= full and number > (1 - PERCENTILE / 100) * values.size + 1:

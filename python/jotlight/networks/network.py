@@ -22,7 +22,7 @@ from jotlight.networks.figure import figure_of_layers
 from jotlight.networks.graph import halo_radius
 from jotlight.networks.inference import Inference
 from jotlight.networks.layer import Layer
-from jotlight.networks.layer_checks import check_layers
+from jotlight.networks.layer_checks import check_layers, require_layers
 from jotlight.networks.network_files import read_network, write_network
 from jotlight.networks.onnx_export import write_onnx
 from jotlight.networks.served_sensors import check_served
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from jotlight.figures import Figure
 
 
+@require_layers
 class Network:
     """A reconstruction network: linear filters and pointwise splines, equations (8) to (11).
 
@@ -319,10 +320,8 @@ class Network:
 
         Raises
         ------
-        OSError
-            When the file does not exist.
-        ValueError
-            When it is not a network file.
+        OSError, ValueError
+            When the file does not exist, or is not a network file.
         """
         return read_network(path, cls)
 

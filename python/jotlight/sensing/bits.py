@@ -11,6 +11,7 @@ import jotlight._engine as engine
 from jotlight.checks import refuse_masked
 from jotlight.chunks import frame_chunks, windows
 from jotlight.sensing import preview
+from jotlight.sensing.array_hints import ArrayHints
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import (
     Frames,
@@ -25,7 +26,7 @@ from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor_like import SensorLike
 
 
-class Bits:
+class Bits(ArrayHints):
     """Bits of a single-photon camera, eight to a byte.
 
     Parameters
@@ -76,8 +77,7 @@ class Bits:
         self.width = full if width is None else operator.index(width)
         self.sensor = sensor
         self.provenance = provenance
-        self.tested_for_periods = False
-        """Whether the rates were tested for periods (mosaics), or need no test."""
+        self.tested_for_periods = False  # True: tested for mosaics, or needs no test
         if not full - 8 < self.width <= full:
             raise ValueError(
                 f"width: expected {full - 7} to {full} for {packed.shape[2]} bytes a row, "
@@ -327,9 +327,9 @@ class Bits:
     def __repr__(self) -> str:
         frames, height, width, *channels = self.shape
         color = f" x {channels[0]} channels" if channels else ""
-        plural = "" if frames == 1 else "s"
         sensor = f", {self.sensor!r}" if self.sensor else ""
-        return f"<Bits: {frames} frame{plural} of {height} x {width} jots{color}{sensor}>"
+        number = f"{frames} frame{'s' * (frames != 1)}"
+        return f"<Bits: {number} of {height} x {width} jots{color}{sensor}>"
 
 
 def check_fits(bits: Bits, sensor: SensorLike) -> None:

@@ -14,8 +14,8 @@ from jotlight.sensing.bits import Bits, check_fits
 from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.periodic_rates import warn_about_periods
-from jotlight.sensing.scaled_counts import scaled_counts_hint
-from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.scaled_counts import check_range, check_whole
+from jotlight.sensing.sensor import Sensor, require_sensor
 from jotlight.sensing.values import checked_trials
 
 Estimate = npt.NDArray[np.float32]
@@ -191,11 +191,7 @@ def prepare_data(
             f"sensor: expected a jotlight.Sensor, because {name} carry none; pass the sensor that "
             "recorded them, such as Sensor(frames=16) for 16 trials per pixel"
         )
-    if not isinstance(sensor, Sensor):
-        raise TypeError(
-            "sensor: expected a jotlight.Sensor, such as Sensor(frames=16) for 16 trials per "
-            f"pixel, got {sensor!r}"
-        )
+    require_sensor(sensor)
     several = _list_of_data(data)
     if isinstance(data, Bits | Merged | GrayImages) or several:
         warn_about_periods([data, *several])
@@ -208,6 +204,7 @@ def prepare_data(
         if isinstance(data, Bits | Merged | GrayImages):
             return data, sensor
         return _gray_images_of_list(several), sensor
+    check_whole(data, sensor.trials)
     counts = as_counts(cast(npt.ArrayLike, data))
     layout = Layout.of("counts", counts, channel_axis)
     images: Any = np.ascontiguousarray(layout.split(counts))
@@ -300,7 +297,7 @@ def count_pixels(data: GrayData, sensor: Sensor, threads: int | None) -> PixelCo
         if not isinstance(data, Bits):
             counts = np.where(sensor.mask, np.int32(0), counts)
     if not isinstance(data, Bits):
-        _check_counts(counts, sensor)
+        check_range(counts, sensor)
     mask, side = sensor.mask, sensor.oversampling
     efficiency, efficiency_varies = pixel_means(sensor.efficiency, mask, side)
     dark, dark_varies = pixel_means(sensor.dark_counts, mask, side)
@@ -336,15 +333,4 @@ def _check_jots(counts: npt.NDArray[np.int32], sensor: Sensor) -> None:
         raise ValueError(
             "counts: with a mask of single jots the bits are needed, because a count does not "
             "say which jots reported 1; pass the bits, or a sensor without a mask"
-        )
-
-
-def _check_counts(counts: npt.NDArray[np.int32], sensor: Sensor) -> None:
-    maximum = counts.max()
-    if maximum > sensor.trials or counts.min() < 0:
-        hint = scaled_counts_hint(counts)
-        raise ValueError(
-            f"counts: expected 0 to K = {sensor.trials} ones per pixel "
-            f"({sensor.frames} frames of {sensor.oversampling} x {sensor.oversampling} jots), "
-            f"got {counts.min()} to {maximum}" + (f"; {hint}" if hint else "")
         )

@@ -286,12 +286,9 @@ class Sensor:
 
     def scalars(self) -> dict[str, Any]:
         """Return the parameters that are neither maps nor None, by name, as values of JSON."""
-        maps = self.maps()
-        return {
-            field.name: getattr(self, field.name)
-            for field in dataclasses.fields(self)
-            if field.name not in maps and getattr(self, field.name) is not None
-        }
+        maps, names = self.maps(), [field.name for field in dataclasses.fields(self)]
+        values = {name: getattr(self, name) for name in names if name not in maps}
+        return {name: value for name, value in values.items() if value is not None}
 
     @classmethod
     def from_parts(cls, scalars: Any, maps: dict[str, npt.NDArray[Any]] | None = None) -> Self:
@@ -340,3 +337,12 @@ class Sensor:
 
     def __repr__(self) -> str:
         return repr_of(self, {field.name: field.default for field in dataclasses.fields(self)})
+
+
+def require_sensor(sensor: object) -> None:
+    """Raise TypeError unless the argument is a sensor."""
+    if not isinstance(sensor, Sensor):
+        raise TypeError(
+            "sensor: expected a jotlight.Sensor, such as Sensor(frames=16) for 16 trials per "
+            f"pixel, got {sensor!r}"
+        )
