@@ -208,3 +208,35 @@ def test_calls_that_cannot_work_say_what_to_write():
         jl.mle(COUNTS, 200)
     with pytest.raises(TypeError, match=r"such as Sensor\(frames=16\) for 16 trials per pixel"):
         jl.mle(COUNTS)
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: jl.Sensor(gains=2), TypeError, r"got gains; did you mean gain\?"),
+        (lambda: SENSOR.replace(frame=2), TypeError, r"got frame; did you mean frames\?"),
+        (lambda: jl.mle(BITS.to_array()), TypeError, r"Bits\.from_array\(frames, sensor\)"),
+        (lambda: jl.mle(BITS.to_array(), SENSOR), TypeError, r"Bits\.from_array\(frames, sensor\)"),
+        (
+            lambda: jl.open(COUNTS),
+            TypeError,
+            r'as in jotlight\.open\("capture\.npy"\), got ndarray',
+        ),
+        (lambda: jl.save("a.npy", BITS), TypeError, r"jotlight\.save\(bits, .*got Bits"),
+        (lambda: jl.save_image(IMAGE, "a.png"), TypeError, r"save_image\(.*, image\), got ndarray"),
+        (lambda: jl.save_film([IMAGE], "a.gif"), TypeError, r"save_film\(.*, images\), got list"),
+        (lambda: jl.read_image(IMAGE), TypeError, r"read_image\(\"photo\.png\"\), got ndarray"),
+        (lambda: jl.train([IMAGE], SENSOR), TypeError, r"jotlight\.train\(.*got list"),
+        (lambda: jl.Network.load("medium"), OSError, r"quality=medium .* shipped network"),
+        (lambda: jl.imread("a.png"), AttributeError, r"write jotlight\.read_image"),
+        (
+            lambda: jl.pretrained(SENSOR).eval(),
+            AttributeError,
+            r"jotlight\.torch\.Network\(network\)",
+        ),
+        (lambda: jl.pretrained(SENSOR).predict(COUNTS), AttributeError, r"network\(counts\)"),
+    ],
+)
+def test_habits_of_other_libraries_lead_to_the_call(call, error, message):
+    with pytest.raises(error, match=message):
+        call()

@@ -123,6 +123,6 @@ def intensity_from_complement(
     """
     efficiency, dark_counts = reference_jot(sensor)
     with np.errstate(divide="ignore"):
-        rate = -np.log(np.clip(complement, 0, 1), dtype=np.float64)
+        rate = 0.0 - np.log(np.clip(complement, 0, 1), dtype=np.float64)  # never -0.0
     intensity = (rate - dark_counts) / (efficiency * sensor.light_per_intensity)
     return np.clip(intensity, 0, sensor.max_intensity).astype(np.float32)

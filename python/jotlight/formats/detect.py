@@ -29,6 +29,8 @@ def detect_format(path: Path) -> str:
     """
     if not path.is_dir() and not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
+    if path.is_dir() and not any(path.iterdir()):
+        raise ValueError(f"{path}: expected a capture, got an empty folder")
     # Raw formats match by a trailer, so formats with a header come first.
     for format_ in sorted(FORMATS.values(), key=lambda format_: format_.is_raw):
         if format_.matches is not None and format_.matches(path):

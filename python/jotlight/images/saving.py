@@ -4,12 +4,12 @@ import itertools
 import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import as_path
 from jotlight.errors import warn
 from jotlight.files import atomic_write
 from jotlight.formats.capture import CountStack
@@ -64,13 +64,13 @@ def save_image(
 
     Examples
     --------
-    >>> import tempfile
-    >>> path = Path(tempfile.mkdtemp()) / "ramp.png"
+    >>> import pathlib, tempfile
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "ramp.png"
     >>> save_image(path, np.linspace(0, 1, 12).reshape(3, 4))
     >>> path.stat().st_size > 50
     True
     """
-    path = Path(path)
+    path = as_path(path, 'jotlight.save_image("a.png", image)')
     if isinstance(image, Bits):
         raise TypeError(
             "image: expected an array, got Bits; take one frame, bits[0], or bits.counts()"
@@ -132,15 +132,15 @@ def save_film(
 
     Examples
     --------
-    >>> import tempfile
+    >>> import pathlib, tempfile
     >>> from jotlight import Sensor
     >>> bits = Sensor(frames=12).expose(np.full((20, 30), 0.5), rng=0)
-    >>> path = Path(tempfile.mkdtemp()) / "film.gif"
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "film.gif"
     >>> save_film(path, [part.counts() for part in bits.windows(4)], white=4)
     >>> path.stat().st_size > 100
     True
     """
-    path = Path(path)
+    path = as_path(path, 'jotlight.save_film("a.gif", images)')
     tone = None if white is None else Tone("linear", _checked_white(white))
     number = len(images) if isinstance(images, _SEQUENCES) else None
     is_displayed = not is_floats(path)

@@ -26,6 +26,7 @@ from jotlight.networks.layer_checks import check_layers, require_layers
 from jotlight.networks.network_files import read_network, write_network
 from jotlight.networks.onnx_export import write_onnx
 from jotlight.networks.served_sensors import check_served
+from jotlight.networks.torch_hints import TorchHints
 from jotlight.sensing.pixel_counts import Data, carried_sensor, gray_images, prepare_data
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 
 
 @require_layers
-class Network:
+class Network(TorchHints):
     """A reconstruction network: linear filters and pointwise splines, equations (8) to (11).
 
     Parameters

@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_counts, refuse_path
+from jotlight.checks import as_counts, refuse_frames, refuse_path
 from jotlight.errors import warn
 from jotlight.layout import Layout
 from jotlight.sensing.bits import Bits, check_fits
@@ -181,9 +181,9 @@ def prepare_data(
     [[4.0, 2.5]]
     """
     refuse_path(data)
+    sensor = carried_sensor(data) if sensor is None else sensor
     if sensor is None:
-        sensor = carried_sensor(data)
-    if sensor is None:
+        refuse_frames(data)
         is_array = isinstance(data, np.ndarray | list | tuple)
         other = "counts" if is_array else f"data of type {type(data).__name__}"
         name = "these bits" if isinstance(data, Bits) else other

@@ -130,9 +130,6 @@ class Sensor:
         >>> Sensor(oversampling=2, gain=2.0).replace(frames=3).gain
         6.0
         """
-        known = {field.name for field in dataclasses.fields(self)}
-        if unknown := sorted(set(changes) - known):
-            raise TypeError(f"expected a parameter of Sensor, got {', '.join(unknown)}")
         new = dataclasses.replace(self, **{"gain": None, **changes})
         if "gain" not in changes:
             gain = self.light_per_intensity * new.trials
