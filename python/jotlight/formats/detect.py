@@ -29,8 +29,6 @@ def detect_format(path: Path) -> str:
     """
     if not path.is_dir() and not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
-    if path.is_dir() and not any(path.iterdir()):
-        raise ValueError(f"{path}: expected a capture, got an empty folder")
     # Raw formats match by a trailer, so formats with a header come first.
     for format_ in sorted(FORMATS.values(), key=lambda format_: format_.is_raw):
         if format_.matches is not None and format_.matches(path):
@@ -49,6 +47,8 @@ def detect_format(path: Path) -> str:
             f"`jotlight simulate {path.name}` (sensor.expose(jotlight.read_image(path))) makes a "
             "capture of it"
         )
+    if path.is_dir() and not any(path.iterdir()):
+        raise ValueError(f"{path}: expected a capture, got an empty folder")
     raw = ", ".join(name for name, format_ in FORMATS.items() if format_.is_raw)
     others = ", ".join(name for name, format_ in FORMATS.items() if not format_.is_raw)
     raise ValueError(
